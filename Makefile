@@ -1,0 +1,53 @@
+# Every target first makes .venv, or brings it up to date, from constraints.txt.
+# Another interpreter: make test PYTHON=python3.12
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+BENCHMARKS := $(shell grep -l __main__ benchmarks/*.py 2>/dev/null)
+
+# A stamp is the last thing that an installation writes: a half-made one has none, and is started anew.
+INSTALLED := $(VENV)/.installed
+DOCS_INSTALLED := $(VENV)/.installed-docs
+
+.PHONY: help reproduce test check bench docs
+
+help:
+	@echo "make reproduce  run the whole paper and write runs/reproduce/report.html"
+	@echo "make test       run the tests"
+	@echo "make check      lint, formatting and types"
+	@echo "make bench      run the benchmarks and write benchmarks/results/"
+	@echo "make docs       build the documentation into site/"
+
+reproduce: $(INSTALLED)
+	$(BIN)/archerfish reproduce
+
+test: $(INSTALLED)
+	$(BIN)/python -m pytest
+
+check: $(INSTALLED)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: $(INSTALLED)
+	@failed=""; for script in $(BENCHMARKS); do \
+	  echo "== $$script"; $(BIN)/python $$script || failed="$$failed $$script"; \
+	done; test -z "$$failed" || { echo "failed:$$failed" >&2; exit 1; }
+
+docs: $(DOCS_INSTALLED)
+	$(BIN)/zensical build --clean --strict
+
+$(INSTALLED): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "$(PYTHON) must be Python 3.11 or newer; install one, or name it: make PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+	  echo "$(PYTHON) has no venv module; install it (Debian, Ubuntu: apt install python3-venv)" >&2; exit 1; }
+	@if test -e $@; then rm $@; else echo "making $(VENV) (a few minutes)"; $(PYTHON) -m venv --clear $(VENV); fi
+	$(INSTALL) -e '.[train,dev]'
+	@touch $@
+
+$(DOCS_INSTALLED): $(INSTALLED)
+	$(INSTALL) -e '.[docs]'
+	@touch $@

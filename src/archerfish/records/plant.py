@@ -1,0 +1,113 @@
+"""The plant record: the identified (or printed) linear model of one gimbal axis, eqs (11)–(16).
+
+x[t+1] = A x[t] + B u[t − delay],    y[t] = C x[t] + D u[t − delay]
+"""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from archerfish.records import storage
+from archerfish.records.errors import InputError, file_error
+
+SCHEMA = "archerfish.plant/1"
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PlantRecord:
+    """A linear axis with input delay, and how sure we are of it.
+
+    With draws (a sample from the posterior of an identification) the matrices have a leading axis in `draws`; the
+    matrices themselves are the best estimate.
+    """
+
+    A: Matrix
+    """State matrix, shape (n, n)."""
+    B: Matrix
+    """Input matrix, shape (n, m)."""
+    C: Matrix
+    """Output matrix, shape (p, n)."""
+    D: Matrix
+    """Feedthrough, shape (p, m)."""
+    delay_samples: int
+    """Input delay [samples]."""
+    sample_period_s: float
+    """Sampling period [s]."""
+    axis: str = "axis"
+    """Which axis this is: "pitch", "yaw", or any name."""
+    input_names: tuple[str, ...] = ("command",)
+    """Names of the m inputs."""
+    output_names: tuple[str, ...] = ("angle",)
+    """Names of the p outputs."""
+    draws: dict[str, Matrix] = field(default_factory=dict)
+    """Posterior draws: "A" (k, n, n), "B" (k, n, m), "C" (k, p, n), "D" (k, p, m); empty where there are none."""
+    provenance: dict[str, Any] = field(default_factory=dict)
+    """Seed, commit, library versions and input hashes of the making."""
+
+    def __post_init__(self) -> None:
+        n, m, p = self.A.shape[0], self.B.shape[-1], self.C.shape[0]
+        expected = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
+        for name, shape in expected.items():
+            found = getattr(self, name)
+            if found.shape != shape:
+                raise InputError(f"plant.{name} must have shape {shape}, got {found.shape}; identify the axis anew")
+            if not np.all(np.isfinite(found)):
+                raise InputError(f"plant.{name} holds a value that is not finite; identify the axis anew")
+        if self.sample_period_s <= 0:
+            raise InputError(f"plant.sample_period_s must be > 0 s, got {self.sample_period_s}; identify the axis anew")
+        if self.delay_samples < 0:
+            raise InputError(f"plant.delay_samples must be ≥ 0, got {self.delay_samples}; identify the axis anew")
+
+    def with_dc_gain(self, gain: float) -> "PlantRecord":
+        """Return the plant of one input and output with B scaled so that its DC gain is `gain`."""
+        return replace(self, B=self.B * (gain / dc_gain(self).item()))
+
+
+def dc_gain(plant: PlantRecord) -> Matrix:
+    """Return the steady output per steady input, C (I − A)⁻¹ B + D, shape (p, m)."""
+    eye = np.eye(plant.A.shape[0])
+    return np.asarray(plant.C @ np.linalg.solve(eye - plant.A, plant.B) + plant.D)
+
+
+def write_plant(path: Path, plant: PlantRecord) -> None:
+    """Write a plant record to `path` (.json) and its matrices beside it."""
+    arrays = {name: getattr(plant, name) for name in ("A", "B", "C", "D")}
+    arrays |= {f"draws_{name}": draws for name, draws in plant.draws.items()}
+    facts = {
+        "axis": plant.axis,
+        "delay_samples": plant.delay_samples,
+        "sample_period_s": plant.sample_period_s,
+        "input_names": list(plant.input_names),
+        "output_names": list(plant.output_names),
+        "provenance": plant.provenance,
+    }
+    storage.write_record(path, SCHEMA, facts, arrays)
+
+
+def read_plant(path: Path) -> PlantRecord:
+    """Read a plant record.
+
+    Raises:
+      InputError: if the file is not a plant record or does not hold together.
+    """
+    facts, arrays = storage.read_record(path, SCHEMA)
+    missing = {"A", "B", "C", "D"} - arrays.keys()
+    if missing:
+        raise file_error(path, f"matrix {sorted(missing)[0]} is missing", "identify the axis anew")
+    try:
+        return PlantRecord(
+            **{name: arrays[name] for name in ("A", "B", "C", "D")},
+            delay_samples=storage.field(path, facts, "delay_samples", int),
+            sample_period_s=float(storage.field(path, facts, "sample_period_s", (int, float))),
+            axis=storage.field(path, facts, "axis", str),
+            input_names=tuple(storage.field(path, facts, "input_names", list)),
+            output_names=tuple(storage.field(path, facts, "output_names", list)),
+            draws={name.removeprefix("draws_"): array for name, array in arrays.items() if name.startswith("draws_")},
+            provenance=storage.field(path, facts, "provenance", dict),
+        )
+    except InputError as error:
+        raise error if str(path) in str(error) else InputError(f"{path}: {error}") from error

@@ -1,0 +1,172 @@
+"""How records reach the disk: whole or not at all.
+
+Facts are JSON, arrays are safetensors, never pickle. A file is written beside its final name, synced and renamed, so
+that a crash leaves either the old file or the new one. A record with arrays is a pair `NAME.json` and
+`NAME.safetensors`; the JSON holds the hash of the arrays, so that a mixed pair is refused.
+"""
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from archerfish.records.errors import InputError, file_error
+
+Arrays = Mapping[str, NDArray[Any]]
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file whole: temporary file in the same folder, sync, rename.
+
+    Raises:
+      InputError: if the folder can't be made or written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    except OSError as error:
+        raise _unwritable(path, error) from error
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        # mkstemp makes files private; a result is meant to be read by others.
+        Path(temporary).chmod(0o666 & ~_umask())
+        Path(temporary).replace(path)
+    except OSError as error:
+        raise _unwritable(path, error) from error
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    return file_error(path, f"can't be written ({error.strerror})", "choose another output folder or free the disk")
+
+
+def check_writable(folder: Path) -> None:
+    """Fail now, not after minutes of work, if a folder can't take results.
+
+    Raises:
+      InputError: if the folder can't be made or written.
+    """
+    probe = folder / ".archerfish-probe"
+    existed = folder.exists()
+    write_bytes(probe, b"")
+    probe.unlink()
+    if not existed:
+        folder.rmdir()
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a UTF-8 text file whole."""
+    write_bytes(path, text.encode())
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write JSON whole, indented; NaN and infinity are refused since JSON has neither."""
+    write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def read_json(path: Path) -> Any:
+    """Read a JSON file.
+
+    Raises:
+      InputError: if it is missing, unreadable or not JSON.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise file_error(path, "no such file", "check the path") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise file_error(path, f"can't be read ({error})", "check that it is a readable text file") from error
+    except json.JSONDecodeError as error:
+        raise file_error(path, f"line {error.lineno}: not JSON ({error.msg})", "write the file anew") from error
+
+
+def file_hash(path: Path) -> str:
+    """Return the SHA-256 of a file, as hex digits."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def write_record(path: Path, schema: str, facts: Mapping[str, Any], arrays: Arrays) -> None:
+    """Write a record: `path` (ends in .json) and the arrays beside it.
+
+    Args:
+      path: the JSON file; the arrays go to the same name with the ending .safetensors.
+      schema: name and version, for instance "archerfish.plant/1".
+      facts: what JSON can hold.
+      arrays: name → array.
+    """
+    # ascontiguousarray turns a scalar into shape (1,); copy keeps shape ().
+    content = save({name: np.array(array, order="C", copy=True) for name, array in arrays.items()})
+    write_bytes(path.with_suffix(".safetensors"), content)
+    write_json(path, {"schema": schema, "arrays_sha256": hashlib.sha256(content).hexdigest(), **facts})
+
+
+def read_record(path: Path, schema: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Read a record written by `write_record`.
+
+    Returns:
+      The facts and the arrays.
+
+    Raises:
+      InputError: if a file is missing or damaged, the schema is another, or the pair does not belong together.
+    """
+    facts = read_json(path)
+    _check_schema(path, facts, schema)
+    arrays_path = path.with_suffix(".safetensors")
+    try:
+        content = arrays_path.read_bytes()
+    except OSError as error:
+        raise file_error(arrays_path, f"can't be read ({error.strerror})", f"it belongs beside {path.name}") from error
+    if hashlib.sha256(content).hexdigest() != facts.get("arrays_sha256"):
+        raise file_error(arrays_path, f"is not the file that {path.name} was written with", "write the record anew")
+    try:
+        return facts, load(content)
+    except SafetensorError as error:
+        raise file_error(arrays_path, f"damaged ({error})", "write the record anew") from error
+
+
+def read_facts(path: Path, schema: str) -> dict[str, Any]:
+    """Read a record that has no arrays, less its schema.
+
+    Raises:
+      InputError: if the file is missing or damaged, or the schema is another.
+    """
+    facts = read_json(path)
+    _check_schema(path, facts, schema)
+    return {name: value for name, value in facts.items() if name != "schema"}
+
+
+def _check_schema(path: Path, facts: Any, schema: str) -> None:
+    found = facts.get("schema") if isinstance(facts, dict) else type(facts).__name__
+    if found != schema:
+        raise file_error(path, f'field "schema" is {found!r}, expected {schema!r}', "pass a file of that kind")
+
+
+def field(path: Path, facts: Mapping[str, Any], name: str, kind: type | tuple[type, ...]) -> Any:
+    """Return a fact of a record, checked.
+
+    Raises:
+      InputError: if the field is missing or of another type.
+    """
+    value = facts.get(name)
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        expected = kind.__name__ if isinstance(kind, type) else " or ".join(each.__name__ for each in kind)
+        raise file_error(path, f'field "{name}" is {value!r}, expected {expected}', "write the record anew")
+    return value
