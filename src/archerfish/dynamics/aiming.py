@@ -1,0 +1,50 @@
+"""Which angles hit a given point: the inverse of the flat-fire flight."""
+
+from typing import NamedTuple
+
+from archerfish.dynamics.array_namespace import Array, lift, namespace
+from archerfish.dynamics.muzzle import Muzzle
+from archerfish.dynamics.pellet import flat_fire_drop, flat_fire_time
+
+ITERATIONS = 3
+"""Newton rounds: they leave less than 1e-7 rad at 18 m/s within 8 m, and less than 1e-4 rad at 12 m/s."""
+
+
+class Aim(NamedTuple):
+    """How to hit a point."""
+
+    angle: Array
+    """Pitch and yaw of the gimbal [rad], shape B + (2,)."""
+    flight_time: Array
+    """[s], shape B."""
+
+
+def aim_at(point: Array, muzzle: Muzzle) -> Aim:
+    """Solve for the gimbal's angles whose mean pellet passes through a point, drop and drag included.
+
+    Args:
+      point: in the gimbal's frame [m], shape B + (3,); far enough away to be reached on the rising or flat arc.
+      muzzle: speed, mean disturbance angles, drag and length.
+    """
+    xp = namespace(point)
+    level = xp.sqrt(point[..., 0] ** 2 + point[..., 1] ** 2)
+    height, time, drop = point[..., 2], 0.0 * level, 0.0 * level
+    for _ in range(ITERATIONS):
+        slant = xp.sqrt(level**2 + (height + drop) ** 2)
+        time = flat_fire_time(slant - muzzle.length, muzzle.speed, muzzle.drag)
+        fall = flat_fire_drop(time, muzzle.drag * muzzle.speed)
+        # Newton's step, as the fall grows with the square of the way.
+        drop = drop + (fall - drop) / (1.0 - 2.0 * fall * (height + drop) / slant**2)
+    pitch = xp.atan2(height + drop, level)
+    yaw = xp.atan2(point[..., 1], point[..., 0])
+    angle = xp.stack([pitch, yaw], axis=-1)
+    # The offset turns the pellet about the muzzle, not about the pivot: less of it shows, the nearer the target.
+    turned = (1.0 - muzzle.length / slant)[..., None]
+    return Aim(angle - turned * lift(muzzle.offset, angle), time)
+
+
+def line_of_sight(point: Array) -> Array:
+    """Pitch and yaw of a point seen from the pivot [rad], shape B + (3,) → B + (2,)."""
+    xp = namespace(point)
+    level = xp.sqrt(point[..., 0] ** 2 + point[..., 1] ** 2)
+    return xp.stack([xp.atan2(point[..., 2], level), xp.atan2(point[..., 1], point[..., 0])], axis=-1)

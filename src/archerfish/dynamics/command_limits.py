@@ -1,0 +1,132 @@
+"""What a gimbal may be asked: the limits between any controller and the axes.
+
+Three settings of one function. `box` keeps the angle ranges alone, as the paper prints. `gate` adds the rate and the
+acceleration of the commanded angle that a real gimbal can follow. `los-2deg` instead holds the yaw command within 2°
+of the line of sight. A limit that a setting does not use is so large that it never acts, so one compiled program
+serves all three.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from archerfish.dynamics.array_namespace import Array, lift, namespace
+from archerfish.records.errors import InputError
+from archerfish.records.limits import LimitsRecord
+
+COMMAND_LIMITS = ("box", "gate", "los-2deg")
+"""Names of the settings."""
+NEVER = 1e6
+"""A limit that never acts: rad, rad/s, rad/s²."""
+
+
+class CommandLimits(NamedTuple):
+    """Limits of the pitch and yaw command, shape (2,) each."""
+
+    low: Array
+    """Smallest angle [rad]."""
+    high: Array
+    """Largest angle [rad]."""
+    max_rate: Array
+    """Largest rate of the command [rad/s]."""
+    max_acceleration: Array
+    """Largest change of that rate per time [rad/s²]."""
+    max_lead: Array
+    """Largest distance of the command from the line of sight [rad]."""
+
+
+def box_limits(record: LimitsRecord) -> CommandLimits:
+    """Angle ranges alone."""
+    low, high = (np.array([getattr(axis, name) for axis in (record.pitch, record.yaw)]) for name in ("low", "high"))
+    never = np.full(2, NEVER)
+    return CommandLimits(low, high, never, never, never)
+
+
+def gate_limits(record: LimitsRecord) -> CommandLimits:
+    """Angle ranges, rate and acceleration."""
+    rate, acceleration = (
+        np.array([getattr(axis, name) for axis in (record.pitch, record.yaw)])
+        for name in ("max_rate", "max_acceleration")
+    )
+    return box_limits(record)._replace(max_rate=rate, max_acceleration=acceleration)
+
+
+def line_of_sight_limits(record: LimitsRecord, yaw_lead: float) -> CommandLimits:
+    """Angle ranges, and the yaw command within `yaw_lead` [rad] of the line of sight."""
+    return box_limits(record)._replace(max_lead=np.array([NEVER, yaw_lead]))
+
+
+def named_limits(name: str, record: LimitsRecord, yaw_lead: float) -> CommandLimits:
+    """Return the limits of a name in `COMMAND_LIMITS`.
+
+    Args:
+      name: "box", "gate" or "los-2deg".
+      record: ranges, rates and accelerations.
+      yaw_lead: of `los-2deg` [rad].
+
+    Raises:
+      InputError: if the name is unknown.
+    """
+    if name not in COMMAND_LIMITS:
+        raise InputError(f"command limit must be one of {', '.join(COMMAND_LIMITS)}, got {name!r}")
+    if name == "los-2deg":
+        return line_of_sight_limits(record, yaw_lead)
+    return gate_limits(record) if name == "gate" else box_limits(record)
+
+
+def limit_command(
+    limits: CommandLimits, desired: Array, previous: Array, previous_rate: Array, sight: Array, period: Array
+) -> Array:
+    """Return the command nearest to the desired one that the limits allow.
+
+    A command that keeps the limits passes unchanged. Near the end of the range the rate is bounded so that the
+    acceleration limit suffices to stop there.
+
+    Args:
+      limits: the limits.
+      desired: wanted pitch and yaw command [rad], shape B + (2,).
+      previous: command in force until now [rad], shape B + (2,).
+      previous_rate: rate at which it was reached [rad/s], shape B + (2,).
+      sight: pitch and yaw of the line of sight [rad], shape B + (2,).
+      period: decision period [s].
+    """
+    xp = namespace(desired, previous)
+    limits = CommandLimits(*(lift(each, desired) for each in limits))
+    desired = xp.clip(desired, sight - limits.max_lead, sight + limits.max_lead)
+    desired = xp.clip(desired, limits.low, limits.high)
+    rate = (desired - previous) / period
+    change = limits.max_acceleration * period
+    rate = xp.clip(rate, previous_rate - change, previous_rate + change)
+    rate = xp.clip(
+        rate,
+        -xp.minimum(limits.max_rate, fastest_approach(previous - limits.low, limits.max_acceleration, period)),
+        xp.minimum(limits.max_rate, fastest_approach(limits.high - previous, limits.max_acceleration, period)),
+    )
+    # Unlimited settings take the desired command itself: no rounding by way of the rate.
+    reached = xp.where(xp.abs(rate * period - (desired - previous)) < 1e-6, desired, previous + rate * period)
+    return xp.clip(reached, limits.low, limits.high)
+
+
+def fastest_approach(distance: Array, max_acceleration: Array, period: Array) -> Array:
+    """Largest rate for the coming period from which one can still stop within a distance.
+
+    Braking by a T each period from rate v covers at most max_N [v N T − a T² N (N − 1) / 2] before it stops, so
+    v ≤ min_N [distance / (N T) + a T (N − 1) / 2]; the smallest is next to N = √(2 distance / (a T²)).
+
+    Args:
+      distance: way left [rad], ≥ 0, shape B.
+      max_acceleration: a [rad/s²], shape B.
+      period: T [s].
+
+    Returns:
+      Rate [rad/s], shape B.
+    """
+    xp = namespace(distance, max_acceleration)
+    distance = xp.maximum(distance, 0.0)
+    change = max_acceleration * period
+    count = xp.maximum(xp.floor(xp.sqrt(2.0 * distance / (change * period))), 1.0)
+
+    def rate(count: Array) -> Array:
+        return distance / (count * period) + change * (count - 1.0) / 2.0
+
+    return xp.minimum(rate(count), rate(count + 1.0))

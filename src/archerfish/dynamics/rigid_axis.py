@@ -1,0 +1,82 @@
+"""A gimbal axis as a rigid body, eqs (1)–(3): pitch is a damped pendulum under torque, yaw a damped wheel."""
+
+from typing import NamedTuple
+
+from archerfish.dynamics.array_namespace import Array, namespace
+from archerfish.dynamics.integration import runge_kutta_4
+from archerfish.dynamics.pellet import GRAVITY
+
+
+class RigidAxis(NamedTuple):
+    """Parameters of one axis; each may have a batch shape."""
+
+    mass: Array
+    """m [kg], shape B."""
+    length: Array
+    """Length l of the swing arm [m], shape B."""
+    damping: Array
+    """b [N m s/rad], shape B."""
+    gravity: Array
+    """g along the plane of the swing [m/s²], shape B; zero for yaw."""
+
+
+class RigidState(NamedTuple):
+    """Where an axis is and how fast it turns."""
+
+    angle: Array
+    """From the arm hanging down for pitch, from any direction for yaw [rad], shape B."""
+    rate: Array
+    """[rad/s], shape B."""
+
+
+def pitch_axis(mass: Array, length: Array, damping: Array) -> RigidAxis:
+    """Build the pitch axis of eq (1) from m [kg], l [m] and b [N m s/rad], shape B each."""
+    return RigidAxis(mass, length, damping, GRAVITY + 0.0 * length)
+
+
+def yaw_axis(mass: Array, length: Array, damping: Array) -> RigidAxis:
+    """Build the yaw axis of eq (3), which gravity leaves alone, from m [kg], l [m] and b [N m s/rad], shape B each."""
+    return RigidAxis(mass, length, damping, 0.0 * length)
+
+
+def rigid_derivative(axis: RigidAxis, state: RigidState, torque: Array) -> RigidState:
+    """Return the time derivative of the state, eqs (2) and (3) corrected.
+
+    θ̈ = −(g/l) sin θ − b θ̇/(m l²) + T/(m l²), as eq (1) demands. Eqs (2) and (3) print the damping term without θ̇ and
+    the torque without 1/(m l²) (docs/errata.md).
+
+    Args:
+      axis: parameters, shape B.
+      state: angle and rate, shape B.
+      torque: T [N m], shape B.
+
+    Returns:
+      Rate [rad/s] and acceleration [rad/s²], shape B.
+    """
+    inertia = axis.mass * axis.length**2
+    weight = axis.gravity / axis.length * namespace(state.angle).sin(state.angle)
+    return RigidState(state.rate, (torque - axis.damping * state.rate) / inertia - weight)
+
+
+def rigid_step(axis: RigidAxis, state: RigidState, torque: Array, period: Array) -> RigidState:
+    """Advance an axis by one classical Runge–Kutta step under a held torque.
+
+    Args:
+      axis: parameters, shape B.
+      state: angle and rate, shape B.
+      torque: T [N m], held, shape B.
+      period: step [s], well below the time constant m l²/b and the period of the swing.
+    """
+    xp = namespace(state.angle, state.rate, torque)
+
+    def slope(stacked: Array) -> Array:
+        return xp.stack(rigid_derivative(axis, RigidState(stacked[0], stacked[1]), torque))
+
+    angle, rate = runge_kutta_4(slope, xp.stack(xp.broadcast_arrays(*state)), period)
+    return RigidState(angle, rate)
+
+
+def rigid_energy(axis: RigidAxis, state: RigidState) -> Array:
+    """Return kinetic plus potential energy, zero at rest at the lowest point [J], shape B."""
+    height = axis.length * (1.0 - namespace(state.angle).cos(state.angle))
+    return 0.5 * axis.mass * (axis.length * state.rate) ** 2 + axis.mass * axis.gravity * height

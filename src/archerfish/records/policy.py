@@ -1,0 +1,93 @@
+"""The policy record: a trained network and everything it needs to be run, with NumPy alone."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from archerfish.records import storage
+from archerfish.records.errors import InputError, file_error
+
+SCHEMA = "archerfish.policy/1"
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class PolicyRecord:
+    """A policy: observation → network with ReLU → offset of the command from the aim."""
+
+    observation: str
+    """Kind of the observation: "history" or "paper"."""
+    frames: int
+    """Frames that a history observation remembers."""
+    weights: tuple[Floats, ...]
+    """Weight matrices of the layers, shape (inputs, outputs) each."""
+    biases: tuple[Floats, ...]
+    """Biases of the layers, shape (outputs,) each."""
+    mean: Floats
+    """Mean of the observations in training, shape (n,)."""
+    variance: Floats
+    """Their variance, shape (n,)."""
+    action_scale: Floats
+    """Command offset per unit of action, pitch and yaw [rad], shape (2,)."""
+    muzzle: dict[str, float]
+    """Muzzle that the aim is computed for: speed [m/s], drag [1/m], length [m], pitch_offset and yaw_offset [rad]."""
+    period_s: float
+    """Decision period that it was trained with [s]."""
+    command_limit: str
+    """Command limit that it was trained under."""
+    training: dict[str, Any] = field(default_factory=dict)
+    """Configuration and outcome of the training."""
+    provenance: dict[str, Any] = field(default_factory=dict)
+    """Seed, commit, library versions and input hashes of the making."""
+
+    def __post_init__(self) -> None:
+        size = self.mean.shape[0]
+        if self.variance.shape != (size,):
+            raise InputError(f"policy.variance must have shape ({size},), got {self.variance.shape}; train it anew")
+        for index, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            if weight.shape[0] != size or bias.shape != weight.shape[1:]:
+                raise InputError(
+                    f"policy layer {index} must take {size} inputs, got weight {weight.shape}, bias {bias.shape}; "
+                    "train it anew"
+                )
+            size = weight.shape[1]
+        if size != 2:
+            raise InputError(f"a policy must have 2 outputs, pitch and yaw, got {size}; train it anew")
+        for array in (*self.weights, *self.biases, self.mean, self.variance):
+            if not np.all(np.isfinite(array)):
+                raise InputError("a policy's network holds a value that is not finite; train it anew")
+
+
+def write_policy(path: Path, policy: PolicyRecord) -> None:
+    """Write a policy record to `path` (.json) and its arrays beside it."""
+    arrays = {"mean": policy.mean, "variance": policy.variance, "action_scale": policy.action_scale}
+    for index, (weight, bias) in enumerate(zip(policy.weights, policy.biases, strict=True)):
+        arrays |= {f"weight_{index}": weight, f"bias_{index}": bias}
+    names = ("observation", "frames", "muzzle", "period_s", "command_limit", "training", "provenance")
+    storage.write_record(path, SCHEMA, {name: getattr(policy, name) for name in names}, arrays)
+
+
+def read_policy(path: Path) -> PolicyRecord:
+    """Read a policy record.
+
+    Raises:
+      InputError: if the file is not a policy record or does not hold together.
+    """
+    facts, arrays = storage.read_record(path, SCHEMA)
+    layers = sum(name.startswith("weight_") for name in arrays)
+    kinds = {"observation": str, "frames": int, "muzzle": dict, "period_s": float, "command_limit": str}
+    kinds |= {"training": dict, "provenance": dict}
+    try:
+        return PolicyRecord(
+            weights=tuple(arrays[f"weight_{index}"] for index in range(layers)),
+            biases=tuple(arrays[f"bias_{index}"] for index in range(layers)),
+            **{name: arrays[name] for name in ("mean", "variance", "action_scale")},
+            **{name: storage.field(path, facts, name, kind) for name, kind in kinds.items()},
+        )
+    except KeyError as error:
+        raise file_error(path, f"array {error} is missing", "train the policy anew") from error
+    except InputError as error:
+        raise error if str(path) in str(error) else InputError(f"{path}: {error}") from error
