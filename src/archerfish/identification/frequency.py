@@ -1,0 +1,107 @@
+"""Frequency responses for the Bode plot: of a plant, and measured from recordings; and the band that inputs excite."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import csd, welch
+
+from archerfish.identification.modal_form import Poles
+from archerfish.records.plant import PlantRecord
+from archerfish.records.recording import Recording
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_SEGMENT = 1024
+_EXCITED_SHARE = 1e-2
+_BEYOND = 1.5
+
+
+class MeasuredResponse(NamedTuple):
+    """Frequency response estimated from recordings."""
+
+    frequency_hz: Array
+    """Frequencies [Hz], shape (F,)."""
+    response: ComplexArray
+    """Output per input, shape (F,)."""
+    coherence: Array
+    """Squared coherence, 0…1: the share of the output's power that the input explains linearly, shape (F,)."""
+
+
+def plant_response(plant: PlantRecord, frequency_hz: Array) -> ComplexArray:
+    """Return (C (zI − A)⁻¹ B + D) z^−delay at z = exp(i 2π f Ts), shape (F, p, m).
+
+    Args:
+      plant: the plant.
+      frequency_hz: frequencies [Hz], shape (F,).
+    """
+    z = np.exp(2j * np.pi * frequency_hz * plant.sample_period_s)[:, None, None]
+    resolvent = np.linalg.solve(z * np.eye(len(plant.A)) - plant.A, plant.B.astype(np.complex128))
+    return np.asarray((plant.C @ resolvent + plant.D) * z**-plant.delay_samples)
+
+
+def measured_response(recordings: Sequence[Recording], channel: int = 0) -> MeasuredResponse | None:
+    """Estimate output per input by the H1 estimator: Welch's averages of cross power over input power.
+
+    Right where the inputs are measured without noise and are not made from the output (no feedback).
+
+    Args:
+      recordings: recordings of one plant with one output; each should hold two segments of 1024 samples, shorter
+        ones get shorter segments.
+      channel: which input; others must be uncorrelated with it.
+
+    Returns:
+      The response at the frequencies that the input excites, or None if the recordings are too short to average.
+    """
+    segment = min(_SEGMENT, 2 ** int(np.log2(max(len(each) for each in recordings) / 4)))
+    usable = [each for each in recordings if len(each) >= 2 * segment]
+    if segment < 16 or not usable:
+        return None
+    power = cross = output_power = np.zeros(segment // 2 + 1)
+    frequency = np.zeros(0)
+    for each in usable:
+        u, y = each.inputs[:, channel], each.outputs[:, 0]
+        options = {"fs": 1 / each.sample_period_s, "nperseg": segment, "detrend": "constant"}
+        frequency, input_density = welch(u, **options)
+        power = power + len(each) * input_density
+        output_power = output_power + len(each) * welch(y, **options)[1]
+        cross = cross + len(each) * csd(u, y, **options)[1]
+    # The mean is taken off each segment, so that the lowest lines hold nothing.
+    excited = (power > _EXCITED_SHARE * power.max()) & (frequency > 1.5 * frequency[1])
+    coherence = np.abs(cross[excited]) ** 2 / (power[excited] * output_power[excited])
+    return MeasuredResponse(frequency[excited], cross[excited] / power[excited], coherence)
+
+
+def natural_frequency_hz(pole: complex, sample_period_s: float) -> float:
+    """Return |ln z| / 2π Ts, the natural frequency [Hz] of a pole of the z plane; infinite for a pole at 0, a delay."""
+    return float(abs(np.log(complex(pole))) / (2 * np.pi * sample_period_s)) if pole != 0 else float("inf")
+
+
+def beyond_band(poles: Poles, band_hz: tuple[float, float], sample_period_s: float) -> NDArray[np.bool_]:
+    """Tell for each pole whether it lies so far above the excited band that noise places it, shape (n,)."""
+    frequency = np.array([natural_frequency_hz(pole, sample_period_s) for pole in poles])
+    return np.asarray(frequency > _BEYOND * band_hz[1])
+
+
+def excited_band_hz(recordings: Sequence[Recording]) -> tuple[float, float]:
+    """Return the lowest and highest frequency [Hz] at which some input has energy.
+
+    A line of a recording counts if its energy density is a hundredth of the largest that the input has in any of them.
+    Means are taken off first. No window is laid over the signals: it would hide the ends of a sweep.
+    """
+    lowest, highest = np.inf, 0.0
+    for channel in range(recordings[0].inputs.shape[1]):
+        spectra = [_energy_density(recording, channel) for recording in recordings]
+        threshold = _EXCITED_SHARE * max(density.max() for _, density in spectra)
+        lines = np.concatenate([frequency[density > threshold] for frequency, density in spectra])
+        lowest, highest = min(lowest, lines.min()), max(highest, lines.max())
+    return float(lowest), float(highest)
+
+
+def _energy_density(recording: Recording, channel: int) -> tuple[Array, Array]:
+    signal = recording.inputs[:, channel]
+    density = np.abs(np.fft.rfft(signal - signal.mean()) * recording.sample_period_s) ** 2
+    frequency: Array = np.fft.rfftfreq(len(signal), recording.sample_period_s).astype(np.float64)
+    return frequency, np.asarray(density)

@@ -1,0 +1,102 @@
+"""A stable plant as parallel sections of first and second order, and the free numbers that stand for its poles.
+
+A section has the denominator 1 + a₁ z⁻¹ + a₂ z⁻² (or 1 + a₁ z⁻¹), so that a pair of poles may turn from real to complex
+without a kink. Its coefficients are made from free numbers θ,
+
+    a₂ = tanh θ₂,   a₁ = (1 + a₂) tanh θ₁        (first order: a₁ = tanh θ₁),
+
+which reaches every stable section and no other: a search over θ needs no constraint.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Poles = NDArray[np.complex128]
+Sections = tuple[Array, ...]
+"""Per section its denominator after the leading 1: (a₁, a₂) or (a₁,)."""
+
+_LARGEST = 8.5
+"""Bound of |θ|: (1 − tanh 8.5)² is 7e-15, so that the poles stay off the unit circle in float64 too."""
+
+
+def sections_from_poles(poles: Poles) -> Sections:
+    """Sort poles into sections: conjugate pairs together, real poles in pairs (slowest with fastest).
+
+    Args:
+      poles: closed under conjugation, shape (n,).
+    """
+    pairs = [(-2 * pole.real, abs(pole) ** 2) for pole in poles if pole.imag > 0]
+    real = sorted(float(pole.real) for pole in poles if pole.imag == 0)
+    while len(real) > 1:
+        slow, fast = real.pop(), real.pop(0)
+        pairs.append((-(slow + fast), slow * fast))
+    return tuple(np.array(pair) for pair in [*pairs, *[(-pole,) for pole in real]])
+
+
+def section_poles(sections: Sections) -> Poles:
+    """Return the poles of all sections, shape (n,)."""
+    return np.concatenate([np.roots([1.0, *section]) for section in sections]).astype(np.complex128)
+
+
+def stabilised(poles: Poles, largest: float = 0.9995) -> Poles:
+    """Mirror poles from outside the unit circle to inside, and hold all within the radius `largest`."""
+    radius = np.maximum(np.abs(poles), np.finfo(float).tiny)
+    inside = np.where(radius > 1, poles / radius**2, poles)
+    return inside * np.minimum(1.0, largest / np.maximum(np.abs(inside), np.finfo(float).tiny))
+
+
+def free_numbers(sections: Sections) -> Array:
+    """Return θ of stable sections, shape (n,)."""
+    parts = [_section_numbers(section) for section in sections]
+    return np.clip(np.concatenate(parts), -_LARGEST, _LARGEST)
+
+
+def _section_numbers(section: Array) -> Array:
+    if section.size == 1:
+        return np.array(np.arctanh(section))
+    # A double real pole at the edge of the triangle can leave the open interval by rounding.
+    ratio = np.clip(section[0] / (1 + section[1]), -1 + 1e-12, 1 - 1e-12)
+    return np.array(np.arctanh([ratio, section[1]]))
+
+
+def sections_from_numbers(theta: Array) -> Sections:
+    """Return the sections of θ (held within bounds): pairs first, a single one last."""
+    tanh = np.tanh(np.clip(theta, -_LARGEST, _LARGEST))
+    pairs = [np.array([tanh[i] * (1 + tanh[i + 1]), tanh[i + 1]]) for i in range(0, theta.size - 1, 2)]
+    return (*pairs, tanh[-1:]) if theta.size % 2 else tuple(pairs)
+
+
+def coefficient_slopes(theta: Array) -> Array:
+    """Return ∂(a of all sections in order)/∂θ, shape (n, n)."""
+    tanh = np.tanh(np.clip(theta, -_LARGEST, _LARGEST))
+    slopes = np.diag(1 - tanh**2)
+    for i in range(0, theta.size - 1, 2):
+        slopes[i, i] *= 1 + tanh[i + 1]
+        slopes[i, i + 1] = tanh[i] * (1 - tanh[i + 1] ** 2)
+    return slopes
+
+
+def section_offsets(sections: Sections) -> Iterator[tuple[int, Array]]:
+    """Yield each section with the index of its first coefficient among those of all sections."""
+    start = 0
+    for section in sections:
+        yield start, section
+        start += section.size
+
+
+def state_matrices(sections: Sections) -> tuple[Array, Array]:
+    """Return A, shape (n, n), and C, shape (1, n), in observer form: per section A = [[−a₁, 1], [−a₂, 0]], C = [1, 0].
+
+    In this form the output is linear in B and in the initial state.
+    """
+    order = sum(section.size for section in sections)
+    A, C = np.zeros((order, order)), np.zeros((1, order))
+    for start, section in section_offsets(sections):
+        stop = start + section.size
+        A[start:stop, start] = -section
+        A[start : stop - 1, start + 1 : stop] = np.eye(section.size - 1)
+        C[0, start] = 1.0
+    return A, C

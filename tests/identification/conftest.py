@@ -1,0 +1,41 @@
+import numpy as np
+import pytest
+
+from archerfish.identification.state_space import simulate
+from archerfish.records.plant import PlantRecord
+from archerfish.records.recording import make_recording
+
+
+def make_resonant_plant(delay=0, feedthrough=0.0, inputs=1):
+    """Order 4, stable, with poles at 0.9 ± 0.2i, 0.7 and 0.3; a second input enters elsewhere."""
+    A = np.array([[0.9, 0.2, 0.1, 0.0], [-0.2, 0.9, 0.0, 0.1], [0.0, 0.0, 0.7, 0.2], [0.0, 0.0, 0.0, 0.3]])
+    B = np.array([[0.1, -0.2], [0.2, 0.3], [-0.1, 0.5], [0.4, 0.1]])[:, :inputs]
+    C = np.array([[1.0, 0.5, -0.3, 0.2]])
+    names = tuple(f"u{index}" for index in range(inputs))
+    return PlantRecord(A, B, C, np.full((1, inputs), feedthrough), delay, 0.01, input_names=names)
+
+
+def simulated_recording(plant, inputs, *, noise=0.0, offset=0.0, initial_state=None, seed=0):
+    """Simulate a recording with white measurement noise, given as a share of the clean output's deviation."""
+    inputs = inputs.reshape(len(inputs), -1)
+    clean = simulate(plant, inputs, initial_state)
+    measured = clean + offset + noise * clean.std() * np.random.default_rng(seed).standard_normal(clean.shape)
+    return make_recording(
+        inputs, measured, plant.sample_period_s, input_names=plant.input_names, source=f"simulated {seed}"
+    )
+
+
+@pytest.fixture
+def white():
+    """White input of 600 samples and two channels."""
+    return np.random.default_rng(7).standard_normal((600, 2))
+
+
+@pytest.fixture
+def resonant_plant():
+    return make_resonant_plant
+
+
+@pytest.fixture
+def record():
+    return simulated_recording
