@@ -55,6 +55,9 @@ class Conditions:
     kalman_position_sd: float
     """Measurement noise that the baseline's Kalman filter supposes [m]."""
 
+    kalman_extra_lead_s: float
+    """What the baseline leads beyond the control period and the time of flight [s]; it stands for the gimbal's lag."""
+
     @property
     def reversal_half_width(self) -> float:
         """Distance |y − Y₀| at which a moving target turns back [m], from eq (7)."""

@@ -1,0 +1,1 @@
+"""Everything that turns what is seen into an angle command, behind one small protocol."""

@@ -1,0 +1,117 @@
+"""A Kalman filter for a target of nearly constant velocity on level ground: the tracker of classical auto-aim.
+
+State per target: x, y and their speeds; the height never changes on level ground and is averaged. White acceleration of
+standard deviation q drives it. The camera measures along the line of sight less well than across it, so the
+measurement noise is rotated into the line of sight; with noise fixed to the axes, range errors leak into the bearing.
+"""
+
+from typing import NamedTuple
+
+from archerfish.dynamics.array_namespace import Array, lift, namespace
+
+
+class TrackerNoise(NamedTuple):
+    """What the filter believes of its world; shape () each."""
+
+    acceleration: Array
+    """Standard deviation q of the target's acceleration [m/s²]."""
+    along: Array
+    """Standard deviation of the measurement along the line of sight [m]."""
+    across: Array
+    """Standard deviation across it [m]."""
+
+
+class Track(NamedTuple):
+    """Estimate of a target."""
+
+    mean: Array
+    """x, y [m], ẋ, ẏ [m/s], shape B + (4,)."""
+    covariance: Array
+    """Shape B + (4, 4)."""
+    height: Array
+    """z [m], shape B."""
+
+
+INITIAL_SPEED = 1.0
+"""Standard deviation of the speed at first sight [m/s]."""
+
+
+def begin_track(noise: TrackerNoise, plate: Array) -> Track:
+    """Begin a track at the first measurement, shape B + (3,), at rest as far as is known."""
+    xp = namespace(plate)
+    position = measurement_covariance(noise, plate)
+    speed = INITIAL_SPEED**2 * lift(xp.eye(2, dtype=plate.dtype), position) + 0.0 * position
+    covariance = _blocks(position, 0.0 * position, speed)
+    mean = xp.concat([plate[..., :2], 0.0 * plate[..., :2]], axis=-1)
+    return Track(mean, covariance, plate[..., 2])
+
+
+def predict(noise: TrackerNoise, track: Track, elapsed: Array) -> Track:
+    """Carry a track forward by `elapsed` [s], shape B."""
+    xp = namespace(track.mean, elapsed)
+    elapsed = xp.asarray(elapsed)[..., None]
+    mean = xp.concat([track.mean[..., :2] + elapsed * track.mean[..., 2:], track.mean[..., 2:]], axis=-1)
+    step = elapsed[..., None]
+    p = track.covariance
+    corner = p[..., :2, 2:] + step * p[..., 2:, 2:]
+    upper = p[..., :2, :2] + step * (corner + xp.matrix_transpose(p[..., :2, 2:]))
+    q = noise.acceleration**2 * lift(xp.eye(2, dtype=p.dtype), upper)
+    corner = corner + q * step**3 / 2.0
+    covariance = _blocks(upper + q * step**4 / 4.0, corner, p[..., 2:, 2:] + q * step**2)
+    return Track(mean, covariance, track.height)
+
+
+def update(noise: TrackerNoise, track: Track, plate: Array, fresh: Array) -> Track:
+    """Take in a measurement.
+
+    Args:
+      noise: what the filter believes.
+      track: predicted to the time of the measurement.
+      plate: position [m], shape B + (3,).
+      fresh: whether it is new, shape B; if not, the track stays.
+    """
+    xp = namespace(track.mean, plate)
+    p = track.covariance
+    spread = p[..., :2, :2] + measurement_covariance(noise, plate)
+    a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+    inverse = xp.stack([xp.stack([c, -b], axis=-1), xp.stack([-b, a], axis=-1)], axis=-2)
+    inverse = inverse / (a * c - b * b)[..., None, None]
+    gain = _product(p[..., :, :2], inverse)
+    innovation = plate[..., :2] - track.mean[..., :2]
+    mean = track.mean + xp.sum(gain * innovation[..., None, :], axis=-1)
+    covariance = p - _product(gain, p[..., :2, :])
+    covariance = 0.5 * (covariance + xp.matrix_transpose(covariance))
+    seen = fresh[..., None]
+    return Track(
+        xp.where(seen, mean, track.mean),
+        xp.where(seen[..., None], covariance, p),
+        xp.where(fresh, 0.5 * (track.height + plate[..., 2]), track.height),
+    )
+
+
+def measurement_covariance(noise: TrackerNoise, plate: Array) -> Array:
+    """Covariance of x and y with the noise along and across the line of sight [m²], shape B + (2, 2)."""
+    xp = namespace(plate)
+    level = plate[..., :2]
+    sight = level / xp.sqrt(xp.sum(level**2, axis=-1, keepdims=True))
+    along = sight[..., :, None] * sight[..., None, :]
+    across = lift(xp.eye(2, dtype=plate.dtype), along) - along
+    return noise.along**2 * along + noise.across**2 * across
+
+
+def position_after(track: Track, time: Array) -> Array:
+    """Predicted position after a time [s], shape B → B + (3,)."""
+    xp = namespace(track.mean, time)
+    level = track.mean[..., :2] + xp.asarray(time)[..., None] * track.mean[..., 2:]
+    return xp.concat([level, track.height[..., None] + 0.0 * level[..., :1]], axis=-1)
+
+
+def _product(left: Array, right: Array) -> Array:
+    """Matrix product as a sum, which fuses where a batched product of tiny matrices crawls."""
+    return namespace(left, right).sum(left[..., :, :, None] * right[..., None, :, :], axis=-2)
+
+
+def _blocks(upper: Array, corner: Array, lower: Array) -> Array:
+    xp = namespace(upper)
+    top = xp.concat([upper, corner], axis=-1)
+    return xp.concat([top, xp.concat([xp.matrix_transpose(corner), lower], axis=-1)], axis=-2)

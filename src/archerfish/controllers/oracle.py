@@ -1,0 +1,211 @@
+"""The oracle: knows the target's path and the plant, and plans the whole engagement at once.
+
+It is the yardstick of what a command limit allows, a strong heuristic rather than a proven bound. It looks for the
+commands, within the limits, that put the most shots on the armor: a sum of absolute angle errors, which gives up the
+shots that slewing costs anyway, is minimised by ADMM; shots that miss are then weighted down and the rest improved.
+Of all plans the one with the largest expected number of hits is flown.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from archerfish.controllers.intercept import intercept
+from archerfish.controllers.preview import (
+    Preview,
+    command_bounds,
+    command_rows,
+    make_preview,
+    rows_to_commands,
+    track_path,
+)
+from archerfish.dynamics.aiming import line_of_sight
+from archerfish.dynamics.array_namespace import Array, lift, map_arrays, namespace, repeat
+from archerfish.dynamics.command_limits import CommandLimits
+from archerfish.dynamics.linear_axis import GimbalModel, rest_state
+from archerfish.dynamics.muzzle import Muzzle
+from archerfish.sensing.interfaces import Command, Seen, Truth, fire_always
+
+ROUNDS = 5
+"""Times that the weights are set anew."""
+ITERATIONS = 120
+"""Of ADMM, per round."""
+LEAST_SQUARES_ITERATIONS = 200
+"""Of ADMM, for the plan to begin with."""
+MARGIN = 0.97
+"""Share of the acceleration limit to plan with: ADMM leaves small excesses, and a plan cut off by the limit drifts."""
+SHRINK = 0.02
+"""Threshold of the absolute error in ADMM [rad]."""
+
+
+class OracleState(NamedTuple):
+    """The plan and how much of it is flown."""
+
+    commands: Array
+    """Shape B + (T, 2)."""
+    step: Array
+    """Shape ()."""
+
+
+class Oracle(NamedTuple):
+    """Knows everything but the dispersion draws; where plants differ between engagements, only their best estimate."""
+
+    preview: Preview
+    """Bounds and responses over the whole engagement."""
+    solve: Array
+    """(MᵀM + Lᵀ ρ L)⁻¹ of the absolute errors' programme, shape (2, T, T)."""
+    muzzle: Muzzle
+    """For drop, drag, flight time and dispersion."""
+    hit_radius: Array
+    """[m]."""
+
+    def reset(self, seen: Seen, truth: Truth | None = None) -> OracleState:
+        """Plan the engagement.
+
+        Raises:
+          ValueError: if the truth is not given.
+        """
+        if truth is None:
+            raise ValueError("the oracle needs the truth; a real robot can't give it")
+        return OracleState(self._plan(seen, truth), namespace(seen.angle).asarray(0))
+
+    def step(self, state: OracleState, seen: Seen) -> tuple[OracleState, Command]:  # noqa: ARG002
+        """Fly the plan."""
+        return OracleState(state.commands, state.step + 1), fire_always(state.commands[..., state.step, :])
+
+    def _plan(self, seen: Seen, truth: Truth) -> Array:
+        xp = namespace(seen.angle)
+        path, sight, distance = self._wanted(seen, truth)
+        state = rest_state(truth.gimbal, seen.command)
+        least_squares = track_path(
+            self.preview, state, seen.command, 0.0 * seen.command, path, sight, LEAST_SQUARES_ITERATIONS
+        )
+        best, best_hits = least_squares, -1.0 + 0.0 * distance[..., 0]
+        # Far slews converge better from no plan at all, near ones from least squares.
+        for start in (least_squares, 0.0 * least_squares):
+            plans = [_AxisPlan.begin(self, axis, start, path, sight, state, seen.command) for axis in range(2)]
+            commands, hits, weight = self._judge(plans, distance)
+            for _ in range(ROUNDS):
+                better = hits > best_hits
+                best, best_hits = xp.where(better[..., None, None], commands, best), xp.maximum(hits, best_hits)
+                plans = [plan.improve(self, axis, weight) for axis, plan in enumerate(plans)]
+                commands, hits, weight = self._judge(plans, distance)
+            best = xp.where((hits > best_hits)[..., None, None], commands, best)
+            best_hits = xp.maximum(hits, best_hits)
+        return best
+
+    def _judge(self, plans: list["_AxisPlan"], distance: Array) -> tuple[Array, Array, Array]:
+        """Commands, expected hits, and weights that give up what misses by far."""
+        xp = namespace(distance)
+        errors = xp.stack([plan.errors(self, axis) for axis, plan in enumerate(plans)], axis=-1)
+        miss = distance * xp.sqrt(xp.sum(errors**2, axis=-1))
+        weight = 1.0 / (0.02 + (miss / self.hit_radius) ** 2)
+        commands = xp.stack([plan.allowed() for plan in plans], axis=-1)
+        return commands, self._expected_hits(miss, distance), weight / xp.max(weight, axis=-1, keepdims=True)
+
+    def _wanted(self, seen: Seen, truth: Truth) -> tuple[Array, Array, Array]:
+        """Angles at the shots, line of sight at the decisions, B + (T, 2) each, and range at the shots, B + (T,)."""
+        xp = namespace(seen.angle)
+        steps = self.preview.response.shape[-1]
+        count = xp.reshape(xp.arange(steps, dtype=seen.angle.dtype), (-1,) + (1,) * seen.elapsed.ndim)
+        starts = count * self.preview.period + 0.0 * seen.elapsed[None]
+        motion = map_arrays(lambda each: each[None], truth.motion)
+        aim = intercept(motion.position, starts + self.preview.period, self.muzzle)
+        place = motion.position(starts + self.preview.period)
+        distance = xp.sqrt(xp.sum(place**2, axis=-1))
+        sight = line_of_sight(motion.position(starts))
+        return xp.moveaxis(aim.angle, 0, -2), xp.moveaxis(sight, 0, -2), xp.moveaxis(distance, 0, -1)
+
+    def _expected_hits(self, miss: Array, distance: Array) -> Array:
+        """Sum over the shots of a smooth chance to hit: logistic in the margin over the dispersion."""
+        xp = namespace(miss)
+        spread = distance * xp.mean(self.muzzle.sd) + 1e-4
+        margin = xp.clip(1.7 * (self.hit_radius - miss) / spread, -30.0, 30.0)
+        return xp.sum(1.0 / (1.0 + xp.exp(-margin)), axis=-1)
+
+
+class _AxisPlan(NamedTuple):
+    """ADMM variables of one axis; N is the number of decisions."""
+
+    wanted: Array  # path less free response, B + (N,)
+    low: Array  # bounds of the rows L u, B + (3, N)
+    high: Array
+    commands: Array  # B + (N,)
+    error: Array  # M u − wanted after the shrinkage, B + (N,)
+    error_dual: Array
+    rows: Array  # L u after the clipping, B + (3, N)
+    rows_dual: Array
+
+    @staticmethod
+    def begin(
+        oracle: Oracle, axis: int, plan: Array, path: Array, sight: Array, state: Array, command: Array
+    ) -> "_AxisPlan":
+        """Begin at a plan, shape B + (N, 2)."""
+        preview = oracle.preview
+        wanted = path[..., axis] - state[..., axis, :] @ preview.free[axis].T
+        low, high = command_bounds(preview, axis, command[..., axis], 0.0 * command[..., axis], sight[..., axis])
+        commands = plan[..., axis]
+        error, rows = commands @ preview.response[axis].T - wanted, command_rows(commands)
+        return _AxisPlan(wanted, low, high, commands, error, 0.0 * error, rows, 0.0 * rows)
+
+    def improve(self, oracle: Oracle, axis: int, weight: Array) -> "_AxisPlan":
+        """Run ADMM on Σ weight |M u − wanted| within the bounds."""
+        xp = namespace(self.wanted)
+        response = oracle.preview.response[axis]
+        penalty = lift(oracle.preview.penalty[axis][:, None], self.rows)
+
+        def iterate(plan: "_AxisPlan") -> "_AxisPlan":
+            right = (self.wanted + plan.error - plan.error_dual) @ response
+            right = right + rows_to_commands(penalty * (plan.rows - plan.rows_dual))
+            commands = right @ oracle.solve[axis]
+            residual = commands @ response.T - self.wanted + plan.error_dual
+            error = xp.sign(residual) * xp.maximum(xp.abs(residual) - SHRINK * weight, 0.0)
+            asked = command_rows(commands) + plan.rows_dual
+            rows = xp.clip(asked, self.low, self.high)
+            return plan._replace(
+                commands=commands,
+                error=error,
+                error_dual=residual - error,
+                rows=rows,
+                rows_dual=asked - rows,
+            )
+
+        improved: _AxisPlan = repeat(iterate, ITERATIONS, self)
+        return improved
+
+    def allowed(self) -> Array:
+        """Commands within the range, B + (N,)."""
+        return namespace(self.commands).clip(self.commands, self.low[..., 0, :], self.high[..., 0, :])
+
+    def errors(self, oracle: Oracle, axis: int) -> Array:
+        """Angle errors of the allowed commands [rad], B + (N,)."""
+        return self.allowed() @ oracle.preview.response[axis].T - self.wanted
+
+
+def make_oracle(
+    model: GimbalModel, muzzle: Muzzle, limits: CommandLimits, period_s: float, decisions: int, hit_radius: float
+) -> Oracle:
+    """Build the oracle for engagements of a number of decisions.
+
+    Args:
+      model: the plant, shape (2, ...), float64.
+      muzzle: for drop, drag, flight time and dispersion.
+      limits: what may be asked.
+      period_s: decision period [s].
+      decisions: T, length of an engagement.
+      hit_radius: largest miss that is a hit [m].
+    """
+    planned = limits._replace(max_acceleration=limits.max_acceleration * MARGIN)
+    preview = make_preview(model, planned, period_s, decisions, smoothing=1e-6)
+    solve = [
+        np.linalg.inv(preview.response[axis].T @ preview.response[axis] + _bounding(preview, axis, decisions))
+        for axis in range(2)
+    ]
+    return Oracle(preview, np.array(solve), muzzle, np.asarray(hit_radius))
+
+
+def _bounding(preview: Preview, axis: int, size: int) -> Array:
+    rows = [np.eye(size)]
+    for _ in range(2):
+        rows.append(rows[-1] - np.vstack([np.zeros(size), rows[-1][:-1]]))
+    return sum(p * d.T @ d for p, d in zip(preview.penalty[axis], rows, strict=True)) + 1e-9 * np.eye(size)

@@ -1,0 +1,202 @@
+"""The commands that bring a linear gimbal onto a given path of angles: a quadratic programme over a horizon.
+
+    min_u  ½ ‖y − r‖² + ½ s ‖Δu‖²,   y = free response + M u,   subject to bounds on u, on its rate and acceleration
+
+The bounds enter as rows L u = (u, Δu, Δ²u). The programme runs as a fixed number of ADMM iterations from the unbounded
+optimum, so where no bound acts the result is exact, and the work is the same for every member of a batch.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from archerfish.dynamics.array_namespace import Array, lift, namespace, repeat
+from archerfish.dynamics.command_limits import NEVER, CommandLimits
+from archerfish.dynamics.linear_axis import GimbalModel
+
+
+class Preview(NamedTuple):
+    """Matrices of the programme for both axes (index 0 pitch, 1 yaw) over N decisions."""
+
+    response: Array
+    """M: commands to angles at the ends of the periods, shape (2, N, N)."""
+    free: Array
+    """State to those angles without commands, shape (2, N, m)."""
+    optimum: Array
+    """Right-hand side to the unbounded optimum, shape (2, N, N)."""
+    inverse: Array
+    """(H + Lᵀ ρ L)⁻¹, shape (2, N, N)."""
+    penalty: Array
+    """ρ of the rows of L, as (u, Δu, Δ²u), shape (2, 3)."""
+    smoothing: Array
+    """s, shape (2,)."""
+    limits: CommandLimits
+    """The bounds."""
+    period: Array
+    """Decision period [s], shape ()."""
+
+
+def make_preview(model: GimbalModel, limits: CommandLimits, period_s: float, horizon: int, smoothing: float) -> Preview:
+    """Build the programme.
+
+    Args:
+      model: the gimbal, shape (2, ...), float64.
+      limits: what may be asked.
+      period_s: decision period [s].
+      horizon: N decisions.
+      smoothing: weight s of the changes of the command.
+    """
+    response, free = zip(*(_responses(model, axis, horizon) for axis in range(2)), strict=True)
+    differences = [np.eye(horizon), _difference(horizon, 1), _difference(horizon, 2)]
+    penalties, optima, inverses = [], [], []
+    for axis, matrix in enumerate(response):
+        hessian = matrix.T @ matrix + smoothing * differences[1].T @ differences[1]
+        scale = np.trace(hessian) / horizon
+        acts = [True, limits.max_rate[axis] < NEVER, limits.max_acceleration[axis] < NEVER]
+        # A row's penalty follows the size of what it bounds; rows that never act get none.
+        penalty = scale * np.array([0.3, 3.0, 30.0]) * acts
+        bounded = hessian + sum(p * d.T @ d for p, d in zip(penalty, differences, strict=True))
+        penalties.append(penalty)
+        optima.append(np.linalg.inv(hessian))
+        inverses.append(np.linalg.inv(bounded))
+    return Preview(
+        np.array(response),
+        np.array(free),
+        np.array(optima),
+        np.array(inverses),
+        np.array(penalties),
+        np.full(2, smoothing),
+        limits,
+        np.asarray(period_s),
+    )
+
+
+def _responses(model: GimbalModel, axis: int, horizon: int) -> tuple[Array, Array]:
+    transition, angle = model.transition[axis], model.angle[axis]
+    row, free, impulse = angle, [], []
+    for _ in range(horizon):
+        impulse.append(row @ model.input[axis])
+        row = row @ transition
+        free.append(row)
+    lag = np.arange(horizon)[:, None] - np.arange(horizon)
+    return np.where(lag >= 0, np.array(impulse)[np.maximum(lag, 0)], 0.0), np.array(free)
+
+
+def _difference(size: int, order: int) -> Array:
+    matrix = np.eye(size)
+    for _ in range(order):
+        matrix = matrix - np.vstack([np.zeros(size), matrix[:-1]])
+    return matrix
+
+
+def track_path(
+    preview: Preview,
+    state: Array,
+    command: Array,
+    command_rate: Array,
+    path: Array,
+    sight: Array,
+    iterations: int = 25,
+) -> Array:
+    """Solve for the commands of the horizon.
+
+    Args:
+      preview: the programme.
+      state: of the axes, shape B + (2, m).
+      command: in force now [rad], shape B + (2,).
+      command_rate: rate at which it was reached [rad/s], shape B + (2,).
+      path: wanted angles at the ends of the periods [rad], shape B + (N, 2).
+      sight: predicted line of sight at the decisions [rad], shape B + (N, 2).
+      iterations: of ADMM.
+
+    Returns:
+      Commands [rad], shape B + (N, 2).
+    """
+    axes = [
+        _track_axis(
+            preview,
+            axis,
+            state[..., axis, :],
+            command[..., axis],
+            command_rate[..., axis],
+            path[..., axis],
+            sight[..., axis],
+            iterations,
+        )
+        for axis in range(2)
+    ]
+    return namespace(path).stack(axes, axis=-1)
+
+
+def _track_axis(
+    preview: Preview,
+    axis: int,
+    state: Array,
+    command: Array,
+    command_rate: Array,
+    path: Array,
+    sight: Array,
+    iterations: int,
+) -> Array:
+    error = path - state @ preview.free[axis].T
+    right = error @ preview.response[axis]
+    xp = namespace(right)
+    right = xp.concat([right[..., :1] + preview.smoothing[axis] * command[..., None], right[..., 1:]], axis=-1)
+    low, high = command_bounds(preview, axis, command, command_rate, sight)
+    penalty = preview.penalty[axis][:, None]
+    commands = right @ preview.optimum[axis]
+    rows = command_rows(commands)
+    kept = xp.clip(rows, low, high)
+
+    def improve(variables: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        _, kept, dual = variables
+        commands = (right + rows_to_commands(lift(penalty, kept) * (kept - dual))) @ preview.inverse[axis]
+        rows = command_rows(commands) + dual
+        kept = xp.clip(rows, low, high)
+        return commands, kept, rows - kept
+
+    return repeat(improve, iterations, (commands, kept, rows - kept))[0]
+
+
+def command_rows(commands: Array) -> Array:
+    """L u: the commands, their differences and second differences, zero before the first; B + (N,) → B + (3, N)."""
+    xp = namespace(commands)
+    first = _differ(commands)
+    return xp.stack([commands, first, _differ(first)], axis=-2)
+
+
+def rows_to_commands(rows: Array) -> Array:
+    """Lᵀ applied to rows, shape B + (3, N) → B + (N,)."""
+    second = rows[..., 1, :] + _differ_back(rows[..., 2, :])
+    return rows[..., 0, :] + _differ_back(second)
+
+
+def _differ(series: Array) -> Array:
+    xp = namespace(series)
+    return series - xp.concat([0.0 * series[..., :1], series[..., :-1]], axis=-1)
+
+
+def _differ_back(series: Array) -> Array:
+    xp = namespace(series)
+    return series - xp.concat([series[..., 1:], 0.0 * series[..., :1]], axis=-1)
+
+
+def command_bounds(
+    preview: Preview, axis: int, command: Array, command_rate: Array, sight: Array
+) -> tuple[Array, Array]:
+    """Bounds of the rows L u of one axis, shape B + (3, N) each; the first rows count from the command in force."""
+    xp = namespace(command, sight)
+    limits, period = preview.limits, preview.period
+    zero = 0.0 * sight
+    low = xp.maximum(sight - limits.max_lead[axis], limits.low[axis])
+    high = xp.minimum(sight + limits.max_lead[axis], limits.high[axis])
+    first = command[..., None]
+    step = command_rate[..., None] * period
+    shift_1 = xp.concat([first, zero[..., 1:]], axis=-1)
+    shift_2 = xp.concat([first + step, -first, zero[..., 2:]], axis=-1)
+    rate = limits.max_rate[axis] * period
+    change = limits.max_acceleration[axis] * period**2
+    return (
+        xp.stack([low, shift_1 - rate, shift_2 - change], axis=-2),
+        xp.stack([high, shift_1 + rate, shift_2 + change], axis=-2),
+    )

@@ -1,0 +1,94 @@
+"""The classical controllers by name, each built for a gimbal, a muzzle and a command limit."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from archerfish.controllers.direct_aim import DirectAim
+from archerfish.controllers.kalman_filter import TrackerNoise
+from archerfish.controllers.oracle import make_oracle
+from archerfish.controllers.predictors import ConstantVelocity, Hold, ParabolaAware, Predictor, Vertex
+from archerfish.controllers.preview_aim import make_preview_aim
+from archerfish.dynamics.array_namespace import single_precision
+from archerfish.dynamics.command_limits import CommandLimits
+from archerfish.dynamics.linear_axis import GimbalModel
+from archerfish.dynamics.muzzle import Muzzle
+from archerfish.paper.conditions import Conditions
+from archerfish.records.errors import InputError
+from archerfish.sensing.interfaces import Controller
+
+
+class Workbench(NamedTuple):
+    """What a classical controller is built from."""
+
+    model: GimbalModel
+    """The plant as identified, shape (2, ...), float64."""
+    muzzle: Muzzle
+    """The muzzle."""
+    limits: CommandLimits
+    """What may be asked."""
+    conditions: Conditions
+    """Period, engagement length, and the tuning of the tracker."""
+
+
+def _tracker(bench: Workbench) -> Predictor:
+    acceleration, position = bench.conditions.kalman_acceleration_sd, bench.conditions.kalman_position_sd
+    return ConstantVelocity(TrackerNoise(*(np.asarray(value) for value in (acceleration, position, position))))
+
+
+def _parabola(bench: Workbench) -> ParabolaAware:
+    conditions = bench.conditions
+    return ParabolaAware(np.asarray(conditions.parabola_curvature), np.asarray(conditions.reversal_half_width))
+
+
+def _kalman(bench: Workbench) -> Controller:
+    period = np.asarray(bench.conditions.control_period_s)
+    lead = period + bench.conditions.kalman_extra_lead_s
+    return DirectAim(_tracker(bench), bench.muzzle, bench.limits, lead=lead, period=period)
+
+
+def _preview(predictor: Callable[[Workbench], Predictor]) -> Callable[[Workbench], Controller]:
+    def build(bench: Workbench) -> Controller:
+        period = bench.conditions.control_period_s
+        return make_preview_aim(predictor(bench), bench.muzzle, bench.model, bench.limits, period)
+
+    return build
+
+
+def _oracle(bench: Workbench) -> Controller:
+    conditions = bench.conditions
+    return make_oracle(
+        bench.model,
+        bench.muzzle,
+        bench.limits,
+        conditions.control_period_s,
+        conditions.decisions,
+        conditions.hit_radius,
+    )
+
+
+CONTROLLERS: dict[str, Callable[[Workbench], Controller]] = {
+    "kalman": _kalman,
+    "kalman-lq": _preview(_tracker),
+    "parabola-lq": _preview(_parabola),
+    "no-lead": _preview(lambda bench: Hold()),  # noqa: ARG005
+    "vertex": _preview(lambda bench: Vertex(_parabola(bench))),
+    "oracle": _oracle,
+}
+"""Name → builder. To add a controller, write it in a file of its own and name it here."""
+
+
+def make_controller(name: str, bench: Workbench) -> Any:
+    """Build a classical controller in float32.
+
+    Args:
+      name: one of `CONTROLLERS`.
+      bench: what it is built from.
+
+    Raises:
+      InputError: if the name is unknown.
+    """
+    if name not in CONTROLLERS:
+        raise InputError(f"controller must be one of {', '.join(CONTROLLERS)}, or a policy's file; got {name!r}")
+    return single_precision(CONTROLLERS[name](bench))

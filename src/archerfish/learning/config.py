@@ -1,0 +1,64 @@
+"""Settings of a training; readable without JAX."""
+
+from dataclasses import dataclass
+
+from archerfish.records.errors import InputError
+
+
+@dataclass(frozen=True)
+class PpoConfig:
+    """Settings of PPO; the paper's where it prints them."""
+
+    steps: int = 2_000_000
+    """Decisions to train for, over all environments."""
+    environments: int = 512
+    """Engagements that run side by side."""
+    rollout: int = 25
+    """Decisions per environment between two updates."""
+    minibatches: int = 8
+    """Parts that a batch is split into."""
+    epochs: int = 4
+    """Passes over each batch."""
+    hidden: int = 256
+    """Neurons of the hidden layer of the actor and of the critic (paper)."""
+    actor_learning_rate: float = 1e-3
+    """Adam step of the actor (paper)."""
+    critic_learning_rate: float = 3e-3
+    """Adam step of the critic (paper)."""
+    anneal: bool = True
+    """Let the learning rates fall linearly to a tenth."""
+    clip: float = 0.2
+    """Clipping ε of eq (10) (paper)."""
+    discount: float = 0.9
+    """γ."""
+    trace: float = 0.95
+    """λ of the advantages."""
+    entropy: float = 0.0
+    """Weight of the entropy bonus."""
+    gradient_norm: float = 0.5
+    """Gradients are scaled to at most this norm, for each network by itself."""
+    log_std: float = -1.0
+    """Logarithm of the actions' standard deviation at the beginning."""
+    log_std_floor: float = -4.0
+    """It never falls below this."""
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "environments", "rollout", "minibatches", "epochs", "hidden"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name} must be at least 1, got {getattr(self, name)}")
+        if (self.environments * self.rollout) % self.minibatches:
+            raise InputError(
+                f"environments × rollout = {self.environments * self.rollout} must divide into minibatches = "
+                f"{self.minibatches} equal parts"
+            )
+        for name in ("actor_learning_rate", "critic_learning_rate", "clip", "gradient_norm"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"{name} must be > 0, got {getattr(self, name)}")
+        for name in ("discount", "trace"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise InputError(f"{name} must be within 0…1, got {getattr(self, name)}")
+
+    @property
+    def iterations(self) -> int:
+        """Updates of a whole run."""
+        return max(1, round(self.steps / (self.environments * self.rollout)))

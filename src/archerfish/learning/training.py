@@ -1,0 +1,89 @@
+"""A whole training: iterations in compiled chunks, with a report to the caller between them."""
+
+import hashlib
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from numpy.typing import NDArray
+
+from archerfish.controllers.policy import PolicyController
+from archerfish.learning.config import PpoConfig
+from archerfish.learning.ppo import Environment, Learner, Metrics, hyper, iterate, make_learner, sizes
+from archerfish.records.errors import InputError
+from archerfish.sensing.observation import Observer
+
+CHUNK = 4
+"""Iterations per compiled call; between calls the caller hears of the progress and may stop."""
+
+
+class Curve(NamedTuple):
+    """How a training went, one number per iteration, shape (K,)."""
+
+    steps: NDArray[np.int64]
+    """Decisions trained for so far."""
+    mean_reward: NDArray[np.float32]
+    """Mean reward per decision [m]."""
+    metrics: Metrics
+    """Everything that was measured."""
+
+
+class Trained(NamedTuple):
+    """What a training leaves."""
+
+    learner: Learner
+    """Where it stands."""
+    curve: Curve
+    """How it went."""
+
+
+def train(
+    environment: Environment,
+    config: PpoConfig,
+    seed: int,
+    progress: Callable[[int, Metrics], None] = lambda *_: None,
+) -> Trained:
+    """Train a policy; the same seed gives the same weights, bit for bit, on the same machine and versions.
+
+    Args:
+      environment: where; NumPy arrays will do.
+      config: settings of PPO.
+      seed: of everything random.
+      progress: hears of the decisions trained for and of the latest metrics; an exception from it ends the training.
+
+    Raises:
+      InputError: if the training diverges to numbers that are not finite.
+    """
+    environment = jax.tree.map(jax.numpy.asarray, environment)
+    learner = make_learner(environment, config, jax.random.key(seed))
+    settings, collected = hyper(config), []
+    per_iteration = config.environments * config.rollout
+    for start in range(0, math.ceil(config.iterations / CHUNK) * CHUNK, CHUNK):
+        learner, metrics = iterate(environment, settings, learner, sizes(config), CHUNK)
+        collected.append(jax.tree.map(np.asarray, metrics))
+        if not np.all(np.isfinite(collected[-1].mean_reward)):
+            raise InputError(
+                f"training diverged after {start * per_iteration} decisions: the reward is not finite; "
+                "lower the learning rates"
+            )
+        progress((start + CHUNK) * per_iteration, collected[-1])
+    metrics = Metrics(*(np.concatenate(each) for each in zip(*collected, strict=True)))
+    steps = per_iteration * np.arange(1, len(metrics.mean_reward) + 1)
+    return Trained(learner, Curve(steps, np.asarray(metrics.mean_reward), metrics))
+
+
+def trained_policy(observer: Observer, learner: Learner) -> PolicyController:
+    """Return the policy of a learner as a controller: its mean action, in NumPy."""
+    policy = PolicyController(observer, learner.normaliser, learner.actor.layers)
+    return jax.tree.map(np.asarray, policy)
+
+
+def weights_hash(learner: Learner) -> str:
+    """Return the SHA-256 of the actor's and critic's weights."""
+    digest = hashlib.sha256()
+    leaves: list[Any] = jax.tree.leaves((learner.actor, learner.critic))
+    for leaf in leaves:
+        digest.update(np.asarray(leaf).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,108 @@
+"""Worlds and scenarios from records: who shoots at what, where, with which gimbal."""
+
+from dataclasses import replace
+import numpy as np
+
+from archerfish.dynamics.array_namespace import single_precision
+from archerfish.dynamics.command_limits import named_limits
+from archerfish.dynamics.linear_axis import gimbal_draws, gimbal_model
+from archerfish.dynamics.muzzle import muzzle_from_record
+from archerfish.paper.conditions import Conditions
+from archerfish.records.limits import LimitsRecord
+from archerfish.records.muzzle import MuzzleRecord
+from archerfish.records.plant import PlantRecord
+from archerfish.simulation.scenario import Scenario
+from archerfish.simulation.shooting import ShootingWorld
+
+
+def make_world(
+    pitch: PlantRecord,
+    yaw: PlantRecord,
+    muzzle: MuzzleRecord,
+    limits: LimitsRecord,
+    command_limit: str,
+    conditions: Conditions,
+    position_noise: tuple[float, float] = (0.0, 0.0),
+) -> ShootingWorld:
+    """Build a shooting world in float32.
+
+    Args:
+      pitch: plant of the pitch axis; its posterior draws are used where both axes have them.
+      yaw: plant of the yaw axis, likewise.
+      muzzle: speed, dispersion and drag.
+      limits: ranges, rates and accelerations.
+      command_limit: "box", "gate" or "los-2deg".
+      conditions: control period and the lead that `los-2deg` allows.
+      position_noise: standard deviation of the seen position along and across the line of sight [m].
+
+    Raises:
+      InputError: if the command limit is unknown or a plant does not fit the control period.
+    """
+    period = conditions.control_period_s
+    model = gimbal_draws(pitch, yaw, period) or gimbal_model(pitch, yaw, period)
+    world = ShootingWorld(
+        period=np.asarray(period),
+        gimbal=model,
+        muzzle=muzzle_from_record(muzzle),
+        limits=named_limits(command_limit, limits, conditions.line_of_sight_lead),
+        angle_low=np.array([limits.pitch.low, limits.yaw.low]),
+        angle_high=np.array([limits.pitch.high, limits.yaw.high]),
+        position_noise=np.array(position_noise),
+    )
+    built: ShootingWorld = single_precision(world)
+    return built
+
+
+def make_scenario(
+    conditions: Conditions,
+    range_m: tuple[float, float] | None = None,
+    static_share: float = 0.0,
+    plants: int = 1,
+) -> Scenario:
+    """Build the distribution of engagements of Tables II–V in float32.
+
+    Args:
+      conditions: offsets, speeds and the shape of the path.
+      range_m: smallest and largest distance [m]; all the tables' ranges where none is given.
+      static_share: share of the targets that stand still, 0…1.
+      plants: number of posterior draws of the world's plant.
+    """
+    bins = conditions.range_bins
+    low, high = range_m or (min(low for low, _ in bins), max(high for _, high in bins))
+    scenario = Scenario(
+        range_low=low,
+        range_high=high,
+        lateral=conditions.max_lateral_offset,
+        height=conditions.armor_height,
+        max_speed=conditions.max_lateral_speed,
+        half_width=conditions.reversal_half_width,
+        curvature=conditions.parabola_curvature,
+        static_share=static_share,
+        start=np.array([conditions.start_pitch, conditions.start_yaw]),
+        plants=float(plants),
+    )
+    built: Scenario = single_precision(scenario)
+    return built
+
+
+def plant_count(world: ShootingWorld) -> int:
+    """Return how many posterior draws of the plant a world has."""
+    return int(world.gimbal.input.shape[0]) if world.gimbal.input.ndim == 3 else 1
+
+
+def paper_muzzle(conditions: Conditions) -> MuzzleRecord:
+    """Return the muzzle that the paper's conditions assume; its pellets start at the pivot."""
+    return MuzzleRecord(
+        speed=conditions.muzzle_speed,
+        speed_sd=conditions.muzzle_speed_sd,
+        pitch_offset=0.0,
+        pitch_sd=conditions.dispersion,
+        yaw_offset=0.0,
+        yaw_sd=conditions.dispersion,
+        drag=conditions.drag,
+    )
+
+
+def without_draws(plant: PlantRecord) -> PlantRecord:
+    """Return the best estimate alone."""
+    return replace(plant, draws={})
