@@ -1,0 +1,143 @@
+"""Suite × controller → trials → counts; no controller is known here by name."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from archerfish.evaluation.hit_rate import hit_rate, paired_difference, split_misses
+from archerfish.evaluation.results import Cell, Comparison, Label
+from archerfish.evaluation.suites import Suite, Trials
+from archerfish.evaluation.trial import Shots, fight, largest_acceleration, perfect_shots
+from archerfish.paper.conditions import Conditions
+from archerfish.paper.tables import printed_rate
+from archerfish.sensing.interfaces import Controller
+from archerfish.simulation.shooting import ShootingWorld
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """A controller under the name that results give it."""
+
+    name: str
+    """Name of the controller in the results."""
+    controller: Controller
+    """Who decides."""
+    policy_seed: int | None = None
+    """Seed of its training, if it was trained."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one entrant did in all suites."""
+
+    name: str
+    """Name of the controller in the results."""
+    policy_seed: int | None
+    """Seed of its training, if it was trained."""
+    hit: NDArray[np.bool_]
+    """Whether each shot hit, shape (suites, engagements, decisions)."""
+    yaw_acceleration: float
+    """Largest acceleration that the yaw axis was asked, command and motion, mean over a decision period [rad/s²]."""
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Where an evaluation takes place."""
+
+    world: ShootingWorld
+    """The world."""
+    trials: Trials
+    """Engagements and draws, the same for all entrants."""
+    command_limit: str
+    """Name of the command limit."""
+    setting: str
+    """"paper", "identified-<robot>" or "<robot>"."""
+    conditions: Conditions
+    """Hit radius and when an engagement counts as settled."""
+
+
+def compete(
+    ground: Ground, entrants: Iterable[Entrant], progress: Callable[[str], None] = lambda _: None
+) -> list[Outcome]:
+    """Let every entrant fight the same engagements with the same dispersion draws.
+
+    Args:
+      ground: where.
+      entrants: who.
+      progress: hears the name of each entrant that is done.
+    """
+    outcomes = []
+    for entrant in entrants:
+        shots = fight(ground.world, entrant.controller, ground.trials)
+        outcomes.append(_outcome(ground, entrant.name, entrant.policy_seed, shots))
+        progress(entrant.name)
+    return outcomes
+
+
+def perfect_aim(ground: Ground) -> Outcome:
+    """Score perfect aim, "perfect": what the dispersion alone leaves."""
+    return _outcome(ground, "perfect", None, perfect_shots(ground.world, ground.trials))
+
+
+def _outcome(ground: Ground, name: str, policy_seed: int | None, shots: Shots) -> Outcome:
+    hit = shots.hits(ground.conditions.hit_radius)
+    period = ground.world.period_s
+    asked = max(largest_acceleration(angles, period, axis=1) for angles in (shots.command, shots.angle))
+    return Outcome(name, policy_seed, hit.reshape(len(ground.trials.suites), -1, hit.shape[-1]), asked)
+
+
+def cells(ground: Ground, outcomes: Iterable[Outcome]) -> list[Cell]:
+    """Count hits: one cell per suite and entrant."""
+    return [
+        _cell(ground, suite, outcome, outcome.hit[index])
+        for outcome in outcomes
+        for index, suite in enumerate(ground.trials.suites)
+    ]
+
+
+def _cell(ground: Ground, suite: Suite, outcome: Outcome, hit: NDArray[np.bool_]) -> Cell:
+    fired = ground.world.period_s * np.arange(1, hit.shape[-1] + 1)
+    misses = split_misses(hit, fired, ground.conditions.settled_after_s)
+    return Cell(
+        **vars(_label(ground, suite, outcome)),
+        **hit_rate(hit)._asdict(),
+        misses_slewing=misses.slewing,
+        misses_settled=misses.settled,
+        paper=printed_rate(suite.table, suite.range_m, outcome.name),
+    )
+
+
+def _label(ground: Ground, suite: Suite, outcome: Outcome) -> Label:
+    return Label(
+        table=suite.table,
+        setting=ground.setting,
+        target=suite.target,
+        range_m=suite.range_m,
+        command_limit=ground.command_limit,
+        controller=outcome.name,
+        policy_seed=outcome.policy_seed,
+    )
+
+
+def comparisons(ground: Ground, outcomes: list[Outcome], against: str) -> list[Comparison]:
+    """Compare every trained entrant with another one, paired by engagement and dispersion draw.
+
+    Args:
+      ground: where it took place.
+      outcomes: of all entrants.
+      against: name of the other.
+    """
+    others = [outcome for outcome in outcomes if outcome.name == against]
+    return [
+        Comparison(
+            **vars(_label(ground, suite, outcome)),
+            against=against,
+            **paired_difference(outcome.hit[index], other.hit[index])._asdict(),
+        )
+        for other in others
+        for outcome in outcomes
+        if outcome.policy_seed is not None
+        for index, suite in enumerate(ground.trials.suites)
+    ]

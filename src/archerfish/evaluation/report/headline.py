@@ -1,0 +1,84 @@
+"""What the report opens with: the policy beside the Kalman filter and the oracle."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from matplotlib.figure import Figure
+
+from archerfish.evaluation.comparison import (
+    CellKey,
+    cells_of,
+    clearly_above,
+    comparisons_of,
+    pooled_rate,
+    shares,
+)
+from archerfish.evaluation.report.rate_drawings import rates_drawing
+from archerfish.evaluation.report.wording import LIMITS
+from archerfish.evaluation.results import Cell, Comparison, Results
+from archerfish.figures.page import percent, points
+
+
+class Headline(NamedTuple):
+    """What the page opens with."""
+
+    sentence: str
+    """The finding, with its figures."""
+    caption: str
+    """What the figure shows."""
+    drawing: Figure
+    """The policy, the Kalman filter and the oracle."""
+
+
+def headline(results: Results, setting: str) -> Headline | None:
+    """Say in a sentence how the policy does beside the Kalman filter and the oracle, under `gate` if it was shot there.
+
+    Returns:
+      None if no history policy was evaluated.
+    """
+    simulated = [each for each in results.cells if each.setting == setting and each.table in {"II", "III"}]
+    shot = {each.command_limit for each in simulated if each.controller == "history"}
+    limits = [limit for limit in LIMITS if limit in shot]
+    if not limits:
+        return None
+    limit = limits[0]
+    cells = [each for each in simulated if each.command_limit == limit]
+    picked = {
+        name: cells_of(cells, setting=setting, command_limit=limit, controller=name)
+        for name in ("history", "kalman", "oracle")
+    }
+    differences = comparisons_of(
+        results.comparisons, setting=setting, command_limit=limit, controller="history", against="kalman"
+    )
+    sentence = f"{LIMITS[limit].opening}, {_rates_sentence(picked)}{_margin_sentence(picked, differences)}"
+    return Headline(
+        sentence=sentence.replace(" %", "\u00a0%"),
+        caption=f"Command limit {limit}, {min(cell.engagements for cell in cells)} engagements a cell.",
+        drawing=rates_drawing(cells, ("history", "kalman", "oracle"), printed=False),
+    )
+
+
+def _rates_sentence(picked: Mapping[str, Mapping[CellKey, Cell]]) -> str:
+    phrases = {
+        "history": "the trained policy hits {} % of its shots",
+        "kalman": "the Kalman filter {} %",
+        "oracle": "an oracle that knows path and plant {} %",
+    }
+    rates = {name: pooled_rate(cells.values()) for name, cells in picked.items()}
+    said = [phrases[name].format(percent(rate)) for name, rate in rates.items() if rate is not None]
+    return ", ".join(said) + f" (all {len(picked['history'])} cells together)."
+
+
+def _margin_sentence(picked: Mapping[str, Mapping[CellKey, Cell]], differences: Mapping[CellKey, Comparison]) -> str:
+    sentence = ""
+    if differences:
+        least = min(differences.values(), key=lambda each: each.difference)
+        sentence += (
+            f" It is above the Kalman filter in {clearly_above(differences.values())} of {len(differences)} cells with "
+            f"the paired interval clear of zero; the smallest difference is {points(least.difference)} points "
+            f"({points(least.low)} to {points(least.high)})."
+        )
+    portions = shares(picked["history"], picked["oracle"])
+    if portions:
+        sentence += f" In every cell it reaches at least {percent(min(portions.values()))} % of the oracle’s rate."
+    return sentence

@@ -1,0 +1,206 @@
+"""The report: one self-contained page, made from results.json alone, and its figures as files beside it."""
+
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from archerfish.evaluation.comparison import cells_of, shares
+from archerfish.evaluation.report.headline import headline
+from archerfish.evaluation.report.rate_tables import Column, RateTable, printed_column, rate_column, rate_table
+from archerfish.evaluation.report.sections import Section, limit_section
+from archerfish.evaluation.report.wording import CONTROLLERS, LIMITS, condition_rows
+from archerfish.evaluation.results import LearningCurves, Results
+from archerfish.figures.page import number, render_page
+from archerfish.figures.step_response import StepPanel, step_responses
+from archerfish.figures.style import svg_text
+from archerfish.figures.training import learning_curves
+from archerfish.paper.tables import HitRateTable, hit_rate_table
+from archerfish.records import storage
+
+SIMULATED = ("II", "III")
+REAL = ("IV", "V")
+
+_ERRATA = Path(__file__).parents[4] / "docs" / "errata.md"
+"""Where a checkout has it; an installed package has not."""
+
+
+class _Gallery:
+    """Collects the figures of a page: each is rendered once, for the page and for its file."""
+
+    def __init__(self) -> None:
+        self.figures: dict[str, str] = {}
+
+    def add(self, name: str, label: str, figure: Figure | None) -> str | None:
+        """Return the figure as SVG text for the page, None for none."""
+        if figure is None:
+            return None
+        self.figures[name] = svg_text(figure, prefix=name, label=label)
+        return self.figures[name]
+
+
+def write_report(results: Results, path: Path) -> None:
+    """Write the page, and its figures as SVG files into the folder `figures` beside it.
+
+    What the results don't hold is said to be missing.
+
+    Raises:
+      InputError: if the folder can't be written.
+    """
+    gallery = _Gallery()
+    page = _page(results, gallery, path)
+    for name, figure in gallery.figures.items():
+        storage.write_text(path.parent / "figures" / f"{name}.svg", figure)
+    storage.write_text(path, page)
+
+
+def _page(results: Results, gallery: _Gallery, path: Path) -> str:
+    settings = list(dict.fromkeys(cell.setting for cell in results.cells if cell.table in SIMULATED)) or ["paper"]
+    main = "paper" if "paper" in settings else settings[0]
+    return render_page(
+        "report.html",
+        title="Archerfish: from logs to hit rates",
+        results=results,
+        headline=_headline(results, main, gallery),
+        sections=[_drawn(each, gallery) for each in _sections(results, settings, SIMULATED)],
+        dispersion=_dispersion(results, main),
+        six_numbers=_six_numbers(results, main),
+        real=[_drawn(each, gallery) for each in _real_sections(results)],
+        printed_real=[(table, _real_remark(table)) for table in map(hit_rate_table, REAL)],
+        fig4=_fig4(results, gallery),
+        axes=_identified_axes(results),
+        learning=[
+            ("static", _learning(results.figures.fig5, "fig5_static", "static", gallery)),
+            ("dynamic", _learning(results.figures.fig6, "fig6_dynamic", "dynamic", gallery)),
+        ],
+        conditions=condition_rows(results.conditions),
+        controllers=[(words.name, words.meaning) for words in CONTROLLERS.values()],
+        **_reading(results.conditions),
+        errata=Path(os.path.relpath(_ERRATA, path.parent)).as_posix() if _ERRATA.is_file() else None,
+    )
+
+
+def _reading(conditions: dict[str, Any]) -> dict[str, str]:
+    radius, settled = conditions.get("hit_radius"), conditions.get("settled_after_s")
+    return {
+        "hit_radius": "the hit radius" if radius is None else f"{number(100 * radius, 1)} cm",
+        "settled_after": "early in the engagement" if settled is None else f"the first {number(settled, 1)} s",
+    }
+
+
+def _headline(results: Results, setting: str, gallery: _Gallery) -> dict[str, Any] | None:
+    found = headline(results, setting)
+    if found is None:
+        return None
+    label = "Hit rate against range of the policy, the Kalman filter and the oracle"
+    return {**found._asdict(), "figure": gallery.add("headline", label, found.drawing)}
+
+
+def _sections(results: Results, settings: Sequence[str], tables: Sequence[str]) -> list[Section]:
+    """Return a section per setting and limit: for the paper's setting all limits, for others those that were shot."""
+    shot = {(cell.setting, cell.command_limit) for cell in results.cells if cell.table in tables}
+    wanted = [(setting, limit) for setting in settings for limit in LIMITS]
+    return [
+        limit_section(results, setting, limit, tables)
+        for setting, limit in wanted
+        if (setting, limit) in shot or (setting == "paper" and tables == SIMULATED)
+    ]
+
+
+def _real_sections(results: Results) -> list[Section]:
+    settings = list(dict.fromkeys(cell.setting for cell in results.cells if cell.table in REAL))
+    return _sections(results, settings, REAL)
+
+
+def _drawn(section: Section, gallery: _Gallery) -> dict[str, Any]:
+    label = f"Hit rate against range: {section.title}"
+    return {**section._asdict(), "figure": gallery.add(f"hit_rates_{section.anchor}", label, section.drawing)}
+
+
+def _dispersion(results: Results, setting: str) -> RateTable:
+    """Return perfect aim beside the oracle and the policy under the first limit that has it."""
+    for limit in LIMITS:
+        picked = {
+            name: cells_of(results.cells, setting=setting, command_limit=limit, controller=name)
+            for name in ("perfect", "oracle", "history")
+        }
+        if picked["perfect"]:
+            columns = [rate_column(cells, name, ours=name == "perfect") for name, cells in picked.items()]
+            return rate_table(columns, f"Hit rates in percent with 95 % intervals, command limit {limit}.")
+    return RateTable("", (), ())
+
+
+def _six_numbers(results: Results, setting: str) -> RateTable:
+    """Return the six-number policy beside no-lead aiming and the history policy under the first limit that has it."""
+    for limit in ("box", *LIMITS):
+        picked = {
+            name: cells_of(results.cells, setting=setting, command_limit=limit, controller=name)
+            for name in ("paper", "no-lead", "history", "oracle")
+        }
+        if picked["paper"]:
+            columns = [
+                printed_column(picked["paper"], "paper, PPO"),
+                *(rate_column(picked[name], name, ours=name == "paper") for name in ("paper", "no-lead", "history")),
+                Column("six-number policy, share of oracle", "share", shares(picked["paper"], picked["oracle"])),
+            ]
+            return rate_table(columns, f"Hit rates in percent with 95 % intervals, command limit {limit}.")
+    return RateTable("", (), ())
+
+
+def _real_remark(table: HitRateTable) -> str:
+    """Say how far the printed differences carry."""
+    half_width = 100 * 1.96 * math.sqrt(0.7 * 0.3 / table.shots)
+    largest = max(abs(row.ppo_percent - row.kalman_percent) for row in table.rows)
+    behind = sum(row.ppo_percent < row.kalman_percent for row in table.rows)
+    return (
+        f"{table.shots} shots a cell: at 70 % that is ±{half_width:.0f} points, where the columns differ by at most "
+        f"{largest:.1f}. The paper’s method is behind the Kalman filter at {behind} of {len(table.rows)} ranges."
+    )
+
+
+def _fig4(results: Results, gallery: _Gallery) -> str | None:
+    panels = [
+        StepPanel(
+            f"{axis.capitalize()}: fit {response.fit_percent:.2f} %",
+            response.time_s,
+            response.true_deg,
+            response.identified_deg,
+        )
+        for axis, response in results.figures.fig4.items()
+    ]
+    label = "Step responses of the true and the identified plant"
+    return gallery.add("fig4_step_responses", label, step_responses(panels) if panels else None)
+
+
+def _learning(curves: LearningCurves | None, name: str, target: str, gallery: _Gallery) -> str | None:
+    if curves is None or not curves.runs:
+        return None
+    returns = {f"seed {run.policy_seed}": run.mean_return for run in curves.runs}
+    figure = learning_curves(curves.steps, returns, title=f"Training against {target} targets")
+    return gallery.add(name, f"Mean return against environment steps, {target} targets", figure)
+
+
+def _identified_axes(results: Results) -> dict[str, Any] | None:
+    """Return the numbers of each identified axis as a table, and what the identification remarked."""
+    if not results.identification:
+        return None
+    facts = {axis: dict(_plain_numbers(found)) for axis, found in results.identification.items()}
+    names = list(dict.fromkeys(name for found in facts.values() for name in found))
+    return {
+        "names": [name.replace("_", " ").replace("percent", "%") for name in names],
+        "rows": [(axis, [number(found.get(name), 4) for name in names]) for axis, found in facts.items()],
+        "remarks": [
+            f"{axis.capitalize()}: {remark}"
+            for axis, found in results.identification.items()
+            for remark in found.get("remarks", ())
+        ],
+    }
+
+
+def _plain_numbers(facts: dict[str, Any]) -> list[tuple[str, float]]:
+    validations = [(f"{Path(each['file']).stem} fit %", each["fit_percent"]) for each in facts.get("validation", ())]
+    plain = [(name, value) for name, value in facts.items() if isinstance(value, int | float)]
+    return plain + validations

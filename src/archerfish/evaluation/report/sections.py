@@ -1,0 +1,163 @@
+"""One section of the report for each setting and command limit."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+from matplotlib.figure import Figure
+
+from archerfish.evaluation.comparison import (
+    AnyLabel,
+    CellKey,
+    cells_of,
+    comparisons_of,
+    policy_seeds,
+    pooled_rate,
+    rmse_to_paper,
+    shares,
+)
+from archerfish.evaluation.report.rate_drawings import rates_drawing
+from archerfish.evaluation.report.rate_tables import (
+    Column,
+    Group,
+    RateTable,
+    cell_order,
+    printed_column,
+    rate_column,
+    rate_table,
+    target_of,
+)
+from archerfish.evaluation.report.wording import CONTROLLERS, LIMITS, controller_words
+from archerfish.evaluation.results import Cell, Comparison, Results
+from archerfish.figures.page import bins, percent
+
+PLOTTED = ("history", "paper", "kalman", "kalman-lq", "oracle")
+"""Controllers of a section's figure; the table below it has them all."""
+
+
+class ControllerRow(NamedTuple):
+    """One controller in one cell."""
+
+    name: str
+    """Name, with the policy's seed."""
+    cell: Cell
+    """Its hits."""
+    difference: Comparison | None
+    """Paired difference to the Kalman filter."""
+
+
+class Section(NamedTuple):
+    """Everything under one setting and command limit."""
+
+    anchor: str
+    """Name of the section within the page."""
+    title: str
+    """Heading."""
+    note: str
+    """What the limit means."""
+    drawing: Figure | None
+    """Hit rate against range; None if nothing was shot."""
+    table: RateTable | None
+    """The main figures."""
+    remarks: Sequence[str]
+    """Sentences below the table."""
+    groups: Sequence[Group]
+    """Every controller, by cell."""
+
+
+def limit_section(results: Results, setting: str, limit: str, tables: Sequence[str]) -> Section:
+    """Gather the cells under a setting and a command limit, some of the paper's tables only."""
+    cells = _under(results.cells, setting, limit, tables)
+    pairs = _under(results.comparisons, setting, limit, tables)
+    where = "" if setting == "paper" else f" on {setting}"
+    name = f"Tables {' and '.join(tables)}{where}, limit {limit}"
+    return Section(
+        anchor=f"{setting}-{limit}-{'-'.join(tables)}",
+        title=f"{name}: {LIMITS[limit].title}",
+        note=LIMITS[limit].note,
+        drawing=rates_drawing(cells, PLOTTED) if cells else None,
+        table=_main_table(cells, pairs, setting, limit) if cells else None,
+        remarks=_remarks(cells, setting, limit),
+        groups=_every_controller(cells, pairs),
+    )
+
+
+def _under(labels: Iterable[AnyLabel], setting: str, limit: str, tables: Sequence[str]) -> list[AnyLabel]:
+    return [each for each in labels if (each.setting, each.command_limit) == (setting, limit) and each.table in tables]
+
+
+def _main_table(cells: list[Cell], pairs: list[Comparison], setting: str, limit: str) -> RateTable:
+    def of(controller: str) -> dict[CellKey, Cell]:
+        return cells_of(cells, setting=setting, command_limit=limit, controller=controller)
+
+    def less(against: str) -> Column:
+        differences = comparisons_of(pairs, setting=setting, command_limit=limit, controller="history", against=against)
+        return Column(f"policy less {controller_words(against).name}", "difference", differences)
+
+    columns = [
+        printed_column(of("history"), "paper, PPO"),
+        rate_column(of("history"), "history", ours=True),
+        printed_column(of("kalman"), "paper, Kalman"),
+        rate_column(of("kalman"), "kalman"),
+        less("kalman"),
+        rate_column(of("kalman-lq"), "kalman-lq"),
+        less("kalman-lq"),
+        rate_column(of("oracle"), "oracle"),
+        Column("policy, share of oracle", "share", shares(of("history"), of("oracle"))),
+    ]
+    return rate_table(columns, "Hit rates in percent, differences in points, with 95 % intervals.")
+
+
+def _remarks(cells: list[Cell], setting: str, limit: str) -> list[str]:
+    remarks = []
+    for controller, column in (("history", "PPO"), ("kalman", "Kalman")):
+        picked = cells_of(cells, setting=setting, command_limit=limit, controller=controller)
+        rmse = rmse_to_paper(picked.values())
+        if rmse is not None:
+            name = controller_words(controller).name
+            remarks.append(f"{name} against the paper’s {column} columns: {rmse:.1f} points RMSE.")
+    return remarks + _seed_remarks(cells, setting, limit)
+
+
+def _seed_remarks(cells: list[Cell], setting: str, limit: str) -> list[str]:
+    remarks = []
+    for controller in ("history", "paper"):
+        seeds = policy_seeds(cells, setting=setting, command_limit=limit, controller=controller)
+        of_controller = [cell for cell in cells if cell.controller == controller]
+        rates = [pooled_rate(cell for cell in of_controller if cell.policy_seed == seed) or 0.0 for seed in seeds]
+        if len(seeds) > 1:
+            remarks.append(
+                f"{controller_words(controller).name}: {len(seeds)} trainings; shown is the one with the lowest seed, "
+                f"{seeds[0]}. All cells together, they hit {percent(min(rates))} to {percent(max(rates))} %."
+            )
+    return remarks
+
+
+def _every_controller(cells: list[Cell], pairs: list[Comparison]) -> list[Group]:
+    to_kalman = {_identity(each): each for each in pairs if each.against == "kalman"}
+    known = list(CONTROLLERS)
+    keys = sorted({(cell.table, cell.range_m) for cell in cells}, key=cell_order)
+    return [
+        Group(
+            f"Table {table}, {target_of(table)}, {bins(range_m)} m",
+            [
+                ControllerRow(_full_name(cell), cell, to_kalman.get(_identity(cell)))
+                for cell in sorted(cells, key=lambda cell: _rank(known, cell))
+                if (cell.table, cell.range_m) == (table, range_m)
+            ],
+        )
+        for table, range_m in keys
+    ]
+
+
+def _identity(each: Cell | Comparison) -> tuple[Any, ...]:
+    return each.table, each.range_m, each.controller, each.policy_seed
+
+
+def _rank(known: list[str], cell: Cell) -> tuple[int, str, int]:
+    place = known.index(cell.controller) if cell.controller in known else len(known)
+    return place, cell.controller, -1 if cell.policy_seed is None else cell.policy_seed
+
+
+def _full_name(cell: Cell) -> str:
+    name = controller_words(cell.controller).name
+    return name if cell.policy_seed is None else f"{name} (seed {cell.policy_seed})"

@@ -1,0 +1,79 @@
+"""Who shoots at what: the cells of the paper's tables as suites of engagements."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from archerfish.dynamics.array_namespace import map_arrays
+from archerfish.paper.conditions import Conditions
+from archerfish.sensing.interfaces import Engagement
+from archerfish.simulation.scenario import UNIFORMS, Scenario, draw_engagement
+from archerfish.simulation.setting import make_scenario
+from archerfish.simulation.shooting import DRAWS
+
+PURPOSES = {"evaluation": 0, "tuning": 1, "calibration": 2}
+"""Streams of random numbers that never meet: what is tuned or calibrated is judged on draws it has not seen."""
+
+
+@dataclass(frozen=True)
+class Suite:
+    """One cell: engagements of one kind at one range."""
+
+    table: str
+    """Table of the paper: "II" for static targets, "III" for dynamic ones."""
+    target: str
+    """"static" or "dynamic"."""
+    range_m: tuple[float, float]
+    """Smallest and largest distance [m]."""
+    scenario: Scenario
+    """How its engagements are drawn."""
+
+
+@dataclass(frozen=True)
+class Trials:
+    """Engagements of several suites, side by side, with all their dispersion draws."""
+
+    suites: tuple[Suite, ...]
+    """S suites."""
+    engagements: Engagement
+    """Shape (S n): the engagements of the first suite, then those of the second, and so on."""
+    draws: NDArray[np.float32]
+    """Standard normals, shape (S n, T, DRAWS)."""
+
+
+def table_suites(conditions: Conditions, plants: int = 1) -> tuple[Suite, ...]:
+    """Return the eight cells of Tables II and III.
+
+    Args:
+      conditions: ranges, speeds and offsets.
+      plants: number of posterior draws of the world's plant.
+    """
+    return tuple(
+        Suite(table, target, range_m, make_scenario(conditions, range_m, share, plants))
+        for table, target, share in (("II", "static", 1.0), ("III", "dynamic", 0.0))
+        for range_m in conditions.range_bins
+    )
+
+
+def draw_trials(
+    suites: tuple[Suite, ...], engagements: int, decisions: int, seed: int, purpose: str = "evaluation"
+) -> Trials:
+    """Draw engagements and dispersion once, for all controllers.
+
+    Args:
+      suites: the cells.
+      engagements: number per suite.
+      decisions: number per engagement.
+      seed: of the draws.
+      purpose: one of `PURPOSES`.
+    """
+    drawn, noise = [], []
+    for index, suite in enumerate(suites):
+        generator = np.random.default_rng([seed, PURPOSES[purpose], index])
+        uniforms = generator.random((engagements, UNIFORMS), dtype=np.float32)
+        drawn.append(draw_engagement(suite.scenario, uniforms))
+        noise.append(generator.standard_normal((engagements, decisions, DRAWS), dtype=np.float32))
+    joined: Any = map_arrays(lambda *parts: np.concatenate(parts), *drawn)
+    return Trials(suites, joined, np.concatenate(noise))

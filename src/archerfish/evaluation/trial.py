@@ -1,0 +1,104 @@
+"""Engagements fought: any controller in any world, every decision scored."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from archerfish.controllers.intercept import intercept
+from archerfish.dynamics.array_namespace import Array, map_arrays
+from archerfish.dynamics.muzzle import DRAWS as MUZZLE_DRAWS
+from archerfish.dynamics.muzzle import pellet_at_muzzle
+from archerfish.evaluation.suites import Trials
+from archerfish.sensing.interfaces import Controller, Engagement, World
+from archerfish.simulation.shooting import ShootingWorld, miss_at_armor
+
+
+class Shots(NamedTuple):
+    """What became of every decision of every engagement, shape (engagements, T) first."""
+
+    miss: NDArray[np.float32]
+    """Pellet minus armor in y and z [m], shape (..., 2)."""
+    command: NDArray[np.float32]
+    """Pitch and yaw command after the limits [rad], shape (..., 2)."""
+    angle: NDArray[np.float32]
+    """Pitch and yaw of the gimbal when it fired [rad], shape (..., 2)."""
+
+    def hits(self, radius: float) -> NDArray[np.bool_]:
+        """Whether each pellet hit: a miss distance of at most `radius` [m]."""
+        return np.asarray(np.linalg.norm(self.miss, axis=-1) <= radius)
+
+
+def fight(world: World, controller: Controller, trials: Trials) -> Shots:
+    """Let a controller fight engagements.
+
+    Args:
+      world: a pure one is compiled into one program, any other one is stepped.
+      controller: its fields are arguments of that program, so another of the same shapes compiles nothing.
+      trials: whom to meet, and the draws.
+    """
+    if world.pure:
+        arguments = jax.tree.map(jnp.asarray, (world, controller, trials.engagements, trials.draws))
+        return Shots(*(np.moveaxis(np.asarray(each), 0, 1) for each in _fight_compiled(*arguments)))
+    return _fight_stepping(world, controller, trials)
+
+
+@jax.jit
+def _fight_compiled(world: World, controller: Controller, engagements: Engagement, draws: Array) -> Shots:
+    shooting, seen = world.reset(engagements, draws)
+    state = controller.reset(seen, world.truth(engagements))
+
+    def step(carry: tuple[Any, Any, Any], _: None) -> tuple[tuple[Any, Any, Any], Shots]:
+        shooting, seen, state = carry
+        state, command = controller.step(state, seen)
+        shooting, seen, shot = world.step(shooting, command)
+        return (shooting, seen, state), Shots(shot.miss, seen.command, shot.angle)
+
+    _, shots = jax.lax.scan(step, (shooting, seen, state), length=draws.shape[-2])
+    return shots
+
+
+def _fight_stepping(world: World, controller: Controller, trials: Trials) -> Shots:
+    shooting, seen = world.reset(trials.engagements, trials.draws)
+    state = controller.reset(seen, world.truth(trials.engagements))
+    shots = []
+    for _ in range(trials.draws.shape[-2]):
+        state, command = controller.step(state, seen)
+        shooting, seen, shot = world.step(shooting, command)
+        shots.append(Shots(shot.miss, seen.command, shot.angle))
+    return Shots(*(np.stack(each, axis=1) for each in zip(*shots, strict=True)))
+
+
+def perfect_shots(world: ShootingWorld, trials: Trials) -> Shots:
+    """Score perfect aim: what the dispersion alone leaves, whatever moves the gimbal.
+
+    The gimbal is put at the intercept's angles for every shot, at rest.
+    """
+    arguments = jax.tree.map(jnp.asarray, (world, trials.engagements, trials.draws))
+    return Shots(*(np.asarray(each) for each in _perfect_compiled(*arguments)))
+
+
+@jax.jit
+def _perfect_compiled(world: ShootingWorld, engagements: Engagement, draws: Array) -> Shots:
+    steps = draws.shape[-2]
+    motion = map_arrays(lambda each: each[:, None], engagements.motion)
+    fired = (jnp.arange(1, steps + 1) * world.period)[None, :] + jnp.zeros((draws.shape[0], 1))
+    aim = intercept(motion.position, fired, world.muzzle).angle
+    position, velocity = pellet_at_muzzle(world.muzzle, aim, jnp.zeros_like(aim), draws[..., :MUZZLE_DRAWS])
+    miss, _ = miss_at_armor(world.muzzle, motion, fired, position, velocity)
+    return Shots(miss, aim, aim)
+
+
+def largest_acceleration(angles: NDArray[np.float32], period_s: float, axis: int) -> float:
+    """Largest mean acceleration over a period that the gimbal was asked [rad/s²], from rest at zero.
+
+    Args:
+      angles: commands or gimbal angles, shape (engagements, T, 2).
+      period_s: decision period [s].
+      axis: 0 pitch, 1 yaw.
+    """
+    from_rest = np.pad(angles[..., axis], ((0, 0), (2, 0)))  # engagements begin at rest at zero
+    second = np.diff(from_rest, n=2, axis=1)
+    return float(np.max(np.abs(second)) / period_s**2)

@@ -1,0 +1,142 @@
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from archerfish.evaluation.results import (
+    SCHEMA,
+    Cell,
+    Comparison,
+    LearningCurves,
+    Results,
+    StepResponse,
+    TrainingRun,
+    new_results,
+    read_results,
+    results_json,
+    write_results,
+)
+from archerfish.paper.conditions import assumed_conditions, calibration
+from archerfish.records.errors import InputError
+
+CELL: dict[str, Any] = {
+    "table": "III",
+    "setting": "paper",
+    "target": "dynamic",
+    "range_m": [1.0, 2.0],
+    "command_limit": "gate",
+    "controller": "history",
+    "policy_seed": 0,
+    "hits": 90,
+    "shots": 100,
+    "engagements": 2,
+    "low": 0.8,
+    "high": 0.95,
+    "misses_slewing": 7,
+    "misses_settled": 3,
+    "paper": 88.35,
+}
+MINIMAL: dict[str, Any] = {"schema": SCHEMA, "seed": 1, "commit": "unknown", "versions": {}}
+
+
+def write_raw(path: Path, content: Any) -> Path:
+    path.write_text(json.dumps(content))
+    return path
+
+
+def test_results_survive_the_disk(tmp_path: Path, synthetic_results: Results) -> None:
+    write_results(tmp_path / "results.json", synthetic_results)
+    assert read_results(tmp_path / "results.json") == synthetic_results
+
+
+def test_what_was_not_computed_may_be_absent(tmp_path: Path) -> None:
+    found = read_results(write_raw(tmp_path / "results.json", MINIMAL))
+    assert found == Results(seed=1, commit="unknown", versions={})
+    assert found.table1 is None
+    assert found.figures.fig5 is None
+
+
+def test_a_cell_in_the_file_has_the_documented_names(tmp_path: Path, synthetic_results: Results) -> None:
+    write_results(tmp_path / "results.json", synthetic_results)
+    written = json.loads((tmp_path / "results.json").read_text())
+    assert written["schema"] == SCHEMA
+    assert set(written["cells"][0]) == set(CELL)
+    assert set(written["figures"]["fig5"]["runs"][0]) == {"policy_seed", "mean_return"}
+    documented = (Path(__file__).parents[2] / "docs" / "results.md").read_text()
+    assert [
+        name for name in [*written, *written["cells"][0], *written["comparisons"][0]] if f"`{name}`" not in documented
+    ] == []
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"seed": "one"}, "field \"seed\" is 'one', expected a whole number"),
+        ({"seed": True}, 'field "seed" is True, expected a whole number'),
+        ({"colour": 1}, 'unknown field "colour"; known are seed'),
+        ({"cells": {}}, 'field "cells" is {}, expected a list'),
+        ({"cells": [{**CELL, "low": None}]}, r'field "cells\[0\].low" is None, expected a number'),
+        ({"cells": [CELL, {**CELL, "range_m": [1]}]}, r'field "cells\[1\].range_m" has 1 entries, expected 2'),
+        ({"cells": [{**CELL, "hits": 9.5}]}, r'"cells\[0\].hits" is 9.5, expected a whole number'),
+        ({"cells": [{k: v for k, v in CELL.items() if k != "hits"}]}, r'field "cells\[0\].hits" is missing'),
+        ({"cells": [{**CELL, "table": "VI"}]}, r"cells\[0\].: table must be one of II, III, IV, V, got 'VI'"),
+        ({"cells": [{**CELL, "target": "slow"}]}, "target must be one of static, dynamic"),
+        ({"cells": [{**CELL, "range_m": [2, 1]}]}, "range_m must be two distances, the smaller one first"),
+        ({"cells": [{**CELL, "hits": 101}]}, "hits must lie between 0 and shots"),
+        ({"cells": [{**CELL, "high": 0.85}]}, "interval 0.8 to 0.85 must hold hits/shots = 0.9"),
+        ({"cells": [{**CELL, "misses_settled": 4}]}, "must add up to shots − hits, got 7 and 4"),
+        ({"figures": {"fig5": {"steps": [1, 2], "runs": [{"policy_seed": 0, "mean_return": [1.0]}]}}}, "1 for 2 steps"),
+        ({"conditions": {"drag": {"value": float("nan")}}}, 'field "conditions.drag.value" is nan, expected a finite'),
+    ],
+)
+def test_a_damaged_file_is_refused_by_the_name_of_the_field(tmp_path: Path, change: Any, message: str) -> None:
+    path = write_raw(tmp_path / "results.json", {**MINIMAL, **change})
+    with pytest.raises(InputError, match=message) as caught:
+        read_results(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_another_schema_is_refused(tmp_path: Path) -> None:
+    path = write_raw(tmp_path / "results.json", {**MINIMAL, "schema": "archerfish.results/9"})
+    with pytest.raises(InputError, match=r"expected 'archerfish.results/1'"):
+        read_results(path)
+
+
+@pytest.mark.parametrize("value", [float("nan"), np.int64(3), "many"])
+def test_what_a_reader_would_refuse_is_not_written(tmp_path: Path, value: Any) -> None:
+    results = Results(seed=1, commit="", versions={}, durations={"training": value})
+    with pytest.raises(InputError, match=r"results\.json: not written, .*durations\.training"):
+        write_results(tmp_path / "results.json", results)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_difference_outside_its_interval_is_refused() -> None:
+    label = {name: CELL[name] for name in ("table", "setting", "target", "command_limit", "controller")}
+    with pytest.raises(InputError, match=r"must hold the difference 0\.2"):
+        Comparison(**label, range_m=(1.0, 2.0), against="kalman", difference=0.2, low=0.3, high=0.4)
+
+
+def test_curves_of_unequal_length_are_refused() -> None:
+    with pytest.raises(InputError, match="one length, got 2, 1 and 2"):
+        StepResponse((0.0, 0.1), (0.0,), (0.0, 1.0), 99.0)
+    with pytest.raises(InputError, match="seed 4 must have one entry per step, got 1 for 2"):
+        LearningCurves((1, 2), (TrainingRun(4, (-1.0,)),))
+
+
+def test_new_results_carry_their_origin(synthetic_results: Results) -> None:
+    found = new_results(seed=3, conditions=assumed_conditions(), cells=list(synthetic_results.cells), quick=True)
+    assert found.commit
+    assert {"python", "archerfish", "numpy"} <= found.versions.keys()
+    assert found.calibration == calibration()
+    assert found.quick
+    assert all(isinstance(cell, Cell) for cell in found.cells)
+    assert results_json(found)["conditions"]["hit_radius"] == assumed_conditions().hit_radius
+
+
+def test_other_conditions_don_t_borrow_the_calibration() -> None:
+    other = dataclasses.replace(assumed_conditions(), muzzle_speed=25.0)
+    assert new_results(seed=3, conditions=other).calibration is None
