@@ -1,0 +1,151 @@
+"""The training and shooting parts of `reproduce`: Figs 5 and 6, Tables II and III."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from archerfish.cli.evaluation_run import EvaluationTask, make_ground, run_evaluation
+from archerfish.cli.setting import Setting
+from archerfish.cli.training_run import TrainingResult, TrainingTask, run_task, write_run
+from archerfish.cli.workers import run_tasks
+from archerfish.evaluation.evaluate import Outcome, cells, comparisons
+from archerfish.evaluation.results import Cell, Comparison, LearningCurves, TrainingRun
+from archerfish.learning.config import PpoConfig
+from archerfish.records.policy import PolicyRecord
+from archerfish.sensing.observation import DEFAULT_FRAMES
+
+HEADLINE_STEPS = 1.5
+"""The `gate` policy, which the report leads with and whose task is the hardest, trains this much longer than the rest."""
+CURVE_STEPS = 0.5
+"""The trainings of Figs 5 and 6 have converged after this share."""
+
+CONTROLLERS = {
+    "gate": (("oracle", "kalman", "perfect"), ("kalman-lq", "no-lead"), ("parabola-lq", "vertex")),
+    "box": (("oracle", "kalman", "perfect"), ("kalman-lq", "no-lead"), ("parabola-lq", "vertex")),
+    "los-2deg": (("oracle", "kalman", "perfect"), ("kalman-lq",)),
+}
+"""Classical controllers under each command limit, in groups of about equal work."""
+AGAINST = ("kalman", "kalman-lq", "parabola-lq", "oracle")
+"""Whom the policies are compared with, paired."""
+
+
+@dataclass(frozen=True)
+class TrainedPolicies:
+    """What the training part leaves."""
+
+    policies: dict[str, tuple[PolicyRecord, ...]]
+    """Command limit → policies that were trained under it for both kinds of target."""
+    static_curves: LearningCurves
+    """Fig. 5."""
+    dynamic_curves: LearningCurves
+    """Fig. 6."""
+
+
+def train_all(
+    setting: Setting, ppo: PpoConfig, seed: int, curve_seeds: int, folder: Path, workers: int
+) -> TrainedPolicies:
+    """Train the policies of the tables and the curves of the figures.
+
+    Args:
+      setting: the robot.
+      ppo: settings of PPO.
+      seed: of the policies, and of the first curve.
+      curve_seeds: curves per figure.
+      folder: of the run; each training writes a folder below it.
+      workers: processes.
+    """
+    tasks = _training_tasks(setting, ppo, seed, curve_seeds)
+    jobs = [(run_task, task, float(task.ppo.steps)) for task in tasks.values()]
+    done = dict(zip(tasks, run_tasks("training", "decisions", jobs, workers), strict=True))
+    for name, result in done.items():
+        write_run(folder / "policies" / name, result, _configuration(tasks[name]))
+    return TrainedPolicies(
+        policies={
+            "gate": (done["gate-history"].policy,),
+            "box": (done["box-history"].policy, done["box-paper"].policy),
+            "los-2deg": (done["los-2deg-history"].policy,),
+        },
+        static_curves=_curves(done, "static"),
+        dynamic_curves=_curves(done, "dynamic"),
+    )
+
+
+def _training_tasks(setting: Setting, ppo: PpoConfig, seed: int, curve_seeds: int) -> dict[str, TrainingTask]:
+    both = TrainingTask(setting, 0.5, "history", DEFAULT_FRAMES, "gate", ppo, seed)
+    longer = replace(ppo, steps=round(HEADLINE_STEPS * ppo.steps))
+    shorter = replace(ppo, steps=max(1, round(CURVE_STEPS * ppo.steps)))
+    tasks = {
+        "gate-history": replace(both, ppo=longer),
+        "box-history": replace(both, command_limit="box"),
+        "box-paper": replace(both, command_limit="box", observation="paper"),
+        "los-2deg-history": replace(both, command_limit="los-2deg"),
+    }
+    for target, share in (("static", 1.0), ("dynamic", 0.0)):
+        for curve in range(seed, seed + curve_seeds):
+            tasks[f"box-{target}-{curve}"] = replace(
+                both, static_share=share, command_limit="box", ppo=shorter, seed=curve
+            )
+    return tasks
+
+
+def _configuration(task: TrainingTask) -> dict[str, Any]:
+    names = ("static_share", "observation", "frames", "command_limit", "seed")
+    return {
+        "setting": task.setting.name,
+        **{name: getattr(task, name) for name in names},
+        "ppo": asdict(task.ppo),
+        "conditions": asdict(task.setting.conditions),
+    }
+
+
+def _curves(done: dict[str, TrainingResult], target: str) -> LearningCurves:
+    results = [result for name, result in done.items() if name.startswith(f"box-{target}-")]
+    return LearningCurves(
+        steps=tuple(int(step) for step in results[0].curve.steps),
+        runs=tuple(
+            TrainingRun(int(result.policy.training["seed"]), tuple(np.round(result.mean_return, 4).tolist()))
+            for result in results
+        ),
+    )
+
+
+def evaluate_all(
+    setting: Setting, policies: dict[str, tuple[PolicyRecord, ...]], engagements: int, seed: int, workers: int
+) -> tuple[list[Cell], list[Comparison]]:
+    """Shoot Tables II and III under every command limit.
+
+    Args:
+      setting: the robot.
+      policies: command limit → policies.
+      engagements: per cell.
+      seed: of engagements and dispersion.
+      workers: processes.
+    """
+    tasks = _evaluation_tasks(setting, policies, engagements, seed)
+    jobs = [(run_evaluation, task, float(len(task.controllers) + len(task.policies))) for task in tasks]
+    outcomes: dict[str, list[Outcome]] = {limit: [] for limit in CONTROLLERS}
+    for task, found in zip(tasks, run_tasks("evaluating", "controllers", jobs, workers), strict=True):
+        outcomes[task.command_limit] += found
+    all_cells, all_comparisons = [], []
+    for limit, found in outcomes.items():
+        ground = make_ground(EvaluationTask(setting, limit, 2, seed))
+        all_cells += cells(ground, found)
+        all_comparisons += [each for name in AGAINST for each in comparisons(ground, found, name)]
+    return all_cells, all_comparisons
+
+
+def _evaluation_tasks(
+    setting: Setting, policies: dict[str, tuple[PolicyRecord, ...]], engagements: int, seed: int
+) -> Sequence[EvaluationTask]:
+    classical = [
+        EvaluationTask(setting, limit, engagements, seed, controllers=group)
+        for limit, groups in CONTROLLERS.items()
+        for group in groups
+    ]
+    trained = [
+        EvaluationTask(setting, limit, engagements, seed, policies=records) for limit, records in policies.items()
+    ]
+    return classical + trained

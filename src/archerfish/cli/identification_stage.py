@@ -1,0 +1,143 @@
+"""The identification part of `reproduce`: logs of the printed plants, plants from the logs (Fig. 4), and Table I."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from archerfish.evaluation.results import LackOfFit, StepResponse, Table1, Table1Row
+from archerfish.identification.excitation import linear_sweep, step
+from archerfish.identification.gimbal import AxisIdentification, identify_axis
+from archerfish.identification.muzzle_likelihood import identify_muzzle
+from archerfish.identification.state_space import simulate
+from archerfish.identification.validation import fit_percent, free_run
+from archerfish.paper.conditions import assumed_conditions
+from archerfish.paper.tables import landing_table
+from archerfish.records.plant import PlantRecord, dc_gain, write_plant
+from archerfish.records.provenance import provenance
+from archerfish.records.recording import Recording, make_recording, read_recording_csv, write_recording_csv
+from archerfish.records.shots import Shots
+
+Floats = NDArray[np.float64]
+
+SWEEP_S = 10.0
+"""Length of the sweep [s]; the paper prints its band, 2–50 Hz, alone."""
+STEP_S = 1.5
+"""Length of the step logs [s]: several time constants of the slow yaw axis."""
+AMPLITUDE = np.deg2rad(5.0)
+"""Of sweep and step [rad]."""
+NOISE = 0.01
+"""Measurement noise over the standard deviation of the clean output."""
+
+
+def identify_printed(
+    plants: dict[str, PlantRecord], folder: Path, seed: int
+) -> tuple[dict[str, dict[str, Any]], dict[str, StepResponse]]:
+    """Log sweeps and steps of the printed plants, identify both axes from the logs alone, and draw Fig. 4.
+
+    Args:
+      plants: "pitch" and "yaw".
+      folder: for logs, plant records and pictures.
+      seed: of the measurement noise.
+
+    Returns:
+      Facts about each axis, and its step response beside the true one.
+    """
+    facts, responses = {}, {}
+    for index, (axis, plant) in enumerate(plants.items()):
+        logs = _write_logs(plant, folder / "logs" / axis, np.random.default_rng([seed, index]))
+        training = [read_recording_csv(logs[name], "time_s", ("u",), ("y",)) for name in ("sweep", "step")]
+        result = identify_axis(training, axis=axis)
+        held_back = read_recording_csv(logs["validation"], "time_s", ("u",), ("y",))
+        responses[axis] = _step_response(plant, result)
+        facts[axis] = _facts(plant, result, held_back, logs["validation"], responses[axis])
+        record = replace(result.plant, provenance=provenance(seed, logs.values()))
+        write_plant(folder / "plants" / f"{axis}.json", record)
+    return facts, responses
+
+
+def _write_logs(plant: PlantRecord, folder: Path, generator: np.random.Generator) -> dict[str, Path]:
+    period = plant.sample_period_s
+    signals = {
+        "sweep": linear_sweep(SWEEP_S, period, amplitude=AMPLITUDE),
+        "step": step(STEP_S, period, amplitude=AMPLITUDE),
+        "validation": step(STEP_S, period, amplitude=-2.0 * AMPLITUDE),
+    }
+    paths = {}
+    for name, signal in signals.items():
+        clean = simulate(plant, signal[:, None])
+        noisy = clean + NOISE * clean.std() * generator.standard_normal(clean.shape)
+        paths[name] = folder / f"{name}.csv"
+        write_recording_csv(paths[name], make_recording(signal, noisy, period, input_names=("u",), output_names=("y",)))
+    return paths
+
+
+def _step_response(plant: PlantRecord, result: AxisIdentification) -> StepResponse:
+    """Fig. 4: a step of 10° of the identified plant beside the true one, both without noise."""
+    period = plant.sample_period_s
+    signal = step(0.5, period, start_s=0.0, amplitude=np.deg2rad(10.0))[:, None]
+    true, identified = simulate(plant, signal), simulate(result.plant, signal)
+    return StepResponse(
+        time_s=tuple(np.round(period * np.arange(len(signal)), 6).tolist()),
+        true_deg=tuple(np.rad2deg(true[:, 0]).tolist()),
+        identified_deg=tuple(np.rad2deg(identified[:, 0]).tolist()),
+        fit_percent=fit_percent(true, identified).item(),
+    )
+
+
+def _facts(
+    plant: PlantRecord, result: AxisIdentification, held_back: Recording, path: Path, response: StepResponse
+) -> dict[str, Any]:
+    return {
+        "order": len(result.plant.A),
+        "delay_samples": result.plant.delay_samples,
+        "dc_gain": dc_gain(result.plant).item(),
+        "true_dc_gain": dc_gain(plant).item(),
+        "step_fit_percent": response.fit_percent,
+        "noise_percent": 100 * NOISE,
+        "validation": [
+            {"file": path.name, "fit_percent": free_run(result.plant, held_back, result.offset).fit_percent.item()}
+        ],
+        "remarks": list(result.remarks),
+    }
+
+
+def landing_of_table1() -> Table1:
+    """Fit the muzzle to Table I by maximum likelihood, and lay its distances beside the paper's."""
+    table = landing_table()
+    shots = Shots(
+        pitch=np.deg2rad([row.pitch_deg for row in table.rows]),
+        yaw=-np.deg2rad([row.yaw_deg for row in table.rows]),  # the paper's yaw is positive to the right
+        distance=np.array([row.real_m for row in table.rows]),
+    )
+    result = identify_muzzle(shots, drag=assumed_conditions().drag)
+    rows = tuple(
+        Table1Row(
+            alpha_deg=row.pitch_deg,
+            beta_deg=row.yaw_deg,
+            d1_m=row.simulated_m,
+            d2_m=row.real_m,
+            model_m=float(model),
+            error_percent=100 * (float(model) / row.real_m - 1),
+        )
+        for row, model in zip(table.rows, result.distance, strict=True)
+    )
+    errors = [abs(row.error_percent) for row in rows]
+    muzzle = result.muzzle
+    return Table1(
+        rows=rows,
+        parameters={
+            "speed_m_s": muzzle.speed,
+            "height_m": muzzle.height,
+            "pitch_offset_deg": float(np.rad2deg(muzzle.pitch_offset)),
+            "pitch_sd_deg": float(np.rad2deg(muzzle.pitch_sd)),
+            "drag_per_m": muzzle.drag,
+        },
+        lack_of_fit=LackOfFit(
+            rms_percent=float(np.sqrt(np.mean(np.square(errors)))),
+            worst_percent=max(errors),
+            statement=result.lack_of_fit.statement,
+        ),
+    )

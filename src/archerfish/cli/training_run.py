@@ -1,0 +1,127 @@
+"""One training as a task: what it is given, what it leaves, how that reaches the disk."""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from archerfish.cli.setting import Setting
+from archerfish.controllers.policy import policy_to_record
+from archerfish.dynamics.array_namespace import single_precision
+from archerfish.dynamics.muzzle import muzzle_from_record
+from archerfish.figures.style import save_figure
+from archerfish.figures.training import learning_curves
+from archerfish.learning.checkpoint import write_checkpoint
+from archerfish.learning.config import PpoConfig
+from archerfish.learning.ppo import Learner, Metrics
+from archerfish.learning.training import Curve, train, trained_policy, weights_hash
+from archerfish.records import storage
+from archerfish.records.policy import PolicyRecord, write_policy
+from archerfish.records.provenance import provenance
+from archerfish.sensing.observation import ACTION_SCALES, make_observer
+from archerfish.simulation.environment import ShootingEnvironment
+from archerfish.simulation.setting import make_scenario, make_world, plant_count
+
+
+@dataclass(frozen=True)
+class TrainingTask:
+    """A training, as data: it can be handed to another process."""
+
+    setting: Setting
+    """The robot."""
+    static_share: float
+    """Share of the targets that stand still."""
+    observation: str
+    """"history" or "paper"."""
+    frames: int
+    """Frames that a history observation remembers."""
+    command_limit: str
+    """What the gimbal may be asked."""
+    ppo: PpoConfig
+    """Settings."""
+    seed: int
+    """Of everything random."""
+
+
+@dataclass(frozen=True)
+class TrainingResult:
+    """What a training leaves."""
+
+    policy: PolicyRecord
+    """The policy."""
+    learner: Learner
+    """Where training stands."""
+    curve: Curve
+    """How it went."""
+    mean_return: NDArray[np.float64]
+    """Mean return of an engagement in training [m], shape (K,)."""
+    seconds: float
+    """Wall time, compilation included."""
+    weights_sha256: str
+    """Hash of the final weights."""
+
+
+def run_task(task: TrainingTask, advance: Callable[[float, str], None] = lambda *_: None) -> TrainingResult:
+    """Train.
+
+    Args:
+      task: what.
+      advance: hears of the decisions trained for.
+    """
+    begun = time.monotonic()
+    setting, conditions = task.setting, task.setting.conditions
+    world = make_world(
+        setting.pitch, setting.yaw, setting.muzzle, setting.limits, task.command_limit, conditions
+    )
+    observer = make_observer(
+        task.observation, muzzle_from_record(setting.muzzle), task.frames, ACTION_SCALES[task.command_limit]
+    )
+    scenario = make_scenario(conditions, static_share=task.static_share, plants=plant_count(world))
+    length = np.asarray(conditions.decisions, np.int32)
+    environment = ShootingEnvironment(world, scenario, single_precision(observer), length)
+    trained = train(
+        environment, task.ppo, task.seed, lambda steps, metrics: advance(steps, _note(metrics, conditions.decisions))
+    )
+    mean_return = trained.curve.mean_reward.astype(float) * conditions.decisions
+    policy = policy_to_record(
+        trained_policy(environment.observer, trained.learner),
+        period_s=conditions.control_period_s,
+        command_limit=task.command_limit,
+        training={
+            **{name: getattr(task, name) for name in ("static_share", "seed")},
+            "setting": setting.name,
+            "ppo": asdict(task.ppo),
+            "mean_return": float(mean_return[-1]),
+        },
+        provenance=provenance(task.seed, setting.inputs),
+    )
+    digest = weights_hash(trained.learner)
+    return TrainingResult(policy, trained.learner, trained.curve, mean_return, time.monotonic() - begun, digest)
+
+
+def _note(metrics: Metrics, decisions: int) -> str:
+    return f"return {decisions * float(metrics.mean_reward[-1]):.2f} m"
+
+
+def write_run(folder: Path, result: TrainingResult, configuration: dict[str, Any]) -> None:
+    """Write a run folder: policy, checkpoint, log, learning curve and configuration.
+
+    Args:
+      folder: is made if missing.
+      result: of the training.
+      configuration: the resolved configuration.
+    """
+    rows = zip(result.curve.steps, *result.curve.metrics, strict=True)
+    names = ("steps", *Metrics._fields)
+    lines = [json.dumps({name: float(value) for name, value in zip(names, row, strict=True)}) for row in rows]
+    figure = learning_curves(result.curve.steps, {f"seed {result.policy.training['seed']}": result.mean_return})
+    storage.write_json(folder / "config.json", configuration)
+    storage.write_text(folder / "log.jsonl", "\n".join(lines) + "\n")
+    save_figure(folder / "curve.svg", figure)
+    write_checkpoint(folder / "checkpoint.json", result.learner, {"configuration": configuration})
+    write_policy(folder / "policy.json", result.policy)

@@ -1,0 +1,136 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import tyro
+from rich.console import Console
+
+from archerfish.cli.identify import IdentifyGimbal, IdentifyMuzzle, run_gimbal, run_muzzle
+from archerfish.identification.state_space import simulate
+from archerfish.records.errors import InputError
+from archerfish.records.muzzle import read_muzzle
+from archerfish.records.plant import PlantRecord, read_plant
+from archerfish.records.recording import make_recording, write_recording_csv
+
+PLANT = PlantRecord(
+    np.array([[0.9, 0.2], [-0.2, 0.9]]), np.array([[0.1], [0.2]]), np.array([[1.0, 0.5]]), np.zeros((1, 1)), 1, 0.01
+)
+
+
+@pytest.fixture
+def logs(tmp_path):
+    rng = np.random.default_rng(0)
+    paths = []
+    for name in ("train.csv", "test.csv"):
+        inputs = rng.standard_normal((400, 1))
+        outputs = simulate(PLANT, inputs)
+        outputs += 0.02 * outputs.std() * rng.standard_normal(outputs.shape)
+        paths.append(tmp_path / name)
+        write_recording_csv(paths[-1], make_recording(inputs, outputs, 0.01))
+    return paths
+
+
+@pytest.fixture
+def console():
+    return Console(record=True, width=100)
+
+
+def parsed(kind, *words):
+    return tyro.cli(kind, args=[str(word) for word in words])
+
+
+def test_gimbal_writes_record_picture_and_summary(tmp_path, logs, console):
+    out, facts = tmp_path / "out", tmp_path / "facts.json"
+    words = [logs[0], "--time", "time_s", "--input", "u", "--output", "y", "--order", "2", "--validate", logs[1]]
+    command = parsed(
+        IdentifyGimbal, *words, "--axis", "pitch", "--out", out, "--json", facts, "--seed", "5", "--max-delay", "3"
+    )
+    summary = run_gimbal(command, console)
+    assert json.loads(facts.read_text()) == summary
+    assert [row["file"] for row in summary["validation"]] == [str(logs[1])]
+    assert summary["validation"][0]["fit_percent"] == pytest.approx(98, abs=0.5)
+    assert (summary["order"], summary["delay_samples"]) == (2, 1)
+    assert summary["poles"][0]["real"] == pytest.approx(0.9, abs=0.01)
+    assert {path.name for path in out.iterdir()} == {"pitch.json", "pitch.safetensors", "pitch.svg", "pitch.png"}
+    plant = read_plant(out / "pitch.json")
+    assert plant.axis == "pitch"
+    assert plant.provenance["seed"] == 5
+    assert set(plant.provenance["inputs"]) == {"train.csv", "test.csv"}
+    text = console.export_text()
+    assert "fit, validation" in text
+    assert "test.csv" in text
+
+
+def test_without_a_validation_log_it_says_what_to_do(tmp_path, logs, console):
+    summary = run_gimbal(IdentifyGimbal((logs[0],), order=2, max_delay=2, out=tmp_path / "out"), console)
+    assert summary["validation"] == []
+    assert "--validate LOG" in console.export_text().replace("\n", " ")
+
+
+def test_inputs_can_be_listed_or_repeated():
+    listed = parsed(IdentifyGimbal, "a.csv", "--input", "u1", "u2")
+    repeated = parsed(IdentifyGimbal, "a.csv", "--input", "u1", "--input", "u2")
+    assert [name for group in listed.input for name in group] == ["u1", "u2"]
+    assert [name for group in repeated.input for name in group] == ["u1", "u2"]
+
+
+def test_gimbal_faults_leave_nothing_behind(tmp_path, logs, console):
+    good = IdentifyGimbal((logs[0],), out=tmp_path / "out", json=tmp_path / "facts.json")
+    nan = tmp_path / "nan.csv"
+    nan.write_text(logs[0].read_text().replace("\n0.1,", "\n0.1,nan,", 1))
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join(logs[0].read_text().splitlines()[:30]))
+    faults = [
+        (replace(good, logs=()), "no log given"),
+        (replace(good, logs=(tmp_path / "none.csv",)), "no such file"),
+        (replace(good, output="angle"), 'no column "angle"'),
+        (replace(good, logs=(nan,)), "nan"),
+        (replace(good, logs=(short,)), "too few for order 4"),
+        (replace(good, validate=((tmp_path / "none.csv",),)), "no such file"),
+        (replace(good, out=logs[0] / "out"), "can't be written"),
+    ]
+    for command, message in faults:
+        with pytest.raises(InputError, match=message):
+            run_gimbal(command, console)
+    assert not (tmp_path / "out").exists()
+    assert not (tmp_path / "facts.json").exists()
+
+
+@pytest.fixture
+def shots(tmp_path):
+    rng = np.random.default_rng(0)
+    path = tmp_path / "shots.csv"
+    rows = [
+        f"{pitch},{level + 0.05 * rng.standard_normal():.4f},{18 + 0.2 * rng.standard_normal():.3f}"
+        for pitch, level in ((0, 4.8), (2, 6.2))
+        for _ in range(10)
+    ]
+    path.write_text("pitch_deg,distance_m,speed_m_s\n" + "\n".join(rows) + "\n")
+    return path
+
+
+def test_muzzle_writes_record_picture_and_summary(tmp_path, shots, console):
+    out, facts = tmp_path / "out", tmp_path / "facts.json"
+    command = parsed(IdentifyMuzzle, shots, "--height-m", "0.4", "--out", out, "--json", facts)
+    summary = run_muzzle(command, console)
+    assert json.loads(facts.read_text()) == summary
+    assert {path.name for path in out.iterdir()} == {"muzzle.json", "muzzle.svg", "muzzle.png"}
+    muzzle = read_muzzle(out / "muzzle.json")
+    assert muzzle.speed == pytest.approx(18.0, abs=0.2)
+    assert muzzle.height == 0.4
+    assert set(muzzle.provenance["inputs"]) == {"shots.csv"}
+    assert len(summary["shots"]) == 20
+    assert "95 % interval" in console.export_text()
+
+
+def test_muzzle_faults_are_told(tmp_path, shots, console):
+    good = IdentifyMuzzle((shots,), out=tmp_path / "out")
+    for command, message in [
+        (replace(good, shots=()), "no file of shots given"),
+        (replace(good, distance="d"), 'no column "d"'),
+        (replace(good, estimate_drag=True), "can't separate"),
+    ]:
+        with pytest.raises(InputError, match=message):
+            run_muzzle(command, console)
+    assert not (tmp_path / "out").exists()
