@@ -1,6 +1,12 @@
+import functools
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+
+from archerfish.dynamics.array_namespace import single_precision
 
 try:
     import jax
@@ -19,3 +25,33 @@ def shared_data() -> Path:
     if not SHARED_DATA.is_dir():
         pytest.skip("needs the recorded logs in ../shared/data, beside the repository")
     return SHARED_DATA.resolve()
+
+
+@pytest.fixture(scope="session")
+def quick_jit() -> Callable[..., Any]:
+    """Compile as jax.jit does, but with few optimisations: compiling costs a test far more than running."""
+    jax = pytest.importorskip("jax")
+    options = {
+        "xla_backend_optimization_level": 0,
+        "xla_llvm_disable_expensive_passes": True,
+        "xla_cpu_use_fusion_emitters": False,
+    }
+    return functools.partial(jax.jit, compiler_options=options)
+
+
+@pytest.fixture(scope="session")
+def agree_in_jax(quick_jit: Callable[..., Any]) -> Callable[..., Any]:
+    """Check that a function gives in JAX, compiled and in float32, what it gives in NumPy; return NumPy's result."""
+
+    def check(function: Callable[..., Any], *arguments: Any, rtol: float = 1e-5, atol: float = 1e-6) -> Any:
+        arguments = single_precision(arguments)
+        expected = function(*arguments)
+        found = quick_jit(function)(*arguments)
+        for ours, theirs in zip(jax.tree.leaves(expected), jax.tree.leaves(found), strict=True):
+            assert ours.shape == theirs.shape
+            assert ours.dtype.kind == theirs.dtype.kind
+            assert ours.dtype != np.float64
+            np.testing.assert_allclose(theirs, ours, rtol=rtol, atol=atol)
+        return expected
+
+    return check

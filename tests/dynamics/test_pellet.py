@@ -151,8 +151,8 @@ def test_flat_fire_stays_near_3d_drag(distance, off_axis_deg) -> None:
     velocity, plane_x = departure(18.0, math.radians(2.0), yaw), np.asarray(distance * math.cos(yaw))
     found = pellet.flat_fire_crossing(np.zeros(3), velocity, plane_x, DRAG)
     exact = pellet.quadratic_crossing(np.zeros(3), velocity, plane_x, DRAG)
-    # The neglected change of speed by gravity grows with the cube of the flight: 0.02 mm at 5 m, 0.3 mm at 8 m.
-    bound = 1e-3 * (distance / 8.0) ** 3
+    # What gravity does to the speed grows at least with the cube of the way: here it costs 0.15 mm at 8 m.
+    bound = 2e-4 * (distance / 8.0) ** 3
     assert abs(found.height - exact.height) < bound
     assert abs(found.lateral - exact.lateral) < bound
     assert found.time == pytest.approx(exact.time, rel=2e-3)

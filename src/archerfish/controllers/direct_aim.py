@@ -20,9 +20,9 @@ class DirectAim(NamedTuple):
     limits: CommandLimits
     """What may be asked; the way to the aim keeps them, so that it can stop there."""
     lead: Array
-    """Time from a decision until the pellet leaves the muzzle [s]."""
+    """Time from a decision until the pellet leaves the muzzle [s], shape ()."""
     period: Array
-    """Decision period [s]."""
+    """Decision period [s], shape ()."""
 
     def reset(self, seen: Seen, truth: Truth | None = None) -> Any:  # noqa: ARG002
         """Begin tracking."""

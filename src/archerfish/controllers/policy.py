@@ -7,9 +7,18 @@ import numpy as np
 from archerfish.controllers.network import Layer, Normaliser, forward, normalise
 from archerfish.dynamics.array_namespace import Array
 from archerfish.dynamics.muzzle import Muzzle
+from archerfish.records.errors import InputError
 from archerfish.records.policy import PolicyRecord
 from archerfish.sensing.interfaces import Command, Seen, Truth, fire_always
-from archerfish.sensing.observation import Observer, begin_memory, decode_action, make_observer, observe, remember
+from archerfish.sensing.observation import (
+    Observer,
+    begin_memory,
+    decode_action,
+    make_observer,
+    observation_size,
+    observe,
+    remember,
+)
 
 _MUZZLE_FACTS = ("speed", "drag", "length")
 
@@ -29,19 +38,29 @@ class PolicyController(NamedTuple):
         return begin_memory(self.observer, seen)
 
     def step(self, state: Array, seen: Seen) -> tuple[Array, Command]:
-        """Decide."""
+        """Decide from the memory, shape B + (h, 7)."""
         memory = remember(self.observer, state, seen)
         action = forward(self.actor, normalise(self.normaliser, observe(self.observer, memory)))
         return memory, fire_always(decode_action(self.observer, memory, action))
 
 
 def policy_from_record(record: PolicyRecord) -> PolicyController:
-    """Build the controller of a policy record, in NumPy."""
+    """Build the controller of a policy record, in NumPy.
+
+    Raises:
+      InputError: if the kind of observation is unknown or has not the size that the network takes.
+    """
     offset = np.array([record.muzzle["pitch_offset"], record.muzzle["yaw_offset"]], np.float32)
     facts = {name: np.float32(record.muzzle[name]) for name in _MUZZLE_FACTS}
     muzzle = Muzzle(**{name: np.asarray(value) for name, value in facts.items()}, offset=offset, **_NO_SPREAD)
+    observer = make_observer(record.observation, muzzle, record.frames)._replace(action_scale=record.action_scale)
+    if observation_size(observer) != record.mean.size:
+        raise InputError(
+            f"a policy of {record.frames} frames must take {observation_size(observer)} numbers, "
+            f"got a network for {record.mean.size}; train it anew"
+        )
     return PolicyController(
-        observer=make_observer(record.observation, muzzle, record.frames)._replace(action_scale=record.action_scale),
+        observer=observer,
         normaliser=Normaliser(record.mean, record.variance, np.asarray(0.0, np.float32)),
         actor=tuple(Layer(*layer) for layer in zip(record.weights, record.biases, strict=True)),
     )

@@ -33,7 +33,7 @@ class Hold(NamedTuple):
         return seen.plate[..., 0, :]
 
     def step(self, state: Array, seen: Seen) -> Array:  # noqa: ARG002
-        """Take in what is seen now."""
+        """Take in what is seen now: the position, shape B + (3,)."""
         return seen.plate[..., 0, :]
 
     def position_after(self, state: Array, time: Array) -> Array:
@@ -106,17 +106,19 @@ class ParabolaAware(NamedTuple):
         x, y = (plate[..., index] - state.first[..., index] for index in (0, 1))
         products = state.products + (x - self.curvature * y**2) * y
         state = state._replace(products=products, squares=state.squares + y**2)
+        before = state.plate[..., 1] - self._vertex_lateral(state)
         moved = plate[..., 1] - state.plate[..., 1]
-        offset = plate[..., 1] - self._vertex_lateral(state)
-        way = xp.abs(moved)
-        elapsed = xp.maximum(seen.elapsed, 1e-6)
-        # A frame in which the target turned back shows less than its speed, and the wrong way.
-        turned = (way < 0.9 * state.speed * elapsed) & (xp.abs(offset) > 0.5 * self.half_width)
-        heading = xp.where(turned, -xp.sign(offset), xp.where(way > 0.0, xp.sign(moved), state.heading))
-        counts = xp.where((xp.abs(offset) < self.half_width - 1.5 * way) | (state.frames == 0.0), 1.0, 0.0)
-        counts = xp.where(seen.elapsed > 0.0, counts, 0.0)
-        frames = state.frames + counts
-        speed = state.speed + counts * (way / elapsed - state.speed) / xp.maximum(frames, 1.0)
+        way, expected = xp.abs(moved), state.speed * seen.elapsed
+        # By way of the nearer end; the target turned there if that is nearer to what its speed lets expect.
+        end = xp.sign(2.0 * before + moved)
+        way_by_end = 2.0 * self.half_width - xp.abs(2.0 * before + moved)
+        turned = (xp.abs(way_by_end - expected) < xp.abs(way - expected)) & (state.frames > 0.0)
+        heading = xp.where(turned, -end, xp.where(way > 0.0, xp.sign(moved), state.heading))
+        counts = (seen.elapsed > 0.0) & ~turned
+        # A turn within the first frame can't be told; it then shows less than the second, which counts alone.
+        frames = xp.where((state.frames == 1.0) & (way > expected), 0.0, state.frames) + counts
+        rate = way / xp.maximum(seen.elapsed, 1e-6)
+        speed = xp.where(counts, state.speed + (rate - state.speed) / xp.maximum(frames, 1.0), state.speed)
         return state._replace(plate=plate, speed=speed, frames=frames, heading=heading)
 
     def position_after(self, state: ParabolaTrack, time: Array) -> Array:

@@ -96,7 +96,8 @@ def track_path(
     command_rate: Array,
     path: Array,
     sight: Array,
-    iterations: int = 25,
+    iterations: int = 40,
+    relaxation: float = 1.0,
 ) -> Array:
     """Solve for the commands of the horizon.
 
@@ -108,6 +109,7 @@ def track_path(
       path: wanted angles at the ends of the periods [rad], shape B + (N, 2).
       sight: predicted line of sight at the decisions [rad], shape B + (N, 2).
       iterations: of ADMM.
+      relaxation: over-relaxation of ADMM, 1 (none) to below 2; it pays where there are hundreds of iterations.
 
     Returns:
       Commands [rad], shape B + (N, 2).
@@ -122,6 +124,7 @@ def track_path(
             path[..., axis],
             sight[..., axis],
             iterations,
+            relaxation,
         )
         for axis in range(2)
     ]
@@ -137,6 +140,7 @@ def _track_axis(
     path: Array,
     sight: Array,
     iterations: int,
+    relaxation: float,
 ) -> Array:
     error = path - state @ preview.free[axis].T
     right = error @ preview.response[axis]
@@ -149,9 +153,9 @@ def _track_axis(
     kept = xp.clip(rows, low, high)
 
     def improve(variables: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        _, kept, dual = variables
-        commands = (right + rows_to_commands(lift(penalty, kept) * (kept - dual))) @ preview.inverse[axis]
-        rows = command_rows(commands) + dual
+        _, before, dual = variables
+        commands = (right + rows_to_commands(lift(penalty, before) * (before - dual))) @ preview.inverse[axis]
+        rows = relaxation * command_rows(commands) + (1.0 - relaxation) * before + dual
         kept = xp.clip(rows, low, high)
         return commands, kept, rows - kept
 

@@ -20,8 +20,8 @@ from archerfish.sensing.interfaces import Seen
 KINDS = ("history", "paper")
 DEFAULT_FRAMES = 4
 ACTION_SCALES = {"box": (0.1, 0.3), "gate": (0.03, 0.1), "los-2deg": (0.03, 0.1)}
-"""Command limit → offset of the command from the aim per unit of action, pitch and yaw [rad]: wide where the command may
-overdrive the gimbal, narrow where it can't, so that the noise of exploration does not drown the last milliradians."""
+"""Command limit → offset of the command from the aim per unit of action, pitch and yaw [rad]: wide where the command
+may overdrive the gimbal, narrow where it can't, so that exploring does not drown the last milliradians."""
 _FRAME = 7
 """Numbers per remembered frame: angle 2, aim 2, range, command 2."""
 _FINE = 100.0
@@ -81,7 +81,7 @@ def begin_memory(observer: Observer, seen: Seen) -> Array:
 
 
 def remember(observer: Observer, memory: Array, seen: Seen) -> Array:
-    """Push the newest frame; the last one is the newest."""
+    """Push the newest frame into the memory, shape B + (h, 7); the last one is the newest."""
     xp = namespace(memory, seen.angle)
     return xp.concat([memory[..., 1:, :], _frame(observer, seen)[..., None, :]], axis=-2)
 

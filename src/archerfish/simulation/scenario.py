@@ -46,12 +46,12 @@ def draw_engagement(scenario: Scenario, uniforms: Array) -> Engagement:
     place, side, speed, phase, still, plant = (uniforms[..., index] for index in range(UNIFORMS))
     distance = scenario.range_low + (scenario.range_high - scenario.range_low) * place
     lateral = scenario.lateral * (2.0 * side - 1.0)
-    moving = xp.where(still < scenario.static_share, 0.0, 1.0)
+    moving = still >= scenario.static_share
     motion = Parabola(
         vertex=xp.stack([distance, lateral, scenario.height + 0.0 * place], axis=-1),
-        speed=moving * scenario.max_speed * speed,
+        speed=xp.where(moving, scenario.max_speed * speed, 0.0 * speed),
         # A target that stands still stands at the vertex: a quarter of the cycle from the turn.
-        phase=xp.where(moving > 0.0, phase, 0.25),
+        phase=xp.where(moving, phase, 0.25),
         half_width=scenario.half_width + 0.0 * place,
         curvature=scenario.curvature + 0.0 * place,
     )

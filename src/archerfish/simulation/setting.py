@@ -1,6 +1,7 @@
 """Worlds and scenarios from records: who shoots at what, where, with which gimbal."""
 
 from dataclasses import replace
+
 import numpy as np
 
 from archerfish.dynamics.array_namespace import single_precision

@@ -80,7 +80,7 @@ class ShootingWorld(NamedTuple):
     def step(
         self, state: tuple[ShootingState, Array, Array], command: Command
     ) -> tuple[tuple[ShootingState, Array, Array], Seen, Shot]:
-        """Hold a command for one period, then fire."""
+        """Hold a command for one period, then fire, in engagements of any shape B."""
         shooting, draws, index = state
         shooting, shot = shoot(self, shooting, command, draws[..., index, :])
         return (shooting, draws, index + 1), see(self, shooting), shot

@@ -1,0 +1,130 @@
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from archerfish.controllers.kalman_filter import (
+    INITIAL_SPEED,
+    TrackerNoise,
+    begin_track,
+    measurement_covariance,
+    position_after,
+    predict,
+    update,
+)
+
+NOISE = TrackerNoise(np.asarray(1.5), np.asarray(0.03), np.asarray(0.004))
+DT = 0.02
+FRESH = np.asarray(True)
+
+
+def measurements(count: int) -> np.ndarray:
+    rng = np.random.default_rng(31)
+    time = DT * np.arange(count)[:, None]
+    path = np.array([3.0, -1.0, 0.2]) + time * [0.4, 1.2, 0.0] + 0.2 * np.sin(3.0 * time) * [0.0, 1.0, 0.0]
+    return path + rng.normal(0.0, 0.01, path.shape)
+
+
+def rotated(plate: np.ndarray) -> np.ndarray:
+    """Measurement covariance by turning a diagonal one into the line of sight."""
+    bearing = math.atan2(plate[1], plate[0])
+    turn = np.array([[math.cos(bearing), -math.sin(bearing)], [math.sin(bearing), math.cos(bearing)]])
+    return turn @ np.diag([float(NOISE.along) ** 2, float(NOISE.across) ** 2]) @ turn.T
+
+
+def textbook(plates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The filter as in any textbook, with whole matrices."""
+    F, G = np.eye(4), np.zeros((4, 2))
+    F[0, 2] = F[1, 3] = DT
+    G[:2], G[2:] = 0.5 * DT**2 * np.eye(2), DT * np.eye(2)
+    Q, H = float(NOISE.acceleration) ** 2 * G @ G.T, np.eye(2, 4)
+    x, P = np.concatenate([plates[0, :2], np.zeros(2)]), INITIAL_SPEED**2 * np.eye(4)
+    P[:2, :2] = rotated(plates[0])
+    for plate in plates[1:]:
+        x, P = F @ x, F @ P @ F.T + Q
+        K = P @ H.T @ np.linalg.inv(H @ P @ H.T + rotated(plate))
+        x, P = x + K @ (plate[:2] - H @ x), (np.eye(4) - K @ H) @ P
+    return x, P
+
+
+def track_of(plates: np.ndarray, noise: TrackerNoise = NOISE):
+    track = begin_track(noise, plates[0])
+    for plate in plates[1:]:
+        track = update(noise, predict(noise, track, np.asarray(DT, plate.dtype)), plate, FRESH)
+    return track
+
+
+@pytest.mark.parametrize("count", [1, 2, 40])
+def test_the_filter_is_the_textbooks(count) -> None:
+    mean, covariance = textbook(measurements(count))
+    track = track_of(measurements(count))
+    assert_allclose(track.mean, mean, rtol=1e-9, atol=1e-12)
+    assert_allclose(track.covariance, covariance, rtol=1e-8, atol=1e-14)
+
+
+def test_without_acceleration_the_filter_is_batch_least_squares() -> None:
+    plates = measurements(30)
+    noise = NOISE._replace(acceleration=np.asarray(0.0))
+    # Unknown: position and velocity at the last moment; the filter's prior holds at the first.
+    information, right = np.zeros((4, 4)), np.zeros(4)
+    for index, plate in enumerate(plates):
+        row = np.hstack([np.eye(2), DT * (index - 29) * np.eye(2)])
+        weight = np.linalg.inv(rotated(plate))
+        information, right = information + row.T @ weight @ row, right + row.T @ weight @ plate[:2]
+    information[2:, 2:] += np.eye(2) / INITIAL_SPEED**2
+    track = track_of(plates, noise)
+    assert_allclose(track.mean, np.linalg.solve(information, right), rtol=1e-8)
+    assert_allclose(track.covariance, np.linalg.inv(information), rtol=1e-6, atol=1e-14)
+
+
+@pytest.mark.parametrize("plate", [(3.0, 0.0, 0.5), (0.0, 2.0, 0.0), (2.0, -2.0, 1.0)])
+def test_measurement_noise_lies_along_and_across_the_line_of_sight(plate) -> None:
+    plate = np.array(plate)
+    found = measurement_covariance(NOISE, plate)
+    along = plate[:2] / np.linalg.norm(plate[:2])
+    across = np.array([-along[1], along[0]])
+    assert_allclose(found, rotated(plate), atol=1e-18)
+    assert along @ found @ along == pytest.approx(0.03**2)
+    assert across @ found @ across == pytest.approx(0.004**2)
+
+
+def test_the_covariance_stays_symmetric_and_positive_in_float32() -> None:
+    noise = TrackerNoise(*(each.astype(np.float32) for each in NOISE))
+    track = track_of(measurements(300).astype(np.float32), noise)
+    assert track.covariance.dtype == np.float32
+    assert_allclose(track.covariance, track.covariance.T, rtol=0, atol=0)
+    assert np.all(np.linalg.eigvalsh(track.covariance.astype(np.float64)) > 0.0)
+
+
+def test_a_measurement_that_is_not_new_changes_nothing() -> None:
+    track = track_of(measurements(5))
+    kept = update(NOISE, track, np.array([9.0, 9.0, 9.0]), np.asarray(False))
+    for found, expected in zip(kept, track, strict=True):
+        assert np.array_equal(found, expected)
+
+
+def test_a_steady_target_is_predicted_where_it_will_be() -> None:
+    time = DT * np.arange(60)[:, None]
+    track = track_of(np.array([3.0, -1.0, 0.2]) + time * [0.2, 0.5, 0.0])
+    assert_allclose(position_after(track, np.asarray(0.3)), [3.0 + 0.2 * 1.48, -1.0 + 0.5 * 1.48, 0.2], atol=2e-3)
+
+
+def test_a_longer_silence_leaves_more_doubt() -> None:
+    track = track_of(measurements(20))
+    short, long = (predict(NOISE, track, np.asarray(time)).covariance for time in (DT, 5 * DT))
+    assert np.all(np.linalg.eigvalsh(long - short) > -1e-15)
+
+
+@pytest.mark.parametrize("shape", [(), (3,), (2, 3)])
+def test_numpy_and_jax_agree(shape, agree_in_jax) -> None:
+    rng = np.random.default_rng(32)
+    first, second = rng.uniform(1.0, 4.0, (2, *shape, 3))
+
+    def everything(noise, first, second, elapsed, fresh):
+        track = update(noise, predict(noise, begin_track(noise, first), elapsed), second, fresh)
+        return track, position_after(track, elapsed)
+
+    fresh = rng.random(shape) < 0.7
+    _, later = agree_in_jax(everything, NOISE, first, second, np.full(shape, DT), np.asarray(fresh), atol=1e-5)
+    assert later.shape == (*shape, 3)

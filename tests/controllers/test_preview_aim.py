@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from archerfish.controllers.predictors import Hold
+from archerfish.controllers.preview_aim import make_preview_aim, observer_gain
+from archerfish.controllers.roster import make_controller
+
+PERIOD = 0.02
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_observer_forgets_a_wrong_state(bench, axis) -> None:
+    model = bench("box").model
+    gain = observer_gain(model, axis)
+    loop = (np.eye(len(gain)) - np.outer(gain, model.angle[axis])) @ model.transition[axis]
+    assert np.max(np.abs(np.linalg.eigvals(loop))) < 1.0
+
+
+def test_the_observer_gain_is_stationary(bench) -> None:
+    # The Riccati recursion, iterated to its end.
+    model = bench("box").model
+    transition, row = model.transition[1], model.angle[1]
+    process = np.deg2rad(0.1) ** 2 * np.outer(model.input[1], model.input[1]) + 1e-12 * np.eye(len(row))
+    noise, covariance = np.deg2rad(0.01) ** 2, np.eye(len(row))
+    for _ in range(2000):
+        gain = covariance @ row / (row @ covariance @ row + noise)
+        covariance = transition @ (covariance - np.outer(gain, row @ covariance)) @ transition.T + process
+    assert_allclose(observer_gain(model, 1), gain, rtol=1e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize("limit", ["box", "gate"])
+def test_it_brings_the_gimbal_onto_a_static_target(bench, fight, limit) -> None:
+    duel = fight(make_controller("kalman-lq", bench(limit)), limit, static_share=1.0)
+    assert np.all(np.linalg.norm(duel.miss[30:], axis=-1) < 0.005)
+
+
+def test_it_slews_faster_than_commanding_the_aim(bench, fight) -> None:
+    misses = {
+        name: np.linalg.norm(fight(make_controller(name, bench("box")), "box").miss, axis=-1)
+        for name in ("kalman", "kalman-lq")
+    }
+    hits = {name: np.sum(miss <= 0.06) for name, miss in misses.items()}
+    assert hits["kalman-lq"] > hits["kalman"] + 6 * 3  # three shots an engagement
+
+
+def test_knowing_the_path_meets_a_moving_target_through_its_turns(bench, fight) -> None:
+    duel = fight(make_controller("parabola-lq", bench("box")), "box", static_share=0.0)
+    assert np.all(np.linalg.norm(duel.miss[25:], axis=-1) < 0.01)
+
+
+def test_waiting_at_the_vertex_points_at_the_vertex(bench, fight) -> None:
+    duel = fight(make_controller("vertex", bench("box")), "box", static_share=0.0)
+    vertex = duel.truth.motion.vertex
+    assert_allclose(duel.angle[-1, :, 1], np.arctan2(vertex[:, 1], vertex[:, 0]), atol=2e-3)
+
+
+def test_an_imperfect_plant_leaves_no_error_at_rest_that_feedback_could_mend(bench, fight) -> None:
+    # The observer believes feedback: a plant 5 % too weak still ends near the target.
+    work = bench("box")
+    weak = work.model._replace(input=0.95 * work.model.input, rest=0.95 * work.model.rest)
+    controller = make_preview_aim(Hold(), work.muzzle, weak, work.limits, PERIOD)
+    duel = fight(controller, "box", static_share=1.0)
+    assert np.all(np.linalg.norm(duel.miss[40:], axis=-1) < 0.06)
