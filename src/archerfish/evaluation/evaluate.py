@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.evaluation.hit_rate import hit_rate, paired_difference, split_misses
-from archerfish.evaluation.results import Cell, Comparison, Label
+from archerfish.evaluation.results import Acceleration, Cell, Comparison, Label
 from archerfish.evaluation.suites import Suite, Trials
 from archerfish.evaluation.trial import Shots, fight, largest_acceleration, perfect_shots
 from archerfish.paper.conditions import Conditions
@@ -38,8 +38,9 @@ class Outcome:
     """Seed of its training, if it was trained."""
     hit: NDArray[np.bool_]
     """Whether each shot hit, shape (suites, engagements, decisions)."""
-    yaw_acceleration: float
-    """Largest acceleration that the yaw axis was asked, command and motion, mean over a decision period [rad/s²]."""
+    yaw_acceleration: float | None
+    """Largest acceleration that the yaw axis was asked, command and motion, mean over a decision period [rad/s²]; None
+    where nothing moved the gimbal."""
 
 
 @dataclass(frozen=True)
@@ -78,14 +79,19 @@ def compete(
 
 def perfect_aim(ground: Ground) -> Outcome:
     """Score perfect aim, "perfect": what the dispersion alone leaves."""
-    return _outcome(ground, "perfect", None, perfect_shots(ground.world, ground.trials))
+    shots = perfect_shots(ground.world, ground.trials)
+    return Outcome("perfect", None, _hits(ground, shots), None)
 
 
 def _outcome(ground: Ground, name: str, policy_seed: int | None, shots: Shots) -> Outcome:
-    hit = shots.hits(ground.conditions.hit_radius)
     period = ground.world.period_s
     asked = max(largest_acceleration(angles, period, axis=1) for angles in (shots.command, shots.angle))
-    return Outcome(name, policy_seed, hit.reshape(len(ground.trials.suites), -1, hit.shape[-1]), asked)
+    return Outcome(name, policy_seed, _hits(ground, shots), asked)
+
+
+def _hits(ground: Ground, shots: Shots) -> NDArray[np.bool_]:
+    hit = shots.hits(ground.conditions.hit_radius)
+    return hit.reshape(len(ground.trials.suites), -1, hit.shape[-1])
 
 
 def cells(ground: Ground, outcomes: Iterable[Outcome]) -> list[Cell]:
@@ -119,6 +125,15 @@ def _label(ground: Ground, suite: Suite, outcome: Outcome) -> Label:
         controller=outcome.name,
         policy_seed=outcome.policy_seed,
     )
+
+
+def accelerations(ground: Ground, outcomes: Iterable[Outcome]) -> list[Acceleration]:
+    """Say what each entrant asked of the yaw axis at most."""
+    return [
+        Acceleration(ground.setting, ground.command_limit, each.name, each.policy_seed, each.yaw_acceleration)
+        for each in outcomes
+        if each.yaw_acceleration is not None
+    ]
 
 
 def comparisons(ground: Ground, outcomes: list[Outcome], against: str) -> list[Comparison]:

@@ -104,6 +104,22 @@ class Comparison(Label):
 
 
 @dataclass(frozen=True)
+class Acceleration:
+    """What a controller asked of the yaw axis at most."""
+
+    setting: str
+    """As in a cell."""
+    command_limit: str
+    """As in a cell."""
+    controller: str
+    """As in a cell."""
+    policy_seed: int | None
+    """As in a cell."""
+    yaw_rad_s2: float
+    """Largest acceleration of command and motion, mean over a decision period [rad/s²]."""
+
+
+@dataclass(frozen=True)
 class Table1Row:
     """One line of Table I with our fitted model beside it."""
 
@@ -230,6 +246,8 @@ class Results:
     """Every hit rate of Tables II–V."""
     comparisons: tuple[Comparison, ...] = ()
     """Paired differences of hit rates."""
+    accelerations: tuple[Acceleration, ...] = ()
+    """What the controllers asked of the yaw axis."""
 
 
 def new_results(

@@ -43,7 +43,9 @@ def read_checkpoint(path: Path, like: Learner) -> tuple[Learner, dict[str, Any]]
         if found is None or found.shape != array.shape or found.dtype != np.asarray(array).dtype:
             shape = None if found is None else found.shape
             raise file_error(
-                path, f'array "{name}" is {shape}, expected {array.shape}', "go on with the configuration it was made with"
+                path,
+                f'array "{name}" is {shape}, expected {array.shape}',
+                "go on with the configuration it was made with",
             )
     leaves = [jax.numpy.asarray(arrays[name]) for name, _ in _named(plain)]
     restored: Learner = jax.tree.unflatten(jax.tree.structure(plain), leaves)

@@ -1,8 +1,12 @@
 """Settings of a training; readable without JAX."""
 
+import math
 from dataclasses import dataclass
 
 from archerfish.records.errors import InputError
+
+MAX_BATCH = 2**20
+"""Decisions in a batch; its shuffling needs the rest of 32 bits for random ones."""
 
 
 @dataclass(frozen=True)
@@ -46,17 +50,23 @@ class PpoConfig:
         for name in ("steps", "environments", "rollout", "minibatches", "epochs", "hidden"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name} must be at least 1, got {getattr(self, name)}")
-        if (self.environments * self.rollout) % self.minibatches:
+        batch = self.environments * self.rollout
+        if batch > MAX_BATCH:
+            raise InputError(f"environments × rollout must be at most {MAX_BATCH}, got {batch}")
+        if batch % self.minibatches:
             raise InputError(
-                f"environments × rollout = {self.environments * self.rollout} must divide into minibatches = "
-                f"{self.minibatches} equal parts"
+                f"environments × rollout = {batch} must divide into minibatches = {self.minibatches} equal parts"
             )
         for name in ("actor_learning_rate", "critic_learning_rate", "clip", "gradient_norm"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"{name} must be > 0, got {getattr(self, name)}")
+            if not 0 < getattr(self, name) < math.inf:
+                raise InputError(f"{name} must be finite and > 0, got {getattr(self, name)}")
         for name in ("discount", "trace"):
             if not 0 <= getattr(self, name) <= 1:
                 raise InputError(f"{name} must be within 0…1, got {getattr(self, name)}")
+        if not 0 <= self.entropy < math.inf:
+            raise InputError(f"entropy must be ≥ 0, got {self.entropy}")
+        if not -math.inf < self.log_std_floor <= self.log_std < math.inf:
+            raise InputError(f"log_std must be at least log_std_floor = {self.log_std_floor}, got {self.log_std}")
 
     @property
     def iterations(self) -> int:

@@ -1,7 +1,6 @@
 """A whole training: iterations in compiled chunks, with a report to the caller between them."""
 
 import hashlib
-import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -11,7 +10,8 @@ from numpy.typing import NDArray
 
 from archerfish.controllers.policy import PolicyController
 from archerfish.learning.config import PpoConfig
-from archerfish.learning.ppo import Environment, Learner, Metrics, hyper, iterate, make_learner, sizes
+from archerfish.learning.ppo import Environment, Learner, Metrics, iterate, make_learner, sizes
+from archerfish.learning.update import hyper
 from archerfish.records.errors import InputError
 from archerfish.sensing.observation import Observer
 
@@ -60,30 +60,31 @@ def train(
     learner = make_learner(environment, config, jax.random.key(seed))
     settings, collected = hyper(config), []
     per_iteration = config.environments * config.rollout
-    for start in range(0, math.ceil(config.iterations / CHUNK) * CHUNK, CHUNK):
+    for start in range(0, config.iterations, CHUNK):
         learner, metrics = iterate(environment, settings, learner, sizes(config), CHUNK)
         collected.append(jax.tree.map(np.asarray, metrics))
-        if not np.all(np.isfinite(collected[-1].mean_reward)):
+        if not all(np.all(np.isfinite(each)) for each in collected[-1]):
             raise InputError(
-                f"training diverged after {start * per_iteration} decisions: the reward is not finite; "
-                "lower the learning rates"
+                f"training diverged after {start * per_iteration} decisions: the rewards or the networks are not "
+                "finite; lower the learning rates"
             )
         progress((start + CHUNK) * per_iteration, collected[-1])
-    metrics = Metrics(*(np.concatenate(each) for each in zip(*collected, strict=True)))
-    steps = per_iteration * np.arange(1, len(metrics.mean_reward) + 1)
-    return Trained(learner, Curve(steps, np.asarray(metrics.mean_reward), metrics))
+    joined: Metrics = jax.tree.map(lambda *parts: np.concatenate(parts), *collected)
+    steps = per_iteration * np.arange(1, len(joined.mean_reward) + 1)
+    return Trained(learner, Curve(steps, np.asarray(joined.mean_reward), joined))
 
 
 def trained_policy(observer: Observer, learner: Learner) -> PolicyController:
     """Return the policy of a learner as a controller: its mean action, in NumPy."""
-    policy = PolicyController(observer, learner.normaliser, learner.actor.layers)
-    return jax.tree.map(np.asarray, policy)
+    policy = PolicyController(observer, learner.normaliser, learner.networks.actor.layers)
+    in_numpy: PolicyController = jax.tree.map(np.asarray, policy)
+    return in_numpy
 
 
 def weights_hash(learner: Learner) -> str:
     """Return the SHA-256 of the actor's and critic's weights."""
     digest = hashlib.sha256()
-    leaves: list[Any] = jax.tree.leaves((learner.actor, learner.critic))
+    leaves: list[Any] = jax.tree.leaves((learner.networks.actor, learner.networks.critic))
     for leaf in leaves:
         digest.update(np.asarray(leaf).tobytes())
     return digest.hexdigest()

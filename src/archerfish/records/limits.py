@@ -1,6 +1,6 @@
 """The limits record: what a gimbal may be asked, in angle, rate and acceleration."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -57,10 +57,22 @@ def read_limits(path: Path) -> LimitsRecord:
       InputError: if the file is not a limits record, or a field is missing, unknown or out of range.
     """
     facts = storage.read_facts(path, SCHEMA)
-    try:
-        axes = {name: AxisLimits(**storage.field(path, facts, name, dict)) for name in ("pitch", "yaw")}
-    except TypeError as error:
-        raise InputError(f"{path}: {error}; an axis has low, high, max_rate and max_acceleration") from error
-    except InputError as error:
-        raise error if str(path) in str(error) else InputError(f"{path}: {error}") from error
+    _check_known(path, facts, LimitsRecord)
+    axes = {name: _axis(path, storage.field(path, facts, name, dict)) for name in ("pitch", "yaw")}
     return LimitsRecord(**axes, source=facts.get("source", ""), provenance=facts.get("provenance", {}))
+
+
+def _axis(path: Path, facts: dict[str, Any]) -> AxisLimits:
+    _check_known(path, facts, AxisLimits)
+    values = {each.name: float(storage.field(path, facts, each.name, (int, float))) for each in fields(AxisLimits)}
+    try:
+        return AxisLimits(**values)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _check_known(path: Path, facts: dict[str, Any], record: type[AxisLimits] | type[LimitsRecord]) -> None:
+    known = [each.name for each in fields(record)]
+    for name in facts:
+        if name not in known:
+            raise InputError(f'{path}: unknown field "{name}"; known are {", ".join(known)}')

@@ -1,11 +1,12 @@
 """The muzzle record: speed, dispersion and drag of the pellets, eq (6)."""
 
+import math
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from archerfish.records import storage
-from archerfish.records.errors import InputError
+from archerfish.records.errors import InputError, file_error
 
 SCHEMA = "archerfish.muzzle/1"
 
@@ -38,8 +39,11 @@ class MuzzleRecord:
     """Seed, commit, library versions and input hashes of the making."""
 
     def __post_init__(self) -> None:
+        for name in ("pitch_offset", "yaw_offset", "speed"):
+            if not math.isfinite(getattr(self, name)):
+                raise InputError(f"muzzle.{name} must be finite, got {getattr(self, name)}; identify the muzzle anew")
         for name in ("speed_sd", "pitch_sd", "yaw_sd", "drag", "length", "height"):
-            if not getattr(self, name) >= 0:
+            if not 0 <= getattr(self, name) < math.inf:
                 raise InputError(f"muzzle.{name} must be ≥ 0, got {getattr(self, name)}; identify the muzzle anew")
         if not self.speed > 0:
             raise InputError(f"muzzle.speed must be > 0 m/s, got {self.speed}; identify the muzzle anew")
@@ -62,7 +66,11 @@ def read_muzzle(path: Path) -> MuzzleRecord:
     if unknown:
         raise InputError(f'{path}: unknown field "{sorted(unknown)[0]}"; known are {", ".join(sorted(numbers))}')
     values = {name: float(storage.field(path, facts, name, (int, float))) for name in sorted(numbers)}
-    intervals = {name: (float(low), float(high)) for name, (low, high) in facts.get("intervals", {}).items()}
+    try:
+        intervals = {name: (float(low), float(high)) for name, (low, high) in facts.get("intervals", {}).items()}
+    except (AttributeError, TypeError, ValueError) as error:
+        problem = 'field "intervals" must map names to [low, high]'
+        raise file_error(path, problem, "identify the muzzle anew") from error
     try:
         return MuzzleRecord(**values, intervals=intervals, provenance=facts.get("provenance", {}))
     except InputError as error:

@@ -52,12 +52,13 @@ class PlantRecord:
         n, m, p = self.A.shape[0], self.B.shape[-1], self.C.shape[0]
         expected = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
         for name, shape in expected.items():
-            found = getattr(self, name)
-            if found.shape != shape:
-                raise InputError(f"plant.{name} must have shape {shape}, got {found.shape}; identify the axis anew")
-            if not np.all(np.isfinite(found)):
-                raise InputError(f"plant.{name} holds a value that is not finite; identify the axis anew")
-        if self.sample_period_s <= 0:
+            _check_matrix(name, getattr(self, name), shape)
+        if self.draws:
+            if self.draws.keys() != expected.keys():
+                raise InputError(f"plant.draws must hold A, B, C and D, got {', '.join(sorted(self.draws))}")
+            for name, shape in expected.items():
+                _check_matrix(f"draws[{name}]", self.draws[name], (len(self.draws["A"]), *shape))
+        if not 0 < self.sample_period_s < np.inf:
             raise InputError(f"plant.sample_period_s must be > 0 s, got {self.sample_period_s}; identify the axis anew")
         if self.delay_samples < 0:
             raise InputError(f"plant.delay_samples must be ≥ 0, got {self.delay_samples}; identify the axis anew")
@@ -65,6 +66,13 @@ class PlantRecord:
     def with_dc_gain(self, gain: float) -> "PlantRecord":
         """Return the plant of one input and output with B scaled so that its DC gain is `gain`."""
         return replace(self, B=self.B * (gain / dc_gain(self).item()))
+
+
+def _check_matrix(name: str, found: Matrix, shape: tuple[int, ...]) -> None:
+    if found.shape != shape:
+        raise InputError(f"plant.{name} must have shape {shape}, got {found.shape}; identify the axis anew")
+    if not np.all(np.isfinite(found)):
+        raise InputError(f"plant.{name} holds a value that is not finite; identify the axis anew")
 
 
 def dc_gain(plant: PlantRecord) -> Matrix:

@@ -12,6 +12,8 @@ from archerfish.records.errors import InputError, file_error
 
 SCHEMA = "archerfish.policy/1"
 Floats = NDArray[np.float32]
+MUZZLE_FACTS = ("speed", "drag", "length", "pitch_offset", "yaw_offset")
+"""Numbers that `PolicyRecord.muzzle` holds."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,12 @@ class PolicyRecord:
             size = weight.shape[1]
         if size != 2:
             raise InputError(f"a policy must have 2 outputs, pitch and yaw, got {size}; train it anew")
-        for array in (*self.weights, *self.biases, self.mean, self.variance):
+        if self.action_scale.shape != (2,):
+            raise InputError(f"policy.action_scale must have shape (2,), got {self.action_scale.shape}; train it anew")
+        missing = [name for name in MUZZLE_FACTS if not isinstance(self.muzzle.get(name), (int, float))]
+        if missing:
+            raise InputError(f'policy.muzzle must hold the number "{missing[0]}"; train it anew')
+        for array in (*self.weights, *self.biases, self.mean, self.variance, self.action_scale):
             if not np.all(np.isfinite(array)):
                 raise InputError("a policy's network holds a value that is not finite; train it anew")
 
@@ -84,7 +91,9 @@ def read_policy(path: Path) -> PolicyRecord:
         return PolicyRecord(
             weights=tuple(arrays[f"weight_{index}"] for index in range(layers)),
             biases=tuple(arrays[f"bias_{index}"] for index in range(layers)),
-            **{name: arrays[name] for name in ("mean", "variance", "action_scale")},
+            mean=arrays["mean"],
+            variance=arrays["variance"],
+            action_scale=arrays["action_scale"],
             **{name: storage.field(path, facts, name, kind) for name, kind in kinds.items()},
         )
     except KeyError as error:

@@ -65,11 +65,16 @@ def check_writable(folder: Path) -> None:
       InputError: if the folder can't be made or written.
     """
     probe = folder / ".archerfish-probe"
-    existed = folder.exists()
-    write_bytes(probe, b"")
-    probe.unlink()
-    if not existed:
-        folder.rmdir()
+    made = [each for each in (folder, *folder.parents) if not each.exists()]
+    try:
+        write_bytes(probe, b"")
+        probe.unlink()
+    except InputError as error:
+        raise InputError(str(error).replace(str(probe), str(folder), 1)) from error
+    finally:
+        for each in made:
+            if each.exists():
+                each.rmdir()
 
 
 def write_text(path: Path, text: str) -> None:
@@ -79,17 +84,25 @@ def write_text(path: Path, text: str) -> None:
 
 def write_json(path: Path, content: Any) -> None:
     """Write JSON whole, indented; NaN and infinity are refused since JSON has neither."""
-    write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+    write_text(path, _json_text(content))
+
+
+def _json_text(content: Any) -> str:
+    return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
 
 def read_json(path: Path) -> Any:
     """Read a JSON file.
 
     Raises:
-      InputError: if it is missing, unreadable or not JSON.
+      InputError: if it is missing, unreadable or not JSON; NaN and infinity, which Python would read, are not.
     """
+
+    def refuse(constant: str) -> None:
+        raise file_error(path, f"holds {constant}, which JSON does not know", "write the file anew")
+
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
     except FileNotFoundError as error:
         raise file_error(path, "no such file", "check the path") from error
     except (OSError, UnicodeDecodeError) as error:
@@ -114,8 +127,10 @@ def write_record(path: Path, schema: str, facts: Mapping[str, Any], arrays: Arra
     """
     # ascontiguousarray turns a scalar into shape (1,); copy keeps shape ().
     content = save({name: np.array(array, order="C", copy=True) for name, array in arrays.items()})
+    # Facts that JSON can't hold must fail before the old arrays are gone.
+    text = _json_text({"schema": schema, "arrays_sha256": hashlib.sha256(content).hexdigest(), **facts})
     write_bytes(path.with_suffix(".safetensors"), content)
-    write_json(path, {"schema": schema, "arrays_sha256": hashlib.sha256(content).hexdigest(), **facts})
+    write_text(path, text)
 
 
 def read_record(path: Path, schema: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

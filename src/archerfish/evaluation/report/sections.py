@@ -27,7 +27,7 @@ from archerfish.evaluation.report.rate_tables import (
     target_of,
 )
 from archerfish.evaluation.report.wording import CONTROLLERS, LIMITS, controller_words
-from archerfish.evaluation.results import Cell, Comparison, Results
+from archerfish.evaluation.results import Acceleration, Cell, Comparison, Results
 from archerfish.figures.page import bins, percent
 
 PLOTTED = ("history", "paper", "kalman", "kalman-lq", "oracle")
@@ -76,7 +76,7 @@ def limit_section(results: Results, setting: str, limit: str, tables: Sequence[s
         note=LIMITS[limit].note,
         drawing=rates_drawing(cells, PLOTTED) if cells else None,
         table=_main_table(cells, pairs, setting, limit) if cells else None,
-        remarks=_remarks(cells, setting, limit),
+        remarks=_remarks(cells, setting, limit) + _asked(results.accelerations, setting, limit),
         groups=_every_controller(cells, pairs),
     )
 
@@ -116,6 +116,12 @@ def _remarks(cells: list[Cell], setting: str, limit: str) -> list[str]:
             name = controller_words(controller).name
             remarks.append(f"{name} against the paper’s {column} columns: {rmse:.1f} points RMSE.")
     return remarks + _seed_remarks(cells, setting, limit)
+
+
+def _asked(accelerations: Iterable[Acceleration], setting: str, limit: str) -> list[str]:
+    under = [each for each in accelerations if (each.setting, each.command_limit) == (setting, limit)]
+    told = ", ".join(f"{controller_words(each.controller).name} {each.yaw_rad_s2:.0f}" for each in under)
+    return [f"Asked of the yaw axis at most, in rad/s²: {told}."] if told else []
 
 
 def _seed_remarks(cells: list[Cell], setting: str, limit: str) -> list[str]:

@@ -113,6 +113,7 @@ _CONDITIONS = {
     "line_of_sight_lead": _ConditionWords("Command limit los-2deg: yaw from the line of sight, at most", _DEGREES, "°"),
     "kalman_acceleration_sd": _ConditionWords("Kalman filter: process noise, as acceleration", 1.0, "m/s²"),
     "kalman_position_sd": _ConditionWords("Kalman filter: measurement noise", 1000.0, "mm"),
+    "kalman_extra_lead_s": _ConditionWords("Kalman filter: lead beyond period and flight, tuned", 1000.0, "ms"),
 }
 
 

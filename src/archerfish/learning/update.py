@@ -1,0 +1,168 @@
+"""One gradient step of the actor and one of the critic, eqs (9) and (10).
+
+Readings of the paper: the "attenuation factors" 0.001 and 0.003 are learning rates, and the critic estimates the value
+of a state (docs/errata.md).
+"""
+
+from typing import Any, NamedTuple, TypeVar
+
+import jax
+import jax.numpy as jnp
+import optax
+from jax import Array
+
+from archerfish.controllers.network import Layer, forward
+from archerfish.learning.config import PpoConfig
+from archerfish.learning.gaussian import entropy, log_probability
+
+Parameters = TypeVar("Parameters")
+
+ADAM = optax.scale_by_adam(eps=1e-5)
+"""Scales gradients to steps; the learning rates come after it, so that they may change without compiling anew."""
+
+
+class Hyper(NamedTuple):
+    """What may change without compiling anew; scalars, named as in `PpoConfig`."""
+
+    actor_learning_rate: Array
+    critic_learning_rate: Array
+    anneal_over: Array
+    clip: Array
+    discount: Array
+    trace: Array
+    entropy: Array
+    gradient_norm: Array
+    log_std_floor: Array
+
+
+class Actor(NamedTuple):
+    """The policy's distribution: a network for the mean, one free standard deviation per action."""
+
+    layers: tuple[Layer, ...]
+    """Of the mean's network, the first takes the observation."""
+    log_std: Array
+    """Logarithm of the standard deviation of each action, shape (2,)."""
+
+
+class Networks(NamedTuple):
+    """What is trained, with the moments that Adam keeps of its gradients."""
+
+    actor: Actor
+    """The policy's distribution."""
+    critic: tuple[Layer, ...]
+    """Layers of the value's network."""
+    actor_moments: Any
+    """Adam's moments of the actor's gradients."""
+    critic_moments: Any
+    """Adam's moments of the critic's gradients."""
+
+
+class Batch(NamedTuple):
+    """Decisions and what came of them; observations are normalised."""
+
+    observation: Array
+    """Shape (B, n)."""
+    action: Array
+    """As drawn, shape (B, 2)."""
+    log_probability: Array
+    """Of the action when it was drawn, shape (B,)."""
+    advantage: Array
+    """A of eq (9), shape (B,)."""
+    target: Array
+    """What the critic should have said, shape (B,)."""
+
+
+class Measures(NamedTuple):
+    """How an update went; scalars."""
+
+    value_error: Array
+    """Mean squared error of the value over its variance."""
+    divergence: Array
+    """Estimate of the Kullback–Leibler divergence of the policy from the one that acted."""
+    clipped_share: Array
+    """Share of the samples beyond the clipping range of eq (10)."""
+
+
+def hyper(config: PpoConfig) -> Hyper:
+    """Take the traced settings out of a configuration."""
+    values = {name: getattr(config, name) for name in Hyper._fields if name != "anneal_over"}
+    anneal_over = config.iterations if config.anneal else 1e9
+    return Hyper(anneal_over=jnp.float32(anneal_over), **{name: jnp.float32(each) for name, each in values.items()})
+
+
+def begin_networks(actor: Actor, critic: tuple[Layer, ...]) -> Networks:
+    """Return networks whose gradients have not been seen yet."""
+    return Networks(actor, critic, ADAM.init(actor), ADAM.init(critic))
+
+
+def update(settings: Hyper, networks: Networks, batch: Batch, rate: Array) -> tuple[Networks, Measures]:
+    """Take one gradient step of the actor and one of the critic, each with its own learning rate.
+
+    Args:
+      settings: clipping, learning rates, largest norm of a gradient, smallest standard deviation.
+      networks: to be improved.
+      batch: shape (B, ...).
+      rate: share of the learning rates that annealing has left, shape ().
+    """
+    actor_slope = jax.value_and_grad(actor_loss, has_aux=True)
+    (_, (divergence, clipped)), actor_gradient = actor_slope(networks.actor, batch, settings)
+    value_error, critic_gradient = jax.value_and_grad(critic_loss)(networks.critic, batch)
+    actor, actor_moments = adam_step(
+        networks.actor, actor_gradient, networks.actor_moments, rate * settings.actor_learning_rate, settings
+    )
+    critic, critic_moments = adam_step(
+        networks.critic, critic_gradient, networks.critic_moments, rate * settings.critic_learning_rate, settings
+    )
+    actor = actor._replace(log_std=jnp.maximum(actor.log_std, settings.log_std_floor))
+    relative = 2.0 * value_error / (jnp.var(batch.target) + 1e-8)
+    return Networks(actor, critic, actor_moments, critic_moments), Measures(relative, divergence, clipped)
+
+
+def actor_loss(actor: Actor, batch: Batch, settings: Hyper) -> tuple[Array, tuple[Array, Array]]:
+    """Return the negative of the clipped objective of eq (10), with advantages normalised over the batch.
+
+        L = mean[min(ρ A, clip(ρ, 1 − ε, 1 + ε) A)],    ρ = π(a | s) / π_old(a | s)
+
+    Args:
+      actor: the policy π.
+      batch: shape (B, ...).
+      settings: ε and the weight of the entropy bonus, which the paper does not have and which is 0 by default.
+
+    Returns:
+      −L, and the divergence and clipped share of `Measures`.
+    """
+    mean = forward(actor.layers, batch.observation)
+    log_ratio = log_probability(batch.action, mean, actor.log_std) - batch.log_probability
+    ratio = jnp.exp(log_ratio)
+    advantage = (batch.advantage - jnp.mean(batch.advantage)) / (jnp.std(batch.advantage) + 1e-8)
+    bounded = jnp.clip(ratio, 1.0 - settings.clip, 1.0 + settings.clip)
+    objective = jnp.mean(jnp.minimum(ratio * advantage, bounded * advantage))
+    divergence = jnp.mean(ratio - 1.0 - log_ratio)
+    clipped = jnp.mean(jnp.abs(ratio - 1.0) > settings.clip)
+    return -objective - settings.entropy * entropy(actor.log_std), (divergence, clipped)
+
+
+def critic_loss(critic: tuple[Layer, ...], batch: Batch) -> Array:
+    """Half the mean squared error of the values."""
+    values = forward(critic, batch.observation)[..., 0]
+    return 0.5 * jnp.mean((values - batch.target) ** 2)
+
+
+def adam_step(
+    parameters: Parameters, gradient: Parameters, moments: Any, rate: Array, settings: Hyper
+) -> tuple[Parameters, Any]:
+    """Scale a gradient to at most its largest norm and take an Adam step.
+
+    Args:
+      parameters: of one network.
+      gradient: of its loss.
+      moments: of its earlier gradients.
+      rate: learning rate, shape ().
+      settings: the largest norm.
+
+    Returns:
+      Parameters and moments after the step.
+    """
+    factor = jnp.minimum(1.0, settings.gradient_norm / (optax.tree.norm(gradient) + 1e-8))
+    change, moments = ADAM.update(jax.tree.map(lambda each: each * factor, gradient), moments)
+    return jax.tree.map(lambda parameter, each: parameter - rate * each, parameters, change), moments
