@@ -1,8 +1,8 @@
-"""Which unprinted conditions bring our Kalman baseline to the paper's Kalman columns, and how unique are they?
+"""Find unprinted conditions that bring our Kalman baseline to the paper's Kalman columns, and how unique they are.
 
-Tries a grid of round numbers with the tuned baseline, on draws that neither tuning nor evaluation uses, and measures the
-chosen set (src/archerfish/paper/conditions.json) with many engagements. Writes benchmarks/results/calibration.json, whose
-field `calibration` is what conditions.json carries.
+Tries a grid of round numbers with the tuned baseline, on draws that neither tuning nor evaluation uses, and measures
+the chosen set (src/archerfish/paper/conditions.json) with many engagements. Writes benchmarks/results/calibration.json,
+whose field `calibration` is what conditions.json carries.
 """
 
 import itertools
@@ -11,7 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from machine import describe_machine
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -27,6 +26,7 @@ from archerfish.paper.gimbal import gate_limits, printed_plants
 from archerfish.paper.tables import printed_rate
 from archerfish.records import storage
 from archerfish.simulation.setting import make_world, paper_muzzle
+from machine import describe_machine
 
 RESULT = Path(__file__).parent / "results" / "calibration.json"
 SEED = 0
@@ -86,9 +86,7 @@ def final(base: Conditions, tried: list[dict[str, Any]]) -> dict[str, Any]:
     missed = residuals(cells)
     within = [row for row in tried if row["rmse_points"] < 3.0]
     spans = {name: sorted({row[name] for row in within}) for name in GRID}
-    told = "; ".join(
-        f"{name.replace('_', ' ')} {_span(name, values)}" for name, values in spans.items() if values
-    )
+    told = "; ".join(f"{name.replace('_', ' ')} {_span(name, values)}" for name, values in spans.items() if values)
     return {
         "cells": [
             {

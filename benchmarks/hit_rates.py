@@ -12,13 +12,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from machine import describe_machine
 from rich.console import Console
 from rich.table import Table
 
 from archerfish.evaluation.comparison import cells_of, comparisons_of, rmse_to_paper
 from archerfish.evaluation.results import Cell, Results, read_results
 from archerfish.records import storage
+from machine import describe_machine
 
 RESULT = Path(__file__).parent / "results" / "hit_rates.json"
 DEFAULT = Path(__file__).parents[1] / "runs" / "reproduce" / "results.json"

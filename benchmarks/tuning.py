@@ -7,7 +7,6 @@ src/archerfish/paper/conditions.json; this prints how they compare, and writes b
 from dataclasses import replace
 from pathlib import Path
 
-from machine import describe_machine
 from rich.console import Console
 from rich.table import Table
 
@@ -21,6 +20,7 @@ from archerfish.paper.conditions import Conditions, assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_plants
 from archerfish.records import storage
 from archerfish.simulation.setting import make_world, paper_muzzle
+from machine import describe_machine
 
 RESULT = Path(__file__).parent / "results" / "tuning.json"
 SEED = 0

@@ -1,4 +1,3 @@
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -7,28 +6,9 @@ import tyro
 from rich.console import Console
 
 from archerfish.cli.identify import IdentifyGimbal, IdentifyMuzzle, run_gimbal, run_muzzle
-from archerfish.identification.state_space import simulate
 from archerfish.records.errors import InputError
 from archerfish.records.muzzle import read_muzzle
-from archerfish.records.plant import PlantRecord, read_plant
-from archerfish.records.recording import make_recording, write_recording_csv
-
-PLANT = PlantRecord(
-    np.array([[0.9, 0.2], [-0.2, 0.9]]), np.array([[0.1], [0.2]]), np.array([[1.0, 0.5]]), np.zeros((1, 1)), 1, 0.01
-)
-
-
-@pytest.fixture
-def logs(tmp_path):
-    rng = np.random.default_rng(0)
-    paths = []
-    for name in ("train.csv", "test.csv"):
-        inputs = rng.standard_normal((400, 1))
-        outputs = simulate(PLANT, inputs)
-        outputs += 0.02 * outputs.std() * rng.standard_normal(outputs.shape)
-        paths.append(tmp_path / name)
-        write_recording_csv(paths[-1], make_recording(inputs, outputs, 0.01))
-    return paths
+from archerfish.records.plant import read_plant
 
 
 @pytest.fixture
@@ -41,13 +21,10 @@ def parsed(kind, *words):
 
 
 def test_gimbal_writes_record_picture_and_summary(tmp_path, logs, console):
-    out, facts = tmp_path / "out", tmp_path / "facts.json"
+    out = tmp_path / "out"
     words = [logs[0], "--time", "time_s", "--input", "u", "--output", "y", "--order", "2", "--validate", logs[1]]
-    command = parsed(
-        IdentifyGimbal, *words, "--axis", "pitch", "--out", out, "--json", facts, "--seed", "5", "--max-delay", "3"
-    )
+    command = parsed(IdentifyGimbal, *words, "--axis", "pitch", "--out", out, "--seed", "5", "--max-delay", "3")
     summary = run_gimbal(command, console)
-    assert json.loads(facts.read_text()) == summary
     assert [row["file"] for row in summary["validation"]] == [str(logs[1])]
     assert summary["validation"][0]["fit_percent"] == pytest.approx(98, abs=0.5)
     assert (summary["order"], summary["delay_samples"]) == (2, 1)
@@ -76,7 +53,7 @@ def test_inputs_can_be_listed_or_repeated():
 
 
 def test_gimbal_faults_leave_nothing_behind(tmp_path, logs, console):
-    good = IdentifyGimbal((logs[0],), out=tmp_path / "out", json=tmp_path / "facts.json")
+    good = IdentifyGimbal((logs[0],), out=tmp_path / "out")
     nan = tmp_path / "nan.csv"
     nan.write_text(logs[0].read_text().replace("\n0.1,", "\n0.1,nan,", 1))
     short = tmp_path / "short.csv"
@@ -94,7 +71,6 @@ def test_gimbal_faults_leave_nothing_behind(tmp_path, logs, console):
         with pytest.raises(InputError, match=message):
             run_gimbal(command, console)
     assert not (tmp_path / "out").exists()
-    assert not (tmp_path / "facts.json").exists()
 
 
 @pytest.fixture
@@ -111,10 +87,9 @@ def shots(tmp_path):
 
 
 def test_muzzle_writes_record_picture_and_summary(tmp_path, shots, console):
-    out, facts = tmp_path / "out", tmp_path / "facts.json"
-    command = parsed(IdentifyMuzzle, shots, "--height-m", "0.4", "--out", out, "--json", facts)
+    out = tmp_path / "out"
+    command = parsed(IdentifyMuzzle, shots, "--height-m", "0.4", "--out", out)
     summary = run_muzzle(command, console)
-    assert json.loads(facts.read_text()) == summary
     assert {path.name for path in out.iterdir()} == {"muzzle.json", "muzzle.svg", "muzzle.png"}
     muzzle = read_muzzle(out / "muzzle.json")
     assert muzzle.speed == pytest.approx(18.0, abs=0.2)

@@ -36,9 +36,7 @@ class EvaluationTask:
 def make_ground(task: EvaluationTask) -> Ground:
     """Build the world and draw the engagements; equal tasks give equal draws, in any process."""
     setting, conditions = task.setting, task.setting.conditions
-    world = make_world(
-        setting.pitch, setting.yaw, setting.muzzle, setting.limits, task.command_limit, conditions
-    )
+    world = make_world(setting.pitch, setting.yaw, setting.muzzle, setting.limits, task.command_limit, conditions)
     suites = table_suites(conditions, plant_count(world))
     trials = draw_trials(suites, task.engagements, conditions.decisions, task.seed)
     return Ground(world, trials, task.command_limit, setting.name, conditions)

@@ -11,14 +11,14 @@ from archerfish.cli.evaluation_run import EvaluationTask, make_ground, run_evalu
 from archerfish.cli.setting import Setting
 from archerfish.cli.training_run import TrainingResult, TrainingTask, run_task, write_run
 from archerfish.cli.workers import run_tasks
-from archerfish.evaluation.evaluate import Outcome, cells, comparisons
-from archerfish.evaluation.results import Cell, Comparison, LearningCurves, TrainingRun
+from archerfish.evaluation.evaluate import Outcome, accelerations, cells, comparisons
+from archerfish.evaluation.results import LearningCurves, TrainingRun
 from archerfish.learning.config import PpoConfig
 from archerfish.records.policy import PolicyRecord
 from archerfish.sensing.observation import DEFAULT_FRAMES
 
 HEADLINE_STEPS = 1.5
-"""The `gate` policy, which the report leads with and whose task is the hardest, trains this much longer than the rest."""
+"""The `gate` policy, which the report leads with and whose task is the hardest, trains this much longer than others."""
 CURVE_STEPS = 0.5
 """The trainings of Figs 5 and 6 have converged after this share."""
 
@@ -114,7 +114,7 @@ def _curves(done: dict[str, TrainingResult], target: str) -> LearningCurves:
 
 def evaluate_all(
     setting: Setting, policies: dict[str, tuple[PolicyRecord, ...]], engagements: int, seed: int, workers: int
-) -> tuple[list[Cell], list[Comparison]]:
+) -> dict[str, Any]:
     """Shoot Tables II and III under every command limit.
 
     Args:
@@ -123,18 +123,26 @@ def evaluate_all(
       engagements: per cell.
       seed: of engagements and dispersion.
       workers: processes.
+
+    Returns:
+      `cells`, `comparisons` and `accelerations` of the results.
     """
     tasks = _evaluation_tasks(setting, policies, engagements, seed)
     jobs = [(run_evaluation, task, float(len(task.controllers) + len(task.policies))) for task in tasks]
     outcomes: dict[str, list[Outcome]] = {limit: [] for limit in CONTROLLERS}
     for task, found in zip(tasks, run_tasks("evaluating", "controllers", jobs, workers), strict=True):
         outcomes[task.command_limit] += found
-    all_cells, all_comparisons = [], []
-    for limit, found in outcomes.items():
-        ground = make_ground(EvaluationTask(setting, limit, 2, seed))
-        all_cells += cells(ground, found)
-        all_comparisons += [each for name in AGAINST for each in comparisons(ground, found, name)]
-    return all_cells, all_comparisons
+    grounds = {limit: make_ground(EvaluationTask(setting, limit, 2, seed)) for limit in outcomes}
+    return {
+        "cells": tuple(each for limit in outcomes for each in cells(grounds[limit], outcomes[limit])),
+        "comparisons": tuple(
+            each
+            for limit in outcomes
+            for name in AGAINST
+            for each in comparisons(grounds[limit], outcomes[limit], name)
+        ),
+        "accelerations": tuple(each for limit in outcomes for each in accelerations(grounds[limit], outcomes[limit])),
+    }
 
 
 def _evaluation_tasks(

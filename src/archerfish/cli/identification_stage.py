@@ -1,23 +1,27 @@
 """The identification part of `reproduce`: logs of the printed plants, plants from the logs (Fig. 4), and Table I."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from archerfish.cli.axis_picture import axis_picture, simulated_run
+from archerfish.cli.workers import Task, run_tasks
 from archerfish.evaluation.results import LackOfFit, StepResponse, Table1, Table1Row
+from archerfish.figures.style import save_figure
 from archerfish.identification.excitation import linear_sweep, step
 from archerfish.identification.gimbal import AxisIdentification, identify_axis
 from archerfish.identification.muzzle_likelihood import identify_muzzle
 from archerfish.identification.state_space import simulate
-from archerfish.identification.validation import fit_percent, free_run
+from archerfish.identification.validation import fit_percent
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.paper.tables import landing_table
 from archerfish.records.plant import PlantRecord, dc_gain, write_plant
 from archerfish.records.provenance import provenance
-from archerfish.records.recording import Recording, make_recording, read_recording_csv, write_recording_csv
+from archerfish.records.recording import make_recording, read_recording_csv, write_recording_csv
 from archerfish.records.shots import Shots
 
 Floats = NDArray[np.float64]
@@ -32,30 +36,84 @@ NOISE = 0.01
 """Measurement noise over the standard deviation of the clean output."""
 
 
-def identify_printed(
-    plants: dict[str, PlantRecord], folder: Path, seed: int
-) -> tuple[dict[str, dict[str, Any]], dict[str, StepResponse]]:
-    """Log sweeps and steps of the printed plants, identify both axes from the logs alone, and draw Fig. 4.
+@dataclass(frozen=True)
+class AxisTask:
+    """An identification, as data: it can be handed to another process."""
+
+    axis: str
+    """"pitch" or "yaw"."""
+    plant: PlantRecord
+    """The printed plant, which is logged and then forgotten."""
+    folder: Path
+    """For logs, plant record and pictures."""
+    seed: tuple[int, int]
+    """Of the measurement noise."""
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What the identification part leaves."""
+
+    facts: dict[str, dict[str, Any]]
+    """Axis → facts about its identification."""
+    responses: dict[str, StepResponse]
+    """Fig. 4: axis → step response beside the true one."""
+    table1: Table1
+    """Table I with the fitted muzzle beside it."""
+
+
+def identify_all(plants: dict[str, PlantRecord], folder: Path, seed: int, workers: int) -> Identified:
+    """Log sweeps and steps of the printed plants, identify both axes from the logs alone, and fit Table I.
 
     Args:
       plants: "pitch" and "yaw".
       folder: for logs, plant records and pictures.
       seed: of the measurement noise.
+      workers: processes.
+    """
+    jobs: list[Task] = [
+        (identify_logged, AxisTask(axis, plant, folder, (seed, index)), 1.0)
+        for index, (axis, plant) in enumerate(plants.items())
+    ]
+    *axes, table1 = run_tasks("identifying", "models", [*jobs, (_landing, None, 1.0)], workers)
+    found = dict(zip(plants, axes, strict=True))
+    return Identified(
+        facts={axis: facts for axis, (facts, _) in found.items()},
+        responses={axis: response for axis, (_, response) in found.items()},
+        table1=table1,
+    )
+
+
+def identify_logged(
+    task: AxisTask, advance: Callable[[float, str], None] = lambda *_: None
+) -> tuple[dict[str, Any], StepResponse]:
+    """Log a printed plant and identify it from the logs alone; write logs, plant record and pictures.
+
+    Args:
+      task: what, and where to.
+      advance: hears when it is done.
 
     Returns:
-      Facts about each axis, and its step response beside the true one.
+      Facts about the axis, and its step response beside the true one.
     """
-    facts, responses = {}, {}
-    for index, (axis, plant) in enumerate(plants.items()):
-        logs = _write_logs(plant, folder / "logs" / axis, np.random.default_rng([seed, index]))
-        training = [read_recording_csv(logs[name], "time_s", ("u",), ("y",)) for name in ("sweep", "step")]
-        result = identify_axis(training, axis=axis)
-        held_back = read_recording_csv(logs["validation"], "time_s", ("u",), ("y",))
-        responses[axis] = _step_response(plant, result)
-        facts[axis] = _facts(plant, result, held_back, logs["validation"], responses[axis])
-        record = replace(result.plant, provenance=provenance(seed, logs.values()))
-        write_plant(folder / "plants" / f"{axis}.json", record)
-    return facts, responses
+    logs = _write_logs(task.plant, task.folder / "logs" / task.axis, np.random.default_rng(task.seed))
+    sweep, stepped, held_back = (read_recording_csv(path, "time_s", ("u",), ("y",)) for path in logs.values())
+    result = identify_axis([sweep, stepped], axis=task.axis)
+    record = replace(result.plant, provenance=provenance(task.seed[0], logs.values()))
+    write_plant(task.folder / "plants" / f"{task.axis}.json", record)
+    run = simulated_run(result, held_back, "validation")
+    picture = axis_picture(result, run, [sweep, stepped], output="angle [rad]")
+    for ending in (".svg", ".png"):
+        save_figure(task.folder / "figures" / f"fig4_{task.axis}{ending}", picture)
+    response = _step_response(task.plant, result)
+    advance(1.0, task.axis)
+    return _facts(task.plant, result, run.fit_percent, logs["validation"], response), response
+
+
+def _landing(_: None, advance: Callable[[float, str], None]) -> Table1:
+    table = landing_of_table1()
+    advance(1.0, "muzzle")
+    return table
 
 
 def _write_logs(plant: PlantRecord, folder: Path, generator: np.random.Generator) -> dict[str, Path]:
@@ -88,7 +146,7 @@ def _step_response(plant: PlantRecord, result: AxisIdentification) -> StepRespon
 
 
 def _facts(
-    plant: PlantRecord, result: AxisIdentification, held_back: Recording, path: Path, response: StepResponse
+    plant: PlantRecord, result: AxisIdentification, validation_percent: float, path: Path, response: StepResponse
 ) -> dict[str, Any]:
     return {
         "order": len(result.plant.A),
@@ -97,9 +155,7 @@ def _facts(
         "true_dc_gain": dc_gain(plant).item(),
         "step_fit_percent": response.fit_percent,
         "noise_percent": 100 * NOISE,
-        "validation": [
-            {"file": path.name, "fit_percent": free_run(result.plant, held_back, result.offset).fit_percent.item()}
-        ],
+        "validation": [{"file": path.name, "fit_percent": validation_percent}],
         "remarks": list(result.remarks),
     }
 
@@ -138,6 +194,6 @@ def landing_of_table1() -> Table1:
         lack_of_fit=LackOfFit(
             rms_percent=float(np.sqrt(np.mean(np.square(errors)))),
             worst_percent=max(errors),
-            statement=result.lack_of_fit.statement,
+            statement=" ".join([result.lack_of_fit.statement, *result.remarks]),
         ),
     )

@@ -2,13 +2,12 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-import numpy as np
 import tyro
-from numpy.typing import NDArray
 from rich.console import Console
 
+from archerfish.cli.axis_picture import axis_picture, simulated_run
 from archerfish.cli.identification_summary import (
     Summary,
     axis_summary,
@@ -16,14 +15,13 @@ from archerfish.cli.identification_summary import (
     print_axis,
     print_muzzle,
 )
-from archerfish.figures.identification import BodeData, LandingGroup, SimulatedRun, axis_figure, landing_figure
+from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.run_folder import run_folder
+from archerfish.figures.identification import LandingGroup, SimulatedRun, landing_figure
 from archerfish.figures.style import save_figure
-from archerfish.identification.frequency import measured_response, plant_response
 from archerfish.identification.gimbal import AxisIdentification, identify_axis
 from archerfish.identification.muzzle_likelihood import identify_muzzle
-from archerfish.identification.validation import free_run
 from archerfish.paper.conditions import assumed_conditions
-from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.muzzle import write_muzzle
 from archerfish.records.plant import write_plant
@@ -31,75 +29,98 @@ from archerfish.records.provenance import provenance
 from archerfish.records.recording import Recording, read_recording_csv
 from archerfish.records.shots import ShotColumns, merge_shots, read_shots_csv
 
+AXIS_ENDINGS = (".json", ".safetensors", ".svg", ".png")
+MUZZLE_ENDINGS = (".json", ".svg", ".png")
+
 
 @dataclass(frozen=True)
 class IdentifyGimbal:
-    """Identify one gimbal axis from logs (CSV) of its input and output.
+    """Identify a gimbal axis from logs (CSV) of its input and output.
 
     Give a sweep and a step of the same axis as two logs: the sweep settles the dynamics, the step the steady gain. Each
     log is a separate experiment with its own start and zero. Logs name their columns in the first line and are sampled
     at equal intervals.
+
+    Writes AXIS.json and AXIS.safetensors (the plant record, for train and evaluate), AXIS.svg and AXIS.png (measured
+    and simulated, residual, frequency response), and prints the fit.
+
+    Examples:
+      archerfish identify gimbal sweep.csv step.csv --validate step2.csv --axis yaw
+      archerfish identify gimbal log.csv --time t --input u1 u2 --output angle
     """
 
-    logs: tyro.conf.Positional[tuple[Path, ...]]
-    """CSV logs to fit."""
-    time: str = "time_s"
+    logs: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="LOG…", help_behavior_hint="")]
+    """CSV logs to fit, at least one."""
+    time: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = "time_s"
     """Column of the time stamps, in seconds."""
-    input: tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]] = ()
-    """Columns of the inputs, usually the one command (u if not given)."""
-    output: str = "y"
+    input: Annotated[
+        tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
+        tyro.conf.arg(metavar="COLUMN…", help_behavior_hint="(default: u)"),
+    ] = ()
+    """Columns of the inputs, usually the one command."""
+    output: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = "y"
     """Column of the output, for instance the measured angle."""
-    sample_period_s: float | None = None
-    """Sampling period of logs without time stamps, in seconds; --time is then not read."""
+    sample_period_s: Annotated[float | None, tyro.conf.arg(metavar="SECONDS", help_behavior_hint="")] = None
+    """Sampling period of logs without time stamps; --time is then not read."""
     order: int = 4
     """Number of states; 4 is the paper's choice."""
     max_delay: int = 20
     """Longest input delay that is tried, in samples."""
-    validate: tyro.conf.UseAppendAction[tuple[tuple[Path, ...], ...]] = ()
+    validate: Annotated[
+        tyro.conf.UseAppendAction[tuple[tuple[Path, ...], ...]],
+        tyro.conf.arg(metavar="LOG…", help_behavior_hint=""),
+    ] = ()
     """CSV logs that are not fitted but foretold, the honest measure of the plant."""
-    axis: str = "axis"
+    axis: Annotated[str, tyro.conf.arg(metavar="NAME")] = "axis"
     """Name of the axis and of the written files, for instance pitch or yaw."""
-    out: Path = Path("runs/identify")
-    """Folder for AXIS.json, AXIS.safetensors (the plant record), AXIS.svg and AXIS.png."""
+    out: Folder = Path("runs/identify")
+    """Folder for the record and the pictures."""
     seed: int = 0
     """Recorded with the result; nothing in this command is random."""
-    json: Path | None = None
+    json: JsonFile = None
     """Also write what is printed to this file."""
 
 
 @dataclass(frozen=True)
 class IdentifyMuzzle:
-    """Identify the muzzle from landing points (CSV): speed and its scatter, pitch offset and its scatter.
+    """Identify the muzzle from landing points (CSV), by maximum likelihood.
 
-    Shots at one pitch setting only need the measured speed of each; without speeds, shoot at several settings.
-    Distances are measured along level ground from the point below the muzzle.
+    Estimates the muzzle speed, the pitch offset and the scatter of both, with 95 % intervals, and says whether the
+    flight model fits at all. Shots at one pitch setting only need the measured speed of each; without speeds, shoot at
+    several settings. Distances are measured along level ground from the point below the muzzle.
+
+    Writes NAME.json (the muzzle record, for train and evaluate), NAME.svg and NAME.png.
+
+    Examples:
+      archerfish identify muzzle shots.csv --height-m 0.42 --out runs/my-robot
+      archerfish identify muzzle shots.csv --pitch elevation --distance landing
     """
 
-    shots: tyro.conf.Positional[tuple[Path, ...]]
-    """CSV files with one shot per line."""
-    pitch: str = ShotColumns.pitch_deg
+    shots: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="SHOTS…", help_behavior_hint="")]
+    """CSV files with one shot per line, at least one."""
+    pitch: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = ShotColumns.pitch_deg
     """Column of the barrel's elevation in degrees, muzzle up positive."""
-    yaw: str = ShotColumns.yaw_deg
+    yaw: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = ShotColumns.yaw_deg
     """Column of the barrel's azimuth in degrees, left positive; may be missing."""
-    distance: str = ShotColumns.distance_m
+    distance: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = ShotColumns.distance_m
     """Column of the landing distance in metres."""
-    speed: str = ShotColumns.speed_m_s
+    speed: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = ShotColumns.speed_m_s
     """Column of the measured muzzle speed in m/s; may be missing."""
-    lateral: str = ShotColumns.lateral_m
+    lateral: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = ShotColumns.lateral_m
     """Column of the landing point's distance from the barrel's plane in metres, left positive; may be missing."""
-    height_m: float | None = None
-    """Height of the muzzle above the ground in metres; estimated if not given."""
+    height_m: Annotated[float | None, tyro.conf.arg(metavar="METRES", help_behavior_hint="(default: estimated)")] = None
+    """Height of the muzzle above the ground in metres."""
     drag_per_m: float = field(default_factory=lambda: assumed_conditions().drag)
     """Quadratic drag coefficient k in 1/m."""
     estimate_drag: bool = False
     """Estimate the drag coefficient too; needs one more pitch setting."""
-    name: str = "muzzle"
+    name: Annotated[str, tyro.conf.arg(metavar="NAME")] = "muzzle"
     """Name of the written files."""
-    out: Path = Path("runs/identify")
-    """Folder for NAME.json (the muzzle record), NAME.svg and NAME.png."""
+    out: Folder = Path("runs/identify")
+    """Folder for the record and the pictures."""
     seed: int = 0
     """Recorded with the result; nothing in this command is random."""
-    json: Path | None = None
+    json: JsonFile = None
     """Also write what is printed to this file."""
 
 
@@ -112,18 +133,20 @@ def run_gimbal(command: IdentifyGimbal, console: Console | None = None) -> Summa
     console = console or Console()
     if not command.logs:
         raise InputError("identify gimbal: no log given; name at least one CSV file")
-    _check_outputs(command.out, command.json)
-    logs, tests = ([_recording(path, command) for path in paths] for paths in (command.logs, _flat(command.validate)))
-    with console.status(f"fitting order {command.order} …"):
-        result = identify_axis(logs, command.order, max_delay=command.max_delay, axis=command.axis)
-    inputs = [*command.logs, *_flat(command.validate)]
-    result = replace(result, plant=replace(result.plant, provenance=provenance(command.seed, inputs)))
-    rows = [
-        (str(path), _run(result, test, "validation")) for path, test in zip(_flat(command.validate), tests, strict=True)
-    ]
-    files = _write_axis(command, result, rows[0][1] if rows else _run(result, logs[-1], "training"), logs)
-    summary = axis_summary(result, command.logs, [(file, run.fit_percent) for file, run in rows], files)
-    _finish(summary, command.json)
+    _check_name("--axis", command.axis)
+    held_back = _flat(command.validate)
+    logs, tests = ([_recording(path, command) for path in paths] for paths in (command.logs, held_back))
+    with run_folder(command.out) as folder:
+        with console.status(f"fitting order {command.order} …"):
+            result = identify_axis(logs, command.order, max_delay=command.max_delay, axis=command.axis)
+        origin = provenance(command.seed, [*command.logs, *held_back])
+        result = replace(result, plant=replace(result.plant, provenance=origin))
+        runs = [simulated_run(result, test, "validation") for test in tests]
+        shown = runs[0] if runs else simulated_run(result, logs[-1], "training")
+        _write_axis(folder, command, result, shown, logs)
+    files = [command.out / f"{command.axis}{ending}" for ending in AXIS_ENDINGS]
+    fits = [(str(path), run.fit_percent) for path, run in zip(held_back, runs, strict=True)]
+    summary = axis_summary(result, command.logs, fits, files)
     print_axis(console, summary)
     return summary
 
@@ -138,32 +161,28 @@ def run_muzzle(command: IdentifyMuzzle, console: Console | None = None) -> Summa
     console = console or Console()
     if not command.shots:
         raise InputError("identify muzzle: no file of shots given; name at least one CSV file")
-    _check_outputs(command.out, command.json)
+    _check_name("--name", command.name)
     columns = ShotColumns(command.pitch, command.yaw, command.distance, command.speed, command.lateral)
     shots = merge_shots([read_shots_csv(path, columns) for path in command.shots])
-    with console.status("maximising the likelihood …"):
-        drag = None if command.estimate_drag else command.drag_per_m
-        result = identify_muzzle(shots, drag=drag, height=command.height_m)
-    muzzle = replace(result.muzzle, provenance=provenance(command.seed, command.shots))
-    files = [command.out / f"{command.name}{ending}" for ending in (".json", ".svg", ".png")]
-    write_muzzle(files[0], muzzle)
-    figure = landing_figure(LandingGroup(shots.pitch, shots.distance, result.distance, result.distance_sd))
-    for path in files[1:]:
-        save_figure(path, figure)
-    summary = muzzle_summary(shots, result, files)
-    _finish(summary, command.json)
+    with run_folder(command.out) as folder:
+        with console.status("maximising the likelihood …"):
+            drag = None if command.estimate_drag else command.drag_per_m
+            result = identify_muzzle(shots, drag=drag, height=command.height_m)
+        muzzle = replace(result.muzzle, provenance=provenance(command.seed, command.shots))
+        write_muzzle(folder / f"{command.name}.json", muzzle)
+        figure = landing_figure(LandingGroup(shots.pitch, shots.distance, result.distance, result.distance_sd))
+        for ending in (".svg", ".png"):
+            save_figure(folder / f"{command.name}{ending}", figure)
+    summary = muzzle_summary(shots, result, [command.out / f"{command.name}{ending}" for ending in MUZZLE_ENDINGS])
     print_muzzle(console, summary)
     return summary
 
 
-def _check_outputs(out: Path, json: Path | None) -> None:
-    for folder in (out, *([json.parent] if json else [])):
-        storage.check_writable(folder)
-
-
-def _finish(summary: Summary, json: Path | None) -> None:
-    if json is not None:
-        storage.write_json(json, summary)
+def _check_name(option: str, name: str) -> None:
+    if not name or Path(name).name != name or name.startswith("."):
+        raise InputError(
+            f"{option} names files, so it must not be empty, hold a slash or begin with a dot, got {name!r}"
+        )
 
 
 def _flat(groups: tuple[tuple[Any, ...], ...]) -> list[Any]:
@@ -175,39 +194,10 @@ def _recording(path: Path, command: IdentifyGimbal) -> Recording:
     return read_recording_csv(path, command.time, inputs, [command.output], sample_period_s=command.sample_period_s)
 
 
-def _run(result: AxisIdentification, recording: Recording, kind: str) -> SimulatedRun:
-    run = free_run(result.plant, recording, result.offset)
-    return SimulatedRun(
-        recording.time,
-        recording.outputs[:, 0],
-        run.simulated[:, 0],
-        run.fit_percent.item(),
-        f"{kind} {recording.source}",
-    )
-
-
 def _write_axis(
-    command: IdentifyGimbal, result: AxisIdentification, run: SimulatedRun, logs: list[Recording]
-) -> list[Path]:
-    files = [command.out / f"{command.axis}{ending}" for ending in (".json", ".safetensors", ".svg", ".png")]
-    write_plant(files[0], result.plant)
-    figure = axis_figure(run, _bode(result, logs), output=command.output, title=command.axis)
-    for path in files[2:]:
-        save_figure(path, figure)
-    return files
-
-
-def _bode(result: AxisIdentification, logs: list[Recording]) -> BodeData:
-    nyquist = 0.5 / result.plant.sample_period_s
-    lowest = max(result.excited_band_hz[0], 1e-3 * nyquist)
-    frequency = np.geomspace(lowest, 0.999 * nyquist, 400)
-    measured = measured_response(logs)
-    empty: NDArray[np.float64] = np.zeros(0)
-    kept = measured.coherence > 0.5 if measured else empty.astype(bool)
-    return BodeData(
-        frequency,
-        plant_response(result.plant, frequency)[:, 0, 0],
-        measured.frequency_hz[kept] if measured else empty,
-        measured.response[kept] if measured else empty.astype(np.complex128),
-        result.excited_band_hz,
-    )
+    folder: Path, command: IdentifyGimbal, result: AxisIdentification, run: SimulatedRun, logs: list[Recording]
+) -> None:
+    write_plant(folder / f"{command.axis}.json", result.plant)
+    figure = axis_picture(result, run, logs, output=command.output)
+    for ending in (".svg", ".png"):
+        save_figure(folder / f"{command.axis}{ending}", figure)

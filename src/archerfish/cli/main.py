@@ -1,55 +1,51 @@
 """The command line: `archerfish COMMAND`, one short file per command.
 
-A command is a frozen dataclass, whose fields are its options, and a function that runs it and returns what --json writes.
+A command is a frozen dataclass, whose fields are its options, and a function that runs it and returns what --json
+writes.
 """
 
+import importlib
 import os
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import tyro
+from typing import Any
 
 from archerfish import __version__
-from archerfish.cli.evaluate import Evaluate, run_evaluate
-from archerfish.cli.identify import IdentifyGimbal, IdentifyMuzzle, run_gimbal, run_muzzle
-from archerfish.cli.report import Report, run_report
-from archerfish.cli.reproduce import Reproduce, run_reproduce
-from archerfish.cli.train import Train, run_train
+from archerfish.cli.parsing import parse, summary
 from archerfish.records import storage
-from archerfish.records.errors import InputError
+from archerfish.records.errors import InputError, file_error
 
 INPUT_ERROR = 2
 INTERRUPTED = 130
 
-
-@dataclass(frozen=True)
-class Identify:
-    """Identify a gimbal axis or the muzzle from logs."""
-
-    what: Annotated[IdentifyGimbal, tyro.conf.subcommand("gimbal")] | Annotated[
-        IdentifyMuzzle, tyro.conf.subcommand("muzzle")
-    ]
-
-
-Command = (
-    Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
-    | Annotated[Identify, tyro.conf.subcommand("identify")]
-    | Annotated[Train, tyro.conf.subcommand("train")]
-    | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
-    | Annotated[Report, tyro.conf.subcommand("report")]
-)
-
-RUNNERS: dict[type, Callable[[Any], dict[str, Any]]] = {
-    Reproduce: run_reproduce,
-    IdentifyGimbal: run_gimbal,
-    IdentifyMuzzle: run_muzzle,
-    Train: run_train,
-    Evaluate: run_evaluate,
-    Report: run_report,
+COMMANDS = {
+    "reproduce": ("archerfish.cli.reproduce", "Reproduce", "run_reproduce"),
+    "identify gimbal": ("archerfish.cli.identify", "IdentifyGimbal", "run_gimbal"),
+    "identify muzzle": ("archerfish.cli.identify", "IdentifyMuzzle", "run_muzzle"),
+    "train": ("archerfish.cli.train", "Train", "run_train"),
+    "evaluate": ("archerfish.cli.evaluate", "Evaluate", "run_evaluate"),
+    "report": ("archerfish.cli.report", "Report", "run_report"),
 }
+"""Command → module, options, function. Named, not imported: a command waits for the libraries of no other one, and
+Ctrl-C while they load is answered like any other."""
+
+_OVERVIEW = """\
+usage: archerfish COMMAND [OPTIONS]
+
+Archerfish {version}: from gimbal logs to a policy that out-shoots classical auto-aim.
+
+commands:
+{commands}
+
+examples:
+  archerfish reproduce --quick
+  archerfish identify gimbal sweep.csv step.csv --axis pitch --out runs/my-robot
+  archerfish train --command-limit gate --out runs/train
+  archerfish evaluate runs/train/policy.json
+
+archerfish COMMAND --help tells the options of a command; archerfish --version the version.
+A fault ends in one line and status 2, Ctrl-C in status 130; neither leaves anything half-written."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -58,43 +54,71 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Args:
       arguments: without the program's name; those of the process if not given.
     """
-    arguments = list(sys.argv[1:] if arguments is None else arguments)
-    if arguments == ["--version"]:
-        print(f"archerfish {__version__}")  # noqa: T201
-        return
     try:
-        command = tyro.cli(
-            Command,  # type: ignore[arg-type]
-            prog="archerfish",
-            description=f"Archerfish {__version__}: from gimbal logs to a policy that out-shoots classical auto-aim.",
-            args=arguments,
-            config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.OmitArgPrefixes),
-        )
-        run(command.what if isinstance(command, Identify) else command)
+        _answer(list(sys.argv[1:] if arguments is None else arguments))
     except InputError as error:
         _fail(f"error: {error}", INPUT_ERROR)
     except KeyboardInterrupt:
-        _fail("interrupted; nothing was written", INTERRUPTED)
+        _fail("interrupted; what was unfinished is discarded", INTERRUPTED)
     except BrokenPipeError:
         # The reader of our output has gone; Python would complain once more when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
 
 
-def run(command: Any) -> None:
+def _answer(words: list[str]) -> None:
+    if words == ["--version"]:
+        print(f"archerfish {__version__}")  # noqa: T201
+        return
+    for name in COMMANDS:
+        length = len(name.split())
+        if words[:length] == name.split():
+            kind, function = load(name)
+            run(parse(kind, f"archerfish {name}", words[length:]), function)
+            return
+    if words in (["-h"], ["--help"], ["identify", "-h"], ["identify", "--help"]):
+        print(overview(words[0] if words[1:] else ""))  # noqa: T201
+        return
+    found = f"no command {' '.join(words[:2])!r}" if words else "no command given"
+    raise InputError(f"{found}, expected one of {', '.join(COMMANDS)}; see archerfish --help")
+
+
+def load(name: str) -> tuple[type, Callable[[Any], dict[str, Any]]]:
+    """Return the options of a command and the function that runs it."""
+    module, kind, function = COMMANDS[name]
+    loaded = importlib.import_module(module)
+    return getattr(loaded, kind), getattr(loaded, function)
+
+
+def overview(beginning: str = "") -> str:
+    """Return what `archerfish --help` prints, with the commands whose names have a beginning."""
+    rows = [f"  {name:<17}{summary(load(name)[0])}" for name in COMMANDS if name.startswith(beginning)]
+    return _OVERVIEW.format(version=__version__, commands="\n".join(rows))
+
+
+def run(command: Any, function: Callable[[Any], dict[str, Any]]) -> None:
     """Run a parsed command and write its JSON where it asks for it.
+
+    Args:
+      command: its options.
+      function: runs it and returns what --json writes.
 
     Raises:
       InputError: if an argument or a file can't be used.
     """
     path: Path | None = command.json
+    if command.seed not in range(2**32):
+        raise InputError(f"--seed must be within 0…{2**32 - 1}, got {command.seed}")
     if path is not None:
         storage.check_writable(path.parent)
-    result = RUNNERS[type(command)](command)
+        if path.is_dir():
+            raise file_error(path, "--json names a folder, expected a file", "name a file in it")
+    result = function(command)
     if path is not None:
         storage.write_json(path, result)
 
 
 def _fail(message: str, status: int) -> None:
-    print(f"archerfish: {message}", file=sys.stderr)  # noqa: T201
+    # A file name may hold anything, a line break too.
+    print(f"archerfish: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201
     sys.exit(status)

@@ -50,4 +50,6 @@ def require_jax(command: str) -> None:
     """
     missing = [name for name in ("jax", "optax") if importlib.util.find_spec(name) is None]
     if missing:
-        raise InputError(f"archerfish {command} needs {missing[0]}, which is not installed; pip install 'archerfish[train]'")
+        raise InputError(
+            f"archerfish {command} needs {missing[0]}, which is not installed; pip install 'archerfish[train]'"
+        )

@@ -2,25 +2,36 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import tyro
+from rich.console import Console
 
+from archerfish.cli.options import JsonFile
 from archerfish.evaluation.report import write_report
 from archerfish.evaluation.results import read_results
 
 
 @dataclass(frozen=True)
 class Report:
-    """Render report.html anew from the results.json of a run."""
+    """Render report.html anew from the results.json of a run.
 
-    run: tyro.conf.Positional[Path]
+    The page and its figures (figures/*.svg beside it) are made from that file alone; nothing is computed again.
+
+    Examples:
+      archerfish report runs/reproduce
+      archerfish report runs/evaluate --out evaluate.html
+    """
+
+    run: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RUN")]
     """Run folder that holds results.json."""
-    out: Path | None = None
-    """File to write. [report.html in the run folder]"""
+    out: Annotated[
+        Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: report.html in the run folder)")
+    ] = None
+    """File to write."""
     seed: int = 0
     """Not used; the seed of the run is in its results."""
-    json: Path | None = None
+    json: JsonFile = None
     """Also write what is printed to this file."""
 
 
@@ -30,8 +41,6 @@ def run_report(command: Report) -> dict[str, Any]:
     Raises:
       InputError: if the folder holds no results or the page can't be written.
     """
-    from rich.console import Console  # noqa: PLC0415
-
     path = command.out or command.run / "report.html"
     write_report(read_results(command.run / "results.json"), path)
     Console().print(f"report: {path}")

@@ -6,10 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import tyro
+
+from archerfish.cli.hit_rate_table import print_hit_rates, print_where
+from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.progress import require_jax
-from archerfish.cli.setting import Setting, SettingFiles, load_setting
+from archerfish.cli.run_folder import run_folder
+from archerfish.cli.setting import Setting, SettingFiles, configuration, load_setting
 from archerfish.learning.config import PpoConfig
 from archerfish.records import storage
 from archerfish.records.errors import InputError
@@ -21,11 +26,18 @@ class Reproduce:
     """Reproduce the paper: identify, train, evaluate, report.
 
     Logs sweeps and steps of the printed gimbal, identifies it from them (Fig. 4), trains policies (Figs 5 and 6),
-    shoots Tables II and III under three command limits beside classical controllers, fits Table I, and writes
-    report.html and results.json.
+    shoots Tables II and III under three command limits beside classical controllers, and fits Table I.
+
+    Writes report.html (start there), results.json (every figure of it), policies, plants, logs, figures and
+    config.json.
+
+    Examples:
+      archerfish reproduce
+      archerfish reproduce --quick --out runs/quick
+      archerfish reproduce --seed 1 --workers 2 --json results.json
     """
 
-    out: Path = Path("runs/reproduce")
+    out: Folder = Path("runs/reproduce")
     """Folder for everything that it makes."""
     seed: int = 0
     """Of everything random; evaluations use streams of their own."""
@@ -37,9 +49,9 @@ class Reproduce:
     """Trainings per curve of Figs 5 and 6."""
     ppo: PpoConfig = field(default_factory=PpoConfig)
     """Settings of PPO."""
-    workers: int = 0
-    """Processes to use. [one per core, at most 4]"""
-    json: Path | None = None
+    workers: Annotated[int, tyro.conf.arg(help_behavior_hint="(default: one per core, at most 4)")] = 0
+    """Processes to use."""
+    json: JsonFile = None
     """Also write what is printed to this file."""
 
 
@@ -57,26 +69,27 @@ def run_reproduce(command: Reproduce) -> dict[str, Any]:
     if command.quick:
         command = _shortened(command)
     _check(command)
-    from archerfish.cli.evaluate import print_cells  # noqa: PLC0415
-    from archerfish.evaluation.report import write_report  # noqa: PLC0415
-    from archerfish.evaluation.results import Results, write_results  # noqa: PLC0415
+    from archerfish.evaluation.report import write_report
+    from archerfish.evaluation.results import Results, write_results
 
     setting = load_setting(SettingFiles())
     durations: dict[str, float] = {}
-    parts = _run_stages(command, setting, durations)
-    results = Results(
-        seed=command.seed,
-        commit=code_commit(),
-        versions=library_versions(),
-        durations=durations,
-        quick=command.quick,
-        conditions=asdict(setting.conditions),
-        **parts,
-    )
-    write_results(command.out / "results.json", results)
+    with run_folder(command.out) as folder:
+        parts = _run_stages(command, setting, folder, durations)
+        results = Results(
+            seed=command.seed,
+            commit=code_commit(),
+            versions=library_versions(),
+            durations=durations,
+            quick=command.quick,
+            conditions=asdict(setting.conditions),
+            **parts,
+        )
+        storage.write_json(folder / "config.json", configuration(command, setting))
+        write_results(folder / "results.json", results)
     write_report(results, command.out / "report.html")
-    print_cells(results.cells)
-    _print_where(command.out, durations)
+    print_hit_rates(results.cells)
+    print_where(command.out, durations)
     return asdict(results)
 
 
@@ -90,30 +103,27 @@ def _check(command: Reproduce) -> None:
     for name, smallest in (("engagements", 2), ("curve_seeds", 1), ("workers", 0)):
         if getattr(command, name) < smallest:
             raise InputError(f"--{name.replace('_', '-')} must be at least {smallest}, got {getattr(command, name)}")
-    storage.check_writable(command.out)
 
 
-def _run_stages(command: Reproduce, setting: Setting, durations: dict[str, float]) -> dict[str, Any]:
-    from archerfish.cli.hit_rate_stage import evaluate_all, train_all  # noqa: PLC0415
-    from archerfish.cli.identification_stage import identify_printed, landing_of_table1  # noqa: PLC0415
-    from archerfish.evaluation.results import PaperFigures  # noqa: PLC0415
-    from archerfish.paper.conditions import calibration  # noqa: PLC0415
+def _run_stages(command: Reproduce, setting: Setting, folder: Path, durations: dict[str, float]) -> dict[str, Any]:
+    from archerfish.cli.hit_rate_stage import evaluate_all, train_all
+    from archerfish.cli.identification_stage import identify_all
+    from archerfish.evaluation.results import PaperFigures
+    from archerfish.paper.conditions import calibration
 
     workers = command.workers or min(os.cpu_count() or 1, 4)
     with _timed(durations, "identification"):
         plants = {"pitch": setting.pitch, "yaw": setting.yaw}
-        identification, responses = identify_printed(plants, command.out, command.seed)
-        table1 = landing_of_table1()
+        identified = identify_all(plants, folder, command.seed, workers)
     with _timed(durations, "training"):
-        trained = train_all(setting, command.ppo, command.seed, command.curve_seeds, command.out, workers)
+        trained = train_all(setting, command.ppo, command.seed, command.curve_seeds, folder, workers)
     with _timed(durations, "evaluation"):
-        cells, comparisons = evaluate_all(setting, trained.policies, command.engagements, command.seed, workers)
+        shot = evaluate_all(setting, trained.policies, command.engagements, command.seed, workers)
     return {
-        "identification": identification,
-        "table1": table1,
-        "figures": PaperFigures(fig4=responses, fig5=trained.static_curves, fig6=trained.dynamic_curves),
-        "cells": tuple(cells),
-        "comparisons": tuple(comparisons),
+        "identification": identified.facts,
+        "table1": identified.table1,
+        "figures": PaperFigures(fig4=identified.responses, fig5=trained.static_curves, fig6=trained.dynamic_curves),
+        **shot,
         "calibration": calibration(),
     }
 
@@ -123,10 +133,3 @@ def _timed(durations: dict[str, float], stage: str) -> Iterator[None]:
     begun = time.monotonic()
     yield
     durations[stage] = round(time.monotonic() - begun, 2)
-
-
-def _print_where(out: Path, durations: dict[str, float]) -> None:
-    from rich.console import Console  # noqa: PLC0415
-
-    took = ", ".join(f"{stage} {seconds:.0f} s" for stage, seconds in durations.items())
-    Console().print(f"{took}\nopen {out / 'report.html'}; every figure is in {out / 'results.json'}")

@@ -1,7 +1,11 @@
 """The files that describe whom a command is about, and what stands in where none is given."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
 
 from archerfish.paper.conditions import Conditions, assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_plants
@@ -9,23 +13,32 @@ from archerfish.records.errors import InputError
 from archerfish.records.limits import LimitsRecord, read_limits
 from archerfish.records.muzzle import MuzzleRecord, read_muzzle
 from archerfish.records.plant import PlantRecord, read_plant
+from archerfish.records.provenance import provenance
 from archerfish.simulation.setting import paper_muzzle
+
+
+def _file(default: str) -> Any:
+    return tyro.conf.arg(metavar="FILE", help_behavior_hint=f"(default: {default})")
 
 
 @dataclass(frozen=True)
 class SettingFiles:
     """The robot; the paper's gimbal and our assumed conditions where a file is not given."""
 
-    pitch: Path | None = None
-    """Plant record of the pitch axis, as `identify gimbal` writes it. [paper's printed plant]"""
-    yaw: Path | None = None
-    """Plant record of the yaw axis. [paper's printed plant]"""
-    muzzle: Path | None = None
-    """Muzzle record, as `identify muzzle` writes it. [assumed conditions]"""
-    limits: Path | None = None
-    """Limits record: angle ranges, rates and accelerations of both axes. [paper's ranges, GM6020 motors]"""
-    robot: str = ""
-    """Name of the robot; results call the setting `identified-<robot>`. Required when a file is given."""
+    pitch: Annotated[Path | None, _file("the paper's printed plant")] = None
+    """Plant record of the pitch axis, as identify gimbal writes it; --yaw must come with it."""
+    yaw: Annotated[Path | None, _file("the paper's printed plant")] = None
+    """Plant record of the yaw axis; --pitch must come with it."""
+    muzzle: Annotated[Path | None, _file("the assumed conditions")] = None
+    """Muzzle record, as identify muzzle writes it."""
+    limits: Annotated[Path | None, _file("the paper's ranges, GM6020 motors")] = None
+    """Limits record: angle ranges, rates and accelerations of both axes."""
+    robot: Annotated[str, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = ""
+    """Name of the robot, required with any of these files; results call the setting identified-NAME."""
+
+
+RobotOptions = Annotated[SettingFiles, tyro.conf.arg(name="")]
+"""The files of a robot as options without a prefix: --pitch, not --setting.pitch."""
 
 
 @dataclass(frozen=True)
@@ -70,3 +83,23 @@ def load_setting(files: SettingFiles) -> Setting:
         conditions=conditions,
         inputs=given,
     )
+
+
+def configuration(command: Any, setting: Setting, inputs: Iterable[Path] = ()) -> dict[str, Any]:
+    """Return the resolved configuration of a command, as written into its run folder.
+
+    Args:
+      command: its options, a dataclass with a seed.
+      setting: what its files were resolved to.
+      inputs: other files that were read.
+    """
+    plain = {name: _plain(value) for name, value in asdict(command).items() if name not in ("json", "out")}
+    return {**plain, "setting_name": setting.name, "provenance": provenance(command.seed, (*setting.inputs, *inputs))}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _plain(each) for name, each in value.items()}
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    return str(value) if isinstance(value, Path) else value

@@ -1,15 +1,15 @@
 """`archerfish train`: a policy for a gimbal, from its records."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.progress import progress_bar, require_jax
-from archerfish.cli.setting import Setting, SettingFiles, load_setting
+from archerfish.cli.run_folder import run_folder
+from archerfish.cli.setting import RobotOptions, SettingFiles, configuration, load_setting
 from archerfish.learning.config import PpoConfig
-from archerfish.records import storage
 from archerfish.records.errors import InputError
-from archerfish.records.provenance import provenance
 
 TARGETS = {"static": 1.0, "dynamic": 0.0, "both": 0.5}
 """Share of the targets that stand still in training."""
@@ -17,28 +17,38 @@ TARGETS = {"static": 1.0, "dynamic": 0.0, "both": 0.5}
 
 @dataclass(frozen=True)
 class Train:
-    """Train a policy in the simulator of a gimbal and write it as a policy record.
+    """Train a policy in the simulator of a gimbal.
 
-    Without files this is the paper's printed gimbal under our assumed conditions.
+    Without files this is the paper's printed gimbal under our assumed conditions. Train with the command limit that the
+    robot has: a policy is evaluated under the same one.
+
+    Writes policy.json and policy.safetensors (the policy record, for evaluate), checkpoint.json, curve.svg, log.jsonl
+    (metrics of each update) and config.json (all settings, seed and input hashes).
+
+    Examples:
+      archerfish train --seed 1 --out runs/train
+      archerfish train --pitch pitch.json --yaw yaw.json --muzzle muzzle.json --robot infantry
+      archerfish train --target dynamic --command-limit box --ppo.steps 4000000
     """
 
-    setting: SettingFiles = field(default_factory=SettingFiles)
+    setting: RobotOptions = field(default_factory=SettingFiles)
     """The robot."""
     target: Literal["static", "dynamic", "both"] = "both"
     """What moves: nothing, every target, or half of them."""
     observation: Literal["history", "paper"] = "history"
-    """What the policy sees: the last frames, or the paper's six numbers."""
+    """What the policy sees: several frames (history), or the paper's six numbers."""
     frames: int = 4
     """Frames that the history observation remembers."""
     command_limit: Literal["box", "gate", "los-2deg"] = "gate"
-    """What the gimbal may be asked: angle ranges alone, also rate and acceleration, or at most 2° ahead of the target."""
+    """What the gimbal may be asked: angle ranges (box), also rate and acceleration (gate), or at most 2° ahead of the
+    target."""
     ppo: PpoConfig = field(default_factory=PpoConfig)
     """Settings of PPO."""
-    out: Path = Path("runs/train")
-    """Folder for policy.json (the policy record), checkpoint.json, curve.svg, log.jsonl and config.json."""
+    out: Folder = Path("runs/train")
+    """Folder for the policy and everything about its training."""
     seed: int = 0
     """Of everything random in the training."""
-    json: Path | None = None
+    json: JsonFile = None
     """Also write what is printed to this file."""
 
 
@@ -48,11 +58,12 @@ def run_train(command: Train) -> dict[str, Any]:
     Raises:
       InputError: if a record can't be used, a setting is out of range, or the training diverges.
     """
+    if command.observation == "history" and command.frames < 2:
+        raise InputError(f"--frames must be at least 2, got {command.frames}; one frame shows no motion")
     require_jax("train")
-    from archerfish.cli.training_run import TrainingTask, run_task, write_run  # noqa: PLC0415  needs JAX
+    from archerfish.cli.training_run import TrainingTask, run_task, write_run
 
     setting = load_setting(command.setting)
-    storage.check_writable(command.out)
     task = TrainingTask(
         setting=setting,
         static_share=TARGETS[command.target],
@@ -62,9 +73,10 @@ def run_train(command: Train) -> dict[str, Any]:
         ppo=command.ppo,
         seed=command.seed,
     )
-    with progress_bar("training", command.ppo.steps, "decisions") as advance:
-        result = run_task(task, advance)
-    write_run(command.out, result, configuration(command, setting))
+    with run_folder(command.out) as folder:
+        with progress_bar("training", command.ppo.steps, "decisions") as advance:
+            result = run_task(task, advance)
+        write_run(folder, result, configuration(command, setting))
     summary = {
         "policy": str(command.out / "policy.json"),
         "steps": int(result.curve.steps[-1]),
@@ -76,34 +88,12 @@ def run_train(command: Train) -> dict[str, Any]:
     return summary
 
 
-def configuration(command: Any, setting: Setting) -> dict[str, Any]:
-    """Return the resolved configuration of a command, as written into its run folder."""
-    plain = {name: _plain(value) for name, value in asdict(command).items() if name not in ("json", "out")}
-    return {**plain, "setting_name": setting.name, "provenance": provenance(command.seed, setting.inputs)}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _plain(each) for name, each in value.items()}
-    return str(value) if isinstance(value, Path) else value
-
-
 def print_training(summary: dict[str, Any]) -> None:
     """Print the outcome of a training."""
-    from rich.console import Console  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
+    from rich.console import Console
+    from rich.table import Table
 
     table = Table(title="training", show_header=False)
     for name, value in summary.items():
         table.add_row(name.replace("_", " "), f"{value:,.3f}" if isinstance(value, float) else str(value))
     Console().print(table)
-
-
-def check_known(kind: str, name: str, known: tuple[str, ...]) -> None:
-    """Refuse an unknown name.
-
-    Raises:
-      InputError: naming what is known.
-    """
-    if name not in known:
-        raise InputError(f"{kind} must be one of {', '.join(known)}, got {name!r}")

@@ -75,9 +75,7 @@ def run_task(task: TrainingTask, advance: Callable[[float, str], None] = lambda 
     """
     begun = time.monotonic()
     setting, conditions = task.setting, task.setting.conditions
-    world = make_world(
-        setting.pitch, setting.yaw, setting.muzzle, setting.limits, task.command_limit, conditions
-    )
+    world = make_world(setting.pitch, setting.yaw, setting.muzzle, setting.limits, task.command_limit, conditions)
     observer = make_observer(
         task.observation, muzzle_from_record(setting.muzzle), task.frames, ACTION_SCALES[task.command_limit]
     )

@@ -5,13 +5,17 @@ On a few cores this beats the threads inside one compiled program: its many smal
 
 import multiprocessing
 import os
-import signal
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from queue import Empty
 from typing import Any
 
+from archerfish.cli.interrupts import without_interrupts
 from archerfish.cli.progress import progress_bar
+from archerfish.records.errors import InputError
 
 Task = tuple[Callable[..., Any], Any, float]
 """A function of (argument, advance), its argument, and the work it reports when done."""
@@ -36,21 +40,37 @@ def run_tasks(what: str, unit: str, tasks: Sequence[Task], workers: int) -> list
 
     Returns:
       The results, in the order of the tasks.
+
+    Raises:
+      InputError: if a worker is killed; whatever a task raises.
     """
     context = multiprocessing.get_context("spawn")
     reports = context.Queue()
-    kept = {name: os.environ.get(name) for name in _SINGLE_THREAD}
-    os.environ.update(_SINGLE_THREAD)
     pool = ProcessPoolExecutor(workers, context, _begin_worker, (reports,))
     try:
-        futures = [pool.submit(_run, index, task[0], task[1]) for index, task in enumerate(tasks)]
+        # Ctrl-C reaches the whole group of processes; the parent alone answers it.
+        with _single_threaded(), without_interrupts():
+            futures = [pool.submit(_run, index, task[0], task[1]) for index, task in enumerate(tasks)]
         _watch(what, unit, [task[2] for task in tasks], futures, reports)
         return [future.result() for future in futures]
+    except BrokenProcessPool as error:
+        problem = f"{what}: a worker process was killed, most likely for want of memory"
+        raise InputError(f"{problem}; use fewer --workers than {workers}") from error
     except BaseException:
         _stop(pool)
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def _single_threaded() -> Iterator[None]:
+    """Let processes that start in the block have one thread each."""
+    kept = {name: os.environ.get(name) for name in _SINGLE_THREAD}
+    os.environ.update(_SINGLE_THREAD)
+    try:
+        yield
+    finally:
         for name, value in kept.items():
             if value is None:
                 os.environ.pop(name, None)
@@ -59,10 +79,17 @@ def run_tasks(what: str, unit: str, tasks: Sequence[Task], workers: int) -> list
 
 
 def _begin_worker(reports: Any) -> None:
-    global _reports  # noqa: PLW0603  a worker process has one
+    global _reports  # a worker process has one
     _reports = reports
-    # Ctrl-C reaches the whole group of processes; the parent alone answers it.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Leave no orphan: end this worker when its parent ends, however that was."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _run(index: int, function: Callable[..., Any], argument: Any) -> Any:

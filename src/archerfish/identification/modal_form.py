@@ -63,7 +63,7 @@ def _section_numbers(section: Array) -> Array:
 
 
 def sections_from_numbers(theta: Array) -> Sections:
-    """Return the sections of θ (held within bounds): pairs first, a single one last."""
+    """Return the sections of θ, shape (n,), held within bounds: pairs first, a single one last."""
     tanh = np.tanh(np.clip(theta, -_LARGEST, _LARGEST))
     pairs = [np.array([tanh[i] * (1 + tanh[i + 1]), tanh[i + 1]]) for i in range(0, theta.size - 1, 2)]
     return (*pairs, tanh[-1:]) if theta.size % 2 else tuple(pairs)

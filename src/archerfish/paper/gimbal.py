@@ -23,7 +23,7 @@ class PrintedMatrix:
     printed: tuple[tuple[str, ...], ...]
     """Its entries, row by row, character for character."""
     values: NDArray[np.float64]
-    """Our reading, before any scaling."""
+    """Our reading, before any scaling, in the shape that is printed."""
     legibility: Legibility
     """How well it can be read."""
     note: str

@@ -1,0 +1,56 @@
+"""Hit rates in the terminal: a table per command limit that fits 80 columns."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from archerfish.evaluation.results import Cell
+
+
+def print_hit_rates(cells: Iterable["Cell"], console: Console | None = None) -> None:
+    """Print a table per command limit, with a row per controller and a column per range.
+
+    Args:
+      cells: hit rates.
+      console: where to; standard output if not given.
+    """
+    console = console or Console()
+    cells = list(cells)
+    for limit in dict.fromkeys(cell.command_limit for cell in cells):
+        console.print(_table(limit, [cell for cell in cells if cell.command_limit == limit]))
+
+
+def print_where(out: Path, durations: Mapping[str, float]) -> None:
+    """Say how long a run took (stage → seconds), and where its page and its figures are."""
+    took = ", ".join(f"{stage} {seconds:.0f} s" for stage, seconds in durations.items())
+    line = f"\n{took}\nopen {out / 'report.html'}; every figure is in {out / 'results.json'}"
+    Console().print(line, markup=False, highlight=False, soft_wrap=True)
+
+
+def _table(limit: str, cells: list["Cell"]) -> Table:
+    ranges = sorted({cell.range_m for cell in cells})
+    title = f"\nhit rate in % with the 95 % interval, command limit {limit}"
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    table.add_column("name (seed)", no_wrap=True)
+    for low, high in ranges:
+        table.add_column(f"{low:g}–{high:g} m", justify="right", no_wrap=True)
+    for target in dict.fromkeys(cell.target for cell in cells):
+        table.add_row(f"{target} targets", style="bold")
+        shot = [cell for cell in cells if cell.target == target]
+        for entrant in dict.fromkeys(map(_entrant, shot)):
+            rates = {cell.range_m: _rate(cell) for cell in shot if _entrant(cell) == entrant}
+            table.add_row(entrant, *(rates.get(each, "") for each in ranges))
+    return table
+
+
+def _entrant(cell: "Cell") -> str:
+    return cell.controller if cell.policy_seed is None else f"{cell.controller} ({cell.policy_seed})"
+
+
+def _rate(cell: "Cell") -> str:
+    low, high = (f"{100 * each:.1f}".replace("100.0", "100") for each in (cell.low, cell.high))
+    return f"{100 * cell.hits / cell.shots:.1f} {low}–{high}"

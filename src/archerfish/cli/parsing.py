@@ -1,0 +1,77 @@
+"""Options from the words of a command line: tyro's parser, but a fault is one line."""
+
+import inspect
+import io
+import re
+import shutil
+import textwrap
+from collections.abc import Sequence
+from contextlib import redirect_stderr
+from typing import TypeVar
+
+import tyro
+
+from archerfish.records.errors import InputError
+
+Options = TypeVar("Options")
+
+_SETTINGS = (tyro.conf.FlagCreatePairsOff,)
+_WIDEST = 100
+
+
+def parse(kind: type[Options], program: str, words: Sequence[str]) -> Options:
+    """Parse the options of a command; `--help` prints them and exits with status 0.
+
+    Args:
+      kind: dataclass whose fields are the options and whose docstring describes the command.
+      program: name of the command, as typed.
+      words: what follows it.
+
+    Raises:
+      InputError: if an option is unknown or its value can't be used.
+    """
+    told = io.StringIO()
+    try:
+        with redirect_stderr(told):
+            return tyro.cli(kind, prog=program, args=list(words), description=description(kind), config=_SETTINGS)
+    except SystemExit as ended:
+        if not ended.code:
+            raise
+        raise InputError(f"{one_line(told.getvalue())}; see {program} --help") from None
+
+
+def summary(kind: type) -> str:
+    """Return the first sentence of a command's docstring."""
+    return inspect.cleandoc(kind.__doc__ or "").partition("\n\n")[0]
+
+
+def description(kind: type) -> str:
+    """Return a command's docstring, its paragraphs wrapped for the terminal; indented blocks keep their lines."""
+    width = min(shutil.get_terminal_size().columns, _WIDEST)
+    first, *rest = inspect.cleandoc(kind.__doc__ or "").split("\n\n")
+    return "\n".join([first, *(_wrapped(paragraph, width) for paragraph in rest)])
+
+
+def _wrapped(paragraph: str, width: int) -> str:
+    if "\n  " in paragraph:
+        return f"\n{paragraph}"
+    # tyro joins lines that begin with a letter; bullet and indentation keep the wrapping.
+    return textwrap.fill(" ".join(paragraph.split()), width, initial_indent="  • ", subsequent_indent="    ")
+
+
+def one_line(box: str) -> str:
+    """Condense a fault that tyro has drawn as a box: what is wrong, and what it takes for a misspelling.
+
+    Args:
+      box: framed with its title in the upper edge; where the terminal has no such characters, title, rule, content.
+    """
+    rows = [re.sub(r"\x1b\[[0-9;]*m", "", row).strip("│ ") for row in box.splitlines()]
+    content = [row for row in rows if row and row[0] not in "╭╰"]
+    title_apart = len(content) == len([row for row in rows if row])
+    parts = [part.strip().split("\n") for part in re.split(r"^[─-]{3,}$", "\n".join(content), flags=re.MULTILINE)]
+    parts = parts[1:] if title_apart and len(parts) > 1 else parts
+    message = " ".join(parts[0]).removeprefix("Error parsing ").rstrip(".")
+    # A fault that a group of options found by itself reads "group: name must …".
+    message = re.sub(r"^(\w+): (\w+) must", lambda found: f"--{found[1]}.{found[2].replace('_', '-')} must", message)
+    meant = [part[1].split()[0] for part in parts[1:] if part[0].startswith("Perhaps") and len(part) > 1]
+    return message + (f"; perhaps you meant {meant[0]}" if meant else "")

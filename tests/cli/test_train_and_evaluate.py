@@ -1,0 +1,60 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from archerfish.evaluation.results import read_results
+from archerfish.paper.gimbal import printed_plants
+from archerfish.records.plant import write_plant
+
+pytest.importorskip("jax")
+
+TRAINING = ["policy.json", "policy.safetensors", "checkpoint.json", "checkpoint.safetensors", "curve.svg", "log.jsonl"]
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> list[str]:
+    """Options of a robot whose plants were identified."""
+    options = ["--robot", "sentry"]
+    for axis, plant in printed_plants().items():
+        write_plant(tmp_path / f"{axis}.json", plant)
+        options += [f"--{axis}", f"{axis}.json"]
+    return options
+
+
+def test_a_policy_is_trained_evaluated_and_reported(command, tmp_path, robot):
+    small = ["--ppo.steps", "200", "--ppo.environments", "8", "--ppo.rollout", "5", "--ppo.hidden", "4"]
+    small += ["--observation", "paper", "--seed", "3"]
+    status, out, _ = command("train", *small, *robot, "--out", "train", "--json", "train.json")
+    assert status == 0
+    assert {path.name for path in (tmp_path / "train").iterdir()} == {*TRAINING, "config.json"}
+    told = json.loads((tmp_path / "train.json").read_text())
+    assert told["policy"] == "train/policy.json"
+    assert np.isfinite(told["mean_return"])
+    assert "train/policy.json" in out
+    configuration = json.loads((tmp_path / "train" / "config.json").read_text())
+    assert configuration["ppo"]["hidden"] == 4
+    assert configuration["setting_name"] == "identified-sentry"
+    assert set(configuration["provenance"]["inputs"]) == {"pitch.json", "yaw.json"}
+
+    few = ["--controllers", "no-lead", "--engagements", "2"]
+    status, out, _ = command("evaluate", "train/policy.json", *robot, *few, "--out", "shot", "--json", "shot.json")
+    assert status == 0
+    results = read_results(tmp_path / "shot" / "results.json")
+    assert {(cell.controller, cell.policy_seed) for cell in results.cells} == {
+        ("perfect", None),
+        ("no-lead", None),
+        ("paper", 3),
+    }
+    assert len(results.cells) == 3 * 8
+    assert {cell.setting for cell in results.cells} == {"identified-sentry"}
+    assert all(cell.shots == 100 for cell in results.cells)
+    assert json.loads((tmp_path / "shot.json").read_text())["cells"][0]["shots"] == 100
+    assert max(map(len, out.splitlines())) <= 80
+    assert "paper (3)" in out
+
+    page = (tmp_path / "shot" / "report.html").read_text()
+    status, out, _ = command("report", "shot", "--out", "shot/again.html")
+    assert (status, out) == (0, "report: shot/again.html\n")
+    assert (tmp_path / "shot" / "again.html").read_text() == page
