@@ -33,9 +33,9 @@ class PpoConfig:
     """Let the learning rates fall linearly to a tenth."""
     clip: float = 0.2
     """Clipping ε of eq (10) (paper)."""
-    discount: float = 0.9
+    discount: float = 0.95
     """γ."""
-    trace: float = 0.95
+    trace: float = 0.9
     """λ of the advantages."""
     entropy: float = 0.0
     """Weight of the entropy bonus."""
