@@ -113,6 +113,15 @@ def edited(records: Path) -> Callable[..., Path]:
     return edit
 
 
+# A shell that runs the tests in the background lets them, and all that they start, ignore Ctrl-C.
+PROGRAM = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from archerfish.cli.main import main
+main()
+"""
+
+
 @pytest.fixture
 def started(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[bytes]]]:
     """Start a command line in a process group of its own, whose progress shows as in a terminal."""
@@ -120,7 +129,7 @@ def started(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[bytes]]]:
 
     def start(*words: str) -> subprocess.Popen[bytes]:
         process = subprocess.Popen(
-            [sys.executable, "-c", "from archerfish.cli.main import main; main()", *words],
+            [sys.executable, "-c", PROGRAM, *words],
             cwd=tmp_path,
             env={**os.environ, "FORCE_COLOR": "1", "COLUMNS": "80"},
             stdout=subprocess.PIPE,

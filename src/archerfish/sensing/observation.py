@@ -2,7 +2,7 @@
 
 Two observations. `paper`: the six numbers of the paper, the gimbal's angles at the last two moments and the target's
 position at this one (its height never changes, so two coordinates). `history`: the last frames, scaled and differenced,
-with the error of the line of fire; raw frames hold the same facts but train 34 points worse on far moving targets.
+with the error of the line of fire; raw frames hold the same facts in a form that a small network hardly learns from.
 
 In both, an action is an offset from the aim at the target as seen now.
 """
