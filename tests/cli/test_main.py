@@ -87,7 +87,7 @@ def test_examples_in_help_are_accepted(command):
         (["train", "--target", "flying"], "'flying' for argument '--target'"),
         (["train", "--seed", "-1"], "--seed must be within"),
         (["train", "--seed", "99999999999"], "--seed must be within"),
-        (["train", "--frames", "1"], "--frames must be at least 2, got 1"),
+        (["train", "--frames", "1"], "--frames must be from 2 (one frame shows no motion) to 64, got 1"),
         (["train", "--pitch", "plant.json", "--robot", "sentry"], "--pitch and --yaw must be given together"),
         (["train", "--pitch", "plant.json", "--yaw", "plant.json"], "--robot must name the robot"),
         (["train", "--muzzle", "plant.json", "--robot", "sentry"], "expected 'archerfish.muzzle/1'"),

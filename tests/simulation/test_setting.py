@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -7,7 +5,7 @@ from archerfish.dynamics.array_namespace import map_arrays
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_plants
 from archerfish.records.errors import InputError
-from archerfish.simulation.setting import make_world, paper_muzzle, plant_count, without_draws
+from archerfish.simulation.setting import make_world, paper_muzzle, plant_count
 
 CONDITIONS = assumed_conditions()
 
@@ -21,13 +19,6 @@ def test_a_world_is_float32_throughout(build_world) -> None:
 @pytest.mark.parametrize(("draws", "count"), [(0, 1), (3, 3)])
 def test_a_world_has_as_many_plants_as_its_records_have_draws(build_world, draws, count) -> None:
     assert plant_count(build_world(draws=draws)) == count
-
-
-def test_without_draws_the_best_estimate_remains() -> None:
-    plant = printed_plants()["yaw"]
-    drawn = replace(plant, draws={name: getattr(plant, name)[None] for name in "ABCD"})
-    assert without_draws(drawn).draws == {}
-    assert without_draws(drawn).A is plant.A
 
 
 def test_an_unknown_command_limit_is_refused() -> None:

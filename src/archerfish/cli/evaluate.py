@@ -75,7 +75,9 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     from archerfish.evaluation.results import write_results
 
     setting = load_setting(command.setting)
-    policies = tuple(_policy(path, setting.conditions.control_period_s) for path in command.policies)
+    period_s = setting.conditions.control_period_s
+    policies = tuple(_policy(path, period_s, command.command_limit) for path in command.policies)
+    _check_distinct(policies, command)
     names = ("perfect", *command.controllers)
     task = EvaluationTask(setting, command.command_limit, command.engagements, command.seed, names, policies)
     with run_folder(command.out) as folder:
@@ -89,6 +91,15 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     print_hit_rates(results.cells)
     print_where(command.out, results.durations)
     return asdict(results)
+
+
+def _check_distinct(policies: tuple[PolicyRecord, ...], command: Evaluate) -> None:
+    """Results tell entrants apart by name and training seed."""
+    labels = [*command.controllers, *((each.observation, each.training.get("seed")) for each in policies)]
+    if len(set(labels)) < len(labels):
+        twice = next(label for label in labels if labels.count(label) > 1)
+        name = twice if isinstance(twice, str) else f"{twice[0]} policy of seed {twice[1]}"
+        raise InputError(f"{name} is given twice; give each controller once, and policies of different training seeds")
 
 
 def _check(command: Evaluate) -> None:
@@ -118,11 +129,16 @@ def _results(task: "EvaluationTask", outcomes: "list[Outcome]", seconds: float) 
     )
 
 
-def _policy(path: Path, period_s: float) -> PolicyRecord:
+def _policy(path: Path, period_s: float, command_limit: str) -> PolicyRecord:
     policy = read_policy(path)
     if abs(policy.period_s - period_s) > 1e-9:
         raise InputError(
             f"{path}: trained for decisions every {policy.period_s} s, the setting has {period_s} s; train it anew"
+        )
+    if policy.command_limit != command_limit:
+        raise InputError(
+            f"{path}: trained under the command limit {policy.command_limit}, not {command_limit}; "
+            f"pass --command-limit {policy.command_limit} or train it anew"
         )
     try:
         policy_from_record(policy)

@@ -15,6 +15,10 @@ TARGETS = {"static": 1.0, "dynamic": 0.0, "both": 0.5}
 """Share of the targets that stand still in training."""
 
 
+MOST_FRAMES = 64
+"""More than a second of history at 20 ms; the observation grows with it."""
+
+
 @dataclass(frozen=True)
 class Train:
     """Train a policy in the simulator of a gimbal.
@@ -58,8 +62,8 @@ def run_train(command: Train) -> dict[str, Any]:
     Raises:
       InputError: if a record can't be used, a setting is out of range, or the training diverges.
     """
-    if command.observation == "history" and command.frames < 2:
-        raise InputError(f"--frames must be at least 2, got {command.frames}; one frame shows no motion")
+    if command.observation == "history" and not 2 <= command.frames <= MOST_FRAMES:
+        raise InputError(f"--frames must be from 2 (one frame shows no motion) to {MOST_FRAMES}, got {command.frames}")
     require_jax("train")
     from archerfish.cli.training_run import TrainingTask, run_task, write_run
 

@@ -1,8 +1,9 @@
 """A Kalman filter for a target of nearly constant velocity on level ground: the tracker of classical auto-aim.
 
-State per target: x, y and their speeds; the height never changes on level ground and is averaged. White acceleration of
-standard deviation q drives it. The camera measures along the line of sight less well than across it, so the
-measurement noise is rotated into the line of sight; with noise fixed to the axes, range errors leak into the bearing.
+State per target: x, y and their speeds; the height hardly changes on level ground and is smoothed, each frame counting
+half. White acceleration of standard deviation q drives it. The camera measures along the line of sight less well than
+across it, so the measurement noise is rotated into the line of sight; with noise fixed to the axes, range errors leak
+into the bearing.
 """
 
 from typing import NamedTuple

@@ -34,7 +34,7 @@ LEAST_SQUARES_ITERATIONS = 1500
 """Of ADMM, for the plan to begin with."""
 RELAXATION = 1.8
 """Over-relaxation of ADMM, between 1 (none) and 2: far slews need about half the iterations."""
-MARGIN = 0.97
+MARGIN = 0.995
 """Share of the acceleration limit to plan with: ADMM leaves small excesses, and a plan cut off by the limit drifts."""
 SHRINK = 0.1
 """Threshold of the absolute error in ADMM [rad]."""
@@ -60,6 +60,11 @@ class Oracle(NamedTuple):
     """For drop, drag, flight time and dispersion."""
     hit_radius: Array
     """Largest miss distance that hits [m], shape ()."""
+
+    @property
+    def needs_truth(self) -> bool:
+        """The oracle alone is told the truth."""
+        return True
 
     def reset(self, seen: Seen, truth: Truth | None = None) -> OracleState:
         """Plan the engagement.

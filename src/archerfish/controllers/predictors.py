@@ -54,7 +54,8 @@ class ConstantVelocity(NamedTuple):
     def step(self, state: Track, seen: Seen) -> Track:
         """Take in what is seen now."""
         track = predict(self.noise, state, seen.elapsed)
-        return update(self.noise, track, seen.plate[..., 0, :], seen.fresh[..., 0])
+        # The first sight began the track; it tells nothing new.
+        return update(self.noise, track, seen.plate[..., 0, :], seen.fresh[..., 0] & (seen.elapsed > 0.0))
 
     def position_after(self, state: Track, time: Array) -> Array:
         """Go on at the estimated velocity, shape B + (3,)."""

@@ -20,6 +20,10 @@ NEVER = 1e6
 """A limit that never acts: rad, rad/s, rad/s²."""
 
 
+_ROUNDING = 1.0 - 1e-5
+"""Share of the acceleration limit that is used, so that second differences of float32 commands keep it too."""
+
+
 class CommandLimits(NamedTuple):
     """Limits of the pitch and yaw command, shape (2,) each."""
 
@@ -48,7 +52,7 @@ def gate_limits(record: LimitsRecord) -> CommandLimits:
         np.array([getattr(axis, name) for axis in (record.pitch, record.yaw)])
         for name in ("max_rate", "max_acceleration")
     )
-    return box_limits(record)._replace(max_rate=rate, max_acceleration=acceleration)
+    return box_limits(record)._replace(max_rate=rate, max_acceleration=_ROUNDING * acceleration)
 
 
 def line_of_sight_limits(record: LimitsRecord, yaw_lead: float) -> CommandLimits:
@@ -94,16 +98,16 @@ def limit_command(
     limits = CommandLimits(*(lift(each, desired) for each in limits))
     desired = xp.clip(desired, sight - limits.max_lead, sight + limits.max_lead)
     desired = xp.clip(desired, limits.low, limits.high)
-    rate = (desired - previous) / period
+    wanted = (desired - previous) / period
     change = limits.max_acceleration * period
-    rate = xp.clip(rate, previous_rate - change, previous_rate + change)
+    rate = xp.clip(wanted, previous_rate - change, previous_rate + change)
     rate = xp.clip(
         rate,
         -xp.minimum(limits.max_rate, fastest_approach(previous - limits.low, limits.max_acceleration, period)),
         xp.minimum(limits.max_rate, fastest_approach(limits.high - previous, limits.max_acceleration, period)),
     )
-    # Unlimited settings take the desired command itself: no rounding by way of the rate.
-    reached = xp.where(xp.abs(rate * period - (desired - previous)) < 1e-6, desired, previous + rate * period)
+    # What no limit touches is the desired command itself: no rounding by way of the rate.
+    reached = xp.where(rate == wanted, desired, previous + rate * period)
     return xp.clip(reached, limits.low, limits.high)
 
 

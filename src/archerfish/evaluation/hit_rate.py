@@ -54,7 +54,7 @@ class Misses(NamedTuple):
     """The misses, by what the gimbal was doing."""
 
     slewing: int
-    """Misses fired while the gimbal was still turning towards the target."""
+    """Misses fired early in the engagement, while the gimbal is given time to turn towards the target."""
     settled: int
     """Misses fired afterwards."""
 

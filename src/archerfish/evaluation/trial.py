@@ -12,7 +12,7 @@ from archerfish.dynamics.array_namespace import Array, map_arrays
 from archerfish.dynamics.muzzle import DRAWS as MUZZLE_DRAWS
 from archerfish.dynamics.muzzle import pellet_at_muzzle
 from archerfish.evaluation.suites import Trials
-from archerfish.sensing.interfaces import Controller, Engagement, World
+from archerfish.sensing.interfaces import Controller, Engagement, Truth, World
 from archerfish.simulation.shooting import ShootingWorld, miss_at_armor
 
 
@@ -48,7 +48,7 @@ def fight(world: World, controller: Controller, trials: Trials) -> Shots:
 @jax.jit
 def _fight_compiled(world: World, controller: Controller, engagements: Engagement, draws: Array) -> Shots:
     shooting, seen = world.reset(engagements, draws)
-    state = controller.reset(seen, world.truth(engagements))
+    state = controller.reset(seen, _truth(world, controller, engagements))
 
     def step(carry: tuple[Any, Any, Any], _: None) -> tuple[tuple[Any, Any, Any], Shots]:
         shooting, seen, state = carry
@@ -62,13 +62,18 @@ def _fight_compiled(world: World, controller: Controller, engagements: Engagemen
 
 def _fight_stepping(world: World, controller: Controller, trials: Trials) -> Shots:
     shooting, seen = world.reset(trials.engagements, trials.draws)
-    state = controller.reset(seen, world.truth(trials.engagements))
+    state = controller.reset(seen, _truth(world, controller, trials.engagements))
     shots = []
     for _ in range(trials.draws.shape[-2]):
         state, command = controller.step(state, seen)
         shooting, seen, shot = world.step(shooting, command)
         shots.append(Shots(shot.miss, seen.command, shot.angle))
     return Shots(*(np.stack(each, axis=1) for each in zip(*shots, strict=True)))
+
+
+def _truth(world: World, controller: Controller, engagements: Engagement) -> Truth | None:
+    """Return the truth for a controller that declares `needs_truth`, as the oracle does, and nothing for any other."""
+    return world.truth(engagements) if getattr(controller, "needs_truth", False) else None
 
 
 def perfect_shots(world: ShootingWorld, trials: Trials) -> Shots:

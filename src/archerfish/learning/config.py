@@ -14,7 +14,7 @@ class PpoConfig:
     """Settings of PPO; the paper's where it prints them."""
 
     steps: int = 2_000_000
-    """Decisions to train for, over all environments."""
+    """Decisions to train for, over all environments; rounded up to whole calls of four batches."""
     environments: int = 512
     """Engagements that run side by side."""
     rollout: int = 25

@@ -48,6 +48,8 @@ class Conditions:
     """Standard deviation of the disturbance angles of eq (6), each [rad]."""
     drag: float
     """Quadratic drag coefficient k [1/m]."""
+    position_noise: float
+    """Standard deviation of the seen target position, along the line of sight and across it [m]."""
     line_of_sight_lead: float
     """Command limit `los-2deg`: largest angle between yaw command and line of sight [rad]."""
     kalman_acceleration_sd: float

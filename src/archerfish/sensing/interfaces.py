@@ -79,7 +79,10 @@ class Truth(NamedTuple):
 
 
 class Controller(Protocol):
-    """Turns what is seen into a command."""
+    """Turns what is seen into a command.
+
+    One that has a attribute `needs_truth` that is true is told the truth at the beginning: the oracle, and no other.
+    """
 
     def reset(self, seen: Seen, truth: Truth | None = None) -> Any:
         """Return the state at the beginning of an engagement; the truth is given to the oracle alone."""

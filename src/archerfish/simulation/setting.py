@@ -1,7 +1,5 @@
 """Worlds and scenarios from records: who shoots at what, where, with which gimbal."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from archerfish.dynamics.array_namespace import single_precision
@@ -23,7 +21,7 @@ def make_world(
     limits: LimitsRecord,
     command_limit: str,
     conditions: Conditions,
-    position_noise: tuple[float, float] = (0.0, 0.0),
+    position_noise: tuple[float, float] | None = None,
 ) -> ShootingWorld:
     """Build a shooting world in float32.
 
@@ -48,7 +46,7 @@ def make_world(
         limits=named_limits(command_limit, limits, conditions.line_of_sight_lead),
         angle_low=np.array([limits.pitch.low, limits.yaw.low]),
         angle_high=np.array([limits.pitch.high, limits.yaw.high]),
-        position_noise=np.array(position_noise),
+        position_noise=np.array(position_noise or (conditions.position_noise,) * 2),
     )
     built: ShootingWorld = single_precision(world)
     return built
@@ -102,8 +100,3 @@ def paper_muzzle(conditions: Conditions) -> MuzzleRecord:
         yaw_sd=conditions.dispersion,
         drag=conditions.drag,
     )
-
-
-def without_draws(plant: PlantRecord) -> PlantRecord:
-    """Return the best estimate alone."""
-    return replace(plant, draws={})

@@ -130,6 +130,11 @@ def _seed_remarks(cells: list[Cell], setting: str, limit: str) -> list[str]:
         seeds = policy_seeds(cells, setting=setting, command_limit=limit, controller=controller)
         of_controller = [cell for cell in cells if cell.controller == controller]
         rates = [pooled_rate(cell for cell in of_controller if cell.policy_seed == seed) or 0.0 for seed in seeds]
+        if seeds and seeds != (None,) and len(seeds) == 1:
+            remarks.append(
+                f"{controller_words(controller).name}: one training, seed {seeds[0]}; "
+                "the intervals are over engagements, not over trainings."
+            )
         if len(seeds) > 1:
             remarks.append(
                 f"{controller_words(controller).name}: {len(seeds)} trainings; shown is the one with the lowest seed, "

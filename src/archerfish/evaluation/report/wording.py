@@ -110,6 +110,7 @@ _CONDITIONS = {
     "muzzle_speed_sd": _ConditionWords("Standard deviation of the muzzle speed", 1.0, "m/s"),
     "dispersion": _ConditionWords("Standard deviation of the disturbance angles, eq (6)", _DEGREES, "°"),
     "drag": _ConditionWords("Quadratic drag coefficient", 1.0, "1/m"),
+    "position_noise": _ConditionWords("Noise of the seen target position: none, the camera is perfect", 1000.0, "mm"),
     "line_of_sight_lead": _ConditionWords("Command limit los-2deg: yaw from the line of sight, at most", _DEGREES, "°"),
     "kalman_acceleration_sd": _ConditionWords("Kalman filter: process noise, as acceleration", 1.0, "m/s²"),
     "kalman_position_sd": _ConditionWords("Kalman filter: measurement noise", 1000.0, "mm"),
