@@ -31,6 +31,8 @@ from machine import describe_machine
 RESULT = Path(__file__).parent / "results" / "calibration.json"
 SEED = 0
 SEARCH_ENGAGEMENTS = 150
+PROMISING = 4.0
+RESCORE_ENGAGEMENTS = 1000
 FINAL_ENGAGEMENTS = 3000
 GRID: dict[str, tuple[float, ...]] = {
     "max_lateral_offset": (0.5, 0.6, 0.7, 0.8),
@@ -77,14 +79,24 @@ def search(base: Conditions) -> list[dict[str, Any]]:
         chosen = dict(zip(GRID, values, strict=True))
         cells = kalman_cells(replace(base, **chosen), SEARCH_ENGAGEMENTS, SEED)
         tried.append({**chosen, "rmse_points": rmse(residuals(cells))})
-    return sorted(tried, key=lambda row: row["rmse_points"])
+    tried.sort(key=lambda row: row["rmse_points"])
+    return tried
 
 
-def final(base: Conditions, tried: list[dict[str, Any]]) -> dict[str, Any]:
+def rescore(base: Conditions, tried: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Measure the promising sets again on other draws: the search's few engagements flatter some and wrong others."""
+    promising = [row for row in tried if row["rmse_points"] < PROMISING]
+    for row in track(promising, "measuring again"):
+        chosen = {name: row[name] for name in GRID}
+        row["rmse_points"] = rmse(residuals(kalman_cells(replace(base, **chosen), RESCORE_ENGAGEMENTS, SEED + 2)))
+    return sorted(promising, key=lambda row: row["rmse_points"])
+
+
+def final(base: Conditions, promising: list[dict[str, Any]], tried: int) -> dict[str, Any]:
     """Measure the chosen set, as the field `calibration` of conditions.json."""
     cells = kalman_cells(base, FINAL_ENGAGEMENTS, SEED + 1)
     missed = residuals(cells)
-    within = [row for row in tried if row["rmse_points"] < 3.0]
+    within = [row for row in promising if row["rmse_points"] < 3.0]
     spans = {name: sorted({row[name] for row in within}) for name in GRID}
     told = "; ".join(f"{name.replace('_', ' ')} {_span(name, values)}" for name, values in spans.items() if values)
     return {
@@ -99,9 +111,12 @@ def final(base: Conditions, tried: list[dict[str, Any]]) -> dict[str, Any]:
         ],
         "rmse_points": round(rmse(missed), 2),
         "engagements": FINAL_ENGAGEMENTS,
-        "sets_tried": len(tried),
+        "sets_tried": tried,
         "sets_within_3_points": len(within),
-        "note": f"Not unique: sets with {told} fit as well. The chosen one is round, not the best.",
+        "note": (
+            f"Not unique: among the sets within 3 points are {told}; the best comes to "
+            f"{promising[0]['rmse_points']:.1f} points. The chosen one is round, not the best."
+        ),
     }
 
 
@@ -115,15 +130,16 @@ def main() -> None:
     """Search, measure, print and write."""
     base = assumed_conditions()
     tried = search(base)
-    calibration = final(base, tried)
-    table = Table(*GRID, "RMSE points", title="best sets on the search's draws")
-    for row in tried[:15]:
+    promising = rescore(base, tried)
+    calibration = final(base, promising, len(tried))
+    table = Table(*GRID, "RMSE points", title=f"best sets, {RESCORE_ENGAGEMENTS} engagements a cell")
+    for row in promising[:15]:
         table.add_row(*(f"{row[name]:.4g}" for name in (*GRID, "rmse_points")))
     console = Console(width=140)
     console.print(table)
     console.print(calibration)
     conditions = {"seed": SEED, "stream": "calibration", "search_engagements": SEARCH_ENGAGEMENTS}
-    content = {"machine": describe_machine(), "conditions": conditions, "calibration": calibration, "sets": tried}
+    content = {"machine": describe_machine(), "conditions": conditions, "calibration": calibration, "sets": promising}
     storage.write_json(RESULT, content)
 
 

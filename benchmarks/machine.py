@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from archerfish.records.provenance import code_commit, library_versions
+
 SIZE = 1024
 """Order of the matrices: large enough to be bound by arithmetic, small enough for any cache and memory."""
 ROUNDS = 7
@@ -28,10 +30,12 @@ def matrix_product_rate() -> float:
 
 
 def describe_machine() -> dict[str, Any]:
-    """Return what a benchmark writes beside its results: processor, cores and matrix-product rate."""
+    """Return what a benchmark writes beside its results: processor, cores, matrix-product rate, commit and versions."""
     return {
         "machine": platform.machine(),
         "system": platform.system(),
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "matrix_product_gflops": round(matrix_product_rate(), 1),
+        "commit": code_commit(),
+        "versions": library_versions(),
     }

@@ -117,8 +117,8 @@ def edited(records: Path) -> Callable[..., Path]:
 PROGRAM = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)
-from archerfish.cli.main import main
-main()
+from archerfish.cli.main import program
+program()
 """
 
 

@@ -45,6 +45,55 @@ def test_without_a_validation_log_it_says_what_to_do(tmp_path, logs, console):
     assert "--validate LOG" in console.export_text().replace("\n", " ")
 
 
+def rewritten(log, path, change):
+    """Copy a log with its rows [time, u, y] changed."""
+    rows = np.loadtxt(log, delimiter=",", skiprows=1)
+    header = log.read_text().splitlines()[0]
+    np.savetxt(path, change(rows), delimiter=",", header=header, comments="", fmt="%.9g")
+    return path
+
+
+def test_a_good_plant_raises_no_doubts(tmp_path, logs, console):
+    command = IdentifyGimbal((logs[0],), order=2, max_delay=3, validate=((logs[1],),), out=tmp_path / "out")
+    assert run_gimbal(command, console)["remarks"] == []
+
+
+def test_a_useless_plant_is_called_so_with_what_to_check(tmp_path, logs, console):
+    command = IdentifyGimbal(
+        (logs[0],), input=(("y",),), output="u", order=2, max_delay=2, validate=((logs[1],),), out=tmp_path / "out"
+    )
+    summary = run_gimbal(command, console)
+    assert summary["validation"][0]["fit_percent"] < 80
+    (remark,) = (each for each in summary["remarks"] if "not to be trusted" in each)
+    for cause in ("validation fit", "swapped", "milliseconds", "unit", "richer sweep"):
+        assert cause in remark
+    assert "not to be trusted" in console.export_text()
+
+
+def test_the_training_fit_counts_where_no_log_was_held_back(tmp_path, logs, console):
+    noise = np.random.default_rng(1).standard_normal(400)
+    log = rewritten(logs[0], tmp_path / "noise.csv", lambda rows: np.column_stack([rows[:, :2], noise]))
+    summary = run_gimbal(IdentifyGimbal((log,), order=2, max_delay=2, out=tmp_path / "out"), console)
+    assert any("training fit" in remark for remark in summary["remarks"])
+
+
+@pytest.mark.parametrize("max_delay", [1, 2])
+def test_a_delay_at_the_longest_tried_is_told(tmp_path, logs, console, max_delay):
+    summary = run_gimbal(IdentifyGimbal((logs[0],), order=2, max_delay=max_delay, out=tmp_path / "out"), console)
+    assert summary["delay_samples"] == 1
+    assert any("raise --max-delay" in remark for remark in summary["remarks"]) == (max_delay == 1)
+
+
+@pytest.mark.parametrize(("factor", "told"), [(57.3, "degrees"), (1 / 57.3, "radians"), (30.0, None)])
+def test_a_gain_between_degrees_and_radians_is_told(tmp_path, logs, console, factor, told):
+    # The axis of the logs has a steady gain of 1.
+    log = rewritten(logs[0], tmp_path / "units.csv", lambda rows: rows * [1, 1, factor])
+    summary = run_gimbal(IdentifyGimbal((log,), order=2, max_delay=3, out=tmp_path / "out"), console)
+    found = [remark for remark in summary["remarks"] if "log both in radians" in remark]
+    assert len(found) == (told is not None)
+    assert all(f"output seems to be in {told}" in remark for remark in found)
+
+
 def test_inputs_can_be_listed_or_repeated():
     listed = parsed(IdentifyGimbal, "a.csv", "--input", "u1", "u2")
     repeated = parsed(IdentifyGimbal, "a.csv", "--input", "u1", "--input", "u2")

@@ -4,6 +4,7 @@ import importlib
 import itertools
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
+from archerfish.identification.landing import landing_distance as flat_fire_landing
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_matrix, printed_plants
 from archerfish.paper.tables import HitRateRow, hit_rate_table, landing_table
@@ -132,29 +134,44 @@ def landing_distance(pitch: np.ndarray, height: float, speed: float, drag: float
     return np.log1p(drag * speed * np.cos(pitch) * time) / drag
 
 
-@pytest.mark.parametrize(("speed", "worst"), [(15.0, 0.12), (25.0, 0.06)])
-def test_table_1_does_not_come_from_the_closed_form(speed: float, worst: float) -> None:
+def with_vertical_drag(pitch: np.ndarray, height: float, speed: float) -> np.ndarray:
+    return flat_fire_landing(np.asarray(speed), pitch, height, 0.019)
+
+
+@pytest.mark.parametrize(
+    ("flight", "speed", "worst"),
+    [
+        (landing_distance, 15.0, 0.12),
+        (landing_distance, 25.0, 0.06),
+        (with_vertical_drag, 15.0, 0.12),
+        (with_vertical_drag, 25.0, 0.07),
+    ],
+)
+def test_table_1_does_not_come_from_a_closed_form(
+    flight: Callable[[np.ndarray, float, float], np.ndarray], speed: float, worst: float
+) -> None:
     rows = landing_table().rows
     pitch = np.deg2rad([row.pitch_deg for row in rows])
     printed = np.array([row.simulated_m for row in rows])
 
     def misfit(free: np.ndarray) -> np.ndarray:
         height, offset = free
-        return landing_distance(pitch + offset, height, speed) / printed - 1.0
+        return flight(pitch + offset, height, speed) / printed - 1.0
 
     starts = [(height, math.radians(offset)) for height in (0.1, 0.4) for offset in (-5.0, 0.0)]
     fits = [least_squares(misfit, start, bounds=([1e-6, -0.5], [5.0, 0.5])) for start in starts]
     assert np.max(np.abs(min(fits, key=lambda fit: fit.cost).fun)) == pytest.approx(worst, abs=0.005)
 
 
-def test_table_1_with_the_printed_angles_fits_no_speed_and_height() -> None:
+@pytest.mark.parametrize(("flight", "height"), [(landing_distance, 0.228), (with_vertical_drag, 0.224)])
+def test_table_1_with_the_printed_angles_fits_no_speed_and_height(
+    flight: Callable[[np.ndarray, float, float], np.ndarray], height: float
+) -> None:
     rows = landing_table().rows
     pitch = np.deg2rad([row.pitch_deg for row in rows])
     printed = np.array([row.simulated_m for row in rows])
-    fit = least_squares(
-        lambda free: landing_distance(pitch, free[0], free[1]) / printed - 1.0, [0.2, 16.0], bounds=(1e-6, 60.0)
-    )
-    assert fit.x == pytest.approx([0.228, 15.6], rel=0.01)
+    fit = least_squares(lambda free: flight(pitch, free[0], free[1]) / printed - 1.0, [0.2, 16.0], bounds=(1e-6, 60.0))
+    assert fit.x == pytest.approx([height, 15.6], rel=0.01)
     assert np.max(np.abs(fit.fun)) == pytest.approx(0.13, abs=0.005)
 
 

@@ -1,6 +1,6 @@
 """One evaluation as a task: some controllers in one world on the same engagements as all others."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from archerfish.cli.setting import Setting
@@ -69,6 +69,29 @@ def run_evaluation(task: EvaluationTask, advance: Callable[[float, str], None] =
 
     perfect = [perfect_aim(ground)] if "perfect" in task.controllers else []
     return perfect + compete(ground, entrants, report)
+
+
+def run_evaluations(
+    tasks: Sequence[EvaluationTask], advance: Callable[[float, str], None] = lambda *_: None
+) -> list[list[Outcome]]:
+    """Run evaluations one after the other in one process, which compiles a controller once for all of them.
+
+    Args:
+      tasks: the same controllers under several command limits, say.
+      advance: hears how many controllers are done in all, and of the latest one.
+    """
+    outcomes: list[list[Outcome]] = []
+    for task in tasks:
+        before = sum(len(each) for each in outcomes)
+        outcomes.append(run_evaluation(task, _after(before, advance)))
+    return outcomes
+
+
+def _after(before: float, advance: Callable[[float, str], None]) -> Callable[[float, str], None]:
+    def further(done: float, note: str = "") -> None:
+        advance(before + done, note)
+
+    return further
 
 
 def _policy_entrant(policy: PolicyRecord) -> Entrant:

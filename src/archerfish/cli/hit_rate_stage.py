@@ -1,13 +1,13 @@
 """The training and shooting parts of `reproduce`: Figs 5 and 6, Tables II and III."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from archerfish.cli.evaluation_run import EvaluationTask, make_ground, run_evaluation
+from archerfish.cli.evaluation_run import EvaluationTask, make_ground, run_evaluations
 from archerfish.cli.setting import Setting
 from archerfish.cli.training_run import TrainingResult, TrainingTask, run_task, write_run
 from archerfish.cli.workers import run_tasks
@@ -23,11 +23,16 @@ CURVE_STEPS = 0.5
 """The trainings of Figs 5 and 6 have converged after this share."""
 
 CONTROLLERS = {
-    "gate": (("oracle", "kalman", "perfect"), ("kalman-lq", "no-lead"), ("parabola-lq", "vertex")),
-    "box": (("oracle", "kalman", "perfect"), ("kalman-lq", "no-lead"), ("parabola-lq", "vertex")),
-    "los-2deg": (("oracle", "kalman", "perfect"), ("kalman-lq",)),
+    ("oracle", "perfect"): ("gate", "box", "los-2deg"),
+    ("kalman-lq",): ("gate", "box", "los-2deg"),
+    ("parabola-lq",): ("gate", "box"),
+    ("vertex",): ("gate", "box"),
+    ("no-lead",): ("gate", "box"),
+    ("kalman",): ("gate", "box", "los-2deg"),
 }
-"""Classical controllers under each command limit, in groups of about equal work."""
+"""Classical controllers → command limits; a group is one task, the one with the most work first."""
+NOT_QUICK = (("vertex",), ("no-lead",))
+"""Groups that a quick run leaves out: each costs seconds of compiling."""
 AGAINST = ("kalman", "kalman-lq", "parabola-lq", "oracle")
 """Whom the policies are compared with, paired."""
 
@@ -113,7 +118,13 @@ def _curves(done: dict[str, TrainingResult], target: str) -> LearningCurves:
 
 
 def evaluate_all(
-    setting: Setting, policies: dict[str, tuple[PolicyRecord, ...]], engagements: int, seed: int, workers: int
+    setting: Setting,
+    policies: dict[str, tuple[PolicyRecord, ...]],
+    engagements: int,
+    seed: int,
+    workers: int,
+    *,
+    quick: bool = False,
 ) -> dict[str, Any]:
     """Shoot Tables II and III under every command limit.
 
@@ -123,15 +134,18 @@ def evaluate_all(
       engagements: per cell.
       seed: of engagements and dispersion.
       workers: processes.
+      quick: leave out the controllers that the report shows in its folded tables alone.
 
     Returns:
       `cells`, `comparisons` and `accelerations` of the results.
     """
-    tasks = _evaluation_tasks(setting, policies, engagements, seed)
-    jobs = [(run_evaluation, task, float(len(task.controllers) + len(task.policies))) for task in tasks]
-    outcomes: dict[str, list[Outcome]] = {limit: [] for limit in CONTROLLERS}
-    for task, found in zip(tasks, run_tasks("evaluating", "controllers", jobs, workers), strict=True):
-        outcomes[task.command_limit] += found
+    shown = {names: limits for names, limits in CONTROLLERS.items() if not (quick and names in NOT_QUICK)}
+    groups = _evaluation_tasks(setting, policies, engagements, seed, shown)
+    jobs = [(run_evaluations, group, _work(group)) for group in groups]
+    outcomes: dict[str, list[Outcome]] = {limit: [] for limit in policies}
+    for group, found in zip(groups, run_tasks("evaluating", "controllers", jobs, workers), strict=True):
+        for task, shot in zip(group, found, strict=True):
+            outcomes[task.command_limit] += shot
     grounds = {limit: make_ground(EvaluationTask(setting, limit, 2, seed)) for limit in outcomes}
     return {
         "cells": tuple(each for limit in outcomes for each in cells(grounds[limit], outcomes[limit])),
@@ -145,15 +159,22 @@ def evaluate_all(
     }
 
 
+def _work(group: Sequence[EvaluationTask]) -> float:
+    return float(sum(len(task.controllers) + len(task.policies) for task in group))
+
+
 def _evaluation_tasks(
-    setting: Setting, policies: dict[str, tuple[PolicyRecord, ...]], engagements: int, seed: int
-) -> Sequence[EvaluationTask]:
+    setting: Setting,
+    policies: dict[str, tuple[PolicyRecord, ...]],
+    engagements: int,
+    seed: int,
+    controllers: Mapping[tuple[str, ...], tuple[str, ...]],
+) -> list[list[EvaluationTask]]:
     classical = [
-        EvaluationTask(setting, limit, engagements, seed, controllers=group)
-        for limit, groups in CONTROLLERS.items()
-        for group in groups
+        [EvaluationTask(setting, limit, engagements, seed, controllers=names) for limit in limits]
+        for names, limits in controllers.items()
     ]
     trained = [
         EvaluationTask(setting, limit, engagements, seed, policies=records) for limit, records in policies.items()
     ]
-    return classical + trained
+    return [*classical, trained]

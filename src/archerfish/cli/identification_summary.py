@@ -16,6 +16,15 @@ from archerfish.records.shots import Shots
 
 Summary = dict[str, Any]
 
+_USABLE_FIT_PERCENT = 80.0
+"""Below it more than a fifth of the motion is unexplained; clean logs of a gimbal give 95 % and more."""
+
+_DEGREES = 180 / np.pi
+"""Degrees in a radian: the steady gain of an axis whose angle is logged in degrees and its command in radians."""
+
+_UNIT_TOLERANCE = 1.1
+"""Factor by which a gain may miss that of mixed units and still be taken for it."""
+
 
 def axis_summary(
     result: AxisIdentification, logs: Sequence[Path], validation: Sequence[tuple[str, float]], files: Sequence[Path]
@@ -43,9 +52,55 @@ def axis_summary(
         "poles": [_pole(pole, plant.sample_period_s) for pole in result.poles],
         "training": _fits(zip(map(str, logs), result.fit_percent, strict=True)),
         "validation": _fits(validation),
-        "remarks": list(result.remarks),
+        "remarks": [*result.remarks, *_doubts(result, validation)],
         "files": [str(path) for path in files],
     }
+
+
+def _doubts(result: AxisIdentification, validation: Sequence[tuple[str, float]]) -> list[str]:
+    """Say what about the plant itself suggests that it is of no use, and what to check."""
+    plant = result.plant
+    gains = zip(plant.input_names, np.abs(dc_gain(plant)[0]).tolist(), strict=True)
+    return [
+        *_poor_fit(result, validation),
+        *_delay_at_limit(plant.delay_samples, max(result.delay_scan)),
+        *(remark for name, gain in gains for remark in _angle_units(name, gain)),
+    ]
+
+
+def _poor_fit(result: AxisIdentification, validation: Sequence[tuple[str, float]]) -> list[str]:
+    kind = "validation" if validation else "training"
+    worst = min((fit for _, fit in validation), default=min(result.fit_percent))
+    if worst >= _USABLE_FIT_PERCENT:
+        return []
+    remark = (
+        f"The plant is not to be trusted: the {kind} fit of {worst:.1f} % is below {_USABLE_FIT_PERCENT:g} %, so it "
+        f"misses {100 - worst:.0f} % of the motion. Check that --input and --output are not swapped, that the time "
+        "column is in seconds (not milliseconds), that all logs use the same unit and zero, and that the input moves "
+        "the axis well above its noise and backlash; else record a longer or richer sweep."
+    )
+    return [remark]
+
+
+def _delay_at_limit(delay: int, longest: int) -> list[str]:
+    if delay < longest:
+        return []
+    remark = (
+        f"The delay found, {delay} samples, is the longest that was tried: the true one may be longer; raise "
+        "--max-delay (a tenth of the shortest log is tried at most)."
+    )
+    return [remark]
+
+
+def _angle_units(name: str, gain: float) -> list[str]:
+    for factor, output, command in ((_DEGREES, "degrees", "radians"), (1 / _DEGREES, "radians", "degrees")):
+        if factor / _UNIT_TOLERANCE <= gain <= factor * _UNIT_TOLERANCE:
+            remark = (
+                f"The steady gain from {name}, {gain:.3g}, is about {factor:.3g}: the output seems to be in {output} "
+                f"and the input in {command}; log both in radians."
+            )
+            return [remark]
+    return []
 
 
 def _fits(rows: Iterable[tuple[str, float]]) -> list[Summary]:

@@ -48,6 +48,21 @@ archerfish COMMAND --help tells the options of a command; archerfish --version t
 A fault ends in one line and status 2, Ctrl-C in status 130; neither leaves anything half-written."""
 
 
+def program() -> None:
+    """Run as the console script: like `main`, but after Ctrl-C the process ends at once.
+
+    The usual way out of the interpreter takes down what a compiler's threads still use, and crashes.
+    """
+    try:
+        main()
+    except SystemExit as ended:
+        if ended.code == INTERRUPTED:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(INTERRUPTED)
+        raise
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command; a wrong argument or file ends in one line and exit status 2, Ctrl-C in 130.
 

@@ -118,7 +118,7 @@ def _run_stages(command: Reproduce, setting: Setting, folder: Path, durations: d
     with _timed(durations, "training"):
         trained = train_all(setting, command.ppo, command.seed, command.curve_seeds, folder, workers)
     with _timed(durations, "evaluation"):
-        shot = evaluate_all(setting, trained.policies, command.engagements, command.seed, workers)
+        shot = evaluate_all(setting, trained.policies, command.engagements, command.seed, workers, quick=command.quick)
     return {
         "identification": identified.facts,
         "table1": identified.table1,

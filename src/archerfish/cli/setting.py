@@ -1,7 +1,8 @@
 """The files that describe whom a command is about, and what stands in where none is given."""
 
+import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -72,17 +73,38 @@ def load_setting(files: SettingFiles) -> Setting:
         raise InputError(f"--robot must name the robot that {given[0]} describes; add for instance --robot infantry")
     if (files.pitch is None) != (files.yaw is None):
         raise InputError("--pitch and --yaw must be given together; a gimbal has both axes")
-    conditions = assumed_conditions()
-    printed = printed_plants()
+    conditions, printed = assumed_conditions(), printed_plants()
+    muzzle = paper_muzzle(conditions)
+    if files.muzzle:
+        muzzle = read_muzzle(files.muzzle)
+        conditions = _with_muzzle(conditions, muzzle)
     return Setting(
         name=f"identified-{files.robot}" if given else "paper",
-        pitch=read_plant(files.pitch) if files.pitch else printed["pitch"],
-        yaw=read_plant(files.yaw) if files.yaw else printed["yaw"],
-        muzzle=read_muzzle(files.muzzle) if files.muzzle else paper_muzzle(conditions),
+        pitch=_read_axis(files.pitch, "pitch") if files.pitch else printed["pitch"],
+        yaw=_read_axis(files.yaw, "yaw") if files.yaw else printed["yaw"],
+        muzzle=muzzle,
         limits=read_limits(files.limits) if files.limits else gate_limits(),
         conditions=conditions,
         inputs=given,
     )
+
+
+def _with_muzzle(conditions: Conditions, muzzle: MuzzleRecord) -> Conditions:
+    """Let the conditions tell of the muzzle that is used, for the report lists them."""
+    return replace(
+        conditions,
+        muzzle_speed=muzzle.speed,
+        muzzle_speed_sd=muzzle.speed_sd,
+        dispersion=math.sqrt((muzzle.pitch_sd**2 + muzzle.yaw_sd**2) / 2),
+        drag=muzzle.drag,
+    )
+
+
+def _read_axis(path: Path, axis: str) -> PlantRecord:
+    plant, other = read_plant(path), {"pitch": "yaw", "yaw": "pitch"}[axis]
+    if plant.axis == other:
+        raise InputError(f"{path}: is the plant of the {other} axis, given as --{axis}; swap --pitch and --yaw")
+    return plant
 
 
 def configuration(command: Any, setting: Setting, inputs: Iterable[Path] = ()) -> dict[str, Any]:

@@ -1,32 +1,50 @@
-"""Where a pellet lands on level ground by eq (5): closed form in distance, gravity alone in height."""
+"""Where a pellet lands on level ground, by the flight that the simulator flies."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.dynamics.muzzle import direction
-from archerfish.dynamics.pellet import GRAVITY, printed_position
+from archerfish.dynamics.pellet import GRAVITY, flat_fire_position
 
 Array = NDArray[np.float64]
 
+_NEWTON_STEPS = 5
+"""Fixed, so that the likelihood stays smooth; they leave less than 1e-6 m of height wherever parameters are sought."""
 
-def landing_distance(speed: Array, pitch: Array, yaw: Array, height: float, drag: float) -> Array:
-    """Horizontal distance from the muzzle to the landing point, eq (5).
 
-    The height h + v_z t − g t²/2 is zero at t = (v_z + √(v_z² + 2 g h)) / g, whatever the drag: eq (5) has none in z.
-    Its x and y rows are damped each by itself, so the distance depends a little on the yaw: below 0.1 % at 5° and 6 m.
+def landing_distance(speed: Array, pitch: Array, height: float, drag: float) -> Array:
+    """Horizontal distance from the muzzle to the landing point, by the flat-fire flight.
+
+    The pellet is on the ground at the time that solves
+
+        h + sin(pitch) log1p(k v t)/k − drop(t) = 0,
+
+    found by Newton's method from the time without drag, (v_z + √(v_z² + 2 g h)) / g. Departs from eq (5), which has
+    no drag in z and whose distance depends on the yaw. Against quadratic drag in three dimensions the distance is right
+    to 1.3 mm or 0.04 % for slopes within 5°, and to 0.7 % at 15° (k = 0.019 1/m, 10–30 m/s, up to 1 m high).
 
     Args:
       speed: muzzle speed [m/s], shape B.
       pitch: elevation of departure [rad], shape B.
-      yaw: azimuth of departure [rad], shape B.
       height: height of the muzzle above the ground [m].
       drag: k [1/m].
 
     Returns:
       Distance [m], shape B.
     """
-    velocity = speed[..., None] * direction(np.stack(np.broadcast_arrays(pitch, yaw), axis=-1))
-    rise = velocity[..., 2]
+    speed, pitch = np.broadcast_arrays(speed, pitch)
+    velocity = speed[..., None] * np.stack([np.cos(pitch), np.zeros_like(pitch), np.sin(pitch)], axis=-1)
+    decay = np.asarray(drag)
+    time = _landing_time(velocity, height, decay)
+    return np.asarray(flat_fire_position(velocity, decay, time)[..., 0])
+
+
+def _landing_time(velocity: Array, height: float, drag: Array) -> Array:
+    """Time of flight to the ground [s], shape B."""
+    rise, speed = velocity[..., 2], np.linalg.norm(velocity, axis=-1)
     time = (rise + np.sqrt(rise**2 + 2 * GRAVITY * height)) / GRAVITY
-    landing = printed_position(velocity, np.asarray(drag), time)
-    return np.asarray(np.hypot(landing[..., 0], landing[..., 1]))
+    for _ in range(_NEWTON_STEPS):
+        slowing = 1 / (1 + drag * speed * time)
+        # The derivative of flat_fire_drop is g t (1 + 1/(1 + k v t)) / 2.
+        climb = rise * slowing - 0.5 * GRAVITY * time * (1 + slowing)
+        time = time - (height + flat_fire_position(velocity, drag, time)[..., 2]) / climb
+    return np.asarray(time)

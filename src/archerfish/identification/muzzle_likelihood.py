@@ -8,7 +8,8 @@ and where the speed of each shot was measured
 
     d | v ~ N(f(v, pitch + μ_0), f_δ² σ_0²),    v ~ N(μ_v, σ_v²).
 
-Speeds count as exact. Azimuth comes from lateral distances alone, to which it is tied one to one.
+The flight f is the simulator's, flat fire, and not eq (5). Speeds count as exact. Azimuth comes from lateral distances
+alone, to which it is tied one to one.
 """
 
 from collections.abc import Mapping
@@ -125,7 +126,6 @@ def predicted_distance(shots: Shots, values: Mapping[str, float]) -> tuple[Array
     mean, above, below, faster, slower = landing_distance(
         speed * (1 + share),
         pitch + angle,
-        np.broadcast_to(shots.yaw, (5, speed.size)),
         values["height"],
         values["drag"],
     )

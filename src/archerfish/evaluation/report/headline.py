@@ -14,7 +14,7 @@ from archerfish.evaluation.comparison import (
     shares,
 )
 from archerfish.evaluation.report.rate_drawings import rates_drawing
-from archerfish.evaluation.report.wording import LIMITS
+from archerfish.evaluation.report.wording import LIMITS, controller_words
 from archerfish.evaluation.results import Cell, Comparison, Results
 from archerfish.figures.page import percent, points
 
@@ -50,7 +50,19 @@ def headline(results: Results, setting: str) -> Headline | None:
     differences = comparisons_of(
         results.comparisons, setting=setting, command_limit=limit, controller="history", against="kalman"
     )
-    sentence = f"{LIMITS[limit].opening}, {_rates_sentence(picked)}{_margin_sentence(picked, differences)}"
+    informed = [
+        (
+            name,
+            comparisons_of(
+                results.comparisons, setting=setting, command_limit=limit, controller="history", against=name
+            ),
+        )
+        for name in ("kalman-lq", "parabola-lq")
+    ]
+    sentence = (
+        f"{LIMITS[limit].opening}, {_rates_sentence(picked)}{_margin_sentence(picked, differences)}"
+        f"{''.join(_informed_sentence(name, pairs) for name, pairs in informed if pairs)}"
+    )
     return Headline(
         sentence=sentence.replace(" %", "\u00a0%"),
         caption=f"Command limit {limit}, {min(cell.engagements for cell in cells)} engagements a cell.",
@@ -67,6 +79,16 @@ def _rates_sentence(picked: Mapping[str, Mapping[CellKey, Cell]]) -> str:
     rates = {name: pooled_rate(cells.values()) for name, cells in picked.items()}
     said = [phrases[name].format(percent(rate)) for name, rate in rates.items() if rate is not None]
     return ", ".join(said) + f" (all {len(picked['history'])} cells together)."
+
+
+def _informed_sentence(against: str, differences: Mapping[CellKey, Comparison]) -> str:
+    """Say how the policy does beside a classical controller that was told the plant, or the target's rule as well."""
+    ahead, behind = clearly_above(differences.values()), sum(each.high < 0 for each in differences.values())
+    ends = sorted(each.difference for each in differences.values())
+    return (
+        f" Against {controller_words(against).name} it is clearly ahead in {ahead} cells "
+        f"and clearly behind in {behind} ({points(ends[0])} to {points(ends[-1])} points)."
+    )
 
 
 def _margin_sentence(picked: Mapping[str, Mapping[CellKey, Cell]], differences: Mapping[CellKey, Comparison]) -> str:
