@@ -27,7 +27,7 @@ class Headline(NamedTuple):
     caption: str
     """What the figure shows."""
     drawing: Figure
-    """The policy, the Kalman filter and the oracle."""
+    """The policy, the Kalman filter without and with the plant, and the oracle."""
 
 
 def headline(results: Results, setting: str) -> Headline | None:
@@ -66,7 +66,7 @@ def headline(results: Results, setting: str) -> Headline | None:
     return Headline(
         sentence=sentence.replace(" %", "\u00a0%"),
         caption=f"Command limit {limit}, {min(cell.engagements for cell in cells)} engagements a cell.",
-        drawing=rates_drawing(cells, ("history", "kalman", "oracle"), printed=False),
+        drawing=rates_drawing(cells, ("history", "kalman", "kalman-lq", "oracle"), printed=False),
     )
 
 
