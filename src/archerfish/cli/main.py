@@ -5,6 +5,7 @@ writes.
 """
 
 import importlib
+import multiprocessing.util
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -59,6 +60,8 @@ def program() -> None:
         if ended.code == INTERRUPTED:
             sys.stdout.flush()
             sys.stderr.flush()
+            # What it shared with workers is given back, else Python complains.
+            multiprocessing.util._exit_function()  # type: ignore[attr-defined]
             os._exit(INTERRUPTED)
         raise
 
