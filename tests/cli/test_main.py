@@ -65,9 +65,11 @@ def test_help_names_and_explains_every_option(command, monkeypatch, name, column
 def test_examples_in_help_are_accepted(command):
     for name in COMMANDS:
         _, out, _ = command(*name.split(), "--help")
-        for example in re.findall(r"^  archerfish (.*)$", out, re.MULTILINE):
+        examples = re.findall(r"^  archerfish (.*)$", out, re.MULTILINE)
+        assert examples
+        for example in examples:
             kind, _ = load(name)
-            parse(kind, name, example.removeprefix(name).split())
+            assert isinstance(parse(kind, name, example.removeprefix(name).split()), kind)
 
 
 @pytest.mark.parametrize(
