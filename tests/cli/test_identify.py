@@ -5,7 +5,8 @@ import pytest
 import tyro
 from rich.console import Console
 
-from archerfish.cli.identify import IdentifyGimbal, IdentifyMuzzle, run_gimbal, run_muzzle
+from archerfish.cli.identify_gimbal import IdentifyGimbal, run_gimbal
+from archerfish.cli.identify_muzzle import IdentifyMuzzle, run_muzzle
 from archerfish.records.errors import InputError
 from archerfish.records.muzzle import read_muzzle
 from archerfish.records.plant import read_plant

@@ -22,8 +22,8 @@ INTERRUPTED = 130
 
 COMMANDS = {
     "reproduce": ("archerfish.cli.reproduce", "Reproduce", "run_reproduce"),
-    "identify gimbal": ("archerfish.cli.identify", "IdentifyGimbal", "run_gimbal"),
-    "identify muzzle": ("archerfish.cli.identify", "IdentifyMuzzle", "run_muzzle"),
+    "identify gimbal": ("archerfish.cli.identify_gimbal", "IdentifyGimbal", "run_gimbal"),
+    "identify muzzle": ("archerfish.cli.identify_muzzle", "IdentifyMuzzle", "run_muzzle"),
     "train": ("archerfish.cli.train", "Train", "run_train"),
     "evaluate": ("archerfish.cli.evaluate", "Evaluate", "run_evaluate"),
     "report": ("archerfish.cli.report", "Report", "run_report"),

@@ -7,6 +7,7 @@ import shutil
 import textwrap
 from collections.abc import Sequence
 from contextlib import redirect_stderr
+from pathlib import Path
 from typing import TypeVar
 
 import tyro
@@ -75,3 +76,11 @@ def one_line(box: str) -> str:
     message = re.sub(r"^(\w+): (\w+) must", lambda found: f"--{found[1]}.{found[2].replace('_', '-')} must", message)
     meant = [part[1].split()[0] for part in parts[1:] if part[0].startswith("Perhaps") and len(part) > 1]
     return message + (f"; perhaps you meant {meant[0]}" if meant else "")
+
+
+def check_file_name(option: str, name: str) -> None:
+    """Raise InputError unless the value of an option can begin the names of files in a folder."""
+    if not name or Path(name).name != name or name.startswith("."):
+        raise InputError(
+            f"{option} names files, so it must not be empty, hold a slash or begin with a dot, got {name!r}"
+        )
