@@ -49,6 +49,7 @@ def records(tmp_path: Path) -> Path:
         mean=np.zeros(6, np.float32),
         variance=np.ones(6, np.float32),
         action_scale=np.full(2, 0.1, np.float32),
+        braking=np.full(2, 0.03, np.float32),
         muzzle={"speed": 18.0, "drag": 0.019, "length": 0.0, "pitch_offset": 0.0, "yaw_offset": 0.0},
         period_s=0.02,
         command_limit="gate",

@@ -25,6 +25,7 @@ POLICY = PolicyRecord(
     mean=floats(6),
     variance=np.ones(6, np.float32),
     action_scale=np.array([0.1, 0.3], np.float32),
+    braking=np.full(2, 0.03, np.float32),
     muzzle={"speed": 18.0, "drag": 0.019, "length": 0.0, "pitch_offset": 0.0, "yaw_offset": 0.0},
     period_s=0.02,
     command_limit="gate",
@@ -34,7 +35,7 @@ POLICY = PolicyRecord(
 
 
 def arrays_of(policy: PolicyRecord) -> tuple[Any, ...]:
-    return (*policy.weights, *policy.biases, policy.mean, policy.variance, policy.action_scale)
+    return (*policy.weights, *policy.biases, policy.mean, policy.variance, policy.action_scale, policy.braking)
 
 
 def test_a_policy_is_read_back_exactly(tmp_path: Path) -> None:
@@ -57,6 +58,8 @@ def test_a_policy_is_read_back_exactly(tmp_path: Path) -> None:
         ({"mean": np.full(6, np.nan, np.float32)}, "not finite"),
         ({"action_scale": np.ones(3, np.float32)}, r"policy\.action_scale must have shape \(2,\), got \(3,\)"),
         ({"action_scale": np.full(2, np.inf, np.float32)}, "not finite"),
+        ({"braking": np.ones(1, np.float32)}, r"policy\.braking must have shape \(2,\), got \(1,\)"),
+        ({"braking": np.array([0.03, 0.0], np.float32)}, r"policy\.braking must be > 0 rad"),
         ({"muzzle": {"speed": 18.0}}, r'policy\.muzzle must hold the number "drag"'),
     ],
 )
@@ -82,7 +85,7 @@ def test_a_file_with_a_bad_fact_is_refused(tmp_path: Path, change: dict[str, Any
         read_policy(path)
 
 
-@pytest.mark.parametrize("missing", ["bias_1", "mean", "action_scale"])
+@pytest.mark.parametrize("missing", ["bias_1", "mean", "action_scale", "braking"])
 def test_a_file_without_an_array_is_refused(tmp_path: Path, missing: str) -> None:
     path = tmp_path / "policy.json"
     write_policy(path, POLICY)

@@ -46,7 +46,7 @@ def observed(observer, sights: list[Seen]) -> np.ndarray:
     return observe(observer, memory)
 
 
-@pytest.mark.parametrize(("kind", "frames", "size"), [("paper", 4, 6), ("history", 4, 31), ("history", 2, 17)])
+@pytest.mark.parametrize(("kind", "frames", "size"), [("paper", 4, 6), ("history", 4, 35), ("history", 2, 21)])
 def test_sizes(kind, frames, size) -> None:
     observer = make_observer(kind, MUZZLE, frames)
     assert observation_size(observer) == size
@@ -73,7 +73,7 @@ def test_the_history_begins_as_if_nothing_had_moved() -> None:
     observer = make_observer("history", MUZZLE)
     start = seen_at((3.0, 0.4, 0.0), angle=(0.05, 0.1), command=(0.05, 0.1))
     assert_allclose(observed(observer, [start]), observed(observer, [start] * 7))
-    assert_allclose(observed(observer, [start])[8:], 0.0)  # neither asked for a move nor moved
+    assert_allclose(observed(observer, [start])[8:-4], 0.0)  # neither asked for a move nor moved
 
 
 def test_the_history_forgets_what_is_older_than_its_frames() -> None:
@@ -95,6 +95,17 @@ def test_fine_and_coarse_error_are_scaled_as_documented() -> None:
     found = observed(make_observer("history", MUZZLE), [seen])
     assert_allclose(found[:2], 2.0 * error)
     assert_allclose(found[2:4], np.tanh(100.0 / 3.0 * error))
+
+
+def test_the_history_tells_where_the_command_would_come_to_rest() -> None:
+    plate, braking, move = np.array([4.0, 0.5, 0.0]), 0.01, 0.05
+    aim = aim_at(plate, MUZZLE).angle
+    moves = move - braking * np.arange(1, 6)  # slowing from one decision to the next, until it stands
+    # Even braking in continuous time, d²/2b, takes half a move more than braking in steps.
+    rest = aim[1] - moves.sum() - move / 2
+    views = [seen_at(plate, command=(aim[0], rest - back)) for back in (move, 0.0)]
+    observer = make_observer("history", MUZZLE, frames=2, braking=np.full(2, braking))
+    assert_allclose(observed(observer, views)[-4:-2], 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["paper", "history"])

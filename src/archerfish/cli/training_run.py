@@ -77,7 +77,11 @@ def run_task(task: TrainingTask, advance: Callable[[float, str], None] = lambda 
     setting, conditions = task.setting, task.setting.conditions
     world = make_world(setting.pitch, setting.yaw, setting.muzzle, setting.limits, task.command_limit, conditions)
     observer = make_observer(
-        task.observation, muzzle_from_record(setting.muzzle), task.frames, ACTION_SCALES[task.command_limit]
+        task.observation,
+        muzzle_from_record(setting.muzzle),
+        task.frames,
+        ACTION_SCALES[task.command_limit],
+        np.asarray(world.limits.max_acceleration) * conditions.control_period_s**2,
     )
     scenario = make_scenario(conditions, static_share=task.static_share, plants=plant_count(world))
     length = np.asarray(conditions.decisions, np.int32)

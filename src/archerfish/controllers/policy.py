@@ -53,7 +53,8 @@ def policy_from_record(record: PolicyRecord) -> PolicyController:
     offset = np.array([record.muzzle["pitch_offset"], record.muzzle["yaw_offset"]], np.float32)
     facts = {name: np.float32(record.muzzle[name]) for name in _MUZZLE_FACTS}
     muzzle = Muzzle(**{name: np.asarray(value) for name, value in facts.items()}, offset=offset, **_NO_SPREAD)
-    observer = make_observer(record.observation, muzzle, record.frames)._replace(action_scale=record.action_scale)
+    observer = make_observer(record.observation, muzzle, record.frames, braking=record.braking)
+    observer = observer._replace(action_scale=record.action_scale)
     if observation_size(observer) != record.mean.size:
         raise InputError(
             f"a policy of {record.frames} frames must take {observation_size(observer)} numbers, "
@@ -87,6 +88,7 @@ def policy_to_record(controller: PolicyController, **facts: Any) -> PolicyRecord
         mean=np.asarray(controller.normaliser.mean, np.float32),
         variance=np.asarray(controller.normaliser.variance, np.float32),
         action_scale=np.asarray(controller.observer.action_scale, np.float32),
+        braking=np.asarray(controller.observer.braking, np.float32),
         muzzle={name: float(getattr(muzzle, name)) for name in _MUZZLE_FACTS}
         | {"pitch_offset": float(offset[0]), "yaw_offset": float(offset[1])},
         **facts,

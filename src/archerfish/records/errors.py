@@ -10,13 +10,19 @@ from pathlib import Path
 class InputError(ValueError):
     """Something the user gave can't be used: the message names it, what was expected, and what to do."""
 
+    def __init__(self, message: str, code: str | None = None) -> None:
+        super().__init__(message)
+        self.code = code
+        """Short, stable name of the fault ("time-backward"), for programs that act on it; None where none is given."""
 
-def file_error(path: str | Path, problem: str, remedy: str) -> InputError:
+
+def file_error(path: str | Path, problem: str, remedy: str, code: str | None = None) -> InputError:
     """Build the error for a file.
 
     Args:
       path: the file.
       problem: what is wrong, with the line or field and what was expected.
       remedy: what the user can do about it.
+      code: short, stable name of the fault.
     """
-    return InputError(f"{path}: {problem}; {remedy}")
+    return InputError(f"{path}: {problem}; {remedy}", code)

@@ -34,6 +34,8 @@ class PolicyRecord:
     """Their variance, shape (n,)."""
     action_scale: Floats
     """Command offset per unit of action, pitch and yaw [rad], shape (2,)."""
+    braking: Floats
+    """By how much the command's move per decision may change under that limit, pitch and yaw [rad], shape (2,)."""
     muzzle: dict[str, float]
     """Muzzle that the aim is computed for: speed [m/s], drag [1/m], length [m], pitch_offset and yaw_offset [rad]."""
     period_s: float
@@ -58,19 +60,23 @@ class PolicyRecord:
             size = weight.shape[1]
         if size != 2:
             raise InputError(f"a policy must have 2 outputs, pitch and yaw, got {size}; train it anew")
-        if self.action_scale.shape != (2,):
-            raise InputError(f"policy.action_scale must have shape (2,), got {self.action_scale.shape}; train it anew")
+        for name in ("action_scale", "braking"):
+            found = getattr(self, name)
+            if found.shape != (2,):
+                raise InputError(f"policy.{name} must have shape (2,), got {found.shape}; train it anew")
+        if not np.all(self.braking > 0):
+            raise InputError(f"policy.braking must be > 0 rad, got {self.braking.tolist()}; train it anew")
         missing = [name for name in MUZZLE_FACTS if not isinstance(self.muzzle.get(name), (int, float))]
         if missing:
             raise InputError(f'policy.muzzle must hold the number "{missing[0]}"; train it anew')
-        for array in (*self.weights, *self.biases, self.mean, self.variance, self.action_scale):
+        for array in (*self.weights, *self.biases, self.mean, self.variance, self.action_scale, self.braking):
             if not np.all(np.isfinite(array)):
                 raise InputError("a policy's network holds a value that is not finite; train it anew")
 
 
 def write_policy(path: Path, policy: PolicyRecord) -> None:
     """Write a policy record to `path` (.json) and its arrays beside it."""
-    arrays = {"mean": policy.mean, "variance": policy.variance, "action_scale": policy.action_scale}
+    arrays = {name: getattr(policy, name) for name in ("mean", "variance", "action_scale", "braking")}
     for index, (weight, bias) in enumerate(zip(policy.weights, policy.biases, strict=True)):
         arrays |= {f"weight_{index}": weight, f"bias_{index}": bias}
     names = ("observation", "frames", "muzzle", "period_s", "command_limit", "training", "provenance")
@@ -94,6 +100,7 @@ def read_policy(path: Path) -> PolicyRecord:
             mean=arrays["mean"],
             variance=arrays["variance"],
             action_scale=arrays["action_scale"],
+            braking=arrays["braking"],
             **{name: storage.field(path, facts, name, kind) for name, kind in kinds.items()},
         )
     except KeyError as error:

@@ -3,6 +3,8 @@
 Two observations. `paper`: the six numbers of the paper, the gimbal's angles at the last two moments and the target's
 position at this one (its height never changes, so two coordinates). `history`: the last frames, scaled and differenced,
 with the error of the line of fire; raw frames hold the same facts in a form that a small network hardly learns from.
+It also tells where the command would come to rest if it braked now as hard as the limits allow: on which side of the
+aim that lies decides between pushing on and braking, the switching rule of a time-optimal slew.
 
 In both, an action is an offset from the aim at the target as seen now.
 """
@@ -22,6 +24,8 @@ DEFAULT_FRAMES = 4
 ACTION_SCALES = {"box": (0.1, 0.3), "gate": (0.03, 0.1), "los-2deg": (0.03, 0.1)}
 """Command limit → offset of the command from the aim per unit of action, pitch and yaw [rad]: wide where the command
 may overdrive the gimbal, narrow where it can't, so that exploring does not drown the last milliradians."""
+UNLIMITED = 1e3
+"""Braking of a command that may jump [rad]."""
 _FRAME = 7
 """Numbers per remembered frame: angle 2, aim 2, range, command 2."""
 _FINE = 100.0
@@ -35,6 +39,9 @@ class Observer(NamedTuple):
     """Weight of each remembered frame, ones, shape (h,); empty for the six numbers of the paper."""
     action_scale: Array
     """Offset from the aim per unit of action, pitch and yaw [rad], shape (2,)."""
+    braking: Array
+    """By how much the command's move per decision may change from one decision to the next, pitch and yaw [rad],
+    shape (2,)."""
     muzzle: Muzzle
     """The muzzle that the aim is computed for."""
 
@@ -44,6 +51,7 @@ def make_observer(
     muzzle: Muzzle,
     frames: int = DEFAULT_FRAMES,
     action_scale: tuple[float, float] = ACTION_SCALES["box"],
+    braking: Array | None = None,
 ) -> Observer:
     """Build an observer.
 
@@ -52,6 +60,8 @@ def make_observer(
       muzzle: the muzzle to aim with.
       frames: frames that `history` remembers, at least 2.
       action_scale: offset of the command from the aim per unit of action, pitch and yaw [rad].
+      braking: by how much the limits let the command's move per decision change, pitch and yaw [rad], shape (2,);
+        without limit if not given.
 
     Raises:
       InputError: if the kind is unknown or frames < 2.
@@ -60,13 +70,14 @@ def make_observer(
         raise InputError(f"observation must be one of {', '.join(KINDS)}, got {kind!r}")
     if kind == "history" and frames < 2:
         raise InputError(f"frames must be at least 2 for the history observation, got {frames}")
-    return Observer(np.ones(frames if kind == "history" else 0), np.array(action_scale), muzzle)
+    braking = np.full(2, UNLIMITED) if braking is None else braking
+    return Observer(np.ones(frames if kind == "history" else 0), np.array(action_scale), braking, muzzle)
 
 
 def observation_size(observer: Observer) -> int:
     """Return how many numbers an observation has."""
     frames = observer.history.shape[0]
-    return 6 if frames == 0 else 8 + 7 * (frames - 1) + 2
+    return 6 if frames == 0 else 8 + 7 * (frames - 1) + 2 + 4
 
 
 def begin_memory(observer: Observer, seen: Seen) -> Array:
@@ -103,6 +114,7 @@ def observe(observer: Observer, memory: Array) -> Array:
     error = aim[..., -1, :] - angle[..., -1, :]
     steps = [xp.reshape(_differences(each), (*memory.shape[:-2], -1)) for each in (angle, aim, distance)]
     asked = command - angle
+    overshoot = _overshoot(observer, aim, command)
     return xp.concat(
         [
             2.0 * error,
@@ -114,9 +126,18 @@ def observe(observer: Observer, memory: Array) -> Array:
             _FINE * steps[1],
             _FINE * steps[2],
             xp.reshape(2.0 * _differences(command), (*memory.shape[:-2], -1)),
+            2.0 * overshoot,
+            xp.tanh(_FINE / 3.0 * overshoot),
         ],
         axis=-1,
     )
+
+
+def _overshoot(observer: Observer, aim: Array, command: Array) -> Array:
+    """From where the command would come to rest, braking from its last move d on, to the aim: d |d| / (2 b) of way."""
+    move = command[..., -1, :] - command[..., -2, :]
+    way = move * namespace(move).abs(move) / (2.0 * lift(observer.braking, move))
+    return aim[..., -1, :] - command[..., -1, :] - way
 
 
 def _six_numbers(memory: Array) -> Array:
