@@ -59,8 +59,8 @@ def test_a_log_without_stamps_takes_its_period_from_the_caller(tmp_path):
         ("time_s,u,y,y\n0,1,2,3\n", 'line 1: 2 columns are named "y"'),
         ("time_s,u,y\n0,1,2\n0.1,one,2\n", 'line 3: column "u" is "one", expected a number'),
         ("time_s,u,y\n0,1,2\n\n0.1,1,\n", 'line 4: column "y" is empty'),
-        ("time_s,u,y\n0,1,2\n0.1,1\n", 'line 3: column "y" is empty'),
-        ("time_s,u,y\n0,1,2\n0.1,1,nan\n", 'line 3: column "y" is nan, expected a finite number'),
+        ("time_s,u,y\n0,1,2\n0.1,1\n", "line 3: the last line breaks off"),
+        ("time_s,u,y\n0,1,2\n0.1,1,nan\n", 'line 3: column "y" is empty or nan, expected a number'),
         ("time_s,u,y\n0,1,2\n0.1,inf,2\n", 'line 3: column "u" is inf'),
         ("time_s,u,y\n0,1,2\n", "one sample only"),
         ("time_s,u,y\n0,1,2\n0.1,1,2\n0.1,1,2\n", "line 4: time 0.1 s does not come after 0.1 s"),
@@ -84,7 +84,7 @@ def test_a_missing_file_is_named(tmp_path):
 
 def test_a_binary_file_is_refused(tmp_path):
     path = tmp_path / "log.csv"
-    path.write_bytes(b"\xff\xfe\x00\x81")
+    path.write_bytes(b"\x89PNG\r\n\x00\x81")
     with pytest.raises(InputError, match="can't be read"):
         read(path)
 

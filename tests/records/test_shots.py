@@ -2,72 +2,66 @@ import numpy as np
 import pytest
 
 from archerfish.records.errors import InputError
-from archerfish.records.shots import ShotColumns, merge_shots, read_shots_csv
+from archerfish.records.shots import (
+    Shots,
+    departure_azimuth,
+    merge_shots,
+    select_shots,
+    setting_names,
+    settings,
+    vertical_measurement,
+)
 
 
-def write(path, text):
-    path.write_text(text, encoding="utf-8")
-    return path
+def landing(count=2, **more):
+    return Shots(np.radians([5.0, 0.0])[:count], np.zeros(count), np.array([6.0, 3.0])[:count], **more)
 
 
-def test_degrees_become_radians_and_optional_columns_may_be_missing(tmp_path):
-    shots = read_shots_csv(write(tmp_path / "shots.csv", "pitch_deg,yaw_deg,distance_m\n5,-5,6.5\n0,0,2.8\n"))
-    np.testing.assert_allclose(np.degrees(shots.pitch), [5, 0])
-    np.testing.assert_allclose(np.degrees(shots.yaw), [-5, 0])
-    assert shots.speed is None
-    assert shots.lateral is None
-    assert len(shots) == 2
+def plane(**more):
+    return Shots(np.zeros(2), np.zeros(2), np.array([2.0, 4.0]), hit_height=np.array([-0.1, -0.3]), **more)
 
 
-def test_shots_without_a_yaw_column_are_straight_ahead(tmp_path):
-    shots = read_shots_csv(write(tmp_path / "shots.csv", "pitch_deg,distance_m\n5,6.5\n"))
-    np.testing.assert_array_equal(shots.yaw, [0.0])
-
-
-def test_speeds_and_lateral_distances_are_read_where_there_are_any(tmp_path):
-    text = "pitch_deg,distance_m,speed_m_s,lateral_m\n5,6.5,18,-0.1\n0,3,17.5,0.2\n"
-    shots = read_shots_csv(write(tmp_path / "shots.csv", text))
-    np.testing.assert_array_equal(shots.speed, [18, 17.5])
-    np.testing.assert_array_equal(shots.lateral, [-0.1, 0.2])
-
-
-def test_columns_can_have_other_names(tmp_path):
-    path = write(tmp_path / "shots.csv", "alpha,beta,d,v\n5,1,6.5,18\n")
-    columns = ShotColumns(pitch_deg="alpha", yaw_deg="beta", distance_m="d", speed_m_s="v")
-    assert read_shots_csv(path, columns).speed == [18]
+def test_shots_of_several_files_are_joined_with_their_places():
+    both = merge_shots([landing(source="a.csv", places=("a.csv line 2", "a.csv line 3")), landing(1, source="b.csv")])
+    np.testing.assert_array_equal(both.distance, [6, 3, 6])
+    assert both.source == "a.csv, b.csv"
+    assert [both.place(index) for index in range(3)] == ["a.csv line 2", "a.csv line 3", "shot 1"]
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("other", "message"),
     [
-        ("pitch_deg,distance_m\n95,3\n", 'line 2: column "pitch_deg" is 95, expected an angle inside ±90°'),
-        ("pitch_deg,distance_m\n5,3\n5,0\n", 'line 3: column "distance_m" is 0, expected a value above 0'),
-        ("pitch_deg,distance_m,speed_m_s\n5,3,-1\n", 'line 2: column "speed_m_s" is -1'),
-        ("angle,distance_m\n5,3\n", 'no column "pitch_deg"'),
+        (landing(speed=np.ones(2), source="b.csv"), r"b\.csv: has measured speeds and other files have none"),
+        (landing(lateral=np.ones(2), source="b.csv"), r"b\.csv: has lateral distances"),
+        (plane(source="b.csv"), r"b\.csv: has hits on a target plane"),
     ],
 )
-def test_impossible_shots_are_refused_with_their_line(tmp_path, text, message):
-    with pytest.raises(InputError) as caught:
-        read_shots_csv(write(tmp_path / "shots.csv", text))
-    assert message in str(caught.value)
+def test_files_of_different_columns_are_not_mixed(other, message):
+    with pytest.raises(InputError, match=message) as caught:
+        merge_shots([landing(source="a.csv"), other])
+    assert caught.value.code == "mixed-columns"
 
 
-def test_a_renamed_optional_column_must_be_there(tmp_path):
-    path = write(tmp_path / "shots.csv", "pitch_deg,distance_m\n5,3\n")
-    with pytest.raises(InputError, match='no column "chrono"'):
-        read_shots_csv(path, ShotColumns(speed_m_s="chrono"))
+def test_shots_of_one_pitch_and_plane_repeat_each_other():
+    shots = Shots(np.radians([0, 3, 0, 3.0]), np.zeros(4), np.array([5.0, 7.0, 5.1, 6.9]))
+    np.testing.assert_array_equal(settings(shots), [0, 1, 0, 1])
+    assert setting_names(shots) == ["0° pitch", "3° pitch"]
+    np.testing.assert_array_equal(settings(plane()), [0, 1])
+    assert setting_names(plane()) == ["2 m", "4 m"]
 
 
-def test_files_of_one_muzzle_are_joined(tmp_path):
-    first = read_shots_csv(write(tmp_path / "a.csv", "pitch_deg,distance_m\n5,6\n"))
-    second = read_shots_csv(write(tmp_path / "b.csv", "pitch_deg,distance_m\n0,3\n1,4\n"))
-    both = merge_shots([first, second])
-    np.testing.assert_array_equal(both.distance, [6, 3, 4])
-    assert both.source == "a.csv, b.csv"
+def test_some_shots_can_be_taken():
+    some = select_shots(landing(speed=np.array([17.0, 18.0]), places=("x", "y")), np.array([False, True]))
+    assert (len(some), some.speed, some.places, some.lateral) == (1, [18.0], ("y",), None)
 
 
-def test_files_with_and_without_speeds_are_not_mixed(tmp_path):
-    first = read_shots_csv(write(tmp_path / "a.csv", "pitch_deg,distance_m\n5,6\n"))
-    second = read_shots_csv(write(tmp_path / "b.csv", "pitch_deg,distance_m,speed_m_s\n0,3,18\n"))
-    with pytest.raises(InputError, match=r"b\.csv: has measured speeds and other files have none"):
-        merge_shots([first, second])
+def test_the_azimuth_of_departure_is_against_the_barrel():
+    shots = Shots(np.zeros(1), np.array([0.1]), np.array([4.0]), lateral=4 * np.tan([0.13]), hit_height=np.zeros(1))
+    np.testing.assert_allclose(departure_azimuth(shots), [0.03])
+    np.testing.assert_allclose(departure_azimuth(landing(1, lateral=np.array([0.06]))), np.arcsin(0.01))
+    assert departure_azimuth(landing()) is None
+
+
+def test_the_vertical_measurement_is_distance_or_height():
+    np.testing.assert_array_equal(vertical_measurement(landing()), [6, 3])
+    np.testing.assert_array_equal(vertical_measurement(plane()), [-0.1, -0.3])

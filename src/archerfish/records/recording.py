@@ -1,7 +1,7 @@
 """Recordings: uniformly sampled logs of what went into a gimbal axis and what came out."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +39,10 @@ class Recording:
     """Sampling period [s]."""
     source: str = ""
     """Where the log comes from, for messages and titles."""
+    input_units: tuple[str, ...] = ()
+    """Units of the m inputs where the source states them ("deg"); "" for one that is unknown, empty if all are."""
+    output_units: tuple[str, ...] = ()
+    """Units of the p outputs, likewise."""
 
     def __post_init__(self) -> None:
         count = self.time.size
@@ -110,14 +114,12 @@ def slice_recording(recording: Recording, start: int, stop: int) -> Recording:
             f"{recording.source or 'recording'}: can't take samples {start} to {stop} of {len(recording)}; "
             "give a range inside the recording"
         )
-    return Recording(
-        recording.time[start:stop],
-        recording.inputs[start:stop],
-        recording.outputs[start:stop],
-        recording.input_names,
-        recording.output_names,
-        recording.sample_period_s,
-        f"{recording.source}[{start}:{stop}]",
+    return replace(
+        recording,
+        time=recording.time[start:stop],
+        inputs=recording.inputs[start:stop],
+        outputs=recording.outputs[start:stop],
+        source=f"{recording.source}[{start}:{stop}]",
     )
 
 
@@ -154,12 +156,13 @@ def read_recording_csv(
 
 def _sample_period(path: Path, stamps: Array, lines: NDArray[np.int64]) -> float:
     if stamps.size < 2:
-        raise file_error(path, "holds one sample only", "pass a longer log")
+        raise file_error(path, "holds one sample only", "pass a longer log", "too-short")
     intervals = np.diff(stamps)
     if np.any(intervals <= 0):
         worst = int(np.argmax(intervals <= 0)) + 1
         problem = f"line {lines[worst]}: time {stamps[worst]:g} s does not come after {stamps[worst - 1]:g} s"
-        raise file_error(path, problem, "remove the repeated or disordered lines")
+        code = "time-backward" if intervals[worst - 1] < 0 else "time-duplicate"
+        raise file_error(path, problem, "remove the repeated or disordered lines", code)
     period = float(np.median(intervals))
     departure = np.abs(intervals - period)
     worst = int(np.argmax(departure)) + 1
@@ -168,7 +171,7 @@ def _sample_period(path: Path, stamps: Array, lines: NDArray[np.int64]) -> float
             f"line {lines[worst]}: {intervals[worst - 1]:g} s since the sample before, where the sampling period is "
             f"{period:g} s (limit ±{JITTER_LIMIT:.0%})"
         )
-        raise file_error(path, problem, "cut the log at the gap, or resample it to equal intervals")
+        raise file_error(path, problem, "cut the log at the gap, or resample it to equal intervals", "jitter")
     return float((stamps[-1] - stamps[0]) / (stamps.size - 1))
 
 
