@@ -1,4 +1,6 @@
 import functools
+import importlib.util
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -25,6 +27,19 @@ def shared_data() -> Path:
     if not SHARED_DATA.is_dir():
         pytest.skip("needs the recorded logs in ../shared/data, beside the repository")
     return SHARED_DATA.resolve()
+
+
+@pytest.fixture(scope="session")
+def sensing_recordings() -> Any:
+    """Simulator of sensing recordings with known truth, which a benchmark uses too."""
+    path = Path(__file__).parents[1] / "benchmarks" / "sensing_recordings.py"
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="session")
