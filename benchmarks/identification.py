@@ -1,133 +1,105 @@
-"""Identification against its bars: real logs (first half → second half) and the printed axes at 1 % noise, order 4.
+"""Identification against its peers on recorded logs, and against the truth on the printed axes, order 4.
 
+Every tool gets the same arrays and one core; each runs in an environment of its own, which the first run makes, and is
+scored here, the same way for all. Writes benchmarks/results/identification.json and exits with 1 if a bar is missed.
 Needs the recorded logs in ../shared/data, beside the repository, and fails without them.
 """
 
+import argparse
+import json
 import sys
-import time
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.io import loadmat
+from rich.console import Console
 
-from archerfish.identification.excitation import linear_sweep, step
-from archerfish.identification.gimbal import identify_axis
-from archerfish.identification.state_space import simulate
-from archerfish.identification.validation import fit_percent, free_run
-from archerfish.paper.gimbal import printed_plants
-from archerfish.records.plant import PlantRecord
 from archerfish.records.provenance import provenance
-from archerfish.records.recording import Recording, make_recording, read_recording_csv, slice_recording
 from archerfish.records.storage import write_json
+from identification_bars import Bar, printed_bars, real_bars, speed_bars
+from identification_cases import DATA, real_cases
+from identification_printed import SweepAlone, SweepAndStep, sweep_alone, sweep_and_step
+from identification_tables import bars_table, fits_markdown, fits_table, seconds_table
 from machine import describe_machine
+from peers.environments import NotRunError, version
+from peers.roster import NOT_RUN, OURS, PEERS, Tool
+from peers.running import ORDER, Score, score_tool
 
-ROOT = Path(__file__).parents[1]
-DATA = ROOT / ".." / "shared" / "data" / "identification"
-RESULT = ROOT / "benchmarks" / "results" / "identification.json"
-
-ORDER = 4
-NOISE = 0.01
-SEEDS = range(3)
-PERIOD_S = 0.01
-"""Sampling period given to logs that state none; fits don't depend on it."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """One case."""
-
-    case: str
-    """Which log or plant."""
-    fit_percent: float
-    """Fit on the part that was not fitted; of the printed axes, on a step against the noise-free truth [%]."""
-    bar_percent: float | None
-    """What it must reach [%]; None if it is reported only."""
-    training_fit_percent: float
-    """Fit of the (last) training recording [%]."""
-    delay_samples: int
-    """Chosen input delay."""
-    samples: int
-    """Training samples."""
-    seconds: float
-    """Time of the identification [s]."""
+RESULT = Path(__file__).parent / "results" / "identification.json"
+NOISES = (0.01, 0.05)
+SEEDS = range(20)
+SEEDS_WITH_STEP = range(3)
+SEEDS_QUICK = range(2)
 
 
 def main() -> None:
     """Run all cases, write the results and print them; exit with 1 if a bar is missed."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="two noise seeds, no peers, nothing written")
+    parser.add_argument("--markdown", action="store_true", help="run nothing; print the last results for the docs")
+    options = parser.parse_args()
+    if options.markdown:
+        print(_markdown())
+        return
     if not DATA.is_dir():
         sys.exit(f"{DATA}: no such folder; the recorded logs belong in ../shared/data, beside the repository")
-    rows = [*(_real(*case) for case in _real_cases()), *_printed_cases()]
-    conditions = {"order": ORDER, "noise": NOISE, "seeds": list(SEEDS), "split": "first half → second half"}
-    content = {"conditions": conditions, "machine": describe_machine(), "provenance": provenance()}
-    write_json(RESULT, {**content, "rows": [asdict(row) for row in rows]})
-    for row in rows:
-        bar = "" if row.bar_percent is None else f"bar {row.bar_percent:5.1f}"
-        print(f"{row.case:24} fit {row.fit_percent:6.2f} %  {bar:10}  delay {row.delay_samples}  {row.seconds:5.2f} s")
-    missed = [row.case for row in rows if row.bar_percent is not None and row.fit_percent < row.bar_percent]
+    quick = options.quick
+    scores = _scores((OURS,) if quick else (OURS, *PEERS))
+    alone = [each for noise in NOISES for each in sweep_alone(noise, SEEDS_QUICK if quick else SEEDS)]
+    with_step = list(sweep_and_step(NOISES[0], SEEDS_QUICK if quick else SEEDS_WITH_STEP))
+    bars = [*real_bars(scores), *speed_bars(scores), *printed_bars(alone, with_step)]
+    if not quick:
+        _write(scores, alone, with_step, bars)
+    console = Console(width=160)
+    console.print(fits_table(scores), seconds_table(scores), bars_table(bars))
+    missed = [bar.name for bar in bars if not bar.met]
     if missed:
-        sys.exit(f"below the bar: {', '.join(missed)}")
+        sys.exit(f"missed: {'; '.join(missed)}")
 
 
-def _real_cases() -> Iterator[tuple[str, Recording, Recording, float | None]]:
-    """Yield name, training recording, test recording and bar."""
-    for name, file, inputs, output, bar in (
-        ("robot arm", "robot_arm_dat", [0], 1, 96.0),
-        ("CD player arm", "CD_player_arm_dat", [0, 1], 3, 82.0),
-    ):
-        table = loadmat(DATA / "slicot_sysid" / f"{file}.mat")[file]
-        yield name, *_halves(table[:, inputs], table[:, output]), bar
-    table = np.loadtxt(DATA / "rgp" / "dryer.dat")
-    yield "hair dryer", *_halves(table[:, :1], table[:, 1]), 85.0
-    silverbox = read_recording_csv(DATA / "silverbox" / "SNLS80mV.csv", "", ["V1"], ["V2"], sample_period_s=1 / 610.35)
-    middle = slice_recording(silverbox, 40650, 60650)
-    yield "Silverbox", slice_recording(middle, 0, 10000), slice_recording(middle, 10000, 20000), None
-    multisine, steps = (_drone(name) for name in ("sinal4_multiseno", "sinal2_degraus"))
-    yield "quarter drone, steps", multisine, steps, None
+def _scores(tools: Iterable[Tool]) -> list[Score]:
+    scores = []
+    for case in real_cases():
+        for tool in tools:
+            print(f"{case.name}: {tool.name}", flush=True)
+            scores.extend(score_tool(tool, case))
+    return scores
 
 
-def _halves(inputs: NDArray[np.float64], output: NDArray[np.float64]) -> tuple[Recording, Recording]:
-    names = [f"u{index}" for index in range(inputs.shape[1])]
-    whole = make_recording(inputs, output, PERIOD_S, input_names=names)
-    middle = len(whole) // 2
-    return slice_recording(whole, 0, middle), slice_recording(whole, middle, len(whole))
+def _write(scores: list[Score], alone: list[SweepAlone], with_step: list[SweepAndStep], bars: list[Bar]) -> None:
+    content = {
+        "conditions": {
+            "order": ORDER,
+            "cases": {case.name: case.log for case in real_cases()},
+            "signals": "inputs and outputs less their training means",
+            "fit": "100 (1 − ‖y − ŷ‖ / ‖y − mean‖) of a free run, its initial state by least squares on the record",
+            "constant": "a model keeps the constant that its tool estimated from the training part, if any",
+            "seconds": "processor time of the fit alone, on one core, after imports: the first, and the best later one",
+            "noises": NOISES,
+            "seeds": list(SEEDS),
+            "seeds_with_step": list(SEEDS_WITH_STEP),
+        },
+        "tools": {tool.name: _version(tool) for tool in (OURS, *PEERS)},
+        "not_run": NOT_RUN,
+        "machine": describe_machine(),
+        "provenance": provenance(),
+        "rows": [score._asdict() for score in scores],
+        "sweep_alone": [each._asdict() for each in alone],
+        "sweep_and_step": [each._asdict() for each in with_step],
+        "bars": [bar._asdict() | {"met": bar.met} for bar in bars],
+    }
+    write_json(RESULT, content)
 
 
-def _drone(name: str) -> Recording:
-    path = DATA / "quarter_drone" / f"{name}_malha_fechada.csv"
-    recording = read_recording_csv(path, "Tempo_s", ["Referencia"], ["Saida_y"])
-    return slice_recording(recording, 200, len(recording))
+def _markdown() -> str:
+    scores = [Score(**row) for row in json.loads(RESULT.read_text())["rows"]]
+    return fits_markdown(scores, [case.name for case in real_cases() if case.test_bar_percent is not None])
 
 
-def _real(case: str, training: Recording, test: Recording, bar: float | None) -> Row:
-    start = time.perf_counter()
-    result = identify_axis([training], ORDER)
-    seconds = time.perf_counter() - start
-    fit = free_run(result.plant, test, result.offset).fit_percent.item()
-    return Row(case, fit, bar, result.fit_percent[-1], result.plant.delay_samples, len(training), seconds)
-
-
-def _printed_cases() -> Iterator[Row]:
-    """Identify the printed axes from a 2–50 Hz sweep of 10 s and a step of 1 s."""
-    for axis, plant in printed_plants().items():
-        for seed in SEEDS:
-            yield _printed(f"printed {axis}, seed {seed}", plant, np.random.default_rng(seed))
-
-
-def _printed(case: str, true: PlantRecord, rng: np.random.Generator) -> Row:
-    logs = []
-    for signal in (linear_sweep(10.0, true.sample_period_s), step(1.0, true.sample_period_s)):
-        clean = simulate(true, signal[:, None])
-        measured = clean + NOISE * clean.std() * rng.standard_normal(clean.shape)
-        logs.append(make_recording(signal, measured, true.sample_period_s))
-    start = time.perf_counter()
-    result = identify_axis(logs, ORDER)
-    seconds = time.perf_counter() - start
-    fit = fit_percent(clean, simulate(result.plant, logs[-1].inputs)).item()
-    samples = sum(len(log) for log in logs)
-    return Row(case, fit, 99.0, result.fit_percent[-1], result.plant.delay_samples, samples, seconds)
+def _version(tool: Tool) -> str:
+    try:
+        return version(tool)
+    except NotRunError as error:
+        return f"not run: {error}"
 
 
 if __name__ == "__main__":

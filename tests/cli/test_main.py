@@ -134,15 +134,15 @@ def test_an_unwritable_json_file_is_refused_before_the_work(refused, records, js
     ("change", "told"),
     [
         (lambda text: text.replace("time_s,u,y", "time_s,u,angle"), 'line 1: no column "y"; the columns are'),
-        (lambda text: text.replace("\n0.1,", "\n0.1,nan,", 1), 'line 12: column "u" is nan'),
-        (lambda text: text.replace("\n0.1,", "\n0.1,high,", 1), 'line 12: column "u" is "high"'),
+        (lambda text: re.sub(r"\n0\.1,[^,]*", "\n0.1,inf", text, count=1), 'line 12: column "u" is inf'),
+        (lambda text: re.sub(r"\n0\.1,[^,]*", "\n0.1,high", text, count=1), 'line 12: column "u" is "high"'),
         (lambda text: text.replace("\n0.1,", "\n0.5,", 1), "log.csv"),
         (lambda text: "\n".join(text.splitlines()[:30]), "too few for order 4"),
         (lambda text: text.splitlines()[0], "no data"),
         (lambda text: "", "is empty"),
         (lambda text: "\xff", "can't be read"),
     ],
-    ids=["wrong column", "NaN", "no number", "jump in time", "too short", "no data", "empty", "binary"],
+    ids=["wrong column", "infinity", "no number", "jump in time", "too short", "no data", "empty", "binary"],
 )
 def test_a_log_that_cant_be_used_is_refused(refused, logs, tmp_path, change, told):
     (tmp_path / "log.csv").write_text(change(logs[0].read_text()), encoding="latin-1")
@@ -200,7 +200,7 @@ def test_identify_writes_files_and_json(command, logs, tmp_path):
     )  # fmt: skip
     assert (status, err) == (0, "")
     assert {path.name for path in (tmp_path / "made/here").iterdir()} == {
-        "pitch.json", "pitch.safetensors", "pitch.svg", "pitch.png",
+        "pitch.json", "pitch.safetensors", "pitch.html", "pitch.svg", "pitch.png",
     }  # fmt: skip
     facts = json.loads((tmp_path / "facts/pitch.json").read_text())
     assert facts["files"][0] == "made/here/pitch.json"

@@ -19,7 +19,7 @@ def test_files_appear_when_the_block_ends(tmp_path):
 def test_a_failing_block_leaves_nothing(tmp_path, error):
     with pytest.raises(error), run_folder(tmp_path / "runs" / "first") as folder:
         (folder / "file").write_text("half")
-        raise error
+        raise error("stop")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -5,6 +5,7 @@ from scipy.signal import dfreqresp, dlti
 from archerfish.identification.excitation import linear_sweep, step
 from archerfish.identification.frequency import (
     beyond_band,
+    driven_band_hz,
     excited_band_hz,
     measured_response,
     natural_frequency_hz,
@@ -47,6 +48,33 @@ def test_a_step_excites_low_frequencies_whatever_its_mean():
     low, high = excited_band_hz([make_recording(signal, signal, 1e-3)])
     assert low <= 1.0
     assert 2.0 < high < 50.0
+
+
+def one_signal(signal):
+    return make_recording(signal, signal, 1e-3)
+
+
+def test_what_the_start_of_a_sweep_leaks_is_not_driven():
+    sweep = one_signal(linear_sweep(10.0, 1e-3))
+    assert excited_band_hz([sweep])[0] == pytest.approx(0.1)
+    assert driven_band_hz([sweep]) == pytest.approx((2.0, 50.0), abs=0.3)
+
+
+@pytest.mark.parametrize("amplitude", [1.0, 0.05])
+def test_a_step_beside_a_sweep_drives_low_frequencies_however_early_and_small(amplitude):
+    logs = [one_signal(linear_sweep(10.0, 1e-3)), one_signal(amplitude * step(1.5, 1e-3) + 3.0)]
+    assert driven_band_hz(logs)[0] == pytest.approx(1 / 1.5)
+
+
+def test_a_log_that_is_faint_beside_another_drives_nothing():
+    dither = 1e-4 * np.random.default_rng(0).standard_normal(1000)
+    assert driven_band_hz([one_signal(linear_sweep(10.0, 1e-3)), one_signal(dither)]) == pytest.approx((2, 50), abs=0.3)
+
+
+def test_white_noise_drives_every_frequency():
+    low, high = driven_band_hz([one_signal(np.random.default_rng(0).standard_normal(5000))])
+    assert low == pytest.approx(0.2)
+    assert high == pytest.approx(500, rel=0.01)
 
 
 def test_the_natural_frequency_of_a_resonance():

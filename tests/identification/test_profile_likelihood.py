@@ -1,35 +1,32 @@
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import chi2
 
-from archerfish.identification.profile_likelihood import maximise_likelihood, profile_interval
-
-VALUES = np.random.default_rng(4).normal(3.0, 2.0, 40)
-BOUNDS = [(-50.0, 50.0), (-5.0, 5.0)]
+from archerfish.identification.profile_likelihood import interval_end, mean_threshold, spread_threshold
 
 
-def normal(point):
-    return -norm.logpdf(VALUES, point[0], np.exp(point[1])).sum()
+def test_a_parabola_ends_where_its_root_says():
+    assert interval_end(lambda x: (x - 1) ** 2, 4.0, 1.0, 0.3, 10.0) == pytest.approx(3.0, abs=0.01)
+    assert interval_end(lambda x: (x - 1) ** 2, 4.0, 1.0, 50.0, -10.0) == pytest.approx(-1.0, abs=0.01)
 
 
-def test_the_maximum_is_mean_and_deviation():
-    best = maximise_likelihood(normal, [np.array([0.0, 0.0]), np.array([10.0, 2.0])], BOUNDS)
-    np.testing.assert_allclose(best, [VALUES.mean(), np.log(VALUES.std())], atol=1e-4)
-
-
-def test_the_profile_of_a_normal_mean_has_a_closed_form():
-    # 2 (max − profile) = n ln(1 + (m − x̄)²/s²) = χ²₁(95 %).
-    best = np.array([VALUES.mean(), np.log(VALUES.std())])
-    half = VALUES.std() * np.sqrt(np.exp(3.841458820694124 / VALUES.size) - 1)
-    low, high = profile_interval(normal, best, 0, BOUNDS)
-    assert low == pytest.approx(VALUES.mean() - half, abs=2e-3)
-    assert high == pytest.approx(VALUES.mean() + half, abs=2e-3)
+def test_a_curved_profile_ends_where_it_has_risen_enough():
+    end = interval_end(lambda x: np.expm1(x) ** 2, 3.84, 0.0, 0.1, 9.0)
+    assert np.expm1(end) ** 2 == pytest.approx(3.84, rel=0.01)
 
 
 def test_a_flat_side_ends_at_its_bound():
-    def ramp(point):
-        return float(max(point[0], 0.0) * 10 + point[1] ** 2)
+    assert interval_end(lambda x: max(x, 0.0) * 10, 3.84, 0.0, 0.3, -3.0) == -3.0
 
-    low, high = profile_interval(ramp, np.zeros(2), 0, [(-3.0, 3.0), (-1.0, 1.0)])
-    assert low == -3.0
-    assert high == pytest.approx(0.1920729, abs=1e-3)
+
+def test_thresholds_have_the_limits_of_many_shots():
+    for threshold in (mean_threshold, spread_threshold):
+        assert threshold(1e7) == pytest.approx(chi2.ppf(0.95, 1), rel=1e-5)
+
+
+@pytest.mark.parametrize("freedom", [4, 15])
+def test_the_interval_of_a_standard_deviation_covers(freedom):
+    # Exactly: the deviance of a variance is ν (R − 1 − log R) with R = χ²_ν / ν.
+    draws = np.random.default_rng(0).chisquare(freedom, 400_000) / freedom
+    rise = freedom * (draws - 1 - np.log(draws))
+    assert np.mean(rise <= spread_threshold(freedom)) == pytest.approx(0.95, abs=2e-3)

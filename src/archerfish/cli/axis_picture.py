@@ -1,4 +1,4 @@
-"""The picture of an identified axis: a recording beside its simulation, and the frequency response."""
+"""The pictures of an identified axis: what its recordings, its plant and the plant's draws look like."""
 
 from collections.abc import Sequence
 
@@ -6,11 +6,32 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from archerfish.figures.identification import BodeData, SimulatedRun, axis_figure
-from archerfish.identification.frequency import measured_response, plant_response
+from archerfish.figures.bode import BodeData
+from archerfish.figures.identification import SimulatedRun, axis_figure
+from archerfish.figures.pole_map import PoleMap
+from archerfish.figures.residuals import CorrelationPanel
+from archerfish.figures.step_response import StepResponse
+from archerfish.identification.confidence_bands import (
+    band,
+    drawn_outputs,
+    drawn_poles,
+    drawn_responses,
+    parameter_errors,
+)
+from archerfish.identification.frequency import driven_band_hz, measured_response, plant_response
 from archerfish.identification.gimbal import AxisIdentification
+from archerfish.identification.residual_tests import ResidualTests
+from archerfish.identification.state_space import simulate
 from archerfish.identification.validation import free_run
+from archerfish.records.plant import dc_gain
 from archerfish.records.recording import Recording
+
+Array = NDArray[np.float64]
+
+_STEP_SAMPLES = (50, 2000)
+"""Fewest and most samples of a step response that are drawn."""
+_SETTLED = 1e-3
+"""Share of its start at which the slowest mode no longer shows."""
 
 
 def simulated_run(result: AxisIdentification, recording: Recording, kind: str) -> SimulatedRun:
@@ -26,7 +47,8 @@ def simulated_run(result: AxisIdentification, recording: Recording, kind: str) -
         recording.time,
         recording.outputs[:, 0],
         run.simulated[:, 0],
-        run.fit_percent.item(),
+        _spread(run.simulated[:, 0] + parameter_errors(result.plant, recording.inputs)),
+        run.fit_percent[0].item(),
         f"{kind} {recording.source}",
     )
 
@@ -40,20 +62,90 @@ def axis_picture(result: AxisIdentification, run: SimulatedRun, logs: Sequence[R
       logs: what was fitted; the measured frequency response comes from it.
       output: name of the output, for the labels.
     """
-    return axis_figure(run, _bode(result, logs), output=output, title=result.plant.axis)
+    return axis_figure(run, bode_data(result, logs), output=output, title=result.plant.axis)
 
 
-def _bode(result: AxisIdentification, logs: Sequence[Recording]) -> BodeData:
+def bode_data(result: AxisIdentification, logs: Sequence[Recording], channel: int = 0) -> BodeData:
+    """Gather the frequency response from one input: the model's, its draws' and the measured one.
+
+    Args:
+      result: the axis.
+      logs: what was fitted.
+      channel: which input.
+    """
     nyquist = 0.5 / result.plant.sample_period_s
-    lowest = max(result.excited_band_hz[0], 1e-3 * nyquist)
-    frequency = np.geomspace(lowest, 0.999 * nyquist, 400)
-    measured = measured_response(list(logs))
-    empty: NDArray[np.float64] = np.zeros(0)
-    kept = measured.coherence > 0.5 if measured else empty.astype(bool)
+    driven = driven_band_hz(logs)
+    frequency = np.geomspace(max(driven[0] / 4, 1e-3 * nyquist), 0.999 * nyquist, 400)
+    measured = measured_response(list(logs), channel)
+    empty: Array = np.zeros(0)
     return BodeData(
         frequency,
-        plant_response(result.plant, frequency)[:, 0, 0],
-        measured.frequency_hz[kept] if measured else empty,
-        measured.response[kept] if measured else empty.astype(np.complex128),
-        result.excited_band_hz,
+        plant_response(result.plant, frequency)[:, 0, channel],
+        drawn_responses(result.plant, frequency)[:, :, 0, channel],
+        measured.frequency_hz if measured else empty,
+        measured.response if measured else empty.astype(np.complex128),
+        measured.coherence if measured else empty,
+        driven,
     )
+
+
+def pole_map(result: AxisIdentification, determined: NDArray[np.bool_], driven_hz: tuple[float, float]) -> PoleMap:
+    """Gather the poles of an axis.
+
+    Args:
+      result: the axis.
+      determined: whether its recordings determine each pole, shape (n,).
+      driven_hz: frequencies that the inputs excite [Hz].
+    """
+    period = result.plant.sample_period_s
+    drawn = drawn_poles(result.plant, result.poles)
+    return PoleMap(result.poles, drawn, determined, period, driven_hz)
+
+
+def unit_steps(result: AxisIdentification) -> list[StepResponse]:
+    """Return the unit step response from each input, until it has settled."""
+    plant = result.plant
+    count = _settling_samples(result)
+    panels = []
+    for channel, name in enumerate(plant.input_names):
+        inputs = np.zeros((count, len(plant.input_names)))
+        # The sample before the step is at rest: an input is taken to have been held before the first.
+        inputs[1:, channel] = 1.0
+        panels.append(
+            StepResponse(
+                f"Unit step of {name}",
+                np.arange(-1.0, count - 1.0) * plant.sample_period_s,
+                simulate(plant, inputs)[:, 0],
+                _spread(drawn_outputs(plant, inputs)[..., 0]),
+                dc_gain(plant)[0, channel].item(),
+            )
+        )
+    return panels
+
+
+def _settling_samples(result: AxisIdentification) -> int:
+    slowest = min(float(np.abs(result.poles).max()), 1 - 1e-6)
+    settled = result.plant.delay_samples + np.log(_SETTLED) / np.log(max(slowest, 1e-3))
+    return int(np.clip(settled, *_STEP_SAMPLES))
+
+
+def correlation_panels(tests: ResidualTests, names: Sequence[str]) -> list[CorrelationPanel]:
+    """Return what a residual is tested for, as panels: with itself, then with each input.
+
+    Args:
+      tests: of one recording.
+      names: of the inputs.
+    """
+    titles = ("Residual with itself", *(f"Residual with {name}" for name in names))
+    correlograms = (tests.whiteness, *tests.independence)
+    return [
+        CorrelationPanel(title, each.lag, each.correlation, each.half_width)
+        for title, each in zip(titles, correlograms, strict=True)
+    ]
+
+
+def _spread(drawn: Array) -> tuple[Array, Array]:
+    if not len(drawn):
+        return np.zeros(0), np.zeros(0)
+    low, high = band(drawn)
+    return low, high

@@ -1,142 +1,138 @@
 """What `archerfish identify gimbal` says about an axis: as facts for --json, and as a table for a person."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from archerfish.cli.axis_evidence import (
+    AxisEvidence,
+    LogEvidence,
+    PoleEvidence,
+    pole_evidence,
+    steady_gains,
+)
+from archerfish.cli.axis_verdict import Verdict, delay_words, gain_words
 from archerfish.cli.summary_end import print_end
-from archerfish.identification.frequency import natural_frequency_hz
-from archerfish.identification.gimbal import AxisIdentification
-from archerfish.records.plant import dc_gain
 
 Summary = dict[str, Any]
 
-_USABLE_FIT_PERCENT = 80.0
-"""Below it more than a fifth of the motion is unexplained; clean logs of a gimbal give 95 % and more."""
-
-_DEGREES = 180 / np.pi
-"""Degrees in a radian: the steady gain of an axis whose angle is logged in degrees and its command in radians."""
-
-_UNIT_TOLERANCE = 1.1
-"""Factor by which a gain may miss that of mixed units and still be taken for it."""
+_TRIFLE = 0.005
+"""Share of the residual that the input may explain without a word: long clean logs detect what matters to nobody."""
 
 
-def axis_summary(
-    result: AxisIdentification, logs: Sequence[Path], validation: Sequence[tuple[str, float]], files: Sequence[Path]
-) -> Summary:
+def axis_summary(evidence: AxisEvidence, verdict: Verdict, files: Sequence[Path]) -> Summary:
     """Return the facts of an identified axis that --json writes.
 
     Args:
-      result: the axis.
-      logs: the fitted logs.
-      validation: log and fit [%] of each log that was held back.
+      evidence: the axis, its logs and findings.
+      verdict: what follows from them.
       files: what was written.
     """
-    plant = result.plant
+    result, plant = evidence.result, evidence.result.plant
     return {
+        "headline": verdict.headline,
+        "usable": verdict.usable,
         "axis": plant.axis,
         "order": len(plant.A),
         "sample_period_s": plant.sample_period_s,
         "delay_samples": plant.delay_samples,
         "delay_s": plant.delay_samples * plant.sample_period_s,
+        "delay_range_samples": list(result.delay_range),
         "feedthrough": plant.D[0].tolist(),
-        "dc_gain": dc_gain(plant)[0].tolist(),
-        "offset": result.offset,
-        "residual_sd": result.residual_sd,
+        "dc_gain": steady_gains(result),
+        "dc_gain_interval": [list(each) for each in result.dc_gain_interval],
+        "offset": float(result.offset[0]),
+        "residual_sd": float(result.residual_sd[0]),
         "excited_band_hz": list(result.excited_band_hz),
-        "poles": [_pole(pole, plant.sample_period_s) for pole in result.poles],
-        "training": _fits(zip(map(str, logs), result.fit_percent, strict=True)),
-        "validation": _fits(validation),
-        "remarks": [*result.remarks, *_doubts(result, validation)],
+        "driven_band_hz": list(evidence.driven_band_hz),
+        "poles": [_pole(each) for each in pole_evidence(result)],
+        "training": [_log(each) for each in evidence.of_kind("training")],
+        "validation": [_log(each) for each in evidence.of_kind("validation")],
+        "findings": [each._asdict() for each in evidence.findings],
+        "remarks": [*result.remarks, *verdict.doubts],
+        "next_steps": list(verdict.next_steps),
         "files": [str(path) for path in files],
     }
 
 
-def _doubts(result: AxisIdentification, validation: Sequence[tuple[str, float]]) -> list[str]:
-    """Say what about the plant itself suggests that it is of no use, and what to check."""
-    plant = result.plant
-    gains = zip(plant.input_names, np.abs(dc_gain(plant)[0]).tolist(), strict=True)
-    return [
-        *_poor_fit(result, validation),
-        *_delay_at_limit(plant.delay_samples, max(result.delay_scan)),
-        *(remark for name, gain in gains for remark in _angle_units(name, gain)),
-    ]
+def _log(log: LogEvidence) -> Summary:
+    facts: Summary = {"file": str(log.path), "fit_percent": log.run.fit_percent, "residual_sd": log.residual_sd}
+    if log.tests is None:
+        return facts | {"residual": None}
+    tests = log.tests
+    judged = {
+        "independent_of_input": tests.independent,
+        "independence_p_value": min(each.p_value for each in tests.independence),
+        "explained_share": tests.explained_share,
+        "white": tests.whiteness.passed,
+        "feedback": tests.feedback,
+    }
+    return facts | {"residual": judged}
 
 
-def _poor_fit(result: AxisIdentification, validation: Sequence[tuple[str, float]]) -> list[str]:
-    kind = "validation" if validation else "training"
-    worst = min((fit for _, fit in validation), default=min(result.fit_percent))
-    if worst >= _USABLE_FIT_PERCENT:
-        return []
-    remark = (
-        f"The plant is not to be trusted: the {kind} fit of {worst:.1f} % is below {_USABLE_FIT_PERCENT:g} %, so it "
-        f"misses {100 - worst:.0f} % of the motion. Check that --input and --output are not swapped, that the time "
-        "column is in seconds (not milliseconds), that all logs use the same unit and zero, and that the input moves "
-        "the axis well above its noise and backlash; else record a longer or richer sweep."
-    )
-    return [remark]
-
-
-def _delay_at_limit(delay: int, longest: int) -> list[str]:
-    if delay < longest:
-        return []
-    remark = (
-        f"The delay found, {delay} samples, is the longest that was tried: the true one may be longer; raise "
-        "--max-delay (a tenth of the shortest log is tried at most)."
-    )
-    return [remark]
-
-
-def _angle_units(name: str, gain: float) -> list[str]:
-    for factor, output, command in ((_DEGREES, "degrees", "radians"), (1 / _DEGREES, "radians", "degrees")):
-        if factor / _UNIT_TOLERANCE <= gain <= factor * _UNIT_TOLERANCE:
-            remark = (
-                f"The steady gain from {name}, {gain:.3g}, is about {factor:.3g}: the output seems to be in {output} "
-                f"and the input in {command}; log both in radians."
-            )
-            return [remark]
-    return []
-
-
-def _fits(rows: Iterable[tuple[str, float]]) -> list[Summary]:
-    return [{"file": file, "fit_percent": fit} for file, fit in rows]
-
-
-def _pole(pole: complex, sample_period_s: float) -> Summary:
-    """Describe a pole by its equivalent in continuous time; a pole at 0 is a delay and has none."""
-    frequency = natural_frequency_hz(pole, sample_period_s)
+def _pole(evidence: PoleEvidence) -> Summary:
+    pole = evidence.pole
     return {
         "real": pole.real,
         "imag": pole.imag,
         "modulus": abs(pole),
-        "frequency_hz": frequency if pole != 0 else None,
-        "damping": -float(np.log(abs(pole))) / (2 * np.pi * frequency * sample_period_s) if pole != 0 else None,
+        "frequency_hz": evidence.frequency_hz,
+        "damping": evidence.damping,
+        "frequency_interval_hz": evidence.frequency_interval_hz,
+        "damping_interval": evidence.damping_interval,
+        "determined": evidence.determined,
     }
 
 
-def print_axis(console: Console, summary: Summary) -> None:
-    """Print the summary of an axis as a table, and what to do about it."""
-    table = Table(title=f"{summary['axis']}: order {summary['order']}", title_justify="left", show_header=False)
-    delay = f"{summary['delay_samples']} samples ({1e3 * summary['delay_s']:.3g} ms)"
-    table.add_row("input delay", delay)
-    table.add_row("steady gain", ", ".join(f"{gain:.4g}" for gain in summary["dc_gain"]))
-    for pole in summary["poles"]:
-        if pole["imag"] >= 0:
-            place = f"{pole['real']:.4f}" + (f" ± {pole['imag']:.4f}i" if pole["imag"] else "")
-            frequency = "" if pole["frequency_hz"] is None else f", {pole['frequency_hz']:.3g} Hz"
-            damping = f", damping {pole['damping']:.2f}" if pole["imag"] else ""
-            table.add_row("pole", f"{place}{frequency}{damping}")
-    for kind in ("training", "validation"):
-        for row in summary[kind]:
-            table.add_row(f"fit, {kind}", f"{row['fit_percent']:.2f} %  {Path(row['file']).name}")
+def print_axis(console: Console, evidence: AxisEvidence, verdict: Verdict, files: Sequence[Path]) -> None:
+    """Print the verdict in a line, the table of numbers, the findings, and what to do."""
+    console.print(verdict.headline, style="bold", markup=False, highlight=False)
+    result = evidence.result
+    table = Table(show_header=False)
+    table.add_row("input delay", f"{delay_words(evidence)} = {_samples(evidence)}")
+    for name, gain, interval in zip(
+        result.plant.input_names, steady_gains(result), result.dc_gain_interval, strict=True
+    ):
+        source = f" from {name}" if len(result.plant.input_names) > 1 else ""
+        table.add_row(f"steady gain{source}", gain_words(gain, interval))
+    table.add_row("excited band", "{:.3g}–{:.3g} Hz".format(*evidence.driven_band_hz))
+    for pole in pole_evidence(result):
+        if pole.pole.imag >= 0:
+            table.add_row("pole" if pole.determined else "pole, not determined", pole_words(pole))
+    for log in evidence.logs:
+        table.add_row(f"fit, {log.kind}", f"{log.run.fit_percent:.2f} %  {log.path.name}{_residual_words(log)}")
     console.print(table)
-    remarks = list(summary["remarks"])
-    if not summary["validation"]:
-        remarks.append(
-            "No log was held back: pass --validate LOG to see how the plant does on one that it has not seen."
-        )
-    print_end(console, remarks, summary["files"])
+    for finding in evidence.findings:
+        words = f"• {finding.place}: {finding.message}; {finding.remedy} ({finding.severity}: {finding.code})"
+        console.print(words, markup=False, highlight=False)
+    print_end(console, [*result.remarks, *verdict.doubts, *verdict.next_steps], [str(path) for path in files])
+
+
+def _samples(evidence: AxisEvidence) -> str:
+    low, high = evidence.result.delay_range
+    count = evidence.result.plant.delay_samples
+    return f"{count} {'sample' if count == 1 else 'samples'}" + (f" ({low}–{high})" if low < high else "")
+
+
+def pole_words(evidence: PoleEvidence) -> str:
+    """Write a pole, its frequency and damping, with their intervals where there are any."""
+    pole = evidence.pole
+    words = f"{pole.real:.4f}" + (f" ± {pole.imag:.4f}i" if pole.imag else "")
+    if evidence.frequency_hz is None:
+        return words
+    words += f", {_with_interval(evidence.frequency_hz, evidence.frequency_interval_hz)} Hz"
+    damped = pole.imag and evidence.damping is not None
+    return words + (f", damping {_with_interval(evidence.damping or 0.0, evidence.damping_interval)}" if damped else "")
+
+
+def _with_interval(value: float, interval: tuple[float, float] | None) -> str:
+    return f"{value:.3g}" + (f" ({interval[0]:.3g}…{interval[1]:.3g})" if interval else "")
+
+
+def _residual_words(log: LogEvidence) -> str:
+    if log.tests is None or log.tests.independent or log.tests.explained_share < _TRIFLE:
+        return ""
+    return f"; the input explains {100 * log.tests.explained_share:.1f} % of the residual"

@@ -17,7 +17,7 @@ from archerfish.learning.config import PpoConfig
 from archerfish.records.policy import PolicyRecord
 from archerfish.sensing.observation import DEFAULT_FRAMES
 
-HEADLINE_STEPS = 2.0
+HEADLINE_STEPS = 3.0
 """The `gate` policy, which the report leads with and whose task is the hardest, trains this much longer than others."""
 CURVE_STEPS = 0.5
 """The trainings of Figs 5 and 6 have converged after this share."""

@@ -178,7 +178,7 @@ def landing_of_table1() -> Table1:
             model_m=float(model),
             error_percent=100 * (float(model) / row.real_m - 1),
         )
-        for row, model in zip(table.rows, result.distance, strict=True)
+        for row, model in zip(table.rows, result.expected, strict=True)
     )
     errors = [abs(row.error_percent) for row in rows]
     muzzle = result.muzzle

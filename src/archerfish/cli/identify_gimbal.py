@@ -7,42 +7,49 @@ from typing import Annotated, Any
 import tyro
 from rich.console import Console
 
-from archerfish.cli.axis_picture import axis_picture, simulated_run
+from archerfish.cli.axis_evidence import AxisEvidence, gather_evidence
+from archerfish.cli.axis_page import axis_page
+from archerfish.cli.axis_picture import axis_picture
 from archerfish.cli.axis_summary import Summary, axis_summary, print_axis
+from archerfish.cli.axis_verdict import Verdict, judged_fit, verdict
+from archerfish.cli.gimbal_logs import GimbalLogs, LogReading, read_gimbal_logs
 from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
-from archerfish.figures.identification import SimulatedRun
 from archerfish.figures.style import save_figure
 from archerfish.identification.gimbal import AxisIdentification, identify_axis
+from archerfish.records import storage
 from archerfish.records.errors import InputError
+from archerfish.records.log_files import log_parts
 from archerfish.records.plant import write_plant
 from archerfish.records.provenance import provenance
-from archerfish.records.recording import Recording, read_recording_csv
 
-AXIS_ENDINGS = (".json", ".safetensors", ".svg", ".png")
+AXIS_ENDINGS = (".json", ".safetensors", ".html", ".svg", ".png")
 
 
 @dataclass(frozen=True)
 class IdentifyGimbal:
-    """Identify a gimbal axis from logs (CSV) of its input and output.
+    """Identify a gimbal axis from logs of its input and output.
 
     Give a sweep and a step of the same axis as two logs: the sweep settles the dynamics, the step the steady gain. Each
-    log is a separate experiment with its own start and zero. Logs name their columns in the first line and are sampled
-    at equal intervals.
+    log is a separate experiment with its own start and zero. A log is a text table (CSV; columns by name, or by number
+    without a first line of names), an .npz or .mat file (arrays by name), or a ROS bag (TOPIC/FIELD). What is wrong
+    with a log is said, repaired where that is certain, and else refused.
 
-    Writes AXIS.json and AXIS.safetensors (the plant record, for train and evaluate), AXIS.svg and AXIS.png (measured
-    and simulated, residual, frequency response), and prints the fit.
+    Writes AXIS.json and AXIS.safetensors (the plant record, for train and evaluate), AXIS.html (what is known, how
+    sure that is, and what to do next), AXIS.svg and AXIS.png (measured and simulated, residual, frequency response),
+    and prints the verdict.
 
     Examples:
       archerfish identify gimbal sweep.csv step.csv --validate step2.csv --axis yaw
       archerfish identify gimbal log.csv --time t --input u1 u2 --output angle
+      archerfish identify gimbal bag/ --input /command/data --output /joint_states/yaw/position
     """
 
     logs: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="LOG…", help_behavior_hint="")]
-    """CSV logs to fit, at least one."""
+    """Logs to fit, at least one."""
     time: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = "time_s"
-    """Column of the time stamps, in seconds."""
+    """Column of the time stamps, in seconds unless its name ends in _ms, _us or _ns; a bag has its own."""
     input: Annotated[
         tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
         tyro.conf.arg(metavar="COLUMN…", help_behavior_hint="(default: u)"),
@@ -60,7 +67,7 @@ class IdentifyGimbal:
         tyro.conf.UseAppendAction[tuple[tuple[Path, ...], ...]],
         tyro.conf.arg(metavar="LOG…", help_behavior_hint=""),
     ] = ()
-    """CSV logs that are not fitted but foretold, the honest measure of the plant."""
+    """Logs that are not fitted but foretold, the honest measure of the plant."""
     axis: Annotated[str, tyro.conf.arg(metavar="NAME")] = "axis"
     """Name of the axis and of the written files, for instance pitch or yaw."""
     out: Folder = Path("runs/identify")
@@ -79,38 +86,43 @@ def run_gimbal(command: IdentifyGimbal, console: Console | None = None) -> Summa
     """
     console = console or Console()
     if not command.logs:
-        raise InputError("identify gimbal: no log given; name at least one CSV file")
+        raise InputError("identify gimbal: no log given; name at least one file")
     check_file_name("--axis", command.axis)
     held_back = _flat(command.validate)
-    logs, tests = ([_recording(path, command) for path in paths] for paths in (command.logs, held_back))
+    logs = read_gimbal_logs(command.logs, held_back, _reading(command))
     with run_folder(command.out) as folder:
         with console.status(f"fitting order {command.order} …"):
-            result = identify_axis(logs, command.order, max_delay=command.max_delay, axis=command.axis)
-        origin = provenance(command.seed, [*command.logs, *held_back])
-        result = replace(result, plant=replace(result.plant, provenance=origin))
-        runs = [simulated_run(result, test, "validation") for test in tests]
-        shown = runs[0] if runs else simulated_run(result, logs[-1], "training")
-        _write_axis(folder, command, result, shown, logs)
+            fitted = [log.recording for log in logs.training]
+            result = identify_axis(fitted, command.order, max_delay=command.max_delay, axis=command.axis)
+        origin = provenance(command.seed, [part for path in (*command.logs, *held_back) for part in log_parts(path)])
+        result = replace(_said_once(result, logs), plant=replace(result.plant, provenance=origin))
+        evidence = gather_evidence(result, logs.training, logs.validation, logs.findings)
+        judgement = verdict(evidence)
+        _write_axis(folder, command, evidence, judgement)
     files = [command.out / f"{command.axis}{ending}" for ending in AXIS_ENDINGS]
-    fits = [(str(path), run.fit_percent) for path, run in zip(held_back, runs, strict=True)]
-    summary = axis_summary(result, command.logs, fits, files)
-    print_axis(console, summary)
-    return summary
+    print_axis(console, evidence, judgement, files)
+    return axis_summary(evidence, judgement, files)
 
 
 def _flat(groups: tuple[tuple[Any, ...], ...]) -> list[Any]:
     return [each for group in groups for each in group]
 
 
-def _recording(path: Path, command: IdentifyGimbal) -> Recording:
+def _reading(command: IdentifyGimbal) -> LogReading:
     inputs = _flat(command.input) or ["u"]
-    return read_recording_csv(path, command.time, inputs, [command.output], sample_period_s=command.sample_period_s)
+    return LogReading(command.time, inputs, command.output, command.sample_period_s, command.order, command.max_delay)
 
 
-def _write_axis(
-    folder: Path, command: IdentifyGimbal, result: AxisIdentification, run: SimulatedRun, logs: list[Recording]
-) -> None:
-    write_plant(folder / f"{command.axis}.json", result.plant)
-    figure = axis_picture(result, run, logs, output=command.output)
+def _said_once(result: AxisIdentification, logs: GimbalLogs) -> AxisIdentification:
+    """Drop the remarks that the examination of the logs has made already."""
+    said = {f"{each.place}: {each.message}; {each.remedy}" for each in logs.findings}
+    return replace(result, remarks=tuple(each for each in result.remarks if each not in said))
+
+
+def _write_axis(folder: Path, command: IdentifyGimbal, evidence: AxisEvidence, judgement: Verdict) -> None:
+    write_plant(folder / f"{command.axis}.json", evidence.result.plant)
+    storage.write_text(folder / f"{command.axis}.html", axis_page(evidence, judgement, output=command.output))
+    fitted = [log.recording for log in evidence.of_kind("training")]
+    figure = axis_picture(evidence.result, judged_fit(evidence).run, fitted, output=command.output)
     for ending in (".svg", ".png"):
         save_figure(folder / f"{command.axis}{ending}", figure)

@@ -5,57 +5,73 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from archerfish.cli.muzzle_summary import Summary, muzzle_summary, print_muzzle
 from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
-from archerfish.figures.identification import LandingGroup, landing_figure
+from archerfish.figures.shots import ShotGroups, shots_figure
 from archerfish.figures.style import save_figure
-from archerfish.identification.muzzle_likelihood import identify_muzzle
+from archerfish.identification.muzzle_likelihood import MuzzleIdentification, identify_muzzle
+from archerfish.identification.muzzle_model import Flight
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.records.errors import InputError
 from archerfish.records.muzzle import write_muzzle
 from archerfish.records.provenance import provenance
-from archerfish.records.shots import ShotColumns, merge_shots, read_shots_csv
+from archerfish.records.shots import Shots, merge_shots, setting_names, settings, vertical_measurement
+from archerfish.records.shots_csv import DEFAULT_COLUMNS, ShotColumns, read_shots_csv
 
 MUZZLE_ENDINGS = (".json", ".svg", ".png")
 
 
 @dataclass(frozen=True)
 class IdentifyMuzzle:
-    """Identify the muzzle from landing points (CSV), by maximum likelihood.
+    """Identify the muzzle from shots: landing points, or hits on a plane (CSV).
 
-    Estimates the muzzle speed, the pitch offset and the scatter of both, with 95 % intervals, and says whether the
-    flight model fits at all. Shots at one pitch setting only need the measured speed of each; without speeds, shoot at
-    several settings. Distances are measured along level ground from the point below the muzzle.
+    Estimates, by maximum likelihood, the muzzle speed, the offsets of pitch and yaw and the scatter of all three, with
+    95 % intervals, leaves out ricochets and flyers, and says whether the flight model fits at all. Shots at one setting
+    only need the measured speed of each; without speeds, shoot at several pitches onto level ground, or at planes at
+    several distances. Give the shots in the order of fire: intervals are widened where successive shots are alike.
+
+    Distances to landing points are measured along level ground from the point below the muzzle (columns pitch_deg,
+    distance_m); hits on a plane by its distance and their height above the muzzle (pitch_deg, plane_distance_m,
+    hit_height_m). docs/shots.md has all columns, and the codes of the faults.
 
     Writes NAME.json (the muzzle record, for train and evaluate), NAME.svg and NAME.png.
 
     Examples:
       archerfish identify muzzle shots.csv --height-m 0.42 --out runs/my-robot
+      archerfish identify muzzle plane_2m.csv plane_4m.csv plane_6m.csv --out runs/my-robot
       archerfish identify muzzle shots.csv --pitch elevation --distance landing
     """
 
     shots: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="SHOTS…", help_behavior_hint="")]
     """CSV files with one shot per line, at least one."""
-    pitch: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = ShotColumns.pitch_deg
+    pitch: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = DEFAULT_COLUMNS.pitch_deg
     """Column of the barrel's elevation in degrees, muzzle up positive."""
-    yaw: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = ShotColumns.yaw_deg
+    yaw: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = DEFAULT_COLUMNS.yaw_deg
     """Column of the barrel's azimuth in degrees, left positive; may be missing."""
-    distance: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = ShotColumns.distance_m
+    distance: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = DEFAULT_COLUMNS.distance_m
     """Column of the landing distance in metres."""
-    speed: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = ShotColumns.speed_m_s
+    speed: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = DEFAULT_COLUMNS.speed_m_s
     """Column of the measured muzzle speed in m/s; may be missing."""
-    lateral: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = ShotColumns.lateral_m
-    """Column of the landing point's distance from the barrel's plane in metres, left positive; may be missing."""
+    lateral: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = DEFAULT_COLUMNS.lateral_m
+    """Column of how far left of the barrel's plane (on a target plane, of straight ahead) the pellet went in metres;
+    may be missing."""
+    plane_distance: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = DEFAULT_COLUMNS.plane_distance_m
+    """Column of the distance to the target plane in metres, in place of the landing distance."""
+    hit_height: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = DEFAULT_COLUMNS.hit_height_m
+    """Column of the hit's height above the muzzle in metres, with the distance to the plane."""
     height_m: Annotated[float | None, tyro.conf.arg(metavar="METRES", help_behavior_hint="(default: estimated)")] = None
     """Height of the muzzle above the ground in metres."""
     drag_per_m: float = field(default_factory=lambda: assumed_conditions().drag)
     """Quadratic drag coefficient k in 1/m."""
     estimate_drag: bool = False
     """Estimate the drag coefficient too; needs one more pitch setting."""
+    flight: Flight = "flat-fire"
+    """How pellets fly: as in the simulator, or by eq (5) as printed."""
     name: Annotated[str, tyro.conf.arg(metavar="NAME")] = "muzzle"
     """Name of the written files."""
     out: Folder = Path("runs/identify")
@@ -77,17 +93,42 @@ def run_muzzle(command: IdentifyMuzzle, console: Console | None = None) -> Summa
     if not command.shots:
         raise InputError("identify muzzle: no file of shots given; name at least one CSV file")
     check_file_name("--name", command.name)
-    columns = ShotColumns(command.pitch, command.yaw, command.distance, command.speed, command.lateral)
-    shots = merge_shots([read_shots_csv(path, columns) for path in command.shots])
+    shots = merge_shots([read_shots_csv(path, _columns(command)) for path in command.shots])
     with run_folder(command.out) as folder:
         with console.status("maximising the likelihood …"):
             drag = None if command.estimate_drag else command.drag_per_m
-            result = identify_muzzle(shots, drag=drag, height=command.height_m)
+            result = identify_muzzle(shots, drag=drag, height=command.height_m, flight=command.flight)
         muzzle = replace(result.muzzle, provenance=provenance(command.seed, command.shots))
         write_muzzle(folder / f"{command.name}.json", muzzle)
-        figure = landing_figure(LandingGroup(shots.pitch, shots.distance, result.distance, result.distance_sd))
+        figure = _picture(shots, result)
         for ending in (".svg", ".png"):
             save_figure(folder / f"{command.name}{ending}", figure)
     summary = muzzle_summary(shots, result, [command.out / f"{command.name}{ending}" for ending in MUZZLE_ENDINGS])
     print_muzzle(console, summary)
     return summary
+
+
+def _columns(command: IdentifyMuzzle) -> ShotColumns:
+    return ShotColumns(
+        pitch_deg=command.pitch,
+        yaw_deg=command.yaw,
+        distance_m=command.distance,
+        speed_m_s=command.speed,
+        lateral_m=command.lateral,
+        plane_distance_m=command.plane_distance,
+        hit_height_m=command.hit_height,
+    )
+
+
+def _picture(shots: Shots, result: MuzzleIdentification) -> Figure:
+    groups = ShotGroups(
+        settings(shots),
+        setting_names(shots),
+        vertical_measurement(shots),
+        result.expected,
+        result.expected_sd,
+        result.kept,
+    )
+    if shots.on_plane:
+        return shots_figure(groups, title="Hits on the target plane", quantity="Height above the muzzle")
+    return shots_figure(groups)

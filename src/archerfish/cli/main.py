@@ -22,7 +22,10 @@ INTERRUPTED = 130
 
 COMMANDS = {
     "reproduce": ("archerfish.cli.reproduce", "Reproduce", "run_reproduce"),
+    "excite": ("archerfish.cli.excite", "Excite", "run_excite"),
     "identify gimbal": ("archerfish.cli.identify_gimbal", "IdentifyGimbal", "run_gimbal"),
+    "identify rigid": ("archerfish.cli.identify_rigid", "IdentifyRigid", "run_rigid"),
+    "identify sensing": ("archerfish.cli.identify_sensing", "IdentifySensing", "run_sensing"),
     "identify muzzle": ("archerfish.cli.identify_muzzle", "IdentifyMuzzle", "run_muzzle"),
     "train": ("archerfish.cli.train", "Train", "run_train"),
     "evaluate": ("archerfish.cli.evaluate", "Evaluate", "run_evaluate"),
@@ -75,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         _answer(list(sys.argv[1:] if arguments is None else arguments))
     except InputError as error:
-        _fail(f"error: {error}", INPUT_ERROR)
+        _fail(f"error: {error}" + (f" ({error.code})" if error.code else ""), INPUT_ERROR)
     except KeyboardInterrupt:
         _fail("interrupted; what was unfinished is discarded", INTERRUPTED)
     except BrokenPipeError:

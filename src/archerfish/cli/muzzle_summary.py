@@ -10,7 +10,7 @@ from rich.table import Table
 
 from archerfish.cli.summary_end import print_end
 from archerfish.identification.muzzle_likelihood import MuzzleIdentification
-from archerfish.records.shots import Shots
+from archerfish.records.shots import Shots, vertical_measurement
 
 Summary = dict[str, Any]
 
@@ -23,29 +23,36 @@ def muzzle_summary(shots: Shots, result: MuzzleIdentification, files: Sequence[P
         "parameters": {name: getattr(muzzle, name) for name in names},
         "estimated": list(result.estimated),
         "intervals_95": {name: list(ends) for name, ends in muzzle.intervals.items()},
-        "log_likelihood": result.log_likelihood,
         "lack_of_fit": {
             "rms_percent": fit.rms_percent,
             "worst_percent": fit.worst_percent,
-            "worst_pitch_deg": float(np.degrees(fit.worst_pitch)),
+            "worst_setting": fit.worst_setting,
             "replicate_percent": fit.replicate_percent,
             "p_value": fit.p_value,
             "statement": fit.statement,
         },
-        "shots": [
-            {"pitch_deg": pitch, "yaw_deg": yaw, "distance_m": measured, "model_m": model, "model_sd_m": sd}
-            for pitch, yaw, measured, model, sd in zip(
-                np.degrees(shots.pitch).tolist(),
-                np.degrees(shots.yaw).tolist(),
-                shots.distance.tolist(),
-                result.distance.tolist(),
-                result.distance_sd.tolist(),
-                strict=True,
-            )
-        ],
+        "shots": _shots(shots, result),
+        "findings": [{"code": finding.code, "message": finding.text} for finding in result.findings],
         "remarks": list(result.remarks),
         "files": [str(path) for path in files],
     }
+
+
+def _shots(shots: Shots, result: MuzzleIdentification) -> list[dict[str, Any]]:
+    """Facts of each shot; `measured_m` is the landing distance, or the height of the hit on a plane."""
+    return [
+        {
+            "place": shots.place(index),
+            "pitch_deg": float(np.degrees(shots.pitch[index])),
+            "yaw_deg": float(np.degrees(shots.yaw[index])),
+            "distance_m": float(shots.distance[index]),
+            "measured_m": float(measured),
+            "model_m": float(result.expected[index]),
+            "model_sd_m": float(result.expected_sd[index]),
+            "used": bool(result.kept[index]),
+        }
+        for index, measured in enumerate(vertical_measurement(shots))
+    ]
 
 
 _UNITS = {
@@ -65,7 +72,7 @@ def print_muzzle(console: Console, summary: Summary) -> None:
     table = Table("parameter", "estimate", "95 % interval", title="muzzle", title_justify="left")
     for name, (label, unit, scale) in _UNITS.items():
         interval = summary["intervals_95"].get(name)
-        if interval is None and name.startswith("yaw"):
+        if interval is None and summary["parameters"][name] == 0.0:
             continue
         ends = "given" if interval is None else f"{scale * interval[0]:.4g} … {scale * interval[1]:.4g}"
         table.add_row(label, f"{scale * summary['parameters'][name]:.4g} {unit}", ends)

@@ -1,14 +1,14 @@
-"""What is wrong with the recordings, said before a model is fitted to them."""
+"""Whether recordings in memory can bear an estimate; logs on disk are examined by the log doctor first."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from archerfish.identification.doctor_signals import saturation
 from archerfish.records.errors import InputError
 from archerfish.records.recording import Recording
 
 _SAMPLES_PER_PARAMETER = 10
-_SATURATED_SHARE = 0.05
 
 
 def check_recordings(recordings: Sequence[Recording], order: int) -> list[str]:
@@ -33,7 +33,16 @@ def check_recordings(recordings: Sequence[Recording], order: int) -> list[str]:
     _check_lengths(recordings, order)
     for recording in recordings:
         _check_movement(recording)
-    return [remark for recording in recordings for remark in _saturation(recording)]
+    return [
+        f"{finding.place}: {finding.message}; {finding.remedy}"
+        for recording in recordings
+        for finding in saturation(recording)
+    ]
+
+
+def fewest_samples(order: int) -> int:
+    """Return how many samples a recording must have, next to others, to add to the estimate of an order."""
+    return 5 * (order + 1)
 
 
 def _check_likeness(recordings: Sequence[Recording]) -> None:
@@ -51,7 +60,8 @@ def _check_likeness(recordings: Sequence[Recording]) -> None:
         if abs(recording.sample_period_s / first.sample_period_s - 1) > 0.01:
             raise InputError(
                 f"{recording.source}: is sampled every {recording.sample_period_s:g} s, {first.source} every "
-                f"{first.sample_period_s:g} s; resample one of them"
+                f"{first.sample_period_s:g} s; resample one of them",
+                "other-period",
             )
 
 
@@ -63,13 +73,15 @@ def _check_lengths(recordings: Sequence[Recording], order: int) -> None:
     if samples < needed:
         raise InputError(
             f"{recordings[0].source}: {samples} samples are too few for order {order}, which needs {needed} "
-            f"({_SAMPLES_PER_PARAMETER} for each of {parameters} parameters); record longer or lower the order"
+            f"({_SAMPLES_PER_PARAMETER} for each of {parameters} parameters); record longer or lower the order",
+            "too-short",
         )
     for recording in recordings:
-        if len(recording) < 5 * (order + 1):
+        if len(recording) < fewest_samples(order):
             raise InputError(
                 f"{recording.source}: {len(recording)} samples are too few for order {order}, which needs "
-                f"{5 * (order + 1)} in each recording; leave this log out"
+                f"{fewest_samples(order)} in each recording; leave this log out",
+                "too-short",
             )
 
 
@@ -82,20 +94,6 @@ def _check_movement(recording: Recording) -> None:
             if np.ptp(signal) == 0:
                 raise InputError(
                     f'{recording.source}: {kind} "{name}" is {signal[0]:g} throughout; '
-                    f"record a log in which it changes, or name another column"
+                    f"record a log in which it changes, or name another column",
+                    f"constant-{kind}",
                 )
-
-
-def _saturation(recording: Recording) -> list[str]:
-    """Remark on signals of many different values that often sit at their extreme; a step has few values."""
-    remarks = []
-    for name, signal in zip(
-        (*recording.input_names, *recording.output_names), [*recording.inputs.T, *recording.outputs.T], strict=True
-    ):
-        share = max(np.mean(signal == signal.max()), np.mean(signal == signal.min()))
-        if share > _SATURATED_SHARE and np.unique(signal).size > 20:
-            remarks.append(
-                f'{recording.source}: "{name}" sits at its extreme for {share:.0%} of the samples; if it was cut off '
-                "there, a linear plant can't follow."
-            )
-    return remarks

@@ -16,6 +16,8 @@ ComplexArray = NDArray[np.complex128]
 
 _SEGMENT = 1024
 _EXCITED_SHARE = 1e-2
+_FAINT = 1e-5
+_TAPERS = 5
 _BEYOND = 1.5
 
 
@@ -105,3 +107,42 @@ def _energy_density(recording: Recording, channel: int) -> tuple[Array, Array]:
     density = np.abs(np.fft.rfft(signal - signal.mean()) * recording.sample_period_s) ** 2
     frequency: Array = np.fft.rfftfreq(len(signal), recording.sample_period_s).astype(np.float64)
     return frequency, np.asarray(density)
+
+
+def driven_band_hz(recordings: Sequence[Recording]) -> tuple[float, float]:
+    """Return the lowest and highest frequency [Hz] at which some input was meant to have energy.
+
+    As `excited_band_hz`, but without what the abrupt ends of a signal leak: a sweep from 2 Hz has a few percent of its
+    energy density at 0.1 Hz, from which a plant of the right structure extrapolates, and which shows nothing of what is
+    really there. Each log is held against its own largest density, unless it is faint beside another: a small step was
+    made on purpose too.
+    """
+    lowest, highest = np.inf, 0.0
+    for channel in range(recordings[0].inputs.shape[1]):
+        spectra = [_intended_density(recording, channel) for recording in recordings]
+        faint = _FAINT * max(density.max() for _, density in spectra)
+        for frequency, density in spectra:
+            if density.max() >= faint:
+                lines = frequency[density >= _EXCITED_SHARE * density.max()]
+                lowest, highest = min(lowest, lines.min()), max(highest, lines.max())
+    return float(lowest), float(highest)
+
+
+def _intended_density(recording: Recording, channel: int) -> tuple[Array, Array]:
+    """Return the energy density as Riedel and Sidorenko's sine tapers see it: they leak little, and see the ends too.
+
+    Of a signal that rests most of the time the jumps are the content; a taper would lose one near an end.
+    """
+    signal = recording.inputs[:, channel]
+    if np.mean(np.diff(signal) != 0) < 0.5:
+        frequency, density = _energy_density(recording, channel)
+        return frequency[1:], density[1:]
+    phase = np.pi * np.arange(1, signal.size + 1) / (signal.size + 1)
+    tapers = np.sqrt(2) * np.sin(np.arange(1, _TAPERS + 1)[:, None] * phase)
+    spectra = np.fft.rfft(tapers * (signal - signal.mean()), axis=1) * recording.sample_period_s
+    density = np.mean(np.abs(spectra) ** 2, axis=0)
+    # Lines nearer to zero than the tapers resolve hold the mean that was taken off: they get their neighbour's density.
+    resolved = min(_TAPERS // 2 + 1, density.size - 1)
+    density[:resolved] = density[resolved]
+    frequency = np.fft.rfftfreq(signal.size, recording.sample_period_s).astype(np.float64)
+    return frequency[1:], np.asarray(density[1:])

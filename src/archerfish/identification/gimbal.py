@@ -2,25 +2,42 @@
 
 The input delay and whether the plant has a direct feedthrough are chosen by Bayes's information criterion among
 refined fits; every plant it returns is stable. Several recordings are separate experiments on one plant, each with its
-own initial state and offset (an encoder's zero is no property of the dynamics).
+own initial state and offset (an encoder's zero is no property of the dynamics). Several outputs share the poles.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from archerfish.identification.checks import check_recordings
-from archerfish.identification.frequency import beyond_band, excited_band_hz, natural_frequency_hz
-from archerfish.identification.modal_form import Poles, state_matrices
-from archerfish.identification.pole_refinement import Refinement
-from archerfish.identification.simulation_fit import Structure
-from archerfish.identification.state_space import balanced, plant_poles
-from archerfish.identification.structure_search import score_starts, search_structure
+from archerfish.identification.frequency import driven_band_hz
+from archerfish.identification.informative_lines import heard_band
+from archerfish.identification.modal_form import Poles, sections_from_numbers, state_matrices
+from archerfish.identification.state_space import balanced
+from archerfish.identification.structure_search import Found, search_plant
+from archerfish.identification.trust import pole_remarks, trusted_poles
+from archerfish.identification.uncertainty import (
+    Posterior,
+    draw_parameters,
+    interval,
+    posterior,
+    standard_deviations,
+    steady_gain,
+    transfer,
+)
 from archerfish.identification.validation import common_offset, free_run
 from archerfish.records.errors import InputError
 from archerfish.records.plant import PlantRecord
 from archerfish.records.recording import Recording
+
+Array = NDArray[np.float64]
+
+DRAWS = 100
+"""Posterior draws that a plant record carries."""
 
 
 @dataclass(frozen=True)
@@ -28,33 +45,56 @@ class AxisIdentification:
     """An identified axis and how it came about."""
 
     plant: PlantRecord
-    """The plant, stable and with well-scaled states."""
-    offset: float
-    """Constant between simulated and measured output that the recordings share, in units of the output."""
+    """The plant, stable and with well-scaled states, and draws from its posterior."""
+    offset: Array
+    """Constant between simulated and measured outputs that the recordings share, in their units, shape (p,)."""
     fit_percent: tuple[float, ...]
-    """Fit of each training recording in free run [%]."""
-    residual_sd: float
-    """Standard deviation of the training residuals, in units of the output."""
-    delay_scan: dict[int, float]
-    """Delay [samples] → root mean square of the training residuals before refinement."""
+    """Fit of each training recording in free run, mean over the outputs [%]."""
+    residual_sd: Array
+    """Standard deviation of the training residuals of each output, in its units, shape (p,)."""
+    delay_range: tuple[int, int]
+    """Delays that the recordings don't reject at 95 % [samples]."""
+    longest_delay: int
+    """Longest delay that was allowed [samples]."""
+    dc_gain_interval: tuple[tuple[float, float], ...]
+    """95 % interval of the first output's steady gain per input."""
     poles: Poles
     """Poles in the z plane, slowest first, shape (order,)."""
+    pole_sd: tuple[Array, Array]
+    """Standard deviations of their real and imaginary parts, shape (order,) each."""
+    determined: NDArray[np.bool_]
+    """Whether the recordings determine each pole, shape (order,)."""
     excited_band_hz: tuple[float, float]
     """Lowest and highest frequency that the inputs excite [Hz]."""
     remarks: tuple[str, ...]
     """What may spoil the estimate, each a sentence."""
+    parameters: Posterior
+    """All parameters with their covariance, for outputs in units of `output_scale`."""
+    output_scale: Array
+    """Unit of the parameters' outputs, shape (p,)."""
+
+    def gain_interval(self, frequency_hz: Array) -> tuple[Array, Array]:
+        """95 % interval of the gain |G| of the first output from the first input at frequencies [Hz], shape (F,)."""
+        lag = np.exp(-2j * np.pi * frequency_hz * self.plant.sample_period_s)
+
+        def gain(at: Posterior) -> Array:
+            return np.asarray(np.abs(transfer(at, lag)[:, 0, 0]) * self.output_scale[0])
+
+        return interval(gain(self.parameters), standard_deviations(self.parameters, gain))
 
 
 def identify_axis(
-    recordings: Sequence[Recording], order: int = 4, *, max_delay: int = 20, axis: str = "axis"
+    recordings: Sequence[Recording], order: int = 4, *, max_delay: int = 20, axis: str = "axis", seed: int = 0
 ) -> AxisIdentification:
     """Identify the linear plant of an axis.
 
     Args:
-      recordings: m inputs and one output each, of the same signals and sampling period; they are separate experiments.
+      recordings: one input and any outputs, or any inputs and one output, the same and of the same sampling period in
+        each; they are separate experiments.
       order: number of states.
       max_delay: longest input delay that is tried [samples].
       axis: name for the record.
+      seed: of the posterior draws.
 
     Returns:
       The plant with its diagnostics.
@@ -66,49 +106,85 @@ def identify_axis(
     if max_delay < 0:
         raise InputError(f"max_delay must be at least 0, got {max_delay}; give the longest delay to try in samples")
     max_delay = min(max_delay, min(len(recording) for recording in recordings) // 10)
-    starts = score_starts(recordings, order, max_delay)
-    band = excited_band_hz(recordings)
-    structure, refinement = search_structure(recordings, starts, band)
-    plant = _plant(recordings[0], refinement, structure, axis)
-    poles = plant_poles(plant)
+    scale = _spread(recordings)
+    found = search_plant(recordings, order, max_delay, scale)
+    if scale.size > 1:
+        # The most likely plant weighs each output by its noise, which only a fit can tell.
+        scale = scale * np.sqrt(np.mean(found.refinement.fit.residuals.reshape(scale.size, -1) ** 2, axis=1))
+        found = search_plant(recordings, order, max_delay, scale)
+    known = posterior(found.problem, found.refinement)
+    period = recordings[0].sample_period_s
+    band = _band_hz(recordings, found)
+    trust = trusted_poles(known, found.refinement.sections, band, period)
+    drawn = draw_parameters(known, trust.held, DRAWS, np.random.default_rng(seed))
+    plant = _plant(recordings[0], known, drawn, scale, found.delay, axis)
     offset = common_offset(plant, recordings)
-    scan = {start.delay: start.cost for start in reversed(starts)}
-    samples = sum(len(recording) for recording in recordings)
+    runs = [free_run(plant, each, offset) for each in recordings]
+    gains = interval(steady_gain(known), standard_deviations(known, steady_gain))
+    low, high = (ends[0] * scale[0] for ends in gains)
     return AxisIdentification(
         plant=plant,
-        offset=offset.item(),
-        fit_percent=tuple(free_run(plant, recording, offset).fit_percent.item() for recording in recordings),
-        residual_sd=float(np.sqrt(refinement.fit.cost / samples)),
-        delay_scan={delay: float(np.sqrt(scan[delay] / samples)) for delay in sorted(scan)},
-        poles=poles,
+        offset=offset,
+        fit_percent=tuple(float(each.fit_percent.mean()) for each in runs),
+        residual_sd=np.concatenate([each.residual for each in runs]).std(axis=0),
+        delay_range=_delay_range(found, known.inflation),
+        longest_delay=max_delay,
+        dc_gain_interval=tuple(zip(low.tolist(), high.tolist(), strict=True)),
+        poles=trust.poles,
+        pole_sd=(trust.real_sd, trust.imaginary_sd),
+        determined=trust.determined,
         excited_band_hz=band,
-        remarks=(*remarks, *_undetermined(poles, band, plant.sample_period_s)),
+        remarks=(*remarks, *pole_remarks(trust, period)),
+        parameters=known,
+        output_scale=scale,
     )
 
 
-def _plant(recording: Recording, refinement: Refinement, structure: Structure, axis: str) -> PlantRecord:
-    A, C = state_matrices(refinement.sections)
+def _band_hz(recordings: Sequence[Recording], found: Found) -> tuple[float, float]:
+    """Frequencies that were excited on purpose, or at which the response stands out of the noise anyway [Hz]."""
+    low, high = driven_band_hz(recordings)
+    heard = heard_band(found.problem, found.refinement)
+    if heard is None:
+        return low, high
+    lowest, highest = (each / (2 * np.pi * recordings[0].sample_period_s) for each in heard)
+    return min(low, lowest), max(high, highest)
+
+
+def _spread(recordings: Sequence[Recording]) -> Array:
+    """Return the standard deviation of each output over all recordings, shape (p,)."""
+    centred = np.concatenate([each.outputs - each.outputs.mean(axis=0) for each in recordings])
+    return np.asarray(np.sqrt(np.mean(centred**2, axis=0)))
+
+
+def _plant(
+    recording: Recording, known: Posterior, drawn: Sequence[Posterior], scale: Array, delay: int, axis: str
+) -> PlantRecord:
+    best, *draws = (_matrices(each, scale) for each in (known, *drawn))
     plant = PlantRecord(
-        A=A,
-        B=refinement.fit.B,
-        C=C,
-        D=refinement.fit.D,
-        delay_samples=structure.delay,
+        **best,
+        delay_samples=delay,
         sample_period_s=recording.sample_period_s,
         axis=axis,
         input_names=recording.input_names,
         output_names=recording.output_names,
+        draws={name: np.stack([each[name] for each in draws]) for name in best},
     )
     return balanced(plant)
 
 
-def _undetermined(poles: Poles, band: tuple[float, float], sample_period_s: float) -> list[str]:
-    remarks = []
-    for pole in poles[beyond_band(poles, band, sample_period_s) & (poles.imag >= 0)]:
-        frequency = natural_frequency_hz(pole, sample_period_s)
-        place = f"{pole.real:.3f} ± {pole.imag:.3f}i" if pole.imag else f"{pole.real:.3f}"
-        remarks.append(
-            f"The pole at z = {place} ({frequency:.3g} Hz) lies above the excited {band[0]:.3g}–{band[1]:.3g} Hz: "
-            "these recordings say little about it."
-        )
-    return remarks
+def _matrices(known: Posterior, scale: Array) -> dict[str, Any]:
+    sections = sections_from_numbers(known.free)
+    numerators = (known.linear[: known.order * known.inputs] * scale).reshape(known.order, known.inputs, scale.size)
+    A, B, C = state_matrices(sections, numerators)
+    D = np.zeros((scale.size, known.inputs))
+    if known.feedthrough:
+        D = (known.linear[known.order * known.inputs :] * scale).T
+    return {"A": A, "B": B, "C": C, "D": D}
+
+
+def _delay_range(found: Found, inflation: float) -> tuple[int, int]:
+    """Delays within the likelihood ratio's 95 %, the residuals' colour allowed for."""
+    best = min(found.sketches.values())
+    limit = float(chi2.ppf(0.95, 1)) * max(1.0, inflation) / found.sketch_rows
+    kept = [delay for delay, cost in found.sketches.items() if np.log(cost / best) <= limit]
+    return min(*kept, found.delay), max(*kept, found.delay)

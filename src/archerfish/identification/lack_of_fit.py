@@ -1,5 +1,6 @@
 """Whether a model can explain shots at all: what it leaves of the group means against what repeated shots scatter."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,68 +8,94 @@ from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
 Array = NDArray[np.float64]
+Groups = NDArray[np.intp]
 
-_SIGNIFICANT = 0.05
+SIGNIFICANT = 0.05
+"""Chance below which a lack of fit is taken as shown."""
 
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """Classical lack-of-fit test over groups of repeated shots; percentages are of the measured mean distance."""
+    """Classical lack-of-fit test over groups of repeated shots; percentages are of the distance."""
 
     rms_percent: float
-    """Root mean square over the groups of mean measured less modelled distance [%]."""
+    """Root mean square over the groups of mean measured less modelled value [%]."""
     worst_percent: float
     """The largest of them, with its sign [%]."""
-    worst_pitch: float
-    """Pitch of that group [rad]."""
+    worst_setting: str
+    """The setting of that group."""
     replicate_percent: float | None
     """Standard deviation of repeated shots within a group [%]; None without repetitions."""
     p_value: float | None
     """Chance of deviations this large if the model were right (F test); None without repetitions."""
+    variance_ratio: float
+    """Mean squares of the group means over those within the groups, F; 1 without repetitions."""
     statement: str
     """All this in a sentence."""
 
+    @property
+    def shown(self) -> bool:
+        """Whether the model does not fit."""
+        return self.p_value is not None and self.p_value < SIGNIFICANT
 
-def lack_of_fit(setting: Array, measured: Array, modelled: Array, parameters: int) -> LackOfFit:
+
+def lack_of_fit(
+    group: Groups, residual: Array, sd: Array, distance: Array, parameters: int, names: Sequence[str], model: str
+) -> LackOfFit:
     """Compare the deviations of group means with the scatter inside the groups.
 
     Args:
-      setting: shots with the same value form a group, shape (N,).
-      measured: shape (N,).
-      modelled: shape (N,).
+      group: number of the group of each shot, from 0, shape (N,).
+      residual: measured less modelled [m], shape (N,).
+      sd: standard deviation of each measurement up to a common factor [m], shape (N,).
+      distance: what percentages are of [m], shape (N,).
       parameters: number of parameters that were fitted to the means.
+      names: name of each group's setting, for the statement.
+      model: name of the model, for the statement.
     """
-    _, group = np.unique(np.round(setting, 6), return_inverse=True)
     sizes = np.bincount(group)
-    level = np.bincount(group, measured) / sizes
-    residual = (measured - modelled) / level[group]
-    mean = np.bincount(group, residual) / sizes
-    within = residual - mean[group]
+    share = residual / (np.bincount(group, distance) / sizes)[group]
+    mean = np.bincount(group, share) / sizes
     worst = int(np.argmax(np.abs(mean)))
-    spare = int(measured.size - sizes.size)
-    replicate = float(np.sqrt(within @ within / spare)) if spare else None
-    # As many parameters as groups leave no freedom, and a right model would pass through all means.
-    freedom = max(sizes.size - parameters, 1)
-    p_value = None
-    if replicate:
-        p_value = float(fisher.sf(sizes @ mean**2 / freedom / replicate**2, freedom, spare))
-    rms = float(np.sqrt(np.mean(mean**2)))
-    pitch = float(setting[group == worst][0])
+    spare = int(residual.size - sizes.size)
+    replicate = float(np.sqrt(np.sum((share - mean[group]) ** 2) / spare)) if spare else None
+    ratio, p_value = _variance_ratio(group, residual / sd, parameters) if replicate else (1.0, None)
+    rms, furthest = 100 * float(np.sqrt(np.mean(mean**2))), 100 * float(mean[worst])
+    replicate = None if replicate is None else 100 * replicate
     return LackOfFit(
-        rms_percent=100 * rms,
-        worst_percent=100 * float(mean[worst]),
-        worst_pitch=pitch,
-        replicate_percent=None if replicate is None else 100 * replicate,
+        rms_percent=rms,
+        worst_percent=furthest,
+        worst_setting=names[worst],
+        replicate_percent=replicate,
         p_value=p_value,
-        statement=_statement(100 * rms, 100 * float(mean[worst]), np.degrees(pitch), replicate, p_value),
+        variance_ratio=ratio,
+        statement=_statement(
+            f"{model} leaves {_percent(rms)} of the distance (rms over the settings), "
+            f"at worst {_percent(furthest, '+')} at {names[worst]}",
+            replicate,
+            p_value,
+        ),
     )
 
 
-def _statement(rms: float, worst: float, pitch_deg: float, replicate: float | None, p_value: float | None) -> str:
-    left = f"The model leaves {rms:.1f} % (rms) of the mean distances, at worst {worst:+.1f} % at {pitch_deg:g}° pitch"
+def _variance_ratio(group: Groups, deviation: Array, parameters: int) -> tuple[float, float]:
+    """F and its p-value, for deviations in standard deviations, shape (N,)."""
+    sizes = np.bincount(group)
+    mean = np.bincount(group, deviation) / sizes
+    # As many parameters as groups leave no freedom, and a right model would pass through all means.
+    freedom, spare = max(sizes.size - parameters, 1), group.size - sizes.size
+    ratio = float((sizes @ mean**2 / freedom) / (np.sum((deviation - mean[group]) ** 2) / spare))
+    return ratio, float(fisher.sf(ratio, freedom, spare))
+
+
+def _statement(left: str, replicate: float | None, p_value: float | None) -> str:
     if replicate is None or p_value is None:
         return f"{left}; without repeated shots this can't be told from scatter."
-    scatter = f"repeated shots scatter by {100 * replicate:.1f} %"
-    if p_value < _SIGNIFICANT:
+    scatter = f"repeated shots scatter by {_percent(replicate)}"
+    if p_value < SIGNIFICANT:
         return f"{left}, while {scatter}: the flight model does not fit (p = {p_value:.2g})."
     return f"{left}, and {scatter}: no lack of fit shows (p = {p_value:.2g})."
+
+
+def _percent(value: float, sign: str = "") -> str:
+    return f"{value:{sign}.{1 if abs(value) >= 1 else 2}f} %"

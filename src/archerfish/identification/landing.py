@@ -1,9 +1,9 @@
-"""Where a pellet lands on level ground, by the flight that the simulator flies."""
+"""Where a pellet lands on level ground: by the flight that the simulator flies, and by eq (5) as printed."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.dynamics.pellet import GRAVITY, flat_fire_position
+from archerfish.dynamics.pellet import GRAVITY, flat_fire_position, printed_position
 
 Array = NDArray[np.float64]
 
@@ -11,7 +11,7 @@ _NEWTON_STEPS = 5
 """Fixed, so that the likelihood stays smooth; they leave less than 1e-6 m of height wherever parameters are sought."""
 
 
-def landing_distance(speed: Array, pitch: Array, height: float, drag: float) -> Array:
+def landing_distance(speed: Array, pitch: Array, height: Array | float, drag: Array | float) -> Array:
     """Horizontal distance from the muzzle to the landing point, by the flat-fire flight.
 
     The pellet is on the ground at the time that solves
@@ -25,23 +25,50 @@ def landing_distance(speed: Array, pitch: Array, height: float, drag: float) -> 
     Args:
       speed: muzzle speed [m/s], shape B.
       pitch: elevation of departure [rad], shape B.
-      height: height of the muzzle above the ground [m].
-      drag: k [1/m].
+      height: height of the muzzle above the ground [m], shape B.
+      drag: k [1/m], shape B.
 
     Returns:
       Distance [m], shape B.
     """
-    speed, pitch = np.broadcast_arrays(speed, pitch)
+    speed, pitch, height, drag = np.broadcast_arrays(speed, pitch, height, drag)
     velocity = speed[..., None] * np.stack([np.cos(pitch), np.zeros_like(pitch), np.sin(pitch)], axis=-1)
-    decay = np.asarray(drag)
-    time = _landing_time(velocity, height, decay)
-    return np.asarray(flat_fire_position(velocity, decay, time)[..., 0])
+    time = _landing_time(velocity, height, drag)
+    return np.asarray(flat_fire_position(velocity, drag, time)[..., 0])
 
 
-def _landing_time(velocity: Array, height: float, drag: Array) -> Array:
+def printed_landing_distance(
+    speed: Array, pitch: Array, yaw: Array, height: Array | float, drag: Array | float
+) -> Array:
+    """Horizontal distance from the muzzle to the landing point by eq (5), which has no drag in z.
+
+    Args:
+      speed: muzzle speed [m/s], shape B.
+      pitch: elevation of departure [rad], shape B.
+      yaw: azimuth of departure [rad], on which eq (5) depends, shape B.
+      height: height of the muzzle above the ground [m], shape B.
+      drag: k [1/m], shape B.
+
+    Returns:
+      Distance [m], shape B.
+    """
+    speed, pitch, yaw, height, drag = np.broadcast_arrays(speed, pitch, yaw, height, drag)
+    velocity = speed[..., None] * np.stack(
+        [np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)], axis=-1
+    )
+    place = printed_position(velocity, drag, _free_fall_time(velocity[..., 2], height))
+    return np.asarray(np.hypot(place[..., 0], place[..., 1]))
+
+
+def _free_fall_time(rise: Array, height: Array) -> Array:
+    """Time of flight to the ground without drag in z [s], shape B."""
+    return np.asarray((rise + np.sqrt(rise**2 + 2 * GRAVITY * height)) / GRAVITY)
+
+
+def _landing_time(velocity: Array, height: Array, drag: Array) -> Array:
     """Time of flight to the ground [s], shape B."""
     rise, speed = velocity[..., 2], np.linalg.norm(velocity, axis=-1)
-    time = (rise + np.sqrt(rise**2 + 2 * GRAVITY * height)) / GRAVITY
+    time = _free_fall_time(rise, height)
     for _ in range(_NEWTON_STEPS):
         slowing = 1 / (1 + drag * speed * time)
         # The derivative of flat_fire_drop is g t (1 + 1/(1 + k v t)) / 2.

@@ -43,8 +43,8 @@ def section_poles(sections: Sections) -> Poles:
 
 def stabilised(poles: Poles, largest: float = 0.9995) -> Poles:
     """Mirror poles from outside the unit circle to inside, and hold all within the radius `largest`."""
-    radius = np.maximum(np.abs(poles), np.finfo(float).tiny)
-    inside = np.where(radius > 1, poles / radius**2, poles)
+    outside = np.maximum(np.abs(poles), 1.0)
+    inside = poles / outside / outside
     return inside * np.minimum(1.0, largest / np.maximum(np.abs(inside), np.finfo(float).tiny))
 
 
@@ -87,16 +87,25 @@ def section_offsets(sections: Sections) -> Iterator[tuple[int, Array]]:
         start += section.size
 
 
-def state_matrices(sections: Sections) -> tuple[Array, Array]:
-    """Return A, shape (n, n), and C, shape (1, n), in observer form: per section A = [[−a₁, 1], [−a₂, 0]], C = [1, 0].
+def state_matrices(sections: Sections, numerators: Array) -> tuple[Array, Array, Array]:
+    """Return A, shape (n, n), B, shape (n, m), and C, shape (p, n), of a plant with one output or one input.
 
-    In this form the output is linear in B and in the initial state.
+    Observer form for one output, per section A = [[−a₁, 1], [−a₂, 0]], C = [1, 0], B the numerators; its transpose for
+    one input, where each output has numerators of its own.
+
+    Args:
+      sections: the poles.
+      numerators: b of all sections in order, shape (n, m, p).
     """
     order = sum(section.size for section in sections)
-    A, C = np.zeros((order, order)), np.zeros((1, order))
+    A, ones = np.zeros((order, order)), np.zeros((order, 1))
     for start, section in section_offsets(sections):
         stop = start + section.size
         A[start:stop, start] = -section
         A[start : stop - 1, start + 1 : stop] = np.eye(section.size - 1)
-        C[0, start] = 1.0
-    return A, C
+        ones[start] = 1.0
+    if numerators.shape[2] == 1:
+        return A, numerators[:, :, 0], ones.T
+    if numerators.shape[1] != 1:
+        raise ValueError(f"a plant needs one input or one output, got numerators of shape {numerators.shape}")
+    return A.T, ones, numerators[:, 0, :].T

@@ -1,51 +1,36 @@
-"""Muzzle speed, its scatter and the disturbance angles of eq (6) by maximum likelihood from landing points.
+"""Muzzle speed, its scatter and the disturbance angles of eq (6) by maximum likelihood from shots.
 
-With v ~ N(μ_v, σ_v²) and δ₀ ~ N(μ_0, σ_0²) a landing distance f(v, pitch + δ₀) is, to first order (delta method),
-
-    d ~ N(f(μ_v, pitch + μ_0), f_v² σ_v² + f_δ² σ_0²),
-
-and where the speed of each shot was measured
-
-    d | v ~ N(f(v, pitch + μ_0), f_δ² σ_0²),    v ~ N(μ_v, σ_v²).
-
-The flight f is the simulator's, flat fire, and not eq (5). Speeds count as exact. Azimuth comes from lateral distances
-alone, to which it is tied one to one.
+Elevation and speed come from landing distances, or from heights of hits on a target plane, and from measured speeds
+where there are any (muzzle_model.py); azimuth comes from lateral distances alone, to which it is tied one to one.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
-from scipy.stats import t as student
 
 from archerfish.identification.lack_of_fit import LackOfFit, lack_of_fit
-from archerfish.identification.landing import landing_distance
-from archerfish.identification.profile_likelihood import Bounds, maximise_likelihood, profile_interval
-from archerfish.identification.shot_checks import check_shots
+from archerfish.identification.muzzle_dependence import durbin_watson, widening
+from archerfish.identification.muzzle_fit import MuzzleFit, fit_muzzle
+from archerfish.identification.muzzle_intervals import Interval, sample_intervals, shaping_interval, spread_interval
+from archerfish.identification.muzzle_model import RANGES, Flight, MuzzleProblem, response
+from archerfish.identification.muzzle_outliers import Sorted, robust_fit, sort_out
+from archerfish.identification.restricted_likelihood import variance_information
+from archerfish.identification.separability import check_information, check_settings
+from archerfish.identification.shot_checks import Remark, check_shots
 from archerfish.records.errors import InputError
 from archerfish.records.muzzle import MuzzleRecord
-from archerfish.records.shots import Shots
+from archerfish.records.shots import Shots, departure_azimuth, setting_names, settings, vertical_measurement
 
 Array = NDArray[np.float64]
 
-_RANGES: dict[str, tuple[float, float]] = {
-    "speed": (1.0, 35.0),
-    "speed_sd": (1e-3, 30.0),
-    "pitch_offset": (-0.35, 0.35),
-    "pitch_sd": (1e-5, 0.35),
-    "height": (0.01, 3.0),
-    "drag": (1e-4, 0.3),
-}
-"""Where each parameter is sought, in SI units; the fastest speed that any referee system allows is 30 m/s."""
-
-_STEP = 1e-5
-"""Step of the central differences: radians in pitch, and a share of the speed."""
-
-_LINEAR = {"pitch_offset"}
-"""Sought as they are; the others, which are positive, by their logarithms."""
+_DEPENDENT = 0.01
+"""Chance of a Durbin–Watson statistic below which shots count as dependent."""
+_LARGEST_RADIANS = 0.7
+"""Angles [°] that are all smaller might be radians: no barrel of a robot rises by more than 40°."""
+_NAMES: dict[Flight, str] = {"flat-fire": "The flight model (flat fire)", "eq-5": "Eq (5) as printed"}
 
 
 @dataclass(frozen=True)
@@ -56,157 +41,239 @@ class MuzzleIdentification:
     """The muzzle with its 95 % intervals."""
     estimated: tuple[str, ...]
     """Fields of the record that were estimated; the others were given."""
-    distance: Array
-    """Landing distance of each shot by the model [m], shape (N,)."""
-    distance_sd: Array
+    expected: Array
+    """Landing distance, or height of the hit, of each shot by the model [m], shape (N,)."""
+    expected_sd: Array
     """Standard deviation of each by the model [m], shape (N,)."""
-    log_likelihood: float
-    """At the estimate."""
+    kept: NDArray[np.bool_]
+    """Which shots were used; the others are outliers, shape (N,)."""
     lack_of_fit: LackOfFit
     """Whether the flight model itself can explain the shots."""
-    remarks: tuple[str, ...]
-    """What may spoil the estimate, each a sentence."""
+    findings: tuple[Remark, ...]
+    """What may spoil the estimate."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """The findings, each as a sentence or two."""
+        return tuple(finding.text for finding in self.findings)
 
 
-def identify_muzzle(shots: Shots, *, drag: float | None, height: float | None = None) -> MuzzleIdentification:
-    """Estimate a muzzle from landing points.
+def identify_muzzle(
+    shots: Shots, *, drag: float | None, height: float | None = None, flight: Flight = "flat-fire"
+) -> MuzzleIdentification:
+    """Estimate a muzzle from landing points or hits on target planes.
 
     Args:
-      shots: landing points, with measured speeds or without.
+      shots: the shots, with measured speeds or without, in the order of fire.
       drag: k [1/m]; estimated if None.
-      height: height of the muzzle above the ground [m]; estimated if None.
+      height: height of the muzzle above the ground [m]; estimated if None. Hits on a plane don't need it.
+      flight: how pellets fly.
 
     Raises:
-      InputError: if a given value is out of range or the shots can't separate the parameters; the message names the
-        measurement that is missing.
+      InputError: if a given value is out of range, the shots can't be what they are said to be, or they can't separate
+        the parameters; the message names the measurement that is missing.
     """
     known = {name: value for name, value in (("drag", drag), ("height", height)) if value is not None}
     _check_known(known)
-    free = tuple(name for name in _RANGES if name not in known)
-    check_shots(shots, free)
-    bounds = [_encode(name, np.array(_RANGES[name])) for name in free]
-    limits: Bounds = [(float(low), float(high)) for low, high in bounds]
-
-    def negative(point: Array) -> float:
-        return -log_likelihood(shots, {**known, **_decoded(free, point)})
-
-    best = maximise_likelihood(negative, _starts(shots, free, known), limits)
-    values = {**known, **_decoded(free, best)}
-    ends = {name: profile_interval(negative, best, index, limits) for index, name in enumerate(free)}
-    intervals = {name: (_decode(name, low), _decode(name, high)) for name, (low, high) in ends.items()}
-    azimuth, azimuth_intervals = _azimuth(shots)
-    distance, distance_sd = predicted_distance(shots, values)
-    fields: dict[str, Any] = {**values, **azimuth, "intervals": intervals | azimuth_intervals}
+    if shots.on_plane:
+        known.setdefault("height", 0.0)
+    if shots.speed is not None:
+        known["speed"] = float(np.median(shots.speed))
+    problem = MuzzleProblem(shots, known, flight)
+    findings = check_shots(shots)
+    check_settings(problem)
+    findings += _angle_unit(problem)
+    sorted_out = sort_out(problem)
+    check_settings(sorted_out.problem)
+    check_information(sorted_out.problem, sorted_out.fit)
+    fitness = _lack_of_fit(sorted_out.problem, sorted_out.fit)
+    estimates = _estimates(sorted_out.problem, sorted_out.fit, fitness)
+    findings += [*_outliers(problem, sorted_out), *_misfit(problem, sorted_out, fitness), *estimates.findings]
+    answer, fit = response(problem, sorted_out.fit.values), sorted_out.fit
+    fields: dict[str, Any] = {**estimates.values, "intervals": estimates.intervals}
     return MuzzleIdentification(
         muzzle=MuzzleRecord(**fields),
-        estimated=(*free, *azimuth_intervals),
-        distance=distance,
-        distance_sd=distance_sd,
-        log_likelihood=-negative(best),
-        lack_of_fit=lack_of_fit(shots.pitch, shots.distance, distance, len(set(free) & _mean_parameters(shots))),
-        remarks=tuple(_remarks(shots, intervals)),
+        estimated=tuple(estimates.intervals),
+        expected=answer.mean + answer.shift(fit.variances),
+        expected_sd=answer.sd(fit.variances),
+        kept=sorted_out.kept,
+        lack_of_fit=fitness,
+        findings=tuple(findings),
     )
 
 
-def predicted_distance(shots: Shots, values: Mapping[str, float]) -> tuple[Array, Array]:
-    """Mean and standard deviation of each landing distance by the delta method [m], shape (N,) each.
+class _Estimates(NamedTuple):
+    """Fields of the muzzle record."""
 
-    Args:
-      shots: the shots; where a speed was measured the prediction is for that speed.
-      values: speed, speed_sd, pitch_offset, pitch_sd, height and drag, as in a muzzle record.
-    """
-    pitch = shots.pitch + values["pitch_offset"]
-    speed = np.full_like(pitch, values["speed"]) if shots.speed is None else shots.speed
+    values: dict[str, float]
+    intervals: dict[str, Interval]
+    findings: list[Remark]
 
-    # One call for the mean and both central differences: the likelihood is evaluated thousands of times.
-    angle, share = (
-        np.array([[0.0], [_STEP], [-_STEP], [0.0], [0.0]]),
-        np.array([[0.0], [0.0], [0.0], [_STEP], [-_STEP]]),
+
+def _estimates(problem: MuzzleProblem, fit: MuzzleFit, fitness: LackOfFit) -> _Estimates:
+    """Estimate every parameter with its interval, which is widened where successive shots are alike."""
+    misfit = fitness.variance_ratio if fitness.shown else 1.0
+    values = {**fit.values, "yaw_offset": 0.0, "yaw_sd": 0.0}
+    intervals, findings = {}, []
+    for index, name in enumerate(problem.free):
+        intervals[name] = shaping_interval(problem, fit, index, misfit)
+    for index, name in enumerate(problem.spreads):
+        intervals[name] = spread_interval(problem, fit, index)
+    findings += _open_ends(intervals)
+    ratios, dependent = _vertical_dependence(problem, fit)
+    for names, sample in _samples(problem.shots):
+        values |= dict(zip(names, (float(sample.mean()), float(sample.std(ddof=1))), strict=True))
+        intervals |= dict(zip(names, sample_intervals(sample), strict=True))
+        more, told = _sample_dependence(names, sample)
+        ratios, dependent = ratios | more, dependent + told
+    intervals = {name: _widened(name, values[name], ends, ratios.get(name, 1.0)) for name, ends in intervals.items()}
+    if problem.shots.lateral is None:
+        text = "No lateral distances were measured: the yaw offset and its scatter are unknown, recorded as 0."
+        findings.append(Remark("no-lateral", text))
+    return _Estimates(values, intervals, findings + dependent)
+
+
+def _samples(shots: Shots) -> list[tuple[tuple[str, str], Array]]:
+    """Return what is a plain sample of one parameter and its spread: measured speeds, and azimuths of departure."""
+    pairs = ((("speed", "speed_sd"), shots.speed), (("yaw_offset", "yaw_sd"), departure_azimuth(shots)))
+    return [(names, sample) for names, sample in pairs if sample is not None]
+
+
+def _vertical_dependence(problem: MuzzleProblem, fit: MuzzleFit) -> tuple[dict[str, float], list[Remark]]:
+    """Widen the intervals that rest on the vertical measurements, if successive ones are alike."""
+    deviation = fit.residuals.residual / fit.expected_sd
+    number = settings(problem.shots)
+    sizes = np.bincount(number)
+    # A model that does not fit is no dependence of one shot on another.
+    means = np.where(sizes > 2, np.bincount(number, deviation) / sizes, 0.0)
+    series = deviation - means[number]
+    what = "heights of the hits" if problem.shots.on_plane else "landing distances"
+    remarks = _dependence(series, what)
+    if not remarks:
+        return {}, []
+    whitened = fit.design / fit.expected_sd[:, None]
+    parts = 2 * fit.variances[:, None] * fit.residuals.scales / fit.expected_sd**2
+    means_longer = widening(whitened * series[:, None], whitened.T @ whitened)
+    spreads_longer = widening(
+        0.5 * parts.T * (series[:, None] ** 2 - 1), variance_information(fit.residuals, fit.variances)
     )
-    mean, above, below, faster, slower = landing_distance(
-        speed * (1 + share),
-        pitch + angle,
-        values["height"],
-        values["drag"],
+    longer = np.concatenate([means_longer, spreads_longer])
+    return dict(zip((*problem.free, *problem.spreads), longer.tolist(), strict=True)), remarks
+
+
+def _sample_dependence(names: tuple[str, str], sample: Array) -> tuple[dict[str, float], list[Remark]]:
+    deviation = (sample - sample.mean()) / sample.std()
+    remarks = _dependence(deviation, "muzzle speeds" if names[0] == "speed" else "azimuths")
+    if not remarks:
+        return {}, []
+    scores = np.stack([deviation, deviation**2 - 1], axis=1)
+    return dict(zip(names, widening(scores, np.eye(2)).tolist(), strict=True)), remarks
+
+
+def _dependence(series: Array, what: str) -> list[Remark]:
+    found = durbin_watson(series)
+    if found.p_value >= _DEPENDENT:
+        return []
+    text = (
+        f"Successive {what} are alike (Durbin–Watson {found.statistic:.2f}, p = {found.p_value:.2g}), as when the "
+        "speed drifts in rapid fire: intervals are widened for that (HAC). Pause between shots, or mix the settings."
     )
-    variance = ((above - below) / (2 * _STEP) * values["pitch_sd"]) ** 2
-    if shots.speed is None:
-        variance += ((faster - slower) / (2 * _STEP * speed) * values["speed_sd"]) ** 2
-    return mean, np.sqrt(variance)
+    return [Remark("dependent-shots", text)]
 
 
-def log_likelihood(shots: Shots, values: Mapping[str, float]) -> float:
-    """Return the log-likelihood of the distances, and of the speeds if they were measured; `values` as above."""
-    mean, sd = predicted_distance(shots, values)
-    # Where the distance hardly depends on the angle the first order vanishes; a millimetre stands for the rest.
-    total = _log_density(shots.distance, mean, np.hypot(sd, 1e-3))
-    if shots.speed is not None:
-        total += _log_density(shots.speed, values["speed"], values["speed_sd"])
-    return total
+def _widened(name: str, value: float, ends: Interval, ratio: float) -> Interval:
+    """Move the ends of an interval away from the estimate, a spread's by a factor so that it stays positive."""
+    if name.endswith("_sd"):
+        low, high = (value * (end / value) ** ratio if value > 0 else end for end in ends)
+    else:
+        low, high = (value + ratio * (end - value) for end in ends)
+    return low, high
 
 
-def _log_density(found: Array, mean: Array | float, sd: Array | float) -> float:
-    """Sum the logarithms of normal densities."""
-    return float(-np.sum(0.5 * ((found - mean) / sd) ** 2 + np.log(sd) + 0.5 * np.log(2 * np.pi)))
+def _open_ends(intervals: Mapping[str, Interval]) -> list[Remark]:
+    remarks = []
+    for name, (low, high) in intervals.items():
+        bottom, top = RANGES[name]
+        # That an offset or a spread may be zero is no fault of the shots.
+        if (low <= bottom and bottom != 0) or high >= top * (1 - 1e-9):
+            text = (
+                f"The shots don't bound {name.replace('_sd', ' scatter').replace('_', ' ')} on both sides: "
+                f"its interval ends where the search ends ({bottom:g}–{top:g})."
+            )
+            remarks.append(Remark("open-interval", text))
+        elif low <= bottom:
+            text = f"The shots don't tell {name.replace('_sd', ' scatter').replace('_', ' ')} from none."
+            remarks.append(Remark("open-interval", text))
+    return remarks
+
+
+def _lack_of_fit(problem: MuzzleProblem, fit: MuzzleFit) -> LackOfFit:
+    shots, number = problem.shots, settings(problem.shots)
+    return lack_of_fit(
+        number,
+        fit.residuals.residual,
+        fit.expected_sd,
+        shots.distance,
+        len(problem.free),
+        setting_names(shots),
+        _NAMES[problem.flight],
+    )
+
+
+def _misfit(problem: MuzzleProblem, sorted_out: Sorted, fitness: LackOfFit) -> list[Remark]:
+    """Remark on a flight that does not fit, and say whether eq (5) as printed does better."""
+    if not fitness.shown:
+        return []
+    text = "The intervals are widened by the misfit, and hold only as far as the flight does."
+    if problem.flight == "flat-fire":
+        other = replace(sorted_out.problem, flight="eq-5")
+        text = f"{_lack_of_fit(other, fit_muzzle(other, robust_fit(other).values)).statement} {text}"
+    return [Remark("lack-of-fit", text)]
+
+
+def _outliers(problem: MuzzleProblem, sorted_out: Sorted) -> list[Remark]:
+    """List the shots that were left out, each with how far it is from where the rest put it."""
+    if sorted_out.too_many:
+        text = (
+            f"{sorted_out.too_many} of {len(problem.shots)} shots seem not to belong to the rest, too many to leave "
+            "out: all were used. Check the angles and distances of whole settings."
+        )
+        return [Remark("too-many-outliers", text)]
+    gone = np.flatnonzero(~sorted_out.kept)
+    if not gone.size:
+        return []
+    answer = response(problem, sorted_out.fit.values)
+    away = vertical_measurement(problem.shots) - answer.mean - answer.shift(sorted_out.fit.variances)
+    deviation = away / answer.sd(sorted_out.fit.variances)
+    listed = "; ".join(f"{problem.shots.place(int(i))} ({away[i]:+.2f} m, {deviation[i]:+.1f} sd)" for i in gone)
+    text = (
+        f"{gone.size} of {len(problem.shots)} shots don't belong to the rest (ricochets or flyers; a clean set loses "
+        f"one in 1 % of cases) and were left out: {listed}."
+    )
+    return [Remark("outliers", text)]
+
+
+def _angle_unit(problem: MuzzleProblem) -> list[Remark]:
+    """Remark on angles that explain the shots far better if they are radians."""
+    shots = problem.shots
+    degrees = np.degrees(shots.pitch)
+    if np.ptp(degrees) == 0 or np.abs(degrees).max() > _LARGEST_RADIANS:
+        return []
+    other = replace(problem, shots=replace(shots, pitch=degrees))
+    if robust_fit(other).scale > 0.5 * robust_fit(problem).scale:
+        return []
+    text = (
+        f"Pitch angles within ±{np.abs(degrees).max():.2g}° explain the shots badly and would explain them well as "
+        "radians: the column holds degrees."
+    )
+    return [Remark("radians-as-degrees", text)]
 
 
 def _check_known(known: Mapping[str, float]) -> None:
     for name, value in known.items():
-        low, high = (0.0, _RANGES[name][1]) if name == "drag" else _RANGES[name]
+        low, high = RANGES[name]
         if not low <= value <= high:
             unit = "1/m" if name == "drag" else "m"
-            raise InputError(f"{name} must be from {low:g} to {high:g} {unit}, got {value:g}; give it in SI units")
-
-
-def _mean_parameters(shots: Shots) -> set[str]:
-    """Name the parameters that shape the mean distances."""
-    return {"pitch_offset", "height", "drag"} | ({"speed"} if shots.speed is None else set())
-
-
-def _starts(shots: Shots, free: tuple[str, ...], known: Mapping[str, float]) -> list[Array]:
-    """Spread starts over the speed and the pitch offset, which trade against each other."""
-    speeds = [float(shots.speed.mean())] if shots.speed is not None else [8.0, 15.0, 25.0]
-    guesses = [
-        {"speed": v, "speed_sd": 0.03 * v, "pitch_offset": a, "pitch_sd": 0.02, "height": 0.4, "drag": 0.02, **known}
-        for v in speeds
-        for a in (-0.1, -0.03, 0.0, 0.03)
-    ]
-    ranked = sorted(guesses, key=lambda guess: -log_likelihood(shots, guess))
-    return [np.array([_encode(name, np.array(guess[name])) for name in free]).ravel() for guess in ranked[:3]]
-
-
-def _encode(name: str, value: Array) -> Array:
-    return value if name in _LINEAR else np.log(value)
-
-
-def _decode(name: str, value: float) -> float:
-    return float(value if name in _LINEAR else np.exp(value))
-
-
-def _decoded(names: tuple[str, ...], point: Array) -> dict[str, float]:
-    return {name: _decode(name, value) for name, value in zip(names, point, strict=True)}
-
-
-def _azimuth(shots: Shots) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """Estimate μ_1 and σ_1 with their exact normal-theory intervals; zero where no lateral distances were measured."""
-    if shots.lateral is None:
-        return {"yaw_offset": 0.0, "yaw_sd": 0.0}, {}
-    angle = np.arcsin(np.clip(shots.lateral / shots.distance, -1, 1))
-    count, mean, sd = angle.size, float(angle.mean()), float(angle.std())
-    half = float(student.ppf(0.975, count - 1) * angle.std(ddof=1) / np.sqrt(count))
-    low, high = (float(sd * np.sqrt(count / chi2.ppf(level, count - 1))) for level in (0.975, 0.025))
-    return {"yaw_offset": mean, "yaw_sd": sd}, {"yaw_offset": (mean - half, mean + half), "yaw_sd": (low, high)}
-
-
-def _remarks(shots: Shots, intervals: Mapping[str, tuple[float, float]]) -> list[str]:
-    remarks = []
-    if shots.lateral is None:
-        remarks.append("No lateral distances were measured: the yaw offset and its scatter are unknown, recorded as 0.")
-    for name, (low, high) in intervals.items():
-        bottom, top = _RANGES[name]
-        if np.isclose(low, bottom) or np.isclose(high, top):
-            remarks.append(
-                f"The shots don't bound {name.replace('_', ' ')} on both sides: "
-                f"its interval ends where the search ends ({bottom:g}–{top:g})."
+            raise InputError(
+                f"{name} must be from {low:g} to {high:g} {unit}, got {value:g}; give it in SI units", "out-of-range"
             )
-    return remarks

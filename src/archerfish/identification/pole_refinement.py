@@ -3,7 +3,7 @@
 Golub and Pereyra (1973) with Kaufman's simplified derivative; the free numbers of `modal_form` keep the plant stable.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +15,8 @@ from archerfish.identification.modal_form import (
     free_numbers,
     sections_from_numbers,
 )
-from archerfish.identification.simulation_fit import LinearFit, Structure, fit_linear_parameters
-from archerfish.records.recording import Recording
+from archerfish.identification.simulation_fit import LinearFit, Penalty, fit_linear_parameters
+from archerfish.identification.spectra import Spectrum
 
 Array = NDArray[np.float64]
 
@@ -31,47 +31,77 @@ class Refinement(NamedTuple):
     """The poles, as stable sections."""
     fit: LinearFit
     """The linear parameters that belong to them."""
+    cost: float
+    """Sum of squared simulation errors, and all of the penalty."""
 
 
-def refine_poles(
-    sections: Sections, recordings: Sequence[Recording], structure: Structure, *, smallest_gain: float = 1e-7
-) -> Refinement:
+class Problem(NamedTuple):
+    """What the poles are to explain."""
+
+    experiments: Sequence[Spectrum]
+    """Of one axis."""
+    feedthrough: bool
+    """Whether D is estimated."""
+    penalty: Penalty | None = None
+    """Added to the squared errors."""
+
+
+class Effort(NamedTuple):
+    """When a search over the poles ends."""
+
+    smallest_gain: float = 0.01
+    """With a step that lowers the cost by less than so many noise variances."""
+    most_steps: int = _MOST_STEPS
+    """After so many steps at the latest."""
+
+
+def refine_poles(sections: Sections, problem: Problem, effort: Effort | None = None) -> Refinement:
     """Move the poles to the nearest minimum of the squared simulation error.
 
     Args:
       sections: poles to start from.
-      recordings: m inputs and one output each.
-      structure: delay and feedthrough.
-      smallest_gain: the search ends with a step that lowers the cost by less than this share of it.
+      problem: experiments, feedthrough and penalty.
+      effort: when to end.
     """
+    effort = effort or Effort()
     theta = free_numbers(sections)
-    best = _at(theta, recordings, structure)
+    best = _at(theta, problem)
     damping = 1e-3
-    for _ in range(_MOST_STEPS):
-        before = best.fit.cost
-        theta, best, damping = _step(theta, best, damping, recordings, structure)
-        if before - best.fit.cost <= smallest_gain * before:
+    for _ in range(effort.most_steps):
+        before = best.cost
+        theta, best, damping = _step(theta, best, damping, problem)
+        if before - best.cost <= effort.smallest_gain * before / best.fit.residuals.size:
             break
     return best
 
 
-def _at(theta: Array, recordings: Sequence[Recording], structure: Structure) -> Refinement:
+def refine_all(starts: Iterable[Sections], problem: Problem, effort: Effort | None = None) -> list[Refinement]:
+    """Refine from several starts and return their optima, best first."""
+    return sorted((refine_poles(each, problem, effort) for each in starts), key=lambda each: each.cost)
+
+
+def _at(theta: Array, problem: Problem) -> Refinement:
     sections = sections_from_numbers(theta)
-    return Refinement(sections, fit_linear_parameters(sections, recordings, structure))
+    fit = fit_linear_parameters(sections, *problem)
+    return Refinement(sections, fit, fit.cost + _pull(problem) * float(theta @ theta))
 
 
-def _step(
-    theta: Array, best: Refinement, damping: float, recordings: Sequence[Recording], structure: Structure
-) -> tuple[Array, Refinement, float]:
+def _pull(problem: Problem) -> float:
+    return 0.0 if problem.penalty is None else problem.penalty.pull
+
+
+def _step(theta: Array, best: Refinement, damping: float, problem: Problem) -> tuple[Array, Refinement, float]:
     """Take the first step that lowers the cost, raising the damping until one does; none if none does."""
     slopes = best.fit.slopes @ coefficient_slopes(theta)
-    curvature, gradient = slopes.T @ slopes, slopes.T @ best.fit.residuals
+    pull = _pull(problem)
+    curvature = slopes.T @ slopes + pull * np.eye(theta.size)
+    gradient = slopes.T @ best.fit.residuals - pull * theta
     # A free number without influence has no curvature of its own to be damped by.
     weights = np.diag(curvature) + 1e-12 * np.trace(curvature) + np.finfo(float).tiny
     while damping < _MOST_DAMPING:
         candidate = theta + np.linalg.solve(curvature + damping * np.diag(weights), gradient)
-        tried = _at(candidate, recordings, structure)
-        if tried.fit.cost < best.fit.cost:
+        tried = _at(candidate, problem)
+        if tried.cost < best.cost:
             return candidate, tried, max(damping / 5, 1e-10)
         damping *= 5
     return theta, best, damping

@@ -1,133 +1,266 @@
-"""Choice of the input delay and of a direct feedthrough, each candidate fitted and judged by its simulation error.
+"""The search for a plant: input delay, feedthrough and poles, each candidate judged by its simulation error.
 
-A plant of delay d without feedthrough is contained in those of delay d and d + 1 with it. So the search walks over the
+A plant of delay d without feedthrough is contained in those of delay d and d + 1 with it. So the search goes over the
 delay with feedthrough, where no candidate is much worse than its neighbours for want of a parameter, and asks at the
-end whether the feedthrough is needed.
+end whether the feedthrough is needed. All but the last steps use a part of the lines.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
 
-from archerfish.identification.arx import fit_arx, impulse_responses, initial_poles, response_length
-from archerfish.identification.frequency import beyond_band
-from archerfish.identification.modal_form import (
-    Sections,
-    free_numbers,
-    section_poles,
-    sections_from_poles,
-    stabilised,
-)
-from archerfish.identification.pole_refinement import Refinement, refine_poles
-from archerfish.identification.simulation_fit import Structure, fit_linear_parameters
+from archerfish.identification.informative_lines import telling_lines, thinned
+from archerfish.identification.initial_poles import initial_poles
+from archerfish.identification.lag_factor import factor_lags
+from archerfish.identification.modal_form import Sections, free_numbers, sections_from_poles, stabilised
+from archerfish.identification.out_of_band import out_of_band_prior, scaled_penalty
+from archerfish.identification.pole_pursuit import pursue_poles
+from archerfish.identification.pole_refinement import Effort, Problem, Refinement, refine_all, refine_poles
+from archerfish.identification.simulation_fit import Penalty, fit_linear_parameters
+from archerfish.identification.spectra import Spectrum, picked, row_count, spectrum
 from archerfish.records.recording import Recording
 
-_STARTS = 2
+Array = NDArray[np.float64]
+
+_DELAYS = (0, 1, 2, 4, 8, 14, 20, 30, 50)
+_LINES, _FEW_LINES = 1000, 400
+_STARTS = 6
 _SAME_START = 0.05
-_SKETCH_GAIN = 1e-4
-_RINGING = 0.98
+_HOPELESS = 2.0
+_ROUGH, _SKETCH, _SEARCH, _FINISH = Effort(1.0, 5), Effort(1.0, 8), Effort(0.1, 15), Effort(0.01, 40)
+_RIVALS = 2
+_CHANCE = 0.999
+_WEAKEST_PRIOR = 1e-3
+_WEAKER = 0.1
 
 
-class Start(NamedTuple):
-    """A first guess of the poles, scored."""
+class Found(NamedTuple):
+    """What a search found."""
 
-    cost: float
-    """Sum of squared simulation errors."""
     delay: int
-    """Input delay that it was scored with [samples]."""
+    """Input delay [samples]."""
+    problem: Problem
+    """What was fitted: the telling lines, whether D was estimated, and the prior as strong as the data accept it."""
+    refinement: Refinement
+    """Poles and linear parameters, of outputs in units of `scale`."""
+    sketches: dict[int, float]
+    """Delay [samples] → penalised sum of squares of its sketch over the thinned lines."""
+    sketch_rows: int
+    """Number of squares in it."""
+
+
+class _Start(NamedTuple):
+    cost: float
+    delay: int
     sections: Sections
-    """The poles."""
 
 
-def score_starts(recordings: Sequence[Recording], order: int, max_delay: int) -> list[Start]:
-    """Score first guesses of the poles for every delay, best first.
+class _Ground(NamedTuple):
+    """The recordings, ready for any delay."""
 
-    Args:
-      recordings: m inputs and one output each.
-      order: number of poles.
-      max_delay: longest delay [samples].
-    """
-    direct = np.roots(fit_arx(recordings, order).a).astype(np.complex128)
-    responses = impulse_responses(recordings, order, response_length(max_delay))
-    starts = []
-    for delay in range(max_delay + 1):
-        for poles in (direct, *initial_poles(responses, order, delay)):
-            sections = sections_from_poles(stabilised(poles))
-            fit = fit_linear_parameters(sections, recordings, Structure(delay, True), with_slopes=False)
-            starts.append(Start(fit.cost, delay, sections))
-    return sorted(starts, key=lambda start: start.cost)
+    recordings: Sequence[Recording]
+    scale: Array
+    telling: Sequence[NDArray[np.intp]] | None = None
+    """Lines to look at, per recording; all if not given."""
+
+    def whole(self, delay: int) -> list[Spectrum]:
+        """All lines."""
+        experiments = [spectrum(each, delay, self.scale) for each in self.recordings]
+        if self.telling is None:
+            return experiments
+        return [picked(each, lines) for each, lines in zip(experiments, self.telling, strict=True)]
+
+    def part(self, delay: int, lines: int = _LINES) -> list[Spectrum]:
+        """As many as do for a search."""
+        return thinned(self.whole(delay), lines)
 
 
-def search_structure(
-    recordings: Sequence[Recording], starts: Sequence[Start], band_hz: tuple[float, float]
-) -> tuple[Structure, Refinement]:
+def search_plant(recordings: Sequence[Recording], order: int, max_delay: int, scale: Array) -> Found:
     """Find the structure that explains the recordings best for its number of parameters (BIC), and its fit.
 
-    A longer delay must beat a shorter one by as much as a parameter more.
+    Args:
+      recordings: m inputs and p outputs each (m or p is 1).
+      order: number of poles.
+      max_delay: longest delay that is tried [samples].
+      scale: what the squared errors of each output are measured in, shape (p,).
+    """
+    ground = _Ground(recordings, scale)
+    starts, first = _starts(ground, order, max_delay)
+    rough = Problem(ground.part(first, _FEW_LINES), True)
+    sketched = refine_all([*_distinct(starts, first, _STARTS), *pursue_poles(rough, order)], rough, _ROUGH)
+    rivals = refine_all(_unlike(sketched, _RIVALS), Problem(ground.part(first), True), _SEARCH)
+    everything = Problem(ground.whole(first), True)
+    prior = out_of_band_prior(everything, rivals[0])
+    ground = ground._replace(telling=telling_lines(everything, rivals[0]))
+    part, whole = cache(ground.part), cache(ground.whole)
+    problem = Problem(part(first), True)
+    free = refine_all([each.sections for each in rivals[:2]], problem, _SKETCH)[0]
+    strength, sketch = _accepted(free, _distinct(starts, first, 2), problem, prior, _SEARCH)
+    penalty = scaled_penalty(prior, strength) if strength else None
+    sketches = {first: sketch}
+    for delay in sorted({each.delay for each in starts}, key=lambda each: _best_cost(starts, each)):
+        if delay != first and _best_cost(starts, delay) < _HOPELESS * _best_cost(starts, first):
+            near = [sketch.sections, *_distinct(starts, delay, 1)]
+            sketches[delay] = refine_all(near, Problem(part(delay), True, penalty), _SKETCH)[0]
+    delay = _descend(sketches, starts, lambda each: Problem(part(each), True, penalty), max_delay)
+    found = _structured(sketches, delay, part, whole, penalty)
+    return _checked(found, rivals, prior, strength)
+
+
+def _starts(ground: _Ground, order: int, max_delay: int) -> tuple[list[_Start], int]:
+    """First guesses and the delay that suits one of them best."""
+    delays = [each for each in _DELAYS if each <= max_delay]
+    guesses = initial_poles(factor_lags(ground.recordings, order), order, delays)
+    experiments = {delay: ground.part(delay, _FEW_LINES) for delay in delays}
+    starts = [_scored(delay, sections_from_poles(stabilised(poles)), experiments[delay]) for delay, poles in guesses]
+    return starts, min(starts, key=lambda each: each.cost).delay
+
+
+def _scored(delay: int, sections: Sections, experiments: Sequence[Spectrum]) -> _Start:
+    return _Start(fit_linear_parameters(sections, experiments, True, with_slopes=False).cost, delay, sections)
+
+
+def _best_cost(starts: Sequence[_Start], delay: int) -> float:
+    return min((each.cost for each in starts if each.delay == delay), default=np.inf)
+
+
+def _distinct(starts: Sequence[_Start], delay: int, count: int) -> list[Sections]:
+    """Return the best starts for the nearest delay that differ from one another."""
+    nearest = min({each.delay for each in starts}, key=lambda each: abs(each - delay))
+    return _unlike(sorted((each for each in starts if each.delay == nearest), key=lambda each: each.cost), count)
+
+
+def _unlike(guesses: Iterable[_Start | Refinement], count: int) -> list[Sections]:
+    """Return the first few poles that differ from one another; alike ones lead to the same minimum."""
+    kept: list[Sections] = []
+    for guess in guesses:
+        numbers = free_numbers(guess.sections)
+        if not any(_alike(numbers, free_numbers(other)) for other in kept):
+            kept.append(guess.sections)
+    return kept[:count]
+
+
+def _alike(one: Array, other: Array) -> bool:
+    return one.shape == other.shape and float(np.abs(one - other).max()) < _SAME_START
+
+
+def _accepted(
+    free: Refinement,
+    starts: Iterable[Sections],
+    problem: Problem,
+    prior: Penalty,
+    effort: Effort,
+    strength: float = 1.0,
+) -> tuple[float, Refinement]:
+    """Find the strongest prior with which the data are not explained worse than chance allows.
 
     Args:
-      recordings: m inputs and one output each.
-      starts: from `score_starts`.
-      band_hz: frequencies that the inputs excite [Hz].
+      free: the fit without prior.
+      starts: other poles to start from.
+      problem: without penalty.
+      prior: at full strength.
+      effort: of each refinement.
+      strength: to begin with.
+
+    Returns:
+      Strength, zero if even the weakest prior is refused, and the fit.
     """
-    samples = sum(len(recording) for recording in recordings)
-    inputs = recordings[0].inputs.shape[1]
-    # Without noise, all structures that hold the plant fit to rounding, which must not choose among them.
-    rounding = 1e-16 * sum(float(np.sum((each.outputs - each.outputs.mean()) ** 2)) for each in recordings)
-    delay, sketch = _walk(recordings, starts)
-    chosen: tuple[float, Structure, Refinement] | None = None
-    for structure in (Structure(delay - 1, False), Structure(delay, False), Structure(delay, True)):
-        if structure.delay < 0:
+    limit = _limit(free, problem)
+    tried = [free.sections, *starts]
+    while strength > _WEAKEST_PRIOR:
+        refined, *_ = refine_all(tried, problem._replace(penalty=scaled_penalty(prior, strength)), effort)
+        if refined.fit.misfit <= limit:
+            return strength, refined
+        strength, tried = strength * _WEAKER, [free.sections, refined.sections]
+    return 0.0, free
+
+
+def _limit(free: Refinement, problem: Problem) -> float:
+    """Sum of squares of a fit as good as the free one: useless parameters take off the difference by chance."""
+    rows = row_count(problem.experiments) * problem.experiments[0].outputs.shape[1]
+    parameters = free.fit.numerators.size + free.fit.feedthrough.size + len(free.fit.numerators)
+    return free.fit.misfit * float(1 + chi2.ppf(_CHANCE, parameters) / rows)
+
+
+def _descend(
+    sketches: dict[int, Refinement],
+    starts: Sequence[_Start],
+    problem: Callable[[int], Problem],
+    max_delay: int,
+) -> int:
+    """Halve the gaps beside the best delay until both its neighbours are worse, and return it; adds to the sketches."""
+    asked: set[tuple[int, int]] = set()
+    while True:
+        best = min(sketches, key=lambda each: sketches[each].cost)
+        below = max((each for each in sketches if each < best), default=-1)
+        above = min((each for each in sketches if each > best), default=max_delay + 1)
+        middles = {(below + best) // 2, (best + above + 1) // 2, best}
+        waiting = [(each, best) for each in middles if 0 <= each <= max_delay and (each, best) not in asked]
+        if not waiting:
+            return best
+        for delay, _ in waiting:
+            near = [sketches[best].sections, *_distinct(starts, delay, 1)]
+            known = [sketches[delay].sections] if delay in sketches else []
+            sketches[delay] = refine_all([*near, *known], problem(delay), _SEARCH if delay == best else _SKETCH)[0]
+        asked.update(waiting)
+
+
+def _structured(
+    sketches: dict[int, Refinement],
+    delay: int,
+    part: Callable[[int], list[Spectrum]],
+    whole: Callable[[int], list[Spectrum]],
+    penalty: Penalty | None,
+) -> Found:
+    """Refine the neighbouring structures on all lines, and choose by Bayes's information criterion.
+
+    A longer delay must beat a shorter one by as much as a parameter more.
+    """
+    chosen: tuple[float, Found] | None = None
+    for tried, feedthrough in ((delay - 1, False), (delay, False), (delay, True)):
+        if tried < 0:
             continue
-        nearest = [sketch.sections, *_nearest(starts, structure.delay)]
-        refined = [refine_poles(each, recordings, structure) for each in nearest]
-        refinement = min(refined, key=lambda each: (_rings(each, band_hz, recordings[0].sample_period_s), _cost(each)))
-        deviance = samples * np.log(max(_cost(refinement), rounding))
-        criterion = deviance + structure.feedthrough * inputs * np.log(samples)
-        if chosen is None or criterion < chosen[0] - np.log(samples) * (structure.delay > chosen[1].delay):
-            chosen = (criterion, structure, refinement)
+        experiments = whole(tried)
+        near = [sketches[each].sections for each in dict.fromkeys((delay, tried)) if each in sketches]
+        near = [refine_all(near, Problem(part(tried), feedthrough, penalty), _SKETCH)[0].sections]
+        refined = refine_poles(near[0], Problem(experiments, feedthrough, penalty), _SKETCH)
+        rows = row_count(experiments) * experiments[0].outputs.shape[1]
+        # Without noise, all structures that hold the plant fit to rounding, which must not choose among them.
+        rounding = 1e-16 * sum(float(np.sum(np.abs(each.outputs) ** 2)) for each in experiments)
+        parameters = feedthrough * refined.fit.feedthrough.size
+        costs = {each: sketches[each].cost for each in sorted(sketches)}
+        criterion = rows * np.log(max(refined.cost, rounding)) + parameters * np.log(rows)
+        squares = sketches[delay].fit.residuals.size
+        found = Found(tried, Problem(experiments, feedthrough, penalty), refined, costs, squares)
+        if chosen is None or criterion < chosen[0] - np.log(rows) * (tried > chosen[1].delay):
+            chosen = (criterion, found)
     assert chosen is not None  # delay ≥ 0 passes the loop at least twice
-    return chosen[1], chosen[2]
+    return chosen[1]
 
 
-def _walk(recordings: Sequence[Recording], starts: Sequence[Start]) -> tuple[int, Refinement]:
-    """Walk from the delay that the first guesses favour, and from none, to a delay that beats both its neighbours."""
-    longest = max(start.delay for start in starts)
-    sketches = {0: _sketch(recordings, starts, 0, [])}
-    waiting = [starts[0].delay]
-    while waiting:
-        best = min(sketches, key=lambda delay: _cost(sketches[delay]))
-        sketches[waiting[0]] = _sketch(recordings, starts, waiting[0], [sketches[best].sections])
-        best = min(sketches, key=lambda delay: _cost(sketches[delay]))
-        waiting = [each for each in (best - 1, best + 1) if 0 <= each <= longest and each not in sketches]
-    return best, sketches[best]
+def _checked(found: Found, rivals: Sequence[Refinement], prior: Penalty, strength: float) -> Found:
+    """Hold the fit against other optima on all lines, and weaken the prior until all lines accept it.
 
-
-def _sketch(recordings: Sequence[Recording], starts: Sequence[Start], delay: int, known: list[Sections]) -> Refinement:
-    """Refine roughly, from the best first guesses for a delay and from poles that are known from another."""
-    structure = Structure(delay, True)
-    nearest = [*known, *_nearest(starts, delay)]
-    tried = (refine_poles(each, recordings, structure, smallest_gain=_SKETCH_GAIN) for each in nearest)
-    return min(tried, key=_cost)
-
-
-def _nearest(starts: Sequence[Start], delay: int) -> list[Sections]:
-    """Return the best starts for a delay that differ from one another; alike ones lead to the same minimum."""
-    kept: list[Sections] = []
-    for start in starts:
-        numbers = free_numbers(start.sections)
-        alike = any(np.abs(numbers - free_numbers(other)).max() < _SAME_START for other in kept)
-        if start.delay == delay and not alike:
-            kept.append(start.sections)
-    return kept[:_STARTS]
-
-
-def _rings(refinement: Refinement, band_hz: tuple[float, float], sample_period_s: float) -> bool:
-    """Tell whether a mode rings on above the excited band: it follows a burst of noise by its initial state."""
-    poles = section_poles(refinement.sections)
-    return bool(np.any(beyond_band(poles, band_hz, sample_period_s) & (np.abs(poles) > _RINGING)))
-
-
-def _cost(refinement: Refinement) -> float:
-    return refinement.fit.cost
+    Args:
+      found: the fit.
+      rivals: optima without prior on a part of the lines, where the order of merit may be another.
+      prior: at full strength.
+      strength: that the fit was found with.
+    """
+    problem = found.problem._replace(penalty=None)
+    sketched = refine_all([found.refinement.sections, *_unlike(rivals, _RIVALS)], problem, _ROUGH)
+    free = refine_poles(sketched[0].sections, problem, _SEARCH)
+    refined = free
+    if strength:
+        starts = [found.refinement.sections, free.sections]
+        held = refine_all(starts, problem._replace(penalty=scaled_penalty(prior, strength)), _SEARCH)[0]
+        if held.fit.misfit <= _limit(free, problem):
+            refined = held
+        else:
+            strength, refined = _accepted(free, [], problem, prior, _SEARCH, _WEAKER * strength)
+    problem = problem._replace(penalty=scaled_penalty(prior, strength) if strength else None)
+    return found._replace(refinement=refine_poles(refined.sections, problem, _FINISH), problem=problem)

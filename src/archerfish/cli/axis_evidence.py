@@ -1,0 +1,155 @@
+"""All that speaks for and against an identified axis: its logs simulated and tested, its numbers with intervals."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from archerfish.cli.axis_picture import simulated_run
+from archerfish.figures.identification import SimulatedRun
+from archerfish.identification.confidence_bands import band, drawn_poles, parameter_errors
+from archerfish.identification.frequency import driven_band_hz, natural_frequency_hz
+from archerfish.identification.gimbal import AxisIdentification
+from archerfish.identification.residual_tests import ResidualTests, long_enough, residual_tests
+from archerfish.records.findings import Finding
+from archerfish.records.plant import dc_gain
+from archerfish.records.recording import Recording
+
+Interval = tuple[float, float]
+
+
+class Log(NamedTuple):
+    """A recording and the file that it is from; a file with gaps gives several."""
+
+    path: Path
+    """The file."""
+    recording: Recording
+    """What was read from it."""
+
+
+@dataclass(frozen=True)
+class LogEvidence:
+    """One recording beside its simulation."""
+
+    path: Path
+    """The file that it is from."""
+    kind: str
+    """"training" or "validation"."""
+    recording: Recording
+    """The recording."""
+    run: SimulatedRun
+    """Its free run."""
+    tests: ResidualTests | None
+    """Tests of its residual; none where it is too short."""
+
+    @property
+    def residual_sd(self) -> float:
+        """Standard deviation of the residual, in units of the output."""
+        return float(np.std(self.run.measured - self.run.simulated))
+
+
+class PoleEvidence(NamedTuple):
+    """One pole, or the upper of a conjugate pair, as its equivalent in continuous time."""
+
+    pole: complex
+    """In the z plane."""
+    frequency_hz: float | None
+    """Natural frequency [Hz]; none for a pole at 0, which is a delay."""
+    damping: float | None
+    """Damping ratio."""
+    frequency_interval_hz: Interval | None
+    """95 % interval of the natural frequency [Hz], from the draws."""
+    damping_interval: Interval | None
+    """95 % interval of the damping ratio, from the draws."""
+    determined: bool
+    """Whether the recordings determine it."""
+
+
+@dataclass(frozen=True)
+class AxisEvidence:
+    """An identified axis and all that it was held against."""
+
+    result: AxisIdentification
+    """The identification."""
+    logs: tuple[LogEvidence, ...]
+    """The fitted recordings, then those held back."""
+    findings: tuple[Finding, ...] = ()
+    """What the examination of the logs found."""
+
+    def of_kind(self, kind: str) -> list[LogEvidence]:
+        """Return the recordings for "training" or for "validation"."""
+        return [log for log in self.logs if log.kind == kind]
+
+    @property
+    def driven_band_hz(self) -> tuple[float, float]:
+        """Frequencies that the fitted inputs excite [Hz]."""
+        return driven_band_hz([log.recording for log in self.of_kind("training")])
+
+
+def gather_evidence(
+    result: AxisIdentification, training: Sequence[Log], validation: Sequence[Log], findings: Iterable[Finding] = ()
+) -> AxisEvidence:
+    """Simulate and test every recording.
+
+    Args:
+      result: the identified axis.
+      training: what was fitted.
+      validation: what was held back.
+      findings: what the examination of the logs found.
+
+    Raises:
+      InputError: if a recording that was held back does not suit the plant.
+    """
+    logs = [_tested(result, log, kind) for kind, group in _groups(training, validation) for log in group]
+    return AxisEvidence(result, tuple(logs), tuple(findings))
+
+
+def _groups(training: Sequence[Log], validation: Sequence[Log]) -> tuple[tuple[str, Sequence[Log]], ...]:
+    return ("training", training), ("validation", validation)
+
+
+def _tested(result: AxisIdentification, log: Log, kind: str) -> LogEvidence:
+    run, inputs = simulated_run(result, log.recording, kind), log.recording.inputs
+    if not long_enough(*inputs.shape):
+        return LogEvidence(log.path, kind, log.recording, run, None)
+    # A fitted recording has taken its share of the parameters' errors already.
+    errors = parameter_errors(result.plant, inputs) if kind == "validation" else None
+    tests = residual_tests(run.measured - run.simulated, inputs, errors)
+    return LogEvidence(log.path, kind, log.recording, run, tests)
+
+
+def pole_evidence(result: AxisIdentification) -> list[PoleEvidence]:
+    """Return each pole with its intervals, in the order of `result.poles`."""
+    drawn = drawn_poles(result.plant, result.poles)
+    period = result.plant.sample_period_s
+    return [_pole(*each, period) for each in zip(result.poles, drawn.T, result.determined.tolist(), strict=True)]
+
+
+def _pole(pole: complex, drawn: NDArray[np.complex128], determined: bool, period: float) -> PoleEvidence:
+    pole = complex(pole)
+    if pole == 0:
+        return PoleEvidence(pole, None, None, None, None, determined)
+    intervals: list[Interval | None] = [None, None]
+    if drawn.size:
+        # A draw at zero, a pure delay, counts as very fast.
+        places = np.where(np.abs(drawn) > 1e-9, drawn, 1e-9)
+        frequency = np.abs(np.log(places)) / (2 * np.pi * period)
+        damping = -np.log(places).real / np.abs(np.log(places))
+        intervals = [_interval(frequency), _interval(damping)]
+    frequency_hz = natural_frequency_hz(pole, period)
+    damping_ratio = -float(np.log(abs(pole))) / (2 * np.pi * frequency_hz * period)
+    return PoleEvidence(pole, frequency_hz, damping_ratio, intervals[0], intervals[1], determined)
+
+
+def _interval(values: NDArray[np.float64]) -> Interval:
+    low, high = band(values)
+    return float(low), float(high)
+
+
+def steady_gains(result: AxisIdentification) -> list[float]:
+    """Return the steady gain from each input, output per input."""
+    gains: list[float] = dc_gain(result.plant)[0].tolist()
+    return gains

@@ -1,0 +1,204 @@
+"""The words of an identification: what is known of the axis, how sure that is, and what to do next."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from archerfish.cli.axis_evidence import (
+    AxisEvidence,
+    Interval,
+    LogEvidence,
+    steady_gains,
+)
+from archerfish.identification.frequency import driven_band_hz
+
+USABLE_FIT_PERCENT = 80.0
+"""Below it more than a fifth of the motion is unexplained; clean logs of a gimbal give 95 % and more."""
+
+_GAP_LINES = 3.0
+"""Spectral lines that may be empty at the bottom of every log before nothing is said to be known there."""
+_LOOSE_GAIN = 0.05
+"""Half width of the steady gain's interval, as a share of the gain, beyond which a longer step pays."""
+_LOOSE_DELAY = 2
+"""Width of the delay's range [samples] beyond which sharper edges pay."""
+_LEFT_SHARE = 0.05
+"""Share of the residual's power that past inputs explain, beyond which another structure pays."""
+_LOST_POINTS = 5.0
+"""Points of fit that a held-back log may lose to the fitted ones."""
+
+_DEGREES = 180 / np.pi
+"""Degrees in a radian: the steady gain of an axis whose angle is logged in degrees and its command in radians."""
+_UNIT_TOLERANCE = 1.1
+"""Factor by which a gain may miss that of mixed units and still be taken for it."""
+
+
+class Verdict(NamedTuple):
+    """What a person should know of an identified axis."""
+
+    headline: str
+    """All in one line."""
+    usable: bool
+    """Whether the plant is good for anything."""
+    known: tuple[str, ...]
+    """What is known, each a sentence."""
+    doubts: tuple[str, ...]
+    """What suggests that the plant itself is of no use, each a sentence that says what to check."""
+    next_steps: tuple[str, ...]
+    """What to do, the most useful first, each a sentence."""
+
+
+def verdict(evidence: AxisEvidence) -> Verdict:
+    """Judge an identified axis."""
+    doubts = tuple(_doubts(evidence))
+    gap = _unknown_below(evidence)
+    headline = _headline(evidence) + (f"; nothing is known below {gap:.3g} Hz: add a step log" if gap else "")
+    usable = judged_fit(evidence).run.fit_percent >= USABLE_FIT_PERCENT
+    return Verdict(headline, usable, tuple(_known(evidence)), doubts, tuple(_next_steps(evidence, gap)))
+
+
+def judged_fit(evidence: AxisEvidence) -> LogEvidence:
+    """Return the recording by which the plant is judged: the worst that was held back, else the worst fitted."""
+    return min(evidence.of_kind("validation") or evidence.logs, key=lambda log: log.run.fit_percent)
+
+
+def _headline(evidence: AxisEvidence) -> str:
+    plant, judged = evidence.result.plant, judged_fit(evidence)
+    note = "" if judged.kind == "validation" else " (fitted, none held back)"
+    fit = f"fit {judged.run.fit_percent:.1f} % on {judged.path.stem}{note}"
+    return f"{plant.axis}: {_ordinal(len(plant.A))} order, delay {delay_words(evidence)}, {fit}"
+
+
+def _ordinal(count: int) -> str:
+    return f"{count}{ {1: 'st', 2: 'nd', 3: 'rd'}.get(count, 'th') }"
+
+
+def delay_words(evidence: AxisEvidence) -> str:
+    """Write the delay with its range, in milliseconds."""
+    plant = evidence.result.plant
+    low, high = (1e3 * plant.sample_period_s * each for each in evidence.result.delay_range)
+    delay = 1e3 * plant.sample_period_s * plant.delay_samples
+    if low == high:
+        return f"{delay:.3g} ms"
+    if np.isclose(high - delay, delay - low):
+        return f"{delay:.3g}±{high - delay:.2g} ms"
+    return f"{delay:.3g} ms ({low:.3g}–{high:.3g} ms)"
+
+
+def gain_words(gain: float, interval: Interval) -> str:
+    """Write a gain with its interval."""
+    return f"{gain:.4g} ({interval[0]:.4g}…{interval[1]:.4g})"
+
+
+def _unknown_below(evidence: AxisEvidence) -> float | None:
+    """Return the lowest excited frequency [Hz] where no log reaches down to what its length resolves."""
+    for log in evidence.of_kind("training"):
+        length_s = len(log.recording) * log.recording.sample_period_s
+        if driven_band_hz([log.recording])[0] <= _GAP_LINES / length_s:
+            return None
+    return evidence.driven_band_hz[0]
+
+
+def _known(evidence: AxisEvidence) -> Iterator[str]:
+    result = evidence.result
+    low, high = evidence.driven_band_hz
+    yield f"The inputs excite {low:.3g}–{high:.3g} Hz; outside, the model is an extrapolation."
+    yield f"The input delay is {delay_words(evidence)}."
+    for name, gain, interval in zip(
+        result.plant.input_names, steady_gains(result), result.dc_gain_interval, strict=True
+    ):
+        yield f"The steady gain from {name} is {gain_words(gain, interval)}, 95 % interval."
+    known = result.determined
+    if not known.all():
+        yield f"Of {known.size} poles these recordings determine {int(known.sum())}."
+
+
+def _doubts(evidence: AxisEvidence) -> Iterator[str]:
+    judged, result = judged_fit(evidence), evidence.result
+    fit = judged.run.fit_percent
+    if fit < USABLE_FIT_PERCENT:
+        yield (
+            f"The plant is not to be trusted: the {judged.kind} fit of {fit:.1f} % is below {USABLE_FIT_PERCENT:g} %, "
+            f"so it misses {100 - fit:.0f} % of the motion. Check that --input and --output are not swapped, that the "
+            "time column is in seconds (not milliseconds), that all logs use the same unit and zero, and that the "
+            "input moves the axis well above its noise and backlash; else record a longer or richer sweep."
+        )
+    if result.plant.delay_samples >= result.longest_delay:
+        yield (
+            f"The delay found, {result.plant.delay_samples} samples, is the longest that was tried: the true one may "
+            "be longer; raise --max-delay (a tenth of the shortest log is tried at most)."
+        )
+    for name, gain in zip(result.plant.input_names, steady_gains(result), strict=True):
+        yield from _angle_units(name, abs(gain))
+
+
+def _angle_units(name: str, gain: float) -> Iterator[str]:
+    for factor, output, command in ((_DEGREES, "degrees", "radians"), (1 / _DEGREES, "radians", "degrees")):
+        if factor / _UNIT_TOLERANCE <= gain <= factor * _UNIT_TOLERANCE:
+            yield (
+                f"The steady gain from {name}, {gain:.3g}, is about {factor:.3g}: the output seems to be in {output} "
+                f"and the input in {command}; log both in radians."
+            )
+
+
+def _next_steps(evidence: AxisEvidence, gap: float | None) -> Iterator[str]:
+    if gap:
+        yield (
+            f"Add a log of a step that is held until the axis rests: nothing is known below {gap:.3g} Hz, the steady "
+            "gain least of all."
+        )
+    else:
+        yield from _loose_gains(evidence)
+    if not evidence.of_kind("validation"):
+        yield "No log was held back: pass --validate LOG to see how the plant does on one that it has not seen."
+    yield from _lost_fit(evidence)
+    yield from _left_in_residuals(evidence)
+    low, high = evidence.result.delay_range
+    if high - low > _LOOSE_DELAY:
+        yield f"The delay may be {low} to {high} samples: add a log with sharp edges (steps or a binary sequence)."
+    known = evidence.result.determined
+    if not known.all():
+        yield (
+            f"{int((~known).sum())} of {known.size} poles are not determined by these logs: excite higher frequencies "
+            "if the robot uses them; else see whether a lower --order foretells a held-back log as well."
+        )
+
+
+def _loose_gains(evidence: AxisEvidence) -> Iterator[str]:
+    result = evidence.result
+    for name, gain, interval in zip(
+        result.plant.input_names, steady_gains(result), result.dc_gain_interval, strict=True
+    ):
+        if interval[1] - interval[0] > 2 * _LOOSE_GAIN * abs(gain):
+            yield (
+                f"The steady gain from {name} is loosely known, {gain_words(gain, interval)}: add a log of a step that "
+                "is held until the axis rests."
+            )
+
+
+def _lost_fit(evidence: AxisEvidence) -> Iterator[str]:
+    judged = judged_fit(evidence)
+    fitted = min(log.run.fit_percent for log in evidence.of_kind("training"))
+    if judged.kind == "validation" and fitted - judged.run.fit_percent > _LOST_POINTS:
+        yield (
+            f"{judged.path.name} is foretold {fitted - judged.run.fit_percent:.1f} points worse than the worst fitted "
+            "log: fit a log of its kind too (same amplitude, same band), or lower --order."
+        )
+
+
+def _left_in_residuals(evidence: AxisEvidence) -> Iterator[str]:
+    tested = [(log, log.tests) for log in evidence.logs if log.tests]
+    left = [(tests.explained_share, log) for log, tests in tested if not tests.independent]
+    share, log = max(left, key=lambda each: each[0], default=(0.0, None))
+    if log and share > _LEFT_SHARE:
+        yield (
+            f"Past inputs still explain {100 * share:.0f} % of what the plant leaves of {log.path.name}: raise --order "
+            "or --max-delay, and look whether the axis sticks, saturates or has backlash."
+        )
+    for log, tests in tested:
+        if tests.feedback:
+            yield (
+                f"In {log.path.name} the input follows the output (future inputs explain "
+                f"{100 * tests.feedback_share:.0f} % of the residual's innovations): name the set point as --input, "
+                "not the controller's output."
+            )

@@ -1,0 +1,83 @@
+"""Recordings as spectra: the same least squares as in the time domain, line by line.
+
+Over a whole recording the states of x[t+1] = A x[t] + B u[t] have, at the lines z = exp(2πi k/N), the transform
+
+    X = (z I − A)⁻¹ (B U + z (x[0] − x[N])),
+
+without approximation. The difference of the end states takes the place of the initial state, as free as that, and a
+constant in the output shows at k = 0 alone. So, line 0 left out, the sum of squared simulation errors over the lines is
+that over the samples with initial state and offset fitted (Parseval), and what is unlike in noise or excitation between
+frequencies can be told apart.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import rfft
+
+from archerfish.records.recording import Recording
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+class Spectrum(NamedTuple):
+    """One experiment; the squared real and imaginary parts of a signal sum to that of its samples less their mean."""
+
+    lag: ComplexArray
+    """z⁻¹ of each line, shape (F,)."""
+    inputs: ComplexArray
+    """Delayed inputs, shape (F, m)."""
+    outputs: ComplexArray
+    """Outputs, shape (F, p)."""
+
+
+def delayed(inputs: Array, delay: int) -> Array:
+    """Shift inputs, shape (N, m), by `delay` samples; before a recording its first input is taken to have been held."""
+    return inputs if delay == 0 else np.vstack([np.repeat(inputs[:1], delay, axis=0), inputs[:-delay]])
+
+
+def spectrum(recording: Recording, delay: int, scale: Array | float = 1.0) -> Spectrum:
+    """Transform a recording.
+
+    Args:
+      recording: m inputs, p outputs.
+      delay: by which the inputs are delayed first [samples].
+      scale: outputs are divided by it, shape (p,).
+    """
+    count = len(recording)
+    lines = np.arange(1, count // 2 + 1)
+    # A line stands for itself and its mirror image; half the sampling rate has none.
+    weight = np.sqrt(np.where(2 * lines == count, 1.0, 2.0) / count)[:, None]
+    inputs, outputs = (
+        weight * np.asarray(rfft(signal, axis=0))[1:]
+        for signal in (delayed(recording.inputs, delay), recording.outputs / scale)
+    )
+    return Spectrum(np.exp(-2j * np.pi * lines / count), inputs, outputs)
+
+
+def line_frequency_hz(experiment: Spectrum, sample_period_s: float) -> Array:
+    """Return the frequency of each line [Hz], shape (F,)."""
+    return np.asarray(-np.angle(experiment.lag) / (2 * np.pi * sample_period_s)) % (1 / sample_period_s)
+
+
+def real_rows(signal: ComplexArray) -> Array:
+    """Stack real parts over imaginary parts: shape (F, …) → (2 F, …)."""
+    return np.concatenate([signal.real, signal.imag])
+
+
+def row_count(experiments: Sequence[Spectrum]) -> int:
+    """Return the number of real rows of all experiments, the count of independent residuals of one output."""
+    return 2 * sum(each.lag.size for each in experiments)
+
+
+def picked(experiment: Spectrum, lines: NDArray[Any]) -> Spectrum:
+    """Return an experiment with some of its lines alone.
+
+    Args:
+      experiment: F lines.
+      lines: indices, shape (G,), or a mask, shape (F,).
+    """
+    return Spectrum(experiment.lag[lines], experiment.inputs[lines], experiment.outputs[lines])
