@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from archerfish.cli.axis_picture import simulated_run
 from archerfish.figures.identification import SimulatedRun
 from archerfish.identification.confidence_bands import band, drawn_poles, parameter_errors
-from archerfish.identification.frequency import driven_band_hz, natural_frequency_hz
+from archerfish.identification.frequency import natural_frequency_hz
 from archerfish.identification.gimbal import AxisIdentification
+from archerfish.identification.order_choice import OrderTrial
 from archerfish.identification.residual_tests import ResidualTests, long_enough, residual_tests
 from archerfish.records.findings import Finding
 from archerfish.records.plant import dc_gain
@@ -61,9 +62,9 @@ class PoleEvidence(NamedTuple):
     damping: float | None
     """Damping ratio."""
     frequency_interval_hz: Interval | None
-    """95 % interval of the natural frequency [Hz], from the draws."""
+    """95 % interval of the natural frequency [Hz], from the draws; none where it is not determined."""
     damping_interval: Interval | None
-    """95 % interval of the damping ratio, from the draws."""
+    """95 % interval of the damping ratio, likewise."""
     determined: bool
     """Whether the recordings determine it."""
 
@@ -78,6 +79,8 @@ class AxisEvidence:
     """The fitted recordings, then those held back."""
     findings: tuple[Finding, ...] = ()
     """What the examination of the logs found."""
+    trials: tuple[OrderTrial, ...] = ()
+    """Orders that were tried, where the order was not given."""
 
     def of_kind(self, kind: str) -> list[LogEvidence]:
         """Return the recordings for "training" or for "validation"."""
@@ -86,11 +89,15 @@ class AxisEvidence:
     @property
     def driven_band_hz(self) -> tuple[float, float]:
         """Frequencies that the fitted inputs excite [Hz]."""
-        return driven_band_hz([log.recording for log in self.of_kind("training")])
+        return self.result.excited_band_hz
 
 
 def gather_evidence(
-    result: AxisIdentification, training: Sequence[Log], validation: Sequence[Log], findings: Iterable[Finding] = ()
+    result: AxisIdentification,
+    training: Sequence[Log],
+    validation: Sequence[Log],
+    findings: Iterable[Finding] = (),
+    trials: Sequence[OrderTrial] = (),
 ) -> AxisEvidence:
     """Simulate and test every recording.
 
@@ -99,12 +106,13 @@ def gather_evidence(
       training: what was fitted.
       validation: what was held back.
       findings: what the examination of the logs found.
+      trials: orders that were tried.
 
     Raises:
       InputError: if a recording that was held back does not suit the plant.
     """
     logs = [_tested(result, log, kind) for kind, group in _groups(training, validation) for log in group]
-    return AxisEvidence(result, tuple(logs), tuple(findings))
+    return AxisEvidence(result, tuple(logs), tuple(findings), tuple(trials))
 
 
 def _groups(training: Sequence[Log], validation: Sequence[Log]) -> tuple[tuple[str, Sequence[Log]], ...]:
@@ -133,7 +141,7 @@ def _pole(pole: complex, drawn: NDArray[np.complex128], determined: bool, period
     if pole == 0:
         return PoleEvidence(pole, None, None, None, None, determined)
     intervals: list[Interval | None] = [None, None]
-    if drawn.size:
+    if drawn.size and determined:
         # A draw at zero, a pure delay, counts as very fast.
         places = np.where(np.abs(drawn) > 1e-9, drawn, 1e-9)
         frequency = np.abs(np.log(places)) / (2 * np.pi * period)

@@ -82,6 +82,7 @@ def _numbers(evidence: AxisEvidence) -> dict[str, Any]:
         "offset": float(result.offset[0]),
         "residual_sd": float(result.residual_sd[0]),
         "band": evidence.driven_band_hz,
+        "trials": evidence.trials,
         "poles": [_pole(each) for each in pole_evidence(result) if each.pole.imag >= 0],
     }
 

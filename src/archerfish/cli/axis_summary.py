@@ -49,6 +49,7 @@ def axis_summary(evidence: AxisEvidence, verdict: Verdict, files: Sequence[Path]
         "excited_band_hz": list(result.excited_band_hz),
         "driven_band_hz": list(evidence.driven_band_hz),
         "poles": [_pole(each) for each in pole_evidence(result)],
+        "orders_tried": [each._asdict() for each in evidence.trials],
         "training": [_log(each) for each in evidence.of_kind("training")],
         "validation": [_log(each) for each in evidence.of_kind("validation")],
         "findings": [each._asdict() for each in evidence.findings],
@@ -105,10 +106,21 @@ def print_axis(console: Console, evidence: AxisEvidence, verdict: Verdict, files
     for log in evidence.logs:
         table.add_row(f"fit, {log.kind}", f"{log.run.fit_percent:.2f} %  {log.path.name}{_residual_words(log)}")
     console.print(table)
+    if evidence.trials:
+        console.print(_order_table(evidence))
     for finding in evidence.findings:
         words = f"• {finding.place}: {finding.message}; {finding.remedy} ({finding.severity}: {finding.code})"
         console.print(words, markup=False, highlight=False)
     print_end(console, [*result.remarks, *verdict.doubts, *verdict.next_steps], [str(path) for path in files])
+
+
+def _order_table(evidence: AxisEvidence) -> Table:
+    table = Table("order", "fit, training", "fit, validation", "BIC less the best", title="orders tried")
+    for trial in evidence.trials:
+        held_back = "" if trial.validation_percent is None else f"{trial.validation_percent:.2f} %"
+        chosen = " *" if trial.order == len(evidence.result.plant.A) else ""
+        table.add_row(f"{trial.order}{chosen}", f"{trial.fit_percent:.2f} %", held_back, f"{trial.criterion:.1f}")
+    return table
 
 
 def _samples(evidence: AxisEvidence) -> str:

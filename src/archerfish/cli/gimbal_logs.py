@@ -20,8 +20,8 @@ class LogReading(NamedTuple):
     """Name of the time column."""
     inputs: Sequence[str]
     """Names of the inputs."""
-    output: str
-    """Name of the output."""
+    outputs: Sequence[str]
+    """Names of the outputs, the axis's own first."""
     sample_period_s: float | None
     """Sampling period [s] that stands in for the time column."""
     order: int
@@ -87,11 +87,11 @@ def _experiments(
 
 def _examined(path: Path, reading: LogReading) -> tuple[list[Log], list[Finding]]:
     stamped = reading.sample_period_s is None
-    table = read_log(path, reading.inputs, [reading.output], time=reading.time if stamped else None)
+    table = read_log(path, reading.inputs, reading.outputs, time=reading.time if stamped else None)
     examination = examine_log(
         table if stamped else table._replace(stamps=None),
         reading.inputs,
-        [reading.output],
+        reading.outputs,
         order=reading.order,
         max_delay=reading.max_delay,
         sample_period_s=reading.sample_period_s,

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
@@ -18,6 +18,7 @@ from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
 from archerfish.figures.style import save_figure
 from archerfish.identification.gimbal import AxisIdentification, identify_axis
+from archerfish.identification.order_choice import OrderTrial, choose_order
 from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.log_files import log_parts
@@ -59,8 +60,16 @@ class IdentifyGimbal:
     """Column of the output, for instance the measured angle."""
     sample_period_s: Annotated[float | None, tyro.conf.arg(metavar="SECONDS", help_behavior_hint="")] = None
     """Sampling period of logs without time stamps; --time is then not read."""
-    order: int = 4
-    """Number of states; 4 is the paper's choice."""
+    rate: Annotated[str | None, tyro.conf.arg(metavar="COLUMN", help_behavior_hint="")] = None
+    """Column of the measured rate of the output, a second output that shares the poles; needs a single input."""
+    order: Annotated[int | Literal["auto"], tyro.conf.arg(metavar="INT|auto")] = 4
+    """Number of states; 4 is the paper's choice. With auto, 1 to 8 are tried, and the logs held back decide, or else
+    Bayes's information criterion."""
+    dc_gain: Annotated[
+        tyro.conf.UseAppendAction[tuple[tuple[float, ...], ...]],
+        tyro.conf.arg(metavar="GAIN…", help_behavior_hint="(default: estimated)"),
+    ] = ()
+    """Steady gain from each input, where it is known from elsewhere: the plant is held to it."""
     max_delay: int = 20
     """Longest input delay that is tried, in samples."""
     validate: Annotated[
@@ -73,7 +82,7 @@ class IdentifyGimbal:
     out: Folder = Path("runs/identify")
     """Folder for the record and the pictures."""
     seed: int = 0
-    """Recorded with the result; nothing in this command is random."""
+    """Of the posterior draws in the record."""
     json: JsonFile = None
     """Also write what is printed to this file."""
 
@@ -91,12 +100,10 @@ def run_gimbal(command: IdentifyGimbal, console: Console | None = None) -> Summa
     held_back = _flat(command.validate)
     logs = read_gimbal_logs(command.logs, held_back, _reading(command))
     with run_folder(command.out) as folder:
-        with console.status(f"fitting order {command.order} …"):
-            fitted = [log.recording for log in logs.training]
-            result = identify_axis(fitted, command.order, max_delay=command.max_delay, axis=command.axis)
+        result, trials = _fitted(command, logs, console)
         origin = provenance(command.seed, [part for path in (*command.logs, *held_back) for part in log_parts(path)])
         result = replace(_said_once(result, logs), plant=replace(result.plant, provenance=origin))
-        evidence = gather_evidence(result, logs.training, logs.validation, logs.findings)
+        evidence = gather_evidence(result, logs.training, logs.validation, logs.findings, trials)
         judgement = verdict(evidence)
         _write_axis(folder, command, evidence, judgement)
     files = [command.out / f"{command.axis}{ending}" for ending in AXIS_ENDINGS]
@@ -110,7 +117,32 @@ def _flat(groups: tuple[tuple[Any, ...], ...]) -> list[Any]:
 
 def _reading(command: IdentifyGimbal) -> LogReading:
     inputs = _flat(command.input) or ["u"]
-    return LogReading(command.time, inputs, command.output, command.sample_period_s, command.order, command.max_delay)
+    outputs = [command.output] if command.rate is None else [command.output, command.rate]
+    if command.rate is not None and len(inputs) > 1:
+        raise InputError(f"--rate needs a single input, got {len(inputs)}; leave --rate out, or name one --input")
+    order = 1 if command.order == "auto" else command.order
+    return LogReading(command.time, inputs, outputs, command.sample_period_s, order, command.max_delay)
+
+
+def _fitted(
+    command: IdentifyGimbal, logs: GimbalLogs, console: Console
+) -> tuple[AxisIdentification, tuple[OrderTrial, ...]]:
+    """Fit the axis with the order asked for, or with the one that the logs ask for."""
+    fitted, held_back = ([log.recording for log in group] for group in (logs.training, logs.validation))
+    options: dict[str, Any] = {
+        "max_delay": command.max_delay,
+        "axis": command.axis,
+        "seed": command.seed,
+        "dc_gain": _flat(command.dc_gain) or None,
+    }
+    if command.order != "auto":
+        with console.status(f"fitting order {command.order} …"):
+            return identify_axis(fitted, command.order, **options), ()
+    with console.status("fitting order 1 …") as status:
+        choice = choose_order(
+            fitted, held_back, advance=lambda order: status.update(f"fitting order {order + 1} …"), **options
+        )
+    return choice.result, choice.trials
 
 
 def _said_once(result: AxisIdentification, logs: GimbalLogs) -> AxisIdentification:

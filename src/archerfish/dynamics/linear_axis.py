@@ -39,7 +39,7 @@ def gimbal_model(pitch: PlantRecord, yaw: PlantRecord, period_s: float) -> Gimba
     """Build the model of a gimbal for decisions every `period_s`.
 
     Args:
-      pitch: plant of the pitch axis, one input and one output.
+      pitch: plant of the pitch axis, one input; of several outputs the first is its angle.
       yaw: plant of the yaw axis, likewise.
       period_s: decision period [s], a multiple of both sampling periods.
 
@@ -105,10 +105,9 @@ def _ticks(plant: PlantRecord, period_s: float) -> int:
             f"period_s must be a multiple of the plant's sampling period {plant.sample_period_s} s, got {period_s} s; "
             "choose another period or resample the log before identifying"
         )
-    if plant.B.shape[1] != 1 or plant.C.shape[0] != 1:
+    if plant.B.shape[1] != 1:
         raise InputError(
-            f"a gimbal axis needs one input and one output, got {plant.B.shape[1]} and {plant.C.shape[0]}; "
-            "identify it with one --input and one --output"
+            f"a gimbal axis needs one input, got {plant.B.shape[1]}; identify it with one --input and one --output"
         )
     return round(ratio)
 

@@ -9,6 +9,8 @@ from archerfish.records.errors import InputError
 from archerfish.records.recording import Recording
 
 _SAMPLES_PER_PARAMETER = 10
+_DEPENDENT = 1e-6
+"""Length of what is left of an input beside the others, relative to it, below which rounding may be all there is."""
 
 
 def check_recordings(recordings: Sequence[Recording], order: int) -> list[str]:
@@ -22,8 +24,8 @@ def check_recordings(recordings: Sequence[Recording], order: int) -> list[str]:
       Remarks on what may spoil the estimate, each a sentence.
 
     Raises:
-      InputError: if there are none, they differ in signals or sampling period, have several outputs, are too short for
-        the order, or a signal never changes.
+      InputError: if there are none, they differ in signals or sampling period, have several inputs and several outputs,
+        are too short for the order, a signal never changes, or an input is a mixture of the others.
     """
     if not recordings:
         raise InputError("identification needs at least one recording, got none; pass a log")
@@ -33,6 +35,7 @@ def check_recordings(recordings: Sequence[Recording], order: int) -> list[str]:
     _check_lengths(recordings, order)
     for recording in recordings:
         _check_movement(recording)
+    _check_independence(recordings)
     return [
         f"{finding.place}: {finding.message}; {finding.remedy}"
         for recording in recordings
@@ -47,16 +50,21 @@ def fewest_samples(order: int) -> int:
 
 def _check_likeness(recordings: Sequence[Recording]) -> None:
     first = recordings[0]
+    if first.inputs.shape[1] > 1 and first.outputs.shape[1] > 1:
+        raise InputError(
+            f"{first.source}: an axis has one input or one output, got {first.inputs.shape[1]} inputs and "
+            f"{first.outputs.shape[1]} outputs; take one output at a time"
+        )
     for recording in recordings:
-        if recording.outputs.shape[1] != 1:
-            raise InputError(
-                f"{recording.source}: an axis has one output, got {recording.outputs.shape[1]}; take one at a time"
-            )
-        if recording.inputs.shape[1] != first.inputs.shape[1]:
-            raise InputError(
-                f"{recording.source}: has {recording.inputs.shape[1]} inputs, {first.source} has "
-                f"{first.inputs.shape[1]}; give recordings of the same signals"
-            )
+        for kind, found, expected in (
+            ("inputs", recording.inputs.shape[1], first.inputs.shape[1]),
+            ("outputs", recording.outputs.shape[1], first.outputs.shape[1]),
+        ):
+            if found != expected:
+                raise InputError(
+                    f"{recording.source}: has {found} {kind}, {first.source} has {expected}; "
+                    "give recordings of the same signals"
+                )
         if abs(recording.sample_period_s / first.sample_period_s - 1) > 0.01:
             raise InputError(
                 f"{recording.source}: is sampled every {recording.sample_period_s:g} s, {first.source} every "
@@ -97,3 +105,14 @@ def _check_movement(recording: Recording) -> None:
                     f"record a log in which it changes, or name another column",
                     f"constant-{kind}",
                 )
+
+
+def _check_independence(recordings: Sequence[Recording]) -> None:
+    inputs = np.concatenate([each.inputs - each.inputs.mean(axis=0) for each in recordings])
+    unlike = np.linalg.svd(inputs / np.linalg.norm(inputs, axis=0), compute_uv=False)
+    if unlike[-1] < _DEPENDENT:
+        raise InputError(
+            f"{recordings[0].source}: of the inputs {', '.join(recordings[0].input_names)} one is a copy or a mixture "
+            "of the others throughout, so that their effects can't be told apart; leave one out",
+            "dependent-inputs",
+        )

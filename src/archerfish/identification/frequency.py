@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import csd, welch
 
-from archerfish.identification.modal_form import Poles
 from archerfish.records.plant import PlantRecord
 from archerfish.records.recording import Recording
 
@@ -18,7 +17,6 @@ _SEGMENT = 1024
 _EXCITED_SHARE = 1e-2
 _FAINT = 1e-5
 _TAPERS = 5
-_BEYOND = 1.5
 
 
 class MeasuredResponse(NamedTuple):
@@ -81,27 +79,6 @@ def natural_frequency_hz(pole: complex, sample_period_s: float) -> float:
     return float(abs(np.log(complex(pole))) / (2 * np.pi * sample_period_s)) if pole != 0 else float("inf")
 
 
-def beyond_band(poles: Poles, band_hz: tuple[float, float], sample_period_s: float) -> NDArray[np.bool_]:
-    """Tell for each pole whether it lies so far above the excited band that noise places it, shape (n,)."""
-    frequency = np.array([natural_frequency_hz(pole, sample_period_s) for pole in poles])
-    return np.asarray(frequency > _BEYOND * band_hz[1])
-
-
-def excited_band_hz(recordings: Sequence[Recording]) -> tuple[float, float]:
-    """Return the lowest and highest frequency [Hz] at which some input has energy.
-
-    A line of a recording counts if its energy density is a hundredth of the largest that the input has in any of them.
-    Means are taken off first. No window is laid over the signals: it would hide the ends of a sweep.
-    """
-    lowest, highest = np.inf, 0.0
-    for channel in range(recordings[0].inputs.shape[1]):
-        spectra = [_energy_density(recording, channel) for recording in recordings]
-        threshold = _EXCITED_SHARE * max(density.max() for _, density in spectra)
-        lines = np.concatenate([frequency[density > threshold] for frequency, density in spectra])
-        lowest, highest = min(lowest, lines.min()), max(highest, lines.max())
-    return float(lowest), float(highest)
-
-
 def _energy_density(recording: Recording, channel: int) -> tuple[Array, Array]:
     signal = recording.inputs[:, channel]
     density = np.abs(np.fft.rfft(signal - signal.mean()) * recording.sample_period_s) ** 2
@@ -112,10 +89,10 @@ def _energy_density(recording: Recording, channel: int) -> tuple[Array, Array]:
 def driven_band_hz(recordings: Sequence[Recording]) -> tuple[float, float]:
     """Return the lowest and highest frequency [Hz] at which some input was meant to have energy.
 
-    As `excited_band_hz`, but without what the abrupt ends of a signal leak: a sweep from 2 Hz has a few percent of its
-    energy density at 0.1 Hz, from which a plant of the right structure extrapolates, and which shows nothing of what is
-    really there. Each log is held against its own largest density, unless it is faint beside another: a small step was
-    made on purpose too.
+    That is where its energy density is a hundredth of the largest, without what the abrupt ends of a signal leak: a
+    sweep from 2 Hz has a few percent of its energy density at 0.1 Hz, from which a plant of the right structure
+    extrapolates, and which shows nothing of what is really there. Each log is held against its own largest density,
+    unless it is faint beside another: a small step was made on purpose too.
     """
     lowest, highest = np.inf, 0.0
     for channel in range(recordings[0].inputs.shape[1]):

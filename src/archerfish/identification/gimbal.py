@@ -17,7 +17,9 @@ from archerfish.identification.checks import check_recordings
 from archerfish.identification.frequency import driven_band_hz
 from archerfish.identification.informative_lines import heard_band
 from archerfish.identification.modal_form import Poles, sections_from_numbers, state_matrices
+from archerfish.identification.pole_refinement import refine_poles
 from archerfish.identification.state_space import balanced
+from archerfish.identification.steady_gain import constrained_gain
 from archerfish.identification.structure_search import Found, search_plant
 from archerfish.identification.trust import pole_remarks, trusted_poles
 from archerfish.identification.uncertainty import (
@@ -84,7 +86,13 @@ class AxisIdentification:
 
 
 def identify_axis(
-    recordings: Sequence[Recording], order: int = 4, *, max_delay: int = 20, axis: str = "axis", seed: int = 0
+    recordings: Sequence[Recording],
+    order: int = 4,
+    *,
+    max_delay: int = 20,
+    axis: str = "axis",
+    seed: int = 0,
+    dc_gain: Sequence[float] | None = None,
 ) -> AxisIdentification:
     """Identify the linear plant of an axis.
 
@@ -95,6 +103,7 @@ def identify_axis(
       max_delay: longest input delay that is tried [samples].
       axis: name for the record.
       seed: of the posterior draws.
+      dc_gain: steady gain from each input to the one output, where it is known: the plant is held to it.
 
     Returns:
       The plant with its diagnostics.
@@ -112,6 +121,8 @@ def identify_axis(
         # The most likely plant weighs each output by its noise, which only a fit can tell.
         scale = scale * np.sqrt(np.mean(found.refinement.fit.residuals.reshape(scale.size, -1) ** 2, axis=1))
         found = search_plant(recordings, order, max_delay, scale)
+    if dc_gain is not None:
+        found = _with_gain(found, dc_gain, scale)
     known = posterior(found.problem, found.refinement)
     period = recordings[0].sample_period_s
     band = _band_hz(recordings, found)
@@ -140,14 +151,26 @@ def identify_axis(
     )
 
 
+def _with_gain(found: Found, gains: Sequence[float], scale: Array) -> Found:
+    inputs = found.problem.experiments[0].inputs.shape[1]
+    if scale.size > 1 or len(gains) != inputs or not np.all(np.isfinite(gains)):
+        raise InputError(
+            f"dc_gain must be one finite gain for each of {inputs} inputs of an axis with one output, "
+            f"got {list(gains)} for {scale.size} outputs; give as many gains as inputs"
+        )
+    problem = constrained_gain(found.problem, gains, float(scale[0]))
+    return found._replace(problem=problem, refinement=refine_poles(found.refinement.sections, problem))
+
+
 def _band_hz(recordings: Sequence[Recording], found: Found) -> tuple[float, float]:
-    """Frequencies that were excited on purpose, or at which the response stands out of the noise anyway [Hz]."""
+    """Frequencies that were excited on purpose, and those above at which the response stands out of the noise [Hz].
+
+    Not those below: what the ends of a sweep leak there is seen, but at a few percent of its strength.
+    """
     low, high = driven_band_hz(recordings)
     heard = heard_band(found.problem, found.refinement)
-    if heard is None:
-        return low, high
-    lowest, highest = (each / (2 * np.pi * recordings[0].sample_period_s) for each in heard)
-    return min(low, lowest), max(high, highest)
+    highest = 0.0 if heard is None else heard[1] / (2 * np.pi * recordings[0].sample_period_s)
+    return low, max(high, highest)
 
 
 def _spread(recordings: Sequence[Recording]) -> Array:

@@ -13,12 +13,12 @@ from archerfish.identification.modal_form import Sections
 from archerfish.identification.pole_refinement import Effort, Problem, refine_poles
 from archerfish.identification.simulation_fit import fit_linear_parameters
 
-_FREQUENCIES = 9
+_FREQUENCIES = 7
 _DAMPINGS = (0.05, 0.3)
 _HIGHEST = 3.0
 """Highest natural frequency of the grid in radians a sample, just below half the sampling rate."""
 _KEPT = 2
-_SKETCH = Effort(1.0, 8)
+_SKETCH = Effort(1.0, 6)
 
 
 class _Candidate(NamedTuple):

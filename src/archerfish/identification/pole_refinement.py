@@ -21,6 +21,8 @@ from archerfish.identification.spectra import Spectrum
 Array = NDArray[np.float64]
 
 _MOST_DAMPING = 1e8
+_TRUE, _HALF_TRUE = 0.75, 0.4
+_BOLDER, _WARIER, _RETREAT = 0.2, 3.0, 8.0
 _MOST_STEPS = 40
 
 
@@ -99,9 +101,13 @@ def _step(theta: Array, best: Refinement, damping: float, problem: Problem) -> t
     # A free number without influence has no curvature of its own to be damped by.
     weights = np.diag(curvature) + 1e-12 * np.trace(curvature) + np.finfo(float).tiny
     while damping < _MOST_DAMPING:
-        candidate = theta + np.linalg.solve(curvature + damping * np.diag(weights), gradient)
-        tried = _at(candidate, problem)
+        move = np.linalg.solve(curvature + damping * np.diag(weights), gradient)
+        tried = _at(theta + move, problem)
         if tried.cost < best.cost:
-            return candidate, tried, max(damping / 5, 1e-10)
-        damping *= 5
+            # How much of the gain that the linear model promised has come true decides how far to trust it next.
+            promised = float(move @ gradient + damping * move @ (weights * move))
+            kept = (best.cost - tried.cost) / promised
+            factor = _BOLDER if kept > _TRUE else _WARIER if kept < _HALF_TRUE else 1.0
+            return theta + move, tried, max(factor * damping, 1e-10)
+        damping *= _RETREAT
     return theta, best, damping

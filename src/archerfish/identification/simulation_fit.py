@@ -103,7 +103,7 @@ def fit_linear_parameters(
       with_slopes: whether `slopes` are wanted; left empty otherwise, for speed.
     """
     inputs, outputs = experiments[0].inputs.shape[1], experiments[0].outputs.shape[1]
-    columns = [_columns(sections, each.lag, each.inputs, feedthrough) for each in experiments]
+    columns = [_experiment_columns(sections, each, feedthrough) for each in experiments]
     driven, targets = [real_rows(each.driven) for each in columns], [real_rows(each.outputs) for each in experiments]
     own = [span(real_rows(each.own)) for each in columns]
     left, wanted = ([s.remove(x) for s, x in zip(own, signals, strict=True)] for signals in (driven, targets))
@@ -155,7 +155,7 @@ def design_rows(
       By the linear parameters of an output (b, then D), shape (2 F, c); and per output by the section coefficients,
       shape (2 F, n) each.
     """
-    columns = _columns(sections, experiment.lag, experiment.inputs, feedthrough)
+    columns = _experiment_columns(sections, experiment, feedthrough)
     own, driven = span(real_rows(columns.own)), real_rows(columns.driven)
     common = linear_parameters(fit, feedthrough)
     local = own.coefficients(real_rows(experiment.outputs) - driven @ common)
@@ -199,6 +199,11 @@ def _wishes(sections: Sections, penalty: Penalty | None, inputs: int, feedthroug
 def _units(count: int, inputs: int) -> list[ComplexArray]:
     """Per input a unit signal there and nothing in the others, shape (count, m) each."""
     return [np.tile(row, (count, 1)) for row in np.eye(inputs, dtype=np.complex128)]
+
+
+def _experiment_columns(sections: Sections, experiment: Spectrum, feedthrough: bool) -> _Columns:
+    columns = _columns(sections, experiment.lag, experiment.inputs, feedthrough)
+    return columns._replace(own=columns.own * experiment.impulse[:, None])
 
 
 def _columns(sections: Sections, lag: ComplexArray, inputs: ComplexArray, feedthrough: bool) -> _Columns:

@@ -32,6 +32,8 @@ class Spectrum(NamedTuple):
     """Delayed inputs, shape (F, m)."""
     outputs: ComplexArray
     """Outputs, shape (F, p)."""
+    impulse: Array
+    """An impulse at the first sample, up to a factor that all lines share, shape (F,)."""
 
 
 def delayed(inputs: Array, delay: int) -> Array:
@@ -50,12 +52,12 @@ def spectrum(recording: Recording, delay: int, scale: Array | float = 1.0) -> Sp
     count = len(recording)
     lines = np.arange(1, count // 2 + 1)
     # A line stands for itself and its mirror image; half the sampling rate has none.
-    weight = np.sqrt(np.where(2 * lines == count, 1.0, 2.0) / count)[:, None]
+    weight = np.where(2 * lines == count, np.sqrt(0.5), 1.0)
     inputs, outputs = (
-        weight * np.asarray(rfft(signal, axis=0))[1:]
+        np.sqrt(2 / count) * weight[:, None] * np.asarray(rfft(signal, axis=0))[1:]
         for signal in (delayed(recording.inputs, delay), recording.outputs / scale)
     )
-    return Spectrum(np.exp(-2j * np.pi * lines / count), inputs, outputs)
+    return Spectrum(np.exp(-2j * np.pi * lines / count), inputs, outputs, weight)
 
 
 def line_frequency_hz(experiment: Spectrum, sample_period_s: float) -> Array:
@@ -80,4 +82,4 @@ def picked(experiment: Spectrum, lines: NDArray[Any]) -> Spectrum:
       experiment: F lines.
       lines: indices, shape (G,), or a mask, shape (F,).
     """
-    return Spectrum(experiment.lag[lines], experiment.inputs[lines], experiment.outputs[lines])
+    return Spectrum(*(each[lines] for each in experiment))

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from archerfish.identification.informative_lines import telling_lines, thinned
 from archerfish.identification.initial_poles import initial_poles
@@ -20,6 +19,7 @@ from archerfish.identification.modal_form import Sections, free_numbers, section
 from archerfish.identification.out_of_band import out_of_band_prior, scaled_penalty
 from archerfish.identification.pole_pursuit import pursue_poles
 from archerfish.identification.pole_refinement import Effort, Problem, Refinement, refine_all, refine_poles
+from archerfish.identification.prior_strength import WEAKER, largest_misfit, strongest_accepted
 from archerfish.identification.simulation_fit import Penalty, fit_linear_parameters
 from archerfish.identification.spectra import Spectrum, picked, row_count, spectrum
 from archerfish.records.recording import Recording
@@ -31,11 +31,9 @@ _LINES, _FEW_LINES = 1000, 400
 _STARTS = 6
 _SAME_START = 0.05
 _HOPELESS = 2.0
-_ROUGH, _SKETCH, _SEARCH, _FINISH = Effort(1.0, 5), Effort(1.0, 8), Effort(0.1, 15), Effort(0.01, 40)
+_QUIETER = 0.5
+_ROUGH, _SKETCH, _SEARCH, _FINISH = Effort(1.0, 4), Effort(1.0, 6), Effort(0.1, 15), Effort(0.01, 40)
 _RIVALS = 2
-_CHANCE = 0.999
-_WEAKEST_PRIOR = 1e-3
-_WEAKER = 0.1
 
 
 class Found(NamedTuple):
@@ -79,6 +77,30 @@ class _Ground(NamedTuple):
         return thinned(self.whole(delay), lines)
 
 
+class _Walk(NamedTuple):
+    """Fits with feedthrough at the delays tried."""
+
+    delay: int
+    """The best of them [samples]."""
+    sketches: dict[int, Refinement]
+    """Delay → fit to a part of the lines."""
+    misfit: float
+    """Sum of squares without prior where the walk began."""
+    part: Callable[[int], list[Spectrum]]
+    """Delay → a part of the telling lines."""
+    whole: Callable[[int], list[Spectrum]]
+    """Delay → all telling lines."""
+    prior: Penalty
+    """At full strength."""
+    strength: float
+    """That the data accept; zero if none."""
+
+    @property
+    def penalty(self) -> Penalty | None:
+        """The prior as strong as the data accept it."""
+        return scaled_penalty(self.prior, self.strength) if self.strength else None
+
+
 def search_plant(recordings: Sequence[Recording], order: int, max_delay: int, scale: Array) -> Found:
     """Find the structure that explains the recordings best for its number of parameters (BIC), and its fit.
 
@@ -89,26 +111,36 @@ def search_plant(recordings: Sequence[Recording], order: int, max_delay: int, sc
       scale: what the squared errors of each output are measured in, shape (p,).
     """
     ground = _Ground(recordings, scale)
-    starts, first = _starts(ground, order, max_delay)
-    rough = Problem(ground.part(first, _FEW_LINES), True)
-    sketched = refine_all([*_distinct(starts, first, _STARTS), *pursue_poles(rough, order)], rough, _ROUGH)
-    rivals = refine_all(_unlike(sketched, _RIVALS), Problem(ground.part(first), True), _SEARCH)
-    everything = Problem(ground.whole(first), True)
+    starts, delay = _starts(ground, order, max_delay)
+    rough = Problem(ground.part(delay, _FEW_LINES), True)
+    sketched = refine_all([*_distinct(starts, delay, _STARTS), *pursue_poles(rough, order)], rough, _ROUGH)
+    near = _unlike(sketched, _RIVALS)
+    while True:
+        rivals = refine_all(near, Problem(ground.part(delay), True), _SEARCH)
+        walk = _walk(ground, starts, rivals, delay, max_delay)
+        if walk.delay == delay or walk.sketches[walk.delay].fit.misfit > _QUIETER * walk.misfit:
+            return _checked(_structured(walk), rivals, walk)
+        # What was taken for noise came of the wrong delay, and made the prior too strong: again, from the better one.
+        delay, near = walk.delay, [walk.sketches[walk.delay].sections, *(each.sections for each in rivals)]
+
+
+def _walk(ground: _Ground, starts: Sequence[_Start], rivals: Sequence[Refinement], begin: int, max_delay: int) -> _Walk:
+    """Set up the prior, and sketch fits from one delay to another until none nearby is better."""
+    everything = Problem(ground.whole(begin), True)
     prior = out_of_band_prior(everything, rivals[0])
     ground = ground._replace(telling=telling_lines(everything, rivals[0]))
     part, whole = cache(ground.part), cache(ground.whole)
-    problem = Problem(part(first), True)
+    problem = Problem(part(begin), True)
     free = refine_all([each.sections for each in rivals[:2]], problem, _SKETCH)[0]
-    strength, sketch = _accepted(free, _distinct(starts, first, 2), problem, prior, _SEARCH)
+    strength, sketch = strongest_accepted(free, _distinct(starts, begin, 2), problem, prior, _SEARCH)
     penalty = scaled_penalty(prior, strength) if strength else None
-    sketches = {first: sketch}
+    sketches = {begin: sketch}
     for delay in sorted({each.delay for each in starts}, key=lambda each: _best_cost(starts, each)):
-        if delay != first and _best_cost(starts, delay) < _HOPELESS * _best_cost(starts, first):
+        if delay != begin and _best_cost(starts, delay) < _HOPELESS * _best_cost(starts, begin):
             near = [sketch.sections, *_distinct(starts, delay, 1)]
             sketches[delay] = refine_all(near, Problem(part(delay), True, penalty), _SKETCH)[0]
-    delay = _descend(sketches, starts, lambda each: Problem(part(each), True, penalty), max_delay)
-    found = _structured(sketches, delay, part, whole, penalty)
-    return _checked(found, rivals, prior, strength)
+    best = _descend(sketches, starts, lambda each: Problem(part(each), True, penalty), max_delay)
+    return _Walk(best, sketches, free.fit.misfit, part, whole, prior, strength)
 
 
 def _starts(ground: _Ground, order: int, max_delay: int) -> tuple[list[_Start], int]:
@@ -148,44 +180,6 @@ def _alike(one: Array, other: Array) -> bool:
     return one.shape == other.shape and float(np.abs(one - other).max()) < _SAME_START
 
 
-def _accepted(
-    free: Refinement,
-    starts: Iterable[Sections],
-    problem: Problem,
-    prior: Penalty,
-    effort: Effort,
-    strength: float = 1.0,
-) -> tuple[float, Refinement]:
-    """Find the strongest prior with which the data are not explained worse than chance allows.
-
-    Args:
-      free: the fit without prior.
-      starts: other poles to start from.
-      problem: without penalty.
-      prior: at full strength.
-      effort: of each refinement.
-      strength: to begin with.
-
-    Returns:
-      Strength, zero if even the weakest prior is refused, and the fit.
-    """
-    limit = _limit(free, problem)
-    tried = [free.sections, *starts]
-    while strength > _WEAKEST_PRIOR:
-        refined, *_ = refine_all(tried, problem._replace(penalty=scaled_penalty(prior, strength)), effort)
-        if refined.fit.misfit <= limit:
-            return strength, refined
-        strength, tried = strength * _WEAKER, [free.sections, refined.sections]
-    return 0.0, free
-
-
-def _limit(free: Refinement, problem: Problem) -> float:
-    """Sum of squares of a fit as good as the free one: useless parameters take off the difference by chance."""
-    rows = row_count(problem.experiments) * problem.experiments[0].outputs.shape[1]
-    parameters = free.fit.numerators.size + free.fit.feedthrough.size + len(free.fit.numerators)
-    return free.fit.misfit * float(1 + chi2.ppf(_CHANCE, parameters) / rows)
-
-
 def _descend(
     sketches: dict[int, Refinement],
     starts: Sequence[_Start],
@@ -209,30 +203,25 @@ def _descend(
         asked.update(waiting)
 
 
-def _structured(
-    sketches: dict[int, Refinement],
-    delay: int,
-    part: Callable[[int], list[Spectrum]],
-    whole: Callable[[int], list[Spectrum]],
-    penalty: Penalty | None,
-) -> Found:
+def _structured(walk: _Walk) -> Found:
     """Refine the neighbouring structures on all lines, and choose by Bayes's information criterion.
 
     A longer delay must beat a shorter one by as much as a parameter more.
     """
+    delay, sketches, penalty = walk.delay, walk.sketches, walk.penalty
+    costs = {each: sketches[each].cost for each in sorted(sketches)}
     chosen: tuple[float, Found] | None = None
     for tried, feedthrough in ((delay - 1, False), (delay, False), (delay, True)):
         if tried < 0:
             continue
-        experiments = whole(tried)
+        experiments = walk.whole(tried)
         near = [sketches[each].sections for each in dict.fromkeys((delay, tried)) if each in sketches]
-        near = [refine_all(near, Problem(part(tried), feedthrough, penalty), _SKETCH)[0].sections]
+        near = [refine_all(near, Problem(walk.part(tried), feedthrough, penalty), _SKETCH)[0].sections]
         refined = refine_poles(near[0], Problem(experiments, feedthrough, penalty), _SKETCH)
         rows = row_count(experiments) * experiments[0].outputs.shape[1]
         # Without noise, all structures that hold the plant fit to rounding, which must not choose among them.
         rounding = 1e-16 * sum(float(np.sum(np.abs(each.outputs) ** 2)) for each in experiments)
         parameters = feedthrough * refined.fit.feedthrough.size
-        costs = {each: sketches[each].cost for each in sorted(sketches)}
         criterion = rows * np.log(max(refined.cost, rounding)) + parameters * np.log(rows)
         squares = sketches[delay].fit.residuals.size
         found = Found(tried, Problem(experiments, feedthrough, penalty), refined, costs, squares)
@@ -242,15 +231,15 @@ def _structured(
     return chosen[1]
 
 
-def _checked(found: Found, rivals: Sequence[Refinement], prior: Penalty, strength: float) -> Found:
+def _checked(found: Found, rivals: Sequence[Refinement], walk: _Walk) -> Found:
     """Hold the fit against other optima on all lines, and weaken the prior until all lines accept it.
 
     Args:
       found: the fit.
       rivals: optima without prior on a part of the lines, where the order of merit may be another.
-      prior: at full strength.
-      strength: that the fit was found with.
+      walk: the prior, and the strength that the fit was found with.
     """
+    prior, strength = walk.prior, walk.strength
     problem = found.problem._replace(penalty=None)
     sketched = refine_all([found.refinement.sections, *_unlike(rivals, _RIVALS)], problem, _ROUGH)
     free = refine_poles(sketched[0].sections, problem, _SEARCH)
@@ -258,9 +247,9 @@ def _checked(found: Found, rivals: Sequence[Refinement], prior: Penalty, strengt
     if strength:
         starts = [found.refinement.sections, free.sections]
         held = refine_all(starts, problem._replace(penalty=scaled_penalty(prior, strength)), _SEARCH)[0]
-        if held.fit.misfit <= _limit(free, problem):
+        if held.fit.misfit <= largest_misfit(free, problem):
             refined = held
         else:
-            strength, refined = _accepted(free, [], problem, prior, _SEARCH, _WEAKER * strength)
+            strength, refined = strongest_accepted(free, [], problem, prior, _SEARCH, WEAKER * strength)
     problem = problem._replace(penalty=scaled_penalty(prior, strength) if strength else None)
     return found._replace(refinement=refine_poles(refined.sections, problem, _FINISH), problem=problem)
