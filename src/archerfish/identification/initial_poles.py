@@ -121,7 +121,7 @@ def initial_poles(factor: LagFactor, order: int, delays: Sequence[int]) -> Itera
         for horizon in dict.fromkeys((factor.lags // 2, factor.lags // 4)):
             if order < horizon * factor.outputs - 1 and order < factor.lags - horizon - delay:
                 yield delay, subspace_poles(factor, order, horizon, delay)
-        for response in usable:
+        for response in usable if delay == 0 else usable[:1]:
             for horizon in _RESPONSE_HORIZONS if delay == 0 else _RESPONSE_HORIZONS[:1]:
                 if horizon > 2 * order:
                     yield delay, realised_poles(response[delay + 1 : delay + 1 + 2 * horizon], order)

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 MOST_LAGS = 30
 _ROWS_PER_COLUMN = 3
+_MOST_ROWS = 5000
+"""First guesses need no more; of longer recordings every few samples begin a row."""
 
 
 class LagFactor(NamedTuple):
@@ -54,7 +56,8 @@ def factor_lags(recordings: Sequence[Recording], order: int) -> LagFactor:
     samples = sum(len(each) for each in recordings)
     lags = min(MOST_LAGS, shortest // 3, samples // (_ROWS_PER_COLUMN * (outputs + inputs)))
     lags = max(lags, order + 1)
-    rows = np.concatenate([_shifted(each, lags) for each in recordings if len(each) > lags + 1])
+    stride = max(1, samples // _MOST_ROWS)
+    rows = np.concatenate([_shifted(each, lags)[::stride] for each in recordings if len(each) > lags + 1])
     return LagFactor(np.asarray(np.linalg.qr(rows, mode="r")), lags, outputs, inputs)
 
 

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from archerfish.identification.informative_lines import mean_squared_gain
 from archerfish.identification.pole_refinement import Problem, Refinement
@@ -31,6 +32,10 @@ _BINS = 80
 _POINTS_BELOW = 8
 _HEARD = 30.0
 """Response over noise, in power, from which the low end of the band counts as known."""
+_SILENT = 0.1
+"""Response over the loudest, in power, up to which a line is not part of the band."""
+_NEIGHBOURS = 5
+"""Lines over which the energy of the input is averaged: that of random signals scatters by as much as it is."""
 _BLUR = 0.5
 """Way off the unit circle at which the gain is looked at, in bins."""
 _RESOLVED = 2.5
@@ -96,10 +101,14 @@ def _lowest(experiments: Sequence[Spectrum], loudness: Array) -> float:
     """Return the frequency [radians a sample] above which every input is heard, zero if there is no gap below it."""
     lowest = []
     for channel, gain in enumerate(loudness):
-        heard = [
-            np.abs(np.angle(each.lag))[np.abs(each.inputs[:, channel]) ** 2 * gain > _HEARD] for each in experiments
+        loud = [
+            gain * uniform_filter1d(np.abs(each.inputs[:, channel]) ** 2, _NEIGHBOURS, mode="nearest")
+            for each in experiments
         ]
-        lowest.append(min((float(each.min()) for each in heard if each.size), default=0.0))
+        # A log that is noisy throughout has no silent end, however little it tells anywhere.
+        threshold = min(_HEARD, _SILENT * max(float(each.max()) for each in loud))
+        heard = [np.abs(np.angle(each.lag))[power >= threshold] for each, power in zip(experiments, loud, strict=True)]
+        lowest.append(min(float(each.min()) for each in heard if each.size))
     finest = min(float(-np.angle(each.lag[0])) for each in experiments)
     return max(lowest) if max(lowest) > _RESOLVED * finest else 0.0
 

@@ -8,7 +8,7 @@ b and D shared by all experiments, t (the transient) each experiment's own. The 
 by experiment, so that the cost grows with the number of samples and not with the square of the number of experiments.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -104,40 +104,82 @@ def fit_linear_parameters(
     """
     inputs, outputs = experiments[0].inputs.shape[1], experiments[0].outputs.shape[1]
     columns = [_experiment_columns(sections, each, feedthrough) for each in experiments]
-    driven, targets = [real_rows(each.driven) for each in columns], [real_rows(each.outputs) for each in experiments]
-    own = [span(real_rows(each.own)) for each in columns]
-    left, wanted = ([s.remove(x) for s, x in zip(own, signals, strict=True)] for signals in (driven, targets))
+    targets = [real_rows(each.outputs) for each in experiments]
     wishes = _wishes(sections, penalty, inputs, feedthrough)
-    if penalty is not None:
-        left += [rows @ real_rows(each.driven) for rows, each in zip(penalty.rows, wishes, strict=True)]
-        wanted += penalty.targets
-    shared, target = span(np.concatenate(left)), np.concatenate(wanted)
-    common = shared.coefficients(target)
-    residual = shared.remove(target)
+    weights, wished = (penalty.rows, penalty.targets) if penalty is not None else ((), ())
+    asked = [rows @ real_rows(each.driven) for rows, each in zip(weights, wishes, strict=True)]
+    solve = _solve_one if len(experiments) == 1 else _solve_several
+    solution = solve(columns, targets, asked, wished)
+    common, order = solution.common, sum(section.size for section in sections)
     measured = sum(len(each) for each in targets)
-    order = sum(section.size for section in sections)
     slopes = np.empty((0, order))
     if with_slopes:
-        local = [s.coefficients(y - x @ common) for s, y, x in zip(own, targets, driven, strict=True)]
         steep = [
-            s.remove(_slopes(sections, each, lag.lag, inputs, common, free).reshape(len(y), -1))
-            for s, each, lag, free, y in zip(own, columns, experiments, local, targets, strict=True)
+            _slopes(sections, each, experiment.lag, inputs, common, local).reshape(2 * experiment.lag.size, -1)
+            for each, experiment, local in zip(columns, experiments, solution.local, strict=True)
         ]
-        if penalty is not None:
-            steep += [
-                rows @ _slopes(sections, each, penalty.lag, inputs, common).reshape(2 * penalty.lag.size, -1)
-                for rows, each in zip(penalty.rows, wishes, strict=True)
-            ]
+        bent = [
+            rows @ _slopes(sections, each, penalty.lag, inputs, common).reshape(2 * penalty.lag.size, -1)
+            for rows, each in zip(weights, wishes, strict=True)
+            if penalty is not None
+        ]
         # Rows × (outputs · n): each output's slopes are projected off the same columns.
-        projected = shared.remove(np.concatenate(steep)).reshape(-1, outputs, order)
+        projected = solution.project(steep, bent).reshape(-1, outputs, order)
         slopes = projected.swapaxes(0, 1).reshape(-1, order)
     return LinearFit(
         common[: order * inputs].reshape(order, inputs, outputs),
         common[order * inputs :] if feedthrough else np.zeros((inputs, outputs)),
-        residual.T.reshape(-1),
+        solution.residual.T.reshape(-1),
         slopes,
-        float(np.sum(residual[:measured] ** 2)),
+        float(np.sum(solution.residual[:measured] ** 2)),
     )
+
+
+class _Solution(NamedTuple):
+    """Least squares for given poles."""
+
+    common: Array
+    """Parameters that the experiments share, shape (c, p)."""
+    local: list[Array]
+    """Transient of each experiment, shape (n, p) each."""
+    residual: Array
+    """All rows, those of the wishes last, shape (R, p)."""
+    project: Callable[[Sequence[Array], Sequence[Array]], Array]
+    """Takes slopes of the experiments' rows and of the wishes', and removes from them what the parameters explain."""
+
+
+def _solve_one(
+    columns: Sequence[_Columns], targets: Sequence[Array], asked: Sequence[Array], wished: Sequence[Array]
+) -> _Solution:
+    """Solve for one experiment: its transient is a parameter like the others."""
+    (each,) = columns
+    design = real_rows(np.concatenate([each.driven, each.own], axis=1))
+    padded = [np.pad(rows, ((0, 0), (0, each.own.shape[1]))) for rows in asked]
+    everything = span(np.concatenate([design, *padded]))
+    target = np.concatenate([*targets, *wished])
+    found = everything.coefficients(target)
+    shared = each.driven.shape[1]
+
+    def project(steep: Sequence[Array], bent: Sequence[Array]) -> Array:
+        return everything.remove(np.concatenate([*steep, *bent]))
+
+    return _Solution(found[:shared], [found[shared:]], everything.remove(target), project)
+
+
+def _solve_several(
+    columns: Sequence[_Columns], targets: Sequence[Array], asked: Sequence[Array], wished: Sequence[Array]
+) -> _Solution:
+    """Solve for several experiments: transients are projected out one by one, so that many experiments cost no more."""
+    driven, own = [real_rows(each.driven) for each in columns], [span(real_rows(each.own)) for each in columns]
+    left, wanted = ([s.remove(x) for s, x in zip(own, signals, strict=True)] for signals in (driven, targets))
+    shared, target = span(np.concatenate([*left, *asked])), np.concatenate([*wanted, *wished])
+    common = shared.coefficients(target)
+    local = [s.coefficients(y - x @ common) for s, y, x in zip(own, targets, driven, strict=True)]
+
+    def project(steep: Sequence[Array], bent: Sequence[Array]) -> Array:
+        return shared.remove(np.concatenate([*(s.remove(x) for s, x in zip(own, steep, strict=True)), *bent]))
+
+    return _Solution(common, local, shared.remove(target), project)
 
 
 def design_rows(

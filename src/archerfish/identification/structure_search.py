@@ -131,14 +131,14 @@ def _walk(ground: _Ground, starts: Sequence[_Start], rivals: Sequence[Refinement
     ground = ground._replace(telling=telling_lines(everything, rivals[0]))
     part, whole = cache(ground.part), cache(ground.whole)
     problem = Problem(part(begin), True)
-    free = refine_all([each.sections for each in rivals[:2]], problem, _SKETCH)[0]
+    free = refine_poles(rivals[0].sections, problem, _SKETCH)
     strength, sketch = strongest_accepted(free, _distinct(starts, begin, 2), problem, prior, _SEARCH)
     penalty = scaled_penalty(prior, strength) if strength else None
     sketches = {begin: sketch}
     for delay in sorted({each.delay for each in starts}, key=lambda each: _best_cost(starts, each)):
         if delay != begin and _best_cost(starts, delay) < _HOPELESS * _best_cost(starts, begin):
             near = [sketch.sections, *_distinct(starts, delay, 1)]
-            sketches[delay] = refine_all(near, Problem(part(delay), True, penalty), _SKETCH)[0]
+            sketches[delay] = refine_all(near, Problem(part(delay), True, penalty), _ROUGH)[0]
     best = _descend(sketches, starts, lambda each: Problem(part(each), True, penalty), max_delay)
     return _Walk(best, sketches, free.fit.misfit, part, whole, prior, strength)
 
@@ -241,12 +241,10 @@ def _checked(found: Found, rivals: Sequence[Refinement], walk: _Walk) -> Found:
     """
     prior, strength = walk.prior, walk.strength
     problem = found.problem._replace(penalty=None)
-    sketched = refine_all([found.refinement.sections, *_unlike(rivals, _RIVALS)], problem, _ROUGH)
-    free = refine_poles(sketched[0].sections, problem, _SEARCH)
+    free = refine_all([found.refinement.sections, *_unlike(rivals, _RIVALS)], problem, _SEARCH)[0]
     refined = free
     if strength:
-        starts = [found.refinement.sections, free.sections]
-        held = refine_all(starts, problem._replace(penalty=scaled_penalty(prior, strength)), _SEARCH)[0]
+        held = refine_poles(found.refinement.sections, found.problem, _SEARCH)
         if held.fit.misfit <= largest_misfit(free, problem):
             refined = held
         else:
