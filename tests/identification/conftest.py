@@ -1,9 +1,24 @@
 import numpy as np
 import pytest
 
+from archerfish.dynamics.pellet import flat_fire_crossing
+from archerfish.identification.landing import landing_distance
 from archerfish.identification.state_space import simulate
 from archerfish.records.plant import PlantRecord
 from archerfish.records.recording import make_recording
+from archerfish.records.shots import Shots
+
+MUZZLE = {
+    "speed": 18.0,
+    "speed_sd": 0.4,
+    "pitch_offset": 0.007,
+    "pitch_sd": 0.006,
+    "yaw_offset": -0.004,
+    "yaw_sd": 0.005,
+    "drag": 0.019,
+    "height": 0.4,
+}
+"""Truth of the simulated shots."""
 
 
 def make_resonant_plant(delay=0, feedthrough=0.0, inputs=1):
@@ -39,3 +54,31 @@ def resonant_plant():
 @pytest.fixture
 def record():
     return simulated_recording
+
+
+def fire_shots(pitch_deg, each, *, planes=(), speeds=True, lateral=False, seed=0):
+    """Fire at each pitch, and at each plane if there are any, by the flight of the simulator."""
+    rng = np.random.default_rng(seed)
+    pitch = np.radians(np.repeat(np.asarray(pitch_deg, float), each * max(len(planes), 1)))
+    speed = MUZZLE["speed"] + MUZZLE["speed_sd"] * rng.standard_normal(pitch.size)
+    departure = pitch + MUZZLE["pitch_offset"] + MUZZLE["pitch_sd"] * rng.standard_normal(pitch.size)
+    azimuth = MUZZLE["yaw_offset"] + MUZZLE["yaw_sd"] * rng.standard_normal(pitch.size)
+    measured = speed if speeds else None
+    if planes:
+        plane = np.tile(np.repeat(np.asarray(planes, float), each), len(pitch_deg))
+        level = np.cos(departure)
+        velocity = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(departure)], axis=-1)
+        hit = flat_fire_crossing(np.zeros_like(velocity), speed[:, None] * velocity, plane, np.asarray(MUZZLE["drag"]))
+        return Shots(pitch, 0 * pitch, plane, measured, hit.lateral if lateral else None, "simulated", hit.height)
+    distance = landing_distance(speed, departure, MUZZLE["height"], MUZZLE["drag"])
+    return Shots(pitch, 0 * pitch, distance, measured, distance * np.sin(azimuth) if lateral else None, "simulated")
+
+
+@pytest.fixture
+def muzzle():
+    return MUZZLE
+
+
+@pytest.fixture
+def fire():
+    return fire_shots

@@ -24,6 +24,12 @@ def still(which):
     return make_recording(np.full(400, 2.0) if which == "u" else u, np.zeros(400) if which == "y" else y, 0.01)
 
 
+def twins():
+    """The third input is the difference of the others."""
+    u, v, y = RNG.standard_normal((3, 400))
+    return make_recording(np.stack([u, v, v - u + 3], axis=1), y, 0.01, input_names=("u", "v", "w"))
+
+
 @pytest.mark.parametrize(
     ("recordings", "order", "message"),
     [
@@ -31,7 +37,9 @@ def still(which):
         ([recording()], 0, "order must be at least 1, got 0"),
         ([recording(count=100)], 4, "100 samples are too few for order 4, which needs 140"),
         ([recording(), recording(count=20, source="b.csv")], 4, r"b\.csv: 20 samples are too few for order 4"),
-        ([recording(outputs=2)], 4, "an axis has one output, got 2"),
+        ([recording(inputs=2, outputs=3)], 4, "one input or one output, got 2 inputs and 3 outputs"),
+        ([recording(), recording(outputs=2, source="b.csv")], 4, r"b\.csv: has 2 outputs, log\.csv has 1"),
+        ([twins()], 4, "of the inputs u, v, w one is a copy or a mixture"),
         ([recording(), recording(inputs=2, source="b.csv")], 4, r"b\.csv: has 2 inputs, log\.csv has 1"),
         ([recording(), recording(period=0.02, source="b.csv")], 4, r"b\.csv: is sampled every 0\.02 s"),
         ([still("u")], 4, 'input "u" is 2 throughout'),
@@ -45,6 +53,16 @@ def test_recordings_that_can_not_bear_the_estimate_are_refused(recordings, order
 
 def test_sound_recordings_pass_without_remark():
     assert check_recordings([recording(), recording()], 4) == []
+
+
+def test_one_input_may_have_several_outputs():
+    assert check_recordings([recording(outputs=3), recording(outputs=3)], 4) == []
+
+
+def test_inputs_that_are_alike_in_one_log_and_not_in_another_are_told_apart():
+    u, y = RNG.standard_normal((2, 400))
+    alike = make_recording(np.stack([u, u], axis=1), y, 0.01, input_names=("u0", "u1"))
+    assert check_recordings([alike, recording(inputs=2)], 4) == []
 
 
 def test_a_signal_that_is_cut_off_is_remarked_and_a_step_is_not():
