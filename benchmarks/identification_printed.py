@@ -114,8 +114,5 @@ def _pole_error(plant: PlantRecord, true: PlantRecord) -> float:
 
 def _others_flagged(result: AxisIdentification, true: PlantRecord) -> bool:
     """Tell whether the poles that are not the dominant pair are all named as unsupported by the recording."""
-    poles = plant_poles(result.plant)
-    order = np.argsort(np.minimum(np.abs(poles - _dominant(true)), np.abs(poles - _dominant(true).conjugate())))
-    others = poles[order[2:]]
-    named = [remark for remark in result.remarks if "lies above the excited" in remark]
-    return all(any(f"z = {pole.real:.3f}" in remark for remark in named) for pole in others)
+    away = np.abs(np.stack([result.poles, result.poles.conjugate()]) - _dominant(true)).min(axis=0)
+    return not np.any(result.determined[np.argsort(away)[2:]])

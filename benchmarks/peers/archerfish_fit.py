@@ -13,7 +13,7 @@ def identify(case: Case) -> Model:
     result = identify_axis([recording], case.order)
     plant = result.plant
     matrices = {"A": plant.A, "B": plant.B, "C": plant.C, "D": plant.D}
-    return {**matrices, "delay_samples": plant.delay_samples, "offset": result.offset}
+    return {**matrices, "delay_samples": plant.delay_samples, "offset": result.offset.item()}
 
 
 if __name__ == "__main__":

@@ -106,18 +106,23 @@ def thinned(experiments: Sequence[Spectrum], lines: int) -> list[Spectrum]:
       experiments: of one axis.
       lines: how many to keep; experiments with fewer are returned whole.
     """
+    return [picked(each, kept) for each, kept in zip(experiments, thinning(experiments, lines), strict=True)]
+
+
+def thinning(experiments: Sequence[Spectrum], lines: int) -> list[NDArray[np.intp]]:
+    """Return the indices of the lines that `thinned` keeps of each experiment."""
     total = sum(each.lag.size for each in experiments)
     if total <= lines:
-        return list(experiments)
-    return [_thinned(each, max(50, lines * each.lag.size // total)) for each in experiments]
+        return [np.arange(each.lag.size) for each in experiments]
+    return [_kept(each, max(50, lines * each.lag.size // total)) for each in experiments]
 
 
-def _thinned(experiment: Spectrum, lines: int) -> Spectrum:
+def _kept(experiment: Spectrum, lines: int) -> NDArray[np.intp]:
     if experiment.lag.size <= lines:
-        return experiment
+        return np.arange(experiment.lag.size)
     energy = np.abs(experiment.inputs) ** 2
     share = np.sum(energy / np.maximum(energy.mean(axis=0), np.finfo(float).tiny), axis=1)
     order = np.argsort(-share, kind="stable")
     rest = np.sort(order[lines // 2 :])
     spread = rest[:: -(-rest.size // (lines - lines // 2))]
-    return picked(experiment, np.sort(np.concatenate([order[: lines // 2], spread])))
+    return np.sort(np.concatenate([order[: lines // 2], spread]))

@@ -52,12 +52,22 @@ def spectrum(recording: Recording, delay: int, scale: Array | float = 1.0) -> Sp
     count = len(recording)
     lines = np.arange(1, count // 2 + 1)
     # A line stands for itself and its mirror image; half the sampling rate has none.
-    weight = np.where(2 * lines == count, np.sqrt(0.5), 1.0)
+    impulse = np.where(2 * lines == count, np.sqrt(0.5), 1.0)
     inputs, outputs = (
-        np.sqrt(2 / count) * weight[:, None] * np.asarray(rfft(signal, axis=0))[1:]
-        for signal in (delayed(recording.inputs, delay), recording.outputs / scale)
+        _transformed(signal, impulse) for signal in (delayed(recording.inputs, delay), recording.outputs / scale)
     )
-    return Spectrum(np.exp(-2j * np.pi * lines / count), inputs, outputs, weight)
+    return Spectrum(np.exp(-2j * np.pi * lines / count), inputs, outputs, impulse)
+
+
+def with_delay(undelayed: Spectrum, recording: Recording, delay: int) -> Spectrum:
+    """Return the whole spectrum of a recording with its inputs delayed, from that of delay 0: half the work."""
+    if delay == 0:
+        return undelayed
+    return undelayed._replace(inputs=_transformed(delayed(recording.inputs, delay), undelayed.impulse))
+
+
+def _transformed(signal: Array, impulse: Array) -> ComplexArray:
+    return np.asarray(np.sqrt(2 / len(signal)) * impulse[:, None] * np.asarray(rfft(signal, axis=0))[1:])
 
 
 def line_frequency_hz(experiment: Spectrum, sample_period_s: float) -> Array:

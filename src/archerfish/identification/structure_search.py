@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.identification.informative_lines import telling_lines, thinned
+from archerfish.identification.informative_lines import telling_lines, thinning
 from archerfish.identification.initial_poles import initial_poles
 from archerfish.identification.lag_factor import factor_lags
 from archerfish.identification.modal_form import Sections, free_numbers, sections_from_poles, stabilised
@@ -21,7 +21,7 @@ from archerfish.identification.pole_pursuit import pursue_poles
 from archerfish.identification.pole_refinement import Effort, Problem, Refinement, refine_all, refine_poles
 from archerfish.identification.prior_strength import WEAKER, largest_misfit, strongest_accepted
 from archerfish.identification.simulation_fit import Penalty, fit_linear_parameters
-from archerfish.identification.spectra import Spectrum, picked, row_count, spectrum
+from archerfish.identification.spectra import Spectrum, picked, row_count, spectrum, with_delay
 from archerfish.records.recording import Recording
 
 Array = NDArray[np.float64]
@@ -61,20 +61,19 @@ class _Ground(NamedTuple):
     """The recordings, ready for any delay."""
 
     recordings: Sequence[Recording]
-    scale: Array
-    telling: Sequence[NDArray[np.intp]] | None = None
-    """Lines to look at, per recording; all if not given."""
+    undelayed: Sequence[Spectrum]
+    lines: Sequence[NDArray[np.intp]]
+    """Lines to look at, per recording."""
 
-    def whole(self, delay: int) -> list[Spectrum]:
-        """All lines."""
-        experiments = [spectrum(each, delay, self.scale) for each in self.recordings]
-        if self.telling is None:
-            return experiments
-        return [picked(each, lines) for each, lines in zip(experiments, self.telling, strict=True)]
+    def spectra(self, delay: int) -> list[Spectrum]:
+        """Spectra with the inputs delayed."""
+        logs = zip(self.undelayed, self.recordings, self.lines, strict=True)
+        return [picked(with_delay(spectrum, log, delay), lines) for spectrum, log, lines in logs]
 
-    def part(self, delay: int, lines: int = _LINES) -> list[Spectrum]:
-        """As many as do for a search."""
-        return thinned(self.whole(delay), lines)
+    def thinned(self, count: int) -> "_Ground":
+        """Only so many lines, as do for a search."""
+        kept = thinning(self.spectra(0), count)
+        return self._replace(lines=[lines[each] for lines, each in zip(self.lines, kept, strict=True)])
 
 
 class _Walk(NamedTuple):
@@ -110,13 +109,14 @@ def search_plant(recordings: Sequence[Recording], order: int, max_delay: int, sc
       max_delay: longest delay that is tried [samples].
       scale: what the squared errors of each output are measured in, shape (p,).
     """
-    ground = _Ground(recordings, scale)
+    undelayed = [spectrum(each, 0, scale) for each in recordings]
+    ground = _Ground(recordings, undelayed, [np.arange(each.lag.size) for each in undelayed])
     starts, delay = _starts(ground, order, max_delay)
-    rough = Problem(ground.part(delay, _FEW_LINES), True)
+    rough = Problem(ground.thinned(_FEW_LINES).spectra(delay), True)
     sketched = refine_all([*_distinct(starts, delay, _STARTS), *pursue_poles(rough, order)], rough, _ROUGH)
     near = _unlike(sketched, _RIVALS)
     while True:
-        rivals = refine_all(near, Problem(ground.part(delay), True), _SEARCH)
+        rivals = refine_all(near, Problem(ground.thinned(_LINES).spectra(delay), True), _SEARCH)
         walk = _walk(ground, starts, rivals, delay, max_delay)
         if walk.delay == delay or walk.sketches[walk.delay].fit.misfit > _QUIETER * walk.misfit:
             return _checked(_structured(walk), rivals, walk)
@@ -126,13 +126,13 @@ def search_plant(recordings: Sequence[Recording], order: int, max_delay: int, sc
 
 def _walk(ground: _Ground, starts: Sequence[_Start], rivals: Sequence[Refinement], begin: int, max_delay: int) -> _Walk:
     """Set up the prior, and sketch fits from one delay to another until none nearby is better."""
-    everything = Problem(ground.whole(begin), True)
+    everything = Problem(ground.spectra(begin), True)
     prior = out_of_band_prior(everything, rivals[0])
-    ground = ground._replace(telling=telling_lines(everything, rivals[0]))
-    part, whole = cache(ground.part), cache(ground.whole)
+    ground = ground._replace(lines=telling_lines(everything, rivals[0]))
+    part, whole = cache(ground.thinned(_LINES).spectra), cache(ground.spectra)
     problem = Problem(part(begin), True)
     free = refine_poles(rivals[0].sections, problem, _SKETCH)
-    strength, sketch = strongest_accepted(free, _distinct(starts, begin, 2), problem, prior, _SEARCH)
+    strength, sketch = strongest_accepted(free, [each.sections for each in rivals[1:]], problem, prior, _SEARCH)
     penalty = scaled_penalty(prior, strength) if strength else None
     sketches = {begin: sketch}
     for delay in sorted({each.delay for each in starts}, key=lambda each: _best_cost(starts, each)):
@@ -147,7 +147,8 @@ def _starts(ground: _Ground, order: int, max_delay: int) -> tuple[list[_Start], 
     """First guesses and the delay that suits one of them best."""
     delays = [each for each in _DELAYS if each <= max_delay]
     guesses = initial_poles(factor_lags(ground.recordings, order), order, delays)
-    experiments = {delay: ground.part(delay, _FEW_LINES) for delay in delays}
+    few = ground.thinned(_FEW_LINES)
+    experiments = {delay: few.spectra(delay) for delay in delays}
     starts = [_scored(delay, sections_from_poles(stabilised(poles)), experiments[delay]) for delay, poles in guesses]
     return starts, min(starts, key=lambda each: each.cost).delay
 
