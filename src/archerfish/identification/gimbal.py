@@ -208,6 +208,7 @@ def _matrices(known: Posterior, scale: Array) -> dict[str, Any]:
 def _delay_range(found: Found, inflation: float) -> tuple[int, int]:
     """Delays within the likelihood ratio's 95 %, the residuals' colour allowed for."""
     best = min(found.sketches.values())
-    limit = float(chi2.ppf(0.95, 1)) * max(1.0, inflation) / found.sketch_rows
+    # Poles and zeros that are loosely known make up for a sample more or less: as many parameters move with the delay.
+    limit = float(chi2.ppf(0.95, len(found.refinement.fit.numerators))) * max(1.0, inflation) / found.sketch_rows
     kept = [delay for delay, cost in found.sketches.items() if np.log(cost / best) <= limit]
     return min(*kept, found.delay), max(*kept, found.delay)

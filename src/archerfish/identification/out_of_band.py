@@ -75,6 +75,16 @@ def out_of_band_prior(problem: Problem, refinement: Refinement) -> Penalty:
     return Penalty(lag, tuple(wishes), zeros, 0.5 * _PULL * noise)
 
 
+def after_delay(penalty: Penalty, samples: int) -> Penalty:
+    """Return the prior for a plant whose transfer function is seen without a delay that it has.
+
+    Off the unit circle the delay changes the gain: without this, the same plant would cost the more the more of its
+    delay is explicit.
+    """
+    weights = np.tile(np.abs(penalty.lag) ** samples, 2)
+    return penalty._replace(rows=tuple(each * weights for each in penalty.rows))
+
+
 def scaled_penalty(penalty: Penalty, scale: float) -> Penalty:
     """Return the penalty with its squares weighed by `scale`²."""
     return Penalty(

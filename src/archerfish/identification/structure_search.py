@@ -16,7 +16,7 @@ from archerfish.identification.informative_lines import telling_lines, thinning
 from archerfish.identification.initial_poles import initial_poles
 from archerfish.identification.lag_factor import factor_lags
 from archerfish.identification.modal_form import Sections, free_numbers, sections_from_poles, stabilised
-from archerfish.identification.out_of_band import out_of_band_prior, scaled_penalty
+from archerfish.identification.out_of_band import after_delay, out_of_band_prior, scaled_penalty
 from archerfish.identification.pole_pursuit import pursue_poles
 from archerfish.identification.pole_refinement import Effort, Problem, Refinement, refine_all, refine_poles
 from archerfish.identification.prior_strength import WEAKER, largest_misfit, strongest_accepted
@@ -94,10 +94,13 @@ class _Walk(NamedTuple):
     strength: float
     """That the data accept; zero if none."""
 
-    @property
-    def penalty(self) -> Penalty | None:
-        """The prior as strong as the data accept it."""
-        return scaled_penalty(self.prior, self.strength) if self.strength else None
+    def penalty(self, delay: int) -> Penalty | None:
+        """Return the prior for a delay, as strong as the data accept it."""
+        return scaled_penalty(after_delay(self.prior, delay), self.strength) if self.strength else None
+
+    def problem(self, delay: int) -> Problem:
+        """Return the problem of a sketch."""
+        return Problem(self.part(delay), True, self.penalty(delay))
 
 
 def search_plant(recordings: Sequence[Recording], order: int, max_delay: int, scale: Array) -> Found:
@@ -132,15 +135,14 @@ def _walk(ground: _Ground, starts: Sequence[_Start], rivals: Sequence[Refinement
     part, whole = cache(ground.thinned(_LINES).spectra), cache(ground.spectra)
     problem = Problem(part(begin), True)
     free = refine_poles(rivals[0].sections, problem, _SKETCH)
-    strength, sketch = strongest_accepted(free, [each.sections for each in rivals[1:]], problem, prior, _SEARCH)
-    penalty = scaled_penalty(prior, strength) if strength else None
-    sketches = {begin: sketch}
+    near = [each.sections for each in rivals[1:]]
+    strength, sketch = strongest_accepted(free, near, problem, after_delay(prior, begin), _SEARCH)
+    walk = _Walk(begin, {begin: sketch}, free.fit.misfit, part, whole, prior, strength)
     for delay in sorted({each.delay for each in starts}, key=lambda each: _best_cost(starts, each)):
         if delay != begin and _best_cost(starts, delay) < _HOPELESS * _best_cost(starts, begin):
             near = [sketch.sections, *_distinct(starts, delay, 1)]
-            sketches[delay] = refine_all(near, Problem(part(delay), True, penalty), _ROUGH)[0]
-    best = _descend(sketches, starts, lambda each: Problem(part(each), True, penalty), max_delay)
-    return _Walk(best, sketches, free.fit.misfit, part, whole, prior, strength)
+            walk.sketches[delay] = refine_all(near, walk.problem(delay), _ROUGH)[0]
+    return walk._replace(delay=_descend(walk, starts, max_delay))
 
 
 def _starts(ground: _Ground, order: int, max_delay: int) -> tuple[list[_Start], int]:
@@ -181,13 +183,9 @@ def _alike(one: Array, other: Array) -> bool:
     return one.shape == other.shape and float(np.abs(one - other).max()) < _SAME_START
 
 
-def _descend(
-    sketches: dict[int, Refinement],
-    starts: Sequence[_Start],
-    problem: Callable[[int], Problem],
-    max_delay: int,
-) -> int:
+def _descend(walk: _Walk, starts: Sequence[_Start], max_delay: int) -> int:
     """Halve the gaps beside the best delay until both its neighbours are worse, and return it; adds to the sketches."""
+    sketches = walk.sketches
     asked: set[tuple[int, int]] = set()
     while True:
         best = min(sketches, key=lambda each: sketches[each].cost)
@@ -200,7 +198,7 @@ def _descend(
         for delay, _ in waiting:
             near = [sketches[best].sections, *_distinct(starts, delay, 1)]
             known = [sketches[delay].sections] if delay in sketches else []
-            sketches[delay] = refine_all([*near, *known], problem(delay), _SEARCH if delay == best else _SKETCH)[0]
+            sketches[delay] = refine_all([*near, *known], walk.problem(delay), _SEARCH if delay == best else _SKETCH)[0]
         asked.update(waiting)
 
 
@@ -209,13 +207,13 @@ def _structured(walk: _Walk) -> Found:
 
     A longer delay must beat a shorter one by as much as a parameter more.
     """
-    delay, sketches, penalty = walk.delay, walk.sketches, walk.penalty
+    delay, sketches = walk.delay, walk.sketches
     costs = {each: sketches[each].cost for each in sorted(sketches)}
     chosen: tuple[float, Found] | None = None
     for tried, feedthrough in ((delay - 1, False), (delay, False), (delay, True)):
         if tried < 0:
             continue
-        experiments = walk.whole(tried)
+        experiments, penalty = walk.whole(tried), walk.penalty(tried)
         near = [sketches[each].sections for each in dict.fromkeys((delay, tried)) if each in sketches]
         near = [refine_all(near, Problem(walk.part(tried), feedthrough, penalty), _SKETCH)[0].sections]
         refined = refine_poles(near[0], Problem(experiments, feedthrough, penalty), _SKETCH)
@@ -240,7 +238,7 @@ def _checked(found: Found, rivals: Sequence[Refinement], walk: _Walk) -> Found:
       rivals: optima without prior on a part of the lines, where the order of merit may be another.
       walk: the prior, and the strength that the fit was found with.
     """
-    prior, strength = walk.prior, walk.strength
+    prior, strength = after_delay(walk.prior, found.delay), walk.strength
     problem = found.problem._replace(penalty=None)
     free = refine_all([found.refinement.sections, *_unlike(rivals, _RIVALS)], problem, _SEARCH)[0]
     refined = free

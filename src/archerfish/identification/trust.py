@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.identification.frequency import natural_frequency_hz
-from archerfish.identification.modal_form import Poles, Sections, section_offsets
-from archerfish.identification.uncertainty import Posterior, heard_sections, pole_deviations
+from archerfish.identification.modal_form import Poles, Sections
+from archerfish.identification.uncertainty import Posterior, heard_sections, pole_deviations, pole_slopes
 
 Array = NDArray[np.float64]
 
@@ -28,8 +28,8 @@ class PoleTrust(NamedTuple):
     """Standard deviation of their imaginary parts, shape (n,)."""
     reasons: tuple[str, ...]
     """Why the recordings don't determine each pole; empty where they do."""
-    held: NDArray[np.bool_]
-    """Free numbers of the sections of which no pole is determined, in the order of the parameters, shape (n,)."""
+    held: Array
+    """Directions of the free numbers, in their order, along which a pole that is not determined moves; shape (k, n)."""
 
     @property
     def determined(self) -> NDArray[np.bool_]:
@@ -55,9 +55,7 @@ def trusted_poles(
         frequency = natural_frequency_hz(pole, sample_period_s)
         spread = float(sd / max(abs(pole), np.finfo(float).tiny) / (2 * np.pi * sample_period_s))
         reasons.append(_reason(frequency, spread, adds, band_hz))
-    held = np.zeros(poles.size, dtype=bool)
-    for start, section in section_offsets(sections):
-        held[start : start + section.size] = all(reasons[start : start + section.size])
+    held = pole_slopes(known)[[bool(reason) for reason in reasons]].reshape(-1, poles.size)
     order = np.lexsort((-poles.imag, -np.abs(poles).round(12)))
     return PoleTrust(poles[order], real_sd[order], imaginary_sd[order], tuple(reasons[i] for i in order), held)
 

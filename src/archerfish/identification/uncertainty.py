@@ -153,15 +153,20 @@ def standard_deviations(known: Posterior, function: Callable[[Posterior], Array]
     Returns:
       Same shape as the function's.
     """
+    jacobian = _slopes(known, function, known.free.size + known.linear.size)
+    variance = np.einsum("i...,ij,j...->...", jacobian, known.covariance, jacobian)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
+def _slopes(known: Posterior, function: Callable[[Posterior], Array], count: int) -> Array:
+    """Differentiate a function by the first few parameters, shape (count, …)."""
     slopes = []
     point = np.concatenate([known.free, known.linear.T.reshape(-1)])
-    for index in range(point.size):
+    for index in range(count):
         step = _STEP * max(1.0, abs(point[index]))
         sides = [function(_moved(known, point, index, sign * step)) for sign in (1.0, -1.0)]
         slopes.append((sides[0] - sides[1]) / (2 * step))
-    jacobian = np.stack(slopes)
-    variance = np.einsum("i...,ij,j...->...", jacobian, known.covariance, jacobian)
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+    return np.stack(slopes)
 
 
 def interval(value: Array, deviation: Array, level: float = 0.95) -> tuple[Array, Array]:
@@ -195,13 +200,18 @@ def steady_gain(known: Posterior) -> Array:
 
 def pole_deviations(known: Posterior) -> tuple[Poles, Array, Array]:
     """Return the poles, section by section, and the deviations of their real and imaginary parts, shape (n,) each."""
-
-    def places(at: Posterior) -> Array:
-        poles = section_poles(sections_from_numbers(at.free))
-        return np.stack([poles.real, poles.imag])
-
-    real, imaginary = standard_deviations(known, places)
+    real, imaginary = standard_deviations(known, _places)
     return section_poles(sections_from_numbers(known.free)), real, imaginary
+
+
+def pole_slopes(known: Posterior) -> Array:
+    """Return ∂(real and imaginary part of each pole)/∂(free numbers), shape (n poles, 2, n)."""
+    return _slopes(known, _places, known.order).transpose(2, 1, 0)
+
+
+def _places(known: Posterior) -> Array:
+    poles = section_poles(sections_from_numbers(known.free))
+    return np.stack([poles.real, poles.imag])
 
 
 def heard_sections(known: Posterior, sections: Sections) -> list[bool]:
@@ -222,24 +232,23 @@ def heard_sections(known: Posterior, sections: Sections) -> list[bool]:
     return heard
 
 
-def draw_parameters(
-    known: Posterior, held: NDArray[np.bool_], count: int, generator: np.random.Generator
-) -> list[Posterior]:
-    """Draw from the distribution.
+def draw_parameters(known: Posterior, held: Array, count: int, generator: np.random.Generator) -> list[Posterior]:
+    """Draw from the distribution, given that poles that nothing determines stay where they were estimated.
+
+    A normal distribution says nothing about those, and the rest must not scatter as if they moved.
 
     Args:
       known: the parameters.
-      held: free numbers that stay at their estimates, shape (n,): those of poles that nothing determines, about which a
-        normal distribution says nothing.
+      held: directions of the free numbers that don't move, shape (k, n).
       count: number of draws.
       generator: of the draws.
     """
-    varied = np.concatenate([~held, np.ones(known.linear.size, dtype=bool)])
-    covariance = known.covariance[np.ix_(varied, varied)]
-    scale = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    scale = np.sqrt(np.maximum(np.diag(known.covariance), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(known.covariance / np.outer(scale, scale))
     root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    moves = generator.standard_normal((count, root.shape[1])) @ root.T
+    fixed = np.hstack([held, np.zeros((len(held), known.linear.size))])
+    with_fixed = fixed @ known.covariance
+    moves -= moves @ fixed.T @ _inverse(with_fixed @ fixed.T) @ with_fixed
     point = np.concatenate([known.free, known.linear.T.reshape(-1)])
-    draws = np.tile(point, (count, 1))
-    draws[:, varied] += generator.standard_normal((count, root.shape[1])) @ root.T
-    return [_at(known, each) for each in draws]
+    return [_at(known, point + move) for move in moves]
