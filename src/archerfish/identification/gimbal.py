@@ -127,7 +127,7 @@ def identify_axis(
     period = recordings[0].sample_period_s
     band = _band_hz(recordings, found)
     trust = trusted_poles(known, found.refinement.sections, band, period)
-    drawn = draw_parameters(known, trust.held, DRAWS, np.random.default_rng(seed))
+    drawn = draw_parameters(known, trust.held, found.problem, DRAWS, np.random.default_rng(seed))
     plant = _plant(recordings[0], known, drawn, scale, found.delay, axis)
     offset = common_offset(plant, recordings)
     runs = [free_run(plant, each, offset) for each in recordings]

@@ -6,6 +6,7 @@ end whether the feedthrough is needed. All but the last steps use a part of the 
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
@@ -148,11 +149,20 @@ def _walk(ground: _Ground, starts: Sequence[_Start], rivals: Sequence[Refinement
 def _starts(ground: _Ground, order: int, max_delay: int) -> tuple[list[_Start], int]:
     """First guesses and the delay that suits one of them best."""
     delays = [each for each in _DELAYS if each <= max_delay]
-    guesses = initial_poles(factor_lags(ground.recordings, order), order, delays)
+    guesses = initial_poles(factor_lags(_without_units(ground.recordings), order), order, delays)
     few = ground.thinned(_FEW_LINES)
     experiments = {delay: few.spectra(delay) for delay in delays}
     starts = [_scored(delay, sections_from_poles(stabilised(poles)), experiments[delay]) for delay, poles in guesses]
     return starts, min(starts, key=lambda each: each.cost).delay
+
+
+def _without_units(recordings: Sequence[Recording]) -> list[Recording]:
+    """Scale every signal to about the size one, alike in all recordings, so that the guesses don't depend on units."""
+    inputs, outputs = (
+        np.concatenate([signals - signals.mean(axis=0) for signals in each]).std(axis=0)
+        for each in ([one.inputs for one in recordings], [one.outputs for one in recordings])
+    )
+    return [replace(each, inputs=each.inputs / inputs, outputs=each.outputs / outputs) for each in recordings]
 
 
 def _scored(delay: int, sections: Sections, experiments: Sequence[Spectrum]) -> _Start:

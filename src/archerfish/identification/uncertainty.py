@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import chi2, norm
 
+from archerfish.identification.informative_lines import thinned
 from archerfish.identification.modal_form import (
     Poles,
     Sections,
@@ -30,6 +31,7 @@ from archerfish.identification.modal_form import (
 from archerfish.identification.pole_refinement import Problem, Refinement
 from archerfish.identification.simulation_fit import (
     design_rows,
+    fit_linear_parameters,
     linear_parameters,
     penalty_rows,
     transfer_columns,
@@ -39,6 +41,7 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _STEP = 1e-6
+_FOLLOWED_LINES = 100
 _LARGEST_LEVERAGE = 0.9
 _SIGNIFICANT = chi2.cdf(9.0, 1)
 """Confidence of three standard deviations."""
@@ -232,14 +235,18 @@ def heard_sections(known: Posterior, sections: Sections) -> list[bool]:
     return heard
 
 
-def draw_parameters(known: Posterior, held: Array, count: int, generator: np.random.Generator) -> list[Posterior]:
+def draw_parameters(
+    known: Posterior, held: Array, problem: Problem, count: int, generator: np.random.Generator
+) -> list[Posterior]:
     """Draw from the distribution, given that poles that nothing determines stay where they were estimated.
 
-    A normal distribution says nothing about those, and the rest must not scatter as if they moved.
+    A normal distribution says nothing about those, and the rest must not scatter as if they moved. The numerators
+    follow the poles drawn not by the tangent alone: the response in the band is far surer than either of them.
 
     Args:
       known: the parameters.
       held: directions of the free numbers that don't move, shape (k, n).
+      problem: what was fitted.
       count: number of draws.
       generator: of the draws.
     """
@@ -250,5 +257,27 @@ def draw_parameters(known: Posterior, held: Array, count: int, generator: np.ran
     fixed = np.hstack([held, np.zeros((len(held), known.linear.size))])
     with_fixed = fixed @ known.covariance
     moves -= moves @ fixed.T @ _inverse(with_fixed @ fixed.T) @ with_fixed
-    point = np.concatenate([known.free, known.linear.T.reshape(-1)])
-    return [_at(known, point + move) for move in moves]
+    follow = _follower(known, problem)
+    tangent = _slopes(known, lambda at: follow(at.free), known.order)
+    drawn = []
+    for move in moves:
+        straight = _at(known, move)
+        free = known.free + straight.free
+        bend = follow(free) - follow(known.free) - np.tensordot(straight.free, tangent, 1)
+        drawn.append(known._replace(free=free, linear=known.linear + straight.linear + bend))
+    return drawn
+
+
+def _follower(known: Posterior, problem: Problem) -> Callable[[Array], Array]:
+    """Return the function from free numbers to the linear parameters that keep the response nearest to the estimate."""
+    responses = [
+        each._replace(outputs=np.einsum("kpm,km->kp", transfer(known, each.lag), each.inputs))
+        for each in thinned(problem.experiments, _FOLLOWED_LINES)
+    ]
+    wishes = problem._replace(experiments=responses)
+
+    def follow(free: Array) -> Array:
+        fit = fit_linear_parameters(sections_from_numbers(free), *wishes, with_slopes=False)
+        return linear_parameters(fit, problem.feedthrough)
+
+    return follow

@@ -58,9 +58,11 @@ def free_run(plant: PlantRecord, recording: Recording, offset: Array | float = 0
     """
     check_agreement(plant, recording)
     forced = simulate(plant, recording.inputs) + offset
-    free = free_responses(plant, len(recording)).reshape(-1, len(plant.A))
-    initial = lstsq(free, (recording.outputs - forced).reshape(-1))[0]
-    simulated = forced + (free @ initial).reshape(forced.shape)
+    free = free_responses(plant, len(recording))
+    weights = _weights([recording])
+    rest = (recording.outputs - forced) * weights
+    initial = lstsq((free * weights[:, None]).reshape(-1, len(plant.A)), rest.reshape(-1))[0]
+    simulated = forced + free @ initial
     return FreeRun(simulated, recording.outputs - simulated, fit_percent(recording.outputs, simulated))
 
 
@@ -71,10 +73,20 @@ def common_offset(plant: PlantRecord, recordings: Sequence[Recording]) -> Array:
     never rests) gets little weight by the least squares itself.
     """
     outputs = len(plant.C)
-    free = block_diag(*(free_responses(plant, len(each)).reshape(-1, len(plant.A)) for each in recordings))
-    rest = np.concatenate([(each.outputs - simulate(plant, each.inputs)).reshape(-1) for each in recordings])
-    constants = np.tile(np.eye(outputs), (len(rest) // outputs, 1))
+    weights = _weights(recordings)
+    responses = [free_responses(plant, len(each)) * weights[:, None] for each in recordings]
+    free = block_diag(*(each.reshape(-1, len(plant.A)) for each in responses))
+    rest = np.concatenate(
+        [((each.outputs - simulate(plant, each.inputs)) * weights).reshape(-1) for each in recordings]
+    )
+    constants = np.tile(np.diag(weights), (len(rest) // outputs, 1))
     return np.asarray(lstsq(np.hstack([constants, free]), rest)[0][:outputs])
+
+
+def _weights(recordings: Sequence[Recording]) -> Array:
+    """One over the deviation of each output, so that their units don't matter beside one another, shape (p,)."""
+    spread = np.concatenate([each.outputs - each.outputs.mean(axis=0) for each in recordings]).std(axis=0)
+    return np.asarray(1.0 / np.where(spread > 0, spread, 1.0))
 
 
 def check_agreement(plant: PlantRecord, recording: Recording) -> None:
