@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import binomtest
 
-from archerfish.identification.excitation import linear_sweep, step
-from archerfish.identification.frequency import plant_response
-from archerfish.identification.gimbal import AxisIdentification, identify_axis
-from archerfish.identification.state_space import plant_poles, simulate
+from archerfish.identification.axis.gimbal import AxisIdentification, identify_axis
+from archerfish.identification.axis.state_space import plant_poles, simulate
+from archerfish.identification.excitation.signals import linear_sweep, step
+from archerfish.identification.validation.frequency import plant_response
 from archerfish.paper.gimbal import printed_plants
 from archerfish.records.plant import PlantRecord, dc_gain
 from archerfish.records.provenance import provenance

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.identification.excitation import linear_sweep, step
-from archerfish.identification.gimbal import AxisIdentification, identify_axis
-from archerfish.identification.state_space import plant_poles, simulate
-from archerfish.identification.validation import fit_percent
+from archerfish.identification.axis.gimbal import AxisIdentification, identify_axis
+from archerfish.identification.axis.state_space import plant_poles, simulate
+from archerfish.identification.excitation.signals import linear_sweep, step
+from archerfish.identification.validation.free_run import fit_percent
 from archerfish.paper.gimbal import printed_plants
 from archerfish.records.plant import PlantRecord
 from archerfish.records.recording import Recording, make_recording

@@ -18,7 +18,7 @@ from rich.table import Table
 
 from archerfish.dynamics.muzzle import direction
 from archerfish.dynamics.pellet import quadratic_crossing
-from archerfish.identification.muzzle_likelihood import MuzzleIdentification, identify_muzzle
+from archerfish.identification.muzzle.likelihood import MuzzleIdentification, identify_muzzle
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.paper.tables import landing_table
 from archerfish.records import storage

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from archerfish.identification.sensing import identify_sensing
+from archerfish.identification.sensing.estimate import identify_sensing
 from archerfish.records.provenance import provenance
 from archerfish.records.sensing import sensing_values
 from archerfish.records.storage import write_json

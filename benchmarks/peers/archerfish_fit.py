@@ -2,7 +2,7 @@
 
 from protocol import Case, Model, main
 
-from archerfish.identification.gimbal import identify_axis
+from archerfish.identification.axis.gimbal import identify_axis
 from archerfish.records.recording import make_recording
 
 

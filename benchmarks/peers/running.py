@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from archerfish.identification.validation import free_run
+from archerfish.identification.validation.free_run import free_run
 from archerfish.records.plant import PlantRecord
 from archerfish.records.recording import make_recording
 from identification_cases import Case, Log

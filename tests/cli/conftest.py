@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from archerfish.cli.main import main
-from archerfish.identification.state_space import simulate
+from archerfish.identification.axis.state_space import simulate
 from archerfish.records.plant import PlantRecord, write_plant
 from archerfish.records.policy import PolicyRecord, write_policy
 from archerfish.records.recording import make_recording, write_recording_csv

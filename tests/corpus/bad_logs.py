@@ -576,6 +576,13 @@ def a_constant_input(folder):
     return csv(folder, time, 0 * u + 2.0, y)
 
 
+@fault("refused", "dependent-inputs")
+def two_inputs_that_are_one(folder):
+    time, u, y = sound()
+    rows = "\n".join(f"{t:.10g},{a:.10g},{2 * a:.10g},{b:.10g}" for t, a, b in zip(time, u, y, strict=True))
+    return [write(folder, f"time_s,u,v,y\n{rows}\n"), "--input", "u", "v"]
+
+
 @fault("refused", "constant-output")
 def an_axis_that_never_moves(folder):
     time, u, y = sound()

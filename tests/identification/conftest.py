@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from archerfish.dynamics.pellet import flat_fire_crossing
-from archerfish.identification.landing import landing_distance
-from archerfish.identification.state_space import simulate
+from archerfish.identification.axis.state_space import simulate
+from archerfish.identification.muzzle.landing import landing_distance
 from archerfish.records.plant import PlantRecord
 from archerfish.records.recording import make_recording
 from archerfish.records.shots import Shots

@@ -12,7 +12,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
-from archerfish.identification.landing import landing_distance as flat_fire_landing
+from archerfish.identification.muzzle.landing import landing_distance as flat_fire_landing
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_matrix, printed_plants
 from archerfish.paper.tables import HitRateRow, hit_rate_table, landing_table

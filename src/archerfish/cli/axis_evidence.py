@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from archerfish.cli.axis_picture import simulated_run
 from archerfish.figures.identification import SimulatedRun
-from archerfish.identification.confidence_bands import band, drawn_poles, parameter_errors
-from archerfish.identification.frequency import natural_frequency_hz
-from archerfish.identification.gimbal import AxisIdentification
-from archerfish.identification.order_choice import OrderTrial
-from archerfish.identification.residual_tests import ResidualTests, long_enough, residual_tests
+from archerfish.identification.axis.gimbal import AxisIdentification
+from archerfish.identification.axis.order_choice import OrderTrial
+from archerfish.identification.validation.confidence_bands import band, drawn_poles, parameter_errors
+from archerfish.identification.validation.frequency import natural_frequency_hz
+from archerfish.identification.validation.residual_tests import ResidualTests, long_enough, residual_tests
 from archerfish.records.findings import Finding
 from archerfish.records.plant import dc_gain
 from archerfish.records.recording import Recording
@@ -85,11 +85,6 @@ class AxisEvidence:
     def of_kind(self, kind: str) -> list[LogEvidence]:
         """Return the recordings for "training" or for "validation"."""
         return [log for log in self.logs if log.kind == kind]
-
-    @property
-    def driven_band_hz(self) -> tuple[float, float]:
-        """Frequencies that the fitted inputs excite [Hz]."""
-        return self.result.excited_band_hz
 
 
 def gather_evidence(

@@ -18,7 +18,7 @@ from archerfish.figures.pole_map import pole_figure
 from archerfish.figures.residuals import correlation_figure
 from archerfish.figures.step_response import unit_step_figure
 from archerfish.figures.style import svg_text
-from archerfish.identification.residual_tests import ResidualTests
+from archerfish.identification.validation.residual_tests import ResidualTests
 
 _RUNS_DRAWN = 4
 """Logs that are drawn; each is some hundred kilobytes, and a table tells the others."""
@@ -81,7 +81,7 @@ def _numbers(evidence: AxisEvidence) -> dict[str, Any]:
         ],
         "offset": float(result.offset[0]),
         "residual_sd": float(result.residual_sd[0]),
-        "band": evidence.driven_band_hz,
+        "band": result.excited_band_hz,
         "trials": evidence.trials,
         "poles": [_pole(each) for each in pole_evidence(result) if each.pole.imag >= 0],
     }
@@ -100,7 +100,7 @@ def _pictures(evidence: AxisEvidence, output: str) -> dict[str, Any]:
     logs = [*evidence.of_kind("validation"), *evidence.of_kind("training")]
     drawn = logs[:_RUNS_DRAWN]
     fitted = [log.recording for log in evidence.of_kind("training")]
-    poles = pole_figure(pole_map(result, result.determined, evidence.driven_band_hz))
+    poles = pole_figure(pole_map(result, result.determined, result.excited_band_hz))
     steps = unit_step_figure(unit_steps(result), output=output)
     return {
         "runs": [_run(log, f"run-{index}", result.plant.axis, output) for index, log in enumerate(drawn)],

@@ -11,18 +11,18 @@ from archerfish.figures.identification import SimulatedRun, axis_figure
 from archerfish.figures.pole_map import PoleMap
 from archerfish.figures.residuals import CorrelationPanel
 from archerfish.figures.step_response import StepResponse
-from archerfish.identification.confidence_bands import (
+from archerfish.identification.axis.gimbal import AxisIdentification
+from archerfish.identification.axis.state_space import simulate
+from archerfish.identification.validation.confidence_bands import (
     band,
     drawn_outputs,
     drawn_poles,
     drawn_responses,
     parameter_errors,
 )
-from archerfish.identification.frequency import driven_band_hz, measured_response, plant_response
-from archerfish.identification.gimbal import AxisIdentification
-from archerfish.identification.residual_tests import ResidualTests
-from archerfish.identification.state_space import simulate
-from archerfish.identification.validation import free_run
+from archerfish.identification.validation.free_run import free_run
+from archerfish.identification.validation.frequency import driven_band_hz, measured_response, plant_response
+from archerfish.identification.validation.residual_tests import ResidualTests
 from archerfish.records.plant import dc_gain
 from archerfish.records.recording import Recording
 

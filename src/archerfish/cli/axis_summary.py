@@ -47,7 +47,6 @@ def axis_summary(evidence: AxisEvidence, verdict: Verdict, files: Sequence[Path]
         "offset": float(result.offset[0]),
         "residual_sd": float(result.residual_sd[0]),
         "excited_band_hz": list(result.excited_band_hz),
-        "driven_band_hz": list(evidence.driven_band_hz),
         "poles": [_pole(each) for each in pole_evidence(result)],
         "orders_tried": [each._asdict() for each in evidence.trials],
         "training": [_log(each) for each in evidence.of_kind("training")],
@@ -99,7 +98,7 @@ def print_axis(console: Console, evidence: AxisEvidence, verdict: Verdict, files
     ):
         source = f" from {name}" if len(result.plant.input_names) > 1 else ""
         table.add_row(f"steady gain{source}", gain_words(gain, interval))
-    table.add_row("excited band", "{:.3g}–{:.3g} Hz".format(*evidence.driven_band_hz))
+    table.add_row("excited band", "{:.3g}–{:.3g} Hz".format(*result.excited_band_hz))
     for pole in pole_evidence(result):
         if pole.pole.imag >= 0:
             table.add_row("pole" if pole.determined else "pole, not determined", pole_words(pole))

@@ -11,7 +11,7 @@ from archerfish.cli.axis_evidence import (
     LogEvidence,
     steady_gains,
 )
-from archerfish.identification.frequency import driven_band_hz
+from archerfish.identification.validation.frequency import driven_band_hz
 
 USABLE_FIT_PERCENT = 80.0
 """Below it more than a fifth of the motion is unexplained; clean logs of a gimbal give 95 % and more."""
@@ -96,12 +96,12 @@ def _unknown_below(evidence: AxisEvidence) -> float | None:
         length_s = len(log.recording) * log.recording.sample_period_s
         if driven_band_hz([log.recording])[0] <= _GAP_LINES / length_s:
             return None
-    return evidence.driven_band_hz[0]
+    return evidence.result.excited_band_hz[0]
 
 
 def _known(evidence: AxisEvidence) -> Iterator[str]:
     result = evidence.result
-    low, high = evidence.driven_band_hz
+    low, high = evidence.result.excited_band_hz
     yield f"The inputs excite {low:.3g}–{high:.3g} Hz; outside, the model is an extrapolation."
     yield f"The input delay is {delay_words(evidence)}."
     for name, gain, interval in zip(

@@ -14,9 +14,9 @@ from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
 from archerfish.figures.excitation import CommandRun, ResponseBand, excitation_figure
 from archerfish.figures.style import save_figure
-from archerfish.identification.excitation_plan import ExcitationSettings, Kind, PlannedLog, plan_logs
-from archerfish.identification.experiment_design import ExperimentPrediction, predict_experiment
-from archerfish.identification.parallel_sections import second_order_plant
+from archerfish.identification.excitation.experiment_design import ExperimentPrediction, predict_experiment
+from archerfish.identification.excitation.parallel_sections import second_order_plant
+from archerfish.identification.excitation.plan import ExcitationSettings, Kind, PlannedLog, plan_logs
 from archerfish.paper.gimbal import gate_limits
 from archerfish.records import storage
 from archerfish.records.errors import InputError

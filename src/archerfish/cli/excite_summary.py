@@ -9,8 +9,8 @@ from rich.console import Console
 from rich.table import Table
 
 from archerfish.cli.summary_end import print_end
-from archerfish.identification.excitation_plan import PlannedLog
-from archerfish.identification.experiment_design import Expected, ExperimentPrediction
+from archerfish.identification.excitation.experiment_design import Expected, ExperimentPrediction
+from archerfish.identification.excitation.plan import PlannedLog
 from archerfish.records.limits import AxisLimits
 
 Summary = dict[str, Any]

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from archerfish.cli.axis_evidence import Log
-from archerfish.identification.log_doctor import examine_log, examine_together
+from archerfish.identification.doctor.log_doctor import examine_log, examine_together
 from archerfish.records.errors import InputError
 from archerfish.records.findings import Finding
 from archerfish.records.log_files import log_parts, read_log

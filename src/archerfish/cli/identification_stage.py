@@ -12,11 +12,11 @@ from archerfish.cli.axis_picture import axis_picture, simulated_run
 from archerfish.cli.workers import Task, run_tasks
 from archerfish.evaluation.results import LackOfFit, StepResponse, Table1, Table1Row
 from archerfish.figures.style import save_figure
-from archerfish.identification.excitation import linear_sweep, step
-from archerfish.identification.gimbal import AxisIdentification, identify_axis
-from archerfish.identification.muzzle_likelihood import identify_muzzle
-from archerfish.identification.state_space import simulate
-from archerfish.identification.validation import fit_percent
+from archerfish.identification.axis.gimbal import AxisIdentification, identify_axis
+from archerfish.identification.axis.state_space import simulate
+from archerfish.identification.excitation.signals import linear_sweep, step
+from archerfish.identification.muzzle.likelihood import identify_muzzle
+from archerfish.identification.validation.free_run import fit_percent
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.paper.tables import landing_table
 from archerfish.records.plant import PlantRecord, dc_gain, write_plant

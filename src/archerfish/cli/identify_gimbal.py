@@ -17,8 +17,8 @@ from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
 from archerfish.figures.style import save_figure
-from archerfish.identification.gimbal import AxisIdentification, identify_axis
-from archerfish.identification.order_choice import OrderTrial, choose_order
+from archerfish.identification.axis.gimbal import AxisIdentification, identify_axis
+from archerfish.identification.axis.order_choice import OrderTrial, choose_order
 from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.log_files import log_parts

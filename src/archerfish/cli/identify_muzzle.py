@@ -14,8 +14,8 @@ from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
 from archerfish.figures.shots import ShotGroups, shots_figure
 from archerfish.figures.style import save_figure
-from archerfish.identification.muzzle_likelihood import MuzzleIdentification, identify_muzzle
-from archerfish.identification.muzzle_model import Flight
+from archerfish.identification.muzzle.likelihood import MuzzleIdentification, identify_muzzle
+from archerfish.identification.muzzle.model import Flight
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.records.errors import InputError
 from archerfish.records.muzzle import write_muzzle

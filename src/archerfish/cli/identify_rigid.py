@@ -15,7 +15,7 @@ from archerfish.cli.rigid_summary import Summary, print_rigid, rigid_summary
 from archerfish.cli.run_folder import run_folder
 from archerfish.figures.rigid_axis import RigidRun, rigid_figure
 from archerfish.figures.style import save_figure
-from archerfish.identification.rigid_fit import RigidIdentification, identify_rigid_axis
+from archerfish.identification.rigid.fit import RigidIdentification, identify_rigid_axis
 from archerfish.records.errors import InputError
 from archerfish.records.findings import Finding
 from archerfish.records.log_files import log_parts

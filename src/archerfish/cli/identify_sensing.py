@@ -13,7 +13,7 @@ from archerfish.cli.run_folder import run_folder
 from archerfish.cli.sensing_summary import Summary, print_sensing, sensing_summary
 from archerfish.figures.sensing import AlignmentData, sensing_figure
 from archerfish.figures.style import save_figure
-from archerfish.identification.sensing import GimbalClock, SensingIdentification, identify_sensing
+from archerfish.identification.sensing.estimate import GimbalClock, SensingIdentification, identify_sensing
 from archerfish.records.errors import InputError
 from archerfish.records.provenance import provenance
 from archerfish.records.sensing import write_sensing

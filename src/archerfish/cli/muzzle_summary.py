@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from archerfish.cli.summary_end import print_end
-from archerfish.identification.muzzle_likelihood import MuzzleIdentification
+from archerfish.identification.muzzle.likelihood import MuzzleIdentification
 from archerfish.records.shots import Shots, vertical_measurement
 
 Summary = dict[str, Any]

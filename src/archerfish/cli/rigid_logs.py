@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.identification.doctor_signals import unwrapped
-from archerfish.identification.doctor_time import Piece, equal_intervals, usable_rows
-from archerfish.identification.rigid_checks import FEWEST_SAMPLES
+from archerfish.identification.doctor.signals import unwrapped
+from archerfish.identification.doctor.time_stamps import Piece, equal_intervals, usable_rows
+from archerfish.identification.rigid.checks import FEWEST_SAMPLES
 from archerfish.records.findings import Finding
 from archerfish.records.log_files import read_log
 from archerfish.records.log_table import stated_unit

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from archerfish.cli.summary_end import print_end
-from archerfish.identification.rigid_fit import RigidIdentification
+from archerfish.identification.rigid.fit import RigidIdentification
 from archerfish.records.findings import Finding
 from archerfish.records.recording import Recording
 

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from archerfish.cli.summary_end import print_end
-from archerfish.identification.sensing import SensingIdentification
+from archerfish.identification.sensing.estimate import SensingIdentification
 
 Summary = dict[str, Any]
 

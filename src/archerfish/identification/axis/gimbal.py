@@ -1,0 +1,214 @@
+"""Identification of one gimbal axis: recordings in, plant record out, eqs (11)–(16).
+
+The input delay and whether the plant has a direct feedthrough are chosen by Bayes's information criterion among
+refined fits; every plant it returns is stable. Several recordings are separate experiments on one plant, each with its
+own initial state and offset (an encoder's zero is no property of the dynamics). Several outputs share the poles.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from archerfish.identification.axis.informative_lines import heard_band
+from archerfish.identification.axis.modal_form import Poles, sections_from_numbers, state_matrices
+from archerfish.identification.axis.pole_refinement import refine_poles
+from archerfish.identification.axis.state_space import balanced
+from archerfish.identification.axis.steady_gain import constrained_gain
+from archerfish.identification.axis.structure_search import Found, search_plant
+from archerfish.identification.axis.trust import pole_remarks, trusted_poles
+from archerfish.identification.axis.uncertainty import (
+    Posterior,
+    draw_parameters,
+    interval,
+    posterior,
+    standard_deviations,
+    steady_gain,
+    transfer,
+)
+from archerfish.identification.doctor.checks import check_recordings
+from archerfish.identification.validation.free_run import common_offset, free_run
+from archerfish.identification.validation.frequency import driven_band_hz
+from archerfish.records.errors import InputError
+from archerfish.records.plant import PlantRecord
+from archerfish.records.recording import Recording
+
+Array = NDArray[np.float64]
+
+DRAWS = 100
+"""Posterior draws that a plant record carries."""
+
+
+@dataclass(frozen=True)
+class AxisIdentification:
+    """An identified axis and how it came about."""
+
+    plant: PlantRecord
+    """The plant, stable and with well-scaled states, and draws from its posterior."""
+    offset: Array
+    """Constant between simulated and measured outputs that the recordings share, in their units, shape (p,)."""
+    fit_percent: tuple[float, ...]
+    """Fit of each training recording in free run, mean over the outputs [%]."""
+    residual_sd: Array
+    """Standard deviation of the training residuals of each output, in its units, shape (p,)."""
+    delay_range: tuple[int, int]
+    """Delays that the recordings don't reject at 95 % [samples]."""
+    longest_delay: int
+    """Longest delay that was allowed [samples]."""
+    dc_gain_interval: tuple[tuple[float, float], ...]
+    """95 % interval of the first output's steady gain per input."""
+    poles: Poles
+    """Poles in the z plane, slowest first, shape (order,)."""
+    pole_sd: tuple[Array, Array]
+    """Standard deviations of their real and imaginary parts, shape (order,) each."""
+    determined: NDArray[np.bool_]
+    """Whether the recordings determine each pole, shape (order,)."""
+    excited_band_hz: tuple[float, float]
+    """Lowest and highest frequency that the inputs excite [Hz]."""
+    remarks: tuple[str, ...]
+    """What may spoil the estimate, each a sentence."""
+    parameters: Posterior
+    """All parameters with their covariance, for outputs in units of `output_scale`."""
+    output_scale: Array
+    """Unit of the parameters' outputs, shape (p,)."""
+
+    def gain_interval(self, frequency_hz: Array) -> tuple[Array, Array]:
+        """95 % interval of the gain |G| of the first output from the first input at frequencies [Hz], shape (F,)."""
+        lag = np.exp(-2j * np.pi * frequency_hz * self.plant.sample_period_s)
+
+        def gain(at: Posterior) -> Array:
+            return np.asarray(np.abs(transfer(at, lag)[:, 0, 0]) * self.output_scale[0])
+
+        return interval(gain(self.parameters), standard_deviations(self.parameters, gain))
+
+
+def identify_axis(
+    recordings: Sequence[Recording],
+    order: int = 4,
+    *,
+    max_delay: int = 20,
+    axis: str = "axis",
+    seed: int = 0,
+    dc_gain: Sequence[float] | None = None,
+) -> AxisIdentification:
+    """Identify the linear plant of an axis.
+
+    Args:
+      recordings: one input and any outputs, or any inputs and one output, the same and of the same sampling period in
+        each; they are separate experiments.
+      order: number of states.
+      max_delay: longest input delay that is tried [samples].
+      axis: name for the record.
+      seed: of the posterior draws.
+      dc_gain: steady gain from each input to the one output, where it is known: the plant is held to it.
+
+    Returns:
+      The plant with its diagnostics.
+
+    Raises:
+      InputError: if the recordings can't bear the estimate; see `check_recordings`.
+    """
+    remarks = check_recordings(recordings, order)
+    if max_delay < 0:
+        raise InputError(f"max_delay must be at least 0, got {max_delay}; give the longest delay to try in samples")
+    max_delay = min(max_delay, min(len(recording) for recording in recordings) // 10)
+    scale = _spread(recordings)
+    found = search_plant(recordings, order, max_delay, scale)
+    if scale.size > 1:
+        # The most likely plant weighs each output by its noise, which only a fit can tell.
+        scale = scale * np.sqrt(np.mean(found.refinement.fit.residuals.reshape(scale.size, -1) ** 2, axis=1))
+        found = search_plant(recordings, order, max_delay, scale)
+    if dc_gain is not None:
+        found = _with_gain(found, dc_gain, scale)
+    known = posterior(found.problem, found.refinement)
+    period = recordings[0].sample_period_s
+    band = _band_hz(recordings, found)
+    trust = trusted_poles(known, found.refinement.sections, band, period)
+    drawn = draw_parameters(known, trust.held, found.problem, DRAWS, np.random.default_rng(seed))
+    plant = _plant(recordings[0], known, drawn, scale, found.delay, axis)
+    offset = common_offset(plant, recordings)
+    runs = [free_run(plant, each, offset) for each in recordings]
+    gains = interval(steady_gain(known), standard_deviations(known, steady_gain))
+    low, high = (ends[0] * scale[0] for ends in gains)
+    return AxisIdentification(
+        plant=plant,
+        offset=offset,
+        fit_percent=tuple(float(each.fit_percent.mean()) for each in runs),
+        residual_sd=np.concatenate([each.residual for each in runs]).std(axis=0),
+        delay_range=_delay_range(found, known.inflation),
+        longest_delay=max_delay,
+        dc_gain_interval=tuple(zip(low.tolist(), high.tolist(), strict=True)),
+        poles=trust.poles,
+        pole_sd=(trust.real_sd, trust.imaginary_sd),
+        determined=trust.determined,
+        excited_band_hz=band,
+        remarks=(*remarks, *pole_remarks(trust, period)),
+        parameters=known,
+        output_scale=scale,
+    )
+
+
+def _with_gain(found: Found, gains: Sequence[float], scale: Array) -> Found:
+    inputs = found.problem.experiments[0].inputs.shape[1]
+    if scale.size > 1 or len(gains) != inputs or not np.all(np.isfinite(gains)):
+        raise InputError(
+            f"dc_gain must be one finite gain for each of {inputs} inputs of an axis with one output, "
+            f"got {list(gains)} for {scale.size} outputs; give as many gains as inputs"
+        )
+    problem = constrained_gain(found.problem, gains, float(scale[0]))
+    return found._replace(problem=problem, refinement=refine_poles(found.refinement.sections, problem))
+
+
+def _band_hz(recordings: Sequence[Recording], found: Found) -> tuple[float, float]:
+    """Frequencies that were excited on purpose, and those above at which the response stands out of the noise [Hz].
+
+    Not those below: what the ends of a sweep leak there is seen, but at a few percent of its strength.
+    """
+    low, high = driven_band_hz(recordings)
+    heard = heard_band(found.problem, found.refinement)
+    highest = 0.0 if heard is None else heard[1] / (2 * np.pi * recordings[0].sample_period_s)
+    return low, max(high, highest)
+
+
+def _spread(recordings: Sequence[Recording]) -> Array:
+    """Return the standard deviation of each output over all recordings, shape (p,)."""
+    centred = np.concatenate([each.outputs - each.outputs.mean(axis=0) for each in recordings])
+    return np.asarray(np.sqrt(np.mean(centred**2, axis=0)))
+
+
+def _plant(
+    recording: Recording, known: Posterior, drawn: Sequence[Posterior], scale: Array, delay: int, axis: str
+) -> PlantRecord:
+    best, *draws = (_matrices(each, scale) for each in (known, *drawn))
+    plant = PlantRecord(
+        **best,
+        delay_samples=delay,
+        sample_period_s=recording.sample_period_s,
+        axis=axis,
+        input_names=recording.input_names,
+        output_names=recording.output_names,
+        draws={name: np.stack([each[name] for each in draws]) for name in best},
+    )
+    return balanced(plant)
+
+
+def _matrices(known: Posterior, scale: Array) -> dict[str, Any]:
+    sections = sections_from_numbers(known.free)
+    numerators = (known.linear[: known.order * known.inputs] * scale).reshape(known.order, known.inputs, scale.size)
+    A, B, C = state_matrices(sections, numerators)
+    D = np.zeros((scale.size, known.inputs))
+    if known.feedthrough:
+        D = (known.linear[known.order * known.inputs :] * scale).T
+    return {"A": A, "B": B, "C": C, "D": D}
+
+
+def _delay_range(found: Found, inflation: float) -> tuple[int, int]:
+    """Delays within the likelihood ratio's 95 %, the residuals' colour allowed for."""
+    best = min(found.sketches.values())
+    # Poles and zeros that are loosely known make up for a sample more or less: as many parameters move with the delay.
+    limit = float(chi2.ppf(0.95, len(found.refinement.fit.numerators))) * max(1.0, inflation) / found.sketch_rows
+    kept = [delay for delay, cost in found.sketches.items() if np.log(cost / best) <= limit]
+    return min(*kept, found.delay), max(*kept, found.delay)

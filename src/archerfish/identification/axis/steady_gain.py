@@ -1,0 +1,39 @@
+"""The steady gain as a constraint: known from the drawing, or from a static measurement, and not up to the logs."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from archerfish.identification.axis.pole_refinement import Problem
+from archerfish.identification.axis.simulation_fit import Penalty
+
+_FIRMNESS = 1e4
+"""Weight of the constraint over the size of the measured outputs; the gain is then held to about its inverse square."""
+
+
+def constrained_gain(problem: Problem, gains: Sequence[float], scale: float) -> Problem:
+    """Add to a problem with one output that its steady gains be what is given.
+
+    Args:
+      problem: experiments with m inputs and one output in units of `scale`.
+      gains: steady output per steady input of each input, in units of the output, m numbers.
+      scale: unit of the problem's output.
+    """
+    size = np.sqrt(sum(float(np.sum(np.abs(each.outputs) ** 2)) for each in problem.experiments))
+    weight = _FIRMNESS * size / max(np.max(np.abs(gains)) / scale, np.finfo(float).tiny)
+    point, rows = np.ones(1, np.complex128), np.array([[weight, 0.0]])
+    wished = [weight * np.full((1, 1), gain / scale) for gain in gains]
+    old = problem.penalty
+    if old is None:
+        return problem._replace(penalty=Penalty(point, tuple(rows for _ in gains), tuple(wished)))
+    joined = tuple(_beside(each, rows) for each in old.rows)
+    targets = tuple(np.concatenate(pair) for pair in zip(old.targets, wished, strict=True))
+    return problem._replace(penalty=Penalty(np.append(old.lag, point), joined, targets, old.pull))
+
+
+def _beside(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Join weights over different points, shape (rows, 2 points) each, real parts over all before imaginary parts."""
+    halves = [np.hsplit(each, 2) for each in (one, other)]
+    return np.hstack([block_diag(*parts) for parts in zip(*halves, strict=True)])

@@ -1,0 +1,283 @@
+"""How sure an identified axis is: the covariance of its parameters, with residuals of any colour.
+
+Residuals of real logs are coloured, and a covariance that takes them for white is several times too small. Between
+lines of a spectrum, though, stationary noise is as good as uncorrelated, whatever its colour; only its power differs.
+So the sandwich
+
+    H⁻¹ (Σ_lines S_k J_kᵀ J_k) H⁻¹,    H = Σ_lines J_kᵀ J_k + prior,
+
+with the power S_k of the residuals around each line, each corrected for what the fit has taken of it (its leverage), is
+right for white and for coloured noise.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.stats import chi2, norm
+
+from archerfish.identification.axis.informative_lines import thinned
+from archerfish.identification.axis.modal_form import (
+    Poles,
+    Sections,
+    coefficient_slopes,
+    free_numbers,
+    section_offsets,
+    section_poles,
+    sections_from_numbers,
+)
+from archerfish.identification.axis.pole_refinement import Problem, Refinement
+from archerfish.identification.axis.simulation_fit import (
+    design_rows,
+    fit_linear_parameters,
+    linear_parameters,
+    penalty_rows,
+    transfer_columns,
+)
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_STEP = 1e-6
+_FOLLOWED_LINES = 100
+_LARGEST_LEVERAGE = 0.9
+_SIGNIFICANT = chi2.cdf(9.0, 1)
+"""Confidence of three standard deviations."""
+
+
+class Posterior(NamedTuple):
+    """Parameters of an axis, normally distributed about their estimates."""
+
+    free: Array
+    """Free numbers of the poles, shape (n,)."""
+    linear: Array
+    """Numerators and, if estimated, feedthrough of each output, shape (c, p)."""
+    covariance: Array
+    """Of the free numbers, then the linear parameters output by output, shape (n + c p, n + c p)."""
+    inputs: int
+    """Number of inputs m."""
+    feedthrough: bool
+    """Whether `linear` ends with a feedthrough."""
+    inflation: float
+    """Variance of the parameters over what it were if the residuals were white (median over the parameters)."""
+
+    @property
+    def order(self) -> int:
+        """Number of poles n."""
+        return self.free.size
+
+
+def posterior(problem: Problem, refinement: Refinement) -> Posterior:
+    """Find the distribution of the parameters of a fit.
+
+    Args:
+      problem: what was fitted, all lines.
+      refinement: its optimum.
+    """
+    free = free_numbers(refinement.sections)
+    linear = linear_parameters(refinement.fit, problem.feedthrough)
+    turn = coefficient_slopes(free)
+    rows = [design_rows(refinement.sections, each, problem.feedthrough, refinement.fit) for each in problem.experiments]
+    inputs, outputs = problem.experiments[0].inputs.shape[1], linear.shape[1]
+    wishes = None
+    if problem.penalty is not None:
+        wishes = penalty_rows(refinement.sections, problem.penalty, inputs, problem.feedthrough, refinement.fit)
+    residuals = _residuals(problem, refinement, outputs)
+    size = free.size + linear.size
+    curvature, spread = np.zeros((size, size)), np.zeros((size, size))
+    white = np.zeros((size, size))
+    for output in range(outputs):
+        designs = [_design(by_linear, slopes[output] @ turn, output, linear) for by_linear, slopes in rows]
+        data = sum(design.T @ design for design in designs)
+        prior = np.zeros_like(curvature)
+        if wishes is not None and problem.penalty is not None:
+            wished = _design(wishes[0], wishes[1][output] @ turn, output, linear)
+            prior = wished.T @ wished
+            prior[: free.size, : free.size] += problem.penalty.pull / outputs * np.eye(free.size)
+        inverse = _inverse(data + prior)
+        powers = [_powers(design, each, inverse) for design, each in zip(designs, residuals[output], strict=True)]
+        variance = float(np.mean(np.concatenate(powers)))
+        curvature += data + prior
+        white += variance * (data + prior)
+        spread += variance * prior
+        spread += sum(
+            design.T @ (np.tile(power, 2)[:, None] * design) for design, power in zip(designs, powers, strict=True)
+        )
+    inverse = _inverse(curvature)
+    covariance = inverse @ spread @ inverse
+    plain = np.diag(inverse @ white @ inverse)
+    inflation = float(np.median(np.diag(covariance)[plain > 0] / plain[plain > 0]))
+    return Posterior(free, linear, covariance, inputs, problem.feedthrough, inflation)
+
+
+def _residuals(problem: Problem, refinement: Refinement, outputs: int) -> list[list[Array]]:
+    """Output → experiment → residuals, real over imaginary parts."""
+    counts = [2 * each.lag.size for each in problem.experiments]
+    by_output = refinement.fit.residuals.reshape(outputs, -1)
+    return [np.split(rows[: sum(counts)], np.cumsum(counts)[:-1]) for rows in by_output]
+
+
+def _design(by_linear: Array, by_free: Array, output: int, linear: Array) -> Array:
+    """One output's rows of the Jacobian over all parameters."""
+    design = np.zeros((len(by_linear), by_free.shape[1] + linear.size))
+    design[:, : by_free.shape[1]] = by_free
+    start = by_free.shape[1] + output * len(linear)
+    design[:, start : start + len(linear)] = by_linear
+    return design
+
+
+def _inverse(matrix: Array) -> Array:
+    """Invert a Gram matrix; directions that nothing determines get no variance."""
+    scale = np.sqrt(np.diag(matrix))
+    scale[scale == 0] = 1.0
+    units = np.outer(scale, scale)
+    return np.asarray(np.linalg.pinv(matrix / units, rcond=1e-13, hermitian=True) / units)
+
+
+def _powers(design: Array, residual: Array, inverse: Array) -> Array:
+    """Mean square of a residual's real and imaginary part around each line, shape (F,)."""
+    leverage = np.einsum("ij,jk,ik->i", design, inverse, design)
+    kept = 1 - np.minimum(leverage, _LARGEST_LEVERAGE)
+    square = residual**2 / kept
+    lines = residual.size // 2
+    power = 0.5 * (square[:lines] + square[lines:])
+    return np.asarray(uniform_filter1d(power, 2 * max(2, round(np.sqrt(lines) / 2)) + 1, mode="nearest"))
+
+
+def standard_deviations(known: Posterior, function: Callable[[Posterior], Array]) -> Array:
+    """Return the standard deviations of what is computed from the parameters, by the delta method.
+
+    Args:
+      known: the parameters.
+      function: of them, to an array of any shape.
+
+    Returns:
+      Same shape as the function's.
+    """
+    jacobian = _slopes(known, function, known.free.size + known.linear.size)
+    variance = np.einsum("i...,ij,j...->...", jacobian, known.covariance, jacobian)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
+def _slopes(known: Posterior, function: Callable[[Posterior], Array], count: int) -> Array:
+    """Differentiate a function by the first few parameters, shape (count, …)."""
+    slopes = []
+    point = np.concatenate([known.free, known.linear.T.reshape(-1)])
+    for index in range(count):
+        step = _STEP * max(1.0, abs(point[index]))
+        sides = [function(_moved(known, point, index, sign * step)) for sign in (1.0, -1.0)]
+        slopes.append((sides[0] - sides[1]) / (2 * step))
+    return np.stack(slopes)
+
+
+def interval(value: Array, deviation: Array, level: float = 0.95) -> tuple[Array, Array]:
+    """Return the two ends of a normal interval; value, deviation and ends have one shape."""
+    half = norm.ppf(0.5 + level / 2) * deviation
+    return value - half, value + half
+
+
+def _moved(known: Posterior, point: Array, index: int, step: float) -> Posterior:
+    moved = point.copy()
+    moved[index] += step
+    return _at(known, moved)
+
+
+def _at(known: Posterior, point: Array) -> Posterior:
+    linear = point[known.order :].reshape(known.linear.shape[1], -1).T
+    return known._replace(free=point[: known.order], linear=linear)
+
+
+def transfer(known: Posterior, lag: ComplexArray) -> ComplexArray:
+    """Return the transfer function without its delay at points z⁻¹ = `lag`, shape (P, p, m)."""
+    sections = sections_from_numbers(known.free)
+    columns = transfer_columns(sections, lag, known.inputs, known.feedthrough)
+    return np.stack([each @ known.linear for each in columns], axis=2)
+
+
+def steady_gain(known: Posterior) -> Array:
+    """Return the steady output per steady input, shape (p, m)."""
+    return np.asarray(transfer(known, np.ones(1, np.complex128))[0].real)
+
+
+def pole_deviations(known: Posterior) -> tuple[Poles, Array, Array]:
+    """Return the poles, section by section, and the deviations of their real and imaginary parts, shape (n,) each."""
+    real, imaginary = standard_deviations(known, _places)
+    return section_poles(sections_from_numbers(known.free)), real, imaginary
+
+
+def pole_slopes(known: Posterior) -> Array:
+    """Return ∂(real and imaginary part of each pole)/∂(free numbers), shape (n poles, 2, n)."""
+    return _slopes(known, _places, known.order).transpose(2, 1, 0)
+
+
+def _places(known: Posterior) -> Array:
+    poles = section_poles(sections_from_numbers(known.free))
+    return np.stack([poles.real, poles.imag])
+
+
+def heard_sections(known: Posterior, sections: Sections) -> list[bool]:
+    """Tell for each section whether what it adds to some output is three standard deviations from nothing."""
+    heard = []
+    for start, section in section_offsets(sections):
+        entries = slice(start * known.inputs, (start + section.size) * known.inputs)
+        found = False
+        for output in range(known.linear.shape[1]):
+            place = known.order + output * len(known.linear)
+            block = known.covariance[
+                place + entries.start : place + entries.stop, place + entries.start : place + entries.stop
+            ]
+            values = known.linear[entries, output]
+            distance = float(values @ _inverse(block) @ values) if np.any(block) else np.inf
+            found = found or distance > chi2.ppf(_SIGNIFICANT, values.size)
+        heard.append(found)
+    return heard
+
+
+def draw_parameters(
+    known: Posterior, held: Array, problem: Problem, count: int, generator: np.random.Generator
+) -> list[Posterior]:
+    """Draw from the distribution, given that poles that nothing determines stay where they were estimated.
+
+    A normal distribution says nothing about those, and the rest must not scatter as if they moved. The numerators
+    follow the poles drawn not by the tangent alone: the response in the band is far surer than either of them.
+
+    Args:
+      known: the parameters.
+      held: directions of the free numbers that don't move, shape (k, n).
+      problem: what was fitted.
+      count: number of draws.
+      generator: of the draws.
+    """
+    scale = np.sqrt(np.maximum(np.diag(known.covariance), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(known.covariance / np.outer(scale, scale))
+    root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    moves = generator.standard_normal((count, root.shape[1])) @ root.T
+    fixed = np.hstack([held, np.zeros((len(held), known.linear.size))])
+    with_fixed = fixed @ known.covariance
+    moves -= moves @ fixed.T @ _inverse(with_fixed @ fixed.T) @ with_fixed
+    follow = _follower(known, problem)
+    tangent = _slopes(known, lambda at: follow(at.free), known.order)
+    drawn = []
+    for move in moves:
+        straight = _at(known, move)
+        free = known.free + straight.free
+        bend = follow(free) - follow(known.free) - np.tensordot(straight.free, tangent, 1)
+        drawn.append(known._replace(free=free, linear=known.linear + straight.linear + bend))
+    return drawn
+
+
+def _follower(known: Posterior, problem: Problem) -> Callable[[Array], Array]:
+    """Return the function from free numbers to the linear parameters that keep the response nearest to the estimate."""
+    responses = [
+        each._replace(outputs=np.einsum("kpm,km->kp", transfer(known, each.lag), each.inputs))
+        for each in thinned(problem.experiments, _FOLLOWED_LINES)
+    ]
+    wishes = problem._replace(experiments=responses)
+
+    def follow(free: Array) -> Array:
+        fit = fit_linear_parameters(sections_from_numbers(free), *wishes, with_slopes=False)
+        return linear_parameters(fit, problem.feedthrough)
+
+    return follow

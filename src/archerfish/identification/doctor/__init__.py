@@ -1,0 +1,1 @@
+"""What is wrong with logs, said before anything is fitted to them."""

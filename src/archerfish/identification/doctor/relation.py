@@ -1,0 +1,192 @@
+"""The log doctor on what input and output have to do with each other: response, feedback, swapped columns, units."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import correlate, correlation_lags
+from scipy.stats import chi2, f
+
+from archerfish.identification.validation.frequency import MeasuredResponse, measured_response
+from archerfish.records.findings import Finding, Severity
+from archerfish.records.recording import Recording
+
+Array = NDArray[np.float64]
+
+_LAGS = 8
+_FUTURE = 12
+_MOST_SAMPLES = 20_000
+_FALSE_ALARM = 1e-4
+_FEEDBACK_SHARE = 0.02
+_SWAPPED_SHARE = 0.1
+_DETERMINISTIC = 1e-4
+_NOISELESS = 1e-9  # of the output's variance: rounding alone can look like anything
+_SCATTERED = 6.0  # standard deviations; the largest of thousands of chance correlations stays below
+
+_DEGREES = 180 / np.pi
+_UNIT_TOLERANCE = 1.15
+_FLIPPED = (0.7, 1.4)
+
+
+class _Causality(NamedTuple):
+    responds: bool  # past inputs foretell the output
+    foretold_share: float  # of the output's innovations by future inputs; 0 if chance explains it
+
+
+def relation_findings(recording: Recording, max_delay: int) -> list[Finding]:
+    """Return what the input and the output of a recording show together.
+
+    The output's innovations (what neither its past nor the past inputs foretell) must be unrelated to the inputs that
+    follow. Where they are, the input was made from the output: feedback, or the columns are swapped. Söderström and
+    Stoica, System Identification, 1989, section 11.8, test the same by the residuals' correlation at negative lags.
+
+    Args:
+      recording: one output.
+      max_delay: longest delay that is looked for [samples].
+
+    Returns:
+      Findings; "no-response" is one that refuses.
+    """
+    y = _standard(recording.outputs[:_MOST_SAMPLES, 0])
+    inputs = [_standard(signal) for signal in recording.inputs[:_MOST_SAMPLES].T]
+    if len(y) < 20 * (_LAGS + max_delay) or min(y.std(), *(u.std() for u in inputs)) == 0:
+        return []
+    found = [_causality(u, y, max_delay) for u in inputs]
+    swapped = len(inputs) == 1 and not found[0].responds and found[0].foretold_share > _SWAPPED_SHARE
+    if swapped or (len(inputs) == 1 and _leads(recording)):
+        message = f'"{recording.output_names[0]}" comes before "{recording.input_names[0]}", as if they were swapped'
+        return [_finding("swapped", "warning", recording, message, "exchange --input and --output")]
+    if not any(each.responds for each in found):
+        return _silent(recording, inputs, y, max_delay)
+    loop = [
+        _feedback(recording, name)
+        for name, each in zip(recording.input_names, found, strict=True)
+        if each.foretold_share
+    ]
+    # In a loop the ratio of output to input tells the controller as much as the plant.
+    return loop or _gains(recording)
+
+
+def _standard(signal: Array) -> Array:
+    deviation = float(signal.std())
+    return np.asarray((signal - signal.mean()) / (deviation or 1.0))
+
+
+def _causality(u: Array, y: Array, max_delay: int) -> _Causality:
+    depth = _LAGS + max_delay
+    past_y = _lagged(y, range(1, _LAGS + 1), depth)
+    past_u = _lagged(u, range(depth + 1), depth)
+    target = y[depth:]
+    own, both = _rest(past_y, target), _rest(np.hstack([past_y, past_u]), target)
+    freedom = len(target) - past_y.shape[1] - past_u.shape[1] - 1
+    gain = (own @ own - both @ both) / max(float(both @ both), 1e-300) * freedom / past_u.shape[1]
+    responds = bool(gain > f.isf(_FALSE_ALARM, past_u.shape[1], freedom))
+    # Longer memory for the input: a periodic one must foretell itself, else it seems to be foretold by the output.
+    innovation = _rest(_lagged(u, range(1, depth + 1), depth), u[depth:])
+    if innovation.var() < _DETERMINISTIC or both.var() < _NOISELESS:
+        return _Causality(responds, 0.0)
+    e, w = both / both.std(), innovation / innovation.std()
+    count = len(e) - _FUTURE
+    correlation = np.array([e[:count] @ w[lag : lag + count] for lag in range(1, _FUTURE + 1)]) / count
+    share = float(correlation @ correlation)
+    significant = share > _FEEDBACK_SHARE and count * share > chi2.isf(_FALSE_ALARM, _FUTURE)
+    return _Causality(responds, share if significant else 0.0)
+
+
+def _lagged(signal: Array, lags: range, depth: int) -> Array:
+    return np.column_stack([signal[depth - lag : len(signal) - lag] for lag in lags])
+
+
+def _rest(regressors: Array, target: Array) -> Array:
+    """Return what a linear regression with a constant leaves of a signal."""
+    columns = np.hstack([regressors, np.ones((len(target), 1))])
+    # Normal equations with a trace of ridge: ten times faster than orthogonalising, and smooth inputs stay solvable.
+    gram = columns.T @ columns
+    gram[np.diag_indices_from(gram)] += 1e-9 * len(target)
+    return np.asarray(target - columns @ np.linalg.solve(gram, columns.T @ target))
+
+
+def _leads(recording: Recording) -> bool:
+    """Tell whether the output leads a smooth input (a sweep) all over its band: the phase rises with the frequency."""
+    response = measured_response([recording])
+    if response is None:
+        return False
+    sure = response.coherence > 0.9
+    if sure.sum() < 10:
+        return False
+    frequency, phase = response.frequency_hz[sure], np.unwrap(np.angle(response.response[sure]))
+    slope = np.polyfit(frequency, phase, 1)[0]
+    gains = np.abs(response.response[sure])
+    # A swapped low-pass both leads and grows, by more than a quarter turn.
+    third = max(1, gains.size // 3)
+    return bool(
+        slope > 0
+        and phase[-third:].mean() - phase[:third].mean() > np.pi / 4
+        and gains[-third:].mean() > 1.5 * gains[:third].mean()
+        and -np.pi / 4 < phase[0] < np.pi / 2
+    )
+
+
+def _silent(recording: Recording, inputs: Sequence[Array], y: Array, max_delay: int) -> list[Finding]:
+    """Look for a response that comes late or shows only in the spectrum; else there is none."""
+    lag = max((_late_response(u, y) for u in inputs), default=0)
+    if lag > max_delay:
+        message = f"the output answers {lag} samples ({lag * recording.sample_period_s:.3g} s) after the input"
+        return [_finding("long-delay", "warning", recording, message, f"pass --max-delay {int(1.2 * lag)}")]
+    if lag or any(_coherent(recording, channel) for channel in range(len(inputs))):
+        return []
+    message = f'"{recording.output_names[0]}" does not answer to {", ".join(recording.input_names)}'
+    remedy = "check the columns, and that the axis was powered; command larger motions"
+    return [_finding("no-response", "refused", recording, message, remedy)]
+
+
+def _late_response(u: Array, y: Array) -> int:
+    """Return the lag of the largest correlation of the whitened signals, 0 if chance explains it."""
+    whitened = [_standard(_rest(_lagged(each, range(1, _LAGS + 1), _LAGS), each[_LAGS:])) for each in (y, u)]
+    correlation = correlate(whitened[0], whitened[1], method="fft") / len(whitened[0])
+    lags = correlation_lags(len(whitened[0]), len(whitened[1]))
+    causal = (lags >= 0) & (lags <= len(y) // 4)
+    peak = int(np.abs(correlation[causal]).argmax())
+    if abs(correlation[causal][peak]) * np.sqrt(len(whitened[0])) < _SCATTERED:
+        return 0
+    return int(lags[causal][peak])
+
+
+def _coherent(recording: Recording, channel: int) -> bool:
+    response = measured_response([recording], channel)
+    return response is not None and bool(np.median(response.coherence) > 0.5)
+
+
+def _feedback(recording: Recording, name: str) -> Finding:
+    message = f'"{name}" answers to "{recording.output_names[0]}": it was made in a loop'
+    remedy = "take the loop's reference as the input, or expect a biased plant where noise drove the loop"
+    return _finding("feedback", "warning", recording, message, remedy)
+
+
+def _gains(recording: Recording) -> list[Finding]:
+    """Warn where the gain at low frequencies tells mixed units or a flipped sign."""
+    findings = []
+    for channel, name in enumerate(recording.input_names):
+        response = measured_response([recording], channel)
+        gain = None if response is None else _low_gain(response)
+        if gain is None:
+            continue
+        for factor, output, command in ((_DEGREES, "degrees", "radians"), (1 / _DEGREES, "radians", "degrees")):
+            if factor / _UNIT_TOLERANCE < abs(gain) < factor * _UNIT_TOLERANCE:
+                message = f'the gain from "{name}" is {abs(gain):.3g}: output in {output} and command in {command}?'
+                findings.append(_finding("degrees-radians", "warning", recording, message, "log both in radians"))
+        if _FLIPPED[0] < abs(gain) < _FLIPPED[1] and np.cos(np.angle(gain)) < -0.85:
+            message = f'the output moves against "{name}": the gain is {gain.real:.2f}'
+            findings.append(_finding("sign-flip", "warning", recording, message, "turn the sign of one of them"))
+    return findings
+
+
+def _low_gain(response: MeasuredResponse) -> complex | None:
+    """Return the gain at the lowest frequency where the output follows the input beyond doubt."""
+    sure = np.flatnonzero(response.coherence > 0.8)
+    return complex(response.response[sure[0]]) if sure.size else None
+
+
+def _finding(code: str, severity: Severity, recording: Recording, message: str, remedy: str) -> Finding:
+    return Finding(code, severity, recording.source, message, remedy)

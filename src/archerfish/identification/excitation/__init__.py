@@ -1,0 +1,1 @@
+"""What to play for an identification, and what it will tell."""

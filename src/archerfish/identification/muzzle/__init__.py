@@ -1,0 +1,1 @@
+"""Muzzle speed, disturbance angles and their scatter, by likelihood from shots."""

@@ -1,0 +1,1 @@
+"""The grey box: inertia, damping and gravity of a rigid axis."""

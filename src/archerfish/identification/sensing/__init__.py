@@ -1,0 +1,1 @@
+"""Camera and link: timing, noise and delays from recordings."""

@@ -1,0 +1,1 @@
+"""How well an identified axis foretells, and what its residuals and bands tell."""

@@ -1,0 +1,128 @@
+"""Bands of what a plant record foretells, from its posterior draws: frequency and step responses, poles, steady gain.
+
+Every band is the pointwise central 95 % of the draws. A record without draws has no bands.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lstsq
+from scipy.optimize import linear_sum_assignment
+
+from archerfish.identification.axis.spectra import delayed
+from archerfish.identification.axis.state_space import free_responses, simulate
+from archerfish.records.plant import PlantRecord
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+CONFIDENCE = 0.95
+"""Share of the draws between the two sides of a band."""
+
+_MOST_NUMBERS = 4_000_000
+_FEWEST_DRAWS = 40
+
+
+class Band(NamedTuple):
+    """Lower and upper side of a band."""
+
+    low: Array
+    """Lower side, shape as the quantity."""
+    high: Array
+    """Upper side, shape as the quantity."""
+
+
+def band(values: Array) -> Band:
+    """Return the central 95 % of drawn values.
+
+    Args:
+      values: shape (k, …).
+    """
+    tail = (1 - CONFIDENCE) / 2
+    low, high = np.quantile(values, [tail, 1 - tail], axis=0)
+    return Band(low, high)
+
+
+def drawn_responses(plant: PlantRecord, frequency_hz: Array) -> ComplexArray:
+    """Return the frequency response of every draw, shape (k, F, p, m); k is 0 without draws.
+
+    Args:
+      plant: the plant.
+      frequency_hz: frequencies [Hz], shape (F,).
+    """
+    if not plant.draws:
+        return np.zeros((0, frequency_hz.size, *plant.D.shape), np.complex128)
+    z = np.exp(2j * np.pi * frequency_hz * plant.sample_period_s)[:, None, None]
+    A, B, C, D = (plant.draws[name][:, None] for name in ("A", "B", "C", "D"))
+    resolvent = np.linalg.solve(z * np.eye(A.shape[-1]) - A, B.astype(np.complex128))
+    return np.asarray((C @ resolvent + D) * z**-plant.delay_samples)
+
+
+def drawn_outputs(plant: PlantRecord, inputs: Array) -> Array:
+    """Return the simulated outputs of the draws from the zero state, shape (k, N, p); k is 0 without draws.
+
+    Of a long recording so many draws are simulated that some millions of numbers come of it.
+
+    Args:
+      plant: the plant.
+      inputs: shape (N, m); before the first sample they are taken to have been held.
+    """
+    if not plant.draws:
+        return np.zeros((0, len(inputs), len(plant.C)))
+    count = max(_FEWEST_DRAWS, _MOST_NUMBERS // len(inputs))
+    driving = delayed(inputs, plant.delay_samples)
+    size = 2 * len(inputs)  # room for the whole convolution: nothing wraps around
+    spectrum = np.fft.rfft(driving, size, axis=0)[..., None]
+    A, B, C, D = (plant.draws[name][:count] for name in ("A", "B", "C", "D"))
+    impulses = (_impulse_response(*draw, count=len(inputs)) for draw in zip(A, B, C, D, strict=True))
+    responses = (np.fft.rfft(each, size, axis=0) for each in impulses)
+    return np.stack([np.fft.irfft((each @ spectrum)[..., 0], size, axis=0)[: len(inputs)] for each in responses])
+
+
+def _impulse_response(A: Array, B: Array, C: Array, D: Array, count: int) -> Array:
+    """Return D, C B, C A B, …, shape (count, p, m)."""
+    response, power = B[None], A
+    while len(response) < count - 1:  # doubling: Aᵗ B for t < 2k is that for t < k and its product with Aᵏ
+        response = np.concatenate([response, power @ response])
+        power = power @ power
+    return np.concatenate([D[None], C @ response[: count - 1]])
+
+
+def parameter_errors(plant: PlantRecord, inputs: Array, output: int = 0) -> Array:
+    """Return what the uncertainty of the plant adds to the residual of a free run, shape (k, N); k may be 0.
+
+    The outputs of the draws less those of the plant, and less what a free run's own choice of the initial state takes.
+
+    Args:
+      plant: the plant.
+      inputs: shape (N, m).
+      output: which output.
+    """
+    if not plant.draws:
+        return np.zeros((0, len(inputs)))
+    errors = drawn_outputs(plant, inputs)[..., output] - simulate(plant, inputs)[:, output]
+    free = free_responses(plant, len(inputs))[:, output]
+    return np.asarray(errors - (free @ lstsq(free, errors.T)[0]).T)
+
+
+def drawn_poles(plant: PlantRecord, poles: ComplexArray) -> ComplexArray:
+    """Return the poles of every draw, each in the place of the nearest of the plant's, shape (k, n); k may be 0.
+
+    Args:
+      plant: the plant.
+      poles: its poles in the z plane, shape (n,).
+    """
+    if not plant.draws:
+        return np.zeros((0, poles.size), np.complex128)
+    drawn = np.linalg.eigvals(plant.draws["A"]).astype(np.complex128)
+    return np.stack([each[_nearest(poles, each)] for each in drawn])
+
+
+def _nearest(poles: ComplexArray, drawn: ComplexArray) -> NDArray[np.intp]:
+    return np.asarray(linear_sum_assignment(np.abs(poles[:, None] - drawn))[1])
+
+
+def drawn_dc_gains(plant: PlantRecord) -> Array:
+    """Return the steady gain of every draw, C (I − A)⁻¹ B + D, shape (k, p, m); k is 0 without draws."""
+    return drawn_responses(plant, np.zeros(1))[:, 0].real
