@@ -5,9 +5,9 @@ from scipy.stats import chi2
 
 from archerfish.identification.axis.modal_form import section_poles, sections_from_numbers, sections_from_poles
 from archerfish.identification.axis.pole_refinement import Problem, refine_poles
+from archerfish.identification.axis.posterior_draws import draw_parameters
 from archerfish.identification.axis.spectra import spectrum
 from archerfish.identification.axis.uncertainty import (
-    draw_parameters,
     heard_sections,
     interval,
     pole_deviations,

@@ -16,13 +16,13 @@ from scipy.stats import chi2
 from archerfish.identification.axis.informative_lines import heard_band
 from archerfish.identification.axis.modal_form import Poles, sections_from_numbers, state_matrices
 from archerfish.identification.axis.pole_refinement import refine_poles
+from archerfish.identification.axis.posterior_draws import draw_parameters
 from archerfish.identification.axis.state_space import balanced
 from archerfish.identification.axis.steady_gain import constrained_gain
 from archerfish.identification.axis.structure_search import Found, search_plant
 from archerfish.identification.axis.trust import pole_remarks, trusted_poles
 from archerfish.identification.axis.uncertainty import (
     Posterior,
-    draw_parameters,
     interval,
     posterior,
     standard_deviations,

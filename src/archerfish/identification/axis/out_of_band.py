@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 _WEIGHT = 1000.0
 """Squared gain relative to the band's, averaged over the bins, is weighed by this many noise variances."""
 _PULL = 3.0
-_BINS = 80
+_BINS = 48
 _POINTS_BELOW = 8
 _HEARD = 30.0
 """Response over noise, in power, from which the low end of the band counts as known."""

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import chi2, norm
 
-from archerfish.identification.axis.informative_lines import thinned
 from archerfish.identification.axis.modal_form import (
     Poles,
     Sections,
@@ -31,7 +30,6 @@ from archerfish.identification.axis.modal_form import (
 from archerfish.identification.axis.pole_refinement import Problem, Refinement
 from archerfish.identification.axis.simulation_fit import (
     design_rows,
-    fit_linear_parameters,
     linear_parameters,
     penalty_rows,
     transfer_columns,
@@ -41,7 +39,6 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _STEP = 1e-6
-_FOLLOWED_LINES = 100
 _LARGEST_LEVERAGE = 0.9
 _SIGNIFICANT = chi2.cdf(9.0, 1)
 """Confidence of three standard deviations."""
@@ -96,7 +93,7 @@ def posterior(problem: Problem, refinement: Refinement) -> Posterior:
             wished = _design(wishes[0], wishes[1][output] @ turn, output, linear)
             prior = wished.T @ wished
             prior[: free.size, : free.size] += problem.penalty.pull / outputs * np.eye(free.size)
-        inverse = _inverse(data + prior)
+        inverse = gram_inverse(data + prior)
         powers = [_powers(design, each, inverse) for design, each in zip(designs, residuals[output], strict=True)]
         variance = float(np.mean(np.concatenate(powers)))
         curvature += data + prior
@@ -105,7 +102,7 @@ def posterior(problem: Problem, refinement: Refinement) -> Posterior:
         spread += sum(
             design.T @ (np.tile(power, 2)[:, None] * design) for design, power in zip(designs, powers, strict=True)
         )
-    inverse = _inverse(curvature)
+    inverse = gram_inverse(curvature)
     covariance = inverse @ spread @ inverse
     plain = np.diag(inverse @ white @ inverse)
     inflation = float(np.median(np.diag(covariance)[plain > 0] / plain[plain > 0]))
@@ -128,8 +125,8 @@ def _design(by_linear: Array, by_free: Array, output: int, linear: Array) -> Arr
     return design
 
 
-def _inverse(matrix: Array) -> Array:
-    """Invert a Gram matrix; directions that nothing determines get no variance."""
+def gram_inverse(matrix: Array) -> Array:
+    """Invert a Gram matrix, shape (n, n); directions that nothing determines get no variance."""
     scale = np.sqrt(np.diag(matrix))
     scale[scale == 0] = 1.0
     units = np.outer(scale, scale)
@@ -229,55 +226,7 @@ def heard_sections(known: Posterior, sections: Sections) -> list[bool]:
                 place + entries.start : place + entries.stop, place + entries.start : place + entries.stop
             ]
             values = known.linear[entries, output]
-            distance = float(values @ _inverse(block) @ values) if np.any(block) else np.inf
+            distance = float(values @ gram_inverse(block) @ values) if np.any(block) else np.inf
             found = found or distance > chi2.ppf(_SIGNIFICANT, values.size)
         heard.append(found)
     return heard
-
-
-def draw_parameters(
-    known: Posterior, held: Array, problem: Problem, count: int, generator: np.random.Generator
-) -> list[Posterior]:
-    """Draw from the distribution, given that poles that nothing determines stay where they were estimated.
-
-    A normal distribution says nothing about those, and the rest must not scatter as if they moved. The numerators
-    follow the poles drawn not by the tangent alone: the response in the band is far surer than either of them.
-
-    Args:
-      known: the parameters.
-      held: directions of the free numbers that don't move, shape (k, n).
-      problem: what was fitted.
-      count: number of draws.
-      generator: of the draws.
-    """
-    scale = np.sqrt(np.maximum(np.diag(known.covariance), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(known.covariance / np.outer(scale, scale))
-    root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    moves = generator.standard_normal((count, root.shape[1])) @ root.T
-    fixed = np.hstack([held, np.zeros((len(held), known.linear.size))])
-    with_fixed = fixed @ known.covariance
-    moves -= moves @ fixed.T @ _inverse(with_fixed @ fixed.T) @ with_fixed
-    follow = _follower(known, problem)
-    tangent = _slopes(known, lambda at: follow(at.free), known.order)
-    drawn = []
-    for move in moves:
-        straight = _at(known, move)
-        free = known.free + straight.free
-        bend = follow(free) - follow(known.free) - np.tensordot(straight.free, tangent, 1)
-        drawn.append(known._replace(free=free, linear=known.linear + straight.linear + bend))
-    return drawn
-
-
-def _follower(known: Posterior, problem: Problem) -> Callable[[Array], Array]:
-    """Return the function from free numbers to the linear parameters that keep the response nearest to the estimate."""
-    responses = [
-        each._replace(outputs=np.einsum("kpm,km->kp", transfer(known, each.lag), each.inputs))
-        for each in thinned(problem.experiments, _FOLLOWED_LINES)
-    ]
-    wishes = problem._replace(experiments=responses)
-
-    def follow(free: Array) -> Array:
-        fit = fit_linear_parameters(sections_from_numbers(free), *wishes, with_slopes=False)
-        return linear_parameters(fit, problem.feedthrough)
-
-    return follow
