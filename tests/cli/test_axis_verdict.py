@@ -225,3 +225,12 @@ def test_the_facts_hold_every_number_with_its_interval():
     assert facts["validation"][0]["residual"]["independent_of_input"]
     # To the end of the sweep, and as far beyond as the response to the step can be heard.
     assert 19.0 < facts["excited_band_hz"][1] < 30.0
+
+
+def test_a_held_back_log_with_another_zero_is_told_apart_from_a_bad_plant():
+    moved = Log(Path("moved.csv"), replace(STEP_2.recording, outputs=STEP_2.recording.outputs + 0.5))
+    evidence, found = judged([SWEEP, STEP], [moved])
+    assert found.usable
+    (told,) = (each for each in found.doubts if "without that shift" in each)
+    assert "moved was held back and lies +0.5" in told
+    assert evidence.logs[-1].unshifted_percent > 98

@@ -13,6 +13,7 @@ from archerfish.figures.identification import SimulatedRun
 from archerfish.identification.axis.gimbal import AxisIdentification
 from archerfish.identification.axis.order_choice import OrderTrial
 from archerfish.identification.validation.confidence_bands import band, drawn_poles, parameter_errors
+from archerfish.identification.validation.free_run import common_offset, free_run
 from archerfish.identification.validation.frequency import natural_frequency_hz
 from archerfish.identification.validation.residual_tests import ResidualTests, long_enough, residual_tests
 from archerfish.records.findings import Finding
@@ -45,6 +46,10 @@ class LogEvidence:
     """Its free run."""
     tests: ResidualTests | None
     """Tests of its residual; none where it is too short."""
+    shift: float
+    """Its own zero less the one that the fitted recordings share, in units of the output."""
+    unshifted_percent: float
+    """Fit with its own zero [%]."""
 
     @property
     def residual_sd(self) -> float:
@@ -116,12 +121,14 @@ def _groups(training: Sequence[Log], validation: Sequence[Log]) -> tuple[tuple[s
 
 def _tested(result: AxisIdentification, log: Log, kind: str) -> LogEvidence:
     run, inputs = simulated_run(result, log.recording, kind), log.recording.inputs
+    own = common_offset(result.plant, [log.recording])
+    zero = float((own - result.offset)[0]), float(free_run(result.plant, log.recording, own).fit_percent[0])
     if not long_enough(*inputs.shape):
-        return LogEvidence(log.path, kind, log.recording, run, None)
+        return LogEvidence(log.path, kind, log.recording, run, None, *zero)
     # A fitted recording has taken its share of the parameters' errors already.
     errors = parameter_errors(result.plant, inputs) if kind == "validation" else None
     tests = residual_tests(run.measured - run.simulated, inputs, errors)
-    return LogEvidence(log.path, kind, log.recording, run, tests)
+    return LogEvidence(log.path, kind, log.recording, run, tests, *zero)
 
 
 def pole_evidence(result: AxisIdentification) -> list[PoleEvidence]:

@@ -20,8 +20,8 @@ from archerfish.identification.validation.confidence_bands import (
     drawn_responses,
     parameter_errors,
 )
-from archerfish.identification.validation.free_run import free_run
-from archerfish.identification.validation.frequency import driven_band_hz, measured_response, plant_response
+from archerfish.identification.validation.free_run import common_offset, free_run
+from archerfish.identification.validation.frequency import measured_response, plant_response
 from archerfish.identification.validation.residual_tests import ResidualTests
 from archerfish.records.plant import dc_gain
 from archerfish.records.recording import Recording
@@ -40,9 +40,11 @@ def simulated_run(result: AxisIdentification, recording: Recording, kind: str) -
     Args:
       result: the identified axis.
       recording: of that axis.
-      kind: what the recording served for, "training" or "validation".
+      kind: what the recording served for, "training" or "validation". A fitted recording has a zero of its own; one
+        that was held back is held against the zero that the fitted ones share.
     """
-    run = free_run(result.plant, recording, result.offset)
+    offset = common_offset(result.plant, [recording]) if kind == "training" else result.offset
+    run = free_run(result.plant, recording, offset)
     return SimulatedRun(
         recording.time,
         recording.outputs[:, 0],
@@ -74,7 +76,7 @@ def bode_data(result: AxisIdentification, logs: Sequence[Recording], channel: in
       channel: which input.
     """
     nyquist = 0.5 / result.plant.sample_period_s
-    driven = driven_band_hz(logs)
+    driven = result.excited_band_hz
     frequency = np.geomspace(max(driven[0] / 4, 1e-3 * nyquist), 0.999 * nyquist, 400)
     measured = measured_response(list(logs), channel)
     empty: Array = np.zeros(0)

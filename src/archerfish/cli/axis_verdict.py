@@ -53,7 +53,8 @@ def verdict(evidence: AxisEvidence) -> Verdict:
     doubts = tuple(_doubts(evidence))
     gap = _unknown_below(evidence)
     headline = _headline(evidence) + (f"; nothing is known below {gap:.3g} Hz: add a step log" if gap else "")
-    usable = judged_fit(evidence).run.fit_percent >= USABLE_FIT_PERCENT
+    judged = judged_fit(evidence)
+    usable = max(judged.run.fit_percent, judged.unshifted_percent) >= USABLE_FIT_PERCENT
     return Verdict(headline, usable, tuple(_known(evidence)), doubts, tuple(_next_steps(evidence, gap)))
 
 
@@ -65,8 +66,13 @@ def judged_fit(evidence: AxisEvidence) -> LogEvidence:
 def _headline(evidence: AxisEvidence) -> str:
     plant, judged = evidence.result.plant, judged_fit(evidence)
     note = "" if judged.kind == "validation" else " (fitted, none held back)"
-    fit = f"fit {judged.run.fit_percent:.1f} % on {judged.path.stem}{note}"
+    fit = f"fit {judged.run.fit_percent:.1f} % on {_log_name(judged)}{note}"
     return f"{plant.axis}: {_ordinal(len(plant.A))} order, delay {delay_words(evidence)}, {fit}"
+
+
+def _log_name(log: LogEvidence) -> str:
+    """Name a log without its ending; a piece of one keeps its times."""
+    return log.path.name if "[" in log.path.name else log.path.stem
 
 
 def _ordinal(count: int) -> str:
@@ -116,7 +122,14 @@ def _known(evidence: AxisEvidence) -> Iterator[str]:
 def _doubts(evidence: AxisEvidence) -> Iterator[str]:
     judged, result = judged_fit(evidence), evidence.result
     fit = judged.run.fit_percent
-    if fit < USABLE_FIT_PERCENT:
+    shifted = [log for log in evidence.of_kind("validation") if _shifted(log, evidence)]
+    for log in shifted:
+        yield (
+            f"{_log_name(log)} was held back and lies {log.shift:+.3g} beside the zero of the fitted logs: its fit is "
+            f"{log.run.fit_percent:.1f} %, and {log.unshifted_percent:.1f} % without that shift. Look whether the "
+            "encoder's zero has moved, or the steady gain is off."
+        )
+    if fit < USABLE_FIT_PERCENT and judged not in shifted:
         yield (
             f"The plant is not to be trusted: the {judged.kind} fit of {fit:.1f} % is below {USABLE_FIT_PERCENT:g} %, "
             f"so it misses {100 - fit:.0f} % of the motion. Check that --input and --output are not swapped, that the "
@@ -155,7 +168,10 @@ def _next_steps(evidence: AxisEvidence, gap: float | None) -> Iterator[str]:
     yield from _left_in_residuals(evidence)
     low, high = evidence.result.delay_range
     if high - low > _LOOSE_DELAY:
-        yield f"The delay may be {low} to {high} samples: add a log with sharp edges (steps or a binary sequence)."
+        yield (
+            f"The delay may be {low} to {high} samples: see whether a lower --order tells more (--order auto), or add a log "
+            "with sharp edges (steps or a binary sequence)."
+        )
     known = evidence.result.determined
     if not known.all():
         yield (
@@ -176,10 +192,21 @@ def _loose_gains(evidence: AxisEvidence) -> Iterator[str]:
             )
 
 
+def _shifted(log: LogEvidence, evidence: AxisEvidence) -> bool:
+    """Tell whether a log's own zero would explain most of what its fit lacks against the fitted ones."""
+    fitted = min(each.run.fit_percent for each in evidence.of_kind("training"))
+    gained = log.unshifted_percent - log.run.fit_percent
+    return gained > _LOST_POINTS and log.unshifted_percent > fitted - _LOST_POINTS
+
+
 def _lost_fit(evidence: AxisEvidence) -> Iterator[str]:
     judged = judged_fit(evidence)
     fitted = min(log.run.fit_percent for log in evidence.of_kind("training"))
-    if judged.kind == "validation" and fitted - judged.run.fit_percent > _LOST_POINTS:
+    if (
+        judged.kind == "validation"
+        and not _shifted(judged, evidence)
+        and fitted - judged.run.fit_percent > _LOST_POINTS
+    ):
         yield (
             f"{judged.path.name} is foretold {fitted - judged.run.fit_percent:.1f} points worse than the worst fitted "
             "log: fit a log of its kind too (same amplitude, same band), or lower --order."

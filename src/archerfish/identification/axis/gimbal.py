@@ -130,7 +130,8 @@ def identify_axis(
     drawn = draw_parameters(known, trust.held, found.problem, DRAWS, np.random.default_rng(seed))
     plant = _plant(recordings[0], known, drawn, scale, found.delay, axis)
     offset = common_offset(plant, recordings)
-    runs = [free_run(plant, each, offset) for each in recordings]
+    # As in the fit, each recording has a zero of its own.
+    runs = [free_run(plant, each, common_offset(plant, [each])) for each in recordings]
     gains = interval(steady_gain(known), standard_deviations(known, steady_gain))
     low, high = (ends[0] * scale[0] for ends in gains)
     return AxisIdentification(

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from archerfish.identification.axis.informative_lines import telling_lines, thinning
 from archerfish.identification.axis.initial_poles import initial_poles
@@ -31,6 +32,7 @@ _DELAYS = (0, 1, 2, 4, 8, 14, 20, 30, 50)
 _LINES, _FEW_LINES = 1000, 400
 _STARTS = 6
 _SAME_START = 0.05
+_CLEARLY = 0.999
 _HOPELESS = 2.0
 _QUIETER = 0.5
 _ROUGH, _SKETCH, _SEARCH, _FINISH = Effort(1.0, 4), Effort(1.0, 6), Effort(0.1, 15), Effort(0.01, 40)
@@ -143,7 +145,10 @@ def _walk(ground: _Ground, starts: Sequence[_Start], rivals: Sequence[Refinement
         if delay != begin and _best_cost(starts, delay) < _HOPELESS * _best_cost(starts, begin):
             near = [sketch.sections, *_distinct(starts, delay, 1)]
             walk.sketches[delay] = refine_all(near, walk.problem(delay), _ROUGH)[0]
-    return walk._replace(delay=_descend(walk, starts, max_delay))
+    walk = walk._replace(delay=_descend(walk, starts, max_delay))
+    for side in (-1, 1):
+        _bracket(walk, side, max_delay)
+    return walk
 
 
 def _starts(ground: _Ground, order: int, max_delay: int) -> tuple[list[_Start], int]:
@@ -210,6 +215,21 @@ def _descend(walk: _Walk, starts: Sequence[_Start], max_delay: int) -> int:
             known = [sketches[delay].sections] if delay in sketches else []
             sketches[delay] = refine_all([*near, *known], walk.problem(delay), _SEARCH if delay == best else _SKETCH)[0]
         asked.update(waiting)
+
+
+def _bracket(walk: _Walk, side: int, max_delay: int) -> None:
+    """Halve the gap to the nearest delay on one side that is clearly worse, so that the range of delays has its end."""
+    sketches = walk.sketches
+    rows, parameters = sketches[walk.delay].fit.residuals.size, len(sketches[walk.delay].fit.numerators)
+    limit = sketches[walk.delay].cost * (1 + chi2.ppf(_CLEARLY, parameters) / rows)
+    while True:
+        beyond = sorted((each for each in sketches if side * each > side * walk.delay), key=lambda each: side * each)
+        worse = next((each for each in beyond if sketches[each].cost > limit), max_delay + 1 if side > 0 else -1)
+        inside = next((each for each in reversed(beyond) if side * each < side * worse), walk.delay)
+        middle = (inside + worse) // 2
+        if middle in (inside, worse) or not 0 <= middle <= max_delay:
+            return
+        sketches[middle] = refine_poles(sketches[inside].sections, walk.problem(middle), _SKETCH)
 
 
 def _structured(walk: _Walk) -> Found:

@@ -44,7 +44,8 @@ def first_guess(segments: Segments, free: list[int]) -> tuple[Array, Array]:
     if not solved[0] > 0:
         raise InputError(
             "the angle accelerates against the torque, or not with it at all: check the sign of the torque (a negative "
-            "--torque-per-unit turns it), and that torque and angle are not swapped"
+            "--torque-per-unit turns it), that torque and angle are not swapped, and that --axis-kind is right (an arm "
+            "under gravity is a pitch axis)"
         )
     phi = np.zeros(5)
     phi[free] = solved
