@@ -241,3 +241,11 @@ def test_too_short_a_recording_is_refused(white, resonant_plant, record):
 def test_a_negative_delay_is_refused(white, resonant_plant, record):
     with pytest.raises(InputError, match="max_delay must be at least 0, got -1"):
         identify_axis([record(resonant_plant(), white[:, 0])], max_delay=-1)
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.7])
+def test_a_steady_gain_that_is_given_is_held(white, resonant_plant, record, gain):
+    result = identify_axis([record(resonant_plant(), white[:, 0], noise=0.05)], 4, dc_gain=[gain])
+    assert dc_gain(result.plant).item() == pytest.approx(gain, abs=1e-5)
+    ((low, high),) = result.dc_gain_interval
+    assert high - low < 1e-3

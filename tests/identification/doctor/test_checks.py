@@ -34,7 +34,7 @@ def twins():
     ("recordings", "order", "message"),
     [
         ([], 4, "needs at least one recording"),
-        ([recording()], 0, "order must be at least 1, got 0"),
+        ([recording()], 0, "order must be from 1 to 8, got 0"),
         ([recording(count=100)], 4, "100 samples are too few for order 4, which needs 140"),
         ([recording(), recording(count=20, source="b.csv")], 4, r"b\.csv: 20 samples are too few for order 4"),
         ([recording(inputs=2, outputs=3)], 4, "one input or one output, got 2 inputs and 3 outputs"),

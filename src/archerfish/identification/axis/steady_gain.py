@@ -21,8 +21,12 @@ def constrained_gain(problem: Problem, gains: Sequence[float], scale: float) -> 
       gains: steady output per steady input of each input, in units of the output, m numbers.
       scale: unit of the problem's output.
     """
-    size = np.sqrt(sum(float(np.sum(np.abs(each.outputs) ** 2)) for each in problem.experiments))
-    weight = _FIRMNESS * size / max(np.max(np.abs(gains)) / scale, np.finfo(float).tiny)
+    size, driving = (
+        np.sqrt(sum(float(np.sum(np.abs(signal) ** 2)) for signal in signals))
+        for signals in ([each.outputs for each in problem.experiments], [each.inputs for each in problem.experiments])
+    )
+    # A gain of zero is as legitimate as any: then the gain in the band is the measure.
+    weight = _FIRMNESS * size / max(float(np.max(np.abs(gains))) / scale, float(size / driving))
     point, rows = np.ones(1, np.complex128), np.array([[weight, 0.0]])
     wished = [weight * np.full((1, 1), gain / scale) for gain in gains]
     old = problem.penalty

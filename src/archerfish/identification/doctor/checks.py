@@ -8,6 +8,8 @@ from archerfish.identification.doctor.signals import saturation
 from archerfish.records.errors import InputError
 from archerfish.records.recording import Recording
 
+HIGHEST_ORDER = 8
+"""Most states of an axis: beyond, a log of minutes tells no more of them."""
 _SAMPLES_PER_PARAMETER = 10
 _DEPENDENT = 1e-6
 """Length of what is left of an input beside the others, relative to it, below which rounding may be all there is."""
@@ -29,8 +31,8 @@ def check_recordings(recordings: Sequence[Recording], order: int) -> list[str]:
     """
     if not recordings:
         raise InputError("identification needs at least one recording, got none; pass a log")
-    if order < 1:
-        raise InputError(f"order must be at least 1, got {order}; 4 suits a gimbal axis")
+    if not 1 <= order <= HIGHEST_ORDER:
+        raise InputError(f"order must be from 1 to {HIGHEST_ORDER}, got {order}; 4 suits a gimbal axis")
     _check_likeness(recordings)
     _check_lengths(recordings, order)
     for recording in recordings:
