@@ -169,8 +169,8 @@ def _next_steps(evidence: AxisEvidence, gap: float | None) -> Iterator[str]:
     low, high = evidence.result.delay_range
     if high - low > _LOOSE_DELAY:
         yield (
-            f"The delay may be {low} to {high} samples: see whether a lower --order tells more (--order auto), or add a "
-            "log with sharp edges (steps or a binary sequence)."
+            f"The delay may be {low} to {high} samples: see whether a lower --order tells more (--order auto), or add "
+            "a log with sharp edges (steps or a binary sequence)."
         )
     known = evidence.result.determined
     if not known.all():

@@ -135,10 +135,12 @@ def _write_logs(plant: PlantRecord, folder: Path, generator: np.random.Generator
 def _step_response(plant: PlantRecord, result: AxisIdentification) -> StepResponse:
     """Fig. 4: a step of 10° of the identified plant beside the true one, both without noise."""
     period = plant.sample_period_s
-    signal = step(0.5, period, start_s=0.0, amplitude=np.deg2rad(10.0))[:, None]
-    true, identified = simulate(plant, signal), simulate(result.plant, signal)
+    # From rest: without it the first command would count as held before, and hide a delay.
+    signal = step(0.55, period, start_s=0.05, amplitude=np.deg2rad(10.0))[:, None]
+    rest = int(np.argmax(signal[:, 0] > 0))
+    true, identified = (simulate(each, signal)[rest:] for each in (plant, result.plant))
     return StepResponse(
-        time_s=tuple(np.round(period * np.arange(len(signal)), 6).tolist()),
+        time_s=tuple(np.round(period * np.arange(len(true)), 6).tolist()),
         true_deg=tuple(np.rad2deg(true[:, 0]).tolist()),
         identified_deg=tuple(np.rad2deg(identified[:, 0]).tolist()),
         fit_percent=fit_percent(true, identified).item(),
