@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .bad_logs import Fault
+from .faults import Fault
 from .recorded_axis import write
 
 FAULTS: list[Fault] = []

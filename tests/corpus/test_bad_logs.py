@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from archerfish.cli import identify_gimbal
-from archerfish.cli.main import main
 from archerfish.records.plant import write_plant
 
 from .bad_logs import FAULTS
+from .ending import assert_refused, ended
 from .recorded_axis import WORDS
 
 DOCUMENTATION = Path(__file__).parents[2] / "docs" / "logs.md"
@@ -33,17 +33,10 @@ def test_a_log_ends_as_the_corpus_says(fault, tmp_path, capsys):
     logs.mkdir()
     words = [str(word) for word in [*fault.make(logs), "--out", out, "--json", tmp_path / "summary.json"]]
     order = WORDS[2:] if "--order" in words else WORDS
-    status = 0
-    try:
-        main(["identify", "gimbal", *words, *order])
-    except SystemExit as ended:
-        status = ended.code
+    status = ended("identify", "gimbal", *words, *order)
     printed = capsys.readouterr()
     if fault.outcome == "refused":
-        assert status == 2
-        assert re.fullmatch(rf"archerfish: error: [^\n]* \({fault.code}\)\n", printed.err)
-        assert not out.exists()
-        assert not (tmp_path / "summary.json").exists()
+        assert_refused(status, printed, fault.code, out, tmp_path / "summary.json")
     else:
         assert status == 0, printed.err
         summary = json.loads((tmp_path / "summary.json").read_text())

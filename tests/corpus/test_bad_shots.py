@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from archerfish.cli import identify_muzzle
-from archerfish.cli.main import main
 
 from .bad_shots import FAULTS
+from .ending import assert_refused, ended
 
 DOCUMENTATION = Path(__file__).parents[2] / "docs"
 
@@ -20,17 +20,10 @@ def test_shots_end_as_the_corpus_says(fault, tmp_path, capsys, monkeypatch):
     files, out = tmp_path / "shots", tmp_path / "out"
     files.mkdir()
     words = [str(word) for word in [*fault.make(files), "--out", out, "--json", tmp_path / "summary.json"]]
-    status = 0
-    try:
-        main(["identify", "muzzle", *words])
-    except SystemExit as ended:
-        status = ended.code
+    status = ended("identify", "muzzle", *words)
     printed = capsys.readouterr()
     if fault.outcome == "refused":
-        assert status == 2
-        assert re.fullmatch(rf"archerfish: error: [^\n]* \({fault.code}\)\n", printed.err)
-        assert not out.exists()
-        assert not (tmp_path / "summary.json").exists()
+        assert_refused(status, printed, fault.code, out, tmp_path / "summary.json")
     else:
         assert status == 0, printed.err
         found = json.loads((tmp_path / "summary.json").read_text())["findings"]
