@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from archerfish.controllers.kalman_filter import TrackerNoise
 from archerfish.controllers.predictors import ConstantVelocity, Hold, ParabolaAware, Vertex
 from archerfish.dynamics.target_motion import Line, Parabola
 from archerfish.sensing.interfaces import Seen
+from archerfish.sensing.kalman_filter import TrackerNoise
 
 DT = 0.02
 HALF_WIDTH = math.sqrt(0.04 / 3.0)

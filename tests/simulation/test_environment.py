@@ -8,7 +8,6 @@ from archerfish.sensing.observation import begin_memory, make_observer, observat
 from archerfish.simulation.environment import ShootingEnvironment
 from archerfish.simulation.scenario import draw_engagement
 from archerfish.simulation.setting import make_scenario
-from archerfish.simulation.shooting import begin, see
 
 LENGTH, BATCH = 5, 20
 
@@ -65,8 +64,8 @@ def test_the_last_observation_of_an_engagement_is_handed_out_beside_the_first_of
     assert not ended.all()
     # The first observation of the next, drawn by itself.
     engagement = draw_engagement(environment.scenario, uniforms)
-    fresh = begin(environment.world, engagement, normals)
-    first = observe(environment.observer, begin_memory(environment.observer, see(environment.world, fresh)))
+    fresh = environment.world.begin(engagement, normals)
+    first = observe(environment.observer, begin_memory(environment.observer, environment.world.see(fresh)))
     assert_allclose(outcome.observation[ended], first[ended])
     assert_allclose(following.shooting.engagement.motion.vertex[ended], engagement.motion.vertex[ended])
     assert_allclose(following.shooting.time[ended], 0.0)

@@ -5,7 +5,7 @@ from archerfish.dynamics.array_namespace import map_arrays
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_plants
 from archerfish.records.errors import InputError
-from archerfish.simulation.setting import make_world, paper_muzzle, plant_count
+from archerfish.simulation.setting import make_world, paper_muzzle
 
 CONDITIONS = assumed_conditions()
 
@@ -18,7 +18,7 @@ def test_a_world_is_float32_throughout(build_world) -> None:
 
 @pytest.mark.parametrize(("draws", "count"), [(0, 1), (3, 3)])
 def test_a_world_has_as_many_plants_as_its_records_have_draws(build_world, draws, count) -> None:
-    assert plant_count(build_world(draws=draws)) == count
+    assert build_world(draws=draws).plants == count
 
 
 def test_an_unknown_command_limit_is_refused() -> None:

@@ -11,7 +11,7 @@ from archerfish.dynamics.muzzle import Muzzle
 from archerfish.dynamics.pellet import GRAVITY
 from archerfish.dynamics.target_motion import Line, Parabola, Static
 from archerfish.sensing.interfaces import Engagement, World, fire_always
-from archerfish.simulation.shooting import DRAWS, begin, miss_at_armor, plant_of, reward, see, shoot
+from archerfish.simulation.shooting import DRAWS, miss_at_armor, plant_of, reward
 
 PERIOD = 0.02
 
@@ -65,8 +65,8 @@ def test_a_gimbal_at_rest_on_target_hits_the_middle(build_world) -> None:
     aim = aim_at(place, world.muzzle).angle
     # The printed pitch axis answers a command 1.031 times over; rest is where the gimbal really points at the aim.
     command = aim / np.sum(rest_state(world.gimbal, np.ones(2, np.float32)) * world.gimbal.angle, axis=-1)
-    state = begin(world, static_engagement(place, command), still())
-    following, shot = shoot(world, state, fire_always(command), still())
+    state = world.begin(static_engagement(place, command), still())
+    following, shot = world.shoot(state, fire_always(command), still())
     assert_allclose(shot.miss, 0.0, atol=1e-5)
     assert_allclose(shot.angle, aim, atol=1e-6)
     assert following.time == pytest.approx(PERIOD)
@@ -75,10 +75,10 @@ def test_a_gimbal_at_rest_on_target_hits_the_middle(build_world) -> None:
 
 def test_dispersion_shifts_the_hit_by_its_angle(build_world) -> None:
     world = build_world()
-    state = begin(world, static_engagement((4.0, 0.0, 0.0)), still())
+    state = world.begin(static_engagement((4.0, 0.0, 0.0)), still())
     draws = np.array([2.0, -1.0, 0.0, 0.0, 0.0, 0.0], np.float32)
     (_, there), (_, straight) = (
-        shoot(world, state, fire_always(np.zeros(2, np.float32)), each) for each in (draws, still())
+        world.shoot(state, fire_always(np.zeros(2, np.float32)), each) for each in (draws, still())
     )
     # A departure at a slant takes a little longer to the plane; that falls a hundredth of a millimetre more.
     assert_allclose((there.miss - straight.miss), 4.0 * np.tan(world.muzzle.sd) * [-1.0, 2.0], atol=5e-5)
@@ -86,14 +86,14 @@ def test_dispersion_shifts_the_hit_by_its_angle(build_world) -> None:
 
 def test_a_controller_is_told_what_it_may_know(build_world) -> None:
     world = build_world()
-    state = begin(world, static_engagement([(4.0, 0.6, 0.2)] * 3, (0.05, 0.1)), still(3))
-    seen = see(world, state)
+    state = world.begin(static_engagement([(4.0, 0.6, 0.2)] * 3, (0.05, 0.1)), still(3))
+    seen = world.see(state)
     assert_allclose(seen.elapsed, 0.0)
     assert_allclose(seen.command, [[0.05, 0.1]] * 3)
     assert_allclose(seen.plate, [[[4.0, 0.6, 0.2]]] * 3)
     assert seen.fresh.all()
     assert_allclose(seen.muzzle_speed, 18.0)
-    later = see(world, shoot(world, state, fire_always(np.full((3, 2), 0.15, np.float32)), still(3))[0])
+    later = world.see(world.shoot(state, fire_always(np.full((3, 2), 0.15, np.float32)), still(3))[0])
     assert_allclose(later.elapsed, PERIOD)
     assert_allclose(later.command, 0.15)
     assert np.all(later.rate > 0.0)
@@ -121,10 +121,10 @@ def test_the_world_applies_the_limits_whatever_is_asked(build_world) -> None:
         ("los-2deg", [-25, -2], [10, 2]),
     ):
         world = build_world(limit)
-        state = begin(world, static_engagement([(4.0, 0.0, 0.0)] * 20), still(20))
+        state = world.begin(static_engagement([(4.0, 0.0, 0.0)] * 20), still(20))
         commands = [np.zeros((20, 2))] * 2
         for wish in wild:
-            state, shot = shoot(world, state, fire_always(wish), still(20))
+            state, shot = world.shoot(state, fire_always(wish), still(20))
             commands.append(state.command)
             assert np.all(shot.angle >= world.angle_low)
             assert np.all(shot.angle <= world.angle_high)
@@ -141,7 +141,7 @@ def test_measurement_noise_lies_along_and_across_the_line_of_sight(build_world) 
     world = build_world(noise=(along_sd, across_sd))
     place = np.array([3.0, -2.0, 0.4], np.float32)
     draws = np.random.default_rng(102).standard_normal((count, DRAWS)).astype(np.float32)
-    plate = see(world, begin(world, static_engagement([place] * count), draws)).plate[:, 0]
+    plate = world.see(world.begin(static_engagement([place] * count), draws)).plate[:, 0]
     along = place / np.linalg.norm(place)
     left = np.array([2.0, 3.0, 0.0]) / math.sqrt(13.0)
     for axis, sd in ((along, along_sd), (left, across_sd), (np.cross(along, left), across_sd)):
@@ -164,16 +164,16 @@ def test_noise_in_what_is_seen_leaves_the_score_alone(build_world) -> None:
     shots = []
     for noise in ((0.0, 0.0), (0.1, 0.1)):
         world = build_world(noise=noise)
-        state = begin(world, static_engagement([(4.0, 0.2, 0.0)] * 5), still(5))
-        shots.append(shoot(world, state, fire_always(np.zeros((5, 2), np.float32)), draws)[1])
+        state = world.begin(static_engagement([(4.0, 0.2, 0.0)] * 5), still(5))
+        shots.append(world.shoot(state, fire_always(np.zeros((5, 2), np.float32)), draws)[1])
     assert_allclose(shots[0].miss, shots[1].miss)
 
 
 def test_an_engagement_names_its_plant(build_world) -> None:
     world = build_world(draws=3)
     engagement = static_engagement([(4.0, 0.2, 0.0)] * 3)._replace(plant=np.array([2, 0, 1], np.int32))
-    state = begin(world, engagement, still(3))
-    _, shot = shoot(world, state, fire_always(np.full((3, 2), 0.02, np.float32)), still(3))
+    state = world.begin(engagement, still(3))
+    _, shot = world.shoot(state, fire_always(np.full((3, 2), 0.02, np.float32)), still(3))
     # A plant of thrice the gain answers a step from zero thrice as strongly.
     assert_allclose(shot.angle[:, 1] / shot.angle[1, 1], [3.0, 1.0, 2.0], rtol=1e-4)
     assert plant_of(world, engagement).transition.shape[:2] == (3, 2)

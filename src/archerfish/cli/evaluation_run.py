@@ -12,7 +12,7 @@ from archerfish.dynamics.muzzle import muzzle_from_record
 from archerfish.evaluation.evaluate import Entrant, Ground, Outcome, compete, perfect_aim
 from archerfish.evaluation.suites import draw_trials, table_suites
 from archerfish.records.policy import PolicyRecord
-from archerfish.simulation.setting import make_world, plant_count
+from archerfish.simulation.setting import make_world
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def make_ground(task: EvaluationTask) -> Ground:
     """Build the world and draw the engagements; equal tasks give equal draws, in any process."""
     setting, conditions = task.setting, task.setting.conditions
     world = make_world(setting.pitch, setting.yaw, setting.muzzle, setting.limits, task.command_limit, conditions)
-    suites = table_suites(conditions, plant_count(world))
+    suites = table_suites(conditions, world.plants)
     trials = draw_trials(suites, task.engagements, conditions.decisions, task.seed)
     return Ground(world, trials, task.command_limit, setting.name, conditions)
 

@@ -25,7 +25,7 @@ from archerfish.records.policy import PolicyRecord, write_policy
 from archerfish.records.provenance import provenance
 from archerfish.sensing.observation import ACTION_SCALES, make_observer
 from archerfish.simulation.environment import ShootingEnvironment
-from archerfish.simulation.setting import make_scenario, make_world, plant_count
+from archerfish.simulation.setting import make_scenario, make_world
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def run_task(task: TrainingTask, advance: Callable[[float, str], None] = lambda 
         ACTION_SCALES[task.command_limit],
         np.asarray(world.limits.max_acceleration) * conditions.control_period_s**2,
     )
-    scenario = make_scenario(conditions, static_share=task.static_share, plants=plant_count(world))
+    scenario = make_scenario(conditions, static_share=task.static_share, plants=world.plants)
     length = np.asarray(conditions.decisions, np.int32)
     environment = ShootingEnvironment(world, scenario, single_precision(observer), length)
     trained = train(

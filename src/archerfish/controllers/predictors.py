@@ -6,10 +6,10 @@ them can serve any aiming controller.
 
 from typing import Any, NamedTuple, Protocol
 
-from archerfish.controllers.kalman_filter import Track, TrackerNoise, begin_track, position_after, predict, update
 from archerfish.dynamics.array_namespace import Array, namespace
 from archerfish.dynamics.target_motion import triangle_wave
 from archerfish.sensing.interfaces import Seen
+from archerfish.sensing.kalman_filter import Track, TrackerNoise, begin_track, position_after, predict, update
 
 
 class Predictor(Protocol):
@@ -23,6 +23,15 @@ class Predictor(Protocol):
 
     def position_after(self, state: Any, time: Array) -> Array:
         """Predict the position [m] after a time [s] from now, shape B → B + (3,)."""
+
+
+class AgedTrack(NamedTuple):
+    """An estimate as of the latest exposure."""
+
+    track: Track
+    """Estimate then."""
+    age: Array
+    """How long ago that was at the latest decision [s], shape B."""
 
 
 class Hold(NamedTuple):
@@ -42,24 +51,26 @@ class Hold(NamedTuple):
 
 
 class ConstantVelocity(NamedTuple):
-    """A Kalman filter for nearly constant velocity."""
+    """A Kalman filter for nearly constant velocity, kept as of the latest exposure and carried on from there."""
 
     noise: TrackerNoise
     """What the filter believes of the target and the camera."""
 
-    def reset(self, seen: Seen) -> Track:
+    def reset(self, seen: Seen) -> AgedTrack:
         """Begin at the first sight."""
-        return begin_track(self.noise, seen.plate[..., 0, :])
+        return AgedTrack(begin_track(self.noise, seen.plate[..., 0, :]), seen.plate_age[..., 0])
 
-    def step(self, state: Track, seen: Seen) -> Track:
+    def step(self, state: AgedTrack, seen: Seen) -> AgedTrack:
         """Take in what is seen now."""
-        track = predict(self.noise, state, seen.elapsed)
+        age = seen.plate_age[..., 0]
+        track = predict(self.noise, state.track, state.age + seen.elapsed - age)
         # The first sight began the track; it tells nothing new.
-        return update(self.noise, track, seen.plate[..., 0, :], seen.fresh[..., 0] & (seen.elapsed > 0.0))
+        fresh = seen.fresh[..., 0] & (seen.elapsed > 0.0)
+        return AgedTrack(update(self.noise, track, seen.plate[..., 0, :], fresh), age)
 
-    def position_after(self, state: Track, time: Array) -> Array:
+    def position_after(self, state: AgedTrack, time: Array) -> Array:
         """Go on at the estimated velocity, shape B + (3,)."""
-        return position_after(state, time)
+        return position_after(state.track, state.age + time)
 
 
 class ParabolaTrack(NamedTuple):

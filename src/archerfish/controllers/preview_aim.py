@@ -15,7 +15,7 @@ from archerfish.controllers.preview import Preview, make_preview, track_path
 from archerfish.dynamics.aiming import line_of_sight
 from archerfish.dynamics.array_namespace import Array, lift, map_arrays, namespace
 from archerfish.dynamics.command_limits import CommandLimits
-from archerfish.dynamics.linear_axis import GimbalModel, advance, gimbal_angle, rest_state
+from archerfish.dynamics.linear_axis import GimbalModel, advance, gimbal_angle, gimbal_rate, rest_state
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.sensing.interfaces import Command, Seen, Truth, fire_always
 
@@ -60,7 +60,9 @@ class PreviewAim(NamedTuple):
         track = self.predictor.step(state.track, seen)
         moved = (seen.elapsed > 0.0)[..., None]
         plant = xp.where(moved[..., None], advance(self.model, state.plant, seen.command), state.plant)
-        error = (seen.angle - gimbal_angle(self.model, plant))[..., None]
+        # The feedback shows the past: the estimate goes back to it along its own rate.
+        then = gimbal_angle(self.model, plant) - seen.gimbal_age[..., None] * gimbal_rate(self.model, plant)
+        error = (seen.angle - then)[..., None]
         plant = plant + lift(self.gain, plant) * error
         path, sight = self._wanted(track, seen)
         rate = (seen.command - state.command) / self.preview.period

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from archerfish.controllers.direct_aim import DirectAim
-from archerfish.controllers.kalman_filter import TrackerNoise
 from archerfish.controllers.oracle import make_oracle
 from archerfish.controllers.predictors import ConstantVelocity, Hold, ParabolaAware, Predictor, Vertex
 from archerfish.controllers.preview_aim import make_preview_aim
@@ -17,6 +16,7 @@ from archerfish.dynamics.muzzle import Muzzle
 from archerfish.paper.conditions import Conditions
 from archerfish.records.errors import InputError
 from archerfish.sensing.interfaces import Controller
+from archerfish.sensing.kalman_filter import TrackerNoise
 
 
 class Workbench(NamedTuple):

@@ -8,6 +8,7 @@ rate at the end of the period, so that one product advances everything.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -35,13 +36,14 @@ class GimbalModel(NamedTuple):
     """State at rest per unit of command, shape (..., 2, m)."""
 
 
-def gimbal_model(pitch: PlantRecord, yaw: PlantRecord, period_s: float) -> GimbalModel:
+def gimbal_model(pitch: PlantRecord, yaw: PlantRecord, period_s: float, latency_s: float = 0.0) -> GimbalModel:
     """Build the model of a gimbal for decisions every `period_s`.
 
     Args:
       pitch: plant of the pitch axis, one input; of several outputs the first is its angle.
       yaw: plant of the yaw axis, likewise.
       period_s: decision period [s], a multiple of both sampling periods.
+      latency_s: by which commands come late, before the delays of the plants; rounded to whole samples [s].
 
     Returns:
       The best estimate, shape (2, ...). `gimbal_draws` gives the posterior.
@@ -49,21 +51,29 @@ def gimbal_model(pitch: PlantRecord, yaw: PlantRecord, period_s: float) -> Gimba
     Raises:
       InputError: if the period is no multiple of a sampling period, or a plant has several inputs or outputs.
     """
-    return _stack([period_model(plant, period_s) for plant in (pitch, yaw)], axis=0)
+    return _stack([period_model(_later(plant, latency_s), period_s) for plant in (pitch, yaw)], axis=0)
 
 
 def gimbal_draws(pitch: PlantRecord, yaw: PlantRecord, period_s: float) -> GimbalModel | None:
     """Build the models of all posterior draws, shape (k, 2, ...), or None where a record has no draws."""
     if not pitch.draws or not yaw.draws:
         return None
-    count = min(len(pitch.draws["A"]), len(yaw.draws["A"]))
-    pairs = ([period_model(_draw(plant, index), period_s) for plant in (pitch, yaw)] for index in range(count))
-    return _stack([_stack(pair, axis=0) for pair in pairs], axis=0)
+    pairs = zip(plant_draws(pitch), plant_draws(yaw), strict=False)
+    return _stack([_stack([period_model(plant, period_s) for plant in pair], axis=0) for pair in pairs], axis=0)
 
 
-def _draw(plant: PlantRecord, index: int) -> PlantRecord:
-    matrices = {name: draws[index] for name, draws in plant.draws.items()}
-    return PlantRecord(**matrices, delay_samples=plant.delay_samples, sample_period_s=plant.sample_period_s)
+def plant_draws(plant: PlantRecord) -> list[PlantRecord]:
+    """Return the posterior draws of a plant as plants, or the plant itself where it has none."""
+    if not plant.draws:
+        return [plant]
+    return [
+        replace(plant, **{name: draws[index] for name, draws in plant.draws.items()}, draws={})
+        for index in range(len(plant.draws["A"]))
+    ]
+
+
+def _later(plant: PlantRecord, latency_s: float) -> PlantRecord:
+    return replace(plant, delay_samples=plant.delay_samples + round(latency_s / plant.sample_period_s))
 
 
 def period_model(plant: PlantRecord, period_s: float) -> GimbalModel:
@@ -72,8 +82,8 @@ def period_model(plant: PlantRecord, period_s: float) -> GimbalModel:
     A delay of d = q n + r ticks (r < n) lets the command of q + 1 periods ago act for r ticks and that of q periods ago
     for the other n − r.
     """
-    ticks = _ticks(plant, period_s)
-    a, b, c, d = _scaled(plant)
+    ticks = ticks_per_period(plant, period_s)
+    a, b, c, d = scaled_matrices(plant)
     order = len(a)
     whole, part = divmod(plant.delay_samples, ticks)
     power = [np.linalg.matrix_power(a, count) for count in (ticks, ticks - part)]
@@ -98,7 +108,12 @@ def period_model(plant: PlantRecord, period_s: float) -> GimbalModel:
     return GimbalModel(transition, into, angle, rate, np.linalg.solve(np.eye(size) - transition, into))
 
 
-def _ticks(plant: PlantRecord, period_s: float) -> int:
+def ticks_per_period(plant: PlantRecord, period_s: float) -> int:
+    """Return the samples of a plant in a decision period.
+
+    Raises:
+      InputError: if the period is no multiple of the sampling period, or the plant has several inputs.
+    """
     ratio = period_s / plant.sample_period_s
     if abs(ratio - round(ratio)) > 1e-6 * ratio or round(ratio) < 1:
         raise InputError(
@@ -112,8 +127,11 @@ def _ticks(plant: PlantRecord, period_s: float) -> int:
     return round(ratio)
 
 
-def _scaled(plant: PlantRecord) -> tuple[Matrix, Matrix, Matrix, float]:
-    """Scale each state by its peak in the step response: entries of order one keep float32 accurate."""
+def scaled_matrices(plant: PlantRecord) -> tuple[Matrix, Matrix, Matrix, float]:
+    """Return A, B, C and D of one input and the first output, its states scaled by their peaks in the step response.
+
+    Entries of order one keep float32 accurate. Shapes (n, n), (n,), (n,) and ().
+    """
     a, b, c = plant.A, plant.B[:, 0], plant.C[0]
     state, peak = np.zeros(len(a)), np.zeros(len(a))
     for _ in range(2000):

@@ -13,7 +13,7 @@ from archerfish.evaluation.trial import Shots, fight, largest_acceleration, perf
 from archerfish.paper.conditions import Conditions
 from archerfish.paper.tables import printed_rate
 from archerfish.sensing.interfaces import Controller
-from archerfish.simulation.shooting import ShootingWorld
+from archerfish.simulation.environment import PureWorld
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Outcome:
 class Ground:
     """Where an evaluation takes place."""
 
-    world: ShootingWorld
+    world: PureWorld
     """The world."""
     trials: Trials
     """Engagements and draws, the same for all entrants."""

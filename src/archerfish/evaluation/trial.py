@@ -13,7 +13,8 @@ from archerfish.dynamics.muzzle import DRAWS as MUZZLE_DRAWS
 from archerfish.dynamics.muzzle import pellet_at_muzzle
 from archerfish.evaluation.suites import Trials
 from archerfish.sensing.interfaces import Controller, Engagement, Truth, World
-from archerfish.simulation.shooting import ShootingWorld, miss_at_armor
+from archerfish.simulation.environment import PureWorld
+from archerfish.simulation.shooting import miss_at_armor
 
 
 class Shots(NamedTuple):
@@ -76,7 +77,7 @@ def _truth(world: World, controller: Controller, engagements: Engagement) -> Tru
     return world.truth(engagements) if getattr(controller, "needs_truth", False) else None
 
 
-def perfect_shots(world: ShootingWorld, trials: Trials) -> Shots:
+def perfect_shots(world: PureWorld, trials: Trials) -> Shots:
     """Score perfect aim: what the dispersion alone leaves, whatever moves the gimbal.
 
     The gimbal is put at the intercept's angles for every shot, at rest.
@@ -86,7 +87,7 @@ def perfect_shots(world: ShootingWorld, trials: Trials) -> Shots:
 
 
 @jax.jit
-def _perfect_compiled(world: ShootingWorld, engagements: Engagement, draws: Array) -> Shots:
+def _perfect_compiled(world: PureWorld, engagements: Engagement, draws: Array) -> Shots:
     steps = draws.shape[-2]
     motion = map_arrays(lambda each: each[:, None], engagements.motion)
     fired = (jnp.arange(1, steps + 1) * world.period)[None, :] + jnp.zeros((draws.shape[0], 1))

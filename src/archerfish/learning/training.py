@@ -13,7 +13,7 @@ from archerfish.learning.config import PpoConfig
 from archerfish.learning.ppo import Environment, Learner, Metrics, iterate, make_learner, sizes
 from archerfish.learning.update import hyper
 from archerfish.records.errors import InputError
-from archerfish.sensing.observation import Observer
+from archerfish.sensing.observers import AnyObserver
 
 CHUNK = 4
 """Iterations per compiled call; between calls the caller hears of the progress and may stop."""
@@ -74,7 +74,7 @@ def train(
     return Trained(learner, Curve(steps, np.asarray(joined.mean_reward), joined))
 
 
-def trained_policy(observer: Observer, learner: Learner) -> PolicyController:
+def trained_policy(observer: AnyObserver, learner: Learner) -> PolicyController:
     """Return the policy of a learner as a controller: its mean action, in NumPy."""
     policy = PolicyController(observer, learner.normaliser, learner.networks.actor.layers)
     in_numpy: PolicyController = jax.tree.map(np.asarray, policy)

@@ -21,7 +21,7 @@ class PolicyRecord:
     """A policy: observation → network with ReLU → offset of the command from the aim."""
 
     observation: str
-    """Kind of the observation: "history" or "paper"."""
+    """Kind of the observation: "history", "paper" or "tracked"."""
     frames: int
     """Frames that a history observation remembers."""
     weights: tuple[Floats, ...]
@@ -42,6 +42,8 @@ class PolicyRecord:
     """Decision period that it was trained with [s]."""
     command_limit: str
     """Command limit that it was trained under."""
+    tracker: dict[str, float] = field(default_factory=dict)
+    """What the tracker of a tracked observation believes, as `sensing.kalman_filter.TrackerNoise`; else empty."""
     training: dict[str, Any] = field(default_factory=dict)
     """Configuration and outcome of the training."""
     provenance: dict[str, Any] = field(default_factory=dict)
@@ -79,7 +81,7 @@ def write_policy(path: Path, policy: PolicyRecord) -> None:
     arrays = {name: getattr(policy, name) for name in ("mean", "variance", "action_scale", "braking")}
     for index, (weight, bias) in enumerate(zip(policy.weights, policy.biases, strict=True)):
         arrays |= {f"weight_{index}": weight, f"bias_{index}": bias}
-    names = ("observation", "frames", "muzzle", "period_s", "command_limit", "training", "provenance")
+    names = ("observation", "frames", "muzzle", "period_s", "command_limit", "tracker", "training", "provenance")
     storage.write_record(path, SCHEMA, {name: getattr(policy, name) for name in names}, arrays)
 
 
@@ -101,6 +103,7 @@ def read_policy(path: Path) -> PolicyRecord:
             variance=arrays["variance"],
             action_scale=arrays["action_scale"],
             braking=arrays["braking"],
+            tracker=facts.get("tracker", {}),
             **{name: storage.field(path, facts, name, kind) for name, kind in kinds.items()},
         )
     except KeyError as error:

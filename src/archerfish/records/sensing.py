@@ -56,6 +56,14 @@ class LinkRecord:
     """Standard deviation of that time from command to command [s]."""
     feedback_delay: float | None = None
     """Delay of the feedback alone [s]: how much later than the moment that it shows a logged angle is stamped."""
+    command_latency: float | None = None
+    """Mean time from sending a command to its receipt by the gimbal [s], where the gimbal stamps what it receives."""
+    command_latency_jitter: float | None = None
+    """Standard deviation of that time [s]."""
+    feedback_latency: float | None = None
+    """Mean time from the gimbal's stamp of a feedback to its receipt by the program [s]."""
+    feedback_latency_jitter: float | None = None
+    """Standard deviation of that time [s]."""
 
 
 @dataclass(frozen=True)

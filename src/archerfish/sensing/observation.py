@@ -18,6 +18,7 @@ from archerfish.dynamics.array_namespace import Array, lift, namespace
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.records.errors import InputError
 from archerfish.sensing.interfaces import Seen
+from archerfish.sensing.stopping_way import overshoot
 
 KINDS = ("history", "paper")
 DEFAULT_FRAMES = 4
@@ -44,6 +45,27 @@ class Observer(NamedTuple):
     shape (2,)."""
     muzzle: Muzzle
     """The muzzle that the aim is computed for."""
+
+    @property
+    def size(self) -> int:
+        """How many numbers an observation has."""
+        return observation_size(self)
+
+    def begin(self, seen: Seen) -> Array:
+        """Return the memory at the beginning of an engagement, see `begin_memory`."""
+        return begin_memory(self, seen)
+
+    def remember(self, memory: Array, seen: Seen) -> Array:
+        """Take in what is seen now, shape B + (h, 7); see `remember`."""
+        return remember(self, memory, seen)
+
+    def observe(self, memory: Array) -> Array:
+        """Build the observation, shape B + (size,)."""
+        return observe(self, memory)
+
+    def decode(self, memory: Array, action: Array) -> Array:
+        """Turn an action, shape B + (2,), into a command; see `decode_action`."""
+        return decode_action(self, memory, action)
 
 
 def make_observer(
@@ -114,7 +136,7 @@ def observe(observer: Observer, memory: Array) -> Array:
     error = aim[..., -1, :] - angle[..., -1, :]
     steps = [xp.reshape(_differences(each), (*memory.shape[:-2], -1)) for each in (angle, aim, distance)]
     asked = command - angle
-    overshoot = _overshoot(observer, aim, command)
+    rest = overshoot(observer.braking, aim[..., -1, :], command[..., -1, :], command[..., -2, :])
     return xp.concat(
         [
             2.0 * error,
@@ -126,18 +148,11 @@ def observe(observer: Observer, memory: Array) -> Array:
             _FINE * steps[1],
             _FINE * steps[2],
             xp.reshape(2.0 * _differences(command), (*memory.shape[:-2], -1)),
-            2.0 * overshoot,
-            xp.tanh(_FINE / 3.0 * overshoot),
+            2.0 * rest,
+            xp.tanh(_FINE / 3.0 * rest),
         ],
         axis=-1,
     )
-
-
-def _overshoot(observer: Observer, aim: Array, command: Array) -> Array:
-    """From where the command would come to rest, braking from its last move d on, to the aim: d |d| / (2 b) of way."""
-    move = command[..., -1, :] - command[..., -2, :]
-    way = move * namespace(move).abs(move) / (2.0 * lift(observer.braking, move))
-    return aim[..., -1, :] - command[..., -1, :] - way
 
 
 def _six_numbers(memory: Array) -> Array:

@@ -4,22 +4,57 @@ An engagement of fixed length is truncated, not terminated: the world goes on, o
 after the last step is handed out beside the first of the next engagement, for the value to bootstrap from.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from archerfish.dynamics.array_namespace import Array, map_arrays, namespace
-from archerfish.sensing.interfaces import Engagement, fire_always
-from archerfish.sensing.observation import Observer, begin_memory, decode_action, observe, remember
+from archerfish.dynamics.command_limits import CommandLimits
+from archerfish.dynamics.muzzle import Muzzle
+from archerfish.sensing.interfaces import Command, Engagement, Seen, Shot, World, fire_always
+from archerfish.sensing.observers import AnyObserver
 from archerfish.simulation.scenario import UNIFORMS, Scenario, draw_engagement
-from archerfish.simulation.shooting import DRAWS, ShootingState, ShootingWorld, begin, reward, see, shoot
+from archerfish.simulation.shooting import reward
+
+
+class PureWorld(World, Protocol):
+    """A world that can be traced and compiled, step by step with draws of its own."""
+
+    @property
+    def normals(self) -> int:
+        """Standard normals that a step needs."""
+
+    @property
+    def period(self) -> Array:
+        """Decision period [s], shape ()."""
+
+    @property
+    def muzzle(self) -> Muzzle:
+        """The muzzle, shape ()."""
+
+    @property
+    def plants(self) -> int:
+        """Number of draws of what is not known exactly."""
+
+    @property
+    def limits(self) -> CommandLimits:
+        """What the gimbal may be asked."""
+
+    def begin(self, engagement: Engagement, draws: Array) -> Any:
+        """Begin engagements with standard normals, shape B + (normals,)."""
+
+    def see(self, state: Any) -> Seen:
+        """Return what a controller gets to see now."""
+
+    def shoot(self, state: Any, command: Command, draws: Array) -> tuple[Any, Shot]:
+        """Let a period pass under a command, then fire, with standard normals, shape B + (normals,)."""
 
 
 class EnvironmentState(NamedTuple):
     """Running engagements of a batch."""
 
-    shooting: ShootingState
+    shooting: Any
     """The world."""
-    memory: Array
-    """What the policy remembers, shape (B, h, 7)."""
+    memory: Any
+    """What the policy remembers."""
     step: Array
     """Steps since the engagement began, shape (B,)."""
 
@@ -42,11 +77,11 @@ class Outcome(NamedTuple):
 class ShootingEnvironment(NamedTuple):
     """Engagements of a scenario in a world, seen by an observer."""
 
-    world: ShootingWorld
+    world: PureWorld
     """Where."""
     scenario: Scenario
     """Against whom."""
-    observer: Observer
+    observer: AnyObserver
     """Seen how."""
     length: Array
     """Decisions per engagement, shape ()."""
@@ -54,7 +89,7 @@ class ShootingEnvironment(NamedTuple):
     @property
     def normals(self) -> int:
         """Standard normals that a step needs per engagement."""
-        return DRAWS
+        return self.world.normals
 
     @property
     def uniforms(self) -> int:
@@ -84,11 +119,11 @@ class ShootingEnvironment(NamedTuple):
           normals: shape (B, normals).
           uniforms: shape (B, uniforms), for the engagements that begin.
         """
-        command = fire_always(decode_action(self.observer, state.memory, action))
-        shooting, shot = shoot(self.world, state.shooting, command, normals)
-        memory = remember(self.observer, state.memory, see(self.world, shooting))
+        command = fire_always(self.observer.decode(state.memory, action))
+        shooting, shot = self.world.shoot(state.shooting, command, normals)
+        memory = self.observer.remember(state.memory, self.world.see(shooting))
         going_on = EnvironmentState(shooting, memory, state.step + 1)
-        final = observe(self.observer, memory)
+        final = self.observer.observe(memory)
         truncated = going_on.step >= self.length
         fresh, first = self._fresh(normals, uniforms)
         following = _where(truncated, fresh, going_on)
@@ -97,10 +132,10 @@ class ShootingEnvironment(NamedTuple):
 
     def _fresh(self, normals: Array, uniforms: Array) -> tuple[EnvironmentState, Array]:
         engagement: Engagement = draw_engagement(self.scenario, uniforms)
-        shooting = begin(self.world, engagement, normals)
-        memory = begin_memory(self.observer, see(self.world, shooting))
+        shooting = self.world.begin(engagement, normals)
+        memory = self.observer.begin(self.world.see(shooting))
         step = namespace(normals).zeros(normals.shape[0], dtype=int)
-        return EnvironmentState(shooting, memory, step), observe(self.observer, memory)
+        return EnvironmentState(shooting, memory, step), self.observer.observe(memory)
 
 
 def _where(condition: Array, chosen: Array, other: Array) -> Array:

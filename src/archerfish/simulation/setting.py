@@ -1,15 +1,21 @@
 """Worlds and scenarios from records: who shoots at what, where, with which gimbal."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from archerfish.dynamics.array_namespace import single_precision
 from archerfish.dynamics.command_limits import named_limits
+from archerfish.dynamics.delayed_gimbal import delayed_gimbal, longest_wait
 from archerfish.dynamics.linear_axis import gimbal_draws, gimbal_model
-from archerfish.dynamics.muzzle import muzzle_from_record
+from archerfish.dynamics.muzzle import Muzzle, muzzle_from_record
 from archerfish.paper.conditions import Conditions
 from archerfish.records.limits import LimitsRecord
 from archerfish.records.muzzle import MuzzleRecord
 from archerfish.records.plant import PlantRecord
+from archerfish.records.sensing import SensingRecord
+from archerfish.sensing.camera import sensing_from_record
+from archerfish.simulation.environment import PureWorld
+from archerfish.simulation.identified import IdentifiedWorld
 from archerfish.simulation.scenario import Scenario
 from archerfish.simulation.shooting import ShootingWorld
 
@@ -22,7 +28,8 @@ def make_world(
     command_limit: str,
     conditions: Conditions,
     position_noise: tuple[float, float] | None = None,
-) -> ShootingWorld:
+    sensing: SensingRecord | None = None,
+) -> PureWorld:
     """Build a shooting world in float32.
 
     Args:
@@ -33,11 +40,14 @@ def make_world(
       command_limit: "box", "gate" or "los-2deg".
       conditions: control period and the lead that `los-2deg` allows.
       position_noise: standard deviation of the seen position along and across the line of sight [m].
+      sensing: camera and link; immediate and perfect but for the position noise where none is given.
 
     Raises:
       InputError: if the command limit is unknown or a plant does not fit the control period.
     """
     period = conditions.control_period_s
+    if sensing is not None:
+        return _identified_world(pitch, yaw, muzzle, limits, command_limit, conditions, sensing)
     model = gimbal_draws(pitch, yaw, period) or gimbal_model(pitch, yaw, period)
     world = ShootingWorld(
         period=np.asarray(period),
@@ -50,6 +60,61 @@ def make_world(
     )
     built: ShootingWorld = single_precision(world)
     return built
+
+
+def _identified_world(
+    pitch: PlantRecord,
+    yaw: PlantRecord,
+    muzzle: MuzzleRecord,
+    limits: LimitsRecord,
+    command_limit: str,
+    conditions: Conditions,
+    sensing: SensingRecord,
+) -> IdentifiedWorld:
+    period = conditions.control_period_s
+    gimbal = delayed_gimbal(pitch, yaw, period)
+    count = len(gimbal.rest)
+    link = sensing.link
+    latency, jitter = link.command_latency or 0.0, link.command_latency_jitter or 0.0
+    longest = (latency + 4.0 * jitter) / pitch.sample_period_s
+    world = IdentifiedWorld(
+        period=np.asarray(period),
+        gimbal=gimbal,
+        sensing=sensing_from_record(sensing, count),
+        muzzles=muzzle_draws(muzzle, count),
+        muzzle=muzzle_from_record(muzzle),
+        model=gimbal_model(pitch, yaw, period, latency),
+        limits=named_limits(command_limit, limits, conditions.line_of_sight_lead),
+        angle_low=np.array([limits.pitch.low, limits.yaw.low]),
+        angle_high=np.array([limits.pitch.high, limits.yaw.high]),
+        queue=np.ones(longest_wait(gimbal, longest)),
+    )
+    built: IdentifiedWorld = single_precision(world)
+    return built
+
+
+def muzzle_draws(record: MuzzleRecord, count: int, seed: int = 0) -> Muzzle:
+    """Draw muzzles from the intervals of a record, or repeat its best estimate where it has none.
+
+    Args:
+      record: the muzzle.
+      count: k draws; with one, it is the best estimate.
+      seed: of the draws.
+
+    Returns:
+      Fields of shape (k,) and (k, 2).
+    """
+    generator = np.random.default_rng([seed, 58])
+
+    def drawn(name: str) -> NDArray[np.float64]:
+        low, high = record.intervals.get(name, (0.0, 0.0))
+        normals = generator.standard_normal(count) if count > 1 else np.zeros(count)
+        # Only the offsets may be negative.
+        values = getattr(record, name) + (high - low) / (2 * 1.96) * normals
+        return np.asarray(values if name.endswith("_offset") else np.maximum(values, 0.0))
+
+    pairs = {each: np.stack([drawn(f"{axis}_{each}") for axis in ("pitch", "yaw")], -1) for each in ("offset", "sd")}
+    return Muzzle(**{name: drawn(name) for name in ("speed", "speed_sd", "drag", "length")}, **pairs)
 
 
 def make_scenario(
@@ -82,11 +147,6 @@ def make_scenario(
     )
     built: Scenario = single_precision(scenario)
     return built
-
-
-def plant_count(world: ShootingWorld) -> int:
-    """Return how many posterior draws of the plant a world has."""
-    return int(world.gimbal.input.shape[0]) if world.gimbal.input.ndim == 3 else 1
 
 
 def paper_muzzle(conditions: Conditions) -> MuzzleRecord:

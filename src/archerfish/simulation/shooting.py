@@ -2,6 +2,9 @@
 
 One decision: the command is limited and held for a period, then a pellet is fired at the gimbal's angles at its end,
 and scored where it crosses the armor's x. Array-generic, so one compiled program steps thousands of engagements.
+
+Where camera and link are immediate, as in the paper, the gimbal is one product per period (`Immediate`); where they are
+modelled, commands come late by another time each, and what is seen is old (`Delayed`).
 """
 
 from typing import NamedTuple
@@ -66,6 +69,16 @@ class ShootingWorld(NamedTuple):
         """The simulation may be traced and compiled."""
         return True
 
+    @property
+    def plants(self) -> int:
+        """Number of draws of what is not known exactly."""
+        return int(self.gimbal.input.shape[0]) if self.gimbal.input.ndim == 3 else 1
+
+    @property
+    def normals(self) -> int:
+        """Standard normals that a step needs."""
+        return DRAWS
+
     def reset(self, engagements: Engagement, draws: Array) -> tuple[tuple[ShootingState, Array, Array], Seen]:
         """Begin engagements.
 
@@ -74,16 +87,84 @@ class ShootingWorld(NamedTuple):
           draws: standard normals of all steps, shape B + (T, DRAWS).
         """
         # The noise of the first sight comes from the last step, whose own nobody sees: it must not repeat in the next.
-        state = begin(self, engagements, draws[..., -1, :])
-        return (state, draws, namespace(draws).asarray(0)), see(self, state)
+        state = self.begin(engagements, draws[..., -1, :])
+        return (state, draws, namespace(draws).asarray(0)), self.see(state)
 
     def step(
         self, state: tuple[ShootingState, Array, Array], command: Command
     ) -> tuple[tuple[ShootingState, Array, Array], Seen, Shot]:
         """Hold a command for one period, then fire, in engagements of any shape B."""
         shooting, draws, index = state
-        shooting, shot = shoot(self, shooting, command, draws[..., index, :])
-        return (shooting, draws, index + 1), see(self, shooting), shot
+        shooting, shot = self.shoot(shooting, command, draws[..., index, :])
+        return (shooting, draws, index + 1), self.see(shooting), shot
+
+    def begin(self, engagement: Engagement, draws: Array) -> ShootingState:
+        """Begin engagements with the gimbal at rest.
+
+        Args:
+          engagement: whom to meet, shape B.
+          draws: standard normals, shape B + (DRAWS,).
+        """
+        xp = namespace(engagement.start, draws)
+        start = engagement.start
+        time = xp.zeros(start.shape[:-1], dtype=start.dtype)
+        return ShootingState(
+            gimbal=rest_state(plant_of(self, engagement), start),
+            command=start,
+            command_rate=xp.zeros_like(start),
+            plate=_seen_plate(self, engagement.motion, time, draws),
+            time=time,
+            engagement=engagement,
+        )
+
+    def see(self, state: ShootingState) -> Seen:
+        """Return what a controller sees now; feedback and camera are immediate in this self."""
+        xp = namespace(state.gimbal)
+        plant = plant_of(self, state.engagement)
+        zero = xp.zeros_like(state.time)
+        return Seen(
+            elapsed=xp.where(state.time > 0.0, self.period, zero),
+            angle=_within_stops(self, gimbal_angle(plant, state.gimbal)),
+            rate=gimbal_rate(plant, state.gimbal),
+            gimbal_age=zero,
+            command=state.command,
+            plate=state.plate[..., None, :],
+            normal_yaw=zero[..., None],
+            plate_age=zero[..., None],
+            fresh=zero[..., None] == 0.0,
+            base=xp.stack([zero] * 4, axis=-1),
+            muzzle_speed=zero + self.muzzle.speed,
+            heat_left=zero + 1e6,
+        )
+
+    def shoot(self, state: ShootingState, command: Command, draws: Array) -> tuple[ShootingState, Shot]:
+        """Hold a command for one period, then fire.
+
+        Args:
+          state: running engagements.
+          command: what the controller asks, before the limits.
+          draws: standard normals, shape B + (DRAWS,).
+        """
+        sight = line_of_sight(state.plate)
+        angle = limit_command(self.limits, command.angle, state.command, state.command_rate, sight, self.period)
+        plant = plant_of(self, state.engagement)
+        gimbal = advance(plant, state.gimbal, angle)
+        time = state.time + self.period
+        motion = state.engagement.motion
+        following = ShootingState(
+            gimbal=gimbal,
+            command=angle,
+            command_rate=(angle - state.command) / self.period,
+            plate=_seen_plate(self, motion, time, draws),
+            time=time,
+            engagement=state.engagement,
+        )
+        pointing = _within_stops(self, gimbal_angle(plant, gimbal))
+        position, velocity = pellet_at_muzzle(
+            self.muzzle, pointing, gimbal_rate(plant, gimbal), draws[..., :MUZZLE_DRAWS]
+        )
+        miss, flight_time = miss_at_armor(self.muzzle, motion, time, position, velocity)
+        return following, Shot(command.fire, miss, flight_time, pointing)
 
     def truth(self, engagements: Engagement) -> Truth:
         """Return what the oracle may know."""
@@ -95,77 +176,6 @@ def plant_of(world: ShootingWorld, engagement: Engagement) -> GimbalModel:
     if world.gimbal.input.ndim == 2:
         return world.gimbal
     return GimbalModel(*(array[engagement.plant] for array in world.gimbal))
-
-
-def begin(world: ShootingWorld, engagement: Engagement, draws: Array) -> ShootingState:
-    """Begin engagements with the gimbal at rest.
-
-    Args:
-      world: its parameters.
-      engagement: whom to meet, shape B.
-      draws: standard normals, shape B + (DRAWS,).
-    """
-    xp = namespace(engagement.start, draws)
-    start = engagement.start
-    time = xp.zeros(start.shape[:-1], dtype=start.dtype)
-    return ShootingState(
-        gimbal=rest_state(plant_of(world, engagement), start),
-        command=start,
-        command_rate=xp.zeros_like(start),
-        plate=_seen_plate(world, engagement.motion, time, draws),
-        time=time,
-        engagement=engagement,
-    )
-
-
-def see(world: ShootingWorld, state: ShootingState) -> Seen:
-    """Return what a controller sees now; feedback and camera are immediate in this world."""
-    xp = namespace(state.gimbal)
-    plant = plant_of(world, state.engagement)
-    zero = xp.zeros_like(state.time)
-    return Seen(
-        elapsed=xp.where(state.time > 0.0, world.period, zero),
-        angle=_within_stops(world, gimbal_angle(plant, state.gimbal)),
-        rate=gimbal_rate(plant, state.gimbal),
-        gimbal_age=zero,
-        command=state.command,
-        plate=state.plate[..., None, :],
-        normal_yaw=zero[..., None],
-        plate_age=zero[..., None],
-        fresh=zero[..., None] == 0.0,
-        base=xp.stack([zero] * 4, axis=-1),
-        muzzle_speed=zero + world.muzzle.speed,
-        heat_left=zero + 1e6,
-    )
-
-
-def shoot(world: ShootingWorld, state: ShootingState, command: Command, draws: Array) -> tuple[ShootingState, Shot]:
-    """Hold a command for one period, then fire.
-
-    Args:
-      world: its parameters.
-      state: running engagements.
-      command: what the controller asks, before the limits.
-      draws: standard normals, shape B + (DRAWS,).
-    """
-    sight = line_of_sight(state.plate)
-    angle = limit_command(world.limits, command.angle, state.command, state.command_rate, sight, world.period)
-    plant = plant_of(world, state.engagement)
-    gimbal = advance(plant, state.gimbal, angle)
-    time = state.time + world.period
-    motion = state.engagement.motion
-    following = ShootingState(
-        gimbal=gimbal,
-        command=angle,
-        command_rate=(angle - state.command) / world.period,
-        plate=_seen_plate(world, motion, time, draws),
-        time=time,
-        engagement=state.engagement,
-    )
-    pointing = _within_stops(world, gimbal_angle(plant, gimbal))
-    position, velocity = pellet_at_muzzle(world.muzzle, pointing, gimbal_rate(plant, gimbal), draws[..., :MUZZLE_DRAWS])
-    miss, flight_time = miss_at_armor(world.muzzle, motion, time, position, velocity)
-    return following, Shot(command.fire, miss, flight_time, pointing)
 
 
 def miss_at_armor(

@@ -1,9 +1,9 @@
 """A Kalman filter for a target of nearly constant velocity on level ground: the tracker of classical auto-aim.
 
-State per target: x, y and their speeds; the height hardly changes on level ground and is smoothed, each frame counting
-half. White acceleration of standard deviation q drives it. The camera measures along the line of sight less well than
-across it, so the measurement noise is rotated into the line of sight; with noise fixed to the axes, range errors leak
-into the bearing.
+State per target: x, y and their speeds; the height hardly changes on level ground and is a filter of its own, which
+lets it drift a little. White acceleration of standard deviation q drives x and y. The camera measures along the line of
+sight less well than across it, so the measurement noise is rotated into the line of sight; with noise fixed to the
+axes, range errors leak into the bearing.
 """
 
 from typing import NamedTuple
@@ -20,6 +20,10 @@ class TrackerNoise(NamedTuple):
     """Standard deviation of the measurement along the line of sight [m]."""
     across: Array
     """Standard deviation across it [m]."""
+    along_share: Array = 0.0
+    """What is added to `along` in proportion to the distance (their squares add)."""
+    across_angle: Array = 0.0
+    """What is added to `across` as an angle [rad] (the squares add)."""
 
 
 class Track(NamedTuple):
@@ -31,10 +35,14 @@ class Track(NamedTuple):
     """Shape B + (4, 4)."""
     height: Array
     """z [m], shape B."""
+    height_variance: Array
+    """Its variance [m²], shape B."""
 
 
 INITIAL_SPEED = 1.0
 """Standard deviation of the speed at first sight [m/s]."""
+HEIGHT_DRIFT = 0.02
+"""Standard deviation of the change of the height in a second [m]."""
 
 
 def begin_track(noise: TrackerNoise, plate: Array) -> Track:
@@ -44,7 +52,7 @@ def begin_track(noise: TrackerNoise, plate: Array) -> Track:
     speed = INITIAL_SPEED**2 * lift(xp.eye(2, dtype=plate.dtype), position) + 0.0 * position
     covariance = _blocks(position, 0.0 * position, speed)
     mean = xp.concat([plate[..., :2], 0.0 * plate[..., :2]], axis=-1)
-    return Track(mean, covariance, plate[..., 2])
+    return Track(mean, covariance, plate[..., 2], _height_noise(noise, plate))
 
 
 def predict(noise: TrackerNoise, track: Track, elapsed: Array) -> Track:
@@ -59,7 +67,7 @@ def predict(noise: TrackerNoise, track: Track, elapsed: Array) -> Track:
     q = noise.acceleration**2 * lift(xp.eye(2, dtype=p.dtype), upper)
     corner = corner + q * step**3 / 2.0
     covariance = _blocks(upper + q * step**4 / 4.0, corner, p[..., 2:, 2:] + q * step**2)
-    return Track(mean, covariance, track.height)
+    return Track(mean, covariance, track.height, track.height_variance + HEIGHT_DRIFT**2 * elapsed[..., 0])
 
 
 def update(noise: TrackerNoise, track: Track, plate: Array, fresh: Array) -> Track:
@@ -82,22 +90,34 @@ def update(noise: TrackerNoise, track: Track, plate: Array, fresh: Array) -> Tra
     mean = track.mean + xp.sum(gain * innovation[..., None, :], axis=-1)
     covariance = p - _product(gain, p[..., :2, :])
     covariance = 0.5 * (covariance + xp.matrix_transpose(covariance))
+    share = track.height_variance / (track.height_variance + _height_noise(noise, plate))
+    share = xp.where(fresh, share, 0.0 * share)
     seen = fresh[..., None]
     return Track(
         xp.where(seen, mean, track.mean),
         xp.where(seen[..., None], covariance, p),
-        xp.where(fresh, 0.5 * (track.height + plate[..., 2]), track.height),
+        track.height + share * (plate[..., 2] - track.height),
+        (1.0 - share) * track.height_variance,
     )
+
+
+def _height_noise(noise: TrackerNoise, plate: Array) -> Array:
+    """Variance of a measured height [m²], shape B."""
+    level = namespace(plate).sum(plate[..., :2] ** 2, axis=-1)
+    return noise.across**2 + noise.across_angle**2 * level
 
 
 def measurement_covariance(noise: TrackerNoise, plate: Array) -> Array:
     """Covariance of x and y with the noise along and across the line of sight [m²], shape B + (2, 2)."""
     xp = namespace(plate)
     level = plate[..., :2]
-    sight = level / xp.sqrt(xp.sum(level**2, axis=-1, keepdims=True))
+    distance = xp.sqrt(xp.sum(level**2, axis=-1, keepdims=True))
+    sight = level / distance
     along = sight[..., :, None] * sight[..., None, :]
     across = lift(xp.eye(2, dtype=plate.dtype), along) - along
-    return noise.along**2 * along + noise.across**2 * across
+    square = distance[..., None] ** 2
+    along_variance = noise.along**2 + noise.along_share**2 * square
+    return along_variance * along + (noise.across**2 + noise.across_angle**2 * square) * across
 
 
 def position_after(track: Track, time: Array) -> Array:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from archerfish.controllers.kalman_filter import (
+from archerfish.sensing.kalman_filter import (
     INITIAL_SPEED,
     TrackerNoise,
     begin_track,
@@ -90,7 +90,7 @@ def test_measurement_noise_lies_along_and_across_the_line_of_sight(plate) -> Non
 
 
 def test_the_covariance_stays_symmetric_and_positive_in_float32() -> None:
-    noise = TrackerNoise(*(each.astype(np.float32) for each in NOISE))
+    noise = TrackerNoise(*(np.float32(each) for each in NOISE))
     track = track_of(measurements(300).astype(np.float32), noise)
     assert track.covariance.dtype == np.float32
     assert_allclose(track.covariance, track.covariance.T, rtol=0, atol=0)
