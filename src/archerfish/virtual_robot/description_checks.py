@@ -52,8 +52,8 @@ def _check_nesting(robot: RobotDescription) -> None:
         if limits.low_deg < commands.command_low_deg or limits.high_deg > commands.command_high_deg:
             raise InputError(
                 f"[limits.{axis}] low_deg and high_deg {limits.low_deg:g}…{limits.high_deg:g}° lie "
-                f"outside the commands of [firmware.{axis}] {commands.command_low_deg:g}…{commands.command_high_deg:g}°; narrow "
-                "the limits"
+                f"outside what [firmware.{axis}] {commands.command_low_deg:g}…{commands.command_high_deg:g}° takes; "
+                "narrow the limits"
             )
 
 

@@ -16,7 +16,7 @@ from archerfish.virtual_robot.description_checks import check_description
 _ROBOTS = Path(__file__).with_name("robots")
 _LARGEST = 2**20
 _NAME = re.compile(r"[A-Za-z0-9][\w.-]*")
-_UNITS = "kg g m2 s2 n m s v a rad mrad deg degrees turn shot per hz khz mm cm km us ms min rpm percent ohm kohm mohm"
+_UNITS = "kg g m2 s2 n m s v a rad mrad deg turn shot per hz khz mm cm km cm2 mm2 us ms min rpm percent ohm kohm"
 _UNIT_WORDS = frozenset(_UNITS.split())
 
 

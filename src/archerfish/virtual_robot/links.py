@@ -87,7 +87,8 @@ class FeedbackLink:
         """Send the reports that are due in the ticks from `first` on that a motion covers."""
         link, count = self._link, len(motion.gyro)
         per_tick = link.feedback_rate_hz * TICK_S
-        end = math.ceil((first + count - self._start) * per_tick - _ROUNDING)
+        # Each is due at the first tick at or after its moment.
+        end = math.floor((first + count - 1 - self._start) * per_tick + _ROUNDING) + 1
         due = np.arange(self._reported, end)
         if due.size == 0:
             return
@@ -123,8 +124,8 @@ class CameraLink:
         self._normals = NoiseStream(seeds, "camera", NORMALS, "normal", block=64)
         self._uniforms = NoiseStream(seeds, "detection", UNIFORMS, "uniform", block=64)
         phase = self._uniforms.rows(0, 1)[0, :, 0]
-        self._next = start + phase / camera.rate_hz
-        self._exposed = np.ones(len(seeds), np.int64)
+        self._begin = start + phase / camera.rate_hz
+        self._exposed = np.zeros(len(seeds), np.int64)
         self._last = np.full(len(seeds), -np.inf)
         self._mailbox = Mailbox(len(seeds), 5)
 
@@ -132,15 +133,16 @@ class CameraLink:
         """Expose and detect the frames that are due in the ticks from `first` on that a motion covers."""
         end = (first + len(motion.gyro)) * TICK_S
         period = 1.0 / self._camera.rate_hz
-        count = np.maximum(np.ceil((end - self._next) / period - _ROUNDING), 0.0).astype(np.int64)
+        due = np.ceil((end - self._begin) / period - _ROUNDING).astype(np.int64)
+        count = np.maximum(due - self._exposed, 0)
         if not count.any():
             return
         step = np.arange(int(count.max()))
-        due = step < count[:, None]
-        exposure = np.where(due, self._next[:, None] + step * period, np.inf)
+        # Trials differ by a frame; who has fewer repeats the last one, which is never sent.
         index = self._exposed[:, None] + np.minimum(step, np.maximum(count[:, None] - 1, 0))
-        normals, chance = self._normals.rows_at(index), self._uniforms.rows_at(index)
-        self._next, self._exposed = self._next + count * period, self._exposed + count
+        exposure = np.where(step < count[:, None], self._begin[:, None] + index * period, np.inf)
+        normals, chance = self._normals.rows_at(index), self._uniforms.rows_at(index + 1)
+        self._exposed = self._exposed + count
         self._send(first, motion, target, exposure, normals, chance)
 
     def _send(
@@ -170,8 +172,10 @@ class CameraLink:
 
 def _angle_at(first: int, motion: Motion, moment: Array) -> Array:
     """Return the true angles at moments between ticks [rad], shape (B, N) → (B, N, 2)."""
-    place = np.clip(moment / TICK_S - first, 0.0, len(motion.gyro))
-    tick = np.minimum(place.astype(np.int64), len(motion.gyro) - 1)
-    share = (place - tick)[..., None]
+    place = moment / TICK_S
+    # From the clock's own ticks, so that the result does not depend on where a call began.
+    begun = np.floor(place)
+    tick = np.clip(begun.astype(np.int64) - first, 0, len(motion.gyro) - 1)
+    share = (place - begun)[..., None]
     trial = np.arange(len(moment))[:, None]
     return np.asarray((1.0 - share) * motion.angle[tick, trial] + share * motion.angle[tick + 1, trial])
