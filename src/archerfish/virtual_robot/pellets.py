@@ -1,0 +1,110 @@
+"""Pellets in the air: gravity and quadratic drag in three dimensions, by Runge–Kutta steps of their own."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Event = Callable[[Array, Array], Array]
+"""From time of flight [s], shape B, and position [m], shape B + (3,), to a number that is zero at the event and below
+zero before it."""
+
+GRAVITY = 9.81
+"""[m/s²]."""
+_STEP_S = 0.01
+_LONGEST_S = 3.0
+_HALVINGS = 40
+
+
+class Arrival(NamedTuple):
+    """Where flights end."""
+
+    time: Array
+    """Time of flight [s], NaN where the event never comes, shape B."""
+    position: Array
+    """[m], likewise, shape B + (3,)."""
+
+
+def fly(position: Array, velocity: Array, drag: float, event: Event) -> Arrival:
+    """Fly pellets until an event, v̇ = −k |v| v − g, for at most three seconds.
+
+    Args:
+      position: where they leave the muzzle [m], shape (B, 3).
+      velocity: with which [m/s], shape (B, 3).
+      drag: k [1/m].
+      event: what ends a flight; it must begin below zero.
+    """
+    state = np.stack([position, velocity], axis=1)
+    start, end, begun = state.copy(), state.copy(), np.full(len(position), np.nan)
+    flying = event(np.zeros(len(position)), position) < 0.0
+    for index in range(round(_LONGEST_S / _STEP_S)):
+        following = _step(state, drag)
+        time = np.full(len(position), (index + 1) * _STEP_S)
+        now = flying & (event(time, following[:, 0]) >= 0.0)
+        start[now], end[now], begun[now] = state[now], following[now], index * _STEP_S
+        flying &= ~now
+        if not flying.any():
+            break
+        state = following
+    return _refined(start, end, begun, event)
+
+
+def crossing(position: Array, velocity: Array, drag: float, plate: Callable[[Array], Array]) -> Arrival:
+    """Fly pellets until they have the x of a plate that moves on.
+
+    Args:
+      position: where they leave the muzzle [m], shape (B, 3).
+      velocity: with which [m/s], shape (B, 3).
+      drag: k [1/m].
+      plate: its position [m], shape (B, 3), from the time of flight [s], shape (B,).
+    """
+    return fly(position, velocity, drag, lambda time, place: np.asarray(place[:, 0] - plate(time)[:, 0]))
+
+
+def landing(position: Array, velocity: Array, drag: float, ground: float) -> Arrival:
+    """Fly pellets down to the ground.
+
+    Args:
+      position: where they leave the muzzle [m], shape (B, 3).
+      velocity: with which [m/s], shape (B, 3).
+      drag: k [1/m].
+      ground: its height [m].
+    """
+    return fly(position, velocity, drag, lambda _, place: np.asarray(ground - place[:, 2]))
+
+
+def _slope(state: Array, drag: float) -> Array:
+    velocity = state[:, 1]
+    speed = np.sqrt(np.sum(velocity**2, axis=-1, keepdims=True))
+    acceleration = -drag * speed * velocity
+    acceleration[:, 2] -= GRAVITY
+    return np.stack([velocity, acceleration], axis=1)
+
+
+def _step(state: Array, drag: float) -> Array:
+    first = _slope(state, drag)
+    second = _slope(state + 0.5 * _STEP_S * first, drag)
+    third = _slope(state + 0.5 * _STEP_S * second, drag)
+    fourth = _slope(state + _STEP_S * third, drag)
+    return state + _STEP_S / 6.0 * (first + 2.0 * (second + third) + fourth)
+
+
+def _refined(start: Array, end: Array, begun: Array, event: Event) -> Arrival:
+    """Halve the step of the event on the cubic through its ends; the plate may turn within it, so nothing faster."""
+    low, high = np.zeros(len(start)), np.ones(len(start))
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        before = event(begun + middle * _STEP_S, _between(start, end, middle)) < 0.0
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    place = _between(start, end, high)
+    return Arrival(begun + high * _STEP_S, np.where(np.isnan(begun)[:, None], np.nan, place))
+
+
+def _between(start: Array, end: Array, share: Array) -> Array:
+    """Return positions at a share of a step by the cubic that has both ends' positions and velocities."""
+    s = share[:, None]
+    rest = 1.0 - s
+    from_start = rest**2 * ((1.0 + 2.0 * s) * start[:, 0] + s * _STEP_S * start[:, 1])
+    return np.asarray(from_start + s**2 * ((1.0 + 2.0 * rest) * end[:, 0] - rest * _STEP_S * end[:, 1]))

@@ -1,0 +1,73 @@
+import warnings
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from archerfish.records.errors import InputError
+from archerfish.virtual_robot import gimbal_physics
+from archerfish.virtual_robot.description import TICK_S
+from archerfish.virtual_robot.gimbal_physics import make_physics
+from archerfish.virtual_robot.linear_gimbal import LinearGimbal, axis_inertias
+
+from .made_robots import changed, resting_robot
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-12, 0.02, 0.3])
+def test_it_steps_a_damped_axis_exactly(damping: float) -> None:
+    gimbal = changed(gimbal__pitch__damping_n_m_s_per_rad=damping).gimbal
+    physics = LinearGimbal(gimbal, 1)
+    physics.reset(np.array([[0.05, 0.0]]))
+    torque = 0.05 * np.sin(np.arange(60))
+    for each in torque:
+        physics.step(np.array([[each, 0.0]]))
+    inertia = axis_inertias(gimbal)[0]
+    state = np.array([0.05, 0.0])
+    for each in torque:
+        held = solve_ivp(
+            lambda _, x, held=each: [x[1], (held - damping * x[1]) / inertia],
+            (0, TICK_S),
+            state,
+            rtol=1e-10,
+            atol=1e-12,
+        )
+        state = held.y[:, -1]
+    assert physics.angle[0, 0] == pytest.approx(state[0], abs=1e-9)
+    assert physics.rate[0, 0] == pytest.approx(state[1], abs=1e-8)
+
+
+def test_its_stops_take_all_speed() -> None:
+    physics = LinearGimbal(changed().gimbal, 1)
+    physics.reset(np.zeros((1, 2)))
+    for _ in range(2000):
+        physics.step(np.array([[1.0, -1.0]]))
+    np.testing.assert_allclose(np.degrees(physics.angle), [[13.0, -80.0]])
+    np.testing.assert_array_equal(physics.rate, 0.0)
+
+
+def test_without_mujoco_the_stand_in_takes_its_place_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gimbal_physics, "mujoco_installed", lambda: False)
+    gimbal = changed().gimbal
+    with pytest.warns(UserWarning, match=r"MuJoCo 4 is not installed: a linear stand-in .* pip install"):
+        assert isinstance(make_physics(gimbal, 3), LinearGimbal)
+    with pytest.raises(InputError, match="needs MuJoCo 4"):
+        make_physics(gimbal, 3, "mujoco")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert isinstance(make_physics(gimbal, 3, "linear"), LinearGimbal)
+
+
+def test_a_mujoco_without_batches_counts_as_absent(monkeypatch: pytest.MonkeyPatch) -> None:
+    def find_spec(name: str) -> object | None:
+        return object() if name == "mujoco" else None
+
+    monkeypatch.setattr(gimbal_physics.importlib.util, "find_spec", find_spec)
+    assert not gimbal_physics.mujoco_installed()
+
+
+def test_the_robot_on_the_stand_in_reaches_its_command() -> None:
+    robot = resting_robot(changed(), 2, "linear")
+    robot.send(np.array([[0.05, 0.2], [-0.1, -0.3]]))
+    robot.advance(600)
+    expected = np.array([[0.05 * 1.03, 0.2], [-0.1 * 1.03, -0.3]])
+    np.testing.assert_allclose(robot.truth().angle, expected, atol=2e-3)
