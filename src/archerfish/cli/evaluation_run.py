@@ -1,18 +1,30 @@
 """One evaluation as a task: some controllers in one world on the same engagements as all others."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
-from archerfish.cli.setting import Setting
+from archerfish.cli.setting import Setting, setting_world
 from archerfish.controllers.policy import policy_from_record
-from archerfish.controllers.roster import Workbench, make_controller
+from archerfish.controllers.roster import Tuning, Workbench, make_controller
 from archerfish.dynamics.command_limits import named_limits
 from archerfish.dynamics.linear_axis import gimbal_model
 from archerfish.dynamics.muzzle import muzzle_from_record
 from archerfish.evaluation.evaluate import Entrant, Ground, Outcome, compete, perfect_aim
 from archerfish.evaluation.suites import draw_trials, table_suites
+from archerfish.evaluation.tuning import LEADS, Tuned, tune
+from archerfish.records.errors import InputError
 from archerfish.records.policy import PolicyRecord
-from archerfish.simulation.setting import make_world
+from archerfish.sensing.kalman_filter import noise_from_record
+from archerfish.virtual_robot.description_file import load_robot
+from archerfish.virtual_robot.engagement_world import Known, RobotWorld
+
+TUNED = {"kalman": LEADS, "kalman-lq": (0.0,)}
+"""Controllers that are tuned for an identified robot, and the extra leads that are tried."""
+TUNING_ENGAGEMENTS = 64
+"""Engagements per cell of the tuning stream."""
+CONTROLLER_NAMES = {"tracked": "history"}
+"""Kind of a policy's observation → name in the results, where they differ: on a robot, `history` tracks."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +32,7 @@ class EvaluationTask:
     """An evaluation, as data: it can be handed to another process."""
 
     setting: Setting
-    """The robot."""
+    """The robot as far as it is known."""
     command_limit: str
     """What the gimbal may be asked."""
     engagements: int
@@ -31,15 +43,74 @@ class EvaluationTask:
     """Classical controllers by name; "perfect" scores perfect aim."""
     policies: tuple[PolicyRecord, ...] = ()
     """Trained policies."""
+    robot: str = ""
+    """Name or file of the virtual robot to shoot with; the setting's simulator if empty."""
+    tables: tuple[str, str] = ("II", "III")
+    """The paper's tables that the cells stand beside."""
+    tuning: Mapping[str, Tuning] = field(default_factory=dict)
+    """Controller → its settings, from `tune_controllers`; the paper's conditions hold the others'."""
 
 
 def make_ground(task: EvaluationTask) -> Ground:
     """Build the world and draw the engagements; equal tasks give equal draws, in any process."""
     setting, conditions = task.setting, task.setting.conditions
-    world = make_world(setting.pitch, setting.yaw, setting.muzzle, setting.limits, task.command_limit, conditions)
-    suites = table_suites(conditions, world.plants)
-    trials = draw_trials(suites, task.engagements, conditions.decisions, task.seed)
-    return Ground(world, trials, task.command_limit, setting.name, conditions)
+    simulator = setting_world(setting, task.command_limit)
+    suites = table_suites(conditions, simulator.plants, task.tables)
+    trials = draw_trials(suites, task.engagements, conditions.decisions, task.seed, normals=simulator.normals)
+    if task.robot:
+        robot = load_robot(task.robot)
+        world = RobotWorld(robot, _known(task), conditions.control_period_s)
+        return Ground(world, trials, task.command_limit, robot.schema.name, conditions)
+    return Ground(simulator, trials, task.command_limit, setting.name, conditions)
+
+
+def _known(task: EvaluationTask) -> Known:
+    if task.setting.sensing is None:
+        raise InputError("shooting with a robot needs a sensing record; give --sensing, as identify sensing writes it")
+    bench = _bench(task, None)
+    return Known(task.setting.sensing.camera.time_offset, bench.limits, bench.model, bench.muzzle)
+
+
+def _bench(task: EvaluationTask, tuning: Tuning | None) -> Workbench:
+    setting, conditions = task.setting, task.setting.conditions
+    sensing = setting.sensing
+    latency = (sensing.link.command_latency or 0.0) if sensing else 0.0
+    return Workbench(
+        model=gimbal_model(setting.pitch, setting.yaw, conditions.control_period_s, latency),
+        muzzle=muzzle_from_record(setting.muzzle),
+        limits=named_limits(task.command_limit, setting.limits, conditions.line_of_sight_lead),
+        conditions=conditions,
+        noise=noise_from_record(sensing, 0.0) if sensing else None,
+        tuning=tuning,
+    )
+
+
+def tune_controllers(task: EvaluationTask, advance: Callable[[float, str], None] = lambda *_: None) -> list[Tuned]:
+    """Tune the tracking controllers of a task in its setting's simulator, all on the same draws.
+
+    Args:
+      task: which controllers, for which robot.
+      advance: hears how many are done, and of the latest.
+    """
+    setting, conditions = task.setting, task.setting.conditions
+    world = setting_world(setting, task.command_limit)
+    trials = draw_trials(
+        table_suites(conditions, world.plants),
+        TUNING_ENGAGEMENTS,
+        conditions.decisions,
+        task.seed,
+        "tuning",
+        world.normals,
+    )
+    found = []
+    for name in (each for each in task.controllers if each in TUNED):
+
+        def build(tuning: Tuning, name: str = name) -> Any:
+            return make_controller(name, _bench(task, tuning))
+
+        found.append(tune(world, trials, name, build, conditions.hit_radius, TUNED[name]))
+        advance(len(found), name)
+    return found
 
 
 def run_evaluation(task: EvaluationTask, advance: Callable[[float, str], None] = lambda *_: None) -> list[Outcome]:
@@ -54,18 +125,12 @@ def run_evaluation(task: EvaluationTask, advance: Callable[[float, str], None] =
     """
     ground, done = make_ground(task), []
     classical = [name for name in task.controllers if name != "perfect"]
-    bench = Workbench(
-        model=gimbal_model(task.setting.pitch, task.setting.yaw, task.setting.conditions.control_period_s),
-        muzzle=muzzle_from_record(task.setting.muzzle),
-        limits=named_limits(task.command_limit, task.setting.limits, task.setting.conditions.line_of_sight_lead),
-        conditions=task.setting.conditions,
-    )
-    entrants = [Entrant(name, make_controller(name, bench)) for name in classical]
+    entrants = [Entrant(name, make_controller(name, _bench(task, task.tuning.get(name)))) for name in classical]
     entrants += [_policy_entrant(policy) for policy in task.policies]
 
     def report(name: str) -> None:
         done.append(name)
-        advance(len(done), f"{task.command_limit} {name}")
+        advance(len(done), f"{ground.setting} {task.command_limit} {name}")
 
     perfect = [perfect_aim(ground)] if "perfect" in task.controllers else []
     return perfect + compete(ground, entrants, report)
@@ -96,4 +161,5 @@ def _after(before: float, advance: Callable[[float, str], None]) -> Callable[[fl
 
 def _policy_entrant(policy: PolicyRecord) -> Entrant:
     seed = policy.training.get("seed")
-    return Entrant(policy.observation, policy_from_record(policy), 0 if seed is None else int(seed))
+    name = CONTROLLER_NAMES.get(policy.observation, policy.observation)
+    return Entrant(name, policy_from_record(policy), 0 if seed is None else int(seed))

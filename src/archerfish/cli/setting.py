@@ -15,7 +15,9 @@ from archerfish.records.limits import LimitsRecord, read_limits
 from archerfish.records.muzzle import MuzzleRecord, read_muzzle
 from archerfish.records.plant import PlantRecord, read_plant
 from archerfish.records.provenance import provenance
-from archerfish.simulation.setting import paper_muzzle
+from archerfish.records.sensing import SensingRecord, read_sensing
+from archerfish.simulation.environment import PureWorld
+from archerfish.simulation.setting import make_world, paper_muzzle
 
 
 def _file(default: str) -> Any:
@@ -32,6 +34,8 @@ class SettingFiles:
     """Plant record of the yaw axis; --pitch must come with it."""
     muzzle: Annotated[Path | None, _file("the assumed conditions")] = None
     """Muzzle record, as identify muzzle writes it."""
+    sensing: Annotated[Path | None, _file("immediate and perfect sight")] = None
+    """Sensing record, as identify sensing writes it: what the camera and the link do."""
     limits: Annotated[Path | None, _file("the paper's ranges, GM6020 motors")] = None
     """Limits record: angle ranges, rates and accelerations of both axes."""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = ""
@@ -54,6 +58,8 @@ class Setting:
     """Yaw axis."""
     muzzle: MuzzleRecord
     """Muzzle."""
+    sensing: SensingRecord | None
+    """Camera and link; None where they are immediate and perfect."""
     limits: LimitsRecord
     """Limits."""
     conditions: Conditions
@@ -68,7 +74,8 @@ def load_setting(files: SettingFiles) -> Setting:
     Raises:
       InputError: if a file can't be used, or files are given without the robot's name.
     """
-    given = tuple(path for path in (files.pitch, files.yaw, files.muzzle, files.limits) if path is not None)
+    records = (files.pitch, files.yaw, files.muzzle, files.sensing, files.limits)
+    given = tuple(path for path in records if path is not None)
     if given and not files.robot:
         raise InputError(f"--robot must name the robot that {given[0]} describes; add for instance --robot infantry")
     if (files.pitch is None) != (files.yaw is None):
@@ -83,9 +90,28 @@ def load_setting(files: SettingFiles) -> Setting:
         pitch=_read_axis(files.pitch, "pitch") if files.pitch else printed["pitch"],
         yaw=_read_axis(files.yaw, "yaw") if files.yaw else printed["yaw"],
         muzzle=muzzle,
+        sensing=read_sensing(files.sensing) if files.sensing else None,
         limits=read_limits(files.limits) if files.limits else gate_limits(),
         conditions=conditions,
         inputs=given,
+    )
+
+
+def setting_world(setting: Setting, command_limit: str) -> PureWorld:
+    """Build the simulator of a setting.
+
+    Args:
+      setting: the robot.
+      command_limit: "box", "gate" or "los-2deg".
+    """
+    return make_world(
+        setting.pitch,
+        setting.yaw,
+        setting.muzzle,
+        setting.limits,
+        command_limit,
+        setting.conditions,
+        sensing=setting.sensing,
     )
 
 

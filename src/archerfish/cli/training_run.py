@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.cli.setting import Setting
+from archerfish.cli.setting import Setting, setting_world
 from archerfish.controllers.policy import policy_to_record
 from archerfish.dynamics.array_namespace import single_precision
 from archerfish.dynamics.muzzle import muzzle_from_record
@@ -21,11 +21,15 @@ from archerfish.learning.config import PpoConfig
 from archerfish.learning.ppo import Learner, Metrics
 from archerfish.learning.training import Curve, train, trained_policy, weights_hash
 from archerfish.records import storage
+from archerfish.records.errors import InputError
 from archerfish.records.policy import PolicyRecord, write_policy
 from archerfish.records.provenance import provenance
+from archerfish.sensing.kalman_filter import noise_from_record
 from archerfish.sensing.observation import ACTION_SCALES, make_observer
-from archerfish.simulation.environment import ShootingEnvironment
-from archerfish.simulation.setting import make_scenario, make_world
+from archerfish.sensing.observers import AnyObserver
+from archerfish.sensing.tracked_observation import TRACKER_ACCELERATION, tracked_observer
+from archerfish.simulation.environment import PureWorld, ShootingEnvironment
+from archerfish.simulation.setting import make_scenario
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,7 @@ class TrainingTask:
     static_share: float
     """Share of the targets that stand still."""
     observation: str
-    """"history" or "paper"."""
+    """"history", "paper" or "tracked"."""
     frames: int
     """Frames that a history observation remembers."""
     command_limit: str
@@ -75,14 +79,8 @@ def run_task(task: TrainingTask, advance: Callable[[float, str], None] = lambda 
     """
     begun = time.monotonic()
     setting, conditions = task.setting, task.setting.conditions
-    world = make_world(setting.pitch, setting.yaw, setting.muzzle, setting.limits, task.command_limit, conditions)
-    observer = make_observer(
-        task.observation,
-        muzzle_from_record(setting.muzzle),
-        task.frames,
-        ACTION_SCALES[task.command_limit],
-        np.asarray(world.limits.max_acceleration) * conditions.control_period_s**2,
-    )
+    world = setting_world(setting, task.command_limit)
+    observer = _observer(task, world)
     scenario = make_scenario(conditions, static_share=task.static_share, plants=world.plants)
     length = np.asarray(conditions.decisions, np.int32)
     environment = ShootingEnvironment(world, scenario, single_precision(observer), length)
@@ -104,6 +102,20 @@ def run_task(task: TrainingTask, advance: Callable[[float, str], None] = lambda 
     )
     digest = weights_hash(trained.learner)
     return TrainingResult(policy, trained.learner, trained.curve, mean_return, time.monotonic() - begun, digest)
+
+
+def _observer(task: TrainingTask, world: PureWorld) -> AnyObserver:
+    setting, period_s = task.setting, task.setting.conditions.control_period_s
+    scale = ACTION_SCALES[task.command_limit]
+    braking = np.asarray(world.limits.max_acceleration) * period_s**2
+    muzzle = muzzle_from_record(setting.muzzle)
+    if task.observation == "tracked":
+        if setting.sensing is None:
+            raise InputError("the tracked observation needs a sensing record; give --sensing, or --observation history")
+        return tracked_observer(
+            muzzle, noise_from_record(setting.sensing, TRACKER_ACCELERATION), period_s, scale, braking
+        )
+    return make_observer(task.observation, muzzle, task.frames, scale, braking)
 
 
 def _note(metrics: Metrics, decisions: int) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 
 from archerfish.controllers.direct_aim import DirectAim
 from archerfish.controllers.oracle import make_oracle
+from archerfish.controllers.parabola_filter import parabola_filter
 from archerfish.controllers.predictors import ConstantVelocity, Hold, ParabolaAware, Predictor, Vertex
 from archerfish.controllers.preview_aim import make_preview_aim
 from archerfish.dynamics.array_namespace import single_precision
@@ -19,6 +20,15 @@ from archerfish.sensing.interfaces import Controller
 from archerfish.sensing.kalman_filter import TrackerNoise
 
 
+class Tuning(NamedTuple):
+    """What is tuned of a tracking controller."""
+
+    acceleration_sd: float
+    """Process noise of the Kalman filter, as a standard deviation of the target's acceleration [m/s²]."""
+    extra_lead_s: float = 0.0
+    """What a controller that doesn't know the gimbal leads for its lag [s]."""
+
+
 class Workbench(NamedTuple):
     """What a classical controller is built from."""
 
@@ -29,22 +39,46 @@ class Workbench(NamedTuple):
     limits: CommandLimits
     """What may be asked."""
     conditions: Conditions
-    """Period, engagement length, and the tuning of the tracker."""
+    """Period, engagement length, and the tuning of the tracker under the paper's conditions."""
+    noise: TrackerNoise | None = None
+    """What the camera's record says of its noise; the conditions' where there is none."""
+    tuning: Tuning | None = None
+    """Of the tracker; the conditions' if not given."""
+
+
+def _noise(bench: Workbench) -> TrackerNoise:
+    position = np.asarray(bench.conditions.kalman_position_sd)
+    noise = TrackerNoise(np.asarray(0.0), position, position) if bench.noise is None else bench.noise
+    return noise._replace(acceleration=np.asarray(_tuning(bench).acceleration_sd))
+
+
+def _tuning(bench: Workbench) -> Tuning:
+    conditions = bench.conditions
+    return bench.tuning or Tuning(conditions.kalman_acceleration_sd, conditions.kalman_extra_lead_s)
 
 
 def _tracker(bench: Workbench) -> Predictor:
-    acceleration, position = bench.conditions.kalman_acceleration_sd, bench.conditions.kalman_position_sd
-    return ConstantVelocity(TrackerNoise(*(np.asarray(value) for value in (acceleration, position, position))))
+    return ConstantVelocity(_noise(bench))
 
 
-def _parabola(bench: Workbench) -> ParabolaAware:
+def _rule(bench: Workbench) -> ParabolaAware:
     conditions = bench.conditions
     return ParabolaAware(np.asarray(conditions.parabola_curvature), np.asarray(conditions.reversal_half_width))
 
 
+def _parabola(bench: Workbench) -> Predictor:
+    conditions = bench.conditions
+    if bench.noise is None:
+        return _rule(bench)
+    # With noise in what is seen, the rule is worth something to a filter alone.
+    return parabola_filter(
+        conditions.reversal_half_width, conditions.max_lateral_speed, conditions.hit_radius, bench.noise
+    )
+
+
 def _kalman(bench: Workbench) -> Controller:
     period = np.asarray(bench.conditions.control_period_s)
-    lead = period + bench.conditions.kalman_extra_lead_s
+    lead = period + _tuning(bench).extra_lead_s
     return DirectAim(_tracker(bench), bench.muzzle, bench.limits, lead=lead, period=period)
 
 
@@ -73,7 +107,7 @@ CONTROLLERS: dict[str, Callable[[Workbench], Controller]] = {
     "kalman-lq": _preview(_tracker),
     "parabola-lq": _preview(_parabola),
     "no-lead": _preview(lambda bench: Hold()),  # noqa: ARG005
-    "vertex": _preview(lambda bench: Vertex(_parabola(bench))),
+    "vertex": _preview(lambda bench: Vertex(_rule(bench))),
     "oracle": _oracle,
 }
 """Name → builder. To add a controller, write it in a file of its own and name it here."""

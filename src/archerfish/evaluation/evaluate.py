@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from archerfish.evaluation.suites import Suite, Trials
 from archerfish.evaluation.trial import Shots, fight, largest_acceleration, perfect_shots
 from archerfish.paper.conditions import Conditions
 from archerfish.paper.tables import printed_rate
-from archerfish.sensing.interfaces import Controller
+from archerfish.sensing.interfaces import Controller, World
 from archerfish.simulation.environment import PureWorld
 
 
@@ -47,7 +48,7 @@ class Outcome:
 class Ground:
     """Where an evaluation takes place."""
 
-    world: PureWorld
+    world: World
     """The world."""
     trials: Trials
     """Engagements and draws, the same for all entrants."""
@@ -79,7 +80,8 @@ def compete(
 
 def perfect_aim(ground: Ground) -> Outcome:
     """Score perfect aim, "perfect": what the dispersion alone leaves."""
-    shots = perfect_shots(ground.world, ground.trials)
+    world = cast(PureWorld, ground.world)  # a robot knows no perfect aim
+    shots = perfect_shots(world, ground.trials)
     return Outcome("perfect", None, _hits(ground, shots), None)
 
 

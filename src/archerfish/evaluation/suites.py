@@ -22,7 +22,7 @@ class Suite:
     """One cell: engagements of one kind at one range."""
 
     table: str
-    """Table of the paper: "II" for static targets, "III" for dynamic ones."""
+    """Table of the paper: "II" or "IV" for static targets, "III" or "V" for dynamic ones."""
     target: str
     """"static" or "dynamic"."""
     range_m: tuple[float, float]
@@ -40,25 +40,31 @@ class Trials:
     engagements: Engagement
     """Shape (S n): the engagements of the first suite, then those of the second, and so on."""
     draws: NDArray[np.float32]
-    """Standard normals, shape (S n, T, DRAWS)."""
+    """Standard normals, shape (S n, T, normals)."""
 
 
-def table_suites(conditions: Conditions, plants: int = 1) -> tuple[Suite, ...]:
-    """Return the eight cells of Tables II and III.
+def table_suites(conditions: Conditions, plants: int = 1, tables: tuple[str, str] = ("II", "III")) -> tuple[Suite, ...]:
+    """Return the eight cells of Tables II and III, or IV and V.
 
     Args:
       conditions: ranges, speeds and offsets.
       plants: number of posterior draws of the world's plant.
+      tables: that of still and that of moving targets.
     """
     return tuple(
         Suite(table, target, range_m, make_scenario(conditions, range_m, share, plants))
-        for table, target, share in (("II", "static", 1.0), ("III", "dynamic", 0.0))
+        for table, target, share in ((tables[0], "static", 1.0), (tables[1], "dynamic", 0.0))
         for range_m in conditions.range_bins
     )
 
 
 def draw_trials(
-    suites: tuple[Suite, ...], engagements: int, decisions: int, seed: int, purpose: str = "evaluation"
+    suites: tuple[Suite, ...],
+    engagements: int,
+    decisions: int,
+    seed: int,
+    purpose: str = "evaluation",
+    normals: int = DRAWS,
 ) -> Trials:
     """Draw engagements and dispersion once, for all controllers.
 
@@ -68,12 +74,13 @@ def draw_trials(
       decisions: number per engagement.
       seed: of the draws.
       purpose: one of `PURPOSES`.
+      normals: standard normals that the world takes per decision.
     """
     drawn, noise = [], []
     for index, suite in enumerate(suites):
         generator = np.random.default_rng([seed, PURPOSES[purpose], index])
         uniforms = generator.random((engagements, UNIFORMS), dtype=np.float32)
         drawn.append(draw_engagement(suite.scenario, uniforms))
-        noise.append(generator.standard_normal((engagements, decisions, DRAWS), dtype=np.float32))
+        noise.append(generator.standard_normal((engagements, decisions, normals), dtype=np.float32))
     joined: Any = map_arrays(lambda *parts: np.concatenate(parts), *drawn)
     return Trials(suites, joined, np.concatenate(noise))

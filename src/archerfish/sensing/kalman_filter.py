@@ -8,7 +8,10 @@ axes, range errors leak into the bearing.
 
 from typing import NamedTuple
 
+import numpy as np
+
 from archerfish.dynamics.array_namespace import Array, lift, namespace
+from archerfish.records.sensing import SensingRecord
 
 
 class TrackerNoise(NamedTuple):
@@ -24,6 +27,18 @@ class TrackerNoise(NamedTuple):
     """What is added to `along` in proportion to the distance (their squares add)."""
     across_angle: Array = 0.0
     """What is added to `across` as an angle [rad] (the squares add)."""
+
+
+def noise_from_record(record: SensingRecord, acceleration: float) -> TrackerNoise:
+    """Return what a filter may believe of an identified camera.
+
+    Args:
+      record: camera and link.
+      acceleration: standard deviation of the target's acceleration [m/s²].
+    """
+    camera = record.camera
+    share = camera.range_sd / camera.noise_range
+    return TrackerNoise(*(np.asarray(each) for each in (acceleration, 1e-3, 1e-3, share, camera.bearing_sd)))
 
 
 class Track(NamedTuple):

@@ -21,6 +21,8 @@ from archerfish.sensing.stopping_way import overshoot
 
 FRAMES, SIGHTS, ORDER = 4, 8, 12
 """Defaults: remembered moves of gimbal and command, raw sights, and Legendre coefficients."""
+TRACKER_ACCELERATION = 3.0
+"""Default of what the tracker believes of a target's acceleration, as a standard deviation [m/s²]."""
 WINDOW_S = 1.0
 """Length of the history [s]."""
 _FINE, _METRES, _TYPICAL_AGE_S = 100.0, 20.0, 0.05

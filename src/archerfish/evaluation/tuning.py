@@ -1,0 +1,61 @@
+"""Tuning of the classical controllers on draws that no evaluation uses: each the best of a grid, all of one size.
+
+What a tracker should believe of its target, and how far a controller that doesn't know the gimbal should lead for its
+lag, depends on camera, link and gimbal. The paper's conditions hold values for the paper's gimbal; an identified robot
+gets its own.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+from archerfish.controllers.roster import Tuning
+from archerfish.evaluation.suites import Trials
+from archerfish.evaluation.trial import fight
+from archerfish.sensing.interfaces import Controller, World
+
+ACCELERATIONS = (0.3, 1.0, 2.0, 4.0, 8.0, 16.0)
+"""Process noises of the tracker that are tried [m/s²]."""
+LEADS = (0.0, 0.02, 0.04, 0.06, 0.08)
+"""Extra leads that are tried with each [s]; a controller that knows the gimbal has no use for them."""
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """Settings of one controller, and how they were found."""
+
+    controller: str
+    """Its name."""
+    tuning: Tuning
+    """The best settings."""
+    tried: int
+    """Settings tried."""
+    hit_rate: float
+    """Hits per shot with the best ones, over all cells of the tuning draws, 0…1."""
+
+
+def tune(
+    world: World,
+    trials: Trials,
+    name: str,
+    build: Callable[[Tuning], Controller],
+    hit_radius: float,
+    leads: Sequence[float] = LEADS,
+) -> Tuned:
+    """Choose the settings that hit most.
+
+    Args:
+      world: to shoot in.
+      trials: of the stream "tuning".
+      name: of the controller.
+      build: makes the controller.
+      hit_radius: largest miss that hits [m].
+      leads: extra leads to try [s].
+    """
+    rates = {tuning: float(fight(world, build(tuning), trials).hits(hit_radius).mean()) for tuning in _settings(leads)}
+    best = max(rates, key=lambda tuning: rates[tuning])
+    return Tuned(name, best, len(rates), rates[best])
+
+
+def _settings(leads: Sequence[float]) -> Iterator[Tuning]:
+    return (Tuning(*each) for each in product(ACCELERATIONS, leads))
