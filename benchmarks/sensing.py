@@ -55,6 +55,7 @@ def truth(robot: Robot) -> dict[str, float]:
         "camera.outlier_share": robot.outliers,
         "camera.latency": robot.latency,
         "latency by the sweep alone": robot.latency - robot.feedback_delay,
+        "camera.latency_jitter": robot.latency_jitter,
         "link.command_delay": float(np.mean(robot.command_delay)) + robot.feedback_delay,
         "link.command_jitter": float(np.ptp(robot.command_delay) / np.sqrt(12)),
         "link.feedback_delay": robot.feedback_delay,

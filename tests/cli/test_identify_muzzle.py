@@ -55,7 +55,7 @@ def hits(tmp_path):
 def test_it_writes_record_picture_and_summary(tmp_path, shots, console):
     out = tmp_path / "out"
     summary = run_muzzle(parsed(shots, "--height-m", "0.4", "--out", out), console)
-    assert {path.name for path in out.iterdir()} == {"muzzle.json", "muzzle.svg", "muzzle.png"}
+    assert {path.name for path in out.iterdir()} == {"muzzle.json", "muzzle.html", "muzzle.svg", "muzzle.png"}
     muzzle = read_muzzle(out / "muzzle.json")
     assert muzzle.speed == pytest.approx(18.0, abs=0.2)
     assert muzzle.height == 0.4
@@ -82,7 +82,7 @@ def test_table_1_is_told_not_to_fit(tmp_path, shared_data, console):
     summary = run_muzzle(command, console)
     text = " ".join(console.export_text().split())
     assert "leaves 6.0 % of the distance (rms over the settings), at worst -8.3 % at 0° pitch" in text
-    assert text.count("the flight model does not fit") == 2
+    assert text.count("the flight model does not fit") == 3
     assert "Eq (5) as printed leaves 5.9 %" in text
     assert "lack-of-fit" in {finding["code"] for finding in summary["findings"]}
 

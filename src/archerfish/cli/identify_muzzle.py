@@ -8,22 +8,25 @@ import tyro
 from matplotlib.figure import Figure
 from rich.console import Console
 
+from archerfish.cli.muzzle_page import muzzle_page, shot_groups
 from archerfish.cli.muzzle_summary import Summary, muzzle_summary, print_muzzle
+from archerfish.cli.muzzle_verdict import muzzle_verdict
 from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
-from archerfish.figures.shots import ShotGroups, shots_figure
+from archerfish.figures.shots import shots_figure
 from archerfish.figures.style import save_figure
 from archerfish.identification.muzzle.likelihood import MuzzleIdentification, identify_muzzle
 from archerfish.identification.muzzle.model import Flight
 from archerfish.paper.conditions import assumed_conditions
+from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.muzzle import write_muzzle
 from archerfish.records.provenance import provenance
-from archerfish.records.shots import Shots, merge_shots, setting_names, settings, vertical_measurement
+from archerfish.records.shots import Shots, merge_shots
 from archerfish.records.shots_csv import DEFAULT_COLUMNS, ShotColumns, read_shots_csv
 
-MUZZLE_ENDINGS = (".json", ".svg", ".png")
+MUZZLE_ENDINGS = (".json", ".html", ".svg", ".png")
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,8 @@ class IdentifyMuzzle:
     distance_m); hits on a plane by its distance and their height above the muzzle (pitch_deg, plane_distance_m,
     hit_height_m). docs/shots.md has all columns, and the codes of the faults.
 
-    Writes NAME.json (the muzzle record, for train and evaluate), NAME.svg and NAME.png.
+    Writes NAME.json (the muzzle record, for train and evaluate), NAME.html (what is known, how sure that is, and what
+    to do next), NAME.svg and NAME.png.
 
     Examples:
       archerfish identify muzzle shots.csv --height-m 0.42 --out runs/my-robot
@@ -99,11 +103,15 @@ def run_muzzle(command: IdentifyMuzzle, console: Console | None = None) -> Summa
             drag = None if command.estimate_drag else command.drag_per_m
             result = identify_muzzle(shots, drag=drag, height=command.height_m, flight=command.flight)
         muzzle = replace(result.muzzle, provenance=provenance(command.seed, command.shots))
+        verdict = muzzle_verdict(shots, result)
         write_muzzle(folder / f"{command.name}.json", muzzle)
+        page = muzzle_page(shots, result, muzzle, verdict, command.name)
+        storage.write_text(folder / f"{command.name}.html", page)
         figure = _picture(shots, result)
         for ending in (".svg", ".png"):
             save_figure(folder / f"{command.name}{ending}", figure)
-    summary = muzzle_summary(shots, result, [command.out / f"{command.name}{ending}" for ending in MUZZLE_ENDINGS])
+    files = [command.out / f"{command.name}{ending}" for ending in MUZZLE_ENDINGS]
+    summary = muzzle_summary(shots, result, verdict, files)
     print_muzzle(console, summary)
     return summary
 
@@ -121,14 +129,7 @@ def _columns(command: IdentifyMuzzle) -> ShotColumns:
 
 
 def _picture(shots: Shots, result: MuzzleIdentification) -> Figure:
-    groups = ShotGroups(
-        settings(shots),
-        setting_names(shots),
-        vertical_measurement(shots),
-        result.expected,
-        result.expected_sd,
-        result.kept,
-    )
+    groups = shot_groups(shots, result)
     if shots.on_plane:
         return shots_figure(groups, title="Hits on the target plane", quantity="Height above the muzzle")
     return shots_figure(groups)

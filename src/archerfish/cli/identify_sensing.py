@@ -10,10 +10,13 @@ from rich.console import Console
 from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
+from archerfish.cli.sensing_page import alignment_data, sensing_page
 from archerfish.cli.sensing_summary import Summary, print_sensing, sensing_summary
-from archerfish.figures.sensing import AlignmentData, sensing_figure
+from archerfish.cli.sensing_verdict import sensing_verdict
+from archerfish.figures.sensing import sensing_figure
 from archerfish.figures.style import save_figure
 from archerfish.identification.sensing.estimate import GimbalClock, SensingIdentification, identify_sensing
+from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.provenance import provenance
 from archerfish.records.sensing import write_sensing
@@ -26,7 +29,7 @@ from archerfish.records.sensing_logs import (
     read_target_steps_csv,
 )
 
-SENSING_ENDINGS = (".json", ".svg", ".png")
+SENSING_ENDINGS = (".json", ".html", ".svg", ".png")
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,8 @@ class IdentifySensing:
     The first gimbal log and the first log of detections are those of a sweep before a plate at rest. Further gimbal
     logs may hold command steps; a second log of detections that of a target stepping at the moments of --target-steps.
 
-    Writes NAME.json (the sensing record), NAME.svg and NAME.png.
+    Writes NAME.json (the sensing record), NAME.html (what is known, how sure that is, and what to do next), NAME.svg
+    and NAME.png.
 
     Examples:
       archerfish identify sensing sweep.csv --detections plate.csv --out runs/my-robot
@@ -99,11 +103,13 @@ def run_sensing(command: IdentifySensing, console: Console | None = None) -> Sum
             result = _identified(command)
         steps = [] if command.target_steps is None else [command.target_steps]
         origin = provenance(command.seed, [*command.logs, *command.detections, *steps])
-        write_sensing(folder / f"{command.name}.json", replace(result.sensing, provenance=origin))
-        figure = sensing_figure(_picture(result))
-        for ending in SENSING_ENDINGS[1:]:
+        record, verdict = replace(result.sensing, provenance=origin), sensing_verdict(result)
+        write_sensing(folder / f"{command.name}.json", record)
+        storage.write_text(folder / f"{command.name}.html", sensing_page(result, record, verdict, command.name))
+        figure = sensing_figure(alignment_data(result))
+        for ending in (".svg", ".png"):
             save_figure(folder / f"{command.name}{ending}", figure)
-    summary = sensing_summary(result, [command.out / f"{command.name}{ending}" for ending in SENSING_ENDINGS])
+    summary = sensing_summary(result, verdict, [command.out / f"{command.name}{ending}" for ending in SENSING_ENDINGS])
     print_sensing(console, summary)
     return summary
 
@@ -130,19 +136,4 @@ def _identified(command: IdentifySensing) -> SensingIdentification:
         None if command.target_steps is None else read_target_steps_csv(command.target_steps, command.time),
         gimbal_clock=command.gimbal_clock,
         max_offset=command.max_offset_s,
-    )
-
-
-def _picture(result: SensingIdentification) -> AlignmentData:
-    alignment, camera = result.alignment, result.sensing.camera
-    return AlignmentData(
-        offset=result.scan.offset,
-        misfit=result.scan.misfit,
-        best=alignment.offset,
-        moment=alignment.moments,
-        bearing=alignment.residual[:, 0],
-        distance=alignment.residual[:, 2],
-        inlier=alignment.inlier,
-        bearing_sd=camera.bearing_sd,
-        range_sd=camera.range_sd,
     )

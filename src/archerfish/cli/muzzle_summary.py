@@ -8,6 +8,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from archerfish.cli.interval_words import ends, with_digits
+from archerfish.cli.muzzle_verdict import LABELS, MuzzleVerdict
 from archerfish.cli.summary_end import print_end
 from archerfish.identification.muzzle.likelihood import MuzzleIdentification
 from archerfish.records.shots import Shots, vertical_measurement
@@ -15,11 +17,21 @@ from archerfish.records.shots import Shots, vertical_measurement
 Summary = dict[str, Any]
 
 
-def muzzle_summary(shots: Shots, result: MuzzleIdentification, files: Sequence[Path]) -> Summary:
-    """Return the facts of an identified muzzle that --json writes; `files` is what was written."""
+def muzzle_summary(
+    shots: Shots, result: MuzzleIdentification, verdict: MuzzleVerdict, files: Sequence[Path]
+) -> Summary:
+    """Return the facts of an identified muzzle that --json writes.
+
+    Args:
+      shots: what it was identified from.
+      result: the identification.
+      verdict: what follows.
+      files: what was written.
+    """
     muzzle, fit = result.muzzle, result.lack_of_fit
     names = ("speed", "speed_sd", "pitch_offset", "pitch_sd", "yaw_offset", "yaw_sd", "height", "drag")
     return {
+        "headline": verdict.headline,
         "parameters": {name: getattr(muzzle, name) for name in names},
         "estimated": list(result.estimated),
         "intervals_95": {name: list(ends) for name, ends in muzzle.intervals.items()},
@@ -34,6 +46,7 @@ def muzzle_summary(shots: Shots, result: MuzzleIdentification, files: Sequence[P
         "shots": _shots(shots, result),
         "findings": [{"code": finding.code, "message": finding.text} for finding in result.findings],
         "remarks": list(result.remarks),
+        "next_steps": list(verdict.next_steps),
         "files": [str(path) for path in files],
     }
 
@@ -55,26 +68,16 @@ def _shots(shots: Shots, result: MuzzleIdentification) -> list[dict[str, Any]]:
     ]
 
 
-_UNITS = {
-    "speed": ("muzzle speed", "m/s", 1.0),
-    "speed_sd": ("its standard deviation", "m/s", 1.0),
-    "pitch_offset": ("pitch offset", "°", 180 / np.pi),
-    "pitch_sd": ("its standard deviation", "°", 180 / np.pi),
-    "yaw_offset": ("yaw offset", "°", 180 / np.pi),
-    "yaw_sd": ("its standard deviation", "°", 180 / np.pi),
-    "height": ("muzzle height", "m", 1.0),
-    "drag": ("drag", "1/m", 1.0),
-}
-
-
 def print_muzzle(console: Console, summary: Summary) -> None:
-    """Print the summary of a muzzle as a table, and whether the flight model fits."""
-    table = Table("parameter", "estimate", "95 % interval", title="muzzle", title_justify="left")
-    for name, (label, unit, scale) in _UNITS.items():
+    """Print the verdict in a line, the table of numbers, whether the flight model fits, and what to do."""
+    console.print(summary["headline"], style="bold", markup=False, highlight=False)
+    table = Table("parameter", "estimate", "95 % interval")
+    for name, (label, unit, scale) in LABELS.items():
         interval = summary["intervals_95"].get(name)
         if interval is None and summary["parameters"][name] == 0.0:
             continue
-        ends = "given" if interval is None else f"{scale * interval[0]:.4g} … {scale * interval[1]:.4g}"
-        table.add_row(label, f"{scale * summary['parameters'][name]:.4g} {unit}", ends)
+        shown = f"{with_digits(summary['parameters'][name], interval, scale)} {unit}"
+        table.add_row(label, shown, "given" if interval is None else ends(interval, scale))
     console.print(table)
-    print_end(console, [summary["lack_of_fit"]["statement"], *summary["remarks"]], summary["files"])
+    remarks = [summary["lack_of_fit"]["statement"], *summary["remarks"], *summary["next_steps"]]
+    print_end(console, remarks, summary["files"])

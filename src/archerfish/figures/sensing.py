@@ -48,6 +48,15 @@ def sensing_figure(data: AlignmentData, *, title: str = "Sensing") -> Figure:
     return figure
 
 
+def alignment_figure(data: AlignmentData) -> Figure:
+    """Draw the misfit over the time offset, and the bearing's residual over time; see `sensing_figure`."""
+    with plot_style():
+        figure, axes = new_figure(1, 2, width=10.0, height=3.2)
+        _draw_scan(axes[0, 0], data, "Search")
+        _draw_residuals(axes[0, 1], data)
+    return figure
+
+
 def _draw_scan(axes: Axes, data: AlignmentData, title: str) -> None:
     near = np.abs(data.offset - data.best) <= _AROUND
     axes.plot(1e3 * data.offset[near], 1e3 * data.misfit[near], color=BLUE)

@@ -41,6 +41,8 @@ class CommandDelay(NamedTuple):
     """Its 95 % interval [s]."""
     steps: int
     """Steps that were used."""
+    each: tuple[float, ...] = ()
+    """Delay of each of them [s]."""
 
 
 def command_delay(logs: list[GimbalLog]) -> CommandDelay | None:
@@ -55,11 +57,12 @@ def command_delay(logs: list[GimbalLog]) -> CommandDelay | None:
         return None
     count, mean, sd = delays.size, float(delays.mean()), float(delays.std(ddof=1))
     half = float(t.ppf(0.975, count - 1)) * sd / float(np.sqrt(count))
-    return CommandDelay(mean, (mean - half, mean + half), sd, _scatter_interval(delays), int(count))
+    interval = mean - half, mean + half
+    return CommandDelay(mean, interval, sd, scatter_interval(delays), int(count), tuple(delays.tolist()))
 
 
-def _scatter_interval(delays: Array) -> Interval:
-    """Return the 95 % interval of a standard deviation without assuming normality (Bonett 2006)."""
+def scatter_interval(delays: Array) -> Interval:
+    """Return the 95 % interval of a standard deviation without assuming normality (Bonett 2006), of shape (n,)."""
     count = delays.size
     deviation = delays - delays.mean()
     variance = float(deviation @ deviation) / (count - 1)

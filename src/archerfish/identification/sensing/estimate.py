@@ -10,8 +10,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.identification.sensing.command_delay import FEWEST, CommandDelay, command_delay
+from archerfish.identification.sensing.command_delay import FEWEST, CommandDelay, command_delay, scatter_interval
 from archerfish.identification.sensing.gimbal_track import Feedback, GimbalTrack, examine_feedback, gimbal_track
+from archerfish.identification.sensing.motion_misfit import MotionMisfit, motion_misfit
 from archerfish.identification.sensing.offset_search import OffsetScan, search_offset
 from archerfish.identification.sensing.plate_alignment import PlateAlignment, align_plate, deviation_interval
 from archerfish.identification.sensing.remarks import Doubts, doubts
@@ -46,8 +47,19 @@ class SensingIdentification:
     """Residuals and geometry of the plate at rest."""
     frames: FrameTiming
     """Frames of the plate at rest."""
+    misfit: MotionMisfit
+    """What the gimbal's motion still explains of the residual."""
+    track: GimbalTrack
+    """The gimbal during the sweep."""
+    receipt_delay: Array | None
+    """Time from aligned exposure to receipt, by detection [s], shape (K,); None without receipts on the gimbal log's
+    clock."""
+    outside: int
+    """Detections that were left out because the gimbal's angle at their moment is not logged."""
     command_steps: int
     """Command steps from which the delay was estimated."""
+    command_delays: tuple[float, ...]
+    """Delay of each of them [s]."""
     target_steps: int
     """Target steps from which the latency was estimated."""
     missing: tuple[str, ...]
@@ -93,6 +105,7 @@ def identify_sensing(
     feedback = examine_feedback(sweep)
     track, frames = gimbal_track(sweep, feedback.fresh), frame_timing(seen.time, seen.source)
     start, scan = search_offset(track, seen.time, np.arctan2(seen.position[:, 1], seen.position[:, 0]), max_offset)
+    detected = seen.time.size
     seen = _covered(track, seen, start)
     alignment = align_plate(track, seen.time, seen.position, start)
     by_steps = None if target_steps is None else step_latency(detections[1], target_steps, frames.period)
@@ -104,11 +117,22 @@ def identify_sensing(
         scan=scan,
         alignment=alignment,
         frames=frames,
+        misfit=motion_misfit(track, alignment),
+        track=track,
+        receipt_delay=_receipt_delay(seen, alignment, gimbal_clock),
+        outside=detected - seen.time.size,
         command_steps=0 if delay is None else delay.steps,
+        command_delays=() if delay is None else delay.each,
         target_steps=0 if by_steps is None else by_steps.steps,
         missing=tuple(_missing(camera.record, delay, gimbal_clock, seen.receive is not None)),
         remarks=tuple(doubts(Doubts(sweep, feedback, track, frames, alignment, camera.record, link))),
     )
+
+
+def _receipt_delay(seen: Detections, alignment: PlateAlignment, gimbal_clock: GimbalClock) -> Array | None:
+    if seen.receive is None or gimbal_clock == "own":
+        return None
+    return np.asarray(seen.receive - seen.time - alignment.offset)
 
 
 def _check_logs(gimbal: Sequence[GimbalLog], detections: Sequence[Detections], target_steps: Array | None) -> None:
@@ -150,6 +174,11 @@ def _camera(
     intervals["time_offset"] = around(alignment.offset, alignment.offset_sd)
     intervals["miss_probability"] = share_interval(frames.missed, frame_slots)
     intervals["outlier_share"] = share_interval(outliers, inlier.size)
+    jitter = None
+    if seen.receive is not None:
+        jitter, intervals["latency_jitter"] = _latency_jitter(
+            seen.receive - seen.time, float(variance[3]), float(error[3]), intervals["stamp_jitter"]
+        )
     latency, feedback_delay, feedback_interval = _latency(seen, alignment, by_steps, gimbal_clock, intervals)
     record = CameraRecord(
         rate_hz=rate,
@@ -159,7 +188,7 @@ def _camera(
         miss_probability=frames.missed / frame_slots,
         outlier_share=outliers / inlier.size,
         latency=None if latency is None else latency[0],
-        latency_jitter=None if seen.receive is None else _latency_jitter(seen.receive - seen.time, float(variance[3])),
+        latency_jitter=jitter,
         latency_basis="" if latency is None else latency[1],
     )
     return _Camera(record, {f"camera.{k}": v for k, v in intervals.items()}, feedback_delay, feedback_interval)
@@ -201,11 +230,19 @@ def _check_receipts(latency: float, source: str) -> None:
         )
 
 
-def _latency_jitter(delay: Array, stamp_variance: float) -> float:
-    """Return the standard deviation of the latency from the times between stamp and receipt, shape (K,)."""
-    scatter = float(delay.var())
+def _latency_jitter(
+    delay: Array, stamp_variance: float, stamp_error: float, stamp_interval: Interval
+) -> tuple[float, Interval]:
+    """Return the standard deviation of the latency with its interval, from the times between stamp and receipt."""
+    scatter = float(delay.var(ddof=1))
     # Frames that are stamped on receipt carry the latency's jitter in their stamps.
-    return float(np.sqrt(stamp_variance if scatter == 0 else max(scatter - stamp_variance, 0.0)))
+    if scatter == 0:
+        return float(np.sqrt(stamp_variance)), stamp_interval
+    rest, half = scatter - stamp_variance, around(0.0, stamp_error)[1]
+    low, high = (end**2 for end in scatter_interval(delay))
+    # Both variances are estimated apart, so their errors add in squares.
+    ends = rest - np.hypot(scatter - low, half), rest + np.hypot(high - scatter, half)
+    return float(np.sqrt(max(rest, 0.0))), (float(np.sqrt(max(ends[0], 0.0))), float(np.sqrt(max(ends[1], 0.0))))
 
 
 def _link(feedback: Feedback, delay: CommandDelay | None, camera: _Camera) -> tuple[LinkRecord, dict[str, Interval]]:

@@ -109,8 +109,11 @@ def _refined(stamps: Array, steps: Array) -> tuple[float, float]:
     squares = float(index @ index)
     change = float(index @ (stamps - stamps.mean() - mean * index)) / squares
     residual = stamps - stamps.mean() - (mean + change) * index
-    score = (index * residual)[:, None]
-    return mean + change, float(np.sqrt(long_run_covariance(score).item() * index.size)) / squares
+    score = index * residual
+    # Estimated from the residuals of the line, the long-run variance comes out some percent low, and uncertain; stamps
+    # of a grid are hardly ever known better than independent jitter lets them be.
+    spread = max(long_run_covariance(score[:, None]).item(), float(np.mean(score**2)))
+    return mean + change, float(np.sqrt(spread * index.size)) / squares
 
 
 def long_run_covariance(scores: Array) -> Array:
