@@ -18,6 +18,7 @@ from archerfish.figures.style import save_figure
 from archerfish.identification.sensing.estimate import GimbalClock, SensingIdentification, identify_sensing
 from archerfish.records import storage
 from archerfish.records.errors import InputError
+from archerfish.records.message_times import read_message_times_csv
 from archerfish.records.provenance import provenance
 from archerfish.records.sensing import write_sensing
 from archerfish.records.sensing_logs import (
@@ -56,6 +57,11 @@ class IdentifySensing:
     """CSV logs of detections: of the plate at rest, then of the stepping target if there is one."""
     target_steps: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """CSV file with the moments at which the target was halfway through its steps, on the clock of receipts."""
+    commands: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """CSV file with sent_s and received_s of commands, if the gimbal stamps what it receives; the simulator of a robot
+    needs it to send its commands as late."""
+    feedback: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """CSV file with sent_s and received_s of the gimbal's feedback, if the gimbal stamps what it sends."""
     time: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = GimbalColumns.time
     """Column of the time stamps in seconds, in every file."""
     yaw: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = GimbalColumns.yaw
@@ -102,6 +108,7 @@ def run_sensing(command: IdentifySensing, console: Console | None = None) -> Sum
         with console.status("aligning camera and gimbal …"):
             result = _identified(command)
         steps = [] if command.target_steps is None else [command.target_steps]
+        steps += [each for each in (command.commands, command.feedback) if each is not None]
         origin = provenance(command.seed, [*command.logs, *command.detections, *steps])
         record, verdict = replace(result.sensing, provenance=origin), sensing_verdict(result)
         write_sensing(folder / f"{command.name}.json", record)
@@ -134,6 +141,8 @@ def _identified(command: IdentifySensing) -> SensingIdentification:
             for path in command.detections
         ],
         None if command.target_steps is None else read_target_steps_csv(command.target_steps, command.time),
+        commands=None if command.commands is None else read_message_times_csv(command.commands),
+        feedback=None if command.feedback is None else read_message_times_csv(command.feedback),
         gimbal_clock=command.gimbal_clock,
         max_offset=command.max_offset_s,
     )

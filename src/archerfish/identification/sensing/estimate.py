@@ -4,7 +4,7 @@ What two recordings can't separate is reported as a sum, or left out with the me
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from archerfish.identification.sensing.command_delay import FEWEST, CommandDelay, command_delay, scatter_interval
 from archerfish.identification.sensing.gimbal_track import Feedback, GimbalTrack, examine_feedback, gimbal_track
 from archerfish.identification.sensing.motion_misfit import MotionMisfit, motion_misfit
+from archerfish.identification.sensing.link_timing import link_timing
 from archerfish.identification.sensing.offset_search import OffsetScan, search_offset
 from archerfish.identification.sensing.plate_alignment import PlateAlignment, align_plate, deviation_interval
 from archerfish.identification.sensing.remarks import Doubts, doubts
@@ -26,6 +27,7 @@ from archerfish.identification.sensing.stamp_timing import (
 )
 from archerfish.identification.sensing.target_steps import EARLIEST, LONGEST, StepLatency, step_latency
 from archerfish.records.errors import InputError
+from archerfish.records.message_times import MessageTimes
 from archerfish.records.sensing import CameraRecord, LinkRecord, SensingRecord
 from archerfish.records.sensing_logs import Detections, GimbalLog
 
@@ -82,6 +84,8 @@ def identify_sensing(
     detections: Sequence[Detections],
     target_steps: Array | None = None,
     *,
+    commands: MessageTimes | None = None,
+    feedback: MessageTimes | None = None,
     gimbal_clock: GimbalClock = "receipt",
     max_offset: float | None = None,
 ) -> SensingIdentification:
@@ -91,6 +95,8 @@ def identify_sensing(
       gimbal: the log of the sweep first; command steps are looked for in all.
       detections: those of the sweep first; second, if target steps are given, those of the stepping target.
       target_steps: moments of the target's steps, on the clock of receipts [s], shape (S,).
+      commands: when commands were sent and received, if the gimbal stamps them.
+      feedback: when the gimbal's feedback was sent and received, if the gimbal stamps it.
       gimbal_clock: who stamped the gimbal logs.
       max_offset: largest time offset that is tried [s]; by default 1 s where the clocks overlap, else any.
 
@@ -102,8 +108,8 @@ def identify_sensing(
     """
     _check_logs(gimbal, detections, target_steps)
     sweep, seen = gimbal[0], detections[0]
-    feedback = examine_feedback(sweep)
-    track, frames = gimbal_track(sweep, feedback.fresh), frame_timing(seen.time, seen.source)
+    reported = examine_feedback(sweep)
+    track, frames = gimbal_track(sweep, reported.fresh), frame_timing(seen.time, seen.source)
     start, scan = search_offset(track, seen.time, np.arctan2(seen.position[:, 1], seen.position[:, 0]), max_offset)
     detected = seen.time.size
     seen = _covered(track, seen, start)
@@ -111,7 +117,8 @@ def identify_sensing(
     by_steps = None if target_steps is None else step_latency(detections[1], target_steps, frames.period)
     camera = _camera(frames, seen, alignment, by_steps, gimbal_clock)
     delay = command_delay(list(gimbal))
-    link, link_intervals = _link(feedback, delay, camera)
+    link, link_intervals = _link(reported, delay, camera)
+    link, link_intervals = _with_messages(link, link_intervals, commands, feedback)
     return SensingIdentification(
         sensing=SensingRecord(camera.record, link, {**camera.intervals, **link_intervals}),
         scan=scan,
@@ -125,7 +132,7 @@ def identify_sensing(
         command_delays=() if delay is None else delay.each,
         target_steps=0 if by_steps is None else by_steps.steps,
         missing=tuple(_missing(camera.record, delay, gimbal_clock, seen.receive is not None)),
-        remarks=tuple(doubts(Doubts(sweep, feedback, track, frames, alignment, camera.record, link))),
+        remarks=tuple(doubts(Doubts(sweep, reported, track, frames, alignment, camera.record, link))),
     )
 
 
@@ -259,6 +266,20 @@ def _link(feedback: Feedback, delay: CommandDelay | None, camera: _Camera) -> tu
         feedback_delay=camera.feedback_delay,
     )
     return record, intervals
+
+
+def _with_messages(
+    link: LinkRecord, intervals: dict[str, Interval], commands: MessageTimes | None, feedback: MessageTimes | None
+) -> tuple[LinkRecord, dict[str, Interval]]:
+    """Add what stamps at both ends tell of each direction."""
+    intervals = dict(intervals)
+    for name, times in (("command_latency", commands), ("feedback_latency", feedback)):
+        if times is not None:
+            timing = link_timing(times)
+            link = replace(link, **{name: timing.mean, f"{name}_jitter": timing.jitter})
+            intervals[f"link.{name}"] = timing.mean_interval
+            intervals[f"link.{name}_jitter"] = timing.jitter_interval
+    return link, intervals
 
 
 def _missing(camera: CameraRecord, delay: CommandDelay | None, gimbal_clock: GimbalClock, received: bool) -> list[str]:
