@@ -85,11 +85,11 @@ def row_count(experiments: Sequence[Spectrum]) -> int:
     return 2 * sum(each.lag.size for each in experiments)
 
 
-def picked(experiment: Spectrum, lines: NDArray[Any]) -> Spectrum:
+def picked(experiment: Spectrum, lines: NDArray[Any] | slice) -> Spectrum:
     """Return an experiment with some of its lines alone.
 
     Args:
       experiment: F lines.
-      lines: indices, shape (G,), or a mask, shape (F,).
+      lines: indices, shape (G,), a mask, shape (F,), or a slice.
     """
     return Spectrum(*(each[lines] for each in experiment))

@@ -18,11 +18,12 @@ from archerfish.identification.axis.informative_lines import telling_lines, thin
 from archerfish.identification.axis.initial_poles import initial_poles
 from archerfish.identification.axis.lag_factor import factor_lags
 from archerfish.identification.axis.modal_form import Sections, free_numbers, sections_from_poles, stabilised
+from archerfish.identification.axis.normal_equations import Bench, lay_out, solve
 from archerfish.identification.axis.out_of_band import after_delay, out_of_band_prior, scaled_penalty
 from archerfish.identification.axis.pole_pursuit import pursue_poles
 from archerfish.identification.axis.pole_refinement import Effort, Problem, Refinement, refine_all, refine_poles
 from archerfish.identification.axis.prior_strength import WEAKER, largest_misfit, strongest_accepted
-from archerfish.identification.axis.simulation_fit import Penalty, fit_linear_parameters
+from archerfish.identification.axis.simulation_fit import Penalty
 from archerfish.identification.axis.spectra import Spectrum, picked, row_count, spectrum, with_delay
 from archerfish.records.recording import Recording
 
@@ -156,8 +157,8 @@ def _starts(ground: _Ground, order: int, max_delay: int) -> tuple[list[_Start], 
     delays = [each for each in _DELAYS if each <= max_delay]
     guesses = initial_poles(factor_lags(_without_units(ground.recordings), order), order, delays)
     few = ground.thinned(_FEW_LINES)
-    experiments = {delay: few.spectra(delay) for delay in delays}
-    starts = [_scored(delay, sections_from_poles(stabilised(poles)), experiments[delay]) for delay, poles in guesses]
+    benches = {delay: lay_out(few.spectra(delay), True) for delay in delays}
+    starts = [_scored(delay, sections_from_poles(stabilised(poles)), benches[delay]) for delay, poles in guesses]
     return starts, min(starts, key=lambda each: each.cost).delay
 
 
@@ -170,8 +171,8 @@ def _without_units(recordings: Sequence[Recording]) -> list[Recording]:
     return [replace(each, inputs=each.inputs / inputs, outputs=each.outputs / outputs) for each in recordings]
 
 
-def _scored(delay: int, sections: Sections, experiments: Sequence[Spectrum]) -> _Start:
-    return _Start(fit_linear_parameters(sections, experiments, True, with_slopes=False).cost, delay, sections)
+def _scored(delay: int, sections: Sections, bench: Bench) -> _Start:
+    return _Start(solve(sections, bench).fit.cost, delay, sections)
 
 
 def _best_cost(starts: Sequence[_Start], delay: int) -> float:
