@@ -108,8 +108,8 @@ def lay_out(experiments: Sequence[Spectrum], feedthrough: bool, penalty: Penalty
 
 def _dealt(experiment: Spectrum) -> list[Spectrum]:
     """Cut an experiment into pieces whose columns stay in the processor's cache."""
-    stops = range(0, experiment.lag.size, _PIECE)
-    return [picked(experiment, slice(stop, stop + _PIECE)) for stop in stops]
+    count = experiment.lag.size
+    return [picked(experiment, np.arange(start, min(start + _PIECE, count))) for start in range(0, count, _PIECE)]
 
 
 def _experiment(each: Spectrum) -> _Part:

@@ -24,7 +24,7 @@ from archerfish.identification.axis.pole_pursuit import pursue_poles
 from archerfish.identification.axis.pole_refinement import Effort, Problem, Refinement, refine_all, refine_poles
 from archerfish.identification.axis.prior_strength import WEAKER, largest_misfit, strongest_accepted
 from archerfish.identification.axis.simulation_fit import Penalty
-from archerfish.identification.axis.spectra import Spectrum, picked, row_count, spectrum, with_delay
+from archerfish.identification.axis.spectra import Spectrum, picked, row_count, spectrum, unsettled, with_delay
 from archerfish.records.recording import Recording
 
 Array = NDArray[np.float64]
@@ -66,13 +66,15 @@ class _Ground(NamedTuple):
 
     recordings: Sequence[Recording]
     undelayed: Sequence[Spectrum]
+    skips: Sequence[int]
+    """Samples that are left out at the beginning, per recording."""
     lines: Sequence[NDArray[np.intp]]
     """Lines to look at, per recording."""
 
     def spectra(self, delay: int) -> list[Spectrum]:
         """Spectra with the inputs delayed."""
-        logs = zip(self.undelayed, self.recordings, self.lines, strict=True)
-        return [picked(with_delay(spectrum, log, delay), lines) for spectrum, log, lines in logs]
+        logs = zip(self.undelayed, self.recordings, self.skips, self.lines, strict=True)
+        return [picked(with_delay(spectrum, log, delay, skip), lines) for spectrum, log, skip, lines in logs]
 
     def thinned(self, count: int) -> "_Ground":
         """Only so many lines, as do for a search."""
@@ -116,8 +118,9 @@ def search_plant(recordings: Sequence[Recording], order: int, max_delay: int, sc
       max_delay: longest delay that is tried [samples].
       scale: what the squared errors of each output are measured in, shape (p,).
     """
-    undelayed = [spectrum(each, 0, scale) for each in recordings]
-    ground = _Ground(recordings, undelayed, [np.arange(each.lag.size) for each in undelayed])
+    skips = [unsettled(each.inputs, max_delay) for each in recordings]
+    undelayed = [spectrum(each, 0, scale, skip) for each, skip in zip(recordings, skips, strict=True)]
+    ground = _Ground(recordings, undelayed, skips, [np.arange(each.lag.size) for each in undelayed])
     starts, delay = _starts(ground, order, max_delay)
     rough = Problem(ground.thinned(_FEW_LINES).spectra(delay), True)
     sketched = refine_all([*_distinct(starts, delay, _STARTS), *pursue_poles(rough, order)], rough, _ROUGH)
