@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from archerfish.identification.axis.informative_lines import heard_band
 from archerfish.identification.axis.modal_form import Poles, sections_from_numbers, state_matrices
@@ -119,16 +118,16 @@ def identify_axis(
     found = search_plant(recordings, order, max_delay, scale)
     if scale.size > 1:
         # The most likely plant weighs each output by its noise, which only a fit can tell.
-        scale = scale * np.sqrt(np.mean(found.refinement.fit.residuals.reshape(scale.size, -1) ** 2, axis=1))
+        scale = scale * np.sqrt(np.mean(found.best.refinement.fit.residuals.reshape(scale.size, -1) ** 2, axis=1))
         found = search_plant(recordings, order, max_delay, scale)
     if dc_gain is not None:
         found = _with_gain(found, dc_gain, scale)
-    known = posterior(found.problem, found.refinement)
+    known = posterior(found.best.problem, found.best.refinement)
     period = recordings[0].sample_period_s
     band = _band_hz(recordings, found)
-    trust = trusted_poles(known, found.refinement.sections, band, period)
-    drawn = draw_parameters(known, trust.held, found.problem, DRAWS, np.random.default_rng(seed))
-    plant = _plant(recordings[0], known, drawn, scale, found.delay, axis)
+    trust = trusted_poles(known, found.best.refinement.sections, band, period)
+    drawn = draw_parameters(known, trust.held, found.best.problem, DRAWS, np.random.default_rng(seed))
+    plant = _plant(recordings[0], known, drawn, scale, found.best.delay, axis)
     offset = common_offset(plant, recordings)
     # As in the fit, each recording has a zero of its own.
     runs = [free_run(plant, each, common_offset(plant, [each])) for each in recordings]
@@ -139,7 +138,7 @@ def identify_axis(
         offset=offset,
         fit_percent=tuple(float(each.fit_percent.mean()) for each in runs),
         residual_sd=np.concatenate([each.residual for each in runs]).std(axis=0),
-        delay_range=_delay_range(found, known.inflation),
+        delay_range=found.delays,
         longest_delay=max_delay,
         dc_gain_interval=tuple(zip(low.tolist(), high.tolist(), strict=True)),
         poles=trust.poles,
@@ -153,14 +152,15 @@ def identify_axis(
 
 
 def _with_gain(found: Found, gains: Sequence[float], scale: Array) -> Found:
-    inputs = found.problem.experiments[0].inputs.shape[1]
+    inputs = found.best.problem.experiments[0].inputs.shape[1]
     if scale.size > 1 or len(gains) != inputs or not np.all(np.isfinite(gains)):
         raise InputError(
             f"dc_gain must be one finite gain for each of {inputs} inputs of an axis with one output, "
             f"got {list(gains)} for {scale.size} outputs; give as many gains as inputs"
         )
-    problem = constrained_gain(found.problem, gains, float(scale[0]))
-    return found._replace(problem=problem, refinement=refine_poles(found.refinement.sections, problem))
+    problem = constrained_gain(found.best.problem, gains, float(scale[0]))
+    best = found.best._replace(problem=problem, refinement=refine_poles(found.best.refinement.sections, problem))
+    return found._replace(best=best)
 
 
 def _band_hz(recordings: Sequence[Recording], found: Found) -> tuple[float, float]:
@@ -169,7 +169,7 @@ def _band_hz(recordings: Sequence[Recording], found: Found) -> tuple[float, floa
     Not those below: what the ends of a sweep leak there is seen, but at a few percent of its strength.
     """
     low, high = driven_band_hz(recordings)
-    heard = heard_band(found.problem, found.refinement)
+    heard = heard_band(found.best.problem, found.best.refinement)
     highest = 0.0 if heard is None else heard[1] / (2 * np.pi * recordings[0].sample_period_s)
     return low, max(high, highest)
 
@@ -204,12 +204,3 @@ def _matrices(known: Posterior, scale: Array) -> dict[str, Any]:
     if known.feedthrough:
         D = (known.linear[known.order * known.inputs :] * scale).T
     return {"A": A, "B": B, "C": C, "D": D}
-
-
-def _delay_range(found: Found, inflation: float) -> tuple[int, int]:
-    """Delays within the likelihood ratio's 95 %, the residuals' colour allowed for."""
-    best = min(found.sketches.values())
-    # Poles and zeros that are loosely known make up for a sample more or less: as many parameters move with the delay.
-    limit = float(chi2.ppf(0.95, len(found.refinement.fit.numerators))) * max(1.0, inflation) / found.sketch_rows
-    kept = [delay for delay, cost in found.sketches.items() if np.log(cost / best) <= limit]
-    return min(*kept, found.delay), max(*kept, found.delay)
