@@ -28,7 +28,7 @@ class Ground(NamedTuple):
     def spectra(self, delay: int) -> list[Spectrum]:
         """Spectra with the inputs delayed."""
         logs = zip(self.undelayed, self.recordings, self.skips, self.lines, strict=True)
-        return [picked(with_delay(spectrum, log, delay, skip), lines) for spectrum, log, skip, lines in logs]
+        return [with_delay(picked(whole, lines), log, delay, skip) for whole, log, skip, lines in logs]
 
     def thinned(self, count: int) -> "Ground":
         """Only so many lines, as do for a search."""

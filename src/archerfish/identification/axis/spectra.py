@@ -80,10 +80,22 @@ def spectrum(recording: Recording, delay: int, scale: Array | float = 1.0, skip:
 
 
 def with_delay(undelayed: Spectrum, recording: Recording, delay: int, skip: int = 0) -> Spectrum:
-    """Return the whole spectrum of a recording with its inputs delayed, from that of delay 0: half the work."""
-    if delay == 0:
-        return undelayed
-    return undelayed._replace(inputs=_transformed(delayed(recording.inputs, delay)[skip:], undelayed.impulse))
+    """Return a spectrum with its inputs delayed, from that of delay 0 and without transforming anew.
+
+    One sample later a spectrum is turned by z⁻¹, a sample has entered at the beginning and one has left at the end.
+
+    Args:
+      undelayed: all lines of the recording, or some.
+      recording: what it was made of.
+      delay: by which the inputs are delayed [samples].
+      skip: samples that were left out at the beginning [samples].
+    """
+    inputs, samples = undelayed.inputs, recording.inputs
+    unit = np.sqrt(2 / (len(samples) - skip)) * undelayed.impulse[:, None]
+    for later in range(1, delay + 1):
+        change = samples[max(skip - later, 0)] - samples[len(samples) - later]
+        inputs = inputs * undelayed.lag[:, None] + unit * change
+    return undelayed._replace(inputs=inputs)
 
 
 def _transformed(signal: Array, impulse: Array) -> ComplexArray:
