@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 
-SCHEMA = "archerfish.plant/2"
+SCHEMA, _OLDER = "archerfish.plant/2", "archerfish.plant/1"
 Matrix = NDArray[np.float64]
 
 
@@ -120,10 +120,10 @@ def read_plant(path: Path) -> PlantRecord:
     Raises:
       InputError: if the file is not a plant record or does not hold together.
     """
-    facts, arrays = storage.read_record(path, SCHEMA)
-    missing = {"A", "B", "C", "D", "draw_delays"} - arrays.keys()
+    facts, arrays = storage.read_record(path, SCHEMA, _OLDER)
+    missing = {"A", "B", "C", "D"} - arrays.keys()
     if missing:
-        raise file_error(path, f"array {sorted(missing)[0]} is missing", "identify the axis anew")
+        raise file_error(path, f"matrix {sorted(missing)[0]} is missing", "identify the axis anew")
     try:
         return PlantRecord(
             **{name: arrays[name] for name in ("A", "B", "C", "D")},
@@ -133,7 +133,8 @@ def read_plant(path: Path) -> PlantRecord:
             input_names=tuple(storage.field(path, facts, "input_names", list)),
             output_names=tuple(storage.field(path, facts, "output_names", list)),
             draws={name.removeprefix("draws_"): array for name, array in arrays.items() if name.startswith("draws_")},
-            draw_delays=arrays["draw_delays"],
+            # In the first version all draws had the delay of the best estimate.
+            draw_delays=arrays.get("draw_delays", np.zeros(0, np.int64)),
             provenance=storage.field(path, facts, "provenance", dict),
         )
     except InputError as error:

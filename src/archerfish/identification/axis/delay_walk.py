@@ -139,7 +139,7 @@ def _descend(walk: Walk, starts: Sequence[Start], max_delay: int) -> int:
             return best
         for delay, _ in waiting:
             near = [sketches[best].sections, *distinct(starts, delay, 1)]
-            known = [sketches[delay].sections] if delay in sketches else []
+            known = [sketches[delay].sections] if delay in sketches and delay != best else []
             sketches[delay] = refine_all([*near, *known], walk.problem(delay), _SEARCH if delay == best else _SKETCH)[0]
         asked.update(waiting)
 

@@ -198,7 +198,8 @@ def _drawn(
         if count:
             parameters = draw_parameters(each.known, trust.held, each.fitted.problem, count, generator)
             drawn += [(each.delay, one) for one in parameters]
-    return drawn
+    # In no order: the draws of two axes are taken in pairs, and some users take the first few.
+    return [drawn[index] for index in generator.permutation(len(drawn))]
 
 
 def _pole_deviations(structures: Sequence[OpenStructure], trusts: Sequence[PoleTrust]) -> tuple[Array, Array]:

@@ -6,17 +6,21 @@ from typing import NamedTuple
 import numpy as np
 
 from archerfish.identification.axis.delay_walk import Walk, rounding
+from archerfish.identification.axis.modal_form import Sections
+from archerfish.identification.axis.normal_equations import lay_out, solve
 from archerfish.identification.axis.out_of_band import after_delay, scaled_penalty
 from archerfish.identification.axis.pole_refinement import Effort, Problem, Refinement, refine_all, refine_poles
 from archerfish.identification.axis.prior_strength import WEAKER, largest_misfit, strongest_accepted
 from archerfish.identification.axis.spectra import row_count
 from archerfish.identification.axis.starting_points import unlike
 
-_SKETCH, _SEARCH, _FINISH = Effort(1.0, 6), Effort(0.1, 15), Effort(0.01, 40)
+_SKETCH, _FIT, _SEARCH, _FINISH = Effort(1.0, 6), Effort(0.3, 8), Effort(0.1, 15), Effort(0.01, 40)
+_NEAR = 1.1
+"""Misfit over that of the fit up to which another optimum may turn out the better one."""
 _RIVALS = 2
 _MOST_OPEN = 8
 """Structures that are fitted to all lines at most."""
-_UNLIKELY = 2 * np.log(1000.0)
+_UNLIKELY = 2 * np.log(300.0)
 """Difference of the criterion from which a structure is not looked at any further."""
 
 
@@ -75,7 +79,7 @@ def checked_structure(sketch: Structure, rivals: Sequence[Refinement], walk: Wal
     prior, strength = after_delay(walk.prior, sketch.delay), walk.strength
     problem = Problem(walk.whole(sketch.delay), sketch.problem.feedthrough)
     begun = refine_poles(sketch.refinement.sections, problem._replace(penalty=sketch.problem.penalty), _SKETCH)
-    free = refine_all([begun.sections, *unlike(rivals, _RIVALS)], problem, _SEARCH)[0]
+    free = refine_all([begun.sections, *_worth_a_try(rivals, begun, problem)], problem, _SEARCH)[0]
     refined = free
     if strength:
         held = refine_poles(begun.sections, problem._replace(penalty=sketch.problem.penalty), _SEARCH)
@@ -87,8 +91,15 @@ def checked_structure(sketch: Structure, rivals: Sequence[Refinement], walk: Wal
     return strength, Structure(sketch.delay, problem, refine_poles(refined.sections, problem, _FINISH))
 
 
+def _worth_a_try(rivals: Sequence[Refinement], begun: Refinement, problem: Problem) -> list[Sections]:
+    """Return the other optima that are not clearly worse on all lines than the fit."""
+    bench = lay_out(*problem)
+    others = unlike([begun, *rivals], 1 + _RIVALS)[1:]
+    return [each for each in others if solve(each, bench).fit.misfit <= _NEAR * begun.fit.misfit]
+
+
 def fitted_structure(sketch: Structure, strength: float, walk: Walk) -> Structure:
     """Fit a structure to all lines, under a prior of given strength."""
     penalty = scaled_penalty(after_delay(walk.prior, sketch.delay), strength) if strength else None
     problem = Problem(walk.whole(sketch.delay), sketch.problem.feedthrough, penalty)
-    return Structure(sketch.delay, problem, refine_poles(sketch.refinement.sections, problem, _SEARCH))
+    return Structure(sketch.delay, problem, refine_poles(sketch.refinement.sections, problem, _FIT))

@@ -72,18 +72,12 @@ def drawn_outputs(plant: PlantRecord, inputs: Array) -> Array:
         return np.zeros((0, len(inputs), len(plant.C)))
     count = max(_FEWEST_DRAWS, _MOST_NUMBERS // len(inputs))
     size = 2 * len(inputs)  # room for the whole convolution: nothing wraps around
-    chosen = _spread_evenly(len(plant.draws["A"]), count)
-    delays = plant.delays_of_draws()[chosen].tolist()
+    delays = plant.delays_of_draws()[:count].tolist()
     spectra = {each: np.fft.rfft(delayed(inputs, each), size, axis=0)[..., None] for each in set(delays)}
-    A, B, C, D = (plant.draws[name][chosen] for name in ("A", "B", "C", "D"))
+    A, B, C, D = (plant.draws[name][:count] for name in ("A", "B", "C", "D"))
     impulses = (_impulse_response(*draw, count=len(inputs)) for draw in zip(A, B, C, D, strict=True))
     responses = (np.fft.rfft(each, size, axis=0) @ spectra[delay] for each, delay in zip(impulses, delays, strict=True))
     return np.stack([np.fft.irfft(each[..., 0], size, axis=0)[: len(inputs)] for each in responses])
-
-
-def _spread_evenly(total: int, count: int) -> NDArray[np.intp]:
-    """Choose some draws: not the first ones, since draws of one delay lie together."""
-    return np.unique(np.linspace(0, total - 1, min(count, total)).round().astype(np.intp))
 
 
 def _impulse_response(A: Array, B: Array, C: Array, D: Array, count: int) -> Array:
