@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.identification.axis.informative_lines import heard_band
+from archerfish.identification.axis.integrator import integration_remarks
 from archerfish.identification.axis.modal_form import Poles, sections_from_numbers, state_matrices
 from archerfish.identification.axis.open_structures import (
     OpenStructure,
@@ -130,6 +131,9 @@ def identify_axis(
     period = recordings[0].sample_period_s
     band = _band_hz(recordings, found)
     trusts = [trusted_poles(each.known, each.fitted.refinement.sections, band, period) for each in structures]
+    longest = max(len(recording) for recording in recordings)
+    lowest = 2 * np.pi * period * band[0]
+    integrating = integration_remarks(structures[0].known, trusts[0], lowest, longest, recordings[0].input_names)
     drawn = _drawn(structures, trusts, np.random.default_rng(seed))
     plant = _plant(recordings[0], structures[0], drawn, scale, axis)
     offset = common_offset(plant, recordings)
@@ -149,7 +153,7 @@ def identify_axis(
         pole_sd=_pole_deviations(structures, trusts),
         determined=trusts[0].determined,
         excited_band_hz=band,
-        remarks=(*remarks, *pole_remarks(trusts[0], period)),
+        remarks=(*remarks, *integrating, *pole_remarks(trusts[0], period)),
         parameters=known,
         structures=structures,
         output_scale=scale,
