@@ -59,6 +59,8 @@ class AxisIdentification:
     """Delays that the recordings don't reject at 95 % [samples]."""
     longest_delay: int
     """Longest delay that was allowed [samples]."""
+    later_delay: int | None
+    """A longer delay that explains the recordings clearly better than any that was allowed [samples]."""
     dc_gain_interval: tuple[tuple[float, float], ...]
     """95 % interval of the first output's steady gain per input."""
     poles: Poles
@@ -148,6 +150,7 @@ def identify_axis(
         residual_sd=np.concatenate([each.residual for each in runs]).std(axis=0),
         delay_range=found.delays,
         longest_delay=max_delay,
+        later_delay=found.later,
         dc_gain_interval=tuple(zip(low.tolist(), high.tolist(), strict=True)),
         poles=trusts[0].poles,
         pole_sd=_pole_deviations(structures, trusts),

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.identification.axis.delay_walk import Walk, walk_delays
+from archerfish.identification.axis.late_response import later_delay
 from archerfish.identification.axis.log_ground import Ground, prepare_ground
 from archerfish.identification.axis.pole_pursuit import pursue_poles
 from archerfish.identification.axis.pole_refinement import Effort, Problem, Refinement, refine_all
@@ -40,6 +41,8 @@ class Found(NamedTuple):
     """Other structures that the recordings leave open."""
     delays: tuple[int, int]
     """Shortest and longest delay that the recordings don't reject at 95 % [samples]."""
+    later: int | None
+    """A delay beyond the longest allowed that explains the recordings clearly better, if there is one [samples]."""
 
 
 def search_plant(recordings: Sequence[Recording], order: int, max_delay: int, scale: Array) -> Found:
@@ -51,14 +54,17 @@ def search_plant(recordings: Sequence[Recording], order: int, max_delay: int, sc
       max_delay: longest delay that is tried [samples].
       scale: what the squared errors of each output are measured in, shape (p,).
     """
-    walk, rivals = _walk(prepare_ground(recordings, max_delay, scale), order, max_delay)
+    ground = prepare_ground(recordings, max_delay, scale)
+    walk, rivals = _walk(ground, order, max_delay)
     sketches = ranked_structures(walk)
     strength, best = checked_structure(sketches[0], rivals, walk)
     structures = [best, *(fitted_structure(each, strength, walk) for each in sketches[1:])]
     structures.sort(key=lambda each: each.criterion(walk.colour()))
     range_95 = walk.undecided(0.95)
     delays = min(range_95[0], structures[0].delay), max(range_95[-1], structures[0].delay)
-    return Found(structures[0], tuple(structures[1:]), delays)
+    guesses = [structures[0].refinement.sections, *(each.sections for each in rivals)]
+    later = later_delay(walk, ground, guesses, max_delay)
+    return Found(structures[0], tuple(structures[1:]), delays, later)
 
 
 def _walk(ground: Ground, order: int, max_delay: int) -> tuple[Walk, Sequence[Refinement]]:
