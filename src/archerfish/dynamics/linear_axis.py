@@ -66,8 +66,13 @@ def plant_draws(plant: PlantRecord) -> list[PlantRecord]:
     """Return the posterior draws of a plant as plants, or the plant itself where it has none."""
     if not plant.draws:
         return [plant]
+    delays = plant.delays_of_draws()
     return [
-        replace(plant, **{name: draws[index] for name, draws in plant.draws.items()}, draws={})
+        PlantRecord(
+            **{name: draws[index] for name, draws in plant.draws.items()},
+            delay_samples=int(delays[index]),
+            sample_period_s=plant.sample_period_s,
+        )
         for index in range(len(plant.draws["A"]))
     ]
 
