@@ -12,7 +12,7 @@ from archerfish.dynamics.array_namespace import Array, map_arrays
 from archerfish.dynamics.muzzle import DRAWS as MUZZLE_DRAWS
 from archerfish.dynamics.muzzle import pellet_at_muzzle
 from archerfish.evaluation.suites import Trials
-from archerfish.sensing.interfaces import Controller, Engagement, Truth, World
+from archerfish.sensing.interfaces import Command, Controller, Engagement, Seen, Truth, World
 from archerfish.simulation.environment import PureWorld
 from archerfish.simulation.shooting import miss_at_armor
 
@@ -62,14 +62,27 @@ def _fight_compiled(world: World, controller: Controller, engagements: Engagemen
 
 
 def _fight_stepping(world: World, controller: Controller, trials: Trials) -> Shots:
+    # The world can't be compiled, but the controller can: in NumPy its programmes would take most of the time.
+    decider = jax.tree.map(jnp.asarray, controller)
     shooting, seen = world.reset(trials.engagements, trials.draws)
-    state = controller.reset(seen, _truth(world, controller, trials.engagements))
+    truth = _truth(world, controller, trials.engagements)
+    state = _reset_compiled(decider, *jax.tree.map(jnp.asarray, (seen, truth)))
     shots = []
     for _ in range(trials.draws.shape[-2]):
-        state, command = controller.step(state, seen)
-        shooting, seen, shot = world.step(shooting, command)
-        shots.append(Shots(shot.miss, seen.command, shot.angle))
+        state, command = _step_compiled(decider, state, jax.tree.map(jnp.asarray, seen))
+        shooting, seen, shot = world.step(shooting, jax.tree.map(np.asarray, command))
+        shots.append(Shots(*(np.asarray(each, np.float32) for each in (shot.miss, seen.command, shot.angle))))
     return Shots(*(np.stack(each, axis=1) for each in zip(*shots, strict=True)))
+
+
+@jax.jit
+def _reset_compiled(controller: Controller, seen: Seen, truth: Truth | None) -> Any:
+    return controller.reset(seen, truth)
+
+
+@jax.jit
+def _step_compiled(controller: Controller, state: Any, seen: Seen) -> tuple[Any, Command]:
+    return controller.step(state, seen)
 
 
 def _truth(world: World, controller: Controller, engagements: Engagement) -> Truth | None:

@@ -73,7 +73,7 @@ class TrackedObserver(NamedTuple):
     def size(self) -> int:
         """How many numbers an observation has."""
         moves = self.frames.shape[0] - 1
-        return int(18 + 4 * moves + 7 + self.sights.shape[0] + self.push.shape[0])
+        return int(16 + 4 * moves + 7 + self.sights.shape[0] + self.push.shape[0])
 
     def begin(self, seen: Seen) -> TrackedMemory:
         """Return the memory at the beginning of an engagement, as if nothing had moved before it."""

@@ -157,10 +157,10 @@ class RobotWorld:
         )
 
 
-def _seeds(draws: Array) -> Array:
+def _seeds(draws: Array) -> NDArray[np.int64]:
     """Whole numbers from the first draws of each engagement: equal engagements meet equal noise."""
     bits = np.ascontiguousarray(draws[:, 0, :2], np.float32).view(np.uint32).astype(np.int64)
-    return np.asarray(bits[:, 0] * 65536 + bits[:, 1] % 65536, np.float64)
+    return np.asarray(bits[:, 0] * 65536 + bits[:, 1] % 65536)
 
 
 def _single(seen: Seen) -> Seen:
