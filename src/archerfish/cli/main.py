@@ -23,6 +23,8 @@ INTERRUPTED = 130
 COMMANDS = {
     "reproduce": ("archerfish.cli.reproduce", "Reproduce", "run_reproduce"),
     "excite": ("archerfish.cli.excite", "Excite", "run_excite"),
+    "record": ("archerfish.cli.record", "Record", "run_record"),
+    "range": ("archerfish.cli.range", "Range", "run_range"),
     "identify gimbal": ("archerfish.cli.identify_gimbal", "IdentifyGimbal", "run_gimbal"),
     "identify rigid": ("archerfish.cli.identify_rigid", "IdentifyRigid", "run_rigid"),
     "identify sensing": ("archerfish.cli.identify_sensing", "IdentifySensing", "run_sensing"),

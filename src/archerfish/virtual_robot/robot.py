@@ -104,6 +104,10 @@ class VirtualRobot:
         self._shots = 0
         return self.advance(lead)
 
+    def retarget(self, target: Target) -> None:
+        """Put another plate in the place of the present one; its position is asked at times of the robot's clock."""
+        self._target = target
+
     def send(self, command: Array) -> None:
         """Send a command from the host at the present time: pitch and yaw [rad], shape (B, 2).
 
