@@ -51,7 +51,8 @@ class Record:
     clock only: the latency and its jitter are then in the log.
 
     Writes AXIS_sweep.csv and AXIS_sweep_validation.csv (or step), or timing_sweep.csv, timing_steps.csv,
-    timing_plate.csv, timing_target.csv and timing_moments.csv; and limits.json, what the team knows of its robot.
+    timing_plate.csv, timing_target.csv, timing_moments.csv, and from the robot's stamps timing_commands.csv and
+    timing_reports.csv; and limits.json, what the team knows of its robot.
 
     Examples:
       archerfish record sweep --axis yaw --out runs/my-robot
@@ -213,4 +214,9 @@ def _timing(command: Record, robot: RobotDescription, folder: Path, console: Con
     write_detections(folder / "timing_plate.csv", logs.plate)
     write_detections(folder / "timing_target.csv", logs.target)
     write_columns(folder / "timing_moments.csv", {"time_s": logs.moments})
-    return [f"timing_{name}.csv" for name in ("sweep", "steps", "plate", "target", "moments")]
+    names = ["sweep", "steps", "plate", "target", "moments"]
+    if command.stamps == "robot":
+        for name, (sent, received) in (("commands", logs.commands), ("reports", logs.reports)):
+            write_columns(folder / f"timing_{name}.csv", {"sent_s": sent, "received_s": received})
+            names.append(name)
+    return [f"timing_{name}.csv" for name in names]

@@ -32,6 +32,10 @@ from archerfish.simulation.environment import PureWorld, ShootingEnvironment
 from archerfish.simulation.setting import make_scenario
 
 
+HIT_BONUS = {"history": 0.0, "paper": 0.0, "tracked": 0.1}
+"""Kind of observation → what a hit adds to the reward of eq (8) [m]."""
+
+
 @dataclass(frozen=True)
 class TrainingTask:
     """A training, as data: it can be handed to another process."""
@@ -83,7 +87,13 @@ def run_task(task: TrainingTask, advance: Callable[[float, str], None] = lambda 
     observer = _observer(task, world)
     scenario = make_scenario(conditions, static_share=task.static_share, plants=world.plants)
     length = np.asarray(conditions.decisions, np.int32)
-    environment = ShootingEnvironment(world, scenario, single_precision(observer), length)
+    environment = ShootingEnvironment(
+        world,
+        scenario,
+        single_precision(observer),
+        length,
+        *single_precision((np.asarray(HIT_BONUS[task.observation]), np.asarray(conditions.hit_radius))),
+    )
     trained = train(
         environment, task.ppo, task.seed, lambda steps, metrics: advance(steps, _note(metrics, conditions.decisions))
     )

@@ -6,6 +6,8 @@ after the last step is handed out beside the first of the next engagement, for t
 
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from archerfish.dynamics.array_namespace import Array, map_arrays, namespace
 from archerfish.dynamics.command_limits import CommandLimits
 from archerfish.dynamics.muzzle import Muzzle
@@ -67,7 +69,7 @@ class Outcome(NamedTuple):
     final_observation: Array
     """After this step, of this engagement, shape (B, n)."""
     reward: Array
-    """Eq (8) [m]."""
+    """Eq (8), and the bonus of a hit [m]."""
     terminated: Array
     """Whether nothing can follow this step; never so in shooting."""
     truncated: Array
@@ -85,6 +87,10 @@ class ShootingEnvironment(NamedTuple):
     """Seen how."""
     length: Array
     """Decisions per engagement, shape ()."""
+    hit_bonus: Array = np.float32(0.0)
+    """What a hit adds to the reward of eq (8) [m], shape (); zero in the paper."""
+    hit_radius: Array = np.float32(0.0)
+    """Largest miss that hits [m], shape ()."""
 
     @property
     def normals(self) -> int:
@@ -128,7 +134,12 @@ class ShootingEnvironment(NamedTuple):
         fresh, first = self._fresh(normals, uniforms)
         following = _where(truncated, fresh, going_on)
         observation = namespace(final).where(truncated[:, None], first, final)
-        return following, Outcome(observation, final, reward(shot.miss), truncated & False, truncated)
+        return following, Outcome(observation, final, self._reward(shot.miss), truncated & False, truncated)
+
+    def _reward(self, miss: Array) -> Array:
+        # Where a target may or may not turn back, the nearest place on average is one that neither hits.
+        plain = reward(miss)
+        return namespace(plain).where(plain >= -self.hit_radius, plain + self.hit_bonus, plain)
 
     def _fresh(self, normals: Array, uniforms: Array) -> tuple[EnvironmentState, Array]:
         engagement: Engagement = draw_engagement(self.scenario, uniforms)

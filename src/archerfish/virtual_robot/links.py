@@ -36,7 +36,7 @@ class CommandLink:
         self._noise = NoiseStream(seeds, "command", 2, "uniform", block=64)
         self._sent = 0
         self._last = np.full(len(seeds), -np.inf)
-        self._mailbox = Mailbox(len(seeds), 2)
+        self._mailbox = Mailbox(len(seeds), 3)
         self.in_force = start
 
     def send(self, time: float, command: Array) -> None:
@@ -49,7 +49,8 @@ class CommandLink:
         received, self._last = arrivals(np.full_like(latency, time), latency, lost, self._last)
         value = quantised(command, math.radians(link.command_quantum_deg))
         value = np.clip(value, self._gains.command_low, self._gains.command_high)
-        self._mailbox.put(received, value[:, None])
+        sent = np.full((len(value), 1), time)
+        self._mailbox.put(received, np.concatenate([sent, value], axis=1)[:, None])
 
     def commands(self, times: Array) -> tuple[Array, Array, Array]:
         """Return what is in force at the ticks to come.
@@ -59,12 +60,12 @@ class CommandLink:
 
         Returns:
           Commands in force, shape (n, B, 2); arrivals of those that came into force, NaN where fewer, shape (B, H);
-          their values, shape (B, H, 2).
+          when each was sent and its value, shape (B, H, 3).
         """
         received, value = self._mailbox.take(times[-1] + _ROUNDING)
         if received.shape[1] == 0:
             return np.broadcast_to(self.in_force, (len(times), *self.in_force.shape)), received, value
-        known = np.concatenate([self.in_force[:, None], value], axis=1)
+        known = np.concatenate([self.in_force[:, None], value[..., 1:]], axis=1)
         count = np.sum(received[:, None, :] <= times[:, None] + _ROUNDING, axis=2)
         held = np.take_along_axis(known, count[..., None], axis=1).swapaxes(0, 1)
         self.in_force = held[-1]

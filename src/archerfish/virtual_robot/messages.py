@@ -33,6 +33,8 @@ class Heard(NamedTuple):
     """The plate in the camera's frame, x forward, y left, z up [m], shape (B, G, 3)."""
     command_stamp: Array
     """When the robot received each command that came into force, shape (B, H); H is as large as needed."""
+    command_sent: Array
+    """When the host had sent each of them, as the command itself says, shape (B, H)."""
     command_value: Array
     """That command as the robot has it, after the wire's rounding and the firmware's range [rad], shape (B, H, 2)."""
 

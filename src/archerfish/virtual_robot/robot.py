@@ -126,7 +126,7 @@ class VirtualRobot:
         """
         first, times = self._tick, TICK_S * (self._tick + np.arange(max(ticks, 1), dtype=np.float64))
         if ticks < 1:
-            return self._heard(0, np.empty((self.batch, 0)), np.empty((self.batch, 0, 2)))
+            return self._heard(0, np.empty((self.batch, 0)), np.empty((self.batch, 0, 3)))
         commands, stamp, value = self._commands.commands(times)
         if inject is not None:
             commands = np.clip(inject, self._servo.gains.command_low, self._servo.gains.command_high)
@@ -197,7 +197,8 @@ class VirtualRobot:
             frame_found=seen[..., 1] == 1.0,
             frame_position=seen[..., 2:],
             command_stamp=stamp,
-            command_value=value,
+            command_sent=value[..., 0],
+            command_value=value[..., 1:],
         )
 
     def _launch(self, normals: Array, fire: Flags | None) -> tuple[Flags, barrel.Launch, Array]:

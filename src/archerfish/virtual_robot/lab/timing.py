@@ -31,8 +31,8 @@ class TimingPlan:
     """Number of command steps, and of target steps."""
     step: float = float(np.radians(7.0))
     """Size of the command steps [rad]."""
-    distance: float = 3.0
-    """Distance of the plate [m]."""
+    distance: float = 4.0
+    """Distance of the plate [m]: far, where its noise costs most hits."""
     target_step: float = 0.3
     """Size of the target's steps, sideways [m]."""
 
@@ -68,6 +68,10 @@ class TimingLogs(NamedTuple):
     """The stepping target, seen by the resting gimbal."""
     moments: Array
     """Moments of its steps [s], shape (steps,)."""
+    commands: tuple[Array, Array]
+    """When commands were sent, and received by the robot [s], shape (C,) each."""
+    reports: tuple[Array, Array]
+    """When reports of the gimbal were stamped by the robot, and received by the host [s], shape (R,) each."""
 
 
 class SteppingTarget:
@@ -117,7 +121,16 @@ def record_timing(robot: VirtualRobot, plan: TimingPlan, stamps: Stamps, seed: i
         lambda done: advance(len(sweep) * TICK_S + done),
     )
     target = _detected(stepped, after=len(begun) * TICK_S)
-    return TimingLogs(_trace(swept, stamps), _detected(swept), _trace(stepped, stamps), target, moments)
+    heard = stepped.heard
+    return TimingLogs(
+        _trace(swept, stamps),
+        _detected(swept),
+        _trace(stepped, stamps),
+        target,
+        moments,
+        (heard.command_sent, heard.command_stamp),
+        (heard.feedback_stamp, heard.feedback_received),
+    )
 
 
 def timing_length(plan: TimingPlan) -> float:
