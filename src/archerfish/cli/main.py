@@ -29,6 +29,7 @@ COMMANDS = {
     "identify rigid": ("archerfish.cli.identify_rigid", "IdentifyRigid", "run_rigid"),
     "identify sensing": ("archerfish.cli.identify_sensing", "IdentifySensing", "run_sensing"),
     "identify muzzle": ("archerfish.cli.identify_muzzle", "IdentifyMuzzle", "run_muzzle"),
+    "transfer": ("archerfish.cli.transfer", "Transfer", "run_transfer"),
     "train": ("archerfish.cli.train", "Train", "run_train"),
     "evaluate": ("archerfish.cli.evaluate", "Evaluate", "run_evaluate"),
     "report": ("archerfish.cli.report", "Report", "run_report"),

@@ -123,9 +123,7 @@ def _check(command: Record) -> None:
     if command.commands is not None and command.kind == "timing":
         raise InputError("--commands plays a sweep or steps; timing has commands of its own, leave the option out")
     if command.play == "inject" and command.stamps == "host":
-        raise InputError(
-            "--play inject: a host does not know when the robot plays; take --stamps robot or --play link"
-        )
+        raise InputError("--play inject: a host does not know when the robot plays; take --stamps robot or --play link")
     if command.play == "inject" and command.kind == "timing":
         raise InputError("--play inject: timing measures the link, so commands go through it; leave the option out")
 

@@ -181,6 +181,76 @@ class StepResponse:
 
 
 @dataclass(frozen=True)
+class RobotStep:
+    """A step of a robot's axis beside that of the identified model."""
+
+    axis: str
+    """"pitch" or "yaw"."""
+    size_deg: float
+    """Of the commanded step [degrees]."""
+    time_s: tuple[float, ...]
+    """Time since the step [s], shape (N,)."""
+    measured_deg: tuple[float, ...]
+    """Angle of the robot [degrees], shape (N,)."""
+    model_deg: tuple[float, ...]
+    """Angle of the identified model [degrees], shape (N,)."""
+    fit_percent: float
+    """NRMSE fit of the two [%]."""
+
+
+@dataclass(frozen=True)
+class LandingRow:
+    """One pair of angles of Table I on a robot, and where the identified muzzle lets pellets fall."""
+
+    pitch_deg: float
+    """Elevation, as the robot reports it [degrees]."""
+    yaw_deg: float
+    """Azimuth, left positive [degrees]."""
+    shots: int
+    """Fired there."""
+    robot_m: float
+    """Mean distance of the robot's falling points [m]."""
+    robot_low_m: float
+    """Lower end of its 95 % interval [m]."""
+    robot_high_m: float
+    """Upper end [m]."""
+    model_m: float
+    """As the identified muzzle foretells [m]; it was identified from hits on plates."""
+    error_percent: float
+    """Model less robot [%]."""
+
+
+@dataclass(frozen=True)
+class RobotIdentification:
+    """What the logs of a robot told, and how well."""
+
+    robot: str
+    """Its name."""
+    axes: dict[str, dict[str, Any]]
+    """"pitch" and "yaw" → facts."""
+    facts: dict[str, dict[str, Any]]
+    """"sensing" and "muzzle" → facts."""
+    landings: tuple[LandingRow, ...]
+    """Table I proper."""
+    steps: tuple[RobotStep, ...]
+    """Fig. 4 proper."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drop(Label):
+    """How far a controller's hit rate falls from the identified simulator to the robot, in the same engagements."""
+
+    settled: bool
+    """Whether the settled shots alone count."""
+    difference: float
+    """Rate in the simulator less that on the robot, −1 to 1."""
+    low: float
+    """Lower end of its 95 % interval, paired by engagement."""
+    high: float
+    """Upper end of its 95 % interval, paired by engagement."""
+
+
+@dataclass(frozen=True)
 class TrainingRun:
     """The return of one policy while it learned."""
 
@@ -246,6 +316,10 @@ class Results:
     """Every hit rate of Tables II–V."""
     comparisons: tuple[Comparison, ...] = ()
     """Paired differences of hit rates."""
+    robot: RobotIdentification | None = None
+    """The robot that the second half of the paper is rehearsed with."""
+    drops: tuple[Drop, ...] = ()
+    """From the identified simulator to each robot."""
     accelerations: tuple[Acceleration, ...] = ()
     """What the controllers asked of the yaw axis."""
 

@@ -1,10 +1,10 @@
 """What a policy sees on a robot whose camera and link are late and noisy: a tracker's estimate, and a long memory.
 
-The action is an offset from the aim at where a Kalman filter takes the target to be now, so that untrained it is plain
-auto-aim without lead. The numbers it sees: that aim against the gimbal, where the command would come to rest, the last
-moves of gimbal and command, the ages of what was seen, and of the target the filter's speed, the last sights, and a
-second of history, as Legendre coefficients across the line of sight. All but the aim itself are relative to the
-estimate, in metres across the line of sight.
+The action is an offset from the aim at where a Kalman filter takes the target to be now, and the command is the next
+one on the fastest way there that can stop; so untrained it is plain auto-aim without lead. The numbers it sees: that
+aim against the gimbal, where the command would come to rest, the last moves of gimbal and command, the ages of what was
+seen, and of the target the filter's speed, the last sights, and a second of history, as Legendre coefficients. All but
+the aim itself are relative to the estimate, those of the target in metres across the line of sight.
 """
 
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from archerfish.dynamics.muzzle import Muzzle
 from archerfish.sensing.interfaces import Seen
 from archerfish.sensing.kalman_filter import Track, TrackerNoise, begin_track, position_after, predict, update
 from archerfish.sensing.legendre_memory import constant_history, legendre_matrices, with_sample
-from archerfish.sensing.stopping_way import overshoot
+from archerfish.sensing.stopping_way import on_the_way, overshoot
 
 FRAMES, SIGHTS, ORDER = 4, 8, 12
 """Defaults: remembered moves of gimbal and command, raw sights, and Legendre coefficients."""
@@ -154,7 +154,8 @@ class TrackedObserver(NamedTuple):
 
     def decode(self, memory: TrackedMemory, action: Array) -> Array:
         """Turn an action, shape B + (2,), into a pitch and yaw command [rad]; zero aims at where the target is now."""
-        return self._aim(memory)[0] + lift(self.action_scale, action) * action
+        wanted = self._aim(memory)[0] + lift(self.action_scale, action) * action
+        return on_the_way(self.braking, wanted, memory.command[..., -1, :])
 
     def _aim(self, memory: TrackedMemory) -> tuple[Array, Array]:
         place = position_after(memory.track, memory.plate_age)

@@ -50,7 +50,7 @@ def choose_order(
 ) -> OrderChoice:
     """Identify an axis with every order, and choose one.
 
-    With recordings held back it is the lowest order from which on no other gains 0.2 points of their worst fit;
+    With recordings held back it is the order of which their worst fit, less 0.2 points for each state, is the largest;
     otherwise the order of the lowest information criterion, counted with the residuals' colour. A half of a log is no
     held-back recording: on a sweep it tests the extrapolation to other frequencies.
 
@@ -83,8 +83,7 @@ def choose_order(
     worst = {order: _worst_fit(result, held_back) for order, result in results.items()}
     chosen = min(criteria, key=lambda order: criteria[order])
     if held_back:
-        best = max(fit for fit in worst.values() if fit is not None)
-        chosen = min(order for order, fit in worst.items() if fit is not None and fit >= best - _WORTH_A_STATE)
+        chosen = max(worst, key=lambda order: (worst[order] or 0.0) - _WORTH_A_STATE * order)
     least = min(criteria.values())
     trials = [
         OrderTrial(order, min(result.fit_percent), worst[order], criteria[order] - least)

@@ -8,9 +8,33 @@ from scipy.linalg import block_diag
 
 from archerfish.identification.axis.pole_refinement import Problem
 from archerfish.identification.axis.simulation_fit import Penalty
+from archerfish.records.recording import Recording
 
+_FEWEST_PLATEAUS = 3
 _FIRMNESS = 1e4
 """Weight of the constraint over the size of the measured outputs; the gain is then held to about its inverse square."""
+
+
+def plateau_gain(recording: Recording, hold_s: float = 1.0) -> float | None:
+    """Return the steady gain that the steps of a log show where they have come to rest, None without such steps.
+
+    Where friction holds an axis short of its aim, a fit of the whole log lets a slow pole of its own invention explain
+    that; the plateaus, reached from both sides, don't care how they were reached.
+
+    Args:
+      recording: one input and one output.
+      hold_s: how long an input must be held to count; the last fifth of the time is looked at.
+    """
+    u, y = recording.inputs[:, 0], recording.outputs[:, 0]
+    ends = np.append(np.flatnonzero(np.diff(u)), len(u) - 1)
+    begins = np.append(0, ends[:-1] + 1)
+    long = ends - begins >= hold_s / recording.sample_period_s
+    held = [(begin + (end - begin) * 4 // 5, end) for begin, end in zip(begins[long], ends[long], strict=True)]
+    levels = np.array([u[end] for _, end in held])
+    if len(levels) < _FEWEST_PLATEAUS or np.ptp(levels) == 0:
+        return None
+    reached = np.array([y[begin : end + 1].mean() for begin, end in held])
+    return float(np.polynomial.Polynomial.fit(levels, reached, 1).convert().coef[1])
 
 
 def constrained_gain(problem: Problem, gains: Sequence[float], scale: float) -> Problem:

@@ -1,0 +1,182 @@
+"""The robot's part of `reproduce`, and all of `transfer`: record, identify, train, and shoot Tables IV and V."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from archerfish.cli.evaluation_run import (
+    TUNED,
+    EvaluationTask,
+    make_ground,
+    run_evaluation,
+    tune_controllers,
+)
+from archerfish.cli.lab_stage import LabTask, record_robot, run_recording
+from archerfish.cli.robot_identification import Identified, identify_robot, trimmed
+from archerfish.cli.setting import Setting
+from archerfish.cli.training_run import TrainingTask, run_task, write_run
+from archerfish.cli.workers import Task, run_tasks
+from archerfish.controllers.roster import Tuning
+from archerfish.evaluation.evaluate import Ground, Outcome, accelerations, cells, comparisons
+from archerfish.evaluation.results import RobotIdentification
+from archerfish.evaluation.transfer import drops
+from archerfish.learning.config import PpoConfig
+from archerfish.records.policy import PolicyRecord
+from archerfish.virtual_robot.description_file import load_robot
+
+COMMAND_LIMIT = "gate"
+TABLES = ("IV", "V")
+CONTROLLERS = ("oracle", "parabola-lq", "kalman-lq", "kalman")
+"""Classical controllers, the one with the most work first."""
+AGAINST = ("kalman", "kalman-lq", "parabola-lq", "oracle")
+"""Whom the policies are compared with, paired."""
+SIX_NUMBERS_STEPS = 0.4
+"""The six-number policy, which sees no speed, has learned what it can after this share."""
+DISCOUNT = 0.9
+"""γ of the robot's policies: a shot is decided within a few tenths of a second."""
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """Whom to rehearse with, and how thoroughly."""
+
+    robot: str
+    """Robot that is recorded and identified: name or file."""
+    changed: tuple[str, ...]
+    """Robots that the same policies shoot with as well, after first shots to trim by: names or files."""
+    ppo: PpoConfig
+    """Settings of the trainings."""
+    seeds: tuple[int, ...]
+    """Of the history policies; the first one's is that of everything else."""
+    engagements: int
+    """Per cell."""
+    folder: Path
+    """For logs, records and policies."""
+    workers: int
+    """Processes."""
+
+
+def robot_name(robot: str) -> str:
+    """Return the name of a robot that is given by name or file."""
+    return load_robot(robot).schema.name
+
+
+def record_and_identify(rehearsal: Rehearsal) -> Identified:
+    """Record a robot and identify it from the logs alone."""
+    logs = rehearsal.folder / "logs"
+    record_robot(rehearsal.robot, logs, rehearsal.seeds[0], rehearsal.workers)
+    return identify_robot(
+        robot_name(rehearsal.robot), logs, rehearsal.folder / "records", rehearsal.seeds[0], rehearsal.workers
+    )
+
+
+def train_for_robot(rehearsal: Rehearsal, setting: Setting) -> tuple[PolicyRecord, ...]:
+    """Train the policies in the identified simulator: history policies, then the one of six numbers."""
+    ppo = replace(rehearsal.ppo, discount=DISCOUNT)
+    history = TrainingTask(setting, 0.5, "tracked", 0, COMMAND_LIMIT, ppo, rehearsal.seeds[0])
+    shorter = replace(ppo, steps=max(1, round(SIX_NUMBERS_STEPS * ppo.steps)))
+    tasks = [replace(history, seed=seed) for seed in rehearsal.seeds]
+    tasks.append(replace(history, observation="paper", ppo=shorter))
+    jobs: list[Task] = [(run_task, task, float(task.ppo.steps)) for task in tasks]
+    done = run_tasks("training", "decisions", jobs, rehearsal.workers)
+    for task, result in zip(tasks, done, strict=True):
+        name = f"{setting.name}-{'history' if task.observation == 'tracked' else task.observation}-{task.seed}"
+        write_run(rehearsal.folder / "policies" / name, result, _configuration(task))
+    return tuple(result.policy for result in done)
+
+
+def _configuration(task: TrainingTask) -> dict[str, Any]:
+    names = ("static_share", "observation", "command_limit", "seed")
+    return {
+        "setting": task.setting.name,
+        **{name: getattr(task, name) for name in names},
+        "ppo": asdict(task.ppo),
+        "conditions": asdict(task.setting.conditions),
+    }
+
+
+def tune_for_robot(rehearsal: Rehearsal, setting: Setting) -> dict[str, Tuning]:
+    """Tune the trackers of the classical controllers in the identified simulator, on draws of their own."""
+    tasks = [EvaluationTask(setting, COMMAND_LIMIT, 2, rehearsal.seeds[0], (name,)) for name in TUNED]
+    jobs: list[Task] = [(tune_controllers, task, 1.0) for task in tasks]
+    found = run_tasks("tuning", "controllers", jobs, rehearsal.workers)
+    return {each.controller: each.tuning for tuned in found for each in tuned}
+
+
+def shoot_tables(
+    rehearsal: Rehearsal, identified: Identified, policies: Sequence[PolicyRecord], tuning: Mapping[str, Tuning]
+) -> dict[str, Any]:
+    """Shoot Tables IV and V in the identified simulator, with the robot, and with those that have changed.
+
+    Returns:
+      `cells`, `comparisons`, `accelerations` and `drops` of the results.
+    """
+    grounds = _grounds(rehearsal, identified.setting, tuning)
+    entrants = [*CONTROLLERS, *policies]
+    jobs: list[Task] = []
+    for task in grounds:
+        known = _with_muzzle_of(task.setting, policies)
+        jobs += [(run_evaluation, replace(task, controllers=(name,)), 1.0) for name in CONTROLLERS]
+        jobs += [(run_evaluation, replace(task, policies=(policy,)), 1.0) for policy in known]
+    found = run_tasks("shooting", "controllers", jobs, rehearsal.workers)
+    outcomes: list[list[Outcome]] = [
+        list(chain.from_iterable(found[first : first + len(entrants)])) for first in range(0, len(found), len(entrants))
+    ]
+    return _parts([make_ground(task) for task in grounds], outcomes)
+
+
+def _grounds(rehearsal: Rehearsal, setting: Setting, tuning: Mapping[str, Tuning]) -> list[EvaluationTask]:
+    simulated = EvaluationTask(
+        setting, COMMAND_LIMIT, rehearsal.engagements, rehearsal.seeds[0], tables=TABLES, tuning=tuning
+    )
+    changed = [replace(simulated, robot=each, setting=_trimmed(rehearsal, setting, each)) for each in rehearsal.changed]
+    return [simulated, replace(simulated, robot=rehearsal.robot), *changed]
+
+
+def _trimmed(rehearsal: Rehearsal, setting: Setting, robot: str) -> Setting:
+    folder = rehearsal.folder / "logs" / robot_name(robot)
+    run_recording(LabTask("trim", robot, folder, rehearsal.seeds[0] + 1))
+    return trimmed(setting, folder / "first_shots.csv")
+
+
+def _with_muzzle_of(setting: Setting, policies: Iterable[PolicyRecord]) -> list[PolicyRecord]:
+    """Let policies aim with the muzzle of a setting."""
+    names = ("speed", "drag", "length", "pitch_offset", "yaw_offset")
+    muzzle = {name: float(getattr(setting.muzzle, name)) for name in names}
+    return [replace(policy, muzzle=muzzle) for policy in policies]
+
+
+def _parts(grounds: Sequence[Ground], outcomes: Sequence[list[Outcome]]) -> dict[str, Any]:
+    pairs = list(zip(grounds, outcomes, strict=True))
+    simulated = outcomes[0]
+    return {
+        "cells": tuple(each for ground, shot in pairs for each in cells(ground, shot)),
+        "comparisons": tuple(
+            each for ground, shot in pairs for name in AGAINST for each in comparisons(ground, shot, name)
+        ),
+        "accelerations": tuple(each for ground, shot in pairs for each in accelerations(ground, shot)),
+        "drops": tuple(each for ground, shot in pairs[1:] for each in drops(ground, shot, simulated)),
+    }
+
+
+def rehearse(rehearsal: Rehearsal) -> tuple[Identified, dict[str, Any]]:
+    """Do all of it.
+
+    Returns:
+      What the logs told, and the parts of the results.
+    """
+    identified = record_and_identify(rehearsal)
+    policies = train_for_robot(rehearsal, identified.setting)
+    tuning = tune_for_robot(rehearsal, identified.setting)
+    report: RobotIdentification = replace(
+        identified.report,
+        facts=identified.report.facts | {name: asdict_of(each) for name, each in tuning.items()},
+    )
+    return identified, {"robot": report, **shoot_tables(rehearsal, identified, policies, tuning)}
+
+
+def asdict_of(tuning: Tuning) -> dict[str, float]:
+    """Return the settings of a tracker by name."""
+    return {"acceleration_sd_m_s2": tuning.acceleration_sd, "extra_lead_s": tuning.extra_lead_s}
