@@ -79,6 +79,7 @@ def _numbers(evidence: AxisEvidence) -> dict[str, Any]:
             {"name": name, "value": gain, "interval": interval, "unit": f"{plant.output_names[0]} per {name}"}
             for name, gain, interval in gains
         ],
+        "held_gains": evidence.held_gains,
         "offset": float(result.offset[0]),
         "residual_sd": float(result.residual_sd[0]),
         "band": result.excited_band_hz,

@@ -7,6 +7,7 @@ import numpy as np
 
 from archerfish.cli.axis_evidence import (
     AxisEvidence,
+    HeldGain,
     Interval,
     LogEvidence,
     steady_gains,
@@ -53,6 +54,11 @@ def verdict(evidence: AxisEvidence) -> Verdict:
     doubts = tuple(_doubts(evidence))
     gap = _unknown_below(evidence)
     headline = _headline(evidence) + (f"; nothing is known below {gap:.3g} Hz: add a step log" if gap else "")
+    for held in evidence.held_gains:
+        if held.contradicted:
+            headline += (
+                f"; --dc-gain {held.asked:.4g} contradicts the logs, which say {gain_words(held.free, held.interval)}"
+            )
     judged = judged_fit(evidence)
     usable = max(judged.run.fit_percent, judged.unshifted_percent) >= USABLE_FIT_PERCENT
     return Verdict(headline, usable, tuple(_known(evidence)), doubts, tuple(_next_steps(evidence, gap)))
@@ -113,7 +119,13 @@ def _known(evidence: AxisEvidence) -> Iterator[str]:
     for name, gain, interval in zip(
         result.plant.input_names, steady_gains(result), result.dc_gain_interval, strict=True
     ):
-        yield f"The steady gain from {name} is {gain_words(gain, interval)}, 95 % interval."
+        if not evidence.held_gains:
+            yield f"The steady gain from {name} is {gain_words(gain, interval)}, 95 % interval."
+    for held in evidence.held_gains:
+        yield (
+            f"The steady gain from {held.name} was held to {held.asked:.4g} (--dc-gain), not estimated; left free, the "
+            f"logs say {gain_words(held.free, held.interval)}, 95 % interval."
+        )
     known = result.determined
     if not known.all():
         yield f"Of {known.size} poles these recordings determine {int(known.sum())}."
@@ -141,8 +153,29 @@ def _doubts(evidence: AxisEvidence) -> Iterator[str]:
             f"The delay found, {result.plant.delay_samples} samples, is the longest that was tried: the true one may "
             "be longer; raise --max-delay (a tenth of the shortest log is tried at most)."
         )
-    for name, gain in zip(result.plant.input_names, steady_gains(result), strict=True):
-        yield from _angle_units(name, abs(gain))
+    for index, name in enumerate(result.plant.input_names):
+        held = evidence.held_gains[index] if evidence.held_gains else None
+        if held is not None and held.contradicted:
+            yield _contradicted(held, evidence)
+        # What was asked for tells nothing of the units; what the logs say does.
+        yield from _angle_units(name, abs(held.free if held else steady_gains(result)[index]))
+
+
+def _contradicted(held: HeldGain, evidence: AxisEvidence) -> str:
+    judged = judged_fit(evidence)
+    fit = judged.run.fit_percent
+    free_fit = next(each for log, each in zip(evidence.logs, held.free_fits, strict=True) if log is judged)
+    reach = (
+        " The logs don't reach down to the steady state, so theirs is an extrapolation: a step decides."
+        if _unknown_below(evidence)
+        else ""
+    )
+    return (
+        f"--dc-gain {held.asked:.4g} for {held.name} contradicts the logs: left free, the steady gain is "
+        f"{gain_words(held.free, held.interval)}, and the plant fits {_log_name(judged)} to {free_fit:.1f} % instead "
+        f"of {fit:.1f} %.{reach} Check the unit and the sign of the gain and of the logged signals; leave --dc-gain out, "
+        "or record a step that is held until the axis rests and measure both ends."
+    )
 
 
 def _angle_units(name: str, gain: float) -> Iterator[str]:
@@ -182,6 +215,8 @@ def _next_steps(evidence: AxisEvidence, gap: float | None) -> Iterator[str]:
 
 def _loose_gains(evidence: AxisEvidence) -> Iterator[str]:
     result = evidence.result
+    if evidence.held_gains:
+        return
     for name, gain, interval in zip(
         result.plant.input_names, steady_gains(result), result.dc_gain_interval, strict=True
     ):

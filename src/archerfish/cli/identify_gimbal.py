@@ -69,7 +69,8 @@ class IdentifyGimbal:
         tyro.conf.UseAppendAction[tuple[tuple[float, ...], ...]],
         tyro.conf.arg(metavar="GAIN…", help_behavior_hint="(default: estimated)"),
     ] = ()
-    """Steady gain from each input, where it is known from elsewhere: the plant is held to it."""
+    """Steady gain from each input, where it is known from elsewhere: the plant is held to it, and told if the logs
+    contradict it."""
     max_delay: int = 20
     """Longest input delay that is tried, in samples."""
     validate: Annotated[
@@ -101,9 +102,10 @@ def run_gimbal(command: IdentifyGimbal, console: Console | None = None) -> Summa
     logs = read_gimbal_logs(command.logs, held_back, _reading(command))
     with run_folder(command.out) as folder:
         result, trials = _fitted(command, logs, console)
+        free = _free_of_gain(command, logs, len(result.plant.A), console)
         origin = provenance(command.seed, [part for path in (*command.logs, *held_back) for part in log_parts(path)])
         result = replace(_said_once(result, logs), plant=replace(result.plant, provenance=origin))
-        evidence = gather_evidence(result, logs.training, logs.validation, logs.findings, trials)
+        evidence = gather_evidence(result, logs.training, logs.validation, logs.findings, trials, free)
         judgement = verdict(evidence)
         _write_axis(folder, command, evidence, judgement)
     files = [command.out / f"{command.axis}{ending}" for ending in AXIS_ENDINGS]
@@ -143,6 +145,15 @@ def _fitted(
             fitted, held_back, advance=lambda order: status.update(f"fitting order {order + 1} …"), **options
         )
     return choice.result, choice.trials
+
+
+def _free_of_gain(command: IdentifyGimbal, logs: GimbalLogs, order: int, console: Console) -> AxisIdentification | None:
+    """Fit once more without the steady gain that was asked for, so that the logs can speak against it."""
+    if not _flat(command.dc_gain):
+        return None
+    with console.status("fitting without the given steady gain …"):
+        fitted = [log.recording for log in logs.training]
+        return identify_axis(fitted, order, max_delay=command.max_delay, axis=command.axis, seed=command.seed)
 
 
 def _said_once(result: AxisIdentification, logs: GimbalLogs) -> AxisIdentification:
