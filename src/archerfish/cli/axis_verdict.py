@@ -13,9 +13,7 @@ from archerfish.cli.axis_evidence import (
     steady_gains,
 )
 from archerfish.identification.validation.frequency import driven_band_hz
-
-USABLE_FIT_PERCENT = 80.0
-"""Below it more than a fifth of the motion is unexplained; clean logs of a gimbal give 95 % and more."""
+from archerfish.records.plant import USABLE_FIT_PERCENT
 
 _GAP_LINES = 3.0
 """Spectral lines that may be empty at the bottom of every log before nothing is said to be known there."""
@@ -172,9 +170,9 @@ def _contradicted(held: HeldGain, evidence: AxisEvidence) -> str:
     )
     return (
         f"--dc-gain {held.asked:.4g} for {held.name} contradicts the logs: left free, the steady gain is "
-        f"{gain_words(held.free, held.interval)}, and the plant fits {_log_name(judged)} to {free_fit:.1f} % instead "
-        f"of {fit:.1f} %.{reach} Check the unit and the sign of the gain and of the logged signals; leave --dc-gain out, "
-        "or record a step that is held until the axis rests and measure both ends."
+        f"{gain_words(held.free, held.interval)}, and {_log_name(judged)} is fitted to {free_fit:.1f} % instead "
+        f"of {fit:.1f} %.{reach} Check the unit and the sign of the gain and of the logged signals; leave --dc-gain "
+        "out, or record a step that is held until the axis rests and measure both ends."
     )
 
 

@@ -22,7 +22,7 @@ from archerfish.identification.axis.order_choice import OrderTrial, choose_order
 from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.log_files import log_parts
-from archerfish.records.plant import write_plant
+from archerfish.records.plant import PlantQuality, write_plant
 from archerfish.records.provenance import provenance
 
 AXIS_ENDINGS = (".json", ".safetensors", ".html", ".svg", ".png")
@@ -163,7 +163,9 @@ def _said_once(result: AxisIdentification, logs: GimbalLogs) -> AxisIdentificati
 
 
 def _write_axis(folder: Path, command: IdentifyGimbal, evidence: AxisEvidence, judgement: Verdict) -> None:
-    write_plant(folder / f"{command.axis}.json", evidence.result.plant)
+    judged = judged_fit(evidence)
+    quality = PlantQuality(judgement.usable, judged.run.fit_percent, judged.path.name, judged.kind == "validation")
+    write_plant(folder / f"{command.axis}.json", replace(evidence.result.plant, quality=quality))
     storage.write_text(folder / f"{command.axis}.html", axis_page(evidence, judgement, output=command.output))
     fitted = [log.recording for log in evidence.of_kind("training")]
     figure = axis_picture(evidence.result, judged_fit(evidence).run, fitted, output=command.output)
