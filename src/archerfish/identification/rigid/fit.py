@@ -36,6 +36,8 @@ _NAMES = {
     "yaw": ("inertia", "damping", "torque_offset"),
     "pitch": ("inertia", "damping", "gravity_moment", "gravity_phase"),
 }
+_HINT = 3.0
+"""Standard errors by which a little friction must help before its size is sought."""
 _ROUNDS = 40
 _FEW_ROUNDS = 12
 _STEP = 1e-6
@@ -133,7 +135,10 @@ def _with_friction(segments: Segments, free: list[int], smooth: _Fit, asked: boo
     phi[_DRY] = _LITTLE * strongest
     little = _linearised(segments, [*free, _DRY], phi, smooth.initial, smooth.weight)
     suggested = float(_newton_step(little, 0.0)[-1]) + phi[_DRY]
-    if not asked and suggested <= phi[_DRY]:
+    flat = little.slopes.reshape(-1, len(free) + 1)
+    # As if the residuals were white and had a power of 1, which they have at best.
+    error = float(np.sqrt(np.linalg.pinv(flat.T @ flat)[-1, -1]))
+    if not asked and suggested < _HINT * error:
         return None
     fits, seen = [], measured_starts(segments)
     for size in {min(max(suggested, _LITTLE * strongest), 0.5 * strongest), _TYPICAL * strongest}:
