@@ -33,7 +33,8 @@ class IdentifyRigid:
     The axis is the rigid body of eqs (1)–(3). A pitch axis swings against gravity and must move through its travel; a
     yaw axis must speed up and slow down. The torque may be the motor's current times --torque-per-unit. Angles are in
     radians, unless the column's name ends in _deg. Each log is cut into segments with starts of their own, since an
-    axis under torque alone drifts away from any simulation.
+    axis under torque alone drifts away from any simulation. Coulomb friction is estimated too where the logs are far
+    better explained with it.
 
     Writes AXIS_rigid.json (the record, with 95 % intervals), AXIS_rigid.svg and .png (torque, measured and simulated
     angle, residual), and prints the parameters.
