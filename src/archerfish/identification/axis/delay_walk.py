@@ -7,6 +7,7 @@ which the recordings are not clearly of another opinion.
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -86,7 +87,7 @@ def colour(problem: Problem, refinement: Refinement) -> float:
     stacked = refinement.fit.residuals.reshape(count, -1)
     starts = np.cumsum([0, *(2 * each.lag.size for each in problem.experiments)])
     residual = np.empty((lines, count), np.complex128)
-    for begin, stop in zip(starts, starts[1:], strict=False):
+    for begin, stop in pairwise(starts.tolist()):
         real, imaginary = np.split(stacked[:, begin:stop].T, 2)
         residual[begin // 2 : stop // 2] = real + 1j * imaginary
     power, loudness = np.abs(residual) ** 2, np.abs(outputs - residual) ** 2

@@ -85,7 +85,9 @@ def mixture_interval(
 def _quantile(values: Array, deviations: Array, weights: Array, probability: float) -> Array:
     """Halve the interval that holds a quantile of normal mixtures, until it is as good as a point."""
     deviations = np.maximum(deviations, np.finfo(float).tiny)
-    low, high = (np.asarray(end) for end in ((values - 9 * deviations).min(axis=0), (values + 9 * deviations).max(axis=0)))
+    low, high = (
+        np.asarray(end) for end in ((values - 9 * deviations).min(axis=0), (values + 9 * deviations).max(axis=0))
+    )
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         below = np.sum(weights * ndtr((middle - values) / deviations), axis=0) < probability

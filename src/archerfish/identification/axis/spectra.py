@@ -73,8 +73,7 @@ def spectrum(recording: Recording, delay: int, scale: Array | float = 1.0, skip:
     # A line stands for itself and its mirror image; half the sampling rate has none.
     impulse = np.where(2 * lines == count, np.sqrt(0.5), 1.0)
     inputs, outputs = (
-        _transformed(signal[skip:], impulse)
-        for signal in (delayed(recording.inputs, delay), recording.outputs / scale)
+        _transformed(signal[skip:], impulse) for signal in (delayed(recording.inputs, delay), recording.outputs / scale)
     )
     return Spectrum(np.exp(-2j * np.pi * lines / count), inputs, outputs, impulse)
 
