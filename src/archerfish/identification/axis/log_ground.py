@@ -23,7 +23,7 @@ class Ground(NamedTuple):
     skips: Sequence[int]
     """Samples that are left out at the beginning, per recording."""
     lines: Sequence[NDArray[np.intp]]
-    """Lines to look at, per recording."""
+    """Indices of the lines to look at, per recording, shape (F,) each."""
 
     def spectra(self, delay: int) -> list[Spectrum]:
         """Spectra with the inputs delayed."""

@@ -43,8 +43,8 @@ class Structure(NamedTuple):
         experiments, fit = self.problem.experiments, self.refinement.fit
         rows = row_count(experiments) * experiments[0].outputs.shape[1] / max(1.0, inflation)
         # Without noise, all structures that hold the plant fit to rounding, which must not choose among them.
-        deviance = rows * float(np.log(max(self.refinement.cost, rounding(experiments))))
-        return deviance + self.problem.feedthrough * fit.feedthrough.size * float(np.log(rows))
+        deviance: float = rows * float(np.log(max(self.refinement.cost, rounding(experiments))))
+        return deviance + float(self.problem.feedthrough * fit.feedthrough.size * np.log(rows))
 
 
 def ranked_structures(walk: Walk) -> list[Structure]:

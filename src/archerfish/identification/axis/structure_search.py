@@ -59,7 +59,8 @@ def search_plant(recordings: Sequence[Recording], order: int, max_delay: int, sc
     sketches = ranked_structures(walk)
     strength, best = checked_structure(sketches[0], rivals, walk)
     structures = [best, *(fitted_structure(each, strength, walk) for each in sketches[1:])]
-    structures.sort(key=lambda each: each.criterion(walk.colour()))
+    colour = walk.colour()
+    structures.sort(key=lambda each: each.criterion(colour))
     range_95 = walk.undecided(0.95)
     delays = min(range_95[0], structures[0].delay), max(range_95[-1], structures[0].delay)
     guesses = [structures[0].refinement.sections, *(each.sections for each in rivals)]
