@@ -25,6 +25,8 @@ from archerfish.identification.axis.starting_points import Start, best_cost, dis
 _LINES = 1000
 _CLEARLY = 0.999
 _HOPELESS = 2.0
+NEAR = 1.1
+"""Cost over that of the best fit up to which another optimum may turn out the better one on other terms."""
 _ROUGH, _SKETCH, _SEARCH = Effort(1.0, 4), Effort(1.0, 6), Effort(0.1, 15)
 
 
@@ -113,7 +115,7 @@ def walk_delays(
     part, whole = cache(ground.thinned(_LINES).spectra), cache(ground.spectra)
     problem = Problem(part(begin), True)
     free = refine_poles(rivals[0].sections, problem, _SKETCH)
-    near = [each.sections for each in rivals[1:]]
+    near = [each.sections for each in rivals[1:] if each.cost <= NEAR * rivals[0].cost]
     strength, sketch = strongest_accepted(free, near, problem, after_delay(prior, begin), _SEARCH)
     walk = Walk(begin, {begin: sketch}, free.fit.misfit, part, whole, prior, strength)
     for delay in sorted({each.delay for each in starts}, key=lambda each: best_cost(starts, each)):
