@@ -166,7 +166,7 @@ def test_a_damaged_plant_is_refused(refused, records):
     (records / "plant.safetensors").write_bytes(b"nothing")
     assert "is not the file" in refused("train", *robot)
     (records / "plant.json").write_text('{"schema": "archerfish.plant/0"}')
-    assert "expected 'archerfish.plant/1'" in refused("train", *robot)
+    assert "expected 'archerfish.plant/2'" in refused("train", *robot)
 
 
 def test_a_damaged_policy_is_refused(refused, edited, records):

@@ -128,6 +128,24 @@ def test_draws_are_models_of_their_own_matrices() -> None:
         assert_allclose(found[2], expected)
 
 
+def test_a_draw_may_have_a_delay_of_its_own() -> None:
+    # 27 ticks are one decision period of 20 ticks and seven: the state is longer than that of 3 ticks.
+    both = []
+    for plant, delays in zip(plants(delay=3), ([3, 27], [5, 0]), strict=True):
+        draws = {name: np.repeat(getattr(plant, name)[None], 2, axis=0) for name in "ABCD"}
+        both.append(replace(plant, draws=draws, draw_delays=np.array(delays)))
+    models = gimbal_draws(*both, PERIOD_S)
+    commands = np.random.default_rng(2).uniform(-0.5, 0.5, (10, 2))
+    for index in range(2):
+        alone = [
+            replace(each, delay_samples=int(each.draw_delays[index]), draws={}, draw_delays=np.zeros(0, np.int64))
+            for each in both
+        ]
+        expected = run(gimbal_model(*alone, PERIOD_S), commands, np.zeros(2))
+        found = run(type(models)(*(part[index] for part in models)), commands, np.zeros(2))
+        assert_allclose(np.array(found), np.array(expected), atol=1e-12)
+
+
 def test_without_draws_there_is_no_posterior() -> None:
     assert gimbal_draws(*plants(), PERIOD_S) is None
 

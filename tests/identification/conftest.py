@@ -30,6 +30,15 @@ def make_resonant_plant(delay=0, feedthrough=0.0, inputs=1):
     return PlantRecord(A, B, C, np.full((1, inputs), feedthrough), delay, 0.01, input_names=names)
 
 
+def make_second_order(frequency_hz, damping, delay, sample_period_s=1e-3):
+    """Order 2 of steady gain 1, from its natural frequency."""
+    pole = np.exp(2 * np.pi * frequency_hz * sample_period_s * (-damping + 1j * np.sqrt(1 - damping**2)))
+    first, second = -2 * pole.real, abs(pole) ** 2
+    half = (1 + first + second) / 2
+    A = np.array([[-first, 1.0], [-second, 0.0]])
+    return PlantRecord(A, np.full((2, 1), half), np.array([[1.0, 0.0]]), np.zeros((1, 1)), delay, sample_period_s)
+
+
 def simulated_recording(plant, inputs, *, noise=0.0, offset=0.0, initial_state=None, seed=0):
     """Simulate a recording with white measurement noise, given as a share of the clean output's deviation."""
     inputs = inputs.reshape(len(inputs), -1)
@@ -49,6 +58,11 @@ def white():
 @pytest.fixture
 def resonant_plant():
     return make_resonant_plant
+
+
+@pytest.fixture
+def second_order():
+    return make_second_order
 
 
 @pytest.fixture

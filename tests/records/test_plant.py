@@ -21,6 +21,7 @@ PLANT = PlantRecord(
     sample_period_s=0.001,
     axis="yaw",
     draws={name: RNG.standard_normal((4, *shape)) for name, shape in SHAPES.items()},
+    draw_delays=np.array([3, 3, 2, 5]),
     provenance={"seed": 7},
 )
 
@@ -31,6 +32,7 @@ def test_a_plant_is_read_back_exactly(tmp_path: Path) -> None:
     for name in ("A", "B", "C", "D"):
         np.testing.assert_array_equal(getattr(found, name), getattr(PLANT, name))
         np.testing.assert_array_equal(found.draws[name], PLANT.draws[name])
+    np.testing.assert_array_equal(found.draw_delays, PLANT.draw_delays)
     for name in ("delay_samples", "sample_period_s", "axis", "input_names", "output_names", "provenance"):
         assert getattr(found, name) == getattr(PLANT, name)
 
@@ -56,6 +58,8 @@ def test_scaling_to_a_dc_gain_reaches_it() -> None:
         ({"D": np.zeros((1, 2))}, r"plant\.D must have shape \(1, 1\)"),
         ({"sample_period_s": 0.0}, r"plant\.sample_period_s must be > 0 s, got 0"),
         ({"sample_period_s": float("nan")}, r"plant\.sample_period_s must be > 0 s, got nan"),
+        ({"draw_delays": np.array([3, 3])}, r"plant\.draw_delays must have shape \(4,\), got \(2,\)"),
+        ({"draw_delays": np.array([3, 3, -1, 3])}, r"plant\.draw_delays must be ≥ 0, got -1"),
         ({"delay_samples": -1}, r"plant\.delay_samples must be ≥ 0, got -1"),
         ({"draws": {"A": np.zeros((4, 2, 2))}}, r"plant\.draws must hold A, B, C and D, got A"),
         ({"draws": PLANT.draws | {"B": np.zeros((3, 2, 1))}}, r"plant\.draws\[B\] must have shape \(4, 2, 1\)"),
@@ -65,6 +69,20 @@ def test_scaling_to_a_dc_gain_reaches_it() -> None:
 def test_a_plant_that_does_not_hold_together_is_refused(change: dict[str, Any], complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
         replace(PLANT, **change)
+
+
+def test_draws_without_delays_of_their_own_have_that_of_the_plant() -> None:
+    np.testing.assert_array_equal(replace(PLANT, draw_delays=np.zeros(0, np.int64)).delays_of_draws(), [3, 3, 3, 3])
+    np.testing.assert_array_equal(PLANT.delays_of_draws(), [3, 3, 2, 5])
+    assert replace(PLANT, draws={}, draw_delays=np.zeros(0, np.int64)).delays_of_draws().size == 0
+
+
+def test_a_record_of_the_first_version_is_read_with_one_delay_for_all_draws(tmp_path: Path) -> None:
+    write_plant(tmp_path / "yaw.json", PLANT)
+    facts, arrays = storage.read_record(tmp_path / "yaw.json", SCHEMA)
+    del facts["schema"], facts["arrays_sha256"], arrays["draw_delays"]
+    storage.write_record(tmp_path / "old.json", "archerfish.plant/1", facts, arrays)
+    np.testing.assert_array_equal(read_plant(tmp_path / "old.json").delays_of_draws(), [3, 3, 3, 3])
 
 
 def facts_with(path: Path, **changes: Any) -> None:

@@ -42,6 +42,7 @@ def axis_summary(evidence: AxisEvidence, verdict: Verdict, files: Sequence[Path]
         "delay_samples": plant.delay_samples,
         "delay_s": plant.delay_samples * plant.sample_period_s,
         "delay_range_samples": list(result.delay_range),
+        "later_delay_samples": result.later_delay,
         "feedthrough": plant.D[0].tolist(),
         "dc_gain": steady_gains(result),
         "dc_gain_interval": [list(each) for each in result.dc_gain_interval],

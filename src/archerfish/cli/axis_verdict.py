@@ -146,7 +146,13 @@ def _doubts(evidence: AxisEvidence) -> Iterator[str]:
             "time column is in seconds (not milliseconds), that all logs use the same unit and zero, and that the "
             "input moves the axis well above its noise and backlash; else record a longer or richer sweep."
         )
-    if result.plant.delay_samples >= result.longest_delay:
+    if result.later_delay is not None:
+        yield (
+            f"A delay of about {result.later_delay} samples explains the logs clearly better than any of the up to "
+            f"{result.longest_delay} that were tried, so the plant is wrong: pass --max-delay "
+            f"{2 * result.later_delay} (a tenth of the shortest log is tried at most)."
+        )
+    elif result.plant.delay_samples >= result.longest_delay:
         yield (
             f"The delay found, {result.plant.delay_samples} samples, is the longest that was tried: the true one may "
             "be longer; raise --max-delay (a tenth of the shortest log is tried at most)."
@@ -202,6 +208,11 @@ def _next_steps(evidence: AxisEvidence, gap: float | None) -> Iterator[str]:
         yield (
             f"The delay may be {low} to {high} samples: see whether a lower --order tells more (--order auto), or add "
             "a log with sharp edges (steps or a binary sequence)."
+        )
+    if evidence.result.plant.delay_samples < evidence.result.longest_delay <= high:
+        yield (
+            f"The logs leave open delays up to the longest that was tried, {high} samples: raise --max-delay to see "
+            "where the range ends."
         )
     known = evidence.result.determined
     if not known.all():

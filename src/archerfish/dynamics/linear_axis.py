@@ -63,7 +63,8 @@ def gimbal_draws(pitch: PlantRecord, yaw: PlantRecord, period_s: float) -> Gimba
 
 def _draw(plant: PlantRecord, index: int) -> PlantRecord:
     matrices = {name: draws[index] for name, draws in plant.draws.items()}
-    return PlantRecord(**matrices, delay_samples=plant.delay_samples, sample_period_s=plant.sample_period_s)
+    delay = int(plant.delays_of_draws()[index])
+    return PlantRecord(**matrices, delay_samples=delay, sample_period_s=plant.sample_period_s)
 
 
 def period_model(plant: PlantRecord, period_s: float) -> GimbalModel:

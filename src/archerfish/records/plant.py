@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 
-SCHEMA = "archerfish.plant/1"
+SCHEMA, _OLDER = "archerfish.plant/2", "archerfish.plant/1"
 Matrix = NDArray[np.float64]
 
 USABLE_FIT_PERCENT = 80.0
@@ -39,7 +39,7 @@ class PlantRecord:
     """A linear axis with input delay, and how sure we are of it.
 
     With draws (a sample from the posterior of an identification) the matrices have a leading axis in `draws`; the
-    matrices themselves are the best estimate.
+    matrices themselves are the best estimate. A draw may have a delay of its own.
     """
 
     A: Matrix
@@ -64,6 +64,8 @@ class PlantRecord:
     """Posterior draws: "A" (k, n, n), "B" (k, n, m), "C" (k, p, n), "D" (k, p, m); empty where there are none."""
     quality: PlantQuality | None = None
     """How well it foretells its logs; None where that is not known, as in a record that was written by hand."""
+    draw_delays: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """Input delay of each draw [samples], shape (k,); empty where all draws have that of the best estimate."""
     provenance: dict[str, Any] = field(default_factory=dict)
     """Seed, commit, library versions and input hashes of the making."""
 
@@ -77,10 +79,25 @@ class PlantRecord:
                 raise InputError(f"plant.draws must hold A, B, C and D, got {', '.join(sorted(self.draws))}")
             for name, shape in expected.items():
                 _check_matrix(f"draws[{name}]", self.draws[name], (len(self.draws["A"]), *shape))
+        self._check_delays()
         if not 0 < self.sample_period_s < np.inf:
             raise InputError(f"plant.sample_period_s must be > 0 s, got {self.sample_period_s}; identify the axis anew")
+
+    def _check_delays(self) -> None:
         if self.delay_samples < 0:
             raise InputError(f"plant.delay_samples must be ≥ 0, got {self.delay_samples}; identify the axis anew")
+        count = len(self.draws["A"]) if self.draws else 0
+        if self.draw_delays.shape not in ((0,), (count,)):
+            raise InputError(
+                f"plant.draw_delays must have shape ({count},), got {self.draw_delays.shape}; identify the axis anew"
+            )
+        if np.any(self.draw_delays < 0):
+            raise InputError(f"plant.draw_delays must be ≥ 0, got {self.draw_delays.min()}; identify the axis anew")
+
+    def delays_of_draws(self) -> NDArray[np.int64]:
+        """Return the input delay of each draw [samples], shape (k,); k is 0 without draws."""
+        count = len(self.draws["A"]) if self.draws else 0
+        return self.draw_delays if self.draw_delays.size else np.full(count, self.delay_samples, np.int64)
 
     def with_dc_gain(self, gain: float) -> "PlantRecord":
         """Return the plant of one input and output with B scaled so that its DC gain is `gain`."""
@@ -104,6 +121,7 @@ def write_plant(path: Path, plant: PlantRecord) -> None:
     """Write a plant record to `path` (.json) and its matrices beside it."""
     arrays = {name: getattr(plant, name) for name in ("A", "B", "C", "D")}
     arrays |= {f"draws_{name}": draws for name, draws in plant.draws.items()}
+    arrays["draw_delays"] = plant.draw_delays
     facts = {
         "axis": plant.axis,
         "delay_samples": plant.delay_samples,
@@ -123,7 +141,7 @@ def read_plant(path: Path) -> PlantRecord:
     Raises:
       InputError: if the file is not a plant record or does not hold together.
     """
-    facts, arrays = storage.read_record(path, SCHEMA)
+    facts, arrays = storage.read_record(path, SCHEMA, _OLDER)
     missing = {"A", "B", "C", "D"} - arrays.keys()
     if missing:
         raise file_error(path, f"matrix {sorted(missing)[0]} is missing", "identify the axis anew")
@@ -136,6 +154,8 @@ def read_plant(path: Path) -> PlantRecord:
             input_names=tuple(storage.field(path, facts, "input_names", list)),
             output_names=tuple(storage.field(path, facts, "output_names", list)),
             draws={name.removeprefix("draws_"): array for name, array in arrays.items() if name.startswith("draws_")},
+            # In the first version all draws had the delay of the best estimate.
+            draw_delays=arrays.get("draw_delays", np.zeros(0, np.int64)),
             provenance=storage.field(path, facts, "provenance", dict),
             quality=_quality(path, facts["quality"]) if facts.get("quality") is not None else None,
         )

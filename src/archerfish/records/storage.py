@@ -133,8 +133,13 @@ def write_record(path: Path, schema: str, facts: Mapping[str, Any], arrays: Arra
     write_text(path, text)
 
 
-def read_record(path: Path, schema: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+def read_record(path: Path, schema: str, *older: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Read a record written by `write_record`.
+
+    Args:
+      path: the JSON file.
+      schema: name and version.
+      older: versions that will do as well.
 
     Returns:
       The facts and the arrays.
@@ -143,7 +148,7 @@ def read_record(path: Path, schema: str) -> tuple[dict[str, Any], dict[str, NDAr
       InputError: if a file is missing or damaged, the schema is another, or the pair does not belong together.
     """
     facts = read_json(path)
-    _check_schema(path, facts, schema)
+    _check_schema(path, facts, schema, *older)
     arrays_path = path.with_suffix(".safetensors")
     try:
         content = arrays_path.read_bytes()
@@ -168,9 +173,9 @@ def read_facts(path: Path, schema: str) -> dict[str, Any]:
     return {name: value for name, value in facts.items() if name != "schema"}
 
 
-def _check_schema(path: Path, facts: Any, schema: str) -> None:
+def _check_schema(path: Path, facts: Any, schema: str, *older: str) -> None:
     found = facts.get("schema") if isinstance(facts, dict) else type(facts).__name__
-    if found != schema:
+    if found not in (schema, *older):
         raise file_error(path, f'field "schema" is {found!r}, expected {schema!r}', "pass a file of that kind")
 
 

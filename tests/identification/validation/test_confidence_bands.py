@@ -27,11 +27,15 @@ def uncertain(resonant_plant):
     draws = {
         name: getattr(plant, name) + 0.01 * rng.standard_normal((5, *getattr(plant, name).shape)) for name in names
     }
-    return replace(plant, draws=draws)
+    return replace(plant, draws=draws, draw_delays=np.array([2, 2, 0, 3, 2]))
 
 
 def each_draw(plant):
-    return [replace(plant, draws={}, **{name: plant.draws[name][k] for name in plant.draws}) for k in range(5)]
+    alone = replace(plant, draws={}, draw_delays=np.zeros(0, np.int64))
+    return [
+        replace(alone, delay_samples=int(plant.draw_delays[k]), **{name: plant.draws[name][k] for name in plant.draws})
+        for k in range(5)
+    ]
 
 
 def test_draws_respond_as_plants_of_their_own(uncertain, white):

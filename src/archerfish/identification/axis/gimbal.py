@@ -11,24 +11,25 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from archerfish.identification.axis.informative_lines import heard_band
+from archerfish.identification.axis.integrator import integration_remarks
 from archerfish.identification.axis.modal_form import Poles, sections_from_numbers, state_matrices
+from archerfish.identification.axis.open_structures import (
+    OpenStructure,
+    mixture_deviations,
+    mixture_interval,
+    shares,
+    weigh_structures,
+)
 from archerfish.identification.axis.pole_refinement import refine_poles
 from archerfish.identification.axis.posterior_draws import draw_parameters
 from archerfish.identification.axis.state_space import balanced
 from archerfish.identification.axis.steady_gain import constrained_gain
+from archerfish.identification.axis.structure_choice import Structure
 from archerfish.identification.axis.structure_search import Found, search_plant
-from archerfish.identification.axis.trust import pole_remarks, trusted_poles
-from archerfish.identification.axis.uncertainty import (
-    Posterior,
-    interval,
-    posterior,
-    standard_deviations,
-    steady_gain,
-    transfer,
-)
+from archerfish.identification.axis.trust import PoleTrust, pole_remarks, trusted_poles
+from archerfish.identification.axis.uncertainty import Posterior, steady_gain, transfer
 from archerfish.identification.doctor.checks import check_recordings
 from archerfish.identification.validation.free_run import common_offset, free_run
 from archerfish.identification.validation.frequency import driven_band_hz
@@ -58,6 +59,8 @@ class AxisIdentification:
     """Delays that the recordings don't reject at 95 % [samples]."""
     longest_delay: int
     """Longest delay that was allowed [samples]."""
+    later_delay: int | None
+    """A longer delay that explains the recordings clearly better than any that was allowed [samples]."""
     dc_gain_interval: tuple[tuple[float, float], ...]
     """95 % interval of the first output's steady gain per input."""
     poles: Poles
@@ -71,7 +74,9 @@ class AxisIdentification:
     remarks: tuple[str, ...]
     """What may spoil the estimate, each a sentence."""
     parameters: Posterior
-    """All parameters with their covariance, for outputs in units of `output_scale`."""
+    """All parameters with their covariance, for outputs in units of `output_scale`, of the plant's own structure."""
+    structures: tuple[OpenStructure, ...]
+    """All structures that the recordings leave open, the plant's own first; the intervals are over all of them."""
     output_scale: Array
     """Unit of the parameters' outputs, shape (p,)."""
 
@@ -82,7 +87,7 @@ class AxisIdentification:
         def gain(at: Posterior) -> Array:
             return np.asarray(np.abs(transfer(at, lag)[:, 0, 0]) * self.output_scale[0])
 
-        return interval(gain(self.parameters), standard_deviations(self.parameters, gain))
+        return mixture_interval(self.structures, gain)
 
 
 def identify_axis(
@@ -119,48 +124,59 @@ def identify_axis(
     found = search_plant(recordings, order, max_delay, scale)
     if scale.size > 1:
         # The most likely plant weighs each output by its noise, which only a fit can tell.
-        scale = scale * np.sqrt(np.mean(found.refinement.fit.residuals.reshape(scale.size, -1) ** 2, axis=1))
+        scale = scale * np.sqrt(np.mean(found.best.refinement.fit.residuals.reshape(scale.size, -1) ** 2, axis=1))
         found = search_plant(recordings, order, max_delay, scale)
     if dc_gain is not None:
         found = _with_gain(found, dc_gain, scale)
-    known = posterior(found.problem, found.refinement)
+    structures = weigh_structures([found.best, *found.others])
+    known = structures[0].known
     period = recordings[0].sample_period_s
     band = _band_hz(recordings, found)
-    trust = trusted_poles(known, found.refinement.sections, band, period)
-    drawn = draw_parameters(known, trust.held, found.problem, DRAWS, np.random.default_rng(seed))
-    plant = _plant(recordings[0], known, drawn, scale, found.delay, axis)
+    trusts = [trusted_poles(each.known, each.fitted.refinement.sections, band, period) for each in structures]
+    longest = max(len(recording) for recording in recordings)
+    lowest = 2 * np.pi * period * band[0]
+    integrating = integration_remarks(structures[0].known, trusts[0], lowest, longest, recordings[0].input_names)
+    drawn = _drawn(structures, trusts, np.random.default_rng(seed))
+    plant = _plant(recordings[0], structures[0], drawn, scale, axis)
     offset = common_offset(plant, recordings)
     # As in the fit, each recording has a zero of its own.
     runs = [free_run(plant, each, common_offset(plant, [each])) for each in recordings]
-    gains = interval(steady_gain(known), standard_deviations(known, steady_gain))
+    gains = mixture_interval(structures, steady_gain)
     low, high = (ends[0] * scale[0] for ends in gains)
     return AxisIdentification(
         plant=plant,
         offset=offset,
         fit_percent=tuple(float(each.fit_percent.mean()) for each in runs),
         residual_sd=np.concatenate([each.residual for each in runs]).std(axis=0),
-        delay_range=_delay_range(found, known.inflation),
+        delay_range=found.delays,
         longest_delay=max_delay,
+        later_delay=found.later,
         dc_gain_interval=tuple(zip(low.tolist(), high.tolist(), strict=True)),
-        poles=trust.poles,
-        pole_sd=(trust.real_sd, trust.imaginary_sd),
-        determined=trust.determined,
+        poles=trusts[0].poles,
+        pole_sd=_pole_deviations(structures, trusts),
+        determined=trusts[0].determined,
         excited_band_hz=band,
-        remarks=(*remarks, *pole_remarks(trust, period)),
+        remarks=(*remarks, *integrating, *pole_remarks(trusts[0], period)),
         parameters=known,
+        structures=structures,
         output_scale=scale,
     )
 
 
 def _with_gain(found: Found, gains: Sequence[float], scale: Array) -> Found:
-    inputs = found.problem.experiments[0].inputs.shape[1]
+    inputs = found.best.problem.experiments[0].inputs.shape[1]
     if scale.size > 1 or len(gains) != inputs or not np.all(np.isfinite(gains)):
         raise InputError(
             f"dc_gain must be one finite gain for each of {inputs} inputs of an axis with one output, "
             f"got {list(gains)} for {scale.size} outputs; give as many gains as inputs"
         )
-    problem = constrained_gain(found.problem, gains, float(scale[0]))
-    return found._replace(problem=problem, refinement=refine_poles(found.refinement.sections, problem))
+    held = [_held(each, gains, float(scale[0])) for each in (found.best, *found.others)]
+    return found._replace(best=held[0], others=tuple(held[1:]))
+
+
+def _held(structure: Structure, gains: Sequence[float], scale: float) -> Structure:
+    problem = constrained_gain(structure.problem, gains, scale)
+    return structure._replace(problem=problem, refinement=refine_poles(structure.refinement.sections, problem))
 
 
 def _band_hz(recordings: Sequence[Recording], found: Found) -> tuple[float, float]:
@@ -169,7 +185,7 @@ def _band_hz(recordings: Sequence[Recording], found: Found) -> tuple[float, floa
     Not those below: what the ends of a sweep leak there is seen, but at a few percent of its strength.
     """
     low, high = driven_band_hz(recordings)
-    heard = heard_band(found.problem, found.refinement)
+    heard = heard_band(found.best.problem, found.best.refinement)
     highest = 0.0 if heard is None else heard[1] / (2 * np.pi * recordings[0].sample_period_s)
     return low, max(high, highest)
 
@@ -180,18 +196,37 @@ def _spread(recordings: Sequence[Recording]) -> Array:
     return np.asarray(np.sqrt(np.mean(centred**2, axis=0)))
 
 
+def _drawn(
+    structures: Sequence[OpenStructure], trusts: Sequence[PoleTrust], generator: np.random.Generator
+) -> list[tuple[int, Posterior]]:
+    """Draw delays and parameters, from each structure as many as its weight is worth."""
+    drawn = []
+    for each, trust, count in zip(structures, trusts, shares([each.weight for each in structures], DRAWS), strict=True):
+        if count:
+            parameters = draw_parameters(each.known, trust.held, each.fitted.problem, count, generator)
+            drawn += [(each.delay, one) for one in parameters]
+    # In no order: the draws of two axes are taken in pairs, and some users take the first few.
+    return [drawn[index] for index in generator.permutation(len(drawn))]
+
+
+def _pole_deviations(structures: Sequence[OpenStructure], trusts: Sequence[PoleTrust]) -> tuple[Array, Array]:
+    deviations = [(each.real_sd, each.imaginary_sd) for each in trusts]
+    return mixture_deviations([each.poles for each in trusts], deviations, [each.weight for each in structures])
+
+
 def _plant(
-    recording: Recording, known: Posterior, drawn: Sequence[Posterior], scale: Array, delay: int, axis: str
+    recording: Recording, best: OpenStructure, drawn: Sequence[tuple[int, Posterior]], scale: Array, axis: str
 ) -> PlantRecord:
-    best, *draws = (_matrices(each, scale) for each in (known, *drawn))
+    matrices, *draws = (_matrices(each, scale) for each in (best.known, *(known for _, known in drawn)))
     plant = PlantRecord(
-        **best,
-        delay_samples=delay,
+        **matrices,
+        delay_samples=best.delay,
         sample_period_s=recording.sample_period_s,
         axis=axis,
         input_names=recording.input_names,
         output_names=recording.output_names,
-        draws={name: np.stack([each[name] for each in draws]) for name in best},
+        draws={name: np.stack([each[name] for each in draws]) for name in matrices},
+        draw_delays=np.array([delay for delay, _ in drawn]),
     )
     return balanced(plant)
 
@@ -204,12 +239,3 @@ def _matrices(known: Posterior, scale: Array) -> dict[str, Any]:
     if known.feedthrough:
         D = (known.linear[known.order * known.inputs :] * scale).T
     return {"A": A, "B": B, "C": C, "D": D}
-
-
-def _delay_range(found: Found, inflation: float) -> tuple[int, int]:
-    """Delays within the likelihood ratio's 95 %, the residuals' colour allowed for."""
-    best = min(found.sketches.values())
-    # Poles and zeros that are loosely known make up for a sample more or less: as many parameters move with the delay.
-    limit = float(chi2.ppf(0.95, len(found.refinement.fit.numerators))) * max(1.0, inflation) / found.sketch_rows
-    kept = [delay for delay, cost in found.sketches.items() if np.log(cost / best) <= limit]
-    return min(*kept, found.delay), max(*kept, found.delay)

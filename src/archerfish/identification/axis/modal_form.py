@@ -38,7 +38,20 @@ def sections_from_poles(poles: Poles) -> Sections:
 
 def section_poles(sections: Sections) -> Poles:
     """Return the poles of all sections, shape (n,)."""
-    return np.concatenate([np.roots([1.0, *section]) for section in sections]).astype(np.complex128)
+    return np.array([root for section in sections for root in _roots(*section.tolist())], np.complex128)
+
+
+def _roots(first: float, second: float | None = None) -> tuple[complex, ...]:
+    """Return the roots of z² + first z + second, or of z + first."""
+    if second is None:
+        return (complex(-first),)
+    centre = -first / 2
+    square = centre**2 - second
+    if square < 0:
+        return complex(centre, np.sqrt(-square)), complex(centre, -np.sqrt(-square))
+    # The larger root first and the other one from their product: a difference of like numbers would be inexact.
+    large = centre + np.copysign(np.sqrt(square), centre)
+    return complex(large), complex(second / large if large else 0.0)
 
 
 def stabilised(poles: Poles, largest: float = 0.9995) -> Poles:

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from archerfish.identification.axis.modal_form import Sections
+from archerfish.identification.axis.normal_equations import Bench, lay_out, solve
 from archerfish.identification.axis.pole_refinement import Effort, Problem, refine_poles
-from archerfish.identification.axis.simulation_fit import fit_linear_parameters
 
 _FREQUENCIES = 7
 _DAMPINGS = (0.05, 0.3)
@@ -34,21 +34,22 @@ def pursue_poles(problem: Problem, order: int) -> Iterator[Sections]:
       order: number of poles.
     """
     grown: list[Sections] = [()]
+    bench = lay_out(*problem)
     for size in [2] * (order // 2) + [1] * (order % 2):
         refined = [refine_poles(each, problem, _SKETCH).sections if each else each for each in grown]
         grid = list(_grid(problem, size))
         grown = [
             candidate.sections
             for sections in refined
-            for candidate in sorted(_extended(sections, grid, problem), key=lambda each: each.cost)[:_KEPT]
+            for candidate in sorted(_extended(sections, grid, bench), key=lambda each: each.cost)[:_KEPT]
         ]
     yield from grown
 
 
-def _extended(sections: Sections, grid: Sequence[np.ndarray], problem: Problem) -> Iterator[_Candidate]:
+def _extended(sections: Sections, grid: Sequence[np.ndarray], bench: Bench) -> Iterator[_Candidate]:
     for added in grid:
         longer = (*sections, added)
-        yield _Candidate(fit_linear_parameters(longer, *problem, with_slopes=False).cost, longer)
+        yield _Candidate(solve(longer, bench).fit.cost, longer)
 
 
 def _grid(problem: Problem, size: int) -> Iterator[np.ndarray]:

@@ -15,7 +15,8 @@ from archerfish.identification.axis.modal_form import (
     free_numbers,
     sections_from_numbers,
 )
-from archerfish.identification.axis.simulation_fit import LinearFit, Penalty, fit_linear_parameters
+from archerfish.identification.axis.normal_equations import Bench, Solution, lay_out, solve, tangent
+from archerfish.identification.axis.simulation_fit import LinearFit, Penalty
 from archerfish.identification.axis.spectra import Spectrum
 
 Array = NDArray[np.float64]
@@ -66,15 +67,15 @@ def refine_poles(sections: Sections, problem: Problem, effort: Effort | None = N
       effort: when to end.
     """
     effort = effort or Effort()
-    theta = free_numbers(sections)
-    best = _at(theta, problem)
-    damping = 1e-3
+    bench = lay_out(*problem)
+    here, damping = _at(free_numbers(sections), bench), 1e-3
     for _ in range(effort.most_steps):
-        before = best.cost
-        theta, best, damping = _step(theta, best, damping, problem)
-        if before - best.cost <= effort.smallest_gain * before / best.fit.residuals.size:
+        enough = effort.smallest_gain * here.cost / here.solution.fit.residuals.size
+        before = here.cost
+        here, damping = _step(here, damping, bench, enough)
+        if before - here.cost <= enough:
             break
-    return best
+    return Refinement(here.solution.sections, here.solution.fit, here.cost)
 
 
 def refine_all(starts: Iterable[Sections], problem: Problem, effort: Effort | None = None) -> list[Refinement]:
@@ -82,32 +83,39 @@ def refine_all(starts: Iterable[Sections], problem: Problem, effort: Effort | No
     return sorted((refine_poles(each, problem, effort) for each in starts), key=lambda each: each.cost)
 
 
-def _at(theta: Array, problem: Problem) -> Refinement:
-    sections = sections_from_numbers(theta)
-    fit = fit_linear_parameters(sections, *problem)
-    return Refinement(sections, fit, fit.cost + _pull(problem) * float(theta @ theta))
+class _Point(NamedTuple):
+    theta: Array
+    solution: Solution
+    cost: float
 
 
-def _pull(problem: Problem) -> float:
-    return 0.0 if problem.penalty is None else problem.penalty.pull
+def _at(theta: Array, bench: Bench) -> _Point:
+    solution = solve(sections_from_numbers(theta), bench)
+    return _Point(theta, solution, solution.fit.cost + _pull(bench) * float(theta @ theta))
 
 
-def _step(theta: Array, best: Refinement, damping: float, problem: Problem) -> tuple[Array, Refinement, float]:
-    """Take the first step that lowers the cost, raising the damping until one does; none if none does."""
-    slopes = best.fit.slopes @ coefficient_slopes(theta)
-    pull = _pull(problem)
-    curvature = slopes.T @ slopes + pull * np.eye(theta.size)
-    gradient = slopes.T @ best.fit.residuals - pull * theta
+def _pull(bench: Bench) -> float:
+    return 0.0 if bench.penalty is None else bench.penalty.pull
+
+
+def _step(here: _Point, damping: float, bench: Bench, enough: float) -> tuple[_Point, float]:
+    """Take the first step that lowers the cost, raising the damping until one does or none promises enough."""
+    slopes, pull = coefficient_slopes(here.theta), _pull(bench)
+    curvature, gradient = tangent(here.solution, bench)
+    curvature = slopes.T @ curvature @ slopes + pull * np.eye(here.theta.size)
+    gradient = slopes.T @ gradient - pull * here.theta
     # A free number without influence has no curvature of its own to be damped by.
-    weights = np.diag(curvature) + 1e-12 * np.trace(curvature) + np.finfo(float).tiny
+    weights = curvature.diagonal() + 1e-12 * curvature.trace() + np.finfo(float).tiny
     while damping < _MOST_DAMPING:
         move = np.linalg.solve(curvature + damping * np.diag(weights), gradient)
-        tried = _at(theta + move, problem)
-        if tried.cost < best.cost:
+        promised = float(move @ gradient + damping * move @ (weights * move))
+        if promised <= enough:
+            break
+        tried = _at(here.theta + move, bench)
+        if tried.cost < here.cost:
             # How much of the gain that the linear model promised has come true decides how far to trust it next.
-            promised = float(move @ gradient + damping * move @ (weights * move))
-            kept = (best.cost - tried.cost) / promised
+            kept = (here.cost - tried.cost) / promised
             factor = _BOLDER if kept > _TRUE else _WARIER if kept < _HALF_TRUE else 1.0
-            return theta + move, tried, max(factor * damping, 1e-10)
+            return tried, max(factor * damping, 1e-10)
         damping *= _RETREAT
-    return theta, best, damping
+    return here, damping

@@ -22,6 +22,9 @@ from archerfish.records.recording import Recording
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+_USUAL = 2.0
+"""What the inputs move at the beginning over their mean, up to which it is as good a part of the recording as any."""
+
 
 class Spectrum(NamedTuple):
     """One experiment; the squared real and imaginary parts of a signal sum to that of its samples less their mean."""
@@ -41,29 +44,57 @@ def delayed(inputs: Array, delay: int) -> Array:
     return inputs if delay == 0 else np.vstack([np.repeat(inputs[:1], delay, axis=0), inputs[:-delay]])
 
 
-def spectrum(recording: Recording, delay: int, scale: Array | float = 1.0) -> Spectrum:
+def unsettled(inputs: Array, longest: int) -> int:
+    """Return how many samples at the beginning of a recording answer to inputs from before it.
+
+    None if it begins at rest. Nor where the inputs move more there than later on: a step soon after the beginning is
+    what such a recording is about, and the inputs before it can only be taken to have been held.
+
+    Args:
+      inputs: shape (N, m).
+      longest: longest delay that is tried [samples].
+    """
+    moves = np.diff(inputs, axis=0) ** 2
+    share = moves[:longest].sum(axis=0) / np.maximum(moves.sum(axis=0), np.finfo(float).tiny)
+    return longest if 0.0 < share.max() <= _USUAL * longest / len(moves) else 0
+
+
+def spectrum(recording: Recording, delay: int, scale: Array | float = 1.0, skip: int = 0) -> Spectrum:
     """Transform a recording.
 
     Args:
       recording: m inputs, p outputs.
       delay: by which the inputs are delayed first [samples].
       scale: outputs are divided by it, shape (p,).
+      skip: samples that are left out at the beginning [samples]; delayed inputs reach back into them.
     """
-    count = len(recording)
+    count = len(recording) - skip
     lines = np.arange(1, count // 2 + 1)
     # A line stands for itself and its mirror image; half the sampling rate has none.
     impulse = np.where(2 * lines == count, np.sqrt(0.5), 1.0)
     inputs, outputs = (
-        _transformed(signal, impulse) for signal in (delayed(recording.inputs, delay), recording.outputs / scale)
+        _transformed(signal[skip:], impulse) for signal in (delayed(recording.inputs, delay), recording.outputs / scale)
     )
     return Spectrum(np.exp(-2j * np.pi * lines / count), inputs, outputs, impulse)
 
 
-def with_delay(undelayed: Spectrum, recording: Recording, delay: int) -> Spectrum:
-    """Return the whole spectrum of a recording with its inputs delayed, from that of delay 0: half the work."""
-    if delay == 0:
-        return undelayed
-    return undelayed._replace(inputs=_transformed(delayed(recording.inputs, delay), undelayed.impulse))
+def with_delay(undelayed: Spectrum, recording: Recording, delay: int, skip: int = 0) -> Spectrum:
+    """Return a spectrum with its inputs delayed, from that of delay 0 and without transforming anew.
+
+    One sample later a spectrum is turned by z⁻¹, a sample has entered at the beginning and one has left at the end.
+
+    Args:
+      undelayed: all lines of the recording, or some.
+      recording: what it was made of.
+      delay: by which the inputs are delayed [samples].
+      skip: samples that were left out at the beginning [samples].
+    """
+    inputs, samples = undelayed.inputs, recording.inputs
+    unit = np.sqrt(2 / (len(samples) - skip)) * undelayed.impulse[:, None]
+    for later in range(1, delay + 1):
+        change = samples[max(skip - later, 0)] - samples[len(samples) - later]
+        inputs = inputs * undelayed.lag[:, None] + unit * change
+    return undelayed._replace(inputs=inputs)
 
 
 def _transformed(signal: Array, impulse: Array) -> ComplexArray:

@@ -200,7 +200,8 @@ def steady_gain(known: Posterior) -> Array:
 
 def pole_deviations(known: Posterior) -> tuple[Poles, Array, Array]:
     """Return the poles, section by section, and the deviations of their real and imaginary parts, shape (n,) each."""
-    real, imaginary = standard_deviations(known, _places)
+    slopes, free = pole_slopes(known), slice(known.order)
+    real, imaginary = np.sqrt(np.einsum("kpi,ij,kpj->pk", slopes, known.covariance[free, free], slopes))
     return section_poles(sections_from_numbers(known.free)), real, imaginary
 
 

@@ -56,7 +56,7 @@ def drawn_responses(plant: PlantRecord, frequency_hz: Array) -> ComplexArray:
     z = np.exp(2j * np.pi * frequency_hz * plant.sample_period_s)[:, None, None]
     A, B, C, D = (plant.draws[name][:, None] for name in ("A", "B", "C", "D"))
     resolvent = np.linalg.solve(z * np.eye(A.shape[-1]) - A, B.astype(np.complex128))
-    return np.asarray((C @ resolvent + D) * z**-plant.delay_samples)
+    return np.asarray((C @ resolvent + D) * z ** -plant.delays_of_draws()[:, None, None, None].astype(np.float64))
 
 
 def drawn_outputs(plant: PlantRecord, inputs: Array) -> Array:
@@ -71,13 +71,13 @@ def drawn_outputs(plant: PlantRecord, inputs: Array) -> Array:
     if not plant.draws:
         return np.zeros((0, len(inputs), len(plant.C)))
     count = max(_FEWEST_DRAWS, _MOST_NUMBERS // len(inputs))
-    driving = delayed(inputs, plant.delay_samples)
     size = 2 * len(inputs)  # room for the whole convolution: nothing wraps around
-    spectrum = np.fft.rfft(driving, size, axis=0)[..., None]
+    delays = plant.delays_of_draws()[:count].tolist()
+    spectra = {each: np.fft.rfft(delayed(inputs, each), size, axis=0)[..., None] for each in set(delays)}
     A, B, C, D = (plant.draws[name][:count] for name in ("A", "B", "C", "D"))
     impulses = (_impulse_response(*draw, count=len(inputs)) for draw in zip(A, B, C, D, strict=True))
-    responses = (np.fft.rfft(each, size, axis=0) for each in impulses)
-    return np.stack([np.fft.irfft((each @ spectrum)[..., 0], size, axis=0)[: len(inputs)] for each in responses])
+    responses = (np.fft.rfft(each, size, axis=0) @ spectra[delay] for each, delay in zip(impulses, delays, strict=True))
+    return np.stack([np.fft.irfft(each[..., 0], size, axis=0)[: len(inputs)] for each in responses])
 
 
 def _impulse_response(A: Array, B: Array, C: Array, D: Array, count: int) -> Array:

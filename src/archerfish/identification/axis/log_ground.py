@@ -1,0 +1,58 @@
+"""Recordings made ready for a search over delays: their spectra at any delay, on all lines or on a few."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from archerfish.identification.axis.informative_lines import thinning
+from archerfish.identification.axis.spectra import Spectrum, picked, spectrum, unsettled, with_delay
+from archerfish.records.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+class Ground(NamedTuple):
+    """The recordings, ready for any delay."""
+
+    recordings: Sequence[Recording]
+    """As given."""
+    scale: Array
+    """What outputs are divided by, shape (p,)."""
+    undelayed: Sequence[Spectrum]
+    """Whole spectra without delay."""
+    skips: Sequence[int]
+    """Samples that are left out at the beginning, per recording."""
+    lines: Sequence[NDArray[np.intp]]
+    """Indices of the lines to look at, per recording, shape (F,) each."""
+
+    def spectra(self, delay: int) -> list[Spectrum]:
+        """Spectra with the inputs delayed."""
+        logs = zip(self.undelayed, self.recordings, self.skips, self.lines, strict=True)
+        return [with_delay(picked(whole, lines), log, delay, skip) for whole, log, skip, lines in logs]
+
+    def thinned(self, count: int) -> "Ground":
+        """Only so many lines, as do for a search."""
+        kept = thinning(self.spectra(0), count)
+        return self._replace(lines=[lines[each] for lines, each in zip(self.lines, kept, strict=True)])
+
+    def reaching_back(self, delay: int) -> "Ground":
+        """All lines, and no more left out at the beginning than delays up to this one need."""
+        return _transformed(self.recordings, self.scale, [min(each, delay) for each in self.skips])
+
+
+def prepare_ground(recordings: Sequence[Recording], max_delay: int, scale: Array) -> Ground:
+    """Transform recordings.
+
+    Args:
+      recordings: m inputs and p outputs each.
+      max_delay: longest delay that will be asked for [samples].
+      scale: outputs are divided by it, shape (p,).
+    """
+    return _transformed(recordings, scale, [unsettled(each.inputs, max_delay) for each in recordings])
+
+
+def _transformed(recordings: Sequence[Recording], scale: Array, skips: Sequence[int]) -> Ground:
+    undelayed = [spectrum(each, 0, scale, skip) for each, skip in zip(recordings, skips, strict=True)]
+    return Ground(recordings, scale, undelayed, skips, [np.arange(each.lag.size) for each in undelayed])
