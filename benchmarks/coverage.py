@@ -1,14 +1,16 @@
 """Do the 95 % intervals of an identified axis hold the truth 95 times in a hundred? White noise and AR(0.9) noise.
 
-Simulated logs of the printed pitch axis, a 2–50 Hz sweep and a step each, identified with order 4: steady gain, the
-poles that a log is said to determine, and the gain at five frequencies.
+Simulated logs of the printed pitch axis (a 2–50 Hz sweep and a step each), and of axes whose delay a noisy sweep leaves
+open: steady gain, the poles that a log is said to determine, and the gain at five frequencies.
 """
 
+import argparse
 import sys
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,21 +29,61 @@ from archerfish.records.storage import write_json
 from machine import describe_machine
 
 RESULT = Path(__file__).parent / "results" / "coverage.json"
-LOGS = 320
 SEED = 2026
-NOISE = 0.02
-"""Standard deviation of the noise over that of the clean output."""
 COLOURS = {"white": 0.0, "AR(0.9)": 0.9}
 """Kind of noise → coefficient of its first-order recursion."""
 BARS = {"white": (0.90, 0.98), "AR(0.9)": (0.85, 1.0)}
 FREQUENCIES_HZ = np.array([3.0, 6.0, 10.0, 20.0, 40.0])
-SWEEP_S, STEP_S = 5.0, 1.0
+STEP_S = 1.0
+PERIOD_S = 1e-3
+
+
+class Case(NamedTuple):
+    """An axis, and how it is logged and identified."""
+
+    name: str
+    """What it is called in tables."""
+    plant: PlantRecord
+    """The truth."""
+    noise: float
+    """Standard deviation of the noise over that of the clean output."""
+    order: int
+    """Order of the identified plant."""
+    logs: int
+    """Logs per kind of noise."""
+    sweep_s: float = 10.0
+    """Length of the sweep [s]."""
+    with_step: bool = False
+    """Whether a step is logged too."""
+
+
+def cases() -> list[Case]:
+    """Return the axes, the paper's first."""
+    late, damped = second_order(8.0, 0.5, 6), second_order(3.0, 0.9, 12)
+    return [
+        Case("printed pitch, sweep and step, 2 %", printed_plants()["pitch"], 0.02, 4, 320, 5.0, True),
+        Case("8 Hz, 6 samples late, 10 %", late, 0.10, 2, 200),
+        Case("8 Hz, 6 samples late, 2 %", late, 0.02, 2, 200),
+        Case("3 Hz, 12 samples late, 10 %", damped, 0.10, 2, 200),
+        Case("8 Hz, 6 samples late, 10 %, fitted with order 4", late, 0.10, 4, 200),
+    ]
+
+
+def second_order(frequency_hz: float, damping: float, delay: int) -> PlantRecord:
+    """Return an axis of second order and steady gain 1."""
+    pole = np.exp(2 * np.pi * frequency_hz * PERIOD_S * (-damping + 1j * np.sqrt(1 - damping**2)))
+    first, second = -2 * pole.real, abs(pole) ** 2
+    A = np.array([[-first, 1.0], [-second, 0.0]])
+    B = np.full((2, 1), (1 + first + second) / 2)
+    return PlantRecord(A, B, np.array([[1.0, 0.0]]), np.zeros((1, 1)), delay, PERIOD_S)
 
 
 @dataclass(frozen=True)
 class Row:
     """How often the intervals of one quantity held the truth."""
 
+    case: str
+    """Which axis."""
     noise: str
     """Kind of noise."""
     quantity: str
@@ -60,40 +102,62 @@ class Row:
 
 def main() -> None:
     """Run all logs, write the results and print them; exit with 1 if a bar is missed."""
-    plant = printed_plants()["pitch"]
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--logs", type=int, help="so many logs of each axis, and nothing written")
+    logs = parser.parse_args().logs
     begun = time.perf_counter()
-    rows = [row for noise in COLOURS for row in _coverage(plant, noise)]
-    conditions = {"logs": LOGS, "seed": SEED, "noise": NOISE, "sweep_s": SWEEP_S, "step_s": STEP_S, "order": 4}
-    seconds = time.perf_counter() - begun
-    content = {"conditions": conditions, "machine": describe_machine(), "provenance": provenance(SEED)}
-    write_json(RESULT, {**content, "seconds": seconds, "rows": [asdict(row) for row in rows]})
     missed = []
-    for row in rows:
-        share = row.covered / row.intervals
-        print(f"{row.noise:8} {row.quantity:22} {100 * share:5.1f} %  ({row.covered} of {row.intervals})")
-        if not row.low_bar <= share <= row.high_bar:
-            missed.append(f"{row.quantity} under {row.noise} noise")
+    rows = []
+    for case in cases():
+        for noise in COLOURS:
+            for row in _coverage(case if logs is None else case._replace(logs=logs), noise):
+                rows.append(row)
+                share = row.covered / row.intervals
+                outside = not row.low_bar <= share <= row.high_bar
+                missed += [f"{row.quantity} of {row.case} under {row.noise} noise"] * outside
+                print(
+                    f"{row.case:48} {row.noise:8} {row.quantity:16} {100 * share:5.1f} %  "
+                    f"({row.covered} of {row.intervals}){' outside' * outside}",
+                    flush=True,
+                )
+    if logs is None:
+        _write(rows, time.perf_counter() - begun)
     if missed:
         sys.exit(f"outside the bars: {', '.join(missed)}")
 
 
-def _coverage(plant: PlantRecord, noise: str) -> Iterator[Row]:
+def _write(rows: list[Row], seconds: float) -> None:
+    conditions = {
+        "seed": SEED,
+        "step_s": STEP_S,
+        "cases": [
+            {"name": each.name, "noise": each.noise, "order": each.order, "logs": each.logs, "sweep_s": each.sweep_s}
+            for each in cases()
+        ],
+    }
+    content = {"conditions": conditions, "machine": describe_machine(), "provenance": provenance(SEED)}
+    write_json(RESULT, {**content, "seconds": seconds, "rows": [asdict(row) for row in rows]})
+
+
+def _coverage(case: Case, noise: str) -> Iterator[Row]:
     counts: dict[str, list[bool]] = {}
-    for index in range(LOGS):
+    for index in range(case.logs):
         generator = np.random.default_rng((SEED, list(COLOURS).index(noise), index))
-        for quantity, held in _held(plant, identify_axis(list(_logs(plant, COLOURS[noise], generator)))):
+        result = identify_axis(list(_logs(case, COLOURS[noise], generator)), case.order)
+        for quantity, held in _held(case.plant, result):
             counts.setdefault(quantity, []).append(held)
     for quantity, held in counts.items():
         ends = binomtest(sum(held), len(held)).proportion_ci(method="wilson")
-        yield Row(noise, quantity, sum(held), len(held), (float(ends.low), float(ends.high)), *BARS[noise])
+        yield Row(case.name, noise, quantity, sum(held), len(held), (float(ends.low), float(ends.high)), *BARS[noise])
 
 
-def _logs(plant: PlantRecord, memory: float, generator: np.random.Generator) -> Iterator[Recording]:
-    for signal in (linear_sweep(SWEEP_S, plant.sample_period_s), step(STEP_S, plant.sample_period_s)):
-        clean = simulate(plant, signal[:, None])
+def _logs(case: Case, memory: float, generator: np.random.Generator) -> Iterator[Recording]:
+    period = case.plant.sample_period_s
+    for signal in (linear_sweep(case.sweep_s, period), *([step(STEP_S, period)] if case.with_step else [])):
+        clean = simulate(case.plant, signal[:, None])
         # The recursion's first thousand samples are left out: it begins at rest.
         drawn = lfilter([np.sqrt(1 - memory**2)], [1.0, -memory], generator.standard_normal(signal.size + 1000))[1000:]
-        yield make_recording(signal, clean[:, 0] + NOISE * clean.std() * drawn, plant.sample_period_s)
+        yield make_recording(signal, clean[:, 0] + case.noise * clean.std() * drawn, period)
 
 
 def _held(plant: PlantRecord, result: AxisIdentification) -> Iterator[tuple[str, bool]]:

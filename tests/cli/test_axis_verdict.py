@@ -18,12 +18,12 @@ from archerfish.records.plant import PlantRecord
 from archerfish.records.recording import make_recording
 
 PERIOD = 0.005
-# 5 Hz, damping 0.5, steady gain 1, delay 10 ms: a sample by itself, and one that C B = 0 makes.
+# 5 Hz, damping 0.5, steady gain 1, delay 10 ms.
 POLE = np.exp(2 * np.pi * 5 * PERIOD * (-0.5 + 1j * np.sqrt(0.75)))
-A = np.array([[POLE.real, POLE.imag], [-POLE.imag, POLE.real]])
+A = np.array([[2 * POLE.real, 1.0], [-(abs(POLE) ** 2), 0.0]])
 C = np.array([[1.0, 0.0]])
-B = np.array([[0.0], [1.0]]) / (C @ np.linalg.solve(np.eye(2) - A, [[0.0], [1.0]]))
-PLANT = PlantRecord(A, B, C, np.zeros((1, 1)), 1, PERIOD)
+B = np.ones((2, 1)) / (C @ np.linalg.solve(np.eye(2) - A, np.ones((2, 1))))
+PLANT = PlantRecord(A, B, C, np.zeros((1, 1)), 2, PERIOD)
 
 
 def log(name, signal, *, noise=0.01, seed=0, change=lambda y: y):
@@ -49,7 +49,8 @@ def drawn(result, spread=0.01):
         "D": np.broadcast_to(plant.D, (50, *plant.D.shape)),
     }
     interval = (1 - 1.96 * spread, 1 + 1.96 * spread)
-    return replace(result, plant=replace(plant, draws=scatter), dc_gain_interval=(interval,))
+    scattered = replace(plant, draws=scatter, draw_delays=np.zeros(0, np.int64))
+    return replace(result, plant=scattered, dc_gain_interval=(interval,))
 
 
 def judged(training, validation, *, spread=None, order=2, findings=(), max_delay=5, **facts):
@@ -62,7 +63,7 @@ def judged(training, validation, *, spread=None, order=2, findings=(), max_delay
 def test_a_sweep_alone_is_told_in_one_line_with_what_to_add():
     _, found = judged([SWEEP], [STEP_2])
     line = found.headline
-    assert line.startswith("yaw: 2nd order, delay 10±5 ms, fit 9")
+    assert line.startswith("yaw: 2nd order, delay 10 ms (10–15 ms), fit 9")
     assert line.endswith(" Hz: add a step log")
     assert " % on step_2; nothing is known below 1." in line
     assert found.usable
@@ -89,6 +90,34 @@ def test_the_delay_is_given_with_its_range(span, words):
     _, found = judged([SWEEP, STEP], [STEP_2], delay_range=span)
     assert words in found.headline
     assert any("sharp edges" in each for each in found.next_steps) == (span == (0, 3))
+
+
+def test_a_response_later_than_the_longest_delay_asks_to_raise_it():
+    late = [
+        log(name, signal, change=lambda y: np.append(np.zeros(30), y[:-30]))
+        for name, signal in (
+            ("sweep.csv", linear_sweep(5.0, PERIOD, high_hz=20.0)),
+            ("step.csv", step(2.0, PERIOD, start_s=0.5)),
+        )
+    ]
+    evidence, found = judged(late, [], max_delay=20)
+    assert evidence.result.later_delay == pytest.approx(32, abs=3)
+    (told,) = (each for each in found.doubts if "clearly better" in each)
+    assert f"pass --max-delay {2 * evidence.result.later_delay} " in told
+    assert axis_summary(evidence, found, [])["later_delay_samples"] == evidence.result.later_delay
+
+
+@pytest.mark.parametrize(
+    ("delay", "span", "words"),
+    [(5, (4, 5), "is the longest that was tried"), (3, (2, 5), "leave open delays up to"), (2, (1, 3), None)],
+)
+def test_a_range_that_ends_at_the_longest_delay_asks_to_raise_it(delay, span, words):
+    evidence, _ = judged([SWEEP, STEP], [STEP_2], delay_range=span)
+    plant = replace(evidence.result.plant, delay_samples=delay)
+    found = verdict(replace(evidence, result=replace(evidence.result, plant=plant)))
+    told = [each for each in (*found.doubts, *found.next_steps) if "raise --max-delay" in each]
+    assert len(told) == bool(words)
+    assert all(words in each for each in told)
 
 
 def test_a_loose_steady_gain_asks_for_a_longer_step():

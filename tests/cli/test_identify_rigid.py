@@ -38,6 +38,17 @@ def test_it_writes_record_picture_and_summary(command, yaw_log, tmp_path):
     assert "inertia m l²" in out
 
 
+def test_friction_is_told_with_its_interval_when_asked_for(command, yaw_log, tmp_path):
+    words = [yaw_log, "--torque", "current", "--torque-per-unit", 0.5, "--friction", "coulomb", "--out", "out"]
+    status, out, _ = command("identify", "rigid", *words, "--json", "facts.json")
+    assert status == 0
+    assert "Coulomb friction" in out
+    facts = json.loads((tmp_path / "facts.json").read_text())
+    assert set(facts["intervals_95"]) == {"inertia", "damping", "torque_offset", "friction"}
+    assert facts["units"]["friction"] == "N m"
+    assert facts["parameters"]["friction"] < 0.003
+
+
 def test_a_column_in_degrees_is_turned_into_radians_and_said_so(command, yaw_log, tmp_path):
     words = [yaw_log, "--torque", "current", "--torque-per-unit", 0.5, "--angle", "angle_deg", "--out", "out"]
     _, out, _ = command("identify", "rigid", *words)

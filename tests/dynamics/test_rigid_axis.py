@@ -9,6 +9,7 @@ from archerfish.dynamics.pellet import GRAVITY
 from archerfish.dynamics.rigid_axis import (
     RigidAxis,
     RigidState,
+    dry_friction,
     pitch_axis,
     rigid_derivative,
     rigid_energy,
@@ -124,3 +125,42 @@ def test_one_axis_serves_a_batch_of_states() -> None:
     single = rigid_step(axis, RigidState(angles[1, 2], 0.0), 0.0, 1e-3)
     assert batch.angle.shape == (2, 3)
     assert batch.rate[1, 2] == single.rate
+
+
+def slid(axis, state, torque, friction, count, period=2e-3):
+    states = [state]
+    for _ in range(count):
+        held = dry_friction(axis, states[-1], torque, friction, period)
+        states.append(rigid_step(axis, states[-1], torque + held, period))
+    return states
+
+
+def test_dry_friction_alone_stops_a_wheel_evenly_and_holds_it() -> None:
+    """Rate falls by F/I: from 3 rad/s at 0.2 N m on 0.1 kg m² it is gone after 1.5 s and 2.25 rad."""
+    wheel = yaw_axis(mass=0.1, length=1.0, damping=0.0)
+    states = slid(wheel, RigidState(0.0, 3.0), 0.0, 0.2, 1000)
+    assert states[500].rate == pytest.approx(1.0)
+    assert states[-1].rate == pytest.approx(0.0, abs=1e-12)
+    assert states[-1].angle == pytest.approx(2.25, rel=1e-3)
+
+
+def test_an_axis_at_rest_moves_only_under_more_than_its_friction() -> None:
+    wheel, rest = yaw_axis(mass=0.1, length=1.0, damping=0.0), RigidState(0.0, 0.0)
+    for torque in (-0.19, 0.19):
+        assert slid(wheel, rest, torque, 0.2, 100)[-1] == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert slid(wheel, rest, 0.3, 0.2, 500)[-1].rate == pytest.approx(1.0, rel=1e-6)
+
+
+def test_an_arm_stays_where_friction_holds_its_weight() -> None:
+    arm = pitch_axis(MASS, LENGTH, DAMPING)
+    held = slid(arm, RigidState(0.2, 0.0), 0.0, MASS * GRAVITY * LENGTH * math.sin(0.3), 200)
+    assert held[-1].angle == pytest.approx(0.2, abs=1e-9)
+
+
+def test_dry_friction_agrees_in_jax(agree_in_jax) -> None:
+    rng = np.random.default_rng(0)
+    for shape in ((), (3,), (2, 3)):
+        axis = pitch_axis(*(np.asarray(0.1 + rng.random(shape)) for _ in range(3)))
+        state = RigidState(*(np.asarray(rng.standard_normal(shape)) for _ in range(2)))
+        torque, friction = np.asarray(rng.standard_normal(shape)), np.asarray(rng.random(shape))
+        agree_in_jax(lambda *a: dry_friction(*a, 0.5), axis, state, torque, friction)

@@ -22,6 +22,11 @@ from archerfish.records.recording import Recording
 
 Interval = tuple[float, float]
 
+_FAR = 1.5
+"""Half widths of the interval beyond which a gain that was asked for is contradicted: three standard deviations."""
+_TRIFLE = 0.01
+"""Share of the gain below which a difference matters to nobody."""
+
 
 class Log(NamedTuple):
     """A recording and the file that it is from; a file with gaps gives several."""
@@ -74,6 +79,27 @@ class PoleEvidence(NamedTuple):
     """Whether the recordings determine it."""
 
 
+class HeldGain(NamedTuple):
+    """A steady gain that the plant was held to, beside what the recordings say of it on their own."""
+
+    name: str
+    """Of the input."""
+    asked: float
+    """Gain that the plant was held to."""
+    free: float
+    """Gain of a plant of the same order that was not held to any."""
+    interval: Interval
+    """95 % interval of that."""
+    free_fits: tuple[float, ...]
+    """Fit of that plant to each recording, in the order of the logs [%]."""
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether the recordings speak against the gain that was asked for."""
+        half = 0.5 * (self.interval[1] - self.interval[0])
+        return abs(self.asked - self.free) > _FAR * half and abs(self.asked - self.free) > _TRIFLE * abs(self.free)
+
+
 @dataclass(frozen=True)
 class AxisEvidence:
     """An identified axis and all that it was held against."""
@@ -86,6 +112,8 @@ class AxisEvidence:
     """What the examination of the logs found."""
     trials: tuple[OrderTrial, ...] = ()
     """Orders that were tried, where the order was not given."""
+    held_gains: tuple[HeldGain, ...] = ()
+    """Steady gains that the plant was held to, by input."""
 
     def of_kind(self, kind: str) -> list[LogEvidence]:
         """Return the recordings for "training" or for "validation"."""
@@ -98,6 +126,7 @@ def gather_evidence(
     validation: Sequence[Log],
     findings: Iterable[Finding] = (),
     trials: Sequence[OrderTrial] = (),
+    free: AxisIdentification | None = None,
 ) -> AxisEvidence:
     """Simulate and test every recording.
 
@@ -107,12 +136,22 @@ def gather_evidence(
       validation: what was held back.
       findings: what the examination of the logs found.
       trials: orders that were tried.
+      free: where the plant was held to steady gains, one that was not.
 
     Raises:
       InputError: if a recording that was held back does not suit the plant.
     """
     logs = [_tested(result, log, kind) for kind, group in _groups(training, validation) for log in group]
-    return AxisEvidence(result, tuple(logs), tuple(findings), tuple(trials))
+    held = () if free is None else _held_gains(result, free, logs)
+    return AxisEvidence(result, tuple(logs), tuple(findings), tuple(trials), held)
+
+
+def _held_gains(
+    result: AxisIdentification, free: AxisIdentification, logs: Sequence[LogEvidence]
+) -> tuple[HeldGain, ...]:
+    fits = tuple(simulated_run(free, log.recording, log.kind).fit_percent for log in logs)
+    gains = zip(result.plant.input_names, steady_gains(result), steady_gains(free), free.dc_gain_interval, strict=True)
+    return tuple(HeldGain(*each, fits) for each in gains)
 
 
 def _groups(training: Sequence[Log], validation: Sequence[Log]) -> tuple[tuple[str, Sequence[Log]], ...]:

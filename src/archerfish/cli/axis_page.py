@@ -10,7 +10,7 @@ from archerfish.cli.axis_evidence import (
     steady_gains,
 )
 from archerfish.cli.axis_picture import bode_data, correlation_panels, pole_map, unit_steps
-from archerfish.cli.axis_verdict import USABLE_FIT_PERCENT, Verdict, judged_fit
+from archerfish.cli.axis_verdict import Verdict, judged_fit
 from archerfish.figures.bode import bode_figure
 from archerfish.figures.identification import run_figure
 from archerfish.figures.page import number, render_page
@@ -19,6 +19,7 @@ from archerfish.figures.residuals import correlation_figure
 from archerfish.figures.step_response import unit_step_figure
 from archerfish.figures.style import svg_text
 from archerfish.identification.validation.residual_tests import ResidualTests
+from archerfish.records.plant import USABLE_FIT_PERCENT
 
 _RUNS_DRAWN = 4
 """Logs that are drawn; each is some hundred kilobytes, and a table tells the others."""
@@ -79,6 +80,7 @@ def _numbers(evidence: AxisEvidence) -> dict[str, Any]:
             {"name": name, "value": gain, "interval": interval, "unit": f"{plant.output_names[0]} per {name}"}
             for name, gain, interval in gains
         ],
+        "held_gains": evidence.held_gains,
         "offset": float(result.offset[0]),
         "residual_sd": float(result.residual_sd[0]),
         "band": result.excited_band_hz,

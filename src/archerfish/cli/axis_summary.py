@@ -9,6 +9,7 @@ from rich.table import Table
 
 from archerfish.cli.axis_evidence import (
     AxisEvidence,
+    HeldGain,
     LogEvidence,
     PoleEvidence,
     pole_evidence,
@@ -41,9 +42,11 @@ def axis_summary(evidence: AxisEvidence, verdict: Verdict, files: Sequence[Path]
         "delay_samples": plant.delay_samples,
         "delay_s": plant.delay_samples * plant.sample_period_s,
         "delay_range_samples": list(result.delay_range),
+        "later_delay_samples": result.later_delay,
         "feedthrough": plant.D[0].tolist(),
         "dc_gain": steady_gains(result),
         "dc_gain_interval": [list(each) for each in result.dc_gain_interval],
+        "held_gains": [_held(each) for each in evidence.held_gains],
         "offset": float(result.offset[0]),
         "residual_sd": float(result.residual_sd[0]),
         "excited_band_hz": list(result.excited_band_hz),
@@ -55,6 +58,16 @@ def axis_summary(evidence: AxisEvidence, verdict: Verdict, files: Sequence[Path]
         "remarks": [*result.remarks, *verdict.doubts],
         "next_steps": list(verdict.next_steps),
         "files": [str(path) for path in files],
+    }
+
+
+def _held(held: HeldGain) -> Summary:
+    return {
+        "input": held.name,
+        "asked": held.asked,
+        "estimated": held.free,
+        "estimated_interval": list(held.interval),
+        "contradicted": held.contradicted,
     }
 
 
@@ -97,7 +110,12 @@ def print_axis(console: Console, evidence: AxisEvidence, verdict: Verdict, files
         result.plant.input_names, steady_gains(result), result.dc_gain_interval, strict=True
     ):
         source = f" from {name}" if len(result.plant.input_names) > 1 else ""
-        table.add_row(f"steady gain{source}", gain_words(gain, interval))
+        if not evidence.held_gains:
+            table.add_row(f"steady gain{source}", gain_words(gain, interval))
+    for held in evidence.held_gains:
+        source = f" from {held.name}" if len(evidence.held_gains) > 1 else ""
+        table.add_row(f"steady gain{source}", f"{held.asked:.4g}, held")
+        table.add_row("left free", gain_words(held.free, held.interval))
     table.add_row("excited band", "{:.3g}–{:.3g} Hz".format(*result.excited_band_hz))
     for pole in pole_evidence(result):
         if pole.pole.imag >= 0:

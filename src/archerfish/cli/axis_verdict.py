@@ -7,14 +7,13 @@ import numpy as np
 
 from archerfish.cli.axis_evidence import (
     AxisEvidence,
+    HeldGain,
     Interval,
     LogEvidence,
     steady_gains,
 )
 from archerfish.identification.validation.frequency import driven_band_hz
-
-USABLE_FIT_PERCENT = 80.0
-"""Below it more than a fifth of the motion is unexplained; clean logs of a gimbal give 95 % and more."""
+from archerfish.records.plant import USABLE_FIT_PERCENT
 
 _GAP_LINES = 3.0
 """Spectral lines that may be empty at the bottom of every log before nothing is said to be known there."""
@@ -53,6 +52,11 @@ def verdict(evidence: AxisEvidence) -> Verdict:
     doubts = tuple(_doubts(evidence))
     gap = _unknown_below(evidence)
     headline = _headline(evidence) + (f"; nothing is known below {gap:.3g} Hz: add a step log" if gap else "")
+    for held in evidence.held_gains:
+        if held.contradicted:
+            headline += (
+                f"; --dc-gain {held.asked:.4g} contradicts the logs, which say {gain_words(held.free, held.interval)}"
+            )
     judged = judged_fit(evidence)
     usable = max(judged.run.fit_percent, judged.unshifted_percent) >= USABLE_FIT_PERCENT
     return Verdict(headline, usable, tuple(_known(evidence)), doubts, tuple(_next_steps(evidence, gap)))
@@ -113,7 +117,13 @@ def _known(evidence: AxisEvidence) -> Iterator[str]:
     for name, gain, interval in zip(
         result.plant.input_names, steady_gains(result), result.dc_gain_interval, strict=True
     ):
-        yield f"The steady gain from {name} is {gain_words(gain, interval)}, 95 % interval."
+        if not evidence.held_gains:
+            yield f"The steady gain from {name} is {gain_words(gain, interval)}, 95 % interval."
+    for held in evidence.held_gains:
+        yield (
+            f"The steady gain from {held.name} was held to {held.asked:.4g} (--dc-gain), not estimated; left free, the "
+            f"logs say {gain_words(held.free, held.interval)}, 95 % interval."
+        )
     known = result.determined
     if not known.all():
         yield f"Of {known.size} poles these recordings determine {int(known.sum())}."
@@ -136,13 +146,40 @@ def _doubts(evidence: AxisEvidence) -> Iterator[str]:
             "time column is in seconds (not milliseconds), that all logs use the same unit and zero, and that the "
             "input moves the axis well above its noise and backlash; else record a longer or richer sweep."
         )
-    if result.plant.delay_samples >= result.longest_delay:
+    if result.later_delay is not None:
+        yield (
+            f"A delay of about {result.later_delay} samples explains the logs clearly better than any of the up to "
+            f"{result.longest_delay} that were tried, so the plant is wrong: pass --max-delay "
+            f"{2 * result.later_delay} (a tenth of the shortest log is tried at most)."
+        )
+    elif result.plant.delay_samples >= result.longest_delay:
         yield (
             f"The delay found, {result.plant.delay_samples} samples, is the longest that was tried: the true one may "
             "be longer; raise --max-delay (a tenth of the shortest log is tried at most)."
         )
-    for name, gain in zip(result.plant.input_names, steady_gains(result), strict=True):
-        yield from _angle_units(name, abs(gain))
+    for index, name in enumerate(result.plant.input_names):
+        held = evidence.held_gains[index] if evidence.held_gains else None
+        if held is not None and held.contradicted:
+            yield _contradicted(held, evidence)
+        # What was asked for tells nothing of the units; what the logs say does.
+        yield from _angle_units(name, abs(held.free if held else steady_gains(result)[index]))
+
+
+def _contradicted(held: HeldGain, evidence: AxisEvidence) -> str:
+    judged = judged_fit(evidence)
+    fit = judged.run.fit_percent
+    free_fit = next(each for log, each in zip(evidence.logs, held.free_fits, strict=True) if log is judged)
+    reach = (
+        " The logs don't reach down to the steady state, so theirs is an extrapolation: a step decides."
+        if _unknown_below(evidence)
+        else ""
+    )
+    return (
+        f"--dc-gain {held.asked:.4g} for {held.name} contradicts the logs: left free, the steady gain is "
+        f"{gain_words(held.free, held.interval)}, and {_log_name(judged)} is fitted to {free_fit:.1f} % instead "
+        f"of {fit:.1f} %.{reach} Check the unit and the sign of the gain and of the logged signals; leave --dc-gain "
+        "out, or record a step that is held until the axis rests and measure both ends."
+    )
 
 
 def _angle_units(name: str, gain: float) -> Iterator[str]:
@@ -172,6 +209,11 @@ def _next_steps(evidence: AxisEvidence, gap: float | None) -> Iterator[str]:
             f"The delay may be {low} to {high} samples: see whether a lower --order tells more (--order auto), or add "
             "a log with sharp edges (steps or a binary sequence)."
         )
+    if evidence.result.plant.delay_samples < evidence.result.longest_delay <= high:
+        yield (
+            f"The logs leave open delays up to the longest that was tried, {high} samples: raise --max-delay to see "
+            "where the range ends."
+        )
     known = evidence.result.determined
     if not known.all():
         yield (
@@ -182,6 +224,8 @@ def _next_steps(evidence: AxisEvidence, gap: float | None) -> Iterator[str]:
 
 def _loose_gains(evidence: AxisEvidence) -> Iterator[str]:
     result = evidence.result
+    if evidence.held_gains:
+        return
     for name, gain, interval in zip(
         result.plant.input_names, steady_gains(result), result.dc_gain_interval, strict=True
     ):

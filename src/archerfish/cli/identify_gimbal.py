@@ -22,7 +22,7 @@ from archerfish.identification.axis.order_choice import OrderTrial, choose_order
 from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.log_files import log_parts
-from archerfish.records.plant import write_plant
+from archerfish.records.plant import PlantQuality, write_plant
 from archerfish.records.provenance import provenance
 
 AXIS_ENDINGS = (".json", ".safetensors", ".html", ".svg", ".png")
@@ -69,7 +69,8 @@ class IdentifyGimbal:
         tyro.conf.UseAppendAction[tuple[tuple[float, ...], ...]],
         tyro.conf.arg(metavar="GAIN…", help_behavior_hint="(default: estimated)"),
     ] = ()
-    """Steady gain from each input, where it is known from elsewhere: the plant is held to it."""
+    """Steady gain from each input, where it is known from elsewhere: the plant is held to it, and told if the logs
+    contradict it."""
     max_delay: int = 20
     """Longest input delay that is tried, in samples."""
     validate: Annotated[
@@ -101,9 +102,10 @@ def run_gimbal(command: IdentifyGimbal, console: Console | None = None) -> Summa
     logs = read_gimbal_logs(command.logs, held_back, _reading(command))
     with run_folder(command.out) as folder:
         result, trials = _fitted(command, logs, console)
+        free = _free_of_gain(command, logs, len(result.plant.A), console)
         origin = provenance(command.seed, [part for path in (*command.logs, *held_back) for part in log_parts(path)])
         result = replace(_said_once(result, logs), plant=replace(result.plant, provenance=origin))
-        evidence = gather_evidence(result, logs.training, logs.validation, logs.findings, trials)
+        evidence = gather_evidence(result, logs.training, logs.validation, logs.findings, trials, free)
         judgement = verdict(evidence)
         _write_axis(folder, command, evidence, judgement)
     files = [command.out / f"{command.axis}{ending}" for ending in AXIS_ENDINGS]
@@ -145,6 +147,15 @@ def _fitted(
     return choice.result, choice.trials
 
 
+def _free_of_gain(command: IdentifyGimbal, logs: GimbalLogs, order: int, console: Console) -> AxisIdentification | None:
+    """Fit once more without the steady gain that was asked for, so that the logs can speak against it."""
+    if not _flat(command.dc_gain):
+        return None
+    with console.status("fitting without the given steady gain …"):
+        fitted = [log.recording for log in logs.training]
+        return identify_axis(fitted, order, max_delay=command.max_delay, axis=command.axis, seed=command.seed)
+
+
 def _said_once(result: AxisIdentification, logs: GimbalLogs) -> AxisIdentification:
     """Drop the remarks that the examination of the logs has made already."""
     said = {f"{each.place}: {each.message}; {each.remedy}" for each in logs.findings}
@@ -152,7 +163,9 @@ def _said_once(result: AxisIdentification, logs: GimbalLogs) -> AxisIdentificati
 
 
 def _write_axis(folder: Path, command: IdentifyGimbal, evidence: AxisEvidence, judgement: Verdict) -> None:
-    write_plant(folder / f"{command.axis}.json", evidence.result.plant)
+    judged = judged_fit(evidence)
+    quality = PlantQuality(judgement.usable, judged.run.fit_percent, judged.path.name, judged.kind == "validation")
+    write_plant(folder / f"{command.axis}.json", replace(evidence.result.plant, quality=quality))
     storage.write_text(folder / f"{command.axis}.html", axis_page(evidence, judgement, output=command.output))
     fitted = [log.recording for log in evidence.of_kind("training")]
     figure = axis_picture(evidence.result, judged_fit(evidence).run, fitted, output=command.output)

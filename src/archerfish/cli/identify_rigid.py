@@ -15,7 +15,7 @@ from archerfish.cli.rigid_summary import Summary, print_rigid, rigid_summary
 from archerfish.cli.run_folder import run_folder
 from archerfish.figures.rigid_axis import RigidRun, rigid_figure
 from archerfish.figures.style import save_figure
-from archerfish.identification.rigid.fit import RigidIdentification, identify_rigid_axis
+from archerfish.identification.rigid.fit import Friction, RigidIdentification, identify_rigid_axis
 from archerfish.records.errors import InputError
 from archerfish.records.findings import Finding
 from archerfish.records.log_files import log_parts
@@ -33,7 +33,8 @@ class IdentifyRigid:
     The axis is the rigid body of eqs (1)–(3). A pitch axis swings against gravity and must move through its travel; a
     yaw axis must speed up and slow down. The torque may be the motor's current times --torque-per-unit. Angles are in
     radians, unless the column's name ends in _deg. Each log is cut into segments with starts of their own, since an
-    axis under torque alone drifts away from any simulation.
+    axis under torque alone drifts away from any simulation. Coulomb friction is estimated too where the logs are far
+    better explained with it.
 
     Writes AXIS_rigid.json (the record, with 95 % intervals), AXIS_rigid.svg and .png (torque, measured and simulated
     angle, residual), and prints the parameters.
@@ -59,6 +60,8 @@ class IdentifyRigid:
     """Column of the measured rate in rad/s, for instance a gyroscope's."""
     sample_period_s: Annotated[float | None, tyro.conf.arg(metavar="SECONDS", help_behavior_hint="")] = None
     """Sampling period of logs without time stamps; --time is then not read."""
+    friction: Friction = "auto"
+    """Whether Coulomb friction is estimated: where the logs are that much better explained (auto), never, or always."""
     segment_s: float = 2.0
     """Longest stretch that is simulated from one start, in seconds; 0 for whole logs."""
     axis: Annotated[str, tyro.conf.arg(metavar="NAME")] = "axis"
@@ -91,6 +94,7 @@ def run_rigid(command: IdentifyRigid, console: Console | None = None) -> Summary
                 command.axis_kind,
                 torque_per_unit=command.torque_per_unit,
                 segment_s=command.segment_s,
+                friction=command.friction,
                 axis=command.axis,
             )
         origin = provenance(command.seed, [part for path in command.logs for part in log_parts(path)])

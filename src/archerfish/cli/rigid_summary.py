@@ -21,6 +21,7 @@ _LABELS = {
     "gravity_moment": "gravity m g l",
     "gravity_phase": "hangs down at",
     "torque_offset": "torque offset",
+    "friction": "Coulomb friction",
 }
 
 

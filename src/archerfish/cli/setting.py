@@ -13,7 +13,7 @@ from archerfish.paper.gimbal import gate_limits, printed_plants
 from archerfish.records.errors import InputError
 from archerfish.records.limits import LimitsRecord, read_limits
 from archerfish.records.muzzle import MuzzleRecord, read_muzzle
-from archerfish.records.plant import PlantRecord, read_plant
+from archerfish.records.plant import USABLE_FIT_PERCENT, PlantQuality, PlantRecord, read_plant
 from archerfish.records.provenance import provenance
 from archerfish.records.sensing import SensingRecord, read_sensing
 from archerfish.simulation.environment import PureWorld
@@ -38,6 +38,8 @@ class SettingFiles:
     """Sensing record, as identify sensing writes it: what the camera and the link do."""
     limits: Annotated[Path | None, _file("the paper's ranges, GM6020 motors")] = None
     """Limits record: angle ranges, rates and accelerations of both axes."""
+    accept_unusable: bool = False
+    """Go on with plants that their identification called useless; what comes out says nothing of the robot."""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = ""
     """Name of the robot, required with any of these files; results call the setting identified-NAME."""
 
@@ -87,8 +89,8 @@ def load_setting(files: SettingFiles) -> Setting:
         conditions = _with_muzzle(conditions, muzzle)
     return Setting(
         name=f"identified-{files.robot}" if given else "paper",
-        pitch=_read_axis(files.pitch, "pitch") if files.pitch else printed["pitch"],
-        yaw=_read_axis(files.yaw, "yaw") if files.yaw else printed["yaw"],
+        pitch=_read_axis(files.pitch, "pitch", files.accept_unusable) if files.pitch else printed["pitch"],
+        yaw=_read_axis(files.yaw, "yaw", files.accept_unusable) if files.yaw else printed["yaw"],
         muzzle=muzzle,
         sensing=read_sensing(files.sensing) if files.sensing else None,
         limits=read_limits(files.limits) if files.limits else gate_limits(),
@@ -126,11 +128,23 @@ def _with_muzzle(conditions: Conditions, muzzle: MuzzleRecord) -> Conditions:
     )
 
 
-def _read_axis(path: Path, axis: str) -> PlantRecord:
+def _read_axis(path: Path, axis: str, accept_unusable: bool) -> PlantRecord:
     plant, other = read_plant(path), {"pitch": "yaw", "yaw": "pitch"}[axis]
+    # A record without a verdict was written by hand, or before there were any: its author answers for it.
+    if plant.quality is not None and not plant.quality.usable and not accept_unusable:
+        raise InputError(_unusable(path, plant.quality))
     if plant.axis == other:
         raise InputError(f"{path}: is the plant of the {other} axis, given as --{axis}; swap --pitch and --yaw")
     return plant
+
+
+def _unusable(path: Path, quality: PlantQuality) -> str:
+    role, page = "held back" if quality.held_back else "fitted", path.with_suffix(".html").name
+    return (
+        f"{path}: the plant is not to be used, it fits {quality.log} ({role}) to {quality.fit_percent:.1f} %, expected "
+        f"{USABLE_FIT_PERCENT:g} % or more; identify the axis anew ({page} says what to record), or "
+        "pass --accept-unusable"
+    )
 
 
 def configuration(command: Any, setting: Setting, inputs: Iterable[Path] = ()) -> dict[str, Any]:

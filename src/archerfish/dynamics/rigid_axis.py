@@ -58,6 +58,28 @@ def rigid_derivative(axis: RigidAxis, state: RigidState, torque: Array) -> Rigid
     return RigidState(state.rate, (torque - axis.damping * state.rate) / inertia - weight)
 
 
+def dry_friction(axis: RigidAxis, state: RigidState, torque: Array, friction: Array, period: Array) -> Array:
+    """Return the torque of Coulomb friction over a step, which eqs (1)–(3) leave out.
+
+    It opposes the motion with its full size while the axis slides, and with no more than stops the axis within the
+    step, so that an axis at rest stays there under any torque that is smaller (friction implicit in the rate).
+
+    Args:
+      axis: parameters, shape B.
+      state: angle and rate, shape B.
+      torque: T [N m], shape B.
+      friction: largest moment of friction ≥ 0 [N m], shape B.
+      period: step [s].
+
+    Returns:
+      Torque to be added to T [N m], shape B.
+    """
+    xp = namespace(state.angle, state.rate, torque)
+    pushed = rigid_derivative(axis, state, torque).rate + state.rate / period
+    stopping = -axis.mass * axis.length**2 * pushed
+    return xp.minimum(xp.maximum(stopping, -friction), friction)
+
+
 def rigid_step(axis: RigidAxis, state: RigidState, torque: Array, period: Array) -> RigidState:
     """Advance an axis by one classical Runge–Kutta step under a held torque.
 

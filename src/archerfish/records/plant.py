@@ -3,7 +3,7 @@
 x[t+1] = A x[t] + B u[t − delay],    y[t] = C x[t] + D u[t − delay]
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,23 @@ from archerfish.records.errors import InputError, file_error
 
 SCHEMA, _OLDER = "archerfish.plant/2", "archerfish.plant/1"
 Matrix = NDArray[np.float64]
+
+USABLE_FIT_PERCENT = 80.0
+"""Below it more than a fifth of the motion is unexplained; clean logs of a gimbal give 95 % and more."""
+
+
+@dataclass(frozen=True)
+class PlantQuality:
+    """How well an identified plant foretells its logs, and whether that is good enough to be used."""
+
+    usable: bool
+    """Whether the identification found the plant good for anything."""
+    fit_percent: float
+    """Fit of the log by which it was judged [%]: the worst that was held back, else the worst fitted."""
+    log: str
+    """Which log that was."""
+    held_back: bool
+    """Whether that log was held back from the fit."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +62,8 @@ class PlantRecord:
     """Names of the p outputs."""
     draws: dict[str, Matrix] = field(default_factory=dict)
     """Posterior draws: "A" (k, n, n), "B" (k, n, m), "C" (k, p, n), "D" (k, p, m); empty where there are none."""
+    quality: PlantQuality | None = None
+    """How well it foretells its logs; None where that is not known, as in a record that was written by hand."""
     draw_delays: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     """Input delay of each draw [samples], shape (k,); empty where all draws have that of the best estimate."""
     provenance: dict[str, Any] = field(default_factory=dict)
@@ -111,6 +130,8 @@ def write_plant(path: Path, plant: PlantRecord) -> None:
         "output_names": list(plant.output_names),
         "provenance": plant.provenance,
     }
+    if plant.quality is not None:
+        facts["quality"] = asdict(plant.quality)
     storage.write_record(path, SCHEMA, facts, arrays)
 
 
@@ -136,6 +157,19 @@ def read_plant(path: Path) -> PlantRecord:
             # In the first version all draws had the delay of the best estimate.
             draw_delays=arrays.get("draw_delays", np.zeros(0, np.int64)),
             provenance=storage.field(path, facts, "provenance", dict),
+            quality=_quality(path, facts["quality"]) if facts.get("quality") is not None else None,
         )
     except InputError as error:
         raise error if str(path) in str(error) else InputError(f"{path}: {error}") from error
+
+
+def _quality(path: Path, facts: Any) -> PlantQuality:
+    known = {each.name for each in fields(PlantQuality)}
+    if not isinstance(facts, dict) or facts.keys() != known:
+        raise file_error(path, f'field "quality" must hold {", ".join(sorted(known))}', "identify the axis anew")
+    return PlantQuality(
+        usable=storage.field(path, facts, "usable", bool),
+        fit_percent=float(storage.field(path, facts, "fit_percent", (int, float))),
+        log=storage.field(path, facts, "log", str),
+        held_back=storage.field(path, facts, "held_back", bool),
+    )

@@ -19,13 +19,17 @@ UNITS = {
     "gravity_moment": "N m",
     "gravity_phase": "rad",
     "torque_offset": "N m",
+    "friction": "N m",
 }
 """Unit of each parameter, if the torque was given in N m."""
 
 
 @dataclass(frozen=True)
 class RigidAxisRecord:
-    """A rigid axis: inertia · θ̈ + damping · θ̇ + gravity_moment · sin(θ − gravity_phase) = torque + torque_offset."""
+    """A rigid axis under a torque.
+
+    inertia · θ̈ + damping · θ̇ + friction · sign(θ̇) + gravity_moment · sin(θ − gravity_phase) = torque + torque_offset
+    """
 
     axis_kind: AxisKind
     """Whether gravity acts."""
@@ -39,6 +43,9 @@ class RigidAxisRecord:
     """Angle at which the arm hangs straight down [rad]; zero for yaw."""
     torque_offset: float = 0.0
     """Constant torque beside the logged one: a cable's pull, a current sensor's zero [N m]; zero for pitch."""
+    friction: float = 0.0
+    """Moment of Coulomb friction, which at rest holds the axis up to its size [N m]; zero where it was not estimated,
+    and in files that know nothing of it."""
     axis: str = "axis"
     """Name of the axis."""
     standard_errors: dict[str, float] = field(default_factory=dict)
@@ -58,6 +65,8 @@ class RigidAxisRecord:
                 raise InputError(f"rigid_axis.{name} must be finite, got {getattr(self, name)}; identify the axis anew")
         if not self.inertia > 0:
             raise InputError(f"rigid_axis.inertia must be > 0, got {self.inertia}; identify the axis anew")
+        if self.friction < 0:
+            raise InputError(f"rigid_axis.friction must be ≥ 0, got {self.friction}; identify the axis anew")
         if self.gravity_moment < 0:
             raise InputError(f"rigid_axis.gravity_moment must be ≥ 0, got {self.gravity_moment}; turn the phase by π")
 
@@ -78,6 +87,7 @@ def read_rigid_axis(path: Path) -> RigidAxisRecord:
     unknown = facts.keys() - known
     if unknown:
         raise InputError(f'{path}: unknown field "{sorted(unknown)[0]}"; known are {", ".join(sorted(known))}')
+    facts = {"friction": 0.0, **facts}  # of files that were written before it was estimated
     values = {name: float(storage.field(path, facts, name, (int, float))) for name in UNITS}
     try:
         intervals = {name: (float(low), float(high)) for name, (low, high) in facts.get("intervals", {}).items()}

@@ -10,6 +10,8 @@ from archerfish.identification.axis.spectra import (
     real_rows,
     row_count,
     spectrum,
+    unsettled,
+    with_delay,
 )
 from archerfish.records.recording import make_recording
 
@@ -77,3 +79,45 @@ def test_lines_can_be_picked_by_index_and_by_mask():
     for one, other, every in zip(some, masked, whole, strict=True):
         np.testing.assert_array_equal(one, other)
         np.testing.assert_array_equal(one, every[[0, 3, 9]])
+
+
+@pytest.mark.parametrize("skip", [0, 10])
+@pytest.mark.parametrize("count", [60, 61])
+def test_a_delayed_spectrum_is_that_of_the_delayed_inputs(count, skip):
+    recording = log(count, inputs=2)
+    lines = np.array([0, 4, 20, 24])
+    for delay in (0, 1, 7, 10):
+        turned = with_delay(picked(spectrum(recording, 0, skip=skip), lines), recording, delay, skip)
+        expected = picked(spectrum(recording, delay, skip=skip), lines)
+        np.testing.assert_allclose(turned.inputs, expected.inputs, atol=1e-12)
+        np.testing.assert_array_equal(turned.outputs, expected.outputs)
+
+
+def test_delayed_inputs_reach_back_into_what_is_left_out():
+    whole = RNG.standard_normal(80)
+    cut = make_recording(whole[20:], np.zeros(60), 0.01)
+    known = spectrum(cut, 5, skip=10)
+    expected = spectrum(make_recording(whole[25:75], np.zeros(50), 0.01), 0)
+    np.testing.assert_allclose(known.inputs, expected.inputs, atol=1e-12)
+
+
+SWEEP = np.sin(0.001 * np.arange(400.0) ** 2)
+LATE_STEP = (np.arange(400) >= 5).astype(float)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "expected"),
+    [
+        (SWEEP[100:], 20),  # cut out of a running sweep
+        (np.append(np.zeros(20), SWEEP), 0),  # at rest
+        (LATE_STEP, 0),  # what happens at the beginning is all that happens
+        (np.ones(300), 0),
+        (np.column_stack([np.ones(300), SWEEP[100:]]), 20),
+    ],
+)
+def test_a_log_is_cut_where_it_answers_to_inputs_from_before_it(inputs, expected):
+    assert unsettled(inputs.reshape(len(inputs), -1), 20) == expected
+
+
+def test_no_sample_is_left_out_where_no_delay_is_allowed():
+    assert unsettled(SWEEP[100:, None], 0) == 0

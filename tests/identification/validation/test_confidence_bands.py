@@ -33,9 +33,7 @@ def uncertain(resonant_plant):
 def each_draw(plant):
     alone = replace(plant, draws={}, draw_delays=np.zeros(0, np.int64))
     return [
-        replace(
-            alone, delay_samples=int(plant.draw_delays[k]), **{name: plant.draws[name][k] for name in plant.draws}
-        )
+        replace(alone, delay_samples=int(plant.draw_delays[k]), **{name: plant.draws[name][k] for name in plant.draws})
         for k in range(5)
     ]
 

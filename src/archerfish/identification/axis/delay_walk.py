@@ -7,6 +7,7 @@ which the recordings are not clearly of another opinion.
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,8 @@ from archerfish.identification.axis.starting_points import Start, best_cost, dis
 _LINES = 1000
 _CLEARLY = 0.999
 _HOPELESS = 2.0
+NEAR = 1.1
+"""Cost over that of the best fit up to which another optimum may turn out the better one on other terms."""
 _ROUGH, _SKETCH, _SEARCH = Effort(1.0, 4), Effort(1.0, 6), Effort(0.1, 15)
 
 
@@ -86,7 +89,7 @@ def colour(problem: Problem, refinement: Refinement) -> float:
     stacked = refinement.fit.residuals.reshape(count, -1)
     starts = np.cumsum([0, *(2 * each.lag.size for each in problem.experiments)])
     residual = np.empty((lines, count), np.complex128)
-    for begin, stop in zip(starts, starts[1:], strict=False):
+    for begin, stop in pairwise(starts.tolist()):
         real, imaginary = np.split(stacked[:, begin:stop].T, 2)
         residual[begin // 2 : stop // 2] = real + 1j * imaginary
     power, loudness = np.abs(residual) ** 2, np.abs(outputs - residual) ** 2
@@ -112,7 +115,7 @@ def walk_delays(
     part, whole = cache(ground.thinned(_LINES).spectra), cache(ground.spectra)
     problem = Problem(part(begin), True)
     free = refine_poles(rivals[0].sections, problem, _SKETCH)
-    near = [each.sections for each in rivals[1:]]
+    near = [each.sections for each in rivals[1:] if each.cost <= NEAR * rivals[0].cost]
     strength, sketch = strongest_accepted(free, near, problem, after_delay(prior, begin), _SEARCH)
     walk = Walk(begin, {begin: sketch}, free.fit.misfit, part, whole, prior, strength)
     for delay in sorted({each.delay for each in starts}, key=lambda each: best_cost(starts, each)):

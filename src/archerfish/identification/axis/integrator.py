@@ -7,10 +7,13 @@ gain that means nothing.
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from archerfish.identification.axis.modal_form import Sections, section_offsets, section_poles, sections_from_numbers
 from archerfish.identification.axis.trust import PoleTrust
 from archerfish.identification.axis.uncertainty import Posterior, transfer
+
+Array = NDArray[np.float64]
 
 _NOT_TOLD = 4.0
 """Deviations within which a pole is not told from one at 1."""
@@ -47,7 +50,7 @@ def integration_remarks(
     ]
 
 
-def _share(known: Posterior, pole: float, frequency: float) -> np.ndarray:
+def _share(known: Posterior, pole: float, frequency: float) -> Array:
     """Return the share of a real pole in the response of the first output to each input, shape (m,)."""
     lag = np.exp(-1j * np.array([frequency]))
     whole = np.abs(transfer(known, lag)[0, 0])
@@ -55,13 +58,13 @@ def _share(known: Posterior, pole: float, frequency: float) -> np.ndarray:
     return np.asarray(np.abs(residue / (1 / lag - pole)) / np.maximum(whole, np.finfo(float).tiny))
 
 
-def _residue(sections: Sections, known: Posterior, pole: float) -> np.ndarray:
+def _residue(sections: Sections, known: Posterior, pole: float) -> Array:
     """Return the residue of the first output's response to each input at a pole, shape (m,)."""
     numerators = known.linear[: known.order * known.inputs, 0].reshape(known.order, known.inputs)
     nearest = min(sections, key=lambda section: float(np.abs(section_poles((section,)) - pole).min()))
     start = next(begin for begin, section in section_offsets(sections) if section is nearest)
     if nearest.size == 1:
-        return numerators[start]
+        return np.asarray(numerators[start])
     first, second = section_poles((nearest,)).real
     other = second if abs(first - pole) < abs(second - pole) else first
     # A double pole integrates twice.

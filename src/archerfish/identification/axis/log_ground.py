@@ -18,12 +18,14 @@ class Ground(NamedTuple):
 
     recordings: Sequence[Recording]
     """As given."""
+    scale: Array
+    """What outputs are divided by, shape (p,)."""
     undelayed: Sequence[Spectrum]
     """Whole spectra without delay."""
     skips: Sequence[int]
     """Samples that are left out at the beginning, per recording."""
     lines: Sequence[NDArray[np.intp]]
-    """Lines to look at, per recording."""
+    """Indices of the lines to look at, per recording, shape (F,) each."""
 
     def spectra(self, delay: int) -> list[Spectrum]:
         """Spectra with the inputs delayed."""
@@ -35,6 +37,10 @@ class Ground(NamedTuple):
         kept = thinning(self.spectra(0), count)
         return self._replace(lines=[lines[each] for lines, each in zip(self.lines, kept, strict=True)])
 
+    def reaching_back(self, delay: int) -> "Ground":
+        """All lines, and no more left out at the beginning than delays up to this one need."""
+        return _transformed(self.recordings, self.scale, [min(each, delay) for each in self.skips])
+
 
 def prepare_ground(recordings: Sequence[Recording], max_delay: int, scale: Array) -> Ground:
     """Transform recordings.
@@ -44,6 +50,9 @@ def prepare_ground(recordings: Sequence[Recording], max_delay: int, scale: Array
       max_delay: longest delay that will be asked for [samples].
       scale: outputs are divided by it, shape (p,).
     """
-    skips = [unsettled(each.inputs, max_delay) for each in recordings]
+    return _transformed(recordings, scale, [unsettled(each.inputs, max_delay) for each in recordings])
+
+
+def _transformed(recordings: Sequence[Recording], scale: Array, skips: Sequence[int]) -> Ground:
     undelayed = [spectrum(each, 0, scale, skip) for each, skip in zip(recordings, skips, strict=True)]
-    return Ground(recordings, undelayed, skips, [np.arange(each.lag.size) for each in undelayed])
+    return Ground(recordings, scale, undelayed, skips, [np.arange(each.lag.size) for each in undelayed])

@@ -38,13 +38,13 @@ class Bench(NamedTuple):
     """As given."""
     penalty: Penalty | None
     """As given."""
-    parts: tuple["_Part", ...]
+    parts: tuple["Part", ...]
     """Of the experiments, in their order, then what is wished about an input each."""
     energy: float
     """Sum of squares of the outputs."""
 
 
-class _Part(NamedTuple):
+class Part(NamedTuple):
     """Rows of the least squares: an experiment, or the wishes about an input. Real lies beside imaginary part."""
 
     lag: ComplexArray
@@ -112,17 +112,17 @@ def _dealt(experiment: Spectrum) -> list[Spectrum]:
     return [picked(experiment, np.arange(start, min(start + _PIECE, count))) for start in range(0, count, _PIECE)]
 
 
-def _experiment(each: Spectrum) -> _Part:
+def _experiment(each: Spectrum) -> Part:
     inputs, outputs = (np.ascontiguousarray(signal.T) for signal in (each.inputs, each.outputs))
-    return _Part(each.lag, each.impulse, inputs, each.lag * inputs, outputs.view(np.float64), None)
+    return Part(each.lag, each.impulse, inputs, each.lag * inputs, outputs.view(np.float64), None)
 
 
-def _wish(penalty: Penalty, channel: int) -> _Part:
+def _wish(penalty: Penalty, channel: int) -> Part:
     points = penalty.lag.size
     inputs = np.zeros((len(penalty.rows), points), np.complex128)
     inputs[channel] = 1.0
     weights = penalty.rows[channel].reshape(-1, 2, points).transpose(2, 1, 0).reshape(2 * points, -1)
-    return _Part(penalty.lag, None, inputs, penalty.lag * inputs, penalty.targets[channel].T, weights)
+    return Part(penalty.lag, None, inputs, penalty.lag * inputs, penalty.targets[channel].T, weights)
 
 
 def solve(sections: Sections, bench: Bench) -> Solution:
@@ -152,7 +152,7 @@ def _projected(sections: Sections, bench: Bench) -> Solution:
     return Solution(sections, fit, (), np.empty((0, 0)), ())
 
 
-def _prepared(sections: Sections, order: int, transients: int, part: _Part, feedthrough: bool) -> _Solved:
+def _prepared(sections: Sections, order: int, transients: int, part: Part, feedthrough: bool) -> _Solved:
     """Lay out the columns of a part, and eliminate its transient if it is not one of the shared parameters."""
     own = 0 if part.impulse is None or transients else order
     inverse, columns = _columns(sections, order, own or transients, part, feedthrough)
@@ -166,7 +166,7 @@ def _prepared(sections: Sections, order: int, transients: int, part: _Part, feed
 
 
 def _columns(
-    sections: Sections, order: int, transients: int, part: _Part, feedthrough: bool
+    sections: Sections, order: int, transients: int, part: Part, feedthrough: bool
 ) -> tuple[ComplexArray, ComplexArray]:
     lag, inputs = part.lag, len(part.inputs)
     inverse = np.empty((len(sections), lag.size), np.complex128)
@@ -204,7 +204,7 @@ def _products(rows: Array) -> Array:
     return np.concatenate([rows[:half] @ rows.T, rows[half:] @ rows.T])
 
 
-def _shared(solved: Sequence[_Solved], parts: Sequence[_Part]) -> tuple[Array, Array]:
+def _shared(solved: Sequence[_Solved], parts: Sequence[Part]) -> tuple[Array, Array]:
     """Return L⁻¹ of the shared columns' sums, shape (c, c), and the shared parameters, shape (c, p)."""
     sums = moments = squares = np.zeros(())
     for each, part in zip(solved, parts, strict=True):
@@ -271,7 +271,7 @@ def tangent(solution: Solution, bench: Bench) -> tuple[Array, Array]:
     return _over_outputs(curvature - removed.T @ removed, order), np.asarray(gradient)
 
 
-def _slopes(order: int, part: _Part, solved: _Solved, feedthrough: bool) -> Array:
+def _slopes(order: int, part: Part, solved: _Solved, feedthrough: bool) -> Array:
     """Differentiate the model by every aᵢ, −z⁻ⁱ S / (1 + …) for a section's output S; shape (p, n, R)."""
     owner = _owners(order, len(part.inputs), feedthrough, len(solved.columns))
     chosen = solved.parameters.T[:, None] * (owner == np.arange(len(solved.inverse))[:, None])

@@ -85,9 +85,7 @@ def mixture_interval(
 def _quantile(values: Array, deviations: Array, weights: Array, probability: float) -> Array:
     """Halve the interval that holds a quantile of normal mixtures, until it is as good as a point."""
     deviations = np.maximum(deviations, np.finfo(float).tiny)
-    low, high = (
-        np.asarray(end) for end in ((values - 9 * deviations).min(axis=0), (values + 9 * deviations).max(axis=0))
-    )
+    low, high = (values - 9 * deviations).min(axis=0), (values + 9 * deviations).max(axis=0)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         below = np.sum(weights * ndtr((middle - values) / deviations), axis=0) < probability
@@ -117,4 +115,4 @@ def mixture_deviations(
 def shares(weights: Sequence[float], count: int) -> list[int]:
     """Deal out a number of draws by weight: whole numbers that sum to `count`, none further than one from its share."""
     ends = np.round(count * np.cumsum(weights)).astype(int)
-    return np.diff(ends, prepend=0).tolist()
+    return [int(each) for each in np.diff(ends, prepend=0)]

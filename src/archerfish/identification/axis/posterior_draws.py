@@ -6,13 +6,13 @@ response in the band is far surer than either of them.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.identification.axis.informative_lines import thinned
 from archerfish.identification.axis.modal_form import sections_from_numbers
+from archerfish.identification.axis.normal_equations import Part, lay_out
 from archerfish.identification.axis.pole_refinement import Problem
 from archerfish.identification.axis.uncertainty import Posterior, gram_inverse, transfer
 
@@ -60,15 +60,6 @@ def _moves(known: Posterior, held: Array, count: int, generator: np.random.Gener
     return np.asarray(moves - moves @ fixed.T @ gram_inverse(with_fixed @ fixed.T) @ with_fixed)
 
 
-class _Rows(NamedTuple):
-    """A batch of least-squares problems, one for each set of poles."""
-
-    design: Array
-    """Shape (k, R, c + transients)."""
-    target: Array
-    """Shape (R, p)."""
-
-
 def _following(known: Posterior, problem: Problem, frees: Array) -> Array:
     """Return the linear parameters that keep the response nearest to the estimate's, for many poles at once.
 
@@ -82,49 +73,43 @@ def _following(known: Posterior, problem: Problem, frees: Array) -> Array:
     """
     denominators = [sections_from_numbers(free) for free in frees]
     sections = [np.stack([each[index] for each in denominators]) for index in range(len(denominators[0]))]
-    experiments = thinned(problem.experiments, _LINES)
-    shared = known.linear.shape[0]
-    blocks = []
-    for index, each in enumerate(experiments):
-        own, driven = _columns(sections, each.lag, each.inputs, known.feedthrough)
-        # Every experiment has a transient of its own.
-        transients = np.zeros((*own.shape[:2], len(experiments) * known.order), np.complex128)
-        transients[..., index * known.order : (index + 1) * known.order] = own * each.impulse[:, None]
-        response = np.einsum("kpm,km->kp", transfer(known, each.lag), each.inputs)
-        blocks.append(_Rows(_real(np.concatenate([driven, transients], axis=-1)), _real(response)))
-    if problem.penalty is not None:
-        units = np.eye(known.inputs, dtype=np.complex128)
-        for unit, rows, target in zip(units, problem.penalty.rows, problem.penalty.targets, strict=True):
-            inputs = np.tile(unit, (problem.penalty.lag.size, 1))
-            driven = _columns(sections, problem.penalty.lag, inputs, known.feedthrough)[1]
-            padding = np.zeros((len(frees), len(rows), len(experiments) * known.order))
-            blocks.append(_Rows(np.concatenate([rows @ _real(driven), padding], axis=-1), target))
-    design = np.concatenate([each.design for each in blocks], axis=1)
-    target = np.concatenate([each.target for each in blocks])
-    scale = np.sqrt(np.sum(design**2, axis=1, keepdims=True))
+    bench = lay_out(thinned(problem.experiments, _LINES), known.feedthrough, problem.penalty)
+    shared, outputs = known.linear.shape
+    # Every experiment has a transient of its own.
+    size = shared + known.order * len(bench.experiments)
+    gram, moment = np.zeros((len(frees), size, size)), np.zeros((len(frees), size, outputs))
+    for index, part in enumerate(bench.parts):
+        columns = _columns(sections, part, known.feedthrough).view(np.float64)
+        rows = columns if part.weights is None else columns @ part.weights
+        target = _response(known, part) if part.weights is None else part.targets
+        own = shared + index * known.order
+        places = np.concatenate([np.arange(shared), np.arange(own, own + rows.shape[1] - shared)])
+        gram[:, places[:, None], places] += rows @ rows.swapaxes(1, 2)
+        moment[:, places] += rows @ target.T
+    scale = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))[:, :, None]
     scale[scale == 0] = 1.0
-    scaled = design / scale
-    gram, moment = scaled.swapaxes(1, 2) @ scaled, scaled.swapaxes(1, 2) @ target
+    scaled = gram / scale / scale.swapaxes(1, 2)
     # What little is added settles directions that nothing determines, and moves no other by more than rounding does.
-    found = np.linalg.solve(gram + _RIDGE * np.eye(gram.shape[1]), moment) / scale.swapaxes(1, 2)
+    found = np.linalg.solve(scaled + _RIDGE * np.eye(size), moment / scale) / scale
     return np.asarray(found[:, :shared])
 
 
-def _columns(
-    sections: Sequence[Array], lag: ComplexArray, inputs: ComplexArray, feedthrough: bool
-) -> tuple[ComplexArray, ComplexArray]:
-    """Return the columns of `simulation_fit` for k sets of poles at once.
-
-    Transients, shape (k, F, n), and responses through numerators and feedthrough, shape (k, F, c).
-    """
-    inverse = [1 / (1 + lag * np.sum(s[:, :, None] * lag ** np.arange(s.shape[1])[:, None], axis=1)) for s in sections]
-    entries = [r * lag**power for s, r in zip(sections, inverse, strict=True) for power in range(s.shape[1])]
-    own = np.stack(entries, axis=-1)
-    driven = ((own * lag[:, None])[..., None] * inputs[:, None, :]).reshape(*own.shape[:2], -1)
-    through = np.broadcast_to(inputs, (len(own), *inputs.shape))
-    return own, np.concatenate([driven, through], axis=-1) if feedthrough else driven
+def _response(known: Posterior, part: Part) -> Array:
+    """Return the response of the estimate to the inputs of an experiment, shape (p, 2 F)."""
+    response = np.einsum("fpm,mf->pf", transfer(known, part.lag), part.inputs)
+    return np.ascontiguousarray(response).view(np.float64)
 
 
-def _real(signal: ComplexArray) -> Array:
-    """Stack real parts over imaginary parts along the lines, the last dimension but one."""
-    return np.concatenate([signal.real, signal.imag], axis=-2)
+def _columns(sections: Sequence[Array], part: Part, feedthrough: bool) -> ComplexArray:
+    """Return responses through numerators and feedthrough, then transients, for k sets of poles; shape (k, …, F)."""
+    lag = part.lag
+    entries = []
+    for section in sections:
+        polynomial = lag * section[:, :1] if section.shape[1] == 1 else lag * (section[:, :1] + section[:, 1:] * lag)
+        inverse = 1 / (1 + polynomial)
+        entries += [inverse, inverse * lag][: section.shape[1]]
+    own = np.stack(entries, axis=1)
+    driven = (own[:, :, None] * part.driving).reshape(len(own), -1, lag.size)
+    through = [np.broadcast_to(part.inputs, (len(own), *part.inputs.shape))] if feedthrough else []
+    transients = [] if part.impulse is None else [own * part.impulse]
+    return np.concatenate([driven, *through, *transients], axis=1)

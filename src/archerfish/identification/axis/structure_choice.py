@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from archerfish.identification.axis.delay_walk import Walk, rounding
+from archerfish.identification.axis.delay_walk import NEAR, Walk, rounding
 from archerfish.identification.axis.modal_form import Sections
 from archerfish.identification.axis.normal_equations import lay_out, solve
 from archerfish.identification.axis.out_of_band import after_delay, scaled_penalty
@@ -15,8 +15,6 @@ from archerfish.identification.axis.spectra import row_count
 from archerfish.identification.axis.starting_points import unlike
 
 _SKETCH, _FIT, _SEARCH, _FINISH = Effort(1.0, 6), Effort(0.3, 8), Effort(0.1, 15), Effort(0.01, 40)
-_NEAR = 1.1
-"""Misfit over that of the fit up to which another optimum may turn out the better one."""
 _RIVALS = 2
 _MOST_OPEN = 8
 """Structures that are fitted to all lines at most."""
@@ -43,8 +41,8 @@ class Structure(NamedTuple):
         experiments, fit = self.problem.experiments, self.refinement.fit
         rows = row_count(experiments) * experiments[0].outputs.shape[1] / max(1.0, inflation)
         # Without noise, all structures that hold the plant fit to rounding, which must not choose among them.
-        deviance = rows * float(np.log(max(self.refinement.cost, rounding(experiments))))
-        return deviance + self.problem.feedthrough * fit.feedthrough.size * float(np.log(rows))
+        deviance: float = rows * float(np.log(max(self.refinement.cost, rounding(experiments))))
+        return deviance + float(self.problem.feedthrough * fit.feedthrough.size * np.log(rows))
 
 
 def ranked_structures(walk: Walk) -> list[Structure]:
@@ -95,7 +93,7 @@ def _worth_a_try(rivals: Sequence[Refinement], begun: Refinement, problem: Probl
     """Return the other optima that are not clearly worse on all lines than the fit."""
     bench = lay_out(*problem)
     others = unlike([begun, *rivals], 1 + _RIVALS)[1:]
-    return [each for each in others if solve(each, bench).fit.misfit <= _NEAR * begun.fit.misfit]
+    return [each for each in others if solve(each, bench).fit.misfit <= NEAR * begun.fit.misfit]
 
 
 def fitted_structure(sketch: Structure, strength: float, walk: Walk) -> Structure:

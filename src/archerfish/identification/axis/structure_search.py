@@ -4,12 +4,14 @@ All but the last steps use a part of the lines.
 """
 
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.identification.axis.delay_walk import Walk, walk_delays
+from archerfish.identification.axis.informative_lines import telling_lines
 from archerfish.identification.axis.late_response import later_delay
 from archerfish.identification.axis.log_ground import Ground, prepare_ground
 from archerfish.identification.axis.pole_pursuit import pursue_poles
@@ -57,14 +59,24 @@ def search_plant(recordings: Sequence[Recording], order: int, max_delay: int, sc
     ground = prepare_ground(recordings, max_delay, scale)
     walk, rivals = _walk(ground, order, max_delay)
     sketches = ranked_structures(walk)
+    longest = max(each.delay for each in sketches)
+    if max(ground.skips) > longest:
+        walk = _with_all_samples(walk, ground.reaching_back(longest))
     strength, best = checked_structure(sketches[0], rivals, walk)
     structures = [best, *(fitted_structure(each, strength, walk) for each in sketches[1:])]
-    structures.sort(key=lambda each: each.criterion(walk.colour()))
+    colour = walk.colour()
+    structures.sort(key=lambda each: each.criterion(colour))
     range_95 = walk.undecided(0.95)
     delays = min(range_95[0], structures[0].delay), max(range_95[-1], structures[0].delay)
     guesses = [structures[0].refinement.sections, *(each.sections for each in rivals)]
     later = later_delay(walk, ground, guesses, max_delay)
     return Found(structures[0], tuple(structures[1:]), delays, later)
+
+
+def _with_all_samples(walk: Walk, ground: Ground) -> Walk:
+    """Let the last fits see what of the recordings only longer delays would have needed as a past."""
+    lines = telling_lines(Problem(ground.spectra(walk.delay), True), walk.sketches[walk.delay])
+    return walk._replace(whole=cache(ground._replace(lines=lines).spectra))
 
 
 def _walk(ground: Ground, order: int, max_delay: int) -> tuple[Walk, Sequence[Refinement]]:

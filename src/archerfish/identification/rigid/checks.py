@@ -110,12 +110,14 @@ def rigid_remarks(
     remarks = []
     if min(fits) < _USABLE_FIT_PERCENT:
         remarks.append(
-            f"The rigid model misses {100 - min(fits):.0f} % of the motion: friction that is not viscous, backlash or "
-            "mixed units; don't trust the parameters."
+            f"The rigid model misses {100 - min(fits):.0f} % of the motion: backlash, cogging, friction that grows at "
+            "rest, or mixed units; don't trust the parameters."
         )
     damping, error = estimates["damping"], standard_errors["damping"]
     if damping < -3 * error:
         remarks.append("The damping is negative, which no axis is: check the units and the torque's sign.")
+    elif abs(damping) < 3 * error and "friction" in estimates:
+        remarks.append("Damping and Coulomb friction are hardly told apart: record stretches at several speeds.")
     elif abs(damping) < 3 * error:
         remarks.append("The damping is within three standard errors of nothing: its interval is all that is known.")
     return remarks

@@ -66,17 +66,18 @@ def _memory(residuals: Array, stretch: float) -> Array:
 
     A level and a trend fitted to n samples bias it by −(2 + 4 ρ)/n (Kendall 1954), which is taken off again.
     """
-    rho = (_first_lag(residuals) + 2 / stretch) / (1 - 4 / stretch)
+    rho = (first_lag(residuals) + 2 / stretch) / (1 - 4 / stretch)
     return np.clip(rho, -_LONGEST_MEMORY, _LONGEST_MEMORY)
 
 
-def _first_lag(signal: Array) -> Array:
+def first_lag(signal: Array) -> Array:
+    """Return the correlation of each column with itself a sample later, shape (N, p) → (p,)."""
     power = np.sum(signal**2, axis=0)
     return np.asarray(np.sum(signal[1:] * signal[:-1], axis=0) / np.maximum(power, np.finfo(float).tiny))
 
 
 def _bandwidth(signal: Array) -> float:
     """Width of Bartlett's window [samples] that suits a first-order signal with the same first lag (Andrews 1991)."""
-    rho = np.clip(_first_lag(signal), -_LONGEST_MEMORY, _LONGEST_MEMORY)
+    rho = np.clip(first_lag(signal), -_LONGEST_MEMORY, _LONGEST_MEMORY)
     alpha = float(np.max(4 * rho**2 / ((1 - rho) ** 2 * (1 + rho) ** 2)))
     return float(min(1.1447 * (alpha * len(signal)) ** (1 / 3), len(signal) / 4))

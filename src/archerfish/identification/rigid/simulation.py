@@ -2,21 +2,27 @@
 
 The parameters are those in which the acceleration is linear,
 
-    θ̈ = φ₀ torque − φ₁ θ̇ − φ₂ sin θ + φ₃ cos θ + φ₄,
+    θ̈ = φ₀ torque − φ₁ θ̇ − φ₂ sin θ + φ₃ cos θ + φ₄ − φ₅ sign θ̇,
 
-with φ = (1, b, m g l cos θ₀, m g l sin θ₀, torque offset) / inertia and θ₀ the angle at which the arm hangs.
+with φ = (1, b, m g l cos θ₀, m g l sin θ₀, torque offset, friction) / inertia and θ₀ the angle at which the arm hangs.
+At rest friction holds up to φ₅.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.dynamics.rigid_axis import RigidAxis, RigidState, rigid_step
+from archerfish.dynamics.rigid_axis import RigidAxis, RigidState, dry_friction, rigid_step
 from archerfish.records.recording import Recording
 
 Array = NDArray[np.float64]
+
+
+_FINE = 5e-3
+"""Longest step with dry friction [s]: within it the axis can't both stop and break free."""
 
 
 class Segments(NamedTuple):
@@ -63,7 +69,7 @@ def simulate_segments(segments: Segments, phi: Array, initial: Array) -> Array:
 
     Args:
       segments: the torques.
-      phi: parameters, shape B + (5,); φ₀ > 0.
+      phi: parameters, shape B + (6,); φ₀ > 0, φ₅ ≥ 0.
       initial: angle and rate that each segment starts from, shape B + (S, 2).
 
     Returns:
@@ -75,10 +81,15 @@ def simulate_segments(segments: Segments, phi: Array, initial: Array) -> Array:
     axis = RigidAxis(inertia, np.ones_like(inertia), phi[..., 1:2] * inertia, gravity)
     torque = segments.torque.reshape(len(segments.torque), *[1] * (phi.ndim - 1), -1)
     pushed = torque + phi[..., 4:5] * inertia
+    friction = phi[..., 5:6] * inertia
+    steps = max(1, math.ceil(segments.sample_period_s / _FINE)) if np.any(friction > 0) else 1
+    period = segments.sample_period_s / steps
     state = RigidState(initial[..., 0] - phase, initial[..., 1])
     found = np.empty((len(pushed), *np.broadcast_shapes(state.angle.shape, pushed.shape[1:]), 2))
     for index, push in enumerate(pushed):
         found[index, ..., 0], found[index, ..., 1] = state
-        state = rigid_step(axis, state, push, segments.sample_period_s)
+        for _ in range(steps):
+            held = dry_friction(axis, state, push, friction, period) if np.any(friction > 0) else 0.0
+            state = rigid_step(axis, state, push + held, period)
     found[..., 0] += phase
     return found

@@ -14,6 +14,9 @@ from archerfish.records.errors import InputError
 
 Array = NDArray[np.float64]
 
+_SPAN, _FEWEST = 0.1, 8
+"""Time [s] over which an angle is all but a parabola, and samples that outweigh its noise."""
+
 
 def first_guess(segments: Segments, free: list[int]) -> tuple[Array, Array]:
     """Estimate parameters and initial states by linear regression.
@@ -23,7 +26,7 @@ def first_guess(segments: Segments, free: list[int]) -> tuple[Array, Array]:
       free: indices of the estimated parameters; the others are zero.
 
     Returns:
-      φ, shape (5,), and the initial angle and rate of each segment, shape (S, 2).
+      φ, shape (6,), of which friction is zero, and the initial angle and rate of each segment, shape (S, 2).
 
     Raises:
       InputError: if torque that rises would slow the axis down.
@@ -47,12 +50,20 @@ def first_guess(segments: Segments, free: list[int]) -> tuple[Array, Array]:
             "--torque-per-unit turns it), that torque and angle are not swapped, and that --axis-kind is right (an arm "
             "under gravity is a pitch axis)"
         )
-    phi = np.zeros(5)
+    phi = np.zeros(6)
     phi[free] = solved
     initial = np.array([p @ (y - x @ solved) for p, y, x in zip(own, targets, columns, strict=True)])
     # The damping's column holds −∫θ, to which θ(0) t belongs.
     initial[:, 1] -= phi[1] * initial[:, 0]
     return phi, initial
+
+
+def measured_starts(segments: Segments) -> Array:
+    """Return angle and rate at the beginning of each segment, by a parabola through its first samples, shape (S, 2)."""
+    count = min(max(_FEWEST, round(_SPAN / segments.sample_period_s)), *segments.lengths)
+    time = segments.sample_period_s * np.arange(count)
+    parabolas = np.polynomial.polynomial.polyfit(time, segments.outputs[:count, :, 0], 2)
+    return np.asarray(parabolas[:2].T)
 
 
 def _columns(torque: Array, angle: Array, time: Array) -> Array:
