@@ -80,7 +80,7 @@ def test_the_integral_rests_while_the_motor_is_at_its_limit() -> None:
     assert pushed.integral[0, 1] == 0.1
     grown, torque = firmware_torque(gains, state, near, np.zeros((1, 2)), np.zeros((1, 2)))
     assert torque[0, 1] == pytest.approx(1.1 * 28 * 0.01 + 0.1)
-    assert grown.integral[0, 1] == pytest.approx(0.1 + 2.0 * 28 * 0.01 * TICK_S)
+    assert grown.integral[0, 1] == pytest.approx(0.1 + 7.0 * 28 * 0.01 * TICK_S)
     back, torque = firmware_torque(gains, state, -far, np.zeros((1, 2)), np.zeros((1, 2)))
     assert torque[0, 1] == -1.2
     assert back.integral[0, 1] == 0.1

@@ -25,11 +25,12 @@ from archerfish.virtual_robot.robot import VirtualRobot
 
 @dataclass(frozen=True)
 class Range:
-    """Fire the virtual robot at plates or at the ground, and write the shots with their measured speeds.
+    """Fire the virtual robot at plates or at the ground, and write the shots.
 
     At each plate it fires single shots, with rested friction wheels, and a burst at the cadence of an engagement, one
     pellet every 20 ms, in which the wheels slow down: a muzzle that is identified from both has the mean speed of
-    both. --ground fires single shots at the ground, at the nine angles of the paper's Table I.
+    both. Each shot has its measured speed. --ground fires single shots at the ground, at the nine angles of the paper's
+    Table I.
 
     Writes shots.csv, or with --ground landings.csv, for archerfish identify muzzle; and limits.json, what the team
     knows of its robot.

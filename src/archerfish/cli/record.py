@@ -40,7 +40,7 @@ _OfKind = tyro.conf.arg(metavar="VALUE", help_behavior_hint="(default: of the ki
 
 @dataclass(frozen=True)
 class Record:
-    """Play an excitation on the virtual robot and record it, as a team does with a real one.
+    """Play an excitation on the virtual robot, and write the logs.
 
     sweep is a sine of 1° from 2 to 50 Hz, step are steps of 2° to both sides; each comes with a second log, of another
     course, to hold back for --validate. Both are for archerfish identify gimbal. timing is what archerfish identify
@@ -76,6 +76,8 @@ class Record:
     """Length of a sweep in seconds: 10, for timing 20."""
     hold_s: float = 3.0
     """How long a step is held in seconds; friction delays the last of the way."""
+    count: int = TimingPlan.steps
+    """How many command steps, and steps of the target, timing has."""
     centre_deg: float = 0.0
     """Angle about which the axis is moved."""
     commands: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
@@ -202,6 +204,7 @@ def _timing(command: Record, robot: RobotDescription, folder: Path, console: Con
         amplitude=float(np.radians(command.amplitude_deg)) if command.amplitude_deg else base.amplitude,
         low_hz=command.low_hz or base.low_hz,
         high_hz=command.high_hz or base.high_hz,
+        steps=command.count,
     )
     noise, draws = seeds_from(command.seed, 2)
     virtual = one_robot(robot, noise, command.physics, console)

@@ -67,7 +67,7 @@ class CommandLink:
             return np.broadcast_to(self.in_force, (len(times), *self.in_force.shape)), received, value
         known = np.concatenate([self.in_force[:, None], value[..., 1:]], axis=1)
         count = np.sum(received[:, None, :] <= times[:, None] + _ROUNDING, axis=2)
-        held = np.take_along_axis(known, count[..., None], axis=1).swapaxes(0, 1)
+        held = known[np.arange(len(known)), count.T]
         self.in_force = held[-1]
         return held, received, value
 

@@ -25,7 +25,7 @@ def arrivals(sent: Array, latency: Array, lost: NDArray[np.bool_], last: Array) 
 
 
 class Mailbox:
-    """What has been sent to B trials' receivers and not been taken yet."""
+    """What was sent to B receivers and has not been taken yet: each trial's in order, infinity after the last."""
 
     def __init__(self, batch: int, width: int) -> None:
         self._received = np.empty((batch, 0))
@@ -33,7 +33,7 @@ class Mailbox:
         self._next = np.inf
 
     def put(self, received: Array, content: Array) -> None:
-        """Add messages.
+        """Add messages, none of which arrives before one that was added earlier.
 
         Args:
           received: when they arrive [s], infinite where never, shape (B, N).
@@ -43,10 +43,7 @@ class Mailbox:
             return
         self._received = np.concatenate([self._received, received], axis=1)
         self._content = np.concatenate([self._content, content], axis=1)
-        order = np.argsort(self._received, axis=1, kind="stable")
-        self._received = np.take_along_axis(self._received, order, axis=1)
-        self._content = np.take_along_axis(self._content, order[..., None], axis=1)
-        self._trim()
+        self._close_ranks()
 
     def take(self, until: float, size: int | None = None) -> tuple[Array, Array]:
         """Take what has arrived by a moment.
@@ -58,32 +55,30 @@ class Mailbox:
         Returns:
           Arrivals [s], shape (B, M), in order, NaN where there is none; contents, shape (B, M, width), likewise.
         """
-        batch, width = self._received.shape[0], self._content.shape[2]
-        if self._next > until:
-            return np.full((batch, size or 0), np.nan), np.full((batch, size or 0, width), np.nan)
-        count = np.sum(self._received <= until, axis=1)
-        if size is None:
-            size = int(count.max())
+        batch, held = self._received.shape
+        count = np.sum(self._received <= until, axis=1) if self._next <= until else np.zeros(batch, np.int64)
+        size = int(count.max()) if size is None else size
         count = np.minimum(count, size)
-        received, content = self._padded(size)
-        here = np.arange(size) < count[:, None]
-        received, content = np.where(here, received, np.nan), np.where(here[..., None], content, np.nan)
-        self._received = np.where(np.arange(self._received.shape[1]) < count[:, None], np.inf, self._received)
-        # Sorting anew brings what was taken to the end, where it is cut off.
-        order = np.argsort(self._received, axis=1, kind="stable")
-        self._received = np.take_along_axis(self._received, order, axis=1)
-        self._content = np.take_along_axis(self._content, order[..., None], axis=1)
-        self._trim()
+        received, content = np.full((batch, size), np.nan), np.full((batch, size, self._content.shape[2]), np.nan)
+        used = int(count.max())
+        if used == 0:
+            return received, content
+        here = np.arange(used) < count[:, None]
+        received[:, :used] = np.where(here, self._received[:, :used], np.nan)
+        content[:, :used] = np.where(here[..., None], self._content[:, :used], np.nan)
+        if int(count.min()) == used:
+            self._received, self._content = self._received[:, used:], self._content[:, used:]
+        else:
+            self._received = np.where(np.arange(held) < count[:, None], np.inf, self._received)
+        self._close_ranks()
         return received, content
 
-    def _padded(self, size: int) -> tuple[Array, Array]:
-        lack = size - self._received.shape[1]
-        if lack <= 0:
-            return self._received[:, :size], self._content[:, :size]
-        received = np.pad(self._received, ((0, 0), (0, lack)), constant_values=np.inf)
-        return received, np.pad(self._content, ((0, 0), (0, lack), (0, 0)))
-
-    def _trim(self) -> None:
-        used = int(np.sum(np.isfinite(self._received), axis=1).max(initial=0))
-        self._received, self._content = self._received[:, :used], self._content[:, :used]
-        self._next = float(self._received[:, 0].min()) if used else np.inf
+    def _close_ranks(self) -> None:
+        """Bring what never arrives, or was taken, to the end of each trial's row, and cut it off there."""
+        under_way = np.isfinite(self._received)
+        if not under_way.all():
+            order = np.argsort(self._received, axis=1, kind="stable")
+            used = int(under_way.sum(axis=1).max())
+            trial, order = np.arange(len(order))[:, None], order[:, :used]
+            self._received, self._content = self._received[trial, order], self._content[trial, order]
+        self._next = float(self._received[:, 0].min()) if self._received.shape[1] else np.inf
