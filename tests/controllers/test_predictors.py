@@ -61,6 +61,35 @@ def test_constant_velocity_leads_a_target_on_a_line() -> None:
     )
 
 
+def test_constant_velocity_carries_old_sights_to_now() -> None:
+    line = Line(np.array([3.0, -0.5, 0.1]), np.array([-0.1, 0.6, 0.0]))
+    predictor = ConstantVelocity(TrackerNoise(*(np.asarray(each) for each in (1.0, 0.002, 0.002))))
+    ages = np.random.default_rng(52).uniform(0.03, 0.06, 60)
+
+    def seen(step: int, elapsed: float = DT) -> Seen:
+        return sight(line.position(np.asarray(DT * step - ages[step])), elapsed)._replace(plate_age=ages[step : step + 1])
+
+    state = predictor.step(predictor.reset(seen(0)), seen(0, elapsed=0.0))
+    for step in range(1, 60):
+        state = predictor.step(state, seen(step))
+    for ahead in (0.0, 0.2):
+        expected = line.position(np.asarray(59 * DT + ahead))
+        assert_allclose(predictor.position_after(state, np.asarray(ahead)), expected, atol=1e-3)
+
+
+def test_constant_velocity_goes_on_without_a_new_sight() -> None:
+    line = Line(np.array([3.0, -0.5, 0.1]), np.array([-0.1, 0.6, 0.0]))
+    predictor = ConstantVelocity(TrackerNoise(*(np.asarray(each) for each in (1.0, 0.002, 0.002))))
+    state, last = follow(predictor, line.position(DT * np.arange(30))), sight(line.position(np.asarray(29 * DT)))
+    for lost in range(1, 5):
+        before = state.track
+        state = predictor.step(state, last._replace(plate_age=np.array([DT * lost]), fresh=np.array([False])))
+        assert_allclose(state.track.covariance, before.covariance, atol=1e-15)  # as of the same exposure
+        assert_allclose(
+            predictor.position_after(state, np.asarray(0.1)), line.position(np.asarray((29 + lost) * DT + 0.1)), atol=1e-3
+        )
+
+
 # Phases: on the way left, about to turn at either end, on the way right.
 @pytest.mark.parametrize("phase", [0.1, 0.3, 0.47, 0.6, 0.8, 0.97])
 @pytest.mark.parametrize("speed", [0.05, 0.2, 0.35])

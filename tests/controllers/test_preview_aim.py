@@ -5,8 +5,32 @@ from numpy.testing import assert_allclose
 from archerfish.controllers.predictors import Hold
 from archerfish.controllers.preview_aim import make_preview_aim, observer_gain
 from archerfish.controllers.roster import make_controller
+from archerfish.dynamics.delayed_gimbal import angle_and_rate, delayed_gimbal, rest_under, run, send
+from archerfish.dynamics.linear_axis import gimbal_angle
+from archerfish.dynamics.target_motion import Line
+from archerfish.paper.gimbal import printed_plants
+from archerfish.sensing.interfaces import Seen
 
 PERIOD = 0.02
+
+
+def sight(plate, plate_age=0.0, angle=(0.0, 0.0), gimbal_age=0.0, command=(0.0, 0.0), elapsed=PERIOD) -> Seen:
+    """What one robot sees."""
+    zero = np.zeros(())
+    return Seen(
+        elapsed=zero + elapsed,
+        angle=np.asarray(angle),
+        rate=np.zeros(2),
+        gimbal_age=zero + gimbal_age,
+        command=np.asarray(command),
+        plate=np.asarray(plate)[None],
+        normal_yaw=zero[None],
+        plate_age=zero[None] + plate_age,
+        fresh=np.array([True]),
+        base=np.zeros(4),
+        muzzle_speed=zero + 18.0,
+        heat_left=zero + 1e6,
+    )
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -62,3 +86,39 @@ def test_an_imperfect_plant_leaves_no_error_at_rest_that_feedback_could_mend(ben
     controller = make_preview_aim(Hold(), work.muzzle, weak, work.limits, PERIOD)
     duel = fight(controller, "box", static_share=1.0)
     assert np.all(np.linalg.norm(duel.miss[40:], axis=-1) < 0.06)
+
+
+@pytest.mark.parametrize("name", ["kalman", "kalman-lq"])
+def test_an_old_sight_of_a_moving_target_is_carried_to_now(bench, name) -> None:
+    line = Line(np.array([3.0, -0.5, 0.1]), np.array([-0.1, 0.6, 0.0]))
+    commands = []
+    for age in (0.0, 0.05):
+        controller = make_controller(name, bench("box"))
+        seen = [sight(line.position(np.asarray(PERIOD * step - age)), age) for step in range(30)]
+        state = controller.reset(seen[0])
+        for each in seen:
+            state, command = controller.step(state, each)
+        commands.append(command.angle)
+    # Without its age it would be taken to be 10 mrad behind.
+    assert_allclose(commands[1], commands[0], atol=1e-3)
+
+
+def test_old_feedback_does_not_mislead_the_state_observer(bench) -> None:
+    # The gimbal by the millisecond, its feedback three milliseconds old: told so, the estimate is nearer the truth.
+    plants, rng, draw = printed_plants(), np.random.default_rng(53), np.asarray(0)
+    gimbal = delayed_gimbal(plants["pitch"], plants["yaw"], PERIOD)
+    commands = np.cumsum(rng.uniform(-0.02, 0.02, (40, 2)), axis=0)
+    errors = {}
+    for told in (0.003, 0.0):
+        controller = make_preview_aim(Hold(), bench("box").muzzle, bench("box").model, bench("box").limits, PERIOD)
+        axes, off = rest_under(gimbal, draw, np.zeros(2), 3), []
+        state = controller.reset(sight((3.0, 0.0, 0.0)))
+        for command in commands:
+            axes = run(gimbal, draw, send(gimbal, draw, axes, command, np.asarray(0.0)), np.asarray(17.0))
+            shown, _ = angle_and_rate(gimbal, draw, axes)
+            axes = run(gimbal, draw, axes, np.asarray(3.0))
+            seen = sight((3.0, 0.0, 0.0), angle=shown, gimbal_age=told, command=command)
+            state, _ = controller.step(state, seen)
+            off.append(gimbal_angle(controller.model, state.plant) - angle_and_rate(gimbal, draw, axes)[0])
+        errors[told] = np.sqrt(np.mean(np.square(off), axis=0))
+    assert np.all(errors[0.003] < 0.5 * errors[0.0])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from archerfish.controllers.roster import Workbench, make_controller
+from archerfish.dynamics.aiming import line_of_sight
 from archerfish.dynamics.array_namespace import namespace
 from archerfish.dynamics.command_limits import named_limits
 from archerfish.dynamics.linear_axis import gimbal_model
@@ -35,6 +36,22 @@ class BangBang(NamedTuple):
         xp = namespace(seen.angle)
         side = 1.0 - 2.0 * (xp.floor(state / self.flip_every) % 2.0)
         return state + 1.0, fire_always(10.0 * side[..., None] + 0.0 * seen.angle)
+
+
+class Told(NamedTuple):
+    """Aims at the vertex of the path, which it is told."""
+
+    height: Any
+    """Above the line of sight [rad], shape ()."""
+
+    needs_truth = True
+
+    def reset(self, seen: Seen, truth: Truth | None = None) -> Any:  # noqa: ARG002
+        assert truth is not None
+        return line_of_sight(truth.motion.vertex)
+
+    def step(self, state: Any, seen: Seen) -> tuple[Any, Command]:  # noqa: ARG002
+        return state, fire_always(state + self.height)
 
 
 class Stepped:
@@ -88,6 +105,29 @@ def test_a_world_compiled_is_the_world_stepped(build_controller: Callable[..., A
     # Filters and limits amplify single rounding differences; a wrong step would be off by a hundred times that.
     np.testing.assert_allclose(compiled.angle, stepped.angle, atol=2e-5)
     np.testing.assert_allclose(compiled.miss, stepped.miss, atol=1e-4)
+
+
+def stepped_in_numpy(world: Any, controller: Any, trials: Trials) -> Shots:
+    """All of it in NumPy, as on a robot."""
+    shooting, seen = world.reset(trials.engagements, trials.draws)
+    truth = world.truth(trials.engagements) if getattr(controller, "needs_truth", False) else None
+    state, shots = controller.reset(seen, truth), []
+    for _ in range(trials.draws.shape[1]):
+        state, command = controller.step(state, seen)
+        shooting, seen, shot = world.step(shooting, command)
+        shots.append((shot.miss, seen.command, shot.angle))
+    return Shots(*(np.stack(each, axis=1) for each in zip(*shots, strict=True)))
+
+
+@pytest.mark.parametrize("name", ["kalman", "told"])
+def test_a_controller_compiled_for_a_world_that_is_not_shoots_as_it_does_in_numpy(build_controller, name) -> None:
+    few = draw_trials(table_suites(CONDITIONS), engagements=1, decisions=8, seed=4)
+    world, controller = build_world(), Told(np.float32(0.01)) if name == "told" else build_controller(name)
+    compiled, plain = fight(Stepped(world), controller, few), stepped_in_numpy(world, controller, few)
+    np.testing.assert_allclose(compiled.command, plain.command, atol=2e-4)
+    np.testing.assert_allclose(compiled.angle, plain.angle, atol=2e-4)
+    np.testing.assert_allclose(compiled.miss, plain.miss, atol=2e-3)
+    assert {each.dtype for each in compiled} == {np.dtype(np.float32)}
 
 
 @pytest.mark.parametrize("flip_every", [1.0, 7.0])

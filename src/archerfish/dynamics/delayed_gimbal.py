@@ -160,7 +160,9 @@ def send(gimbal: DelayedGimbal, draw: Array, state: DelayedState, command: Array
       latency: of the link, before the axes' own delay [s], shape B.
     """
     xp = namespace(command, state.due)
-    ticks = xp.round(latency / gimbal.tick)[..., None] + gimbal.delay[draw]
+    ticks = xp.round(latency / gimbal.tick)[..., None]
+    # NumPy would make float64 of float32 and whole numbers.
+    ticks = ticks + xp.astype(gimbal.delay[draw], ticks.dtype)
     due = xp.maximum(ticks, state.due[..., -1])
     return DelayedState(
         state.plant,

@@ -13,7 +13,7 @@ from archerfish.records.limits import LimitsRecord
 from archerfish.records.muzzle import MuzzleRecord
 from archerfish.records.plant import PlantRecord
 from archerfish.records.sensing import SensingRecord
-from archerfish.sensing.camera import sensing_from_record
+from archerfish.sensing.camera import jittered, sensing_from_record
 from archerfish.simulation.environment import PureWorld
 from archerfish.simulation.identified import IdentifiedWorld
 from archerfish.simulation.scenario import Scenario
@@ -74,20 +74,20 @@ def _identified_world(
     period = conditions.control_period_s
     gimbal = delayed_gimbal(pitch, yaw, period)
     count = len(gimbal.rest)
-    link = sensing.link
-    latency, jitter = link.command_latency or 0.0, link.command_latency_jitter or 0.0
-    longest = (latency + 4.0 * jitter) / pitch.sample_period_s
+    drawn = sensing_from_record(sensing, count)
+    # Of all draws: a command that finds no place would act at once.
+    longest = np.max(jittered(drawn.command_latency, drawn.command_jitter, np.full(count, np.inf)))
     world = IdentifiedWorld(
         period=np.asarray(period),
         gimbal=gimbal,
-        sensing=sensing_from_record(sensing, count),
+        sensing=drawn,
         muzzles=muzzle_draws(muzzle, count),
         muzzle=muzzle_from_record(muzzle),
-        model=gimbal_model(pitch, yaw, period, latency),
+        model=gimbal_model(pitch, yaw, period, sensing.link.command_latency or 0.0),
         limits=named_limits(command_limit, limits, conditions.line_of_sight_lead),
         angle_low=np.array([limits.pitch.low, limits.yaw.low]),
         angle_high=np.array([limits.pitch.high, limits.yaw.high]),
-        queue=np.ones(longest_wait(gimbal, longest)),
+        queue=np.ones(longest_wait(gimbal, longest / pitch.sample_period_s)),
     )
     built: IdentifiedWorld = single_precision(world)
     return built

@@ -13,7 +13,7 @@ from archerfish.dynamics.aiming import line_of_sight
 from archerfish.dynamics.array_namespace import map_arrays
 from archerfish.dynamics.command_limits import CommandLimits, limit_command
 from archerfish.dynamics.linear_axis import GimbalModel
-from archerfish.dynamics.muzzle import Muzzle
+from archerfish.dynamics.muzzle import Muzzle, direction
 from archerfish.sensing.host import Reports, Sighting, no_reports, with_frames, with_reports
 from archerfish.sensing.interfaces import Command, Engagement, Seen, Shot, Truth
 from archerfish.virtual_robot.description import TICK_S, RobotDescription
@@ -95,11 +95,10 @@ class RobotWorld:
         robot = VirtualRobot(self._description, batch, _seeds(draws))
         motion = map_arrays(lambda each: np.asarray(each, np.float64), engagements.motion)
         heard = robot.reset(start, motion, lead_s=LEAD_S)
-        ahead = np.tile([UNSEEN_M, 0.0, 0.0], (batch, 1))
         running = RunningEngagement(
             robot,
             no_reports(batch),
-            Sighting(ahead, np.full(batch, -np.inf), np.zeros(batch, bool)),
+            Sighting(UNSEEN_M * direction(start), np.full(batch, -np.inf), np.zeros(batch, bool)),
             start,
             0.0 * start,
             np.asarray(draws[..., :3], np.float64),
