@@ -18,7 +18,7 @@ from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.virtual_robot.description_file import load_robot
 
-ROBOT_STEPS = 5_000_000
+ROBOT_STEPS = 3_000_000
 """Decisions that a policy for a robot trains for."""
 QUICK_STEPS, QUICK_ENGAGEMENTS = 300_000, 20
 
