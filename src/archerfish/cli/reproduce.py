@@ -4,7 +4,7 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,14 +19,17 @@ from archerfish.learning.config import PpoConfig
 from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.provenance import code_commit, library_versions
+from archerfish.virtual_robot.description_file import load_robot
 
 
 @dataclass(frozen=True)
 class Reproduce:
-    """Reproduce the paper: identify, train, evaluate, report.
+    """Reproduce the paper: identify, train, evaluate, report; in simulation, then with a robot.
 
     Logs sweeps and steps of the printed gimbal, identifies it from them (Fig. 4), trains policies (Figs 5 and 6),
-    shoots Tables II and III under three command limits beside classical controllers, and fits Table I.
+    shoots Tables II and III under three command limits beside classical controllers, and fits Table I. Then the virtual
+    robot is recorded, identified from its logs, and shoots Tables IV and V with policies trained in the simulator made
+    from them, as archerfish transfer does.
 
     Writes report.html (start there), results.json (every figure of it), policies, plants, logs, figures and
     config.json.
@@ -49,6 +52,10 @@ class Reproduce:
     """Trainings per curve of Figs 5 and 6."""
     ppo: PpoConfig = field(default_factory=PpoConfig)
     """Settings of PPO."""
+    robot: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "infantry"
+    """Robot of Tables IV and V: infantry, worn, or a TOML file (docs/virtual_robot.md)."""
+    robot_engagements: int = 400
+    """Engagements per cell of Tables IV and V."""
     workers: Annotated[int, tyro.conf.arg(help_behavior_hint="(default: one per core, at most 4)")] = 0
     """Processes to use."""
     json: JsonFile = None
@@ -76,6 +83,8 @@ def run_reproduce(command: Reproduce) -> dict[str, Any]:
     durations: dict[str, float] = {}
     with run_folder(command.out) as folder:
         parts = _run_stages(command, setting, folder, durations)
+        with _timed(durations, "robot"):
+            parts = _joined(parts, _rehearsed(command, folder))
         results = Results(
             seed=command.seed,
             commit=code_commit(),
@@ -96,11 +105,13 @@ def run_reproduce(command: Reproduce) -> dict[str, Any]:
 def _shortened(command: Reproduce) -> Reproduce:
     ppo = PpoConfig(**{**asdict(command.ppo), "steps": min(QUICK_STEPS, command.ppo.steps)})
     changes = {"engagements": min(QUICK_ENGAGEMENTS, command.engagements), "curve_seeds": 1, "ppo": ppo}
+    changes["robot_engagements"] = min(QUICK_ENGAGEMENTS, command.robot_engagements)
     return Reproduce(**{**vars(command), **changes})
 
 
 def _check(command: Reproduce) -> None:
-    for name, smallest in (("engagements", 2), ("curve_seeds", 1), ("workers", 0)):
+    load_robot(command.robot)
+    for name, smallest in (("engagements", 2), ("robot_engagements", 2), ("curve_seeds", 1), ("workers", 0)):
         if getattr(command, name) < smallest:
             raise InputError(f"--{name.replace('_', '-')} must be at least {smallest}, got {getattr(command, name)}")
 
@@ -126,6 +137,30 @@ def _run_stages(command: Reproduce, setting: Setting, folder: Path, durations: d
         **shot,
         "calibration": calibration(),
     }
+
+
+def _rehearsed(command: Reproduce, folder: Path) -> dict[str, Any]:
+    """Take the robot from logs to Tables IV and V."""
+    from archerfish.cli.transfer import ROBOT_STEPS
+    from archerfish.cli.transfer_stage import Rehearsal, rehearse
+
+    steps = QUICK_STEPS if command.quick else ROBOT_STEPS
+    rehearsal = Rehearsal(
+        robot=command.robot,
+        changed=("worn",),
+        ppo=replace(command.ppo, steps=min(steps, command.ppo.steps) if command.quick else steps),
+        seeds=(command.seed,),
+        engagements=command.robot_engagements,
+        folder=folder / "robot",
+        workers=command.workers or min(os.cpu_count() or 1, 4),
+    )
+    return rehearse(rehearsal)[1]
+
+
+def _joined(simulated: dict[str, Any], rehearsed: dict[str, Any]) -> dict[str, Any]:
+    """Join the parts of the results; those that both have are sequences."""
+    both = {name: (*simulated[name], *rehearsed[name]) for name in simulated.keys() & rehearsed.keys()}
+    return {**simulated, **rehearsed, **both}
 
 
 @contextmanager
