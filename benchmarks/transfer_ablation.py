@@ -1,7 +1,7 @@
 """What each ingredient of the way onto the robot is worth: each removed in turn, trained anew, shot on the robot.
 
-All variants start from the same logs of the robot `infantry`, train with the same seed and number of decisions, and meet
-the same engagements with the same dispersion draws, on a stream that no other evaluation uses. Differences are paired,
+All variants start from the same logs of the robot `infantry`, train with the same seed and number of decisions, and
+meet the same engagements with the same dispersion draws, of a seed of their own. Differences are paired,
 with 95 % intervals by engagement; one training each, so a difference smaller than that between two seeds of the whole
 (the row "another seed") means little. Writes benchmarks/results/transfer_ablation.json and docs/ablation.svg.
 """
@@ -177,13 +177,8 @@ def main() -> None:
     conditions = {**describe_machine(), "steps": steps, "engagements_per_cell": engagements, "seed": SEED}
     variants = [asdict(each) for each in VARIANTS]
     storage.write_json(RESULT, {"conditions": conditions, "variants": variants, "rows": rows, "trim": trim})
-    bars = [
-        Bar(
-            each["name"],
-            *(100 * each[half][end] for half in ("all", "moving") for end in ("difference", "low", "high")),
-        )
-        for each in (*rows[1:], trim)
-    ]
+    ends = [(half, end) for half in ("all", "moving") for end in ("difference", "low", "high")]
+    bars = [Bar(each["name"], *(100 * each[half][end] for half, end in ends)) for each in (*rows[1:], trim)]
     save_figure(PICTURE, ablation_figure(bars))
 
 
