@@ -23,7 +23,7 @@ class Ground(NamedTuple):
     skips: Sequence[int]
     """Samples that are left out at the beginning, per recording."""
     lines: Sequence[NDArray[np.intp]]
-    """Lines to look at, per recording."""
+    """Lines to look at, per recording, shape (number of them,) each."""
 
     def spectra(self, delay: int) -> list[Spectrum]:
         """Spectra with the inputs delayed."""
