@@ -30,7 +30,9 @@ def test_both_stamps_and_their_difference_are_read(tmp_path: Path) -> None:
 def test_other_columns_and_any_order_of_them_do_not_matter(tmp_path: Path) -> None:
     sent, received = messages()
     path = tmp_path / "commands.csv"
-    np.savetxt(path, np.column_stack([received, 0 * sent, sent]), "%.9f", ",", header="received_s,kind,sent_s", comments="")
+    np.savetxt(
+        path, np.column_stack([received, 0 * sent, sent]), "%.9f", ",", header="received_s,kind,sent_s", comments=""
+    )
     assert_allclose(read_message_times_csv(path).sent, sent, atol=1e-9)
 
 

@@ -53,7 +53,7 @@ TRACKER = {name: 0.1 * index for index, name in enumerate(TRACKER_FACTS)}
 
 
 def test_what_a_tracker_believes_is_read_back_exactly(tmp_path: Path) -> None:
-    assert TRACKER_FACTS == TrackerNoise._fields
+    assert TrackerNoise._fields == TRACKER_FACTS
     write_policy(tmp_path / "policy.json", replace(POLICY, observation="tracked", tracker=TRACKER))
     assert read_policy(tmp_path / "policy.json").tracker == TRACKER
 

@@ -31,7 +31,6 @@ from archerfish.sensing.tracked_observation import TRACKER_ACCELERATION, tracked
 from archerfish.simulation.environment import PureWorld, ShootingEnvironment
 from archerfish.simulation.setting import make_scenario
 
-
 HIT_BONUS = {"history": 0.0, "paper": 0.0, "tracked": 0.1}
 """Kind of observation → what a hit adds to the reward of eq (8) [m]."""
 

@@ -97,7 +97,7 @@ def _identified_world(
 
 
 def _check_feedback(drawn: Sensing, period: float) -> None:
-    """The world remembers the gimbal of two periods; older feedback would show another angle than its age says."""
+    """Refuse feedback older than the two periods that the world remembers: it would show a younger angle."""
     latency = jittered(drawn.feedback_latency, drawn.feedback_jitter, np.full(len(drawn.feedback_latency), np.inf))
     oldest = float(np.max(latency + drawn.feedback_period))
     if oldest > 2.0 * period:

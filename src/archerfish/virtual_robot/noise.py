@@ -16,7 +16,7 @@ _BLOCK = 512
 """Rows that are drawn at once: enough to make the call cheap, few enough for the memory of large batches."""
 
 
-def check_seeds(seeds: Array, batch: int) -> NDArray[np.int64]:
+def check_seeds(seeds: NDArray[np.int64], batch: int) -> NDArray[np.int64]:
     """Return the seeds of a batch, checked: whole numbers from 0 on, shape (B,).
 
     Raises:

@@ -40,7 +40,7 @@ class VirtualRobot:
         self,
         description: RobotDescription,
         batch: int,
-        seeds: Array,
+        seeds: NDArray[np.int64],
         *,
         physics: Physics | None = None,
         enforce_referee: bool = False,

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from archerfish.identification.sensing.command_delay import FEWEST, CommandDelay, command_delay, scatter_interval
 from archerfish.identification.sensing.gimbal_track import Feedback, GimbalTrack, examine_feedback, gimbal_track
-from archerfish.identification.sensing.motion_misfit import MotionMisfit, motion_misfit
 from archerfish.identification.sensing.link_timing import link_timing
+from archerfish.identification.sensing.motion_misfit import MotionMisfit, motion_misfit
 from archerfish.identification.sensing.offset_search import OffsetScan, search_offset
 from archerfish.identification.sensing.plate_alignment import PlateAlignment, align_plate, deviation_interval
 from archerfish.identification.sensing.remarks import Doubts, doubts
