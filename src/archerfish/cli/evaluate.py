@@ -108,7 +108,9 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
 
 def _check_distinct(policies: tuple[PolicyRecord, ...], command: Evaluate) -> None:
     """Results tell entrants apart by name and training seed."""
-    labels = [*command.controllers, *((each.observation, each.training.get("seed")) for each in policies)]
+    from archerfish.cli.evaluation_run import policy_label  # needs JAX
+
+    labels = [*command.controllers, *map(policy_label, policies)]
     if len(set(labels)) < len(labels):
         twice = next(label for label in labels if labels.count(label) > 1)
         name = twice if isinstance(twice, str) else f"{twice[0]} policy of seed {twice[1]}"
