@@ -92,7 +92,7 @@ class ShootingEnvironment(NamedTuple):
     hit_radius: Array = np.float32(0.0)
     """Largest miss that hits [m], shape ()."""
     hidden: Array = np.zeros(0, np.float32)
-    """Ones, as many as there are numbers that the critic alone sees, see `hidden_state`; empty for none."""
+    """Ones for each number that the critic alone sees, shape (0,) or (HIDDEN,); see `hidden_state`."""
 
     @property
     def observed(self) -> int:
