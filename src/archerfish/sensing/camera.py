@@ -165,7 +165,7 @@ def quantised(sensing: Sensing, draw: Array, angle: Array) -> Array:
 
 
 def _feedback_share(record: SensingRecord) -> float:
-    """What a latency that counts from the feedback lacks to one from the exposure: the feedback's delay [s]."""
+    """Return what a latency that counts from the feedback lacks to one from the exposure: the feedback's delay [s]."""
     link = record.link
     late = link.feedback_latency if link.feedback_delay is None else link.feedback_delay
     return (late or 0.0) if record.camera.latency_basis == "feedback" else 0.0
