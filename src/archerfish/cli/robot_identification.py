@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from archerfish.cli.axis_log import read_axis_log
 from archerfish.cli.lab_files import LARGE_STEPS_DEG, read_tape
 from archerfish.cli.setting import Setting
 from archerfish.cli.workers import Task, run_tasks
@@ -26,7 +27,7 @@ from archerfish.records.message_times import read_message_times_csv
 from archerfish.records.muzzle import MuzzleRecord, write_muzzle
 from archerfish.records.plant import PlantRecord, dc_gain, write_plant
 from archerfish.records.provenance import provenance
-from archerfish.records.recording import Recording, read_recording_csv
+from archerfish.records.recording import Recording
 from archerfish.records.sensing import SensingRecord, write_sensing
 from archerfish.records.sensing_logs import read_detections_csv, read_gimbal_log_csv, read_target_steps_csv
 from archerfish.records.shots import Shots
@@ -124,7 +125,7 @@ def run_axis(task: IdentifyTask, advance: Advance = lambda *_: None) -> tuple[Pl
 
 
 def _read(task: IdentifyTask, name: str) -> Recording:
-    return read_recording_csv(task.logs / name, "time_s", ("u",), ("y",))
+    return read_axis_log(task.logs / name, assumed_conditions().control_period_s)
 
 
 def _axis_facts(result: AxisIdentification, fits: list[float]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from archerfish.identification.axis.pole_refinement import Problem
 from archerfish.identification.axis.simulation_fit import Penalty
 from archerfish.records.recording import Recording
 
-_FEWEST_PLATEAUS = 3
+_FEWEST_PLATEAUS, _ROUNDING = 3, 1e-6
 _FIRMNESS = 1e4
 """Weight of the constraint over the size of the measured outputs; the gain is then held to about its inverse square."""
 
@@ -26,7 +26,7 @@ def plateau_gain(recording: Recording, hold_s: float = 1.0) -> float | None:
       hold_s: how long an input must be held to count; the last fifth of the time is looked at.
     """
     u, y = recording.inputs[:, 0], recording.outputs[:, 0]
-    ends = np.append(np.flatnonzero(np.diff(u)), len(u) - 1)
+    ends = np.append(np.flatnonzero(np.abs(np.diff(u)) > _ROUNDING * np.ptp(u)), len(u) - 1)
     begins = np.append(0, ends[:-1] + 1)
     long = ends - begins >= hold_s / recording.sample_period_s
     held = [(begin + (end - begin) * 4 // 5, end) for begin, end in zip(begins[long], ends[long], strict=True)]

@@ -1,0 +1,51 @@
+"""Logs of an axis that is identified for decisions of a given period: the samples must fit into the decisions."""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from archerfish.records.csv_table import read_csv_columns
+from archerfish.records.errors import file_error
+from archerfish.records.recording import Recording, make_recording
+
+_EVEN = 0.02
+"""Share of the period by which stamps of an even log may be off."""
+_FEWEST = 100
+
+
+def read_axis_log(path: Path, decision_s: float) -> Recording:
+    """Read the columns time_s, u and y, with a sampling period of which a decision takes a whole number.
+
+    A log whose reports came evenly and at such a period is taken as it is. Any other one is resampled to the nearest
+    such period that is not longer: the angle by a cubic spline, the command, which is held between its stamps, by its
+    mean over each new period.
+
+    Args:
+      path: CSV file.
+      decision_s: decision period [s].
+
+    Raises:
+      InputError: if a column or a number is missing or bad, there are too few samples, time does not increase, or the
+        samples are further apart than decisions.
+    """
+    table = read_csv_columns(path, ["time_s", "u", "y"])
+    time, command, angle = (table.columns[name] for name in ("time_s", "u", "y"))
+    if len(time) < _FEWEST:
+        raise file_error(path, f"{len(time)} samples, expected at least {_FEWEST}", "record for longer", "too-short")
+    for index in np.flatnonzero(np.diff(time) <= 0)[:1]:
+        problem = f"line {table.lines[index + 1]}: time does not increase"
+        raise file_error(path, problem, "sort the log", "time-backward")
+    mean = float((time[-1] - time[0]) / (len(time) - 1))
+    if mean > decision_s * (1 + _EVEN):
+        raise file_error(
+            path, f"samples every {mean:.4g} s", f"log at least every {decision_s} s, as often as it decides"
+        )
+    period = decision_s / np.ceil(decision_s / mean - _EVEN)
+    even = np.abs(np.diff(time) - period).max() <= _EVEN * period
+    if not even:
+        edges = time[0] + period * np.arange(int((time[-1] - time[0]) / period) + 1)
+        held = np.concatenate([[0.0], np.cumsum(command[:-1] * np.diff(time))])
+        angle = CubicSpline(time, angle)(edges[:-1])
+        command = np.diff(np.interp(edges, time, held)) / period
+    return make_recording(command, angle, period, input_names=("u",), output_names=("y",), source=path.name)
