@@ -1,0 +1,107 @@
+"""What the report says first about the robot: the policy beside Kalman and the oracle there, and the drop to it."""
+
+from archerfish.evaluation.comparison import cells_of, comparisons_of
+from archerfish.evaluation.pooling import Estimate, pooled_cells, pooled_differences
+from archerfish.evaluation.report.headline import Headline
+from archerfish.evaluation.report.rate_drawings import rates_drawing
+from archerfish.evaluation.report.robot_tables import pooled_drop
+from archerfish.evaluation.report.wording import LIMITS, controller_words
+from archerfish.evaluation.report.worlds import World, real_cells, shown_limit, worlds
+from archerfish.evaluation.results import Results
+from archerfish.figures.page import percent, points
+
+_NAMES = {"history": "the trained policy", "kalman": "the Kalman filter", "oracle": "an oracle that knows the path"}
+
+
+def robot_headline(results: Results) -> Headline | None:
+    """Open the page of a run that shot with a robot; None if no policy did."""
+    found = _robot(results)
+    if found is None:
+        return None
+    world, limit = found
+    cells = [cell for cell in real_cells(results) if (cell.setting, cell.command_limit) == (world.setting, limit)]
+    opening = LIMITS[limit].opening if limit in LIMITS else f"Under the limit {limit}"
+    sentence = (
+        f"{opening}, the robot {world.setting} hits: {_rates(results, world, limit)} (all "
+        f"{_count(results, world, limit)} cells together). {_differences(results, world, limit)}"
+        f"{_drops(results, limit)} The robot is a virtual one, which stands in for a real one."
+    )
+    return Headline(
+        sentence=_unbroken(sentence),
+        caption=f"The robot {world.setting}, command limit {limit}, "
+        f"{min(cell.engagements for cell in cells)} engagements a cell.",
+        drawing=rates_drawing(cells, ("history", "kalman", "kalman-lq", "oracle"), printed=False),
+    )
+
+
+def robot_sentence(results: Results) -> str:
+    """Say in a sentence or two, after what the paper's setting showed, how it went on the robot; nothing if it didn't."""
+    found = _robot(results)
+    if found is None:
+        return ""
+    world, limit = found
+    return _unbroken(
+        f" With the virtual robot {world.setting}, known by its logs alone: {_rates(results, world, limit)}."
+        f"{_drops(results, limit)}"
+    )
+
+
+def _robot(results: Results) -> tuple[World, str] | None:
+    """Return the robot that is not a changed one, and the limit, if a history policy shot with it."""
+    world = next((each for each in worlds(results) if each.role == "robot"), None)
+    if world is None:
+        return None
+    shot = [cell for cell in real_cells(results) if (cell.setting, cell.controller) == (world.setting, "history")]
+    return (world, shown_limit(shot)) if shot else None
+
+
+def _count(results: Results, world: World, limit: str) -> int:
+    return len(cells_of(real_cells(results), setting=world.setting, command_limit=limit, controller="history"))
+
+
+def _rates(results: Results, world: World, limit: str) -> str:
+    said = []
+    for name, words in _NAMES.items():
+        picked = cells_of(real_cells(results), setting=world.setting, command_limit=limit, controller=name)
+        rate = pooled_cells(picked.values())
+        if rate is not None:
+            said.append(f"{words} {percent(rate.value)} % ({percent(rate.low)}–{percent(rate.high)})")
+    return ", ".join(said)
+
+
+def _differences(results: Results, world: World, limit: str) -> str:
+    said = []
+    for against in ("kalman", "kalman-lq", "parabola-lq"):
+        picked = comparisons_of(
+            results.comparisons, setting=world.setting, command_limit=limit, controller="history", against=against
+        )
+        found = pooled_differences([each for key, each in picked.items() if key[0] in {"IV", "V"}])
+        if found is not None:
+            said.append(f"{_verdict(found)} {controller_words(against).name}, {_interval(found)}")
+    return f"In the same engagements the policy is {'; '.join(said)}." if said else ""
+
+
+def _verdict(found: Estimate) -> str:
+    if found.low > 0:
+        return "ahead of"
+    return "behind" if found.high < 0 else "not to be told from"
+
+
+def _drops(results: Results, limit: str) -> str:
+    """Say what the policy loses on the way from the simulator to every robot."""
+    words = {"robot": "on the robot", "changed": "with {}, which has changed since,"}
+    said = [
+        f"{words[world.role].format(world.setting)} {_interval(found)}"
+        for world in worlds(results)
+        if world.role in words
+        and (found := pooled_drop(results.drops, world.setting, limit, "history")) is not None
+    ]
+    return f" Of its rate in the simulator made from the logs the policy loses {' and '.join(said)}." if said else ""
+
+
+def _interval(found: Estimate) -> str:
+    return f"{points(found.value)} points ({points(found.low)} to {points(found.high)})"
+
+
+def _unbroken(sentence: str) -> str:
+    return sentence.replace(" %", "\u00a0%")
