@@ -9,8 +9,10 @@ from matplotlib.figure import Figure
 
 from archerfish.figures.style import INK, MARKERS, PALETTE, label_axes, new_figure, plot_style
 
-_SPREAD, _DODGE = 0.27, 0.022
+_SPREAD, _DODGE = 0.3, 0.022
 """Distance between worlds, and sideways shift between controllers, so that intervals don't hide each other [ranges]."""
+_LONGEST = 10
+"""Names of worlds up to so many letters stand level beside one another."""
 
 
 class Slope(NamedTuple):
@@ -47,17 +49,15 @@ def transfer_figure(panels: Sequence[SlopePanel], worlds: Sequence[str]) -> Figu
       worlds: names of the W worlds, the simulator first.
     """
     with plot_style():
-        figure, axes = new_figure(len(panels), 1, height=0.9 + 2.9 * len(panels), sharey=True)
+        figure, axes = new_figure(len(panels), 1, height=0.9 + 3.1 * len(panels))
         for panel, place in zip(panels, axes[:, 0], strict=True):
             _draw_panel(place, panel, worlds)
             label_axes(place, title=panel.title, y="Hit rate [%]")
-        axes[0, 0].set_ylim(top=101.0)
         handles = {
-            label: handle
-            for each in axes[:, 0]
-            for handle, label in zip(*each.get_legend_handles_labels(), strict=True)
+            label: handle for each in axes[:, 0] for handle, label in zip(*each.get_legend_handles_labels(), strict=True)
         }
-        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=min(3, len(handles)))
+        order = list(dict.fromkeys(slope.label for panel in panels for slope in panel.slopes))
+        figure.legend([handles[each] for each in order], order, loc="outside lower center", ncols=min(3, len(order)))
     return figure
 
 
@@ -72,12 +72,14 @@ def _draw_panel(axes: Axes, panel: SlopePanel, worlds: Sequence[str]) -> None:
         axes.axvline(edge - 0.5, color="#C9CED3", linewidth=0.8)
     ticks = [(number + offset, world) for number in range(len(panel.ranges)) for offset, world in zip(offsets, worlds)]
     axes.set_xticks([place for place, _ in ticks], [world for _, world in ticks], fontsize=7.5)
-    if max(map(len, worlds)) > 9:
+    level = max(map(len, worlds)) <= _LONGEST
+    if not level:
         axes.tick_params(axis="x", labelrotation=25)
     axes.set_xlim(-0.5, len(panel.ranges) - 0.5)
     axes.grid(visible=False, axis="x")
     for number, name in enumerate(panel.ranges):
-        axes.text(number, 0.02, f"{name} m", transform=axes.get_xaxis_transform(), ha="center", color=INK, fontsize=9.0)
+        place = axes.get_xaxis_transform()
+        axes.text(number, -0.11 if level else -0.24, f"{name} m", transform=place, ha="center", va="top", color=INK)
 
 
 def _draw_slope(axes: Axes, slope: Slope, number: int, places: Any, *, bold: bool) -> None:

@@ -24,7 +24,7 @@ from archerfish.figures.page import number, render_page
 from archerfish.figures.step_response import StepPanel, step_responses
 from archerfish.figures.style import svg_text
 from archerfish.figures.training import learning_curves
-from archerfish.paper.tables import HitRateTable, hit_rate_table
+from archerfish.paper.tables import hit_rate_table
 from archerfish.records import storage
 
 SIMULATED = ("II", "III")
@@ -79,7 +79,8 @@ def _page(results: Results, gallery: _Gallery, path: Path) -> str:
         dispersion=_dispersion(results, main),
         six_numbers=_six_numbers(results, main),
         robot=robot,
-        printed_real=[(table, _real_remark(table)) for table in map(hit_rate_table, REAL)],
+        printed_real=[hit_rate_table(name) for name in REAL],
+        real_note=_real_note(),
         fig4=_fig4(results, gallery),
         axes=_identified_axes(results),
         learning=[
@@ -186,14 +187,20 @@ def _six_numbers(results: Results, setting: str) -> RateTable:
     return RateTable("", (), ())
 
 
-def _real_remark(table: HitRateTable) -> str:
-    """Say how far the printed differences carry."""
-    half_width = 100 * 1.96 * math.sqrt(0.7 * 0.3 / table.shots)
-    largest = max(abs(row.ppo_percent - row.kalman_percent) for row in table.rows)
-    behind = sum(row.ppo_percent < row.kalman_percent for row in table.rows)
+def _real_note() -> str:
+    """Say how far the printed differences carry, and how they come out."""
+    tables = [hit_rate_table(name) for name in REAL]
+    shots = tables[0].shots
+    half_width = 100 * 1.96 * math.sqrt(0.7 * 0.3 / shots)
+    largest = max(abs(row.ppo_percent - row.kalman_percent) for table in tables for row in table.rows)
+    behind = " and at ".join(
+        f"{sum(row.ppo_percent < row.kalman_percent for row in table.rows)} of {len(table.rows)} ranges of "
+        f"Table {table.name}"
+        for table in tables
+    )
     return (
-        f"The paper fired {table.shots} shots a cell: at 70 % that is a noise of ±{half_width:.1f} points, where its "
-        f"columns differ by at most {largest:.1f}. The paper’s method is behind the Kalman filter at {behind} of {len(table.rows)} ranges."
+        f"The paper fired {shots} shots a cell: at 70 % that is a noise of ±{half_width:.1f} points, where its columns "
+        f"differ by at most {largest:.1f}. Its method is behind the Kalman filter at {behind}."
     )
 
 

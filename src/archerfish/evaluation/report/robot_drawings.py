@@ -23,7 +23,7 @@ def transfer_drawing(cells: Sequence[Cell], worlds: Sequence[World], limit: str)
     tables = [table for table in REAL if any(cell.table == table for cell in cells)]
     return transfer_figure(
         [_panel([cell for cell in cells if cell.table == table], table, worlds, limit) for table in tables],
-        [world.short for world in worlds],
+        ["sim." if world.role == "simulator" else world.short for world in worlds],
     )
 
 

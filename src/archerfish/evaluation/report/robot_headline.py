@@ -10,7 +10,11 @@ from archerfish.evaluation.report.worlds import World, real_cells, shown_limit, 
 from archerfish.evaluation.results import Results
 from archerfish.figures.page import percent, points
 
-_NAMES = {"history": "the trained policy", "kalman": "the Kalman filter", "oracle": "an oracle that knows the path"}
+_NAMES = {
+    "history": "the trained policy hits {} of its shots with the robot “{}”",
+    "kalman": "the Kalman filter {}",
+    "oracle": "an oracle that knows the target’s path {}",
+}
 
 
 def robot_headline(results: Results) -> Headline | None:
@@ -22,13 +26,13 @@ def robot_headline(results: Results) -> Headline | None:
     cells = [cell for cell in real_cells(results) if (cell.setting, cell.command_limit) == (world.setting, limit)]
     opening = LIMITS[limit].opening if limit in LIMITS else f"Under the limit {limit}"
     sentence = (
-        f"{opening}, the robot {world.setting} hits: {_rates(results, world, limit)} (all "
-        f"{_count(results, world, limit)} cells together). {_differences(results, world, limit)}"
-        f"{_drops(results, limit)} The robot is a virtual one, which stands in for a real one."
+        f"{opening}, {_rates(results, world, limit)} (95 % intervals; all {_count(results, world, limit)} cells "
+        f"together).{_differences(results, world, limit)}{_drops(results, limit)} "
+        "The robot is a virtual one, which stands in for a real one."
     )
     return Headline(
         sentence=_unbroken(sentence),
-        caption=f"The robot {world.setting}, command limit {limit}, "
+        caption=f"With the robot “{world.setting}”, command limit {limit}, "
         f"{min(cell.engagements for cell in cells)} engagements a cell.",
         drawing=rates_drawing(cells, ("history", "kalman", "kalman-lq", "oracle"), printed=False),
     )
@@ -41,7 +45,7 @@ def robot_sentence(results: Results) -> str:
         return ""
     world, limit = found
     return _unbroken(
-        f" With the virtual robot {world.setting}, known by its logs alone: {_rates(results, world, limit)}."
+        f" Known by its logs alone, a virtual robot stands in for the real one: {_rates(results, world, limit)}."
         f"{_drops(results, limit)}"
     )
 
@@ -65,7 +69,8 @@ def _rates(results: Results, world: World, limit: str) -> str:
         picked = cells_of(real_cells(results), setting=world.setting, command_limit=limit, controller=name)
         rate = pooled_cells(picked.values())
         if rate is not None:
-            said.append(f"{words} {percent(rate.value)} % ({percent(rate.low)}–{percent(rate.high)})")
+            hits = f"{percent(rate.value)} % ({percent(rate.low)}–{percent(rate.high)})"
+            said.append(words.format(hits, world.setting))
     return ", ".join(said)
 
 
@@ -77,8 +82,12 @@ def _differences(results: Results, world: World, limit: str) -> str:
         )
         found = pooled_differences([each for key, each in picked.items() if key[0] in {"IV", "V"}])
         if found is not None:
-            said.append(f"{_verdict(found)} {controller_words(against).name}, {_interval(found)}")
-    return f"In the same engagements the policy is {'; '.join(said)}." if said else ""
+            said.append(f"{_verdict(found)} {_against(against)}, {_interval(found)}")
+    return f" In the same engagements the policy is {'; '.join(said)}." if said else ""
+
+
+def _against(controller: str) -> str:
+    return "the Kalman filter" if controller == "kalman" else controller_words(controller).name
 
 
 def _verdict(found: Estimate) -> str:
@@ -88,15 +97,15 @@ def _verdict(found: Estimate) -> str:
 
 
 def _drops(results: Results, limit: str) -> str:
-    """Say what the policy loses on the way from the simulator to every robot."""
-    words = {"robot": "on the robot", "changed": "with {}, which has changed since,"}
+    """Say how far the policy falls from the simulator to every robot."""
+    words = {"robot": "to the robot", "changed": "to “{}”, a robot that has changed since"}
     said = [
-        f"{words[world.role].format(world.setting)} {_interval(found)}"
+        f"{_interval(found)} {words[world.role].format(world.setting)}"
         for world in worlds(results)
         if world.role in words
         and (found := pooled_drop(results.drops, world.setting, limit, "history")) is not None
     ]
-    return f" Of its rate in the simulator made from the logs the policy loses {' and '.join(said)}." if said else ""
+    return f" From the simulator made from its logs the policy’s rate drops by {' and by '.join(said)}." if said else ""
 
 
 def _interval(found: Estimate) -> str:

@@ -10,6 +10,7 @@ from archerfish.evaluation.report.rate_tables import Group, RateTable
 from archerfish.evaluation.report.robot_drawings import transfer_drawing
 from archerfish.evaluation.report.robot_tables import (
     drop_table,
+    drops_overview,
     misses_table,
     overview_table,
     world_differences,
@@ -57,8 +58,10 @@ class RobotSection(NamedTuple):
     """All ranges together, worlds side by side."""
     misses: EntryTable
     """The same of the misses."""
+    drop: EntryTable | None
+    """From the simulator to every robot, all ranges together; None if that was not measured."""
     drops: Sequence[EntryTable]
-    """One per robot that the simulator was compared with."""
+    """The same by range, one per robot."""
     parts: Sequence[WorldPart]
     """One per world and limit."""
 
@@ -70,6 +73,7 @@ def robot_section(results: Results) -> RobotSection | None:
         return None
     places, limit = worlds(results), shown_limit(cells)
     side_by_side = [cell for cell in cells if cell.command_limit == limit]
+    pairs = [each for each in results.comparisons if each.table in REAL]
     tables = (drop_table(results.drops, world, limit) for world in places)
     return RobotSection(
         worlds=places,
@@ -77,8 +81,9 @@ def robot_section(results: Results) -> RobotSection | None:
         limit_note=LIMITS[limit].note if limit in LIMITS else "",
         engagements=min(cell.engagements for cell in side_by_side),
         drawing=transfer_drawing(side_by_side, places, limit),
-        overview=overview_table(side_by_side, places, limit),
+        overview=overview_table(side_by_side, pairs, places, limit),
         misses=misses_table(side_by_side, places, limit),
+        drop=drops_overview(results.drops, places, limit),
         drops=[table for table in tables if table is not None],
         parts=[
             _part(results, world, each)

@@ -39,14 +39,16 @@ def present(cells: Iterable[Cell]) -> list[str]:
     return [name for name in CONTROLLERS if name in found] + [name for name in found if name not in CONTROLLERS]
 
 
-def overview_table(cells: Sequence[Cell], worlds: Sequence[World], limit: str) -> EntryTable:
+def overview_table(
+    cells: Sequence[Cell], pairs: Sequence[Comparison], worlds: Sequence[World], limit: str
+) -> EntryTable:
     """Lay the worlds side by side: all ranges together, a row per controller, the paper's columns on top."""
-    tables = [table for table in REAL if any(cell.table == table for cell in cells)]
+    tables = _tables(cells)
     printed = [
-        EntryRow(f"paper, {name}", [_printed_mean(table, column) for table in tables for _ in worlds])
+        EntryRow(f"paper, {name}", [_printed_mean(table, column, world) for table in tables for world in worlds])
         for name, column in (("PPO", "ppo_percent"), ("Kalman", "kalman_percent"))
     ]
-    rows = [
+    rates = [
         EntryRow(
             controller_words(name).name,
             [
@@ -56,18 +58,50 @@ def overview_table(cells: Sequence[Cell], worlds: Sequence[World], limit: str) -
         )
         for name in present(cells)
     ]
+    groups = [
+        EntryGroup("Hit rates, %", [*printed, *rates]),
+        EntryGroup("Paired differences of the history policy, points", _differences(pairs, tables, worlds, limit)),
+    ]
     return EntryTable(
-        "Hit rates in percent with 95 % intervals, all ranges together. The paper’s figures are of its own robot.",
+        "All ranges together, with 95 % intervals. The paper’s figures are those of its own robot, mean of its ranges.",
         "controller",
         [Heading(world.short) for _ in tables for world in worlds],
-        [EntryGroup("", [*printed, *rows])],
-        [(f"Table {table}, {target_of(table)} targets", len(worlds)) for table in tables],
+        [group for group in groups if group.rows],
+        _spans(tables, len(worlds)),
     )
+
+
+def _tables(cells: Iterable[Cell]) -> list[str]:
+    found = {cell.table for cell in cells}
+    return [table for table in REAL if table in found]
+
+
+def _spans(tables: Sequence[str], width: int) -> list[tuple[str, int]]:
+    return [(f"Table {table}, {target_of(table)} targets", width) for table in tables]
+
+
+def _differences(
+    pairs: Sequence[Comparison], tables: Sequence[str], worlds: Sequence[World], limit: str
+) -> list[EntryRow]:
+    rows = []
+    for against in AGAINST:
+        picked = [
+            comparisons_of(pairs, setting=each.setting, command_limit=limit, controller="history", against=against)
+            for each in worlds
+        ]
+        found = [
+            pooled_differences([each for key, each in pair.items() if key[0] == table])
+            for table in tables
+            for pair in picked
+        ]
+        if any(found):
+            rows.append(EntryRow(f"less {controller_words(against).name}", [difference_entry(each) for each in found]))
+    return rows
 
 
 def misses_table(cells: Sequence[Cell], worlds: Sequence[World], limit: str) -> EntryTable:
     """Split the misses of every controller and world, as shares of all shots, all ranges together."""
-    tables = [table for table in REAL if any(cell.table == table for cell in cells)]
+    tables = _tables(cells)
     rows = [
         EntryRow(
             controller_words(name).name,
@@ -80,7 +114,7 @@ def misses_table(cells: Sequence[Cell], worlds: Sequence[World], limit: str) -> 
         "controller",
         [Heading(world.short) for _ in tables for world in worlds],
         [EntryGroup("", rows)],
-        [(f"Table {table}, {target_of(table)} targets", len(worlds)) for table in tables],
+        _spans(tables, len(worlds)),
     )
 
 
@@ -91,7 +125,10 @@ def _by_table_and_world(
     return [[cell for key, cell in found.items() if key[0] == table] for table in tables for found in picked]
 
 
-def _printed_mean(table: str, column: str) -> Entry:
+def _printed_mean(table: str, column: str, world: World) -> Entry:
+    """Write the paper's mean once, with the robot."""
+    if world.role != "robot":
+        return NOTHING._replace(style="paper")
     rows = hit_rate_table(table).rows
     return Entry(f"{sum(getattr(row, column) for row in rows) / len(rows):.1f}", "", "paper")
 
@@ -127,10 +164,52 @@ def world_differences(pairs: Sequence[Comparison], setting: str, limit: str) -> 
     return rate_table(columns, "Paired differences in points with 95 % intervals: above zero, the policy is better.")
 
 
+def drops_overview(drops: Sequence[Drop], worlds: Sequence[World], limit: str) -> EntryTable | None:
+    """Say how far each controller falls from the simulator to each robot, all ranges together; None without drops."""
+    here = [each for each in drops if each.command_limit == limit]
+    tables = [table for table in REAL if any(each.table == table for each in here)]
+    columns = [(table, settled) for table in tables for settled in (False, True)]
+
+    def row(name: str, world: World) -> EntryRow:
+        style = "ours" if name == "history" else ""
+        return EntryRow(
+            controller_words(name).name,
+            [difference_entry(_fall(here, world, limit, name, *each), style) for each in columns],
+        )
+
+    groups = [
+        EntryGroup(f"From the simulator to “{world.short}”", [row(name, world) for name in _fallen(here, world)])
+        for world in worlds
+        if _fallen(here, world)
+    ]
+    if not groups:
+        return None
+    return EntryTable(
+        "Hit rate in the simulator less that with a robot, in points, all ranges together, with 95 % intervals paired by "
+        "engagement: above zero, shots are lost on the way.",
+        "controller",
+        [Heading("settled" if settled else "all shots") for _, settled in columns],
+        groups,
+        _spans(tables, 2),
+    )
+
+
+def _fallen(drops: Sequence[Drop], world: World) -> list[str]:
+    found = {each.controller for each in drops if each.setting == world.setting}
+    return [name for name in CONTROLLERS if name in found] + sorted(found - CONTROLLERS.keys())
+
+
+def _fall(
+    drops: Sequence[Drop], world: World, limit: str, controller: str, table: str, settled: bool
+) -> Estimate | None:
+    found = drops_of(drops, settled=settled, command_limit=limit, controller=controller, setting=world.setting)
+    return pooled_differences([each for key, each in found.items() if key[0] == table])
+
+
 def drop_table(drops: Sequence[Drop], world: World, limit: str) -> EntryTable | None:
     """Say how far each controller falls from the simulator to one robot, per range and all together; None without."""
     here = [each for each in drops if (each.setting, each.command_limit) == (world.setting, limit)]
-    names = [name for name in CONTROLLERS if any(each.controller == name for each in here)]
+    names = _fallen(here, world)
     picked = {
         (name, settled): drops_of(here, settled=settled, command_limit=limit, controller=name, setting=world.setting)
         for name in names
@@ -141,8 +220,7 @@ def drop_table(drops: Sequence[Drop], world: World, limit: str) -> EntryTable | 
         return None
     groups = [_drop_group(table, [key for key in keys if key[0] == table], names, picked) for table in REAL]
     return EntryTable(
-        f"Hit rate in the simulator less that with {world.setting}, in points, with 95 % intervals paired by "
-        "engagement: above zero, shots are lost on the way.",
+        f"Hit rate in the simulator less that with “{world.setting}”, by range, in points.",
         "range, shots",
         [Heading(controller_words(name).name) for name in names],
         [group for group in groups if group.rows],

@@ -54,8 +54,8 @@ def _simulator(setting: str) -> World:
         setting,
         "simulator",
         "simulator",
-        f"In the simulator made from the logs of {robot}",
-        f"What the logs of {robot} told, as a simulator ({setting}): linear axes, camera, link and muzzle as identified. "
+        f"In the simulator made from the logs of “{robot}”",
+        f"What the logs of the robot “{robot}” told, as a simulator ({setting}): linear axes, camera, link and muzzle as identified. "
         "The policies were trained in it, and the classical controllers tuned.",
     )
 
@@ -63,12 +63,12 @@ def _simulator(setting: str) -> World:
 def _robot(setting: str, *, changed: bool) -> World:
     if changed:
         meaning = (
-            f"The robot {setting} differs from the one whose logs were identified. The same policies and controllers "
+            f"The robot “{setting}” differs from the one whose logs were identified. The same policies and controllers "
             "shoot with it; only muzzle speed, scatter and boresight were set anew, from a burst at a plate."
         )
-        return World(setting, "changed", setting, f"With {setting}, a robot that has changed since", meaning)
+        return World(setting, "changed", setting, f"With “{setting}”, a robot that has changed since", meaning)
     meaning = (
-        f"The robot {setting} itself. It is a virtual one, which stands in for a real one: MuJoCo physics, motors that "
+        f"The robot “{setting}” itself. It is a virtual one, which stands in for a real one: MuJoCo physics, motors that "
         "saturate, its own firmware, camera, link and muzzle. Identification and training know it by its logs alone."
     )
-    return World(setting, "robot", setting, f"With the robot {setting}", meaning)
+    return World(setting, "robot", setting, f"With the robot “{setting}”", meaning)
