@@ -46,11 +46,11 @@ class Told(NamedTuple):
 
     needs_truth = True
 
-    def reset(self, seen: Seen, truth: Truth | None = None) -> Any:  # noqa: ARG002
+    def reset(self, seen: Seen, truth: Truth | None = None) -> Any:
         assert truth is not None
         return line_of_sight(truth.motion.vertex)
 
-    def step(self, state: Any, seen: Seen) -> tuple[Any, Command]:  # noqa: ARG002
+    def step(self, state: Any, seen: Seen) -> tuple[Any, Command]:
         return state, fire_always(state + self.height)
 
 

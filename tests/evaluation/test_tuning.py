@@ -25,7 +25,7 @@ class Aside(NamedTuple):
     angle: Any
     """[rad], shape ()."""
 
-    def reset(self, seen: Seen, truth: Truth | None = None) -> Any:  # noqa: ARG002
+    def reset(self, seen: Seen, truth: Truth | None = None) -> Any:
         return 0.0 * seen.elapsed
 
     def step(self, state: Any, seen: Seen) -> tuple[Any, Command]:

@@ -54,7 +54,9 @@ def transfer_figure(panels: Sequence[SlopePanel], worlds: Sequence[str]) -> Figu
             _draw_panel(place, panel, worlds)
             label_axes(place, title=panel.title, y="Hit rate [%]")
         handles = {
-            label: handle for each in axes[:, 0] for handle, label in zip(*each.get_legend_handles_labels(), strict=True)
+            label: handle
+            for each in axes[:, 0]
+            for handle, label in zip(*each.get_legend_handles_labels(), strict=True)
         }
         order = list(dict.fromkeys(slope.label for panel in panels for slope in panel.slopes))
         figure.legend([handles[each] for each in order], order, loc="outside lower center", ncols=min(3, len(order)))
@@ -70,7 +72,11 @@ def _draw_panel(axes: Axes, panel: SlopePanel, worlds: Sequence[str]) -> None:
             _draw_slope(axes, slope, number, number + offsets + shift, bold=index == 0)
     for edge in range(1, len(panel.ranges)):
         axes.axvline(edge - 0.5, color="#C9CED3", linewidth=0.8)
-    ticks = [(number + offset, world) for number in range(len(panel.ranges)) for offset, world in zip(offsets, worlds)]
+    ticks = [
+        (number + offset, world)
+        for number in range(len(panel.ranges))
+        for offset, world in zip(offsets, worlds, strict=True)
+    ]
     axes.set_xticks([place for place, _ in ticks], [world for _, world in ticks], fontsize=7.5)
     level = max(map(len, worlds)) <= _LONGEST
     if not level:

@@ -25,7 +25,7 @@ _AXIS = {
 }
 
 _FACTS = {
-    "camera_time_offset_ms": _Fact("Camera’s clock ahead of the robot’s by", "ms"),
+    "camera_time_offset_ms": _Fact("From a frame’s stamp to its exposure, on the robot’s clock", "ms"),
     "camera_latency_ms": _Fact("Camera latency, exposure to detection", "ms"),
     "command_latency_ms": _Fact("Command latency", "ms"),
     "command_latency_jitter_ms": _Fact("Jitter of the command latency", "ms"),
@@ -55,8 +55,8 @@ def axes_table(robot: RobotIdentification) -> EntryTable | None:
         if not name.endswith("_interval")
     ]
     return EntryTable(
-        "The linear model of each axis. Held-back logs were recorded apart and not fitted. Where steps come to rest, the "
-        "DC gain is held to the level that they reach; its 95 % interval then tells of the noise alone.",
+        "The linear model of each axis. Held-back logs were recorded apart and not fitted. Where steps come to rest, "
+        "the DC gain is held to the level that they reach; its 95 % interval then tells of the noise alone.",
         "",
         [Heading(axis) for axis in robot.axes],
         [EntryGroup("", rows)],
@@ -123,9 +123,9 @@ def landing_view(rows: Sequence[LandingRow]) -> tuple[str, EntryTable] | None:
     held = sum(row.robot_low_m <= row.model_m <= row.robot_high_m for row in rows)
     within = "within" if worst < paper.claimed_error_percent else "not within"
     sentence = (
-        f"The paper claims less than {paper.claimed_error_percent:g} % between model and measurement; ours misses by at "
-        f"most {worst:.1f} %, {within} that. In {held} of {len(rows)} rows the model lies inside the interval of the "
-        "robot’s mean falling point."
+        f"The paper claims less than {paper.claimed_error_percent:g} % between model and measurement; ours misses by "
+        f"at most {worst:.1f} %, {within} that. In {held} of {len(rows)} rows the model lies inside the interval of "
+        "the robot’s mean falling point."
     )
     return sentence, EntryTable(
         "Distance of the falling point: the robot’s mean with its 95 % interval, and the identified model. "
@@ -163,9 +163,9 @@ def steps_remark(steps: Sequence[RobotStep]) -> str:
     if not large:
         return f"The model fits {_joined(small)}."
     return (
-        f"The model fits {_joined(small)}, but only {_joined(large)}. A linear model stops being right for large steps, "
-        "because the motor saturates: the model answers a step of any size in the same time, while the motor has no more "
-        "than its largest torque and speed. The steps were commanded at once; in the tables, the command limit "
+        f"The model fits {_joined(small)}, but only {_joined(large)}. A linear model stops being right for large "
+        "steps, because the motor saturates: the model answers a step of any size in the same time, while the motor has "
+        "no more than its largest torque and speed. The steps were commanded at once; in the tables, the command limit "
         "keeps controllers from asking for such jumps."
     )
 

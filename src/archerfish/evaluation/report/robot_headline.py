@@ -2,9 +2,9 @@
 
 from archerfish.evaluation.comparison import cells_of, comparisons_of
 from archerfish.evaluation.pooling import Estimate, pooled_cells, pooled_differences
+from archerfish.evaluation.report.drop_tables import pooled_drop
 from archerfish.evaluation.report.headline import Headline
 from archerfish.evaluation.report.rate_drawings import rates_drawing
-from archerfish.evaluation.report.robot_tables import pooled_drop
 from archerfish.evaluation.report.wording import LIMITS, controller_words
 from archerfish.evaluation.report.worlds import World, real_cells, shown_limit, worlds
 from archerfish.evaluation.results import Results
@@ -39,7 +39,7 @@ def robot_headline(results: Results) -> Headline | None:
 
 
 def robot_sentence(results: Results) -> str:
-    """Say in a sentence or two, after what the paper's setting showed, how it went on the robot; nothing if it didn't."""
+    """Say in two sentences, after what the paper's setting showed, how it went on the robot; nothing if it didn't."""
     found = _robot(results)
     if found is None:
         return ""
@@ -102,8 +102,7 @@ def _drops(results: Results, limit: str) -> str:
     said = [
         f"{_interval(found)} {words[world.role].format(world.setting)}"
         for world in worlds(results)
-        if world.role in words
-        and (found := pooled_drop(results.drops, world.setting, limit, "history")) is not None
+        if world.role in words and (found := pooled_drop(results.drops, world.setting, limit, "history")) is not None
     ]
     return f" From the simulator made from its logs the policy’s rate drops by {' and by '.join(said)}." if said else ""
 

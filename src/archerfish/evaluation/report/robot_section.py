@@ -5,12 +5,11 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
+from archerfish.evaluation.report.drop_tables import drop_table, drops_overview
 from archerfish.evaluation.report.entry_tables import EntryTable
 from archerfish.evaluation.report.rate_tables import Group, RateTable
 from archerfish.evaluation.report.robot_drawings import transfer_drawing
 from archerfish.evaluation.report.robot_tables import (
-    drop_table,
-    drops_overview,
     misses_table,
     overview_table,
     world_differences,

@@ -1,9 +1,9 @@
-"""Tables IV and V with the robot: the worlds beside one another, each world by itself, and the drops between them."""
+"""Tables IV and V with the robot: the worlds beside one another, and each world by itself."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
-from archerfish.evaluation.comparison import CellKey, cells_of, comparisons_of, drops_of
-from archerfish.evaluation.pooling import Estimate, pooled_cells, pooled_differences
+from archerfish.evaluation.comparison import CellKey, cells_of, comparisons_of
+from archerfish.evaluation.pooling import pooled_cells, pooled_differences
 from archerfish.evaluation.report.entry_tables import (
     NOTHING,
     Entry,
@@ -17,7 +17,6 @@ from archerfish.evaluation.report.entry_tables import (
 from archerfish.evaluation.report.rate_tables import (
     Column,
     RateTable,
-    cell_order,
     printed_column,
     rate_column,
     rate_table,
@@ -25,8 +24,8 @@ from archerfish.evaluation.report.rate_tables import (
 )
 from archerfish.evaluation.report.wording import CONTROLLERS, controller_words
 from archerfish.evaluation.report.worlds import REAL, World
-from archerfish.evaluation.results import Cell, Comparison, Drop
-from archerfish.figures.page import bins, percent
+from archerfish.evaluation.results import Cell, Comparison
+from archerfish.figures.page import percent
 from archerfish.paper.tables import hit_rate_table
 
 AGAINST = ("kalman", "kalman-lq", "parabola-lq", "oracle")
@@ -67,7 +66,7 @@ def overview_table(
         "controller",
         [Heading(world.short) for _ in tables for world in worlds],
         [group for group in groups if group.rows],
-        _spans(tables, len(worlds)),
+        spans(tables, len(worlds)),
     )
 
 
@@ -76,7 +75,8 @@ def _tables(cells: Iterable[Cell]) -> list[str]:
     return [table for table in REAL if table in found]
 
 
-def _spans(tables: Sequence[str], width: int) -> list[tuple[str, int]]:
+def spans(tables: Sequence[str], width: int) -> list[tuple[str, int]]:
+    """Head the columns of several of the paper's tables, so many columns each."""
     return [(f"Table {table}, {target_of(table)} targets", width) for table in tables]
 
 
@@ -114,7 +114,7 @@ def misses_table(cells: Sequence[Cell], worlds: Sequence[World], limit: str) -> 
         "controller",
         [Heading(world.short) for _ in tables for world in worlds],
         [EntryGroup("", rows)],
-        _spans(tables, len(worlds)),
+        spans(tables, len(worlds)),
     )
 
 
@@ -162,91 +162,3 @@ def world_differences(pairs: Sequence[Comparison], setting: str, limit: str) -> 
 
     columns = [*(less("history", name) for name in AGAINST), less("paper", "kalman")]
     return rate_table(columns, "Paired differences in points with 95 % intervals: above zero, the policy is better.")
-
-
-def drops_overview(drops: Sequence[Drop], worlds: Sequence[World], limit: str) -> EntryTable | None:
-    """Say how far each controller falls from the simulator to each robot, all ranges together; None without drops."""
-    here = [each for each in drops if each.command_limit == limit]
-    tables = [table for table in REAL if any(each.table == table for each in here)]
-    columns = [(table, settled) for table in tables for settled in (False, True)]
-
-    def row(name: str, world: World) -> EntryRow:
-        style = "ours" if name == "history" else ""
-        return EntryRow(
-            controller_words(name).name,
-            [difference_entry(_fall(here, world, limit, name, *each), style) for each in columns],
-        )
-
-    groups = [
-        EntryGroup(f"From the simulator to “{world.short}”", [row(name, world) for name in _fallen(here, world)])
-        for world in worlds
-        if _fallen(here, world)
-    ]
-    if not groups:
-        return None
-    return EntryTable(
-        "Hit rate in the simulator less that with a robot, in points, all ranges together, with 95 % intervals paired by "
-        "engagement: above zero, shots are lost on the way.",
-        "controller",
-        [Heading("settled" if settled else "all shots") for _, settled in columns],
-        groups,
-        _spans(tables, 2),
-    )
-
-
-def _fallen(drops: Sequence[Drop], world: World) -> list[str]:
-    found = {each.controller for each in drops if each.setting == world.setting}
-    return [name for name in CONTROLLERS if name in found] + sorted(found - CONTROLLERS.keys())
-
-
-def _fall(
-    drops: Sequence[Drop], world: World, limit: str, controller: str, table: str, settled: bool
-) -> Estimate | None:
-    found = drops_of(drops, settled=settled, command_limit=limit, controller=controller, setting=world.setting)
-    return pooled_differences([each for key, each in found.items() if key[0] == table])
-
-
-def drop_table(drops: Sequence[Drop], world: World, limit: str) -> EntryTable | None:
-    """Say how far each controller falls from the simulator to one robot, per range and all together; None without."""
-    here = [each for each in drops if (each.setting, each.command_limit) == (world.setting, limit)]
-    names = _fallen(here, world)
-    picked = {
-        (name, settled): drops_of(here, settled=settled, command_limit=limit, controller=name, setting=world.setting)
-        for name in names
-        for settled in (False, True)
-    }
-    keys = sorted({key for found in picked.values() for key in found}, key=cell_order)
-    if not keys:
-        return None
-    groups = [_drop_group(table, [key for key in keys if key[0] == table], names, picked) for table in REAL]
-    return EntryTable(
-        f"Hit rate in the simulator less that with “{world.setting}”, by range, in points.",
-        "range, shots",
-        [Heading(controller_words(name).name) for name in names],
-        [group for group in groups if group.rows],
-    )
-
-
-def _drop_group(
-    table: str,
-    keys: Sequence[CellKey],
-    names: Sequence[str],
-    picked: Mapping[tuple[str, bool], Mapping[CellKey, Drop]],
-) -> EntryGroup:
-    def entry(name: str, settled: bool, keys: Sequence[CellKey]) -> Entry:
-        found = [picked[name, settled][key] for key in keys if key in picked[name, settled]]
-        return difference_entry(pooled_differences(found), "ours" if name == "history" else "")
-
-    wanted = [(f"{bins(key[1])} m", [key]) for key in keys] + ([("all ranges", list(keys))] if len(keys) > 1 else [])
-    rows = [
-        EntryRow(f"{title}, {shots}", [entry(name, settled, of) for name in names])
-        for title, of in wanted
-        for settled, shots in ((False, "all shots"), (True, "settled"))
-    ]
-    return EntryGroup(f"Table {table}, {target_of(table)} targets", rows)
-
-
-def pooled_drop(drops: Sequence[Drop], setting: str, limit: str, controller: str) -> Estimate | None:
-    """Return the mean drop of a controller over all cells and shots; None if it was not measured."""
-    found = drops_of(drops, settled=False, command_limit=limit, controller=controller, setting=setting)
-    return pooled_differences(found.values())

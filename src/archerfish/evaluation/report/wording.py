@@ -19,10 +19,10 @@ class ControllerWords(NamedTuple):
 
 CONTROLLERS = {
     "history": ControllerWords(
-        "History policy", "Trained by PPO; sees more than one moment of target and gimbal, so it can tell velocities: in Tables II and "
+        "History policy",
+        "Trained by PPO; sees more than one moment of target and gimbal, so it can tell velocities: in Tables II and "
         "III several frames, in Tables IV and V a tracker’s estimate and a long memory.",
         0,
-   
     ),
     "paper": ControllerWords("Six-number policy", "Trained by PPO; sees the paper’s six numbers.", 4),
     "kalman": ControllerWords(

@@ -31,7 +31,7 @@ def real_cells(results: Results) -> list[Cell]:
 
 
 def shown_limit(cells: Iterable[Cell]) -> str:
-    """Return the command limit that the figures of some cells are shown under: the first of the report that was shot."""
+    """Return the command limit that some cells are shown under: the first of the report's order that was shot."""
     shot = {cell.command_limit for cell in cells}
     return next((limit for limit in LIMITS if limit in shot), min(shot))
 
@@ -55,8 +55,8 @@ def _simulator(setting: str) -> World:
         "simulator",
         "simulator",
         f"In the simulator made from the logs of “{robot}”",
-        f"What the logs of the robot “{robot}” told, as a simulator ({setting}): linear axes, camera, link and muzzle as identified. "
-        "The policies were trained in it, and the classical controllers tuned.",
+        f"What the logs of the robot “{robot}” told, as a simulator ({setting}): linear axes, camera, link and muzzle "
+        "as identified. The policies were trained in it, and the classical controllers tuned.",
     )
 
 
@@ -68,7 +68,7 @@ def _robot(setting: str, *, changed: bool) -> World:
         )
         return World(setting, "changed", setting, f"With “{setting}”, a robot that has changed since", meaning)
     meaning = (
-        f"The robot “{setting}” itself. It is a virtual one, which stands in for a real one: MuJoCo physics, motors that "
-        "saturate, its own firmware, camera, link and muzzle. Identification and training know it by its logs alone."
+        f"The robot “{setting}” itself. It is a virtual one, which stands in for a real one: MuJoCo physics, motors "
+        "that saturate, its own firmware, camera, link and muzzle. Identification and training know it by its logs."
     )
     return World(setting, "robot", setting, f"With the robot “{setting}”", meaning)
