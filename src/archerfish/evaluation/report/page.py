@@ -131,14 +131,14 @@ def _reading(conditions: dict[str, Any]) -> dict[str, str]:
 def _headline(results: Results, setting: str, gallery: _Gallery) -> dict[str, Any] | None:
     found = headline(results, setting)
     if found is not None:
-        return _opening(found._replace(sentence=found.sentence + robot_sentence(results)), gallery)
+        return _opening(found, robot_sentence(results), gallery)
     alone = robot_headline(results)
-    return None if alone is None else _opening(alone, gallery)
+    return None if alone is None else _opening(alone, "", gallery)
 
 
-def _opening(found: Headline, gallery: _Gallery) -> dict[str, Any]:
+def _opening(found: Headline, robot: str, gallery: _Gallery) -> dict[str, Any]:
     label = "Hit rate against range of the policy, the Kalman filter and the oracle"
-    return {**found._asdict(), "figure": gallery.add("headline", label, found.drawing)}
+    return {**found._asdict(), "robot": robot, "figure": gallery.add("headline", label, found.drawing)}
 
 
 def _sections(results: Results, settings: Sequence[str]) -> list[Section]:

@@ -164,9 +164,9 @@ def steps_remark(steps: Sequence[RobotStep]) -> str:
         return f"The model fits {_joined(small)}."
     return (
         f"The model fits {_joined(small)}, but only {_joined(large)}. A linear model stops being right for large "
-        "steps, because the motor saturates: the model answers a step of any size in the same time, while the motor has "
-        "no more than its largest torque and speed. The steps were commanded at once; in the tables, the command limit "
-        "keeps controllers from asking for such jumps."
+        "steps, because the motor saturates: the model answers a step of any size in the same time, but the motor "
+        "has no more than its largest torque and speed. The steps were commanded at once; in the tables, the command "
+        "limit keeps controllers from asking for such jumps."
     )
 
 

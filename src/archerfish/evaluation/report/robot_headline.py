@@ -45,7 +45,7 @@ def robot_sentence(results: Results) -> str:
         return ""
     world, limit = found
     return _unbroken(
-        f" Known by its logs alone, a virtual robot stands in for the real one: {_rates(results, world, limit)}."
+        f"Known by its logs alone, a virtual robot stands in for the real one: {_rates(results, world, limit)}."
         f"{_drops(results, limit)}"
     )
 
