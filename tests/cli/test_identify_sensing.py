@@ -58,6 +58,45 @@ def test_a_sweep_alone_says_what_is_not_known(files, tmp_path):
     assert "Record a target that steps" in text
 
 
+@pytest.fixture(scope="module")
+def stamped(files):
+    """Files of messages that were stamped at both ends: uniform 5…15 ms, and 1…3 ms."""
+    rng = np.random.default_rng(5)
+    for name, low, high, rate in (("sent", 0.005, 0.015, 200), ("told", 0.001, 0.003, 1000)):
+        sent = np.arange(2000) / rate
+        columns = np.column_stack([sent, sent + rng.uniform(low, high, sent.size)])
+        np.savetxt(files / f"{name}.csv", columns, "%.9f", ",", header="sent_s,received_s", comments="")
+    return files
+
+
+def test_messages_stamped_at_both_ends_give_the_latency_of_each_direction(command, stamped, tmp_path):
+    out = tmp_path / "out"
+    words = ["sweep.csv", "--detections", "plate.csv", "--commands", "sent.csv", "--feedback", "told.csv"]
+    paths = [str(stamped / word) if word.endswith(".csv") else word for word in words]
+    status, _, err = command("identify", "sensing", *paths, "--out", str(out))
+    assert (status, err) == (0, "")
+    record = read_sensing(out / "sensing.json")
+    # Means of 2000 within five standard errors, deviations of a uniform (high − low) / √12 likewise.
+    for direction, mean, spread in (("command", 0.010, 0.010), ("feedback", 0.002, 0.002)):
+        sd = spread / np.sqrt(12)
+        latency, jitter = (getattr(record.link, f"{direction}_latency{end}") for end in ("", "_jitter"))
+        assert latency == pytest.approx(mean, abs=5 * sd / np.sqrt(2000))
+        assert jitter == pytest.approx(sd, rel=5 / np.sqrt(2 * 2000))
+        for name, value in ((f"link.{direction}_latency", latency), (f"link.{direction}_latency_jitter", jitter)):
+            low, high = record.intervals[name]
+            assert low < value < high
+    assert len(record.provenance["inputs"]) == 4
+
+
+def test_one_direction_alone_leaves_the_other_unknown(stamped, tmp_path):
+    sweep = IdentifySensing((stamped / "sweep.csv",), (stamped / "plate.csv",), out=tmp_path / "out")
+    run_sensing(replace(sweep, commands=stamped / "sent.csv"), Console(quiet=True))
+    link = read_sensing(tmp_path / "out" / "sensing.json").link
+    assert link.command_latency == pytest.approx(0.010, abs=1e-3)
+    assert link.feedback_latency is None
+    assert link.feedback_latency_jitter is None
+
+
 def test_faults_are_told_and_leave_nothing_behind(files, tmp_path):
     good = IdentifySensing((files / "sweep.csv",), (files / "plate.csv",), out=tmp_path / "out")
     faults = [
@@ -72,6 +111,8 @@ def test_faults_are_told_and_leave_nothing_behind(files, tmp_path):
         (replace(good, target_steps=files / "moments.csv"), "expected 2"),
         (replace(good, logs=(files / "steps.csv",)), "at no offset|expected about"),
         (replace(good, name="a/b"), "--name"),
+        (replace(good, commands=files / "none.csv"), "no such file"),
+        (replace(good, feedback=files / "moments.csv"), 'no column "sent_s"'),
     ]
     for command, message in faults:
         with pytest.raises(InputError, match=message):

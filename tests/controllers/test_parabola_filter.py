@@ -97,6 +97,16 @@ def test_a_sight_that_is_not_new_tells_nothing() -> None:
     )
 
 
+def test_a_place_that_no_frame_has_shown_is_forgotten_at_the_first_sight() -> None:
+    plates, filter_ = np.tile([2.0, 2.0, 0.1], (10, 1)), built(0.015, 0.0017)
+    guess = sight(np.array([3.0, 0.0, 0.0]), elapsed=0.0, age=1.0, fresh=False)
+    state = filter_.step(filter_.reset(guess), guess)
+    for plate in plates:
+        state = filter_.step(state, sight(plate))
+    expected = filter_.position_after(follow(filter_, plates), np.asarray(0.2))
+    assert_allclose(filter_.position_after(state, np.asarray(0.2)), expected, atol=5e-3)
+
+
 def test_an_age_is_the_time_that_the_prediction_begins_earlier() -> None:
     plates, filter_ = sights(parabola(0.25, 0.1), 40), built()
     state = filter_.step(filter_.reset(sight(plates[0], age=0.0)), sight(plates[0], elapsed=0.0, age=0.0))

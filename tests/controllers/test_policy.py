@@ -16,15 +16,23 @@ from archerfish.dynamics.muzzle import muzzle_from_record
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.records.errors import InputError
 from archerfish.records.policy import PolicyRecord, read_policy, write_policy
-from archerfish.sensing.observation import KINDS, make_observer, observation_size
+from archerfish.sensing.kalman_filter import TrackerNoise
+from archerfish.sensing.observation import KINDS, make_observer
+from archerfish.sensing.observers import AnyObserver
+from archerfish.sensing.tracked_observation import tracked_observer
 from archerfish.simulation.setting import paper_muzzle
 
 
 def make_policy(kind: str) -> PolicyController:
     """A policy with random weights, as lively as a trained one."""
-    rng = np.random.default_rng(1)
-    observer = make_observer(kind, muzzle_from_record(paper_muzzle(assumed_conditions())), action_scale=(0.03, 0.1))
-    sizes = (observation_size(observer), 32, 2)
+    rng, muzzle = np.random.default_rng(1), muzzle_from_record(paper_muzzle(assumed_conditions()))
+    observer: AnyObserver
+    if kind == "tracked":
+        noise = TrackerNoise(*(np.asarray(each) for each in (3.0, 1e-3, 1e-3, 0.015, 0.0017)))
+        observer = tracked_observer(muzzle, noise, 0.02, (0.03, 0.1), np.array([0.04, 0.02]))
+    else:
+        observer = make_observer(kind, muzzle, action_scale=(0.03, 0.1))
+    sizes = (observer.size, 32, 2)
     layers = tuple(
         Layer(rng.standard_normal(pair) / np.sqrt(pair[0]), 0.1 * rng.standard_normal(pair[1]))
         for pair in itertools.pairwise(sizes)
@@ -38,7 +46,7 @@ def record_of(policy: PolicyController) -> PolicyRecord:
     return policy_to_record(policy, period_s=0.02, command_limit="gate", training={"seed": 1})
 
 
-@pytest.fixture(params=KINDS)
+@pytest.fixture(params=[*KINDS, "tracked"])
 def policy(request: pytest.FixtureRequest) -> PolicyController:
     return make_policy(request.param)
 
@@ -55,6 +63,15 @@ def test_the_record_in_numpy_commands_what_the_policy_commands_in_jax(
     for moment, command in zip(moments, duel.command, strict=True):
         state, found = step(state, jax.tree.map(jnp.asarray, moment))
         np.testing.assert_allclose(found.angle, command, atol=1e-5)
+
+
+def test_a_record_commands_exactly_what_the_policy_commanded_before_it_was_written(
+    tmp_path: Path, policy: PolicyController, fight: Callable[..., Any]
+) -> None:
+    write_policy(tmp_path / "policy.json", record_of(policy))
+    read = policy_from_record(read_policy(tmp_path / "policy.json"))
+    np.testing.assert_allclose(fight(read, steps=10).command, fight(policy, steps=10).command, atol=1e-6)
+    assert type(read.observer) is type(policy.observer)
 
 
 def test_alone_it_commands_what_it_commands_in_a_batch(policy: PolicyController, fight: Callable[..., Any]) -> None:

@@ -67,7 +67,9 @@ def test_constant_velocity_carries_old_sights_to_now() -> None:
     ages = np.random.default_rng(52).uniform(0.03, 0.06, 60)
 
     def seen(step: int, elapsed: float = DT) -> Seen:
-        return sight(line.position(np.asarray(DT * step - ages[step])), elapsed)._replace(plate_age=ages[step : step + 1])
+        return sight(line.position(np.asarray(DT * step - ages[step])), elapsed)._replace(
+            plate_age=ages[step : step + 1]
+        )
 
     state = predictor.step(predictor.reset(seen(0)), seen(0, elapsed=0.0))
     for step in range(1, 60):
@@ -86,7 +88,9 @@ def test_constant_velocity_goes_on_without_a_new_sight() -> None:
         state = predictor.step(state, last._replace(plate_age=np.array([DT * lost]), fresh=np.array([False])))
         assert_allclose(state.track.covariance, before.covariance, atol=1e-15)  # as of the same exposure
         assert_allclose(
-            predictor.position_after(state, np.asarray(0.1)), line.position(np.asarray((29 + lost) * DT + 0.1)), atol=1e-3
+            predictor.position_after(state, np.asarray(0.1)),
+            line.position(np.asarray((29 + lost) * DT + 0.1)),
+            atol=1e-3,
         )
 
 

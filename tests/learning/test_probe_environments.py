@@ -49,6 +49,10 @@ class Probe(NamedTuple):
     """What an episode's kind adds to it, shape (2,)."""
 
     @property
+    def observed(self) -> int:
+        return 2
+
+    @property
     def normals(self) -> int:
         return 1
 

@@ -8,7 +8,8 @@ import pytest
 
 from archerfish.records import storage
 from archerfish.records.errors import InputError
-from archerfish.records.policy import SCHEMA, PolicyRecord, read_policy, write_policy
+from archerfish.records.policy import SCHEMA, TRACKER_FACTS, PolicyRecord, read_policy, write_policy
+from archerfish.sensing.kalman_filter import TrackerNoise
 
 RNG = np.random.default_rng(0)
 
@@ -48,6 +49,24 @@ def test_a_policy_is_read_back_exactly(tmp_path: Path) -> None:
         assert getattr(found, name) == getattr(POLICY, name)
 
 
+TRACKER = {name: 0.1 * index for index, name in enumerate(TRACKER_FACTS)}
+
+
+def test_what_a_tracker_believes_is_read_back_exactly(tmp_path: Path) -> None:
+    assert TrackerNoise._fields == TRACKER_FACTS
+    write_policy(tmp_path / "policy.json", replace(POLICY, observation="tracked", tracker=TRACKER))
+    assert read_policy(tmp_path / "policy.json").tracker == TRACKER
+
+
+def test_a_policy_from_before_there_were_trackers_has_none(tmp_path: Path) -> None:
+    path = tmp_path / "policy.json"
+    write_policy(path, POLICY)
+    facts = json.loads(path.read_text())
+    assert facts.pop("tracker") == {}
+    path.write_text(json.dumps(facts))
+    assert read_policy(path).tracker == {}
+
+
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
@@ -61,6 +80,8 @@ def test_a_policy_is_read_back_exactly(tmp_path: Path) -> None:
         ({"braking": np.ones(1, np.float32)}, r"policy\.braking must have shape \(2,\), got \(1,\)"),
         ({"braking": np.array([0.03, 0.0], np.float32)}, r"policy\.braking must be > 0 rad"),
         ({"muzzle": {"speed": 18.0}}, r'policy\.muzzle must hold the number "drag"'),
+        ({"observation": "tracked"}, r'policy\.tracker must hold the number "acceleration"'),
+        ({"observation": "tracked", "tracker": TRACKER | {"across": "wide"}}, r'policy\.tracker .* "across"'),
     ],
 )
 def test_a_policy_that_does_not_hold_together_is_refused(change: dict[str, Any], complaint: str) -> None:
@@ -73,6 +94,7 @@ def test_a_policy_that_does_not_hold_together_is_refused(change: dict[str, Any],
     [
         ({"frames": "four"}, "field \"frames\" is 'four', expected int"),
         ({"period_s": None}, 'field "period_s" is None'),
+        ({"tracker": [1.0]}, r'field "tracker" is \[1\.0\]'),
         ({"muzzle": {}}, r'policy\.muzzle must hold the number "speed"'),
         ({"schema": "archerfish.checkpoint/1"}, 'field "schema"'),
     ],

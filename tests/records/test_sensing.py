@@ -39,6 +39,41 @@ def test_a_record_is_read_back_exactly_with_what_was_not_measured(tmp_path: Path
     assert RECORD.link.feedback_delay is None
 
 
+STAMPED = replace(
+    LINK,
+    command_latency=0.0101,
+    command_latency_jitter=0.0029,
+    feedback_latency=0.002,
+    feedback_latency_jitter=0.0006,
+)
+
+
+def test_latencies_of_both_directions_are_read_back_exactly(tmp_path: Path) -> None:
+    intervals = {"link.command_latency": (0.0099, 0.0103), "link.feedback_latency_jitter": (0.0005, 0.0007)}
+    record = SensingRecord(CAMERA, STAMPED, intervals)
+    write_sensing(tmp_path / "sensing.json", record)
+    assert read_sensing(tmp_path / "sensing.json") == record
+    assert sensing_values(record)["link.feedback_latency"] == 0.002
+
+
+def test_a_record_from_before_there_were_latencies_of_messages_has_none(tmp_path: Path) -> None:
+    path = tmp_path / "sensing.json"
+    write_sensing(path, RECORD)
+    facts = json.loads(path.read_text())
+    for name in ("command_latency", "command_latency_jitter", "feedback_latency", "feedback_latency_jitter"):
+        assert facts["link"].pop(name) is None
+    path.write_text(json.dumps(facts))
+    assert read_sensing(path) == RECORD
+
+
+@pytest.mark.parametrize(
+    "name", ["command_latency", "command_latency_jitter", "feedback_latency", "feedback_latency_jitter"]
+)
+def test_no_message_arrives_before_it_was_sent(name: str) -> None:
+    with pytest.raises(InputError, match=rf"sensing\.link\.{name} must be ≥ 0, got -0\.001"):
+        SensingRecord(CAMERA, replace(STAMPED, **{name: -0.001}))
+
+
 def test_values_are_named_as_their_intervals() -> None:
     values = sensing_values(RECORD)
     assert RECORD.intervals.keys() <= values.keys()

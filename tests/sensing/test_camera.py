@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -65,7 +67,7 @@ def test_with_jitter_an_exposure_never_goes_back_and_is_fresh_only_when_new() ->
     motion = Line(np.tile(PLACE, (200, 1)), np.tile([0.5, 0.3, 0.1], (200, 1)))
     moments = watched(camera, motion, rng.standard_normal((40, 200, DRAWS)), rng.random(200))
     stayed = 0
-    for (_, before), (time, now) in zip(moments[:-1], moments[1:], strict=True):
+    for (_, before), (time, now) in itertools.pairwise(moments):
         assert np.all(now.exposed >= before.exposed)
         assert np.array_equal(now.fresh, now.exposed > before.exposed)
         assert np.array_equal(now.plate[~now.fresh], before.plate[~now.fresh])

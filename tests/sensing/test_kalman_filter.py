@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from archerfish.records.sensing import CameraRecord, LinkRecord, SensingRecord
 from archerfish.sensing.kalman_filter import (
+    HEIGHT_DRIFT,
     INITIAL_SPEED,
     TrackerNoise,
     begin_track,
     measurement_covariance,
+    noise_from_record,
     position_after,
     predict,
     update,
@@ -87,6 +90,51 @@ def test_measurement_noise_lies_along_and_across_the_line_of_sight(plate) -> Non
     assert_allclose(found, rotated(plate), atol=1e-18)
     assert along @ found @ along == pytest.approx(0.03**2)
     assert across @ found @ across == pytest.approx(0.004**2)
+
+
+def test_noise_in_proportion_to_the_distance_adds_in_squares() -> None:
+    noise = NOISE._replace(along_share=np.asarray(0.015), across_angle=np.asarray(0.0017))
+    for plate in (np.array([3.0, 0.0, 0.5]), np.array([2.0, -2.0, 1.0])):
+        level = np.linalg.norm(plate[:2])
+        along = plate[:2] / level
+        across = np.array([-along[1], along[0]])
+        found = measurement_covariance(noise, plate)
+        assert along @ found @ along == pytest.approx(0.03**2 + (0.015 * level) ** 2)
+        assert across @ found @ across == pytest.approx(0.004**2 + (0.0017 * level) ** 2)
+        assert along @ found @ across == pytest.approx(0.0, abs=1e-18)
+
+
+def test_a_record_tells_noise_as_angle_and_as_share_of_the_distance() -> None:
+    camera = CameraRecord(
+        rate_hz=80.0,
+        time_offset=0.0,
+        stamp_jitter=0.0,
+        bearing_sd=0.0017,
+        elevation_sd=0.0016,
+        range_sd=0.06,
+        noise_range=4.0,
+        miss_probability=0.0,
+        outlier_share=0.0,
+    )
+    noise = noise_from_record(SensingRecord(camera, LinkRecord(feedback_rate_hz=1000.0)), 2.5)
+    assert_allclose(noise, [2.5, 1e-3, 1e-3, 0.015, 0.0017])
+
+
+def test_the_height_is_a_filter_of_its_own() -> None:
+    # A random walk seen with noise: the textbook's scalar filter.
+    heights = np.random.default_rng(33).normal(0.2, 0.01, 30)
+    plates = np.stack([np.full(30, 3.0), np.zeros(30), heights], axis=-1)
+    noise = NOISE._replace(across_angle=np.asarray(0.002))
+    measured = 0.004**2 + (0.002 * 3.0) ** 2
+    mean, variance = heights[0], measured
+    for height in heights[1:]:
+        variance += HEIGHT_DRIFT**2 * DT
+        gain = variance / (variance + measured)
+        mean, variance = mean + gain * (height - mean), (1 - gain) * variance
+    track = track_of(plates, noise)
+    assert track.height == pytest.approx(mean)
+    assert track.height_variance == pytest.approx(variance)
+    assert position_after(track, np.asarray(0.5))[2] == track.height
 
 
 def test_the_covariance_stays_symmetric_and_positive_in_float32() -> None:

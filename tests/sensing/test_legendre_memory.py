@@ -61,9 +61,7 @@ def test_short_steps_approach_the_projection_of_the_history() -> None:
         memory = with_sample(transition, push, memory, np.asarray(signal(0.001 * step)))
     for degree in range(4):
         unit = np.eye(ORDER)[degree]
-        projection, _ = quad(
-            lambda share, unit=unit: signal(3.0 - share) * legval(2.0 * share - 1.0, unit), 0.0, 1.0
-        )
+        projection, _ = quad(lambda share, unit=unit: signal(3.0 - share) * legval(2.0 * share - 1.0, unit), 0.0, 1.0)
         assert memory[degree] == pytest.approx((2 * degree + 1) * projection, abs=4e-3)
 
 

@@ -10,7 +10,7 @@ BRAKING = np.array([0.01, 0.02])
 def test_a_command_that_brakes_from_now_on_ends_where_expected() -> None:
     # Braking in continuous time from 0.06 rad a decision by 0.01 (pitch), from −0.06 by 0.02 (yaw): 0.18 and −0.09 rad.
     command, before = np.array([0.30, -0.40]), np.array([0.24, -0.34])
-    rest = command + [0.18, -0.09]
+    rest = command + np.array([0.18, -0.09])
     assert_allclose(overshoot(BRAKING, rest, command, before), 0.0, atol=1e-15)
     # By hand in ten thousand small steps a decision.
     steps, rate, place = 10_000, command - before, command.copy()

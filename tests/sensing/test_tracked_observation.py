@@ -8,12 +8,15 @@ from archerfish.dynamics.muzzle import Muzzle
 from archerfish.dynamics.target_motion import Line
 from archerfish.sensing.interfaces import Seen
 from archerfish.sensing.kalman_filter import TrackerNoise
+from archerfish.sensing.stopping_way import on_the_way
 from archerfish.sensing.tracked_observation import TrackedObserver, tracked_observer
 
 MUZZLE = Muzzle(*(np.asarray(each) for each in (18.0, 0.2, (0.01, 0.0), (0.0035, 0.0035), 0.019, 0.0)))
 NOISE = TrackerNoise(*(np.asarray(each) for each in (3.0, 1e-3, 1e-3, 0.005, 0.001)))
 PERIOD, BRAKING = 0.02, np.array([0.01, 0.02])
 OBSERVER = tracked_observer(MUZZLE, NOISE, PERIOD, (0.03, 0.1), BRAKING)
+FREE = OBSERVER._replace(braking=np.full(2, 1e3))
+"""One whose command may jump: it shows where the slow one is on its way to."""
 
 YAW = [0, 1]
 ODD = np.array([*YAW * 3, 0, 1, *YAW * 2, *YAW * 2, *YAW * 3, *YAW * 3, 0, 0, 0, 0, 0, 0, 1, *[1] * 8, *[1] * 12], bool)
@@ -96,14 +99,14 @@ def test_zero_action_aims_at_where_the_target_is_now(age) -> None:
     times = PERIOD * np.arange(50)
     memory = remembered(OBSERVER, [seen_at(line.position(np.asarray(time - age)), age=age) for time in times])
     aim = aim_at(line.position(times[-1]), MUZZLE).angle
-    assert_allclose(OBSERVER.decode(memory, np.zeros(2)), aim, atol=3e-4)
+    assert_allclose(FREE.decode(memory, np.zeros(2)), aim, atol=3e-4)
     # That is a good deal ahead of where it was seen.
     assert abs(aim_at(line.position(np.asarray(times[-1] - 0.045)), MUZZLE).angle[1] - aim[1]) > 8e-3
 
 
 def test_an_action_is_an_offset_in_units_of_its_scale() -> None:
     memory = OBSERVER.begin(seen_at((4.0, 0.5, 0.1)))
-    moved = OBSERVER.decode(memory, np.array([1.0, -0.5])) - OBSERVER.decode(memory, np.zeros(2))
+    moved = FREE.decode(memory, np.array([1.0, -0.5])) - FREE.decode(memory, np.zeros(2))
     assert_allclose(moved, [0.03, -0.05])
 
 
@@ -114,7 +117,7 @@ def test_without_a_new_sight_the_target_goes_on_as_it_went() -> None:
     stale = [sights[-1]._replace(plate_age=np.array([0.04 + PERIOD * k]), fresh=np.array([False])) for k in (1, 2, 3)]
     memory = remembered(OBSERVER, sights + stale)
     now = np.asarray(PERIOD * 42)
-    assert_allclose(OBSERVER.decode(memory, np.zeros(2)), aim_at(line.position(now), MUZZLE).angle, atol=3e-4)
+    assert_allclose(FREE.decode(memory, np.zeros(2)), aim_at(line.position(now), MUZZLE).angle, atol=3e-4)
     # What is told of the speed and the ages: 0.6 m/s across, 100 ms, 3 ms, and that 0.84 s have gone.
     place = line.position(now)
     told = np.asarray(OBSERVER.observe(memory))
@@ -123,11 +126,22 @@ def test_without_a_new_sight_the_target_goes_on_as_it_went() -> None:
 
 
 def test_error_and_rest_are_scaled_as_documented() -> None:
-    aim = OBSERVER.decode(OBSERVER.begin(seen_at((3.0, 0.4, 0.0))), np.zeros(2))
+    aim = FREE.decode(OBSERVER.begin(seen_at((3.0, 0.4, 0.0))), np.zeros(2))
     error = np.array([0.01, -0.03])
     begun = observed([seen_at((3.0, 0.4, 0.0), angle=aim - error, command=aim - 2 * error)])
     assert_allclose(begun[:4], [*(2.0 * error), *np.tanh(100.0 / 3.0 * error)])
     assert_allclose(begun[8:12], [*(4.0 * error), *np.tanh(200.0 / 3.0 * error)])
+
+
+def test_the_command_goes_the_fastest_way_to_what_is_wanted() -> None:
+    memory = OBSERVER.begin(seen_at((3.0, 2.0, 0.0)))
+    wanted = FREE.decode(memory, np.zeros(2))
+    first = OBSERVER.decode(memory, np.zeros(2))
+    # From rest it may move as far as it can brake within: N moves of b, b/2 … cover the way.
+    assert_allclose(first, on_the_way(BRAKING, wanted, np.zeros(2)))
+    assert np.all(np.abs(first) < np.abs(wanted))
+    near = OBSERVER.begin(seen_at((3.0, 2.0, 0.0), command=wanted - 0.5 * BRAKING))
+    assert_allclose(OBSERVER.decode(near, np.zeros(2)), wanted)
 
 
 @pytest.mark.parametrize("shape", [(), (3,), (2, 3)])

@@ -4,6 +4,7 @@ from numpy.testing import assert_allclose
 
 from archerfish.dynamics.array_namespace import single_precision
 from archerfish.paper.conditions import assumed_conditions
+from archerfish.sensing.interfaces import fire_always
 from archerfish.sensing.observation import begin_memory, make_observer, observation_size, observe
 from archerfish.simulation.environment import ShootingEnvironment
 from archerfish.simulation.scenario import draw_engagement
@@ -118,3 +119,30 @@ def test_numpy_and_jax_agree(environment, agree_in_jax) -> None:
     action = np.random.default_rng(9).normal(0.0, 0.1, (BATCH, 2))
     # Observations magnify differences of nearly equal angles a hundred times.
     agree_in_jax(both, environment, *draws(environment, 4), action, rtol=1e-4, atol=2e-4)
+
+
+def test_a_hit_adds_its_bonus_to_the_reward_and_a_miss_nothing(environment) -> None:
+    bonus, radius = np.asarray(0.1, np.float32), np.asarray(0.06, np.float32)
+    rewarded = environment._replace(hit_bonus=bonus, hit_radius=radius, length=np.asarray(10**6))
+    plain = environment._replace(length=np.asarray(10**6))
+    state, _ = plain.begin(*draws(environment, 1))
+    hits = 0
+    for step in range(15):
+        normals, uniforms = draws(environment, 2 + step)
+        _, more = rewarded.step(state, still(), normals, uniforms)
+        state, outcome = plain.step(state, still(), normals, uniforms)
+        hit = outcome.reward >= -0.06  # eq (8): less the distance
+        assert_allclose(more.reward, outcome.reward + np.where(hit, 0.1, 0.0), atol=1e-7)
+        assert more.reward.dtype == np.float32
+        hits += np.sum(hit)
+    assert 20 < hits < 15 * BATCH - 20
+
+
+def test_without_a_bonus_the_reward_is_eq_8(environment) -> None:
+    assert environment.hit_bonus == 0.0
+    state, _ = environment.begin(*draws(environment, 1))
+    normals, uniforms = draws(environment, 2)
+    command = environment.observer.decode(state.memory, still())
+    _, shot = environment.world.shoot(state.shooting, fire_always(command), normals)
+    _, outcome = environment.step(state, still(), normals, uniforms)
+    assert_allclose(outcome.reward, -np.linalg.norm(shot.miss, axis=-1), rtol=1e-6)

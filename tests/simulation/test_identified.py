@@ -12,6 +12,7 @@ from archerfish.dynamics.linear_axis import gimbal_model
 from archerfish.dynamics.target_motion import Parabola, Static
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_plants
+from archerfish.records.errors import InputError
 from archerfish.records.muzzle import MuzzleRecord
 from archerfish.records.plant import PlantRecord
 from archerfish.records.sensing import CameraRecord, LinkRecord, SensingRecord
@@ -197,6 +198,12 @@ def test_an_old_feedback_reaches_back_into_the_period_before() -> None:
     for step in (3, 4):
         assert np.all(shown["old"][step] > shown["new"][step - 2])
         assert np.all(shown["old"][step] < shown["new"][step - 1])
+
+
+def test_feedback_older_than_two_periods_is_refused() -> None:
+    build(SensingRecord(CAMERA, LinkRecord(feedback_rate_hz=30.0, feedback_latency=0.006)))
+    with pytest.raises(InputError, match=r"feedback is up to 0\.0433 s old .* at most two decision periods of 0\.02 s"):
+        build(SensingRecord(CAMERA, LinkRecord(feedback_rate_hz=30.0, feedback_latency=0.010)))
 
 
 def test_what_is_seen_of_a_moving_target_is_old() -> None:

@@ -26,7 +26,10 @@ PERIOD, OFFSET = 0.02, 0.0065
 """The infantry's camera stamps 6.5 ms early."""
 LIMITS = gate_limits(limits_record())
 KNOWN = Known(
-    OFFSET, LIMITS, gimbal_model(**printed_plants(), period_s=PERIOD), muzzle_from_record(paper_muzzle(assumed_conditions()))
+    OFFSET,
+    LIMITS,
+    gimbal_model(**printed_plants(), period_s=PERIOD),
+    muzzle_from_record(paper_muzzle(assumed_conditions())),
 )
 
 
@@ -191,8 +194,9 @@ def test_a_shot_that_never_reaches_the_armor_or_was_not_fired_misses_by_far(infa
 
 def test_aim_at_a_still_target_hits() -> None:
     # No dispersion, boresight or droop: the drop alone is aimed for, by hand g d² / 2 v².
-    exact = changed(**QUIET, muzzle__speed_sd_m_s=0.0, muzzle__droop_per_shot_m_s=0.0, muzzle__boresight_pitch_deg=0.0,
-                    muzzle__boresight_yaw_deg=0.0, muzzle__dispersion_pitch_deg=0.0, muzzle__dispersion_yaw_deg=0.0)  # fmt: skip
+    names = ("speed_sd_m_s", "droop_per_shot_m_s", "boresight_pitch_deg", "boresight_yaw_deg", "dispersion_pitch_deg",
+             "dispersion_yaw_deg")  # fmt: skip
+    exact = changed(**QUIET, **{f"muzzle__{name}": 0.0 for name in names})
     angle = np.array([9.81 * 3.0 / (2 * 18.0**2), 0.0])
     _, shots = fought(world(exact), standing(1, place=(3.0, 0.0, 0.0)), normals(1, 40), np.tile(angle, (40, 1, 1)))
     assert np.linalg.norm(shots[-1].miss) < 0.02

@@ -1,4 +1,7 @@
+import subprocess
+import sys
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -71,3 +74,35 @@ def test_the_robot_on_the_stand_in_reaches_its_command() -> None:
     robot.advance(600)
     expected = np.array([[0.05 * 1.03, 0.2], [-0.1 * 1.03, -0.3]])
     np.testing.assert_allclose(robot.truth().angle, expected, atol=2e-3)
+
+
+WITHOUT_MUJOCO = """
+import sys, warnings
+import numpy as np
+
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] == "mujoco":
+            raise ModuleNotFoundError(f"{name} is not installed", name=name)
+
+sys.meta_path.insert(0, Absent())
+from archerfish.dynamics.target_motion import Static
+from archerfish.virtual_robot.description_file import load_robot
+from archerfish.virtual_robot.robot import VirtualRobot
+
+with warnings.catch_warnings(record=True) as notices:
+    warnings.simplefilter("always")
+    robot = VirtualRobot(load_robot("infantry"), 1, np.array([0]))
+robot.reset(np.zeros((1, 2)), Static(np.array([[3.0, 0.0, 0.0]])))
+robot.advance(20)
+print(len(notices), notices[0].message)
+"""
+
+
+def test_a_process_without_mujoco_runs_the_robot() -> None:
+    environment = {"PYTHONPATH": str(Path(__file__).parents[2] / "src")}
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_MUJOCO], capture_output=True, text=True, env=environment, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("1 MuJoCo 4 is not installed")

@@ -1,7 +1,7 @@
 """`archerfish evaluate`: hit rates of policies and classical controllers on the cells of Tables II and III."""
 
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -39,6 +39,7 @@ class Evaluate:
       archerfish evaluate runs/train/policy.json
       archerfish evaluate --controllers kalman parabola-lq oracle --command-limit box
       archerfish evaluate policy.json --pitch pitch.json --yaw yaw.json --robot infantry
+      archerfish evaluate policy.json --pitch pitch.json --yaw yaw.json --sensing sensing.json --robot me --on worn
     """
 
     policies: Annotated[
@@ -49,6 +50,9 @@ class Evaluate:
     """Classical controllers beside them: kalman, kalman-lq, parabola-lq, no-lead, vertex, oracle."""
     setting: RobotOptions = field(default_factory=SettingFiles)
     """The robot."""
+    on: Annotated[str, tyro.conf.arg(metavar="NAME|FILE", help_behavior_hint="(default: in the simulator)")] = ""
+    """Shoot with this virtual robot (docs/virtual_robot.md), with --sensing for what its program knows of camera and
+    link: the cells of Tables IV and V."""
     command_limit: Literal["box", "gate", "los-2deg"] = "gate"
     """What the gimbal may be asked: angle ranges (box), also rate and acceleration (gate), or at most 2° ahead of the
     target."""
@@ -70,7 +74,7 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     """
     _check(command)
     require_jax("evaluate")
-    from archerfish.cli.evaluation_run import EvaluationTask, run_evaluation  # needs JAX
+    from archerfish.cli.evaluation_run import TUNED, EvaluationTask, run_evaluation, tune_controllers  # needs JAX
     from archerfish.evaluation.report import write_report
     from archerfish.evaluation.results import write_results
 
@@ -78,10 +82,19 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     period_s = setting.conditions.control_period_s
     policies = tuple(_policy(path, period_s, command.command_limit) for path in command.policies)
     _check_distinct(policies, command)
-    names = ("perfect", *command.controllers)
-    task = EvaluationTask(setting, command.command_limit, command.engagements, command.seed, names, policies)
+    task = EvaluationTask(
+        setting, command.command_limit, command.engagements, command.seed, command.controllers, policies
+    )
+    if command.on:
+        task = replace(task, robot=command.on, tables=("IV", "V"))
+    else:
+        task = replace(task, controllers=("perfect", *command.controllers))
     with run_folder(command.out) as folder:
         begun = time.monotonic()
+        if setting.sensing is not None:
+            with progress_bar("tuning", len(set(command.controllers) & set(TUNED)), "controllers") as advance:
+                tuned = tune_controllers(task, advance)
+            task = replace(task, tuning={each.controller: each.tuning for each in tuned})
         with progress_bar("evaluating", len(command.controllers) + len(policies), "controllers") as advance:
             outcomes = run_evaluation(task, advance)
         results = _results(task, outcomes, time.monotonic() - begun)
@@ -95,7 +108,9 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
 
 def _check_distinct(policies: tuple[PolicyRecord, ...], command: Evaluate) -> None:
     """Results tell entrants apart by name and training seed."""
-    labels = [*command.controllers, *((each.observation, each.training.get("seed")) for each in policies)]
+    from archerfish.cli.evaluation_run import policy_label  # needs JAX
+
+    labels = [*command.controllers, *map(policy_label, policies)]
     if len(set(labels)) < len(labels):
         twice = next(label for label in labels if labels.count(label) > 1)
         name = twice if isinstance(twice, str) else f"{twice[0]} policy of seed {twice[1]}"

@@ -159,7 +159,12 @@ def _after(before: float, advance: Callable[[float, str], None]) -> Callable[[fl
     return further
 
 
-def _policy_entrant(policy: PolicyRecord) -> Entrant:
+def policy_label(policy: PolicyRecord) -> tuple[str, int]:
+    """Return name and training seed, by which results tell policies apart."""
     seed = policy.training.get("seed")
-    name = CONTROLLER_NAMES.get(policy.observation, policy.observation)
-    return Entrant(name, policy_from_record(policy), 0 if seed is None else int(seed))
+    return CONTROLLER_NAMES.get(policy.observation, policy.observation), 0 if seed is None else int(seed)
+
+
+def _policy_entrant(policy: PolicyRecord) -> Entrant:
+    name, seed = policy_label(policy)
+    return Entrant(name, policy_from_record(policy), seed)

@@ -6,11 +6,11 @@ What comes after reads these files and nothing else of the robot.
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from archerfish.cli.lab_files import LARGE_STEPS_DEG, Tape
 from archerfish.cli.range import table_1_angles
 from archerfish.cli.workers import Task, run_tasks
 from archerfish.records import storage
@@ -34,8 +34,6 @@ Advance = Callable[[float, str], None]
 
 SWEEP_DEG, SWEEP_HZ, SWEEP_S = 1.0, (2.0, 50.0), 10.0
 STEP_DEG, HOLD_S = 2.0, 2.0
-LARGE_STEPS_DEG = {"pitch": (2.0, -5.0, -15.0), "yaw": (2.0, 10.0, 30.0)}
-"""Steps of Fig. 4, each recorded for 1 s: small ones and such as saturate the motor."""
 LARGE_STEP_S = 1.0
 PLATES_M, PLATE_PITCH_DEG, SINGLE, BURST = (1.5, 2.5, 3.5, 4.5), 2.0, 5, 50
 LANDINGS = 20
@@ -138,23 +136,7 @@ def _trim(robot: VirtualRobot, task: LabTask) -> None:
     write_shots(task.folder / "first_shots.csv", rows)
 
 
-@dataclass(frozen=True)
-class Tape:
-    """What a tape measures on a robot."""
-
-    muzzle_length_m: float
-    """From the gimbal's pivot to the muzzle."""
-    muzzle_height_m: float
-    """Of the muzzle above the ground, with the barrel level."""
-
-
 def measured_by_tape(robot: VirtualRobot) -> Tape:
     """Measure the robot to the millimetre."""
     muzzle = robot.description.muzzle
     return Tape(round(muzzle.forward_m, 3), round(muzzle.height_m + muzzle.up_m, 3))
-
-
-def read_tape(path: Path) -> Tape:
-    """Read what was measured by tape."""
-    facts: dict[str, Any] = storage.read_json(path)
-    return Tape(**facts)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.cli.lab_stage import LARGE_STEPS_DEG, read_tape
+from archerfish.cli.lab_files import LARGE_STEPS_DEG, read_tape
 from archerfish.cli.setting import Setting
 from archerfish.cli.workers import Task, run_tasks
 from archerfish.evaluation.results import LandingRow, RobotIdentification, RobotStep

@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+import tyro
 
 from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.progress import progress_bar, require_jax
@@ -32,6 +34,7 @@ class Train:
     Examples:
       archerfish train --seed 1 --out runs/train
       archerfish train --pitch pitch.json --yaw yaw.json --muzzle muzzle.json --robot infantry
+      archerfish train --pitch pitch.json --yaw yaw.json --muzzle muzzle.json --sensing sensing.json --robot infantry
       archerfish train --target dynamic --command-limit box --ppo.steps 4000000
     """
 
@@ -39,8 +42,12 @@ class Train:
     """The robot."""
     target: Literal["static", "dynamic", "both"] = "both"
     """What moves: nothing, every target, or half of them."""
-    observation: Literal["history", "paper"] = "history"
-    """What the policy sees: several frames (history), or the paper's six numbers."""
+    observation: Annotated[
+        Literal["history", "paper", "tracked"] | None,
+        tyro.conf.arg(help_behavior_hint="(default: tracked with --sensing, else history)"),
+    ] = None
+    """What the policy sees: several frames (history), the paper's six numbers (paper), or what a tracker makes of old
+    and noisy sights (tracked), which needs --sensing."""
     frames: int = 4
     """Frames that the history observation remembers."""
     command_limit: Literal["box", "gate", "los-2deg"] = "gate"
@@ -62,7 +69,8 @@ def run_train(command: Train) -> dict[str, Any]:
     Raises:
       InputError: if a record can't be used, a setting is out of range, or the training diverges.
     """
-    if command.observation == "history" and not 2 <= command.frames <= MOST_FRAMES:
+    observation = command.observation or ("history" if command.setting.sensing is None else "tracked")
+    if observation == "history" and not 2 <= command.frames <= MOST_FRAMES:
         raise InputError(f"--frames must be from 2 (one frame shows no motion) to {MOST_FRAMES}, got {command.frames}")
     require_jax("train")
     from archerfish.cli.training_run import TrainingTask, run_task, write_run
@@ -71,7 +79,7 @@ def run_train(command: Train) -> dict[str, Any]:
     task = TrainingTask(
         setting=setting,
         static_share=TARGETS[command.target],
-        observation=command.observation,
+        observation=observation,
         frames=command.frames,
         command_limit=command.command_limit,
         ppo=command.ppo,

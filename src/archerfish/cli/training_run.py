@@ -28,7 +28,7 @@ from archerfish.sensing.kalman_filter import noise_from_record
 from archerfish.sensing.observation import ACTION_SCALES, make_observer
 from archerfish.sensing.observers import AnyObserver
 from archerfish.sensing.tracked_observation import TRACKER_ACCELERATION, tracked_observer
-from archerfish.simulation.environment import PureWorld, ShootingEnvironment
+from archerfish.simulation.environment import HIDDEN, PureWorld, ShootingEnvironment
 from archerfish.simulation.setting import make_scenario
 
 HIT_BONUS = {"history": 0.0, "paper": 0.0, "tracked": 0.1}
@@ -53,6 +53,8 @@ class TrainingTask:
     """Settings."""
     seed: int
     """Of everything random."""
+    asymmetric: bool = False
+    """Whether the critic sees where the target really is and will be."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,9 @@ def run_task(task: TrainingTask, advance: Callable[[float, str], None] = lambda 
         scenario,
         single_precision(observer),
         length,
-        *single_precision((np.asarray(HIT_BONUS[task.observation]), np.asarray(conditions.hit_radius))),
+        hit_bonus=np.float32(HIT_BONUS[task.observation]),
+        hit_radius=np.float32(conditions.hit_radius),
+        hidden=np.ones(HIDDEN if task.asymmetric else 0, np.float32),
     )
     trained = train(
         environment, task.ppo, task.seed, lambda steps, metrics: advance(steps, _note(metrics, conditions.decisions))

@@ -60,7 +60,12 @@ class ParabolaFilter(NamedTuple):
         zero = 0.0 * plate[..., 0]
         flat = zero[..., None] + 0.0 * lift(self.speed, zero[..., None])
         empty = Hypotheses(zero, flat, flat, plate[..., 0], zero, plate[..., 2], zero, seen.plate_age[..., 0])
-        return self._taken(empty, plate, zero == 0.0)
+        begun = self._taken(empty, plate, zero == 0.0)
+        # A place that no frame has shown is a guess: it weighs next to nothing against the first sight.
+        xp, shown = namespace(plate), seen.fresh[..., 0]
+        sums = {name: getattr(begun, name) for name in ("weight", "residual", "square", "depth_weight")}
+        flags = {name: xp.reshape(shown, shown.shape + (1,) * (each.ndim - zero.ndim)) for name, each in sums.items()}
+        return begun._replace(**{name: xp.where(flags[name], each, 1e-6 * each) for name, each in sums.items()})
 
     def step(self, state: Hypotheses, seen: Seen) -> Hypotheses:
         """Take in what is seen now."""

@@ -19,7 +19,7 @@ from archerfish.learning.config import PpoConfig
 from archerfish.learning.gaussian import log_probability
 from archerfish.learning.minibatches import shuffled_minibatches
 from archerfish.learning.normalisation import empty_normaliser, merge
-from archerfish.learning.update import Actor, Batch, Hyper, Measures, Networks, begin_networks, update
+from archerfish.learning.update import Actor, Batch, Hyper, Measures, Networks, action_mean, begin_networks, update
 
 
 class Environment(Protocol):
@@ -32,6 +32,10 @@ class Environment(Protocol):
     @property
     def uniforms(self) -> int:
         """Uniform draws that a step needs per batch member."""
+
+    @property
+    def observed(self) -> int:
+        """How many of an observation's numbers the policy sees, the first ones; the critic sees all."""
 
     def begin(self, normals: Any, uniforms: Any) -> tuple[Any, Any]:
         """Begin a batch: state and first observations."""
@@ -109,7 +113,8 @@ def _begin(environment: Environment, log_std: Array, key: Array, batch: int, hid
     )
     size = observation.shape[-1]
     # Orthogonal weights; the small last layer of the actor begins with actions near zero.
-    actor = Actor(_orthogonal(keys[2], (size, hidden, actions), last_gain=0.01), jnp.full(actions, log_std))
+    layers = _orthogonal(keys[2], (environment.observed, hidden, actions), last_gain=0.01)
+    actor = Actor(layers, jnp.full(actions, log_std))
     critic = _orthogonal(keys[3], (size, hidden, 1), last_gain=1.0)
     return Learner(
         networks=begin_networks(actor, critic),
@@ -178,7 +183,7 @@ def _rollout(
     def act(carry: tuple[Any, Array], draws: tuple[Array, Array, Array]) -> tuple[tuple[Any, Array], Any]:
         state, observation = carry
         normal = normalise(learner.normaliser, observation)
-        mean = forward(actor.layers, normal)
+        mean = action_mean(actor, normal)
         action = mean + std * draws[0]
         state, outcome = environment.step(state, action, draws[1], draws[2])
         chance = log_probability(action, mean, actor.log_std)

@@ -76,7 +76,10 @@ def train(
 
 def trained_policy(observer: AnyObserver, learner: Learner) -> PolicyController:
     """Return the policy of a learner as a controller: its mean action, in NumPy."""
-    policy = PolicyController(observer, learner.normaliser, learner.networks.actor.layers)
+    layers, normaliser = learner.networks.actor.layers, learner.normaliser
+    seen = layers[0].weight.shape[0]
+    normaliser = normaliser._replace(mean=normaliser.mean[:seen], variance=normaliser.variance[:seen])
+    policy = PolicyController(observer, normaliser, layers)
     in_numpy: PolicyController = jax.tree.map(np.asarray, policy)
     return in_numpy
 

@@ -118,6 +118,20 @@ def update(settings: Hyper, networks: Networks, batch: Batch, rate: Array) -> tu
     return Networks(actor, critic, actor_moments, critic_moments), Measures(relative, divergence, clipped)
 
 
+def action_mean(actor: Actor, observation: Array) -> Array:
+    """Return the mean of the actions, shape (B, 2).
+
+    The actor sees the first numbers of an observation, as many as its network takes; any others, which a robot could
+    not see, are for the critic alone.
+
+    Args:
+      actor: the policy.
+      observation: normalised, shape (B, n).
+    """
+    mean: Array = forward(actor.layers, observation[..., : actor.layers[0].weight.shape[0]])
+    return mean
+
+
 def actor_loss(actor: Actor, batch: Batch, settings: Hyper) -> tuple[Array, tuple[Array, Array]]:
     """Return the negative of the clipped objective of eq (10), with advantages normalised over the batch.
 
@@ -131,7 +145,7 @@ def actor_loss(actor: Actor, batch: Batch, settings: Hyper) -> tuple[Array, tupl
     Returns:
       −L, and the divergence and clipped share of `Measures`.
     """
-    mean = forward(actor.layers, batch.observation)
+    mean = action_mean(actor, batch.observation)
     log_ratio = log_probability(batch.action, mean, actor.log_std) - batch.log_probability
     ratio = jnp.exp(log_ratio)
     advantage = (batch.advantage - jnp.mean(batch.advantage)) / (jnp.std(batch.advantage) + 1e-8)

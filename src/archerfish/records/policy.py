@@ -14,6 +14,8 @@ SCHEMA = "archerfish.policy/1"
 Floats = NDArray[np.float32]
 MUZZLE_FACTS = ("speed", "drag", "length", "pitch_offset", "yaw_offset")
 """Numbers that `PolicyRecord.muzzle` holds."""
+TRACKER_FACTS = ("acceleration", "along", "across", "along_share", "across_angle")
+"""Numbers that `PolicyRecord.tracker` of a tracked observation holds."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,10 @@ class PolicyRecord:
         missing = [name for name in MUZZLE_FACTS if not isinstance(self.muzzle.get(name), (int, float))]
         if missing:
             raise InputError(f'policy.muzzle must hold the number "{missing[0]}"; train it anew')
+        tracked = TRACKER_FACTS if self.observation == "tracked" else ()
+        missing = [name for name in tracked if not isinstance(self.tracker.get(name), (int, float))]
+        if missing:
+            raise InputError(f'policy.tracker must hold the number "{missing[0]}"; train it anew')
         for array in (*self.weights, *self.biases, self.mean, self.variance, self.action_scale, self.braking):
             if not np.all(np.isfinite(array)):
                 raise InputError("a policy's network holds a value that is not finite; train it anew")
@@ -103,7 +109,7 @@ def read_policy(path: Path) -> PolicyRecord:
             variance=arrays["variance"],
             action_scale=arrays["action_scale"],
             braking=arrays["braking"],
-            tracker=facts.get("tracker", {}),
+            tracker=storage.field(path, facts, "tracker", dict) if "tracker" in facts else {},
             **{name: storage.field(path, facts, name, kind) for name, kind in kinds.items()},
         )
     except KeyError as error:

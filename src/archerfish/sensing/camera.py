@@ -164,6 +164,13 @@ def quantised(sensing: Sensing, draw: Array, angle: Array) -> Array:
     return xp.where(lift(quantum, angle) > 0.0, xp.round(angle / step) * step, angle)
 
 
+def _feedback_share(record: SensingRecord) -> float:
+    """Return what a latency that counts from the feedback lacks to one from the exposure: the feedback's delay [s]."""
+    link = record.link
+    late = link.feedback_latency if link.feedback_delay is None else link.feedback_delay
+    return (late or 0.0) if record.camera.latency_basis == "feedback" else 0.0
+
+
 def sensing_from_record(record: SensingRecord, draws: int = 1, seed: int = 0) -> Sensing:
     """Build camera and link from a record, and draw what it leaves open within its intervals.
 
@@ -186,7 +193,7 @@ def sensing_from_record(record: SensingRecord, draws: int = 1, seed: int = 0) ->
     across = np.stack([drawn(f"camera.{name}", getattr(camera, name)) for name in ("elevation_sd", "bearing_sd")], -1)
     return Sensing(
         frame_period=1.0 / drawn("camera.rate_hz", camera.rate_hz, 1e-3),
-        latency=drawn("camera.latency", camera.latency),
+        latency=drawn("camera.latency", camera.latency) + _feedback_share(record),
         latency_jitter=drawn("camera.latency_jitter", camera.latency_jitter),
         moment_error=drawn("camera.time_offset", 0.0, -np.inf),
         moment_jitter=drawn("camera.stamp_jitter", camera.stamp_jitter),

@@ -91,6 +91,13 @@ class ShootingEnvironment(NamedTuple):
     """What a hit adds to the reward of eq (8) [m], shape (); zero in the paper."""
     hit_radius: Array = np.float32(0.0)
     """Largest miss that hits [m], shape ()."""
+    hidden: Array = np.zeros(0, np.float32)
+    """Ones for each number that the critic alone sees, shape (0,) or (HIDDEN,); see `hidden_state`."""
+
+    @property
+    def observed(self) -> int:
+        """How many of an observation's numbers the policy sees; what follows them is for the critic alone."""
+        return self.observer.size
 
     @property
     def normals(self) -> int:
@@ -129,7 +136,7 @@ class ShootingEnvironment(NamedTuple):
         shooting, shot = self.world.shoot(state.shooting, command, normals)
         memory = self.observer.remember(state.memory, self.world.see(shooting))
         going_on = EnvironmentState(shooting, memory, state.step + 1)
-        final = self.observer.observe(memory)
+        final = self._observation(shooting, memory)
         truncated = going_on.step >= self.length
         fresh, first = self._fresh(normals, uniforms)
         following = _where(truncated, fresh, going_on)
@@ -141,12 +148,35 @@ class ShootingEnvironment(NamedTuple):
         plain = reward(miss)
         return namespace(plain).where(plain >= -self.hit_radius, plain + self.hit_bonus, plain)
 
+    def _observation(self, shooting: Any, memory: Any) -> Array:
+        seen = self.observer.observe(memory)
+        if self.hidden.shape[0] == 0:
+            return seen
+        return namespace(seen).concat([seen, hidden_state(self.world.period, shooting)], axis=-1)
+
     def _fresh(self, normals: Array, uniforms: Array) -> tuple[EnvironmentState, Array]:
         engagement: Engagement = draw_engagement(self.scenario, uniforms)
         shooting = self.world.begin(engagement, normals)
         memory = self.observer.begin(self.world.see(shooting))
         step = namespace(normals).zeros(normals.shape[0], dtype=int)
-        return EnvironmentState(shooting, memory, step), self.observer.observe(memory)
+        return EnvironmentState(shooting, memory, step), self._observation(shooting, memory)
+
+
+HIDDEN = 5
+"""Numbers of `hidden_state`."""
+
+
+def hidden_state(period: Array, shooting: Any) -> Array:
+    """Return what a robot can't see and a critic may: where the target really is and will be, shape B + (HIDDEN,).
+
+    Args:
+      period: decision period [s].
+      shooting: state of the world, with engagement and time of shape B.
+    """
+    motion, time = shooting.engagement.motion, shooting.time
+    now, soon, later = (motion.position(time + ahead)[..., :2] for ahead in (0.0 * period, period, 20.0 * period))
+    speed = (soon - now)[..., 1:] / period
+    return namespace(now).concat([now, speed, 5.0 * (later - now)], axis=-1)
 
 
 def _where(condition: Array, chosen: Array, other: Array) -> Array:

@@ -9,11 +9,12 @@ from archerfish.dynamics.delayed_gimbal import delayed_gimbal, longest_wait
 from archerfish.dynamics.linear_axis import gimbal_draws, gimbal_model
 from archerfish.dynamics.muzzle import Muzzle, muzzle_from_record
 from archerfish.paper.conditions import Conditions
+from archerfish.records.errors import InputError
 from archerfish.records.limits import LimitsRecord
 from archerfish.records.muzzle import MuzzleRecord
 from archerfish.records.plant import PlantRecord
 from archerfish.records.sensing import SensingRecord
-from archerfish.sensing.camera import jittered, sensing_from_record
+from archerfish.sensing.camera import Sensing, jittered, sensing_from_record
 from archerfish.simulation.environment import PureWorld
 from archerfish.simulation.identified import IdentifiedWorld
 from archerfish.simulation.scenario import Scenario
@@ -43,7 +44,8 @@ def make_world(
       sensing: camera and link; immediate and perfect but for the position noise where none is given.
 
     Raises:
-      InputError: if the command limit is unknown or a plant does not fit the control period.
+      InputError: if the command limit is unknown, a plant does not fit the control period, or feedback is older than
+        two of them.
     """
     period = conditions.control_period_s
     if sensing is not None:
@@ -75,6 +77,7 @@ def _identified_world(
     gimbal = delayed_gimbal(pitch, yaw, period)
     count = len(gimbal.rest)
     drawn = sensing_from_record(sensing, count)
+    _check_feedback(drawn, period)
     # Of all draws: a command that finds no place would act at once.
     longest = np.max(jittered(drawn.command_latency, drawn.command_jitter, np.full(count, np.inf)))
     world = IdentifiedWorld(
@@ -91,6 +94,17 @@ def _identified_world(
     )
     built: IdentifiedWorld = single_precision(world)
     return built
+
+
+def _check_feedback(drawn: Sensing, period: float) -> None:
+    """Refuse feedback older than the two periods that the world remembers: it would show a younger angle."""
+    latency = jittered(drawn.feedback_latency, drawn.feedback_jitter, np.full(len(drawn.feedback_latency), np.inf))
+    oldest = float(np.max(latency + drawn.feedback_period))
+    if oldest > 2.0 * period:
+        raise InputError(
+            f"feedback is up to {oldest:.3g} s old by the sensing record, expected at most two decision periods of "
+            f"{period} s; choose a longer period, or have the gimbal report more often"
+        )
 
 
 def muzzle_draws(record: MuzzleRecord, count: int, seed: int = 0) -> Muzzle:

@@ -3,8 +3,7 @@
 One decision: the command is limited and held for a period, then a pellet is fired at the gimbal's angles at its end,
 and scored where it crosses the armor's x. Array-generic, so one compiled program steps thousands of engagements.
 
-Where camera and link are immediate, as in the paper, the gimbal is one product per period (`Immediate`); where they are
-modelled, commands come late by another time each, and what is seen is old (`Delayed`).
+Camera and link are immediate here, as in the paper; `identified` has the world of a robot whose are not.
 """
 
 from typing import NamedTuple

@@ -1,0 +1,42 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from archerfish.records.policy import TRACKER_FACTS, PolicyRecord, write_policy
+
+pytest.importorskip("jax")
+
+
+def policy(observation: str, size: int, **facts) -> PolicyRecord:
+    """An untrained policy of one layer."""
+    return PolicyRecord(
+        observation=observation,
+        frames=4,
+        weights=(np.zeros((size, 2), np.float32),),
+        biases=(np.zeros(2, np.float32),),
+        mean=np.zeros(size, np.float32),
+        variance=np.ones(size, np.float32),
+        action_scale=np.full(2, 0.1, np.float32),
+        braking=np.full(2, 0.03, np.float32),
+        muzzle={"speed": 18.0, "drag": 0.019, "length": 0.0, "pitch_offset": 0.0, "yaw_offset": 0.0},
+        period_s=0.02,
+        command_limit="gate",
+        tracker=dict.fromkeys(TRACKER_FACTS, 0.01) if observation == "tracked" else {},
+        **facts,
+    )
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (policy("history", 35, training={"seed": 3}), policy("history", 35, training={"seed": 3})),
+        # A tracked policy is called history in the results, and one without a seed has seed 0.
+        (policy("history", 35, training={"seed": 3}), policy("tracked", 55, training={"seed": 3})),
+        (policy("history", 35, training={"seed": 0}), policy("history", 35)),
+    ],
+)
+def test_policies_that_results_can_not_tell_apart_are_refused(refused, tmp_path: Path, one, other) -> None:
+    for name, each in (("one", one), ("other", other)):
+        write_policy(tmp_path / f"{name}.json", each)
+    assert "history policy of seed" in refused("evaluate", "one.json", "other.json")

@@ -1,0 +1,146 @@
+"""From a robot's logs to shots with it, in short: recordings of seconds, a training of a moment."""
+
+import ast
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from archerfish.cli import lab_stage
+from archerfish.cli.evaluation_run import EvaluationTask, make_ground, run_evaluation, tune_controllers
+from archerfish.cli.lab_stage import LabTask, run_recording
+from archerfish.cli.robot_identification import IdentifyTask, run_axis, run_sensing_and_muzzle, trimmed, with_muzzle
+from archerfish.cli.setting import Setting
+from archerfish.cli.training_run import TrainingTask, run_task
+from archerfish.evaluation.transfer import drops
+from archerfish.learning.config import PpoConfig
+from archerfish.paper.conditions import assumed_conditions
+from archerfish.records.errors import InputError
+from archerfish.records.limits import read_limits
+from archerfish.virtual_robot import description_file
+from archerfish.virtual_robot.lab import timing
+
+SOURCE = Path(__file__).parents[2] / "src" / "archerfish"
+ROBOTS = Path(description_file.__file__).parent / "robots"
+TINY = PpoConfig(steps=1, environments=64, rollout=10, minibatches=2, hidden=16)
+
+
+def identified(logs: Path, records: Path) -> Setting:
+    yaw, pitch = (run_axis(IdentifyTask(logs, records, 0, axis)) for axis in ("yaw", "pitch"))
+    sensing, muzzle, landings = run_sensing_and_muzzle(IdentifyTask(logs, records, 0))
+    assert len(landings) == 9
+    assert max(abs(row.error_percent) for row in landings) < 5
+    return Setting(
+        name="identified-mine",
+        pitch=pitch[0],
+        yaw=yaw[0],
+        muzzle=muzzle,
+        sensing=sensing,
+        limits=read_limits(logs / "limits.json"),
+        conditions=with_muzzle(assumed_conditions(), muzzle),
+        inputs=(),
+    )
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory) -> Path:
+    """A robot's file, which is replaced by another robot's as soon as its logs are recorded."""
+    path = tmp_path_factory.mktemp("robot") / "mine.toml"
+    shutil.copy(ROBOTS / "infantry.toml", path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def logs(robot, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("logs")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lab_stage, "SWEEP_S", 4.0)
+        patch.setattr(lab_stage, "HOLD_S", 1.2)
+        patch.setattr(lab_stage, "LANDINGS", 3)
+        plan = timing.TimingPlan(sweep_s=8.0, steps=6)
+        patch.setattr(lab_stage, "TimingPlan", lambda: plan)
+        for kind, axis in (("axis", "yaw"), ("axis", "pitch"), ("timing", ""), ("plates", ""), ("ground", "")):
+            run_recording(LabTask(kind, str(robot), folder, 1, axis))
+    shutil.copy(ROBOTS / "worn.toml", robot)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def setting(logs, tmp_path_factory) -> Setting:
+    return identified(logs, tmp_path_factory.mktemp("records"))
+
+
+def test_short_logs_tell_what_the_robot_is(setting) -> None:
+    # What infantry.toml says, not what stands in the file by now.
+    camera, link = setting.sensing.camera, setting.sensing.link
+    assert camera.time_offset == pytest.approx(6.5e-3, abs=2e-3)
+    assert camera.latency == pytest.approx(35e-3, abs=5e-3)
+    assert link.command_latency == pytest.approx(10e-3, abs=2e-3)
+    assert setting.muzzle.length == pytest.approx(0.16)
+    assert len(setting.pitch.A) >= 2
+
+
+def test_what_was_identified_does_not_change_with_the_description(logs, setting, robot, tmp_path) -> None:
+    robot.write_text("nothing that could be read")
+    again = identified(logs, tmp_path)
+    for name in ("pitch", "yaw"):
+        assert np.array_equal(getattr(again, name).A, getattr(setting, name).A)
+    assert again.sensing.camera == setting.sensing.camera
+    assert again.muzzle.speed == setting.muzzle.speed
+
+
+@pytest.mark.parametrize("package", ["identification", "simulation", "controllers", "learning", "evaluation"])
+def test_no_package_that_learns_or_judges_knows_the_virtual_robot(package) -> None:
+    for path in (SOURCE / package).rglob("*.py"):
+        assert "virtual_robot" not in path.read_text(), path
+
+
+def test_the_stages_between_recording_and_shooting_do_not_import_the_robot() -> None:
+    for name in ("lab_files", "robot_identification", "training_run", "setting"):
+        tree = ast.parse((SOURCE / "cli" / f"{name}.py").read_text())
+        modules = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+        assert not [module for module in modules if "virtual_robot" in module or "lab_stage" in module], name
+
+
+def test_a_policy_for_the_robot_trains_and_shoots_with_it(setting, tmp_path) -> None:
+    policy = run_task(TrainingTask(setting, 0.5, "tracked", 0, "gate", TINY, 0)).policy
+    task = EvaluationTask(setting, "gate", 2, 0, ("kalman",), (policy,), tables=("IV", "V"))
+    simulated = run_evaluation(task)
+    on_robot = replace(task, robot="infantry")
+    shot = run_evaluation(on_robot)
+    ground = make_ground(on_robot)
+    assert [each.name for each in shot] == ["kalman", "history"]
+    assert ground.setting == "infantry"
+    # Untrained it is auto-aim without lead, which hits still targets once it has settled.
+    assert all(each.hit[:4, :, 25:].mean() > 0.5 for each in (*simulated, *shot))
+    found = drops(ground, shot, simulated)
+    assert len(found) == 2 * 8 * 2
+    assert {(each.table, each.settled) for each in found} == {(t, s) for t in ("IV", "V") for s in (True, False)}
+    assert all(each.low <= each.difference <= each.high for each in found)
+
+
+def test_first_shots_correct_the_muzzle_of_a_robot_that_has_changed(setting, tmp_path) -> None:
+    run_recording(LabTask("trim", "worn", tmp_path, 3))
+    changed = trimmed(setting, tmp_path / "first_shots.csv")
+    assert changed.muzzle.speed < setting.muzzle.speed
+    assert changed.muzzle.length == setting.muzzle.length
+    assert changed.conditions.muzzle_speed == changed.muzzle.speed
+    assert changed.yaw is setting.yaw
+
+
+def test_trackers_are_tuned_on_draws_of_their_own(setting, monkeypatch) -> None:
+    monkeypatch.setattr("archerfish.cli.evaluation_run.TUNING_ENGAGEMENTS", 2)
+    (tuned,) = tune_controllers(EvaluationTask(setting, "gate", 2, 0, ("kalman-lq", "oracle")))
+    assert tuned.controller == "kalman-lq"
+    assert tuned.tried == 6
+    assert 0 < tuned.hit_rate < 1
+
+
+def test_a_tracked_policy_needs_to_know_camera_and_link(setting) -> None:
+    task = TrainingTask(replace(setting, sensing=None), 0.5, "tracked", 0, "gate", TINY, 0)
+    with pytest.raises(InputError, match="needs a sensing record"):
+        run_task(task)
+    with pytest.raises(InputError, match="needs a sensing record"):
+        make_ground(EvaluationTask(replace(setting, sensing=None), "gate", 2, 0, robot="infantry"))
