@@ -8,10 +8,14 @@ from archerfish.evaluation.hit_rate import hit_rate, paired_difference, split_mi
 from archerfish.evaluation.results import (
     Cell,
     Comparison,
+    Drop,
     LackOfFit,
+    LandingRow,
     LearningCurves,
     PaperFigures,
     Results,
+    RobotIdentification,
+    RobotStep,
     StepResponse,
     Table1,
     Table1Row,
@@ -157,4 +161,102 @@ def synthetic_results() -> Results:
         figures=make_figures(),
         cells=tuple(cells),
         comparisons=tuple(comparisons),
+    )
+
+
+WORLDS = {"identified-sentry": 0.0, "sentry": 0.01, "rusty": 0.08}
+"""Setting → share of the hits that a robot loses against the simulator."""
+ROBOT_CONTROLLERS = ("history", "paper", "kalman", "kalman-lq", "parabola-lq", "oracle")
+
+
+def make_robot_labels() -> list[dict[str, object]]:
+    return [
+        {"table": table, "target": hit_rate_table(table).target, "range_m": row.range_m, "command_limit": "gate"}
+        for table in ("IV", "V")
+        for row in hit_rate_table(table).rows
+    ]
+
+
+def make_robot_parts() -> dict[str, tuple[object, ...]]:
+    """Cells, comparisons and drops of a robot; every world loses some of the simulator's hits."""
+    generator = np.random.default_rng(77)
+    cells, comparisons, drops = [], [], []
+    for index, place in enumerate(make_robot_labels()):
+        simulated = {name: draw_hits(generator, RATES[name][index]) for name in ROBOT_CONTROLLERS}
+        for setting, lost in WORLDS.items():
+            label = {**place, "setting": setting}
+            hits = {name: hit & (generator.random(hit.shape) > lost) for name, hit in simulated.items()}
+            for name, hit in hits.items():
+                seed = 0 if name in {"history", "paper"} else None
+                cells.append(make_cell(label, name, seed, hit))
+                named = {**label, "controller": name, "policy_seed": seed}
+                comparisons += [
+                    Comparison(**named, against=other, **paired_difference(hit, hits[other])._asdict())
+                    for other in ("kalman", "kalman-lq", "parabola-lq", "oracle")
+                    if seed is not None
+                ]
+                drops += [
+                    Drop(
+                        **named,
+                        settled=settled,
+                        **paired_difference(simulated[name][:, first:], hit[:, first:])._asdict(),
+                    )
+                    for settled, first in ((False, 0), (True, 24))
+                    if setting != "identified-sentry"
+                ]
+    return {"cells": tuple(cells), "comparisons": tuple(comparisons), "drops": tuple(drops)}
+
+
+def make_robot() -> RobotIdentification:
+    facts = {"order": 2, "delay_ms": 3.0, "dc_gain": 1.03, "dc_gain_interval": [1.021, 1.039]}
+    fits = {"held_back_sweep_fit_percent": 95.3, "held_back_step_fit_percent": 98.1}
+    time = np.arange(0, 0.5, 0.02)
+    steps = tuple(
+        RobotStep(
+            axis,
+            size,
+            tuple(time.tolist()),
+            tuple((size * (1 - np.exp(-time / 0.08))).tolist()),
+            tuple((size * (1 - np.exp(-time / 0.04))).tolist()),
+            fit,
+        )
+        for axis, size, fit in (("pitch", 2.0, 93.2), ("pitch", -15.0, 33.4), ("yaw", 2.0, 96.1), ("yaw", 30.0, 41.7))
+    )
+    landings = tuple(
+        LandingRow(
+            round(row.pitch_deg + 0.12, 2),
+            round(-row.yaw_deg - 0.02, 2),
+            20,
+            mean := 1.3 * row.real_m,
+            mean - 0.05,
+            mean + 0.05,
+            0.98 * mean,
+            -2.0,
+        )
+        for row in landing_table().rows
+    )
+    return RobotIdentification(
+        "sentry",
+        {"pitch": {**facts, **fits}, "yaw": {**facts, **fits}},
+        {
+            "sensing": {"camera_latency_ms": 35.1, "command_latency_ms": None, "frames_lost": 3},
+            "muzzle": {"speed_m_s": 17.85, "pitch_offset_deg": -0.06},
+            "kalman": {"acceleration_sd_m_s2": 4.0, "extra_lead_s": 0.02},
+            "kalman-lq": {"acceleration_sd_m_s2": 2.0, "extra_lead_s": 0.0},
+        },
+        landings,
+        steps,
+    )
+
+
+@pytest.fixture(scope="session")
+def robot_results(synthetic_results: Results) -> Results:
+    """Of a run with a robot alone."""
+    return Results(
+        seed=3,
+        commit=synthetic_results.commit,
+        versions=synthetic_results.versions,
+        conditions={"hit_radius": 0.06, "muzzle_speed": 17.85, "position_noise": 0.0, "kalman_position_sd": 0.002},
+        robot=make_robot(),
+        **make_robot_parts(),
     )

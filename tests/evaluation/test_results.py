@@ -71,6 +71,16 @@ def test_a_cell_in_the_file_has_the_documented_names(tmp_path: Path, synthetic_r
     ] == []
 
 
+def test_what_a_robot_adds_to_the_file_is_documented_and_survives_it(tmp_path: Path, robot_results: Results) -> None:
+    write_results(tmp_path / "results.json", robot_results)
+    assert read_results(tmp_path / "results.json") == robot_results
+    written = json.loads((tmp_path / "results.json").read_text())
+    robot = written["robot"]
+    names = [*robot, *robot["axes"]["yaw"], *robot["landings"][0], *robot["steps"][0], *written["drops"][0]]
+    documented = (Path(__file__).parents[2] / "docs" / "results.md").read_text()
+    assert [name for name in names if f"`{name}`" not in documented] == []
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -24,6 +24,11 @@ def test_the_landing_table_is_that_of_the_data_set(shared_data: Path) -> None:
     assert [(row.pitch_deg, row.yaw_deg, row.simulated_m, row.real_m) for row in landing_table().rows] == recorded
 
 
+def test_the_printed_errors_of_table_1_keep_to_the_claim_of_the_text() -> None:
+    table = landing_table()
+    assert max(row.error_percent for row in table.rows) < table.claimed_error_percent == 5
+
+
 def test_any_table_is_found_by_its_numeral() -> None:
     assert printed_table("I") == landing_table()
     assert isinstance(printed_table("V"), HitRateTable)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import TypeAlias, TypeVar
 
-from archerfish.evaluation.results import Cell, Comparison, Label
+from archerfish.evaluation.results import Cell, Comparison, Drop, Label
 
 AnyLabel = TypeVar("AnyLabel", bound=Label)
 
@@ -63,6 +63,29 @@ def comparisons_of(
     """Pick the paired differences of one controller to the controller named `against`; the rest as in `cells_of`."""
     pairs = [each for each in comparisons if each.against == against]
     return _picked(pairs, policy_seed, command_limit=command_limit, controller=controller, setting=setting)
+
+
+def drops_of(
+    drops: Iterable[Drop],
+    *,
+    settled: bool,
+    command_limit: str,
+    controller: str,
+    setting: str,
+    policy_seed: int | None = None,
+) -> dict[CellKey, Drop]:
+    """Pick how far one controller falls from the simulator to the robot `setting`; the rest as in `cells_of`.
+
+    Args:
+      drops: of results.json.
+      settled: whether those of the settled shots alone, or of all shots.
+      command_limit: `box`, `gate` or `los-2deg`.
+      controller: its name.
+      setting: the robot.
+      policy_seed: which of several policies; by default the one with the lowest seed.
+    """
+    kept = [each for each in drops if each.settled == settled]
+    return _picked(kept, policy_seed, command_limit=command_limit, controller=controller, setting=setting)
 
 
 def _picked(labels: Iterable[AnyLabel], policy_seed: int | None, **where: str) -> dict[CellKey, AnyLabel]:

@@ -1,4 +1,4 @@
-"""Step responses: of the identified beside the true plant (Fig. 4), and of an identified plant with its band."""
+"""Step responses: identified beside true (Fig. 4) or measured ones, and an identified plant's with its band."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -43,6 +43,43 @@ def step_responses(panels: Sequence[StepPanel]) -> Figure:
             below.plot(panel.time_s, np.subtract(panel.identified_deg, panel.true_deg), color=BLUE, linewidth=1.0)
             label_axes(above, title=panel.title, y="Angle [°]" if index == 0 else "")
             label_axes(below, x="Time since the step [s]", y="Identified\n− true [°]" if index == 0 else "")
+    return figure
+
+
+class MeasuredStep(NamedTuple):
+    """A step of a real axis beside that of its model."""
+
+    title: str
+    """Axis and size, with the fit."""
+    time_s: Sequence[float]
+    """Time since the step [s], shape (N,)."""
+    measured_deg: Sequence[float]
+    """Angle as measured [degrees], shape (N,)."""
+    model_deg: Sequence[float]
+    """Angle of the model [degrees], shape (N,)."""
+
+
+def measured_steps(rows: Sequence[Sequence[MeasuredStep]]) -> Figure:
+    """Draw measured steps beside those of a model: a row per axis, a column per size.
+
+    Args:
+      rows: at least one, each of at least one step; a shorter row leaves places empty.
+    """
+    with plot_style():
+        figure, axes = new_figure(len(rows), max(map(len, rows)), height=0.4 + 2.1 * len(rows), sharex=True)
+        for row, places in zip(rows, axes, strict=True):
+            for panel, place in zip(row, places, strict=False):
+                place.plot(panel.time_s, panel.measured_deg, color=INK, linewidth=1.2, label="measured")
+                place.plot(panel.time_s, panel.model_deg, color=VERMILLION, linestyle=(0, (4, 1.5)), label="model")
+                label_axes(place, title=panel.title)
+                place.title.set_fontsize(10.0)
+            for place in places[len(row) :]:
+                place.set_axis_off()
+            places[0].set_ylabel("Angle [°]")
+        for place in axes[-1]:
+            place.set_xlabel("Time since the step [s]")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
 
 

@@ -41,6 +41,8 @@ class LandingTable:
     """How well it can be read."""
     note: str
     """What is odd about it."""
+    claimed_error_percent: float
+    """Bound that the text claims for the errors [%]."""
     rows: tuple[LandingRow, ...]
     """Nine pairs of angles."""
 
@@ -88,7 +90,8 @@ def landing_table() -> LandingTable:
     """Return Table I."""
     facts = _facts()["I"]
     rows = tuple(LandingRow(**dict(zip(facts["columns"], row, strict=True))) for row in facts["rows"])
-    return LandingTable("I", facts["caption"], Legibility(facts["legibility"]), facts["note"], rows)
+    legibility, claimed = Legibility(facts["legibility"]), float(facts["claimed_error_percent"])
+    return LandingTable("I", facts["caption"], legibility, facts["note"], claimed, rows)
 
 
 def hit_rate_table(name: str) -> HitRateTable:

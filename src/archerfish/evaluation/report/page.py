@@ -9,20 +9,25 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from archerfish.evaluation.comparison import cells_of, shares
-from archerfish.evaluation.report.headline import headline
+from archerfish.evaluation.report.contents import TITLES, contents
+from archerfish.evaluation.report.headline import Headline, headline
 from archerfish.evaluation.report.rate_tables import Column, RateTable, printed_column, rate_column, rate_table
+from archerfish.evaluation.report.robot_drawings import steps_drawing
+from archerfish.evaluation.report.robot_facts import axes_table, facts_table, landing_view, steps_remark
+from archerfish.evaluation.report.robot_headline import robot_headline, robot_sentence
+from archerfish.evaluation.report.robot_section import robot_section
 from archerfish.evaluation.report.sections import Section, limit_section
 from archerfish.evaluation.report.wording import CONTROLLERS, LIMITS, condition_rows
+from archerfish.evaluation.report.worlds import REAL, real_cells
 from archerfish.evaluation.results import LearningCurves, Results
 from archerfish.figures.page import number, render_page
 from archerfish.figures.step_response import StepPanel, step_responses
 from archerfish.figures.style import svg_text
 from archerfish.figures.training import learning_curves
-from archerfish.paper.tables import HitRateTable, hit_rate_table
+from archerfish.paper.tables import hit_rate_table
 from archerfish.records import storage
 
 SIMULATED = ("II", "III")
-REAL = ("IV", "V")
 
 _ERRATA = Path(__file__).parents[4] / "docs" / "errata.md"
 """Where a checkout has it; an installed package has not."""
@@ -59,28 +64,60 @@ def write_report(results: Results, path: Path) -> None:
 
 def _page(results: Results, gallery: _Gallery, path: Path) -> str:
     settings = list(dict.fromkeys(cell.setting for cell in results.cells if cell.table in SIMULATED)) or ["paper"]
-    main = "paper" if "paper" in settings else settings[0]
+    main, paper = "paper" if "paper" in settings else settings[0], _paper_part(results)
+    sections = [_drawn(each, gallery) for each in _sections(results, settings)] if paper else []
+    robot = _robot(results, gallery)
     return render_page(
         "report.html",
         title="Archerfish: from logs to hit rates",
+        titles=TITLES,
+        contents=contents([(each["anchor"], each["title"]) for each in sections], paper=paper, robot=robot),
         results=results,
+        paper_part=paper,
         headline=_headline(results, main, gallery),
-        sections=[_drawn(each, gallery) for each in _sections(results, settings, SIMULATED)],
+        sections=sections,
         dispersion=_dispersion(results, main),
         six_numbers=_six_numbers(results, main),
-        real=[_drawn(each, gallery) for each in _real_sections(results)],
-        printed_real=[(table, _real_remark(table)) for table in map(hit_rate_table, REAL)],
+        robot=robot,
+        printed_real=[hit_rate_table(name) for name in REAL],
+        real_note=_real_note(),
         fig4=_fig4(results, gallery),
         axes=_identified_axes(results),
         learning=[
             ("static", _learning(results.figures.fig5, "fig5_static", "static", gallery)),
             ("dynamic", _learning(results.figures.fig6, "fig6_dynamic", "dynamic", gallery)),
         ],
-        conditions=condition_rows(results.conditions),
+        conditions=condition_rows(results.conditions, robot_alone=not paper),
         controllers=[(words.name, words.meaning) for words in CONTROLLERS.values()],
         **_reading(results.conditions),
         errata=Path(os.path.relpath(_ERRATA, path.parent)).as_posix() if _ERRATA.is_file() else None,
     )
+
+
+def _paper_part(results: Results) -> bool:
+    """Tell whether the page has the paper's simulation on it: all but where a robot alone was shot with."""
+    figures = results.figures
+    simulated = any(cell.table in SIMULATED for cell in results.cells) or results.table1 or results.identification
+    shown = simulated or figures.fig4 or figures.fig5 or figures.fig6
+    return bool(shown) or not (real_cells(results) or results.robot)
+
+
+def _robot(results: Results, gallery: _Gallery) -> dict[str, Any]:
+    """Return what the page says of the robot; what the results don't hold is None."""
+    section, told = robot_section(results), results.robot
+    figures = {
+        "shots_figure": (section.drawing if section else None, "Hit rates in the simulator and with the robots"),
+        "steps_figure": (steps_drawing(told.steps) if told else None, "Step responses of the robot and its model"),
+    }
+    names = {"shots_figure": "robot_hit_rates", "steps_figure": "robot_step_responses"}
+    return {
+        "shots": section,
+        "told": told,
+        "landings": landing_view(told.landings) if told else None,
+        "steps_remark": steps_remark(told.steps) if told and told.steps else "",
+        "tables": [each for each in (axes_table(told), facts_table(told)) if each] if told else [],
+        **{key: gallery.add(names[key], label, figure) for key, (figure, label) in figures.items()},
+    }
 
 
 def _reading(conditions: dict[str, Any]) -> dict[str, str]:
@@ -93,26 +130,26 @@ def _reading(conditions: dict[str, Any]) -> dict[str, str]:
 
 def _headline(results: Results, setting: str, gallery: _Gallery) -> dict[str, Any] | None:
     found = headline(results, setting)
-    if found is None:
-        return None
+    if found is not None:
+        return _opening(found, robot_sentence(results), gallery)
+    alone = robot_headline(results)
+    return None if alone is None else _opening(alone, "", gallery)
+
+
+def _opening(found: Headline, robot: str, gallery: _Gallery) -> dict[str, Any]:
     label = "Hit rate against range of the policy, the Kalman filter and the oracle"
-    return {**found._asdict(), "figure": gallery.add("headline", label, found.drawing)}
+    return {**found._asdict(), "robot": robot, "figure": gallery.add("headline", label, found.drawing)}
 
 
-def _sections(results: Results, settings: Sequence[str], tables: Sequence[str]) -> list[Section]:
+def _sections(results: Results, settings: Sequence[str]) -> list[Section]:
     """Return a section per setting and limit: for the paper's setting all limits, for others those that were shot."""
-    shot = {(cell.setting, cell.command_limit) for cell in results.cells if cell.table in tables}
+    shot = {(cell.setting, cell.command_limit) for cell in results.cells if cell.table in SIMULATED}
     wanted = [(setting, limit) for setting in settings for limit in LIMITS]
     return [
-        limit_section(results, setting, limit, tables)
+        limit_section(results, setting, limit, SIMULATED)
         for setting, limit in wanted
-        if (setting, limit) in shot or (setting == "paper" and tables == SIMULATED)
+        if setting == "paper" or (setting, limit) in shot
     ]
-
-
-def _real_sections(results: Results) -> list[Section]:
-    settings = list(dict.fromkeys(cell.setting for cell in results.cells if cell.table in REAL))
-    return _sections(results, settings, REAL)
 
 
 def _drawn(section: Section, gallery: _Gallery) -> dict[str, Any]:
@@ -150,14 +187,20 @@ def _six_numbers(results: Results, setting: str) -> RateTable:
     return RateTable("", (), ())
 
 
-def _real_remark(table: HitRateTable) -> str:
-    """Say how far the printed differences carry."""
-    half_width = 100 * 1.96 * math.sqrt(0.7 * 0.3 / table.shots)
-    largest = max(abs(row.ppo_percent - row.kalman_percent) for row in table.rows)
-    behind = sum(row.ppo_percent < row.kalman_percent for row in table.rows)
+def _real_note() -> str:
+    """Say how far the printed differences carry, and how they come out."""
+    tables = [hit_rate_table(name) for name in REAL]
+    shots = tables[0].shots
+    half_width = 100 * 1.96 * math.sqrt(0.7 * 0.3 / shots)
+    largest = max(abs(row.ppo_percent - row.kalman_percent) for table in tables for row in table.rows)
+    behind = " and at ".join(
+        f"{sum(row.ppo_percent < row.kalman_percent for row in table.rows)} of {len(table.rows)} ranges of "
+        f"Table {table.name}"
+        for table in tables
+    )
     return (
-        f"{table.shots} shots a cell: at 70 % that is ±{half_width:.0f} points, where the columns differ by at most "
-        f"{largest:.1f}. The paper’s method is behind the Kalman filter at {behind} of {len(table.rows)} ranges."
+        f"The paper fired {shots} shots a cell: at 70 % that is a noise of ±{half_width:.1f} points, where its columns "
+        f"differ by at most {largest:.1f}. Its method is behind the Kalman filter at {behind}."
     )
 
 

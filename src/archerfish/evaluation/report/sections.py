@@ -66,8 +66,8 @@ class Section(NamedTuple):
 
 def limit_section(results: Results, setting: str, limit: str, tables: Sequence[str]) -> Section:
     """Gather the cells under a setting and a command limit, some of the paper's tables only."""
-    cells = _under(results.cells, setting, limit, tables)
-    pairs = _under(results.comparisons, setting, limit, tables)
+    cells = under(results.cells, setting, limit, tables)
+    pairs = under(results.comparisons, setting, limit, tables)
     where = "" if setting == "paper" else f" on {setting}"
     name = f"Tables {' and '.join(tables)}{where}, limit {limit}"
     return Section(
@@ -76,12 +76,13 @@ def limit_section(results: Results, setting: str, limit: str, tables: Sequence[s
         note=LIMITS[limit].note,
         drawing=rates_drawing(cells, PLOTTED) if cells else None,
         table=_main_table(cells, pairs, setting, limit) if cells else None,
-        remarks=_remarks(cells, setting, limit) + _asked(results.accelerations, setting, limit),
-        groups=_every_controller(cells, pairs),
+        remarks=_remarks(cells, setting, limit) + asked(results.accelerations, setting, limit),
+        groups=every_controller(cells, pairs),
     )
 
 
-def _under(labels: Iterable[AnyLabel], setting: str, limit: str, tables: Sequence[str]) -> list[AnyLabel]:
+def under(labels: Iterable[AnyLabel], setting: str, limit: str, tables: Sequence[str]) -> list[AnyLabel]:
+    """Pick what was found in a setting under a command limit, for some of the paper's tables."""
     return [each for each in labels if (each.setting, each.command_limit) == (setting, limit) and each.table in tables]
 
 
@@ -115,16 +116,18 @@ def _remarks(cells: list[Cell], setting: str, limit: str) -> list[str]:
         if rmse is not None:
             name = controller_words(controller).name
             remarks.append(f"{name} against the paper’s {column} columns: {rmse:.1f} points RMSE.")
-    return remarks + _seed_remarks(cells, setting, limit)
+    return remarks + seed_remarks(cells, setting, limit)
 
 
-def _asked(accelerations: Iterable[Acceleration], setting: str, limit: str) -> list[str]:
-    under = [each for each in accelerations if (each.setting, each.command_limit) == (setting, limit)]
-    told = ", ".join(f"{controller_words(each.controller).name} {each.yaw_rad_s2:.0f}" for each in under)
+def asked(accelerations: Iterable[Acceleration], setting: str, limit: str) -> list[str]:
+    """Say what the controllers asked of the yaw axis at most."""
+    here = [each for each in accelerations if (each.setting, each.command_limit) == (setting, limit)]
+    told = ", ".join(f"{controller_words(each.controller).name} {each.yaw_rad_s2:.0f}" for each in here)
     return [f"Asked of the yaw axis at most, in rad/s²: {told}."] if told else []
 
 
-def _seed_remarks(cells: list[Cell], setting: str, limit: str) -> list[str]:
+def seed_remarks(cells: list[Cell], setting: str, limit: str) -> list[str]:
+    """Say how many trainings stand behind the policies' figures, and how they differ."""
     remarks = []
     for controller in ("history", "paper"):
         seeds = policy_seeds(cells, setting=setting, command_limit=limit, controller=controller)
@@ -143,7 +146,8 @@ def _seed_remarks(cells: list[Cell], setting: str, limit: str) -> list[str]:
     return remarks
 
 
-def _every_controller(cells: list[Cell], pairs: list[Comparison]) -> list[Group]:
+def every_controller(cells: list[Cell], pairs: list[Comparison]) -> list[Group]:
+    """List every controller of every cell, with its difference to the Kalman filter."""
     to_kalman = {_identity(each): each for each in pairs if each.against == "kalman"}
     known = list(CONTROLLERS)
     keys = sorted({(cell.table, cell.range_m) for cell in cells}, key=cell_order)

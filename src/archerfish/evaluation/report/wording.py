@@ -19,7 +19,10 @@ class ControllerWords(NamedTuple):
 
 CONTROLLERS = {
     "history": ControllerWords(
-        "History policy", "Trained by PPO; sees several frames of target and gimbal, so it can tell velocities.", 0
+        "History policy",
+        "Trained by PPO; sees more than one moment of target and gimbal, so it can tell velocities: in Tables II and "
+        "III several frames, in Tables IV and V a tracker’s estimate and a long memory.",
+        0,
     ),
     "paper": ControllerWords("Six-number policy", "Trained by PPO; sees the paper’s six numbers.", 4),
     "kalman": ControllerWords(
@@ -123,9 +126,25 @@ def controller_words(controller: str) -> ControllerWords:
     return CONTROLLERS.get(controller, ControllerWords(controller, "", 6))
 
 
-def condition_rows(conditions: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return label and value of each condition, in the units that people use; unknown ones as they are."""
-    return [_condition_row(name, value) for name, value in conditions.items()]
+_NOT_WITH_A_ROBOT = (
+    "position_noise",
+    "line_of_sight_lead",
+    "kalman_acceleration_sd",
+    "kalman_position_sd",
+    "kalman_extra_lead_s",
+)
+"""Conditions that a robot's own camera, limits and tuned trackers take the place of."""
+
+
+def condition_rows(conditions: dict[str, Any], *, robot_alone: bool = False) -> list[tuple[str, str]]:
+    """Return label and value of each condition, in the units that people use; unknown ones as they are.
+
+    Args:
+      conditions: of results.json.
+      robot_alone: whether they are of a robot only, and not of the paper's simulation.
+    """
+    hidden = _NOT_WITH_A_ROBOT if robot_alone else ()
+    return [_condition_row(name, value) for name, value in conditions.items() if name not in hidden]
 
 
 def _condition_row(name: str, value: Any) -> tuple[str, str]:
