@@ -132,9 +132,9 @@ def test_first_shots_correct_the_muzzle_of_a_robot_that_has_changed(setting, tmp
 
 def test_trackers_are_tuned_on_draws_of_their_own(setting, monkeypatch) -> None:
     monkeypatch.setattr("archerfish.cli.evaluation_run.TUNING_ENGAGEMENTS", 2)
-    (tuned,) = tune_controllers(EvaluationTask(setting, "gate", 2, 0, ("kalman-lq", "oracle")))
-    assert tuned.controller == "kalman-lq"
-    assert tuned.tried == 6
+    (tuned,) = tune_controllers(EvaluationTask(setting, "gate", 2, 0, ("parabola-lq", "oracle")))
+    assert tuned.controller == "parabola-lq"
+    assert tuned.tried == 5
     assert 0 < tuned.hit_rate < 1
 
 

@@ -1,4 +1,3 @@
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +8,7 @@ from archerfish.dynamics.aiming import line_of_sight
 from archerfish.dynamics.array_namespace import namespace
 from archerfish.evaluation.suites import Trials, draw_trials, table_suites
 from archerfish.evaluation.trial import fight
-from archerfish.evaluation.tuning import ACCELERATIONS, LEADS, tune
+from archerfish.evaluation.tuning import ACCELERATIONS, GRIDS, LEADS, tune
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_plants
 from archerfish.sensing.interfaces import Command, Seen, Truth, fire_always
@@ -52,20 +51,21 @@ def trials() -> Trials:
 
 
 def test_the_settings_that_hit_most_are_chosen_of_the_whole_grid(world, trials) -> None:
-    tuned = tune(world, trials, "aside", aside, CONDITIONS.hit_radius)
-    grid = [Tuning(*each) for each in product(ACCELERATIONS, LEADS)]
+    grid = GRIDS["kalman"]
+    tuned = tune(world, trials, "aside", aside, CONDITIONS.hit_radius, grid)
     rates = [fight(world, aside(each), trials).hits(CONDITIONS.hit_radius).mean() for each in grid]
     assert (tuned.controller, tuned.tried) == ("aside", len(ACCELERATIONS) * len(LEADS))
     assert tuned.hit_rate == pytest.approx(max(rates))
     assert rates[grid.index(tuned.tuning)] == max(rates)
-    assert tuned.tuning == Tuning(4.0, 0.04)
+    assert (tuned.tuning.acceleration_sd, tuned.tuning.extra_lead_s) == (4.0, 0.04)
     assert max(rates) > 1.5 * np.mean(rates)
 
 
-def test_other_leads_are_tried_where_asked(world, trials) -> None:
-    tuned = tune(world, trials, "aside", aside, CONDITIONS.hit_radius, leads=(0.0,))
-    assert tuned.tried == len(ACCELERATIONS)
-    assert tuned.tuning.extra_lead_s == 0.0
+def test_trackers_are_tuned_by_grids_of_one_size() -> None:
+    assert len(GRIDS["kalman"]) == len(GRIDS["kalman-lq"]) == 30
+    assert len({*GRIDS["kalman"], *GRIDS["kalman-lq"]}) > 50
+    # The filter of the rule has nothing to be told of the target.
+    assert {each.acceleration_sd for each in GRIDS["parabola-lq"]} == {0.0}
 
 
 def test_tuning_has_draws_that_no_evaluation_has(trials) -> None:

@@ -74,9 +74,10 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     """
     _check(command)
     require_jax("evaluate")
-    from archerfish.cli.evaluation_run import TUNED, EvaluationTask, run_evaluation, tune_controllers  # needs JAX
+    from archerfish.cli.evaluation_run import EvaluationTask, run_evaluation, tune_controllers  # needs JAX
     from archerfish.evaluation.report import write_report
     from archerfish.evaluation.results import write_results
+    from archerfish.evaluation.tuning import GRIDS
 
     setting = load_setting(command.setting)
     period_s = setting.conditions.control_period_s
@@ -92,7 +93,7 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     with run_folder(command.out) as folder:
         begun = time.monotonic()
         if setting.sensing is not None:
-            with progress_bar("tuning", len(set(command.controllers) & set(TUNED)), "controllers") as advance:
+            with progress_bar("tuning", len(set(command.controllers) & set(GRIDS)), "controllers") as advance:
                 tuned = tune_controllers(task, advance)
             task = replace(task, tuning={each.controller: each.tuning for each in tuned})
         with progress_bar("evaluating", len(command.controllers) + len(policies), "controllers") as advance:

@@ -12,15 +12,13 @@ from archerfish.dynamics.linear_axis import gimbal_model
 from archerfish.dynamics.muzzle import muzzle_from_record
 from archerfish.evaluation.evaluate import Entrant, Ground, Outcome, compete, perfect_aim
 from archerfish.evaluation.suites import draw_trials, table_suites
-from archerfish.evaluation.tuning import LEADS, Tuned, tune
+from archerfish.evaluation.tuning import GRIDS, Tuned, tune
 from archerfish.records.errors import InputError
 from archerfish.records.policy import PolicyRecord
 from archerfish.sensing.kalman_filter import noise_from_record
 from archerfish.virtual_robot.description_file import load_robot
 from archerfish.virtual_robot.engagement_world import Known, RobotWorld
 
-TUNED = {"kalman": LEADS, "kalman-lq": (0.0,)}
-"""Controllers that are tuned for an identified robot, and the extra leads that are tried."""
 TUNING_ENGAGEMENTS = 64
 """Engagements per cell of the tuning stream."""
 CONTROLLER_NAMES = {"tracked": "history"}
@@ -103,12 +101,12 @@ def tune_controllers(task: EvaluationTask, advance: Callable[[float, str], None]
         world.normals,
     )
     found = []
-    for name in (each for each in task.controllers if each in TUNED):
+    for name in (each for each in task.controllers if each in GRIDS):
 
         def build(tuning: Tuning, name: str = name) -> Any:
             return make_controller(name, _bench(task, tuning))
 
-        found.append(tune(world, trials, name, build, conditions.hit_radius, TUNED[name]))
+        found.append(tune(world, trials, name, build, conditions.hit_radius))
         advance(len(found), name)
     return found
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from archerfish.cli.evaluation_run import (
-    TUNED,
     EvaluationTask,
     make_ground,
     run_evaluation,
@@ -22,6 +21,7 @@ from archerfish.controllers.roster import Tuning
 from archerfish.evaluation.evaluate import Ground, Outcome, accelerations, cells, comparisons
 from archerfish.evaluation.results import RobotIdentification
 from archerfish.evaluation.transfer import drops
+from archerfish.evaluation.tuning import GRIDS
 from archerfish.learning.config import PpoConfig
 from archerfish.records.policy import PolicyRecord
 from archerfish.virtual_robot.description_file import load_robot
@@ -99,7 +99,7 @@ def _configuration(task: TrainingTask) -> dict[str, Any]:
 
 def tune_for_robot(rehearsal: Rehearsal, setting: Setting) -> dict[str, Tuning]:
     """Tune the trackers of the classical controllers in the identified simulator, on draws of their own."""
-    tasks = [EvaluationTask(setting, COMMAND_LIMIT, 2, rehearsal.seeds[0], (name,)) for name in TUNED]
+    tasks = [EvaluationTask(setting, COMMAND_LIMIT, 2, rehearsal.seeds[0], (name,)) for name in GRIDS]
     jobs: list[Task] = [(tune_controllers, task, 1.0) for task in tasks]
     found = run_tasks("tuning", "controllers", jobs, rehearsal.workers)
     return {each.controller: each.tuning for tuned in found for each in tuned}
@@ -179,4 +179,8 @@ def rehearse(rehearsal: Rehearsal) -> tuple[Identified, dict[str, Any]]:
 
 def asdict_of(tuning: Tuning) -> dict[str, float]:
     """Return the settings of a tracker by name."""
-    return {"acceleration_sd_m_s2": tuning.acceleration_sd, "extra_lead_s": tuning.extra_lead_s}
+    return {
+        "acceleration_sd_m_s2": tuning.acceleration_sd,
+        "extra_lead_s": tuning.extra_lead_s,
+        "smoothing": tuning.smoothing,
+    }

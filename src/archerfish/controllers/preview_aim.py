@@ -83,7 +83,12 @@ class PreviewAim(NamedTuple):
 
 
 def make_preview_aim(
-    predictor: Predictor, muzzle: Muzzle, model: GimbalModel, limits: CommandLimits, period_s: float
+    predictor: Predictor,
+    muzzle: Muzzle,
+    model: GimbalModel,
+    limits: CommandLimits,
+    period_s: float,
+    smoothing: float = SMOOTHING,
 ) -> PreviewAim:
     """Build the controller.
 
@@ -93,9 +98,10 @@ def make_preview_aim(
       model: the plant, shape (2, ...), float64.
       limits: what may be asked.
       period_s: decision period [s].
+      smoothing: weight of the changes of the command against squared angle errors.
     """
     gain = np.array([observer_gain(model, axis) for axis in range(2)])
-    return PreviewAim(predictor, muzzle, model, gain, make_preview(model, limits, period_s, HORIZON, SMOOTHING))
+    return PreviewAim(predictor, muzzle, model, gain, make_preview(model, limits, period_s, HORIZON, smoothing))
 
 
 def observer_gain(model: GimbalModel, axis: int) -> Array:

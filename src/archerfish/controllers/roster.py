@@ -9,7 +9,7 @@ from archerfish.controllers.direct_aim import DirectAim
 from archerfish.controllers.oracle import make_oracle
 from archerfish.controllers.parabola_filter import parabola_filter
 from archerfish.controllers.predictors import ConstantVelocity, Hold, ParabolaAware, Predictor, Vertex
-from archerfish.controllers.preview_aim import make_preview_aim
+from archerfish.controllers.preview_aim import SMOOTHING, make_preview_aim
 from archerfish.dynamics.array_namespace import single_precision
 from archerfish.dynamics.command_limits import CommandLimits
 from archerfish.dynamics.linear_axis import GimbalModel
@@ -21,12 +21,14 @@ from archerfish.sensing.kalman_filter import TrackerNoise
 
 
 class Tuning(NamedTuple):
-    """What is tuned of a tracking controller."""
+    """What is tuned of a tracking controller; each has a use for some of it."""
 
     acceleration_sd: float
     """Process noise of the Kalman filter, as a standard deviation of the target's acceleration [m/s²]."""
     extra_lead_s: float = 0.0
     """What a controller that doesn't know the gimbal leads for its lag [s]."""
+    smoothing: float = SMOOTHING
+    """Weight of the changes of the command in a preview, against squared angle errors."""
 
 
 class Workbench(NamedTuple):
@@ -85,7 +87,8 @@ def _kalman(bench: Workbench) -> Controller:
 def _preview(predictor: Callable[[Workbench], Predictor]) -> Callable[[Workbench], Controller]:
     def build(bench: Workbench) -> Controller:
         period = bench.conditions.control_period_s
-        return make_preview_aim(predictor(bench), bench.muzzle, bench.model, bench.limits, period)
+        smoothing = _tuning(bench).smoothing
+        return make_preview_aim(predictor(bench), bench.muzzle, bench.model, bench.limits, period, smoothing)
 
     return build
 

@@ -1,11 +1,11 @@
 """Tuning of the classical controllers on draws that no evaluation uses: each the best of a grid, all of one size.
 
-What a tracker should believe of its target, and how far a controller that doesn't know the gimbal should lead for its
-lag, depends on camera, link and gimbal. The paper's conditions hold values for the paper's gimbal; an identified robot
-gets its own.
+What a tracker should believe of its target, how far a controller that doesn't know the gimbal should lead for its lag,
+and how smooth the commands of one that does should be, depends on camera, link and gimbal. The paper's conditions hold
+values for the paper's gimbal; an identified robot gets its own.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -17,7 +17,15 @@ from archerfish.sensing.interfaces import Controller, World
 ACCELERATIONS = (0.3, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Process noises of the tracker that are tried [m/s²]."""
 LEADS = (0.0, 0.02, 0.04, 0.06, 0.08)
-"""Extra leads that are tried with each [s]; a controller that knows the gimbal has no use for them."""
+"""Extra leads that are tried with each [s], for a controller that doesn't know the gimbal."""
+SMOOTHINGS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+"""Weights of the command's changes that are tried with each, for one that does."""
+GRIDS: dict[str, tuple[Tuning, ...]] = {
+    "kalman": tuple(Tuning(q, extra_lead_s=lead) for q, lead in product(ACCELERATIONS, LEADS)),
+    "kalman-lq": tuple(Tuning(q, smoothing=weight) for q, weight in product(ACCELERATIONS, SMOOTHINGS)),
+    "parabola-lq": tuple(Tuning(0.0, smoothing=weight) for weight in SMOOTHINGS),
+}
+"""Controller → settings that are tried; the parabola's filter has no process noise."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +48,7 @@ def tune(
     name: str,
     build: Callable[[Tuning], Controller],
     hit_radius: float,
-    leads: Sequence[float] = LEADS,
+    grid: Sequence[Tuning] | None = None,
 ) -> Tuned:
     """Choose the settings that hit most.
 
@@ -50,12 +58,9 @@ def tune(
       name: of the controller.
       build: makes the controller.
       hit_radius: largest miss that hits [m].
-      leads: extra leads to try [s].
+      grid: settings to try; those of `GRIDS` if not given.
     """
-    rates = {tuning: float(fight(world, build(tuning), trials).hits(hit_radius).mean()) for tuning in _settings(leads)}
+    grid = GRIDS[name] if grid is None else grid
+    rates = {tuning: float(fight(world, build(tuning), trials).hits(hit_radius).mean()) for tuning in grid}
     best = max(rates, key=lambda tuning: rates[tuning])
     return Tuned(name, best, len(rates), rates[best])
-
-
-def _settings(leads: Sequence[float]) -> Iterator[Tuning]:
-    return (Tuning(*each) for each in product(ACCELERATIONS, leads))
