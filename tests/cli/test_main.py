@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
@@ -38,7 +39,9 @@ def leaf_options(kind: type, prefix: str = "") -> list[str]:
     """Return the options that a dataclass gives, as typed; the robot's files have no prefix."""
     names = []
     for field in dataclasses.fields(kind):
-        nested = field.default_factory if dataclasses.is_dataclass(field.default_factory) else None
+        # A factory may be a function that fills in other defaults; then the type tells.
+        kinds = (field.default_factory, field.type)
+        nested: Any = next((each for each in kinds if dataclasses.is_dataclass(each)), None)
         if nested is not None:
             names += leaf_options(nested, "" if field.name == "setting" else f"{prefix}{field.name}.")
         elif "Positional" not in str(field.type) and field.name not in ("logs", "shots", "policies", "run"):

@@ -24,7 +24,7 @@ from archerfish.virtual_robot.description_file import load_robot
 
 @dataclass(frozen=True)
 class Reproduce:
-    """Reproduce the paper: identify, train, evaluate, report; in simulation, then with a robot.
+    """Reproduce the paper in simulation, then with a robot: identify, train, shoot.
 
     Logs sweeps and steps of the printed gimbal, identifies it from them (Fig. 4), trains policies (Figs 5 and 6),
     shoots Tables II and III under three command limits beside classical controllers, and fits Table I. Then the virtual
