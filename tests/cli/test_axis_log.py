@@ -56,5 +56,9 @@ def test_the_plateaus_of_steps_tell_the_gain_whatever_holds_the_axis_back() -> N
     # A slow creep after each step, gone by the last fifth of the hold, and a zero of its own.
     since = np.tile(np.arange(2000), 6) / 1000
     angle = 1.03 * command + 0.02 - 0.004 * np.exp(-since / 0.1)
-    assert plateau_gain(make_recording(command, angle, 1e-3)) == pytest.approx(1.03, abs=1e-6)
+    found = plateau_gain(make_recording(command, angle, 1e-3))
+    assert found is not None
+    assert found.gain == pytest.approx(1.03, abs=1e-6)
+    assert found.low <= 1.03 <= found.high
+    assert found.high - found.low < 1e-4
     assert plateau_gain(make_recording(np.sin(command + since), angle, 1e-3)) is None

@@ -15,12 +15,11 @@ from archerfish.cli.workers import Task, run_tasks
 from archerfish.evaluation.results import LandingRow, RobotIdentification, RobotStep
 from archerfish.identification.axis.gimbal import AxisIdentification
 from archerfish.identification.axis.order_choice import choose_order
-from archerfish.identification.axis.state_space import simulate
-from archerfish.identification.axis.steady_gain import plateau_gain
+from archerfish.identification.axis.steady_gain import PlateauGain, plateau_gain
 from archerfish.identification.muzzle.landing import landing_distance
 from archerfish.identification.muzzle.likelihood import identify_muzzle
 from archerfish.identification.sensing.estimate import identify_sensing
-from archerfish.identification.validation.free_run import fit_percent, free_run
+from archerfish.identification.validation.free_run import common_offset, fit_percent, free_run
 from archerfish.paper.conditions import Conditions, assumed_conditions
 from archerfish.records.limits import read_limits
 from archerfish.records.message_times import read_message_times_csv
@@ -113,13 +112,13 @@ def run_axis(task: IdentifyTask, advance: Advance = lambda *_: None) -> tuple[Pl
     fitted = [_read(task, f"{axis}_{kind}.csv") for kind in ("sweep", "step")]
     held_back = [_read(task, f"{axis}_{kind}_validation.csv") for kind in ("sweep", "step")]
     gain = plateau_gain(fitted[1])
-    choice = choose_order(fitted, held_back, axis=axis, seed=task.seed, dc_gain=None if gain is None else [gain])
+    choice = choose_order(fitted, held_back, axis=axis, seed=task.seed, dc_gain=None if gain is None else [gain.gain])
     result = choice.result
     files = [task.logs / f"{axis}_{kind}.csv" for kind in ("sweep", "step")]
     plant = replace(result.plant, provenance=provenance(task.seed, files))
     write_plant(task.folder / f"{axis}.json", plant)
     fits = [float(free_run(plant, each, result.offset).fit_percent.mean()) for each in held_back]
-    facts = _axis_facts(result, fits)
+    facts = _axis_facts(result, fits, gain)
     advance(1.0, axis)
     return plant, {"facts": facts, "steps": [_large_step(task, plant, size) for size in LARGE_STEPS_DEG[axis]]}
 
@@ -128,13 +127,13 @@ def _read(task: IdentifyTask, name: str) -> Recording:
     return read_axis_log(task.logs / name, assumed_conditions().control_period_s)
 
 
-def _axis_facts(result: AxisIdentification, fits: list[float]) -> dict[str, Any]:
+def _axis_facts(result: AxisIdentification, fits: list[float], gain: PlateauGain | None) -> dict[str, Any]:
     plant = result.plant
     return {
         "order": len(plant.A),
         "delay_ms": 1e3 * plant.delay_samples * plant.sample_period_s,
         "dc_gain": dc_gain(plant).item(),
-        "dc_gain_interval": list(result.dc_gain_interval[0]),
+        "dc_gain_interval": list(result.dc_gain_interval[0] if gain is None else gain[1:]),
         "held_back_sweep_fit_percent": fits[0],
         "held_back_step_fit_percent": fits[1],
     }
@@ -142,9 +141,11 @@ def _axis_facts(result: AxisIdentification, fits: list[float]) -> dict[str, Any]
 
 def _large_step(task: IdentifyTask, plant: PlantRecord, size: float) -> RobotStep:
     log = _read(task, f"{task.axis}_step_{abs(size):g}deg.csv")
-    model = simulate(plant, log.inputs)[:, 0]
+    run = free_run(plant, log, common_offset(plant, [log]))
     begin = int(np.argmax(np.abs(log.inputs[:, 0]) > 0))
-    measured = log.outputs[:, 0] - float(np.mean(log.outputs[:begin, 0]))
+    rest = float(np.mean(log.outputs[:begin, 0]))
+    measured = log.outputs[:, 0] - rest
+    model = measured - run.residual[:, 0]
     shown = slice(begin, None, STEP_EVERY)
     time = log.sample_period_s * (np.arange(len(model)) - begin)
     return RobotStep(

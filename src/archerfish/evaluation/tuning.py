@@ -18,7 +18,7 @@ ACCELERATIONS = (0.3, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Process noises of the tracker that are tried [m/s²]."""
 LEADS = (0.0, 0.02, 0.04, 0.06, 0.08)
 """Extra leads that are tried with each [s], for a controller that doesn't know the gimbal."""
-SMOOTHINGS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+SMOOTHINGS = (1e-4, 1e-2, 1e-1, 1.0, 10.0)
 """Weights of the command's changes that are tried with each, for one that does."""
 GRIDS: dict[str, tuple[Tuning, ...]] = {
     "kalman": tuple(Tuning(q, extra_lead_s=lead) for q, lead in product(ACCELERATIONS, LEADS)),

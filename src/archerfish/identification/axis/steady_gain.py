@@ -1,10 +1,12 @@
 """The steady gain as a constraint: known from the drawing, or from a static measurement, and not up to the logs."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
+from scipy.stats import t as student
 
 from archerfish.identification.axis.pole_refinement import Problem
 from archerfish.identification.axis.simulation_fit import Penalty
@@ -15,7 +17,18 @@ _FIRMNESS = 1e4
 """Weight of the constraint over the size of the measured outputs; the gain is then held to about its inverse square."""
 
 
-def plateau_gain(recording: Recording, hold_s: float = 1.0) -> float | None:
+class PlateauGain(NamedTuple):
+    """The steady gain by the plateaus of steps."""
+
+    gain: float
+    """Output per input."""
+    low: float
+    """Lower end of its 95 % interval, by the scatter of the plateaus."""
+    high: float
+    """Upper end."""
+
+
+def plateau_gain(recording: Recording, hold_s: float = 1.0) -> PlateauGain | None:
     """Return the steady gain that the steps of a log show where they have come to rest, None without such steps.
 
     Where friction holds an axis short of its aim, a fit of the whole log lets a slow pole of its own invention explain
@@ -34,7 +47,13 @@ def plateau_gain(recording: Recording, hold_s: float = 1.0) -> float | None:
     if len(levels) < _FEWEST_PLATEAUS or np.ptp(levels) == 0:
         return None
     reached = np.array([y[begin : end + 1].mean() for begin, end in held])
-    return float(np.polynomial.Polynomial.fit(levels, reached, 1).convert().coef[1])
+    centred = levels - levels.mean()
+    squares = float(centred @ centred)
+    gain = float(centred @ reached) / squares
+    scatter = reached - reached.mean() - gain * centred
+    error = float(np.sqrt(scatter @ scatter / (len(levels) - 2) / squares))
+    half = float(student.ppf(0.975, len(levels) - 2)) * error
+    return PlateauGain(gain, gain - half, gain + half)
 
 
 def constrained_gain(problem: Problem, gains: Sequence[float], scale: float) -> Problem:
