@@ -50,7 +50,7 @@ class Variant:
     """What is removed or added."""
     seed: int = 0
     """Of the training."""
-    asymmetric: bool = False
+    asymmetric: bool = True
     """Whether the critic sees where the target really is and will be."""
     redraw: bool = True
     """Whether axes, latencies, muzzle and time offset are redrawn per engagement."""
@@ -69,7 +69,7 @@ VARIANTS = (
     Variant("without delays and latencies", latency=False),
     Variant("without history", history=False),
     Variant("without the bonus of a hit", bonus=False),
-    Variant("with asymmetric critic", asymmetric=True),
+    Variant("without asymmetric critic", asymmetric=False),
 )
 
 

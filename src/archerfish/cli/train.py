@@ -84,6 +84,7 @@ def run_train(command: Train) -> dict[str, Any]:
         command_limit=command.command_limit,
         ppo=command.ppo,
         seed=command.seed,
+        asymmetric=observation == "tracked",
     )
     with run_folder(command.out) as folder:
         with progress_bar("training", command.ppo.steps, "decisions") as advance:

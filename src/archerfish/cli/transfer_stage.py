@@ -75,7 +75,7 @@ def record_and_identify(rehearsal: Rehearsal) -> Identified:
 def train_for_robot(rehearsal: Rehearsal, setting: Setting) -> tuple[PolicyRecord, ...]:
     """Train the policies in the identified simulator: history policies, then the one of six numbers."""
     ppo = replace(rehearsal.ppo, discount=DISCOUNT)
-    history = TrainingTask(setting, 0.5, "tracked", 0, COMMAND_LIMIT, ppo, rehearsal.seeds[0])
+    history = TrainingTask(setting, 0.5, "tracked", 0, COMMAND_LIMIT, ppo, rehearsal.seeds[0], asymmetric=True)
     shorter = replace(ppo, steps=max(1, round(SIX_NUMBERS_STEPS * ppo.steps)))
     tasks = [replace(history, seed=seed) for seed in rehearsal.seeds]
     tasks.append(replace(history, observation="paper", ppo=shorter))
