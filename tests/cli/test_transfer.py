@@ -15,6 +15,7 @@ from archerfish.cli.robot_identification import IdentifyTask, run_axis, run_sens
 from archerfish.cli.setting import Setting
 from archerfish.cli.training_run import TrainingTask, run_task
 from archerfish.evaluation.transfer import drops
+from archerfish.identification.axis import order_choice
 from archerfish.learning.config import PpoConfig
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.records.errors import InputError
@@ -28,6 +29,12 @@ TINY = PpoConfig(steps=1, environments=64, rollout=10, minibatches=2, hidden=16)
 
 
 def identified(logs: Path, records: Path) -> Setting:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(order_choice, "ORDERS", (2, 3))  # the two that are chosen; each takes its time
+        return identified_with_few_orders(logs, records)
+
+
+def identified_with_few_orders(logs: Path, records: Path) -> Setting:
     yaw, pitch = (run_axis(IdentifyTask(logs, records, 0, axis)) for axis in ("yaw", "pitch"))
     sensing, muzzle, landings = run_sensing_and_muzzle(IdentifyTask(logs, records, 0))
     assert len(landings) == 9
@@ -58,7 +65,7 @@ def logs(robot, tmp_path_factory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(lab_stage, "SWEEP_S", 4.0)
         patch.setattr(lab_stage, "HOLD_S", 1.2)
-        patch.setattr(lab_stage, "LANDINGS", 3)
+        patch.setattr(lab_stage, "LANDINGS", 4)
         plan = timing.TimingPlan(sweep_s=8.0, steps=6)
         patch.setattr(lab_stage, "TimingPlan", lambda: plan)
         for kind, axis in (("axis", "yaw"), ("axis", "pitch"), ("timing", ""), ("plates", ""), ("ground", "")):
