@@ -11,8 +11,8 @@ import pytest
 from archerfish.cli import lab_stage
 from archerfish.cli.evaluation_run import EvaluationTask, make_ground, run_evaluation, tune_controllers
 from archerfish.cli.lab_stage import LabTask, run_recording
-from archerfish.cli.robot_identification import IdentifyTask, run_axis, run_sensing_and_muzzle, trimmed, with_muzzle
-from archerfish.cli.setting import Setting
+from archerfish.cli.robot_identification import IdentifyTask, run_axis, run_sensing_and_muzzle, trimmed
+from archerfish.cli.setting import Setting, with_muzzle
 from archerfish.cli.training_run import TrainingTask, run_task
 from archerfish.evaluation.transfer import drops
 from archerfish.learning.config import PpoConfig
