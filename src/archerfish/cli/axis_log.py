@@ -21,8 +21,8 @@ def read_axis_log(path: Path, decision_s: float) -> Recording:
     """Read the columns time_s, u and y, with a sampling period of which a decision takes a whole number.
 
     A log whose reports came evenly and at such a period is taken as it is. Any other one is resampled to the nearest
-    such period that is not longer, lost reports aside: the angle by a cubic spline, the command, which is held between its stamps, by its
-    mean over each new period.
+    such period that is not longer than between two reports, lost ones aside: the angle by a cubic spline, the command,
+    which is held between its stamps, by its mean over each new period.
 
     Args:
       path: CSV file.
