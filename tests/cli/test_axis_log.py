@@ -38,6 +38,15 @@ def test_reports_of_another_rate_are_resampled_to_a_fraction_of_the_decision(tmp
     assert read.inputs.sum() * read.sample_period_s == pytest.approx(held, abs=0.1 * 3 * read.sample_period_s)
 
 
+@pytest.mark.parametrize("loss", [0.05, 0.1, 0.4])
+def test_logs_with_lost_reports_all_get_the_period_of_the_reports(tmp_path, loss) -> None:
+    for seed in range(10):
+        time = 0.001 * np.flatnonzero(np.random.default_rng(seed).random(5000) >= loss)
+        read = read_axis_log(write(tmp_path / "log.csv", time, np.sign(np.sin(7 * time)), np.sin(5 * time)), 0.02)
+        assert read.sample_period_s == pytest.approx(0.001)
+        assert_allclose(read.outputs[:, 0], np.sin(5 * (time[0] + 0.001 * np.arange(len(read)))), atol=1e-4)
+
+
 @pytest.mark.parametrize(
     ("time", "complaint"),
     [

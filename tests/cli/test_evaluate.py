@@ -40,3 +40,8 @@ def test_policies_that_results_can_not_tell_apart_are_refused(refused, tmp_path:
     for name, each in (("one", one), ("other", other)):
         write_policy(tmp_path / f"{name}.json", each)
     assert "history policy of seed" in refused("evaluate", "one.json", "other.json")
+
+
+def test_shooting_with_a_robot_is_checked_before_anything_is_tuned(refused) -> None:
+    assert "robot" in refused("evaluate", "--on", "nobody", "--sensing", "sensing.json", "--robot", "me")
+    assert "--on needs --sensing" in refused("evaluate", "--on", "infantry")

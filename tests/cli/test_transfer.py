@@ -11,9 +11,10 @@ import pytest
 from archerfish.cli import lab_stage
 from archerfish.cli.evaluation_run import EvaluationTask, make_ground, run_evaluation, tune_controllers
 from archerfish.cli.lab_stage import LabTask, run_recording
-from archerfish.cli.robot_identification import IdentifyTask, run_axis, run_sensing_and_muzzle, trimmed, with_muzzle
-from archerfish.cli.setting import Setting
+from archerfish.cli.robot_identification import IdentifyTask, run_axis, run_sensing_and_muzzle, trimmed
+from archerfish.cli.setting import Setting, with_muzzle
 from archerfish.cli.training_run import TrainingTask, run_task
+from archerfish.cli.transfer import others
 from archerfish.evaluation.transfer import drops
 from archerfish.identification.axis import order_choice
 from archerfish.learning.config import PpoConfig
@@ -151,3 +152,13 @@ def test_a_tracked_policy_needs_to_know_camera_and_link(setting) -> None:
         run_task(task)
     with pytest.raises(InputError, match="needs a sensing record"):
         make_ground(EvaluationTask(replace(setting, sensing=None), "gate", 2, 0, robot="infantry"))
+
+
+def test_a_robot_is_not_one_of_those_that_it_has_changed_into(tmp_path) -> None:
+    copy, other = tmp_path / "copy.toml", tmp_path / "other.toml"
+    shutil.copy(ROBOTS / "worn.toml", copy)
+    other.write_text(copy.read_text().replace("rate_hz = 80", "rate_hz = 60"))
+    assert others("infantry", ("worn", str(copy))) == ("worn",)
+    assert others("worn", ("worn",)) == others(str(copy), ("worn",)) == ()
+    with pytest.raises(InputError, match="another robot is called worn too"):
+        others(str(other), ("worn",))

@@ -35,7 +35,7 @@ def turned(angle: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return np.asarray(about_z @ about_y @ vector)
 
 
-def test_angles_are_interpolated_between_reports_and_held_beyond_them() -> None:
+def test_angles_are_interpolated_between_reports_held_before_and_carried_on_after_them() -> None:
     rng = np.random.default_rng(71)
     stamps = np.cumsum(rng.uniform(0.001, 0.01, (3, 20)), axis=1)
     angles = rng.uniform(-1.0, 1.0, (3, 20, 2))
@@ -44,6 +44,8 @@ def test_angles_are_interpolated_between_reports_and_held_beyond_them() -> None:
     for trial in range(3):
         for axis in range(2):
             expected = np.interp(moments[trial], stamps[trial], angles[trial, :, axis])
+            last = angles[trial, -1, axis]  # at ten times as much per second
+            expected += 10.0 * last * np.maximum(moments[trial] - stamps[trial, -1], 0.0)
             assert_allclose(found[trial, :, axis], expected, atol=1e-12)
 
 
@@ -52,7 +54,7 @@ def test_places_without_a_report_are_passed_over() -> None:
     angles = np.full((2, 4, 2), NAN)
     angles[0, 1], angles[0, 3], angles[1, 0] = (0.1, 0.2), (0.3, 0.6), (0.5, -0.5)
     reports = reported(stamps, angles)
-    assert_allclose(angle_at(reports, np.array([[0.015], [0.015]]))[:, 0], [[0.2, 0.4], [0.5, -0.5]])
+    assert_allclose(angle_at(reports, np.array([[0.015], [0.01]]))[:, 0], [[0.2, 0.4], [0.5, -0.5]])
     assert_allclose(reports.rate[:, -1], [[3.0, 6.0], [5.0, -5.0]])
     assert_allclose(reports.stamp[:, -1], [0.02, 0.01])
 

@@ -66,6 +66,19 @@ def test_the_filter_is_the_textbooks(count) -> None:
     assert_allclose(track.covariance, covariance, rtol=1e-8, atol=1e-14)
 
 
+def test_a_guess_of_the_place_is_forgotten_at_the_first_sight() -> None:
+    noise = NOISE._replace(acceleration=np.asarray(0.3))
+    guess, plates = np.array([3.0, 0.0, 0.0]), np.tile([3.0, 1.5, 0.2], (4, 1))
+    track = begin_track(noise, guess, np.asarray(False))
+    for plate, elapsed in zip(plates, (1.0, DT, DT, DT), strict=True):
+        track = update(noise, predict(noise, track, np.asarray(elapsed)), plate, FRESH)
+    assert_allclose(track.mean[:2], plates[0, :2], atol=0.005)
+    assert np.abs(track.mean[2:]).max() < 0.05  # the way from the guess is no speed
+    assert track.height == pytest.approx(0.2, abs=1e-3)
+    for known, again in zip(begin_track(noise, guess), begin_track(noise, guess, np.asarray(True)), strict=True):
+        assert np.array_equal(known, again)
+
+
 def test_without_acceleration_the_filter_is_batch_least_squares() -> None:
     plates = measurements(30)
     noise = NOISE._replace(acceleration=np.asarray(0.0))

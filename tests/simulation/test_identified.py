@@ -200,10 +200,28 @@ def test_an_old_feedback_reaches_back_into_the_period_before() -> None:
         assert np.all(shown["old"][step] < shown["new"][step - 1])
 
 
-def test_feedback_older_than_two_periods_is_refused() -> None:
-    build(SensingRecord(CAMERA, LinkRecord(feedback_rate_hz=30.0, feedback_latency=0.006)))
-    with pytest.raises(InputError, match=r"feedback is up to 0\.0433 s old .* at most two decision periods of 0\.02 s"):
-        build(SensingRecord(CAMERA, LinkRecord(feedback_rate_hz=30.0, feedback_latency=0.010)))
+def test_feedback_of_several_periods_ago_shows_the_gimbal_as_it_was_then() -> None:
+    # Whole periods and the same tick later: what the fresh feedback showed three decisions before.
+    met, draws = engagements((5,)), 0.0 * normals(5, 12)
+    wishes = np.random.default_rng(7).uniform(-0.1, 0.1, (12, 5, 2)).astype(np.float32)
+    shown = []
+    for latency in (0.0035, 0.0035 + 3 * PERIOD):
+        world = build(SensingRecord(CAMERA, replace(LINK, feedback_latency=latency)))
+        state, _ = world.reset(met._replace(start=0.0 * met.start), draws)
+        angles = []
+        for wish in wishes:
+            state, seen, _ = world.step(state, fire_always(wish))
+            angles.append(seen.angle)
+        shown.append(np.array(angles))
+    assert np.ptp(shown[0]) > 0.1
+    assert_allclose(shown[1][3:], shown[0][:-3], atol=1e-6)
+    assert_allclose(shown[1][:3], 0.0, atol=1e-6)
+
+
+def test_feedback_that_is_of_no_use_is_refused() -> None:
+    complaint = r"feedback is up to 0\.301 s old by the sensing record, expected at most 0\.25 s"
+    with pytest.raises(InputError, match=complaint):
+        build(SensingRecord(CAMERA, LinkRecord(feedback_rate_hz=1000.0, feedback_latency=0.3)))
 
 
 def test_what_is_seen_of_a_moving_target_is_old() -> None:

@@ -18,6 +18,7 @@ from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.policy import PolicyRecord, read_policy
 from archerfish.records.provenance import code_commit, library_versions
+from archerfish.virtual_robot.description_file import load_robot
 
 if TYPE_CHECKING:
     from archerfish.cli.evaluation_run import EvaluationTask
@@ -124,6 +125,10 @@ def _check(command: Evaluate) -> None:
         raise InputError(f"--controllers must be of {', '.join(CONTROLLERS)}, got {unknown[0]!r}")
     if command.engagements < 2:
         raise InputError(f"--engagements must be at least 2, got {command.engagements}; intervals need several")
+    if command.on:
+        load_robot(command.on)
+        if command.setting.sensing is None:
+            raise InputError("--on needs --sensing, as identify sensing writes it: what a program knows of the camera")
 
 
 def _results(task: "EvaluationTask", outcomes: "list[Outcome]", seconds: float) -> "Results":

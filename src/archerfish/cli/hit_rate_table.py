@@ -1,4 +1,4 @@
-"""Hit rates in the terminal: a table per command limit that fits 80 columns."""
+"""Hit rates in the terminal: a table per world and command limit that fits 80 columns."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def print_hit_rates(cells: Iterable["Cell"], console: Console | None = None) -> None:
-    """Print a table per command limit, with a row per controller and a column per range.
+    """Print a table per world and command limit, with a row per controller and a column per range.
 
     Args:
       cells: hit rates.
@@ -20,8 +20,9 @@ def print_hit_rates(cells: Iterable["Cell"], console: Console | None = None) -> 
     """
     console = console or Console()
     cells = list(cells)
-    for limit in dict.fromkeys(cell.command_limit for cell in cells):
-        console.print(_table(limit, [cell for cell in cells if cell.command_limit == limit]))
+    for setting, limit in dict.fromkeys((cell.setting, cell.command_limit) for cell in cells):
+        shot = [cell for cell in cells if (cell.setting, cell.command_limit) == (setting, limit)]
+        console.print(_table(f"{setting}, command limit {limit}", shot))
 
 
 def print_where(out: Path, durations: Mapping[str, float]) -> None:
@@ -31,9 +32,9 @@ def print_where(out: Path, durations: Mapping[str, float]) -> None:
     Console().print(line, markup=False, highlight=False, soft_wrap=True)
 
 
-def _table(limit: str, cells: list["Cell"]) -> Table:
+def _table(where: str, cells: list["Cell"]) -> Table:
     ranges = sorted({cell.range_m for cell in cells})
-    title = f"\nhit rate in % with the 95 % interval, command limit {limit}"
+    title = f"\nhit rate in % with the 95 % interval: {where}"
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("name (seed)", no_wrap=True)
     for low, high in ranges:

@@ -15,11 +15,14 @@ from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.progress import require_jax
 from archerfish.cli.run_folder import run_folder
 from archerfish.cli.setting import Setting, SettingFiles, configuration, load_setting
+from archerfish.cli.transfer import ROBOT_DISCOUNT, ROBOT_STEPS, others
 from archerfish.learning.config import PpoConfig
 from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.provenance import code_commit, library_versions
-from archerfish.virtual_robot.description_file import load_robot
+
+CHANGED = ("worn",)
+"""Robots that shoot with the policies of another one too."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +113,7 @@ def _shortened(command: Reproduce) -> Reproduce:
 
 
 def _check(command: Reproduce) -> None:
-    load_robot(command.robot)
+    others(command.robot, CHANGED)
     for name, smallest in (("engagements", 2), ("robot_engagements", 2), ("curve_seeds", 1), ("workers", 0)):
         if getattr(command, name) < smallest:
             raise InputError(f"--{name.replace('_', '-')} must be at least {smallest}, got {getattr(command, name)}")
@@ -141,14 +144,15 @@ def _run_stages(command: Reproduce, setting: Setting, folder: Path, durations: d
 
 def _rehearsed(command: Reproduce, folder: Path) -> dict[str, Any]:
     """Take the robot from logs to Tables IV and V."""
-    from archerfish.cli.transfer import ROBOT_STEPS
     from archerfish.cli.transfer_stage import Rehearsal, rehearse
 
     steps = QUICK_STEPS if command.quick else ROBOT_STEPS
     rehearsal = Rehearsal(
         robot=command.robot,
-        changed=("worn",),
-        ppo=replace(command.ppo, steps=min(steps, command.ppo.steps) if command.quick else steps),
+        changed=others(command.robot, CHANGED),
+        ppo=replace(
+            command.ppo, steps=min(steps, command.ppo.steps) if command.quick else steps, discount=ROBOT_DISCOUNT
+        ),
         seeds=(command.seed,),
         engagements=command.robot_engagements,
         folder=folder / "robot",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from archerfish.cli.axis_log import read_axis_log
 from archerfish.cli.lab_files import LARGE_STEPS_DEG, read_tape
-from archerfish.cli.setting import Setting
+from archerfish.cli.setting import Setting, with_muzzle
 from archerfish.cli.workers import Task, run_tasks
 from archerfish.evaluation.results import LandingRow, RobotIdentification, RobotStep
 from archerfish.identification.axis.gimbal import AxisIdentification
@@ -20,7 +20,7 @@ from archerfish.identification.muzzle.landing import landing_distance
 from archerfish.identification.muzzle.likelihood import identify_muzzle
 from archerfish.identification.sensing.estimate import identify_sensing
 from archerfish.identification.validation.free_run import common_offset, fit_percent, free_run
-from archerfish.paper.conditions import Conditions, assumed_conditions
+from archerfish.paper.conditions import assumed_conditions
 from archerfish.records.limits import read_limits
 from archerfish.records.message_times import read_message_times_csv
 from archerfish.records.muzzle import MuzzleRecord, write_muzzle
@@ -93,17 +93,6 @@ def identify_robot(name: str, logs: Path, folder: Path, seed: int, workers: int)
     axes = {"pitch": pitch_told["facts"], "yaw": yaw_told["facts"]}
     facts = {"sensing": _sensing_facts(sensing), "muzzle": _muzzle_facts(muzzle)}
     return Identified(setting, RobotIdentification(name, axes, facts, landings, steps))
-
-
-def with_muzzle(conditions: Conditions, muzzle: MuzzleRecord) -> Conditions:
-    """Let the conditions tell of the muzzle that is used, for the report lists them."""
-    return replace(
-        conditions,
-        muzzle_speed=muzzle.speed,
-        muzzle_speed_sd=muzzle.speed_sd,
-        dispersion=float(np.sqrt((muzzle.pitch_sd**2 + muzzle.yaw_sd**2) / 2)),
-        drag=muzzle.drag,
-    )
 
 
 def run_axis(task: IdentifyTask, advance: Advance = lambda *_: None) -> tuple[PlantRecord, dict[str, Any]]:

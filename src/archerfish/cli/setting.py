@@ -86,7 +86,7 @@ def load_setting(files: SettingFiles) -> Setting:
     muzzle = paper_muzzle(conditions)
     if files.muzzle:
         muzzle = read_muzzle(files.muzzle)
-        conditions = _with_muzzle(conditions, muzzle)
+        conditions = with_muzzle(conditions, muzzle)
     return Setting(
         name=f"identified-{files.robot}" if given else "paper",
         pitch=_read_axis(files.pitch, "pitch", files.accept_unusable) if files.pitch else printed["pitch"],
@@ -117,7 +117,7 @@ def setting_world(setting: Setting, command_limit: str) -> PureWorld:
     )
 
 
-def _with_muzzle(conditions: Conditions, muzzle: MuzzleRecord) -> Conditions:
+def with_muzzle(conditions: Conditions, muzzle: MuzzleRecord) -> Conditions:
     """Let the conditions tell of the muzzle that is used, for the report lists them."""
     return replace(
         conditions,

@@ -20,6 +20,8 @@ from archerfish.virtual_robot.description_file import load_robot
 
 ROBOT_STEPS = 3_000_000
 """Decisions that a policy for a robot trains for."""
+ROBOT_DISCOUNT = 0.9
+"""γ of the robot's policies: a shot is decided within a few tenths of a second."""
 QUICK_STEPS, QUICK_ENGAGEMENTS = 300_000, 20
 
 
@@ -48,7 +50,7 @@ class Transfer:
     """Engagements per cell, of 50 shots each."""
     seeds: tuple[int, ...] = (0,)
     """Of the trainings; the first one also that of the noise and of the engagements."""
-    ppo: PpoConfig = field(default_factory=lambda: PpoConfig(steps=ROBOT_STEPS))
+    ppo: PpoConfig = field(default_factory=lambda: PpoConfig(steps=ROBOT_STEPS, discount=ROBOT_DISCOUNT))
     """Settings of PPO."""
     quick: bool = False
     """A minute or two: short trainings, few engagements; its figures are not to be quoted."""
@@ -82,7 +84,7 @@ def run_transfer(command: Transfer) -> dict[str, Any]:
     with run_folder(command.out) as folder:
         rehearsal = Rehearsal(
             robot=command.robot,
-            changed=command.changed,
+            changed=others(command.robot, command.changed),
             ppo=ppo,
             seeds=tuple(command.seed + each for each in command.seeds),
             engagements=engagements,
@@ -105,9 +107,31 @@ def run_transfer(command: Transfer) -> dict[str, Any]:
     return asdict(results)
 
 
+def others(robot: str, changed: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the changed robots less the robot itself, which has not changed.
+
+    Args:
+      robot: name or file.
+      changed: names or files.
+
+    Raises:
+      InputError: if a file can't be used, or two robots have one name, by which results tell them apart.
+    """
+    known = {load_robot(robot)}
+    found = []
+    for each in changed:
+        description = load_robot(each)
+        if description in known:
+            continue
+        if description.schema.name in {other.schema.name for other in known}:
+            raise InputError(f"{each}: another robot is called {description.schema.name} too; give it another name")
+        known.add(description)
+        found.append(each)
+    return tuple(found)
+
+
 def _check(command: Transfer) -> None:
-    for robot in (command.robot, *command.changed):
-        load_robot(robot)
+    others(command.robot, command.changed)
     if command.engagements < 2:
         raise InputError(f"--engagements must be at least 2, got {command.engagements}")
     if not command.seeds or len(set(command.seeds)) < len(command.seeds) or min(command.seeds) < 0:

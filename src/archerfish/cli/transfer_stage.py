@@ -34,8 +34,6 @@ AGAINST = ("kalman", "kalman-lq", "parabola-lq", "oracle")
 """Whom the policies are compared with, paired."""
 SIX_NUMBERS_STEPS = 0.4
 """The six-number policy, which sees no speed, has learned what it can after this share."""
-DISCOUNT = 0.9
-"""γ of the robot's policies: a shot is decided within a few tenths of a second."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +72,8 @@ def record_and_identify(rehearsal: Rehearsal) -> Identified:
 
 def train_for_robot(rehearsal: Rehearsal, setting: Setting) -> tuple[PolicyRecord, ...]:
     """Train the policies in the identified simulator: history policies, then the one of six numbers."""
-    ppo = replace(rehearsal.ppo, discount=DISCOUNT)
-    history = TrainingTask(setting, 0.5, "tracked", 0, COMMAND_LIMIT, ppo, rehearsal.seeds[0], asymmetric=True)
+    ppo, seed = rehearsal.ppo, rehearsal.seeds[0]
+    history = TrainingTask(setting, 0.5, "tracked", 0, COMMAND_LIMIT, ppo, seed, asymmetric=True)
     shorter = replace(ppo, steps=max(1, round(SIX_NUMBERS_STEPS * ppo.steps)))
     tasks = [replace(history, seed=seed) for seed in rehearsal.seeds]
     tasks.append(replace(history, observation="paper", ppo=shorter))

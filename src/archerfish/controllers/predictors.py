@@ -58,7 +58,7 @@ class ConstantVelocity(NamedTuple):
 
     def reset(self, seen: Seen) -> AgedTrack:
         """Begin at the first sight."""
-        return AgedTrack(begin_track(self.noise, seen.plate[..., 0, :]), seen.plate_age[..., 0])
+        return AgedTrack(begin_track(self.noise, seen.plate[..., 0, :], seen.fresh[..., 0]), seen.plate_age[..., 0])
 
     def step(self, state: AgedTrack, seen: Seen) -> AgedTrack:
         """Take in what is seen now."""

@@ -1,4 +1,4 @@
-"""Tuning of the classical controllers on draws that no evaluation uses: each the best of a grid, all of one size.
+"""Tuning of the classical controllers on draws that no evaluation uses: each the best of a grid.
 
 What a tracker should believe of its target, how far a controller that doesn't know the gimbal should lead for its lag,
 and how smooth the commands of one that does should be, depends on camera, link and gimbal. The paper's conditions hold

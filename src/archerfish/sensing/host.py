@@ -69,7 +69,9 @@ def with_reports(reports: Reports, stamp: Array, angle: Array, rate: Array, now:
 
 
 def angle_at(reports: Reports, moment: Array) -> Array:
-    """Interpolate the gimbal's angles at moments [s], shape (B, G) → (B, G, 2), held beyond the first and the last.
+    """Interpolate the gimbal's angles at moments [s], shape (B, G) → (B, G, 2).
+
+    Before the first report the angle is held; after the last one it goes on at the reported rate.
 
     Args:
       reports: at least one per trial.
@@ -83,7 +85,8 @@ def angle_at(reports: Reports, moment: Array) -> Array:
     gap = end - begin
     share = np.where(gap > 0.0, np.clip((moment - begin) / np.where(gap > 0.0, gap, 1.0), 0.0, 1.0), 0.0)
     here, there = (np.take_along_axis(reports.angle, index[..., None], axis=1) for index in (low, high))
-    return np.asarray(here + share[..., None] * (there - here))
+    beyond = np.clip(np.nan_to_num(moment - reports.stamp[:, -1:]), 0.0, REMEMBERED_S)
+    return np.asarray(here + share[..., None] * (there - here) + beyond[..., None] * reports.rate[:, -1:])
 
 
 def into_base(position: Array, angle: Array) -> Array:

@@ -56,18 +56,30 @@ class Track(NamedTuple):
 
 INITIAL_SPEED = 1.0
 """Standard deviation of the speed at first sight [m/s]."""
+UNSEEN_SD = 3.0
+"""Standard deviation of a place that no frame has shown yet [m]; the way from there to the first sight is no speed."""
 HEIGHT_DRIFT = 0.02
 """Standard deviation of the change of the height in a second [m]."""
 
 
-def begin_track(noise: TrackerNoise, plate: Array) -> Track:
-    """Begin a track at the first measurement, shape B + (3,), at rest as far as is known."""
+def begin_track(noise: TrackerNoise, plate: Array, shown: Array | None = None) -> Track:
+    """Begin a track at rest as far as is known.
+
+    Args:
+      noise: what the filter believes.
+      plate: first measurement [m], shape B + (3,).
+      shown: whether a frame shows it, shape B; a place that none has shown yet is a guess. All are shown if not given.
+    """
     xp = namespace(plate)
-    position = measurement_covariance(noise, plate)
+    position, height = measurement_covariance(noise, plate), _height_noise(noise, plate)
+    if shown is not None:
+        guess = UNSEEN_SD**2 * lift(xp.eye(2, dtype=plate.dtype), position) + 0.0 * position
+        position = xp.where(shown[..., None, None], position, guess)
+        height = xp.where(shown, height, UNSEEN_SD**2 + 0.0 * height)
     speed = INITIAL_SPEED**2 * lift(xp.eye(2, dtype=plate.dtype), position) + 0.0 * position
     covariance = _blocks(position, 0.0 * position, speed)
     mean = xp.concat([plate[..., :2], 0.0 * plate[..., :2]], axis=-1)
-    return Track(mean, covariance, plate[..., 2], _height_noise(noise, plate))
+    return Track(mean, covariance, plate[..., 2], height)
 
 
 def predict(noise: TrackerNoise, track: Track, elapsed: Array) -> Track:

@@ -82,7 +82,7 @@ class TrackedObserver(NamedTuple):
         bearing = _bearing(plate)
         many = self.frames.shape[0]
         return TrackedMemory(
-            begin_track(self.noise, plate),
+            begin_track(self.noise, plate, seen.fresh[..., 0]),
             seen.plate_age[..., 0],
             seen.gimbal_age,
             xp.stack([seen.angle] * many, axis=-2),

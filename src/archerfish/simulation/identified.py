@@ -34,8 +34,8 @@ class IdentifiedState(NamedTuple):
 
     gimbal: DelayedState
     """Axes and commands on their way."""
-    before: DelayedState
-    """The same at the decision before."""
+    before: tuple[DelayedState, ...]
+    """The same just after each of the last decisions, oldest first."""
     angle: Array
     """Latest feedback [rad], shape B + (2,)."""
     rate: Array
@@ -79,6 +79,8 @@ class IdentifiedWorld(NamedTuple):
     """Mechanical stops [rad], shape (2,)."""
     queue: Array
     """Ones for each command that may be in force or on its way, shape (Q,)."""
+    past: Array
+    """Ones for each period that feedback may reach back, shape (P,)."""
 
     @property
     def period_s(self) -> float:
@@ -134,7 +136,7 @@ class IdentifiedWorld(NamedTuple):
         angle, rate = angle_and_rate(self.gimbal, draw, gimbal)
         return IdentifiedState(
             gimbal=gimbal,
-            before=gimbal,
+            before=(gimbal,) * (self.past.shape[0] - 1),
             angle=quantised(self.sensing, draw, angle),
             rate=rate,
             gimbal_age=feedback_age(self.sensing, draw, phases[..., 1], time, noise),
@@ -183,7 +185,7 @@ class IdentifiedWorld(NamedTuple):
         age, measured, rate = self._feedback(state, sent, time, noise)
         following = IdentifiedState(
             gimbal=gimbal,
-            before=sent,
+            before=(*state.before, sent)[1:],
             angle=measured,
             rate=rate,
             gimbal_age=age,
@@ -212,19 +214,18 @@ class IdentifiedWorld(NamedTuple):
     def _feedback(
         self, state: IdentifiedState, sent: DelayedState, time: Array, noise: Array
     ) -> tuple[Array, Array, Array]:
-        """Age of the latest feedback, and the angles and rates that it shows; it may be up to two periods old."""
+        """Age of the latest feedback, and the angles and rates that it shows."""
         xp = namespace(time)
         draw = state.engagement.plant
         age = feedback_age(self.sensing, draw, state.phases[..., 1], time, noise)
-        back = xp.clip(2 * self._ticks - xp.round(age / self.gimbal.tick), 0.0, 2.0 * self._ticks)
-        older = back < self._ticks
-        begin = DelayedState(
-            *(
-                xp.where(xp.reshape(older, older.shape + (1,) * (old.ndim - older.ndim)), old, new)
-                for old, new in zip(state.before, sent, strict=True)
-            )
-        )
-        then = run(self.gimbal, draw, begin, xp.where(older, back, back - self._ticks))
+        states = (*state.before, sent)
+        since = xp.clip(len(states) * self._ticks - xp.round(age / self.gimbal.tick), 0.0, len(states) * self._ticks)
+        begin = states[0]
+        for each in states[1:]:
+            later = since >= self._ticks
+            since = xp.where(later, since - self._ticks, since)
+            begin = _chosen(later, each, begin)
+        then = run(self.gimbal, draw, begin, since)
         angle, rate = angle_and_rate(self.gimbal, draw, then)
         return age, quantised(self.sensing, draw, self._within_stops(angle)), rate
 
@@ -243,3 +244,14 @@ class IdentifiedWorld(NamedTuple):
     def truth(self, engagements: Engagement) -> Truth:
         """Return what the oracle may know: the target's path, and the best estimates of the rest."""
         return Truth(engagements.motion, self.model, self.muzzle)
+
+
+def _chosen(condition: Array, state: DelayedState, other: DelayedState) -> DelayedState:
+    """Choose between two states, per engagement."""
+    xp = namespace(condition)
+    return DelayedState(
+        *(
+            xp.where(xp.reshape(condition, condition.shape + (1,) * (a.ndim - condition.ndim)), a, b)
+            for a, b in zip(state, other, strict=True)
+        )
+    )

@@ -20,6 +20,9 @@ from archerfish.simulation.identified import IdentifiedWorld
 from archerfish.simulation.scenario import Scenario
 from archerfish.simulation.shooting import ShootingWorld
 
+OLDEST_FEEDBACK_S = 0.25
+"""Age beyond which feedback is of no use to anybody [s]."""
+
 
 def make_world(
     pitch: PlantRecord,
@@ -45,7 +48,7 @@ def make_world(
 
     Raises:
       InputError: if the command limit is unknown, a plant does not fit the control period, or feedback is older than
-        two of them.
+        a robot's program remembers it.
     """
     period = conditions.control_period_s
     if sensing is not None:
@@ -77,7 +80,6 @@ def _identified_world(
     gimbal = delayed_gimbal(pitch, yaw, period)
     count = len(gimbal.rest)
     drawn = sensing_from_record(sensing, count)
-    _check_feedback(drawn, period)
     # Of all draws: a command that finds no place would act at once.
     longest = np.max(jittered(drawn.command_latency, drawn.command_jitter, np.full(count, np.inf)))
     world = IdentifiedWorld(
@@ -91,20 +93,26 @@ def _identified_world(
         angle_low=np.array([limits.pitch.low, limits.yaw.low]),
         angle_high=np.array([limits.pitch.high, limits.yaw.high]),
         queue=np.ones(longest_wait(gimbal, longest / pitch.sample_period_s)),
+        past=np.ones(_periods_back(drawn, period)),
     )
     built: IdentifiedWorld = single_precision(world)
     return built
 
 
-def _check_feedback(drawn: Sensing, period: float) -> None:
-    """Refuse feedback older than the two periods that the world remembers: it would show a younger angle."""
+def _periods_back(drawn: Sensing, period: float) -> int:
+    """Return how many periods back the world must remember the axes for the oldest feedback.
+
+    Raises:
+      InputError: if that is more than can be meant.
+    """
     latency = jittered(drawn.feedback_latency, drawn.feedback_jitter, np.full(len(drawn.feedback_latency), np.inf))
     oldest = float(np.max(latency + drawn.feedback_period))
-    if oldest > 2.0 * period:
+    if oldest > OLDEST_FEEDBACK_S:
         raise InputError(
-            f"feedback is up to {oldest:.3g} s old by the sensing record, expected at most two decision periods of "
-            f"{period} s; choose a longer period, or have the gimbal report more often"
+            f"feedback is up to {oldest:.3g} s old by the sensing record, expected at most {OLDEST_FEEDBACK_S} s; have "
+            "the gimbal report more often, or mend its link"
         )
+    return max(2, int(np.ceil(oldest / period - 1e-6)))
 
 
 def muzzle_draws(record: MuzzleRecord, count: int, seed: int = 0) -> Muzzle:
