@@ -50,6 +50,16 @@ def trials() -> Trials:
     return draw_trials(table_suites(CONDITIONS)[:4], engagements=20, decisions=30, seed=0, purpose="tuning")
 
 
+def test_a_lead_that_is_best_at_the_end_of_the_grid_is_sought_beyond_it(world, trials) -> None:
+    def far(tuning: Tuning) -> Aside:
+        return Aside(np.float32(2.0 * abs(tuning.extra_lead_s - 0.12)))
+
+    grid = [Tuning(4.0, extra_lead_s=lead) for lead in LEADS]
+    tuned = tune(world, trials, "aside", far, CONDITIONS.hit_radius, grid)
+    assert tuned.tuning.extra_lead_s == pytest.approx(0.12)
+    assert tuned.tried == len(LEADS) + 3  # 0.10 and 0.12 s are better, 0.14 s is not
+
+
 def test_the_settings_that_hit_most_are_chosen_of_the_whole_grid(world, trials) -> None:
     grid = GRIDS["kalman"]
     tuned = tune(world, trials, "aside", aside, CONDITIONS.hit_radius, grid)

@@ -17,7 +17,8 @@ from archerfish.sensing.interfaces import Controller, World
 ACCELERATIONS = (0.3, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Process noises of the tracker that are tried [m/s²]."""
 LEADS = (0.0, 0.02, 0.04, 0.06, 0.08)
-"""Extra leads that are tried with each [s], for a controller that doesn't know the gimbal."""
+"""Extra leads that are tried with each [s], for a controller that doesn't know the gimbal; longer ones too
+while the longest is the best, as over a slow link."""
 SMOOTHINGS = (1e-4, 1e-2, 1e-1, 1.0, 10.0)
 """Weights of the command's changes that are tried with each, for one that does."""
 GRIDS: dict[str, tuple[Tuning, ...]] = {
@@ -50,7 +51,7 @@ def tune(
     hit_radius: float,
     grid: Sequence[Tuning] | None = None,
 ) -> Tuned:
-    """Choose the settings that hit most.
+    """Choose the settings that hit most, with longer leads than the grid's while these hit more.
 
     Args:
       world: to shoot in.
@@ -61,6 +62,14 @@ def tune(
       grid: settings to try; those of `GRIDS` if not given.
     """
     grid = GRIDS[name] if grid is None else grid
-    rates = {tuning: float(fight(world, build(tuning), trials).hits(hit_radius).mean()) for tuning in grid}
+
+    def rate(tuning: Tuning) -> float:
+        return float(fight(world, build(tuning), trials).hits(hit_radius).mean())
+
+    rates = {tuning: rate(tuning) for tuning in grid}
     best = max(rates, key=lambda tuning: rates[tuning])
+    while 0.0 < best.extra_lead_s == max(each.extra_lead_s for each in rates):
+        longer = best._replace(extra_lead_s=best.extra_lead_s + LEADS[1])
+        rates[longer] = rate(longer)
+        best = max(best, longer, key=lambda tuning: rates[tuning])
     return Tuned(name, best, len(rates), rates[best])
