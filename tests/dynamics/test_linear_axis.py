@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from archerfish.dynamics.linear_axis import advance, gimbal_angle, gimbal_draws, gimbal_model, gimbal_rate, rest_state
+from archerfish.dynamics.linear_axis import (
+    advance,
+    gimbal_angle,
+    gimbal_draws,
+    gimbal_model,
+    gimbal_rate,
+    refined,
+    rest_state,
+)
 from archerfish.paper.gimbal import printed_plants
 from archerfish.records.errors import InputError
 from archerfish.records.plant import PlantRecord, dc_gain
@@ -176,3 +184,24 @@ def test_numpy_and_jax_agree(shape, own_plant, agree_in_jax) -> None:
 
     state, angle, _ = agree_in_jax(everything, model, start, command, atol=1e-5)
     assert state.shape[:-1] == angle.shape == (*shape, 2)
+
+
+def test_a_refined_plant_answers_held_commands_as_before() -> None:
+    a = np.array([[0.7, 0.2], [-0.2, 0.7]])
+    plant = PlantRecord(a, np.array([[0.1], [0.3]]), np.array([[1.0, 0.2]]), np.array([[0.05]]), 2, 0.01)
+    finer = refined(plant, 1e-3)
+    assert (finer.sample_period_s, finer.delay_samples) == (pytest.approx(1e-3), 20)
+    command = np.random.default_rng(1).normal(size=40)
+    state, small = np.zeros(2), np.zeros(2)
+    for u in command:
+        state = plant.A @ state + plant.B[:, 0] * u
+        for _ in range(10):
+            small = finer.A @ small + finer.B[:, 0] * u
+        assert_allclose(small, state, atol=1e-12)
+
+
+def test_a_plant_without_a_logarithm_is_not_refined() -> None:
+    a = np.array([[0.7, 0.0], [0.0, -0.2]])
+    plant = PlantRecord(a, np.array([[0.1], [0.3]]), np.array([[1.0, 0.2]]), np.zeros((1, 1)), 2, 0.01)
+    assert refined(plant, 1e-3) is plant
+    assert refined(replace(plant, A=np.abs(a), sample_period_s=1e-3), 1e-3).sample_period_s == 1e-3

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.dynamics.array_namespace import Array, lift, namespace
-from archerfish.dynamics.linear_axis import plant_draws, scaled_matrices, ticks_per_period
+from archerfish.dynamics.linear_axis import LATENCY_TICK_S, plant_draws, refined, scaled_matrices, ticks_per_period
 from archerfish.records.errors import InputError
 from archerfish.records.plant import PlantRecord
 
@@ -70,14 +70,22 @@ def delayed_gimbal(pitch: PlantRecord, yaw: PlantRecord, period_s: float) -> Del
             f"both axes must have the same sampling period, got {pitch.sample_period_s} s for pitch and "
             f"{yaw.sample_period_s} s for yaw; record both at the same rate"
         )
-    ticks = ticks_per_period(pitch, period_s)
-    ticks_per_period(yaw, period_s)
-    draws = [plant_draws(plant) for plant in (pitch, yaw)]
+    for plant in (pitch, yaw):
+        ticks_per_period(plant, period_s)
+    draws = _refined([plant_draws(plant) for plant in (pitch, yaw)])
+    ticks = ticks_per_period(draws[0][0], period_s)
     count = min(len(each) for each in draws if len(each) > 1) if max(map(len, draws)) > 1 else 1
     axes = [[_axis(each[index % len(each)], ticks) for each in draws] for index in range(count)]
     gimbals = [_both(pair) for pair in axes]
     joined = DelayedGimbal(*(np.stack(arrays) for arrays in zip(*gimbals, strict=True)))
-    return joined._replace(tick=np.asarray(pitch.sample_period_s))
+    return joined._replace(tick=np.asarray(draws[0][0].sample_period_s))
+
+
+def _refined(draws: list[list[PlantRecord]]) -> list[list[PlantRecord]]:
+    """Shorten all ticks to about a millisecond, or none: latencies are not to be rounded to the feedback's rate."""
+    finer = [[refined(plant, LATENCY_TICK_S) for plant in each] for each in draws]
+    periods = {plant.sample_period_s for each in finer for plant in each}
+    return finer if max(periods) - min(periods) < 1e-9 else draws
 
 
 class _Axis(NamedTuple):

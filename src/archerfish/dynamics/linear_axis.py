@@ -13,12 +13,16 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm, logm
 
 from archerfish.dynamics.array_namespace import Array, lift, namespace
 from archerfish.records.errors import InputError
 from archerfish.records.plant import PlantRecord
 
 Matrix = NDArray[np.float64]
+
+LATENCY_TICK_S = 1e-3
+"""Latencies are rounded to no more than this where the plant allows it [s]."""
 
 
 class GimbalModel(NamedTuple):
@@ -43,7 +47,8 @@ def gimbal_model(pitch: PlantRecord, yaw: PlantRecord, period_s: float, latency_
       pitch: plant of the pitch axis, one input; of several outputs the first is its angle.
       yaw: plant of the yaw axis, likewise.
       period_s: decision period [s], a multiple of both sampling periods.
-      latency_s: by which commands come late, before the delays of the plants; rounded to whole samples [s].
+      latency_s: by which commands come late, before the delays of the plants [s]; rounded to a millisecond where the
+        plant allows it.
 
     Returns:
       The best estimate, shape (2, ...). `gimbal_draws` gives the posterior.
@@ -78,6 +83,9 @@ def plant_draws(plant: PlantRecord) -> list[PlantRecord]:
 
 
 def _later(plant: PlantRecord, latency_s: float) -> PlantRecord:
+    if latency_s == 0.0:
+        return plant
+    plant = refined(plant, LATENCY_TICK_S)
     return replace(plant, delay_samples=plant.delay_samples + round(latency_s / plant.sample_period_s))
 
 
@@ -222,3 +230,33 @@ def gimbal_angle(model: GimbalModel, state: Array) -> Array:
 def gimbal_rate(model: GimbalModel, state: Array) -> Array:
     """Return the rates of pitch and yaw over the last tick [rad/s], shape B + (2,)."""
     return namespace(state).sum(lift(model.rate, state) * state, axis=-1)
+
+
+def refined(plant: PlantRecord, tick_s: float) -> PlantRecord:
+    """Return the same plant, without its draws, with a shorter sampling period.
+
+    Commands that are held over the longer period give the same angles at its ends.
+
+    The matrix [[A, B], [0, 1]] of a held command has a logarithm, the plant in continuous time, from which any other
+    period follows. A plant with a pole on the negative real axis has none; it comes back as it is.
+
+    Args:
+      plant: one input.
+      tick_s: wanted period [s]; the largest one not above it that divides the plant's is taken.
+    """
+    parts = int(np.ceil(plant.sample_period_s / tick_s - 1e-6))
+    poles = np.linalg.eigvals(plant.A)
+    if parts < 2 or np.any((np.abs(poles.imag) < 1e-9) & (poles.real <= 0.0)):
+        return plant
+    order = len(plant.A)
+    held = np.block([[plant.A, plant.B], [np.zeros((1, order)), np.eye(1)]])
+    finer = np.real(expm(np.real(logm(held)) / parts))
+    return replace(
+        plant,
+        A=finer[:order, :order],
+        B=finer[:order, order:],
+        delay_samples=plant.delay_samples * parts,
+        sample_period_s=plant.sample_period_s / parts,
+        draws={},
+        draw_delays=np.zeros(0, np.int64),
+    )

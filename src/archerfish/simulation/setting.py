@@ -92,7 +92,7 @@ def _identified_world(
         limits=named_limits(command_limit, limits, conditions.line_of_sight_lead),
         angle_low=np.array([limits.pitch.low, limits.yaw.low]),
         angle_high=np.array([limits.pitch.high, limits.yaw.high]),
-        queue=np.ones(longest_wait(gimbal, longest / pitch.sample_period_s)),
+        queue=np.ones(longest_wait(gimbal, longest / float(gimbal.tick))),
         past=np.ones(_periods_back(drawn, period)),
     )
     built: IdentifiedWorld = single_precision(world)
