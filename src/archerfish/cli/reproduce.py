@@ -57,8 +57,8 @@ class Reproduce:
     """Settings of PPO."""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "infantry"
     """Robot of Tables IV and V: infantry, worn, or a TOML file (docs/virtual_robot.md)."""
-    robot_engagements: int = 400
-    """Engagements per cell of Tables IV and V."""
+    robot_engagements: int = 250
+    """Engagements per cell of Tables IV and V; archerfish transfer takes 400."""
     workers: Annotated[int, tyro.conf.arg(help_behavior_hint="(default: one per core, at most 4)")] = 0
     """Processes to use."""
     json: JsonFile = None
