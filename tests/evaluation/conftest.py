@@ -10,17 +10,15 @@ from archerfish.evaluation.results import (
     Comparison,
     Drop,
     LackOfFit,
-    LandingRow,
     LearningCurves,
     PaperFigures,
     Results,
-    RobotIdentification,
-    RobotStep,
     StepResponse,
     Table1,
     Table1Row,
     TrainingRun,
 )
+from archerfish.evaluation.robot_results import LandingRow, RobotIdentification, RobotStep
 from archerfish.paper.conditions import Calibration, CalibrationCell
 from archerfish.paper.tables import hit_rate_table, landing_table, printed_rate
 

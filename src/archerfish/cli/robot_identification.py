@@ -12,7 +12,7 @@ from archerfish.cli.axis_log import read_axis_log
 from archerfish.cli.lab_files import LARGE_STEPS_DEG, read_tape
 from archerfish.cli.setting import Setting, with_muzzle
 from archerfish.cli.workers import Task, run_tasks
-from archerfish.evaluation.results import LandingRow, RobotIdentification, RobotStep
+from archerfish.evaluation.robot_results import LandingRow, RobotIdentification, RobotStep
 from archerfish.identification.axis.gimbal import AxisIdentification
 from archerfish.identification.axis.order_choice import choose_order
 from archerfish.identification.axis.steady_gain import PlateauGain, plateau_gain

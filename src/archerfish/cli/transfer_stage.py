@@ -19,7 +19,7 @@ from archerfish.cli.training_run import TrainingTask, run_task, write_run
 from archerfish.cli.workers import Task, run_tasks
 from archerfish.controllers.roster import Tuning
 from archerfish.evaluation.evaluate import Ground, Outcome, accelerations, cells, comparisons
-from archerfish.evaluation.results import RobotIdentification
+from archerfish.evaluation.robot_results import RobotIdentification
 from archerfish.evaluation.transfer import drops
 from archerfish.evaluation.tuning import GRIDS
 from archerfish.learning.config import PpoConfig

@@ -10,7 +10,8 @@ from archerfish.evaluation.report.rate_tables import target_of
 from archerfish.evaluation.report.robot_tables import present
 from archerfish.evaluation.report.wording import controller_words
 from archerfish.evaluation.report.worlds import REAL, World
-from archerfish.evaluation.results import Cell, RobotStep
+from archerfish.evaluation.results import Cell
+from archerfish.evaluation.robot_results import RobotStep
 from archerfish.figures.page import bins
 from archerfish.figures.step_response import MeasuredStep, measured_steps
 from archerfish.figures.transfer import Slope, SlopePanel, transfer_figure

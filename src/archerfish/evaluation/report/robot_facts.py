@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from archerfish.evaluation.report.entry_tables import Entry, EntryGroup, EntryRow, EntryTable, Heading
 from archerfish.evaluation.report.wording import controller_words
-from archerfish.evaluation.results import LandingRow, RobotIdentification, RobotStep
+from archerfish.evaluation.robot_results import LandingRow, RobotIdentification, RobotStep
 from archerfish.figures.page import MISSING, number, points
 from archerfish.paper.tables import landing_table
 
