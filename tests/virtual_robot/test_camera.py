@@ -47,8 +47,8 @@ def test_mounting_and_misalignment_shift_and_turn_the_picture() -> None:
 @pytest.mark.parametrize(
     ("plate", "visible"),
     [
-        ((3.0, 3.0 * np.tan(np.radians(29.9)), 0.0), True),
-        ((3.0, 3.0 * np.tan(np.radians(30.1)), 0.0), False),
+        ((3.0, 3.0 * np.tan(np.radians(49.9)), 0.0), True),
+        ((3.0, 3.0 * np.tan(np.radians(50.1)), 0.0), False),
         ((3.0, 0.0, -3.0 * np.tan(np.radians(22.4))), True),
         ((3.0, 0.0, -3.0 * np.tan(np.radians(22.6))), False),
         ((-3.0, 0.0, 0.0), False),
