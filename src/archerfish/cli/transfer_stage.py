@@ -170,12 +170,12 @@ def rehearse(rehearsal: Rehearsal) -> tuple[Identified, dict[str, Any]]:
     tuning = tune_for_robot(rehearsal, identified.setting)
     report: RobotIdentification = replace(
         identified.report,
-        facts=identified.report.facts | {name: asdict_of(each) for name, each in tuning.items()},
+        facts=identified.report.facts | {name: _tuned_values(each) for name, each in tuning.items()},
     )
     return identified, {"robot": report, **shoot_tables(rehearsal, identified, policies, tuning)}
 
 
-def asdict_of(tuning: Tuning) -> dict[str, float]:
+def _tuned_values(tuning: Tuning) -> dict[str, float]:
     """Return the settings of a tracker by name."""
     return {
         "acceleration_sd_m_s2": tuning.acceleration_sd,
