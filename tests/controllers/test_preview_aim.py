@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.interpolate import CubicHermiteSpline
 
 from archerfish.controllers.predictors import Hold
-from archerfish.controllers.preview_aim import make_preview_aim, observer_gain
+from archerfish.controllers.preview_aim import angle_then, make_preview_aim, observer_gain
 from archerfish.controllers.roster import make_controller
 from archerfish.dynamics.delayed_gimbal import angle_and_rate, delayed_gimbal, rest_under, run, send
 from archerfish.dynamics.linear_axis import gimbal_angle
@@ -103,22 +104,35 @@ def test_an_old_sight_of_a_moving_target_is_carried_to_now(bench, name) -> None:
     assert_allclose(commands[1], commands[0], atol=1e-3)
 
 
-def test_old_feedback_does_not_mislead_the_state_observer(bench) -> None:
-    # The gimbal by the millisecond, its feedback three milliseconds old: told so, the estimate is nearer the truth.
+@pytest.mark.parametrize("age", [0.003, 0.08])
+def test_old_feedback_does_not_mislead_the_state_observer(bench, age) -> None:
+    # The gimbal by the millisecond, its feedback milliseconds old: told so, the estimate is nearer the truth.
     plants, rng, draw = printed_plants(), np.random.default_rng(53), np.asarray(0)
     gimbal = delayed_gimbal(plants["pitch"], plants["yaw"], PERIOD)
     commands = np.cumsum(rng.uniform(-0.02, 0.02, (40, 2)), axis=0)
     errors = {}
-    for told in (0.003, 0.0):
+    for told in (age, 0.0):
         controller = make_preview_aim(Hold(), bench("box").muzzle, bench("box").model, bench("box").limits, PERIOD)
-        axes, off = rest_under(gimbal, draw, np.zeros(2), 3), []
+        axes, off, shown = rest_under(gimbal, draw, np.zeros(2), 3), [], [np.zeros(2)] * 81
         state = controller.reset(sight((3.0, 0.0, 0.0)))
         for command in commands:
-            axes = run(gimbal, draw, send(gimbal, draw, axes, command, np.asarray(0.0)), np.asarray(17.0))
-            shown, _ = angle_and_rate(gimbal, draw, axes)
-            axes = run(gimbal, draw, axes, np.asarray(3.0))
-            seen = sight((3.0, 0.0, 0.0), angle=shown, gimbal_age=told, command=command)
+            axes = send(gimbal, draw, axes, command, np.asarray(0.0))
+            for _ in range(20):
+                axes = run(gimbal, draw, axes, np.asarray(1.0))
+                shown.append(angle_and_rate(gimbal, draw, axes)[0])
+            seen = sight((3.0, 0.0, 0.0), angle=shown[-1 - round(1e3 * age)], gimbal_age=told, command=command)
             state, _ = controller.step(state, seen)
             off.append(gimbal_angle(controller.model, state.plant) - angle_and_rate(gimbal, draw, axes)[0])
         errors[told] = np.sqrt(np.mean(np.square(off), axis=0))
-    assert np.all(errors[0.003] < 0.5 * errors[0.0])
+    assert np.all(errors[age] < 0.5 * errors[0.0])
+
+
+@pytest.mark.parametrize("shape", [(), (3,), (2, 3)])
+def test_past_angles_are_those_of_scipys_hermite_spline_and_held_before_the_first(shape, agree_in_jax) -> None:
+    rng = np.random.default_rng(54)
+    past, age = rng.normal(0.0, 0.3, (*shape, 5, 2, 2)), rng.uniform(0.0, 0.12, shape)
+    found = agree_in_jax(angle_then, past, age, np.asarray(PERIOD), atol=1e-6)
+    for index in np.ndindex(shape):
+        angle, rate = past[index][::-1, 0], past[index][::-1, 1]
+        expected = CubicHermiteSpline(PERIOD * np.arange(-4, 1), angle, rate)(-min(age[index], 4 * PERIOD))
+        assert_allclose(found[index], expected, atol=1e-6)

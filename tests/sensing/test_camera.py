@@ -39,11 +39,11 @@ def zeros(batch: int) -> np.ndarray:
 def watched(camera: Sensing, motion, normals: np.ndarray, phases: np.ndarray, rate=(0.0, 0.0)) -> list:
     """Times and sights at the decisions of B engagements, normals of shape (T, B, DRAWS)."""
     draw, batch = zeros(normals.shape[1]), normals.shape[1]
-    sight = first_sight(camera, draw, phases, motion, normals[0])
+    sight = first_sight(camera, draw, phases, motion, 0.0 * phases, normals[0])
     moments = [(np.zeros(batch), sight)]
     for step, each in enumerate(normals[1:], 1):
         time, turning = np.full(batch, step * PERIOD), np.broadcast_to(np.asarray(rate), (batch, 2))
-        sight = next_sight(camera, draw, phases, sight, time, motion, turning, each)
+        sight = next_sight(camera, draw, phases, sight, time, motion, turning, 0.0 * time, each)
         moments.append((time, sight))
     return moments
 
@@ -59,6 +59,20 @@ def test_a_sight_is_as_old_as_the_latency_and_at_most_a_frame_more() -> None:
         # The camera's frames come evenly, from a phase of their own.
         frames = sight.exposed / 0.0125 - phases
         assert_allclose(frames, np.round(frames), atol=1e-9)
+
+
+def test_a_frame_counts_once_the_gimbal_has_reported_from_after_it() -> None:
+    camera, batch = sensing(), 50
+    phases, static = np.random.default_rng(69).random(batch), Static(np.tile(PLACE, (batch, 1)))
+    normals, rest, reported = np.zeros((batch, DRAWS)), np.zeros((batch, 2)), np.full(batch, 0.08)
+    sights = [first_sight(camera, zeros(batch), phases, static, reported, normals)]
+    for time in (0.0, 0.02, 0.04):
+        moment = np.full(batch, time)
+        age = moment - sights[-1].exposed
+        assert np.all(age >= 0.08 - 1e-12)
+        assert np.all(age < 0.08 + 0.0125 + 1e-12)
+        following = (moment + PERIOD, static, rest, reported, normals)
+        sights.append(next_sight(camera, zeros(batch), phases, sights[-1], *following))
 
 
 def test_with_jitter_an_exposure_never_goes_back_and_is_fresh_only_when_new() -> None:
@@ -88,7 +102,7 @@ def test_noise_lies_along_and_across_the_line_of_sight() -> None:
     camera = sensing(across=(elevation, bearing), along=along_share)
     normals = np.random.default_rng(63).standard_normal((count, DRAWS))
     static = Static(np.tile(PLACE, (count, 1)))
-    error = first_sight(camera, zeros(count), np.zeros(count), static, normals).plate - PLACE
+    error = first_sight(camera, zeros(count), np.zeros(count), static, np.zeros(count), normals).plate - PLACE
     distance = np.linalg.norm(PLACE)
     along = PLACE / distance
     left = np.array([2.0, 3.0, 0.0]) / np.sqrt(13.0)
@@ -256,9 +270,10 @@ def test_numpy_and_jax_agree(shape, agree_in_jax) -> None:
 
     def everything(sensing, draw, motion, time, rate, normals):
         phases = phase(normals[0][..., 0])
-        first = first_sight(sensing, draw, phases, motion, normals[0])
-        later = next_sight(sensing, draw, phases, first, time, motion, rate, normals[1])
-        return first, later, feedback_age(sensing, draw, phases, time, normals[1]), quantised(sensing, draw, rate)
+        first = first_sight(sensing, draw, phases, motion, 0.0 * phases, normals[0])
+        age = feedback_age(sensing, draw, phases, time, normals[1])
+        later = next_sight(sensing, draw, phases, first, time, motion, rate, age, normals[1])
+        return first, later, age, quantised(sensing, draw, rate)
 
     camera = sensing_from_record(RECORD, 3)
     rate, normals = rng.uniform(-2.0, 2.0, (*shape, 2)), rng.standard_normal((2, *shape, DRAWS))

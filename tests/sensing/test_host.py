@@ -7,6 +7,8 @@ from archerfish.sensing.host import (
     Sighting,
     angle_at,
     into_base,
+    latest_sighting,
+    no_frames,
     no_reports,
     with_frames,
     with_reports,
@@ -27,6 +29,11 @@ def unseen(batch: int = 1) -> Sighting:
     return Sighting(np.tile([3.0, 0.0, 0.0], (batch, 1)), np.full(batch, -np.inf), np.zeros(batch, bool))
 
 
+def sighted(before: Sighting, reports: Reports, exposed, found, position) -> Sighting:
+    """The sight after frames that come at 0.1 s."""
+    return latest_sighting(before, reports, with_frames(no_frames(len(exposed)), exposed, found, position, 0.1))
+
+
 def turned(angle: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Pitch about the gimbal's y first, then yaw about z, as two matrices; muzzle up is a turn by −pitch about +y."""
     pitch, yaw = angle
@@ -35,17 +42,15 @@ def turned(angle: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return np.asarray(about_z @ about_y @ vector)
 
 
-def test_angles_are_interpolated_between_reports_held_before_and_carried_on_after_them() -> None:
+def test_angles_are_interpolated_between_reports_and_held_before_them() -> None:
     rng = np.random.default_rng(71)
     stamps = np.cumsum(rng.uniform(0.001, 0.01, (3, 20)), axis=1)
     angles = rng.uniform(-1.0, 1.0, (3, 20, 2))
-    moments = rng.uniform(-0.05, stamps.max() + 0.05, (3, 50))
+    moments = rng.uniform(-0.05, 1.0, (3, 50)) * stamps[:, -1:]
     found = angle_at(reported(stamps, angles), moments)
     for trial in range(3):
         for axis in range(2):
             expected = np.interp(moments[trial], stamps[trial], angles[trial, :, axis])
-            last = angles[trial, -1, axis]  # at ten times as much per second
-            expected += 10.0 * last * np.maximum(moments[trial] - stamps[trial, -1], 0.0)
             assert_allclose(found[trial, :, axis], expected, atol=1e-12)
 
 
@@ -79,7 +84,7 @@ def test_of_several_frames_the_one_exposed_last_that_shows_the_plate_counts() ->
     exposed = np.array([[0.03, 0.05, 0.04, NAN]])
     found = np.array([[True, False, True, False]])
     position = np.array([[[1.0, 0, 0], [NAN, NAN, NAN], [2.0, 0.1, 0.2], [NAN, NAN, NAN]]])
-    sighting = with_frames(unseen(), reports, exposed, found, position)
+    sighting = sighted(unseen(), reports, exposed, found, position)
     assert_allclose(sighting.plate, [[2.0, 0.1, 0.2]])
     assert sighting.exposed.tolist() == [0.04]
     assert sighting.fresh.tolist() == [True]
@@ -89,7 +94,7 @@ def test_a_frame_older_than_the_last_one_changes_nothing() -> None:
     reports = reported([0.0, 0.1], np.zeros((2, 2)))
     before = Sighting(np.array([[2.0, 0.1, 0.2]]), np.array([0.06]), np.array([True]))
     for stamp in (0.05, 0.06, NAN):
-        after = with_frames(before, reports, np.array([[stamp]]), np.array([[True]]), np.ones((1, 1, 3)))
+        after = sighted(before, reports, np.array([[stamp]]), np.array([[True]]), np.ones((1, 1, 3)))
         assert_allclose(after.plate, before.plate)
         assert_allclose(after.exposed, before.exposed)
         assert not after.fresh.any()
@@ -98,15 +103,39 @@ def test_a_frame_older_than_the_last_one_changes_nothing() -> None:
 def test_without_any_frame_the_last_sight_is_not_fresh() -> None:
     before = Sighting(np.array([[2.0, 0.1, 0.2]]), np.array([0.06]), np.array([True]))
     none = np.zeros((1, 0))
-    after = with_frames(before, reported([0.0], np.zeros((1, 2))), none, none.astype(bool), np.zeros((1, 0, 3)))
+    after = sighted(before, reported([0.0], np.zeros((1, 2))), none, none.astype(bool), np.zeros((1, 0, 3)))
     assert_allclose(after.plate, before.plate)
     assert not after.fresh.any()
+
+
+def test_a_frame_waits_for_a_report_from_after_its_exposure() -> None:
+    # The gimbal turns at 2 rad/s, and its report of 0.05 s comes after the frame of 0.045 s.
+    plate, rate = np.array([3.0, 0.4, 0.2]), np.array([0.0, 2.0])
+    stamps = np.array([0.0, 0.02, 0.04])
+    reports = reported(stamps, stamps[:, None] * rate)
+    seen = np.linalg.solve(_rotation(0.045 * rate), plate)
+    frames = with_frames(no_frames(1), np.array([[0.045]]), np.array([[True]]), seen[None, None], 0.08)
+    waiting = latest_sighting(unseen(), reports, frames)
+    assert not waiting.fresh.any()
+    assert waiting.exposed.tolist() == [-np.inf]
+    later = with_reports(reports, np.array([[0.05]]), 0.05 * rate[None, None], rate[None, None], 0.09)
+    sighting = latest_sighting(waiting, later, frames)
+    assert sighting.fresh.all()
+    assert_allclose(sighting.plate[0], plate, atol=1e-12)
+
+
+def test_old_frames_are_forgotten() -> None:
+    one = np.array([[True]])
+    frames = with_frames(no_frames(1), np.array([[0.1]]), one, np.ones((1, 1, 3)), 0.1)
+    later = with_frames(frames, np.array([[0.5]]), one, 2.0 * np.ones((1, 1, 3)), 0.5)
+    assert later.exposed.tolist() == [[0.5]]
+    assert_allclose(later.position, [[[2.0, 2.0, 2.0]]])
 
 
 def test_members_of_a_batch_have_frames_of_their_own() -> None:
     reports = reported([[0.0, 0.1]] * 2, np.zeros((2, 2, 2)))
     exposed, found = np.array([[0.02, 0.05], [0.06, 0.03]]), np.array([[True, True], [False, False]])
-    sighting = with_frames(unseen(2), reports, exposed, found, np.ones((2, 2, 3)) * [[[1.0], [2.0]]])
+    sighting = sighted(unseen(2), reports, exposed, found, np.ones((2, 2, 3)) * [[[1.0], [2.0]]])
     assert_allclose(sighting.plate, [[2.0, 2.0, 2.0], [3.0, 0.0, 0.0]])
     assert sighting.exposed.tolist() == [0.05, -np.inf]
     assert sighting.fresh.tolist() == [True, False]
@@ -135,7 +164,7 @@ def test_a_turning_gimbal_leaves_a_still_plate_still_and_a_wrong_offset_does_not
         places = []
         for moment, position in zip(exposures, seen, strict=True):
             frame = (np.array([[moment + error]]), np.array([[True]]), position[None, None])
-            places.append(with_frames(unseen(), reports, *frame).plate[0])
+            places.append(sighted(unseen(), reports, *frame).plate[0])
         off = np.linalg.norm(np.array(places) - plate, axis=1)
         assert np.all(off <= farthest)
         # 2 rad/s for 4 ms at 3 m are 24 mm.

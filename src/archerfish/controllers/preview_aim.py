@@ -23,6 +23,9 @@ HORIZON = 15
 """Decisions that the preview looks ahead: 0.3 s, twice the yaw axis' time constant."""
 SMOOTHING = 1e-4
 """Weight of the changes of the command against squared angle errors."""
+PAST = 14
+"""Decisions that the observer looks back for what feedback shows: feedback older than a quarter of a second is of no
+use to anybody."""
 
 
 class PreviewState(NamedTuple):
@@ -32,6 +35,8 @@ class PreviewState(NamedTuple):
     """Of the predictor."""
     plant: Array
     """Estimated state of the axes, shape B + (2, m)."""
+    past: Array
+    """Angles [rad] and rates [rad/s] that it had now and at the decisions before, latest first, B + (PAST, 2, 2)."""
     command: Array
     """Command in force before the latest [rad], shape B + (2,)."""
 
@@ -52,7 +57,9 @@ class PreviewAim(NamedTuple):
 
     def reset(self, seen: Seen, truth: Truth | None = None) -> PreviewState:  # noqa: ARG002
         """Begin tracking, with the gimbal at rest."""
-        return PreviewState(self.predictor.reset(seen), rest_state(self.model, seen.command), seen.command)
+        plant = rest_state(self.model, seen.command)
+        past = namespace(plant).stack([self._turn(plant)] * PAST, axis=-3)
+        return PreviewState(self.predictor.reset(seen), plant, past, seen.command)
 
     def step(self, state: PreviewState, seen: Seen) -> tuple[PreviewState, Command]:
         """Decide."""
@@ -60,14 +67,21 @@ class PreviewAim(NamedTuple):
         track = self.predictor.step(state.track, seen)
         moved = (seen.elapsed > 0.0)[..., None]
         plant = xp.where(moved[..., None], advance(self.model, state.plant, seen.command), state.plant)
-        # The feedback shows the past: the estimate goes back to it along its own rate.
-        then = gimbal_angle(self.model, plant) - seen.gimbal_age[..., None] * gimbal_rate(self.model, plant)
-        error = (seen.angle - then)[..., None]
-        plant = plant + lift(self.gain, plant) * error
+        newest = self._turn(plant)[..., None, :, :]
+        past = xp.where(moved[..., None, None], xp.concat([newest, state.past[..., :-1, :, :]], axis=-3), state.past)
+        error = (seen.angle - angle_then(past, seen.gimbal_age, self.preview.period))[..., None]
+        mend = lift(self.gain, plant) * error
+        plant = plant + mend
+        # The past moves along: what is mended now must not be mended again by each feedback that is on its way.
+        past = past + xp.stack([gimbal_angle(self.model, mend), 0.0 * seen.angle], axis=-2)[..., None, :, :]
         path, sight = self._wanted(track, seen)
         rate = (seen.command - state.command) / self.preview.period
         commands = track_path(self.preview, plant, seen.command, rate, path, sight)
-        return PreviewState(track, plant, seen.command), fire_always(commands[..., 0, :])
+        return PreviewState(track, plant, past, seen.command), fire_always(commands[..., 0, :])
+
+    def _turn(self, plant: Array) -> Array:
+        """Angles and rates of a state, shape B + (2, 2), pitch and yaw last."""
+        return namespace(plant).stack([gimbal_angle(self.model, plant), gimbal_rate(self.model, plant)], axis=-2)
 
     def _wanted(self, track: Any, seen: Seen) -> tuple[Array, Array]:
         """Angles to have at the ends of the coming periods, and the line of sight at their beginnings, B + (N, 2)."""
@@ -80,6 +94,28 @@ class PreviewAim(NamedTuple):
         aim = intercept(lambda time: self.predictor.position_after(lifted, time), shots, self.muzzle)
         sight = line_of_sight(self.predictor.position_after(lifted, starts))
         return xp.moveaxis(aim.angle, 0, -2), xp.moveaxis(sight, 0, -2)
+
+
+def angle_then(past: Array, age: Array, period: Array) -> Array:
+    """Interpolate the angles of a time ago: cubic Hermite pieces between decisions.
+
+    Args:
+      past: angles [rad] and rates [rad/s] now and at the decisions before, latest first, shape B + (H, 2, 2).
+      age: how long ago [s]; more than H − 1 decisions count as that many, shape B.
+      period: between decisions [s], shape ().
+
+    Returns:
+      Pitch and yaw [rad], shape B + (2,).
+    """
+    xp = namespace(past, age)
+    count = past.shape[-3]
+    ago = xp.clip(age / period, 0.0, count - 1.0)[..., None]
+    offset = lift(xp.arange(count, dtype=past.dtype), ago) - ago
+    away = xp.minimum(xp.abs(offset), 1.0)
+    angle = (1.0 + 2.0 * away) * (1.0 - away) ** 2
+    slope = period * offset * (1.0 - away) ** 2
+    weights = xp.stack([angle, slope], axis=-1)[..., None]
+    return xp.sum(weights * past, axis=(-3, -2))
 
 
 def make_preview_aim(

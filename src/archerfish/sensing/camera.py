@@ -76,7 +76,9 @@ def phase(normal: Array) -> Array:
     return namespace(normal).remainder(16.0 * normal, 1.0)
 
 
-def first_sight(sensing: Sensing, draw: Array, phases: Array, motion: TargetMotion, normals: Array) -> Sight:
+def first_sight(
+    sensing: Sensing, draw: Array, phases: Array, motion: TargetMotion, reported: Array, normals: Array
+) -> Sight:
     """Return the latest frame when an engagement begins; cameras were running before.
 
     Args:
@@ -84,9 +86,10 @@ def first_sight(sensing: Sensing, draw: Array, phases: Array, motion: TargetMoti
       draw: which of the k draws, shape B.
       phases: of the camera, 0…1, shape B.
       motion: the target's path.
+      reported: age of the latest feedback [s], shape B.
       normals: standard normals, shape B + (DRAWS,).
     """
-    exposed = _latest_exposure(sensing, draw, phases, 0.0 * phases, normals)
+    exposed = _latest_exposure(sensing, draw, phases, 0.0 * phases, normals, reported)
     still = namespace(normals).zeros((*exposed.shape, 2), dtype=exposed.dtype)
     return Sight(_measured(sensing, draw, motion.position(exposed), still, normals), exposed, exposed <= 0.0)
 
@@ -99,9 +102,12 @@ def next_sight(
     time: Array,
     motion: TargetMotion,
     rate: Array,
+    reported: Array,
     normals: Array,
 ) -> Sight:
     """Return the latest frame at a later decision.
+
+    A frame counts once the gimbal has reported from after its exposure, as it is then known where the camera pointed.
 
     Args:
       sensing: camera and link.
@@ -111,19 +117,24 @@ def next_sight(
       time: of the decision [s], shape B.
       motion: the target's path.
       rate: pitch and yaw rate of the gimbal about the exposure [rad/s], shape B + (2,).
+      reported: age of the latest feedback at the decision [s], shape B.
       normals: standard normals, shape B + (DRAWS,).
     """
     xp = namespace(time, normals)
-    exposed = _latest_exposure(sensing, draw, phases, time, normals)
+    exposed = _latest_exposure(sensing, draw, phases, time, normals, reported)
     fresh = (exposed > sight.exposed + 1e-6) & (normals[..., 2] > sensing.miss[draw])
     plate = _measured(sensing, draw, motion.position(exposed), rate, normals)
     return Sight(xp.where(fresh[..., None], plate, sight.plate), xp.where(fresh, exposed, sight.exposed), fresh)
 
 
-def _latest_exposure(sensing: Sensing, draw: Array, phases: Array, time: Array, normals: Array) -> Array:
+def _latest_exposure(
+    sensing: Sensing, draw: Array, phases: Array, time: Array, normals: Array, reported: Array
+) -> Array:
+    xp = namespace(time, normals)
     period = sensing.frame_period[draw]
     latency = jittered(sensing.latency[draw], sensing.latency_jitter[draw], normals[..., 1])
-    return (namespace(time).floor((time - latency) / period - phases) + phases) * period
+    latency = xp.maximum(latency, reported)
+    return (xp.floor((time - latency) / period - phases) + phases) * period
 
 
 def _measured(sensing: Sensing, draw: Array, place: Array, rate: Array, normals: Array) -> Array:

@@ -28,6 +28,15 @@ class Reports(NamedTuple):
     """Their rates [rad/s], shape (B, L, 2)."""
 
 
+class Frames(NamedTuple):
+    """Frames of late that show the plate, oldest first; places without one have a moment of −∞."""
+
+    exposed: Array
+    """When, on the clock of the reports [s], rising, shape (B, L)."""
+    position: Array
+    """The plate in the camera's frame [m], shape (B, L, 3)."""
+
+
 class Sighting(NamedTuple):
     """The plate as seen last."""
 
@@ -44,6 +53,28 @@ def no_reports(batch: int) -> Reports:
     return Reports(np.full((batch, 1), -np.inf), np.zeros((batch, 1, 2)), np.zeros((batch, 1, 2)))
 
 
+def no_frames(batch: int) -> Frames:
+    """Return the memory of a program that has just begun."""
+    return Frames(np.full((batch, 1), -np.inf), np.zeros((batch, 1, 3)))
+
+
+def with_frames(frames: Frames, exposed: Array, found: NDArray[np.bool_], position: Array, now: float) -> Frames:
+    """Add frames that show the plate, and forget old ones.
+
+    Args:
+      frames: known so far.
+      exposed: when each new one was exposed, on the clock of the reports [s], NaN where there is none, shape (B, G).
+      found: whether it shows the plate, shape (B, G).
+      position: the plate in the camera's frame [m], shape (B, G, 3).
+      now: the present [s].
+    """
+    missing = np.isnan(exposed) | ~found
+    stamps = np.concatenate([frames.exposed, np.where(missing, -np.inf, exposed)], axis=1)
+    places = np.concatenate([frames.position, np.where(missing[..., None], 0.0, position)], axis=1)
+    order = _of_late(stamps, now)
+    return Frames(np.take_along_axis(stamps, order, axis=1), np.take_along_axis(places, order[..., None], axis=1))
+
+
 def with_reports(reports: Reports, stamp: Array, angle: Array, rate: Array, now: float) -> Reports:
     """Add reports and forget old ones.
 
@@ -58,9 +89,7 @@ def with_reports(reports: Reports, stamp: Array, angle: Array, rate: Array, now:
     stamps = np.concatenate([reports.stamp, np.where(missing, -np.inf, stamp)], axis=1)
     angles = np.concatenate([reports.angle, np.where(missing[..., None], 0.0, angle)], axis=1)
     rates = np.concatenate([reports.rate, np.where(missing[..., None], 0.0, rate)], axis=1)
-    order = np.argsort(stamps, axis=1, kind="stable")
-    kept = int(np.max(np.sum(stamps > now - REMEMBERED_S, axis=1), initial=1))
-    order = order[:, -max(kept, 1) :]
+    order = _of_late(stamps, now)
     return Reports(
         np.take_along_axis(stamps, order, axis=1),
         np.take_along_axis(angles, order[..., None], axis=1),
@@ -69,13 +98,11 @@ def with_reports(reports: Reports, stamp: Array, angle: Array, rate: Array, now:
 
 
 def angle_at(reports: Reports, moment: Array) -> Array:
-    """Interpolate the gimbal's angles at moments [s], shape (B, G) → (B, G, 2).
-
-    Before the first report the angle is held; after the last one it goes on at the reported rate.
+    """Interpolate the gimbal's angles at moments [s], shape (B, G) → (B, G, 2); before the first report they are held.
 
     Args:
       reports: at least one per trial.
-      moment: may be NaN.
+      moment: up to the last report; may be NaN.
     """
     latest = reports.stamp.shape[1] - 1
     after = np.sum(reports.stamp[:, None, :] <= moment[..., None], axis=-1)
@@ -85,8 +112,7 @@ def angle_at(reports: Reports, moment: Array) -> Array:
     gap = end - begin
     share = np.where(gap > 0.0, np.clip((moment - begin) / np.where(gap > 0.0, gap, 1.0), 0.0, 1.0), 0.0)
     here, there = (np.take_along_axis(reports.angle, index[..., None], axis=1) for index in (low, high))
-    beyond = np.clip(np.nan_to_num(moment - reports.stamp[:, -1:]), 0.0, REMEMBERED_S)
-    return np.asarray(here + share[..., None] * (there - here) + beyond[..., None] * reports.rate[:, -1:])
+    return np.asarray(here + share[..., None] * (there - here))
 
 
 def into_base(position: Array, angle: Array) -> Array:
@@ -98,25 +124,29 @@ def into_base(position: Array, angle: Array) -> Array:
     return np.asarray(position[..., :1] * forward + position[..., 1:2] * left + position[..., 2:] * upward)
 
 
-def with_frames(
-    sighting: Sighting, reports: Reports, exposed: Array, found: NDArray[np.bool_], position: Array
-) -> Sighting:
-    """Take in new frames: the one that was exposed last counts.
+def _of_late(stamps: Array, now: float) -> NDArray[np.int64]:
+    """Return the order of the stamps by time, shape (B, L) → (B, kept), without those that no trial needs any more."""
+    kept = int(np.max(np.sum(stamps > now - REMEMBERED_S, axis=1), initial=1))
+    return np.argsort(stamps, axis=1, kind="stable")[:, -max(kept, 1) :]
+
+
+def latest_sighting(sighting: Sighting, reports: Reports, frames: Frames) -> Sighting:
+    """Take in the latest frame that the reports cover.
+
+    A frame that is newer than the latest report waits: where the gimbal pointed then is not known yet, and a guess
+    would move the plate while the gimbal turns.
 
     Args:
       sighting: before.
-      reports: of the gimbal, those that came with the frames included.
-      exposed: when each frame was exposed, on the clock of the reports [s], NaN where there is none, shape (B, G).
-      found: whether it shows the plate, shape (B, G).
-      position: the plate in the camera's frame [m], shape (B, G, 3).
+      reports: of the gimbal.
+      frames: of late, those that waited included.
     """
-    if exposed.shape[1] == 0:
-        return sighting._replace(fresh=np.zeros_like(sighting.fresh))
-    usable = found & ~np.isnan(exposed) & (exposed > sighting.exposed[:, None])
-    newest = np.argmax(np.where(usable, exposed, -np.inf), axis=1)[:, None]
-    moment = np.take_along_axis(exposed, newest, axis=1)
+    stamp, position = frames
+    usable = (stamp <= reports.stamp[:, -1:]) & (stamp > sighting.exposed[:, None])
+    newest = np.argmax(np.where(usable, stamp, -np.inf), axis=1)[:, None]
+    moment = np.take_along_axis(stamp, newest, axis=1)
     place = np.take_along_axis(position, newest[..., None], axis=1)
-    plate = into_base(np.where(np.isnan(place), 0.0, place), angle_at(reports, moment))[:, 0]
+    plate = into_base(place, angle_at(reports, moment))[:, 0]
     fresh = np.any(usable, axis=1)
     return Sighting(
         np.where(fresh[:, None], plate, sighting.plate), np.where(fresh, moment[:, 0], sighting.exposed), fresh

@@ -134,15 +134,16 @@ class IdentifiedWorld(NamedTuple):
         phases = phase(draws[..., :2])
         gimbal = rest_under(self.gimbal, draw, start, self.queue.shape[0])
         angle, rate = angle_and_rate(self.gimbal, draw, gimbal)
+        age = feedback_age(self.sensing, draw, phases[..., 1], time, noise)
         return IdentifiedState(
             gimbal=gimbal,
             before=(gimbal,) * (self.past.shape[0] - 1),
             angle=quantised(self.sensing, draw, angle),
             rate=rate,
-            gimbal_age=feedback_age(self.sensing, draw, phases[..., 1], time, noise),
+            gimbal_age=age,
             command=start,
             command_rate=xp.zeros_like(start),
-            sight=first_sight(self.sensing, draw, phases[..., 0], engagement.motion, noise),
+            sight=first_sight(self.sensing, draw, phases[..., 0], engagement.motion, age, noise),
             phases=phases,
             time=time,
             engagement=engagement,
@@ -199,6 +200,7 @@ class IdentifiedWorld(NamedTuple):
                 time,
                 state.engagement.motion,
                 state.rate,
+                age,
                 noise,
             ),
             phases=state.phases,

@@ -14,7 +14,16 @@ from archerfish.dynamics.array_namespace import map_arrays
 from archerfish.dynamics.command_limits import CommandLimits, limit_command
 from archerfish.dynamics.linear_axis import GimbalModel
 from archerfish.dynamics.muzzle import Muzzle, direction
-from archerfish.sensing.host import Reports, Sighting, no_reports, with_frames, with_reports
+from archerfish.sensing.host import (
+    Frames,
+    Reports,
+    Sighting,
+    latest_sighting,
+    no_frames,
+    no_reports,
+    with_frames,
+    with_reports,
+)
 from archerfish.sensing.interfaces import Command, Engagement, Seen, Shot, Truth
 from archerfish.virtual_robot.description import TICK_S, RobotDescription
 from archerfish.virtual_robot.messages import Heard
@@ -48,6 +57,8 @@ class RunningEngagement(NamedTuple):
     """The robots."""
     reports: Reports
     """Of the gimbal."""
+    frames: Frames
+    """Of the camera."""
     sighting: Sighting
     """Of the target."""
     command: Array
@@ -98,6 +109,7 @@ class RobotWorld:
         running = RunningEngagement(
             robot,
             no_reports(batch),
+            no_frames(batch),
             Sighting(UNSEEN_M * direction(start), np.full(batch, -np.inf), np.zeros(batch, bool)),
             start,
             0.0 * start,
@@ -130,8 +142,9 @@ class RobotWorld:
         now = state.robot.time
         reports = with_reports(state.reports, heard.feedback_stamp, heard.feedback_angle, heard.feedback_rate, now)
         exposed = heard.frame_stamp + self._known.time_offset
-        sighting = with_frames(state.sighting, reports, exposed, heard.frame_found, heard.frame_position)
-        return state._replace(reports=reports, sighting=sighting)
+        frames = with_frames(state.frames, exposed, heard.frame_found, heard.frame_position, now)
+        sighting = latest_sighting(state.sighting, reports, frames)
+        return state._replace(reports=reports, frames=frames, sighting=sighting)
 
     def _seen(self, state: RunningEngagement) -> Seen:
         now = state.robot.time
