@@ -5,7 +5,7 @@ from archerfish.records.errors import InputError
 from archerfish.virtual_robot.lab.recorder import held_values, host_trace, play, receipt_trace, robot_trace
 from archerfish.virtual_robot.lab.shooting import Plate, check_aim, shoot_plates
 from archerfish.virtual_robot.lab.signals import REST_S, steps, sweep
-from archerfish.virtual_robot.lab.timing import SteppingTarget, TimingPlan, record_timing, timing_length
+from archerfish.virtual_robot.lab.timing import SteppingTarget, TimingPlan, record_timing, timing_length, timing_plan
 
 from .made_robots import QUIET, changed, resting_robot
 
@@ -98,6 +98,14 @@ def test_timing_shows_the_latency_that_the_robot_has() -> None:
     side = np.sign(logs.target.position[:, 1])
     turns = logs.target.stamp[1:][np.diff(side) != 0] + 0.0065
     assert np.all((turns - logs.moments >= 0) & (turns - logs.moments < 1 / 80 + 1e-6))
+
+
+def test_a_robot_that_turns_less_far_is_asked_for_less() -> None:
+    assert timing_plan(changed()) == TimingPlan()
+    narrow = {"limits__yaw__low_deg": -10.0, "limits__yaw__high_deg": 8.0}
+    plan = timing_plan(changed(**narrow))
+    assert np.degrees(plan.amplitude) == pytest.approx(6.4)
+    assert np.degrees(plan.step) == pytest.approx(6.4)
 
 
 @pytest.mark.parametrize("name", ["sweep_s", "amplitude", "low_hz", "step", "distance", "target_step"])

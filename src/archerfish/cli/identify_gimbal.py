@@ -73,6 +73,9 @@ class IdentifyGimbal:
     contradict it."""
     max_delay: int = 20
     """Longest input delay that is tried, in samples."""
+    feedthrough: bool = True
+    """Let the output jump with the input, where the logs say so. An angle can't, as the axis has inertia: without, its
+    delay is told more exactly."""
     validate: Annotated[
         tyro.conf.UseAppendAction[tuple[tuple[Path, ...], ...]],
         tyro.conf.arg(metavar="LOG…", help_behavior_hint=""),
@@ -136,6 +139,7 @@ def _fitted(
         "axis": command.axis,
         "seed": command.seed,
         "dc_gain": _flat(command.dc_gain) or None,
+        "feedthrough": command.feedthrough,
     }
     if command.order != "auto":
         with console.status(f"fitting order {command.order} …"):
@@ -153,7 +157,14 @@ def _free_of_gain(command: IdentifyGimbal, logs: GimbalLogs, order: int, console
         return None
     with console.status("fitting without the given steady gain …"):
         fitted = [log.recording for log in logs.training]
-        return identify_axis(fitted, order, max_delay=command.max_delay, axis=command.axis, seed=command.seed)
+        return identify_axis(
+            fitted,
+            order,
+            max_delay=command.max_delay,
+            axis=command.axis,
+            seed=command.seed,
+            feedthrough=command.feedthrough,
+        )
 
 
 def _said_once(result: AxisIdentification, logs: GimbalLogs) -> AxisIdentification:

@@ -26,7 +26,7 @@ from archerfish.virtual_robot.lab.log_files import (
 from archerfish.virtual_robot.lab.recorder import AXES, play, robot_trace
 from archerfish.virtual_robot.lab.shooting import Plate, shoot_ground, shoot_plates
 from archerfish.virtual_robot.lab.signals import steps, sweep
-from archerfish.virtual_robot.lab.timing import TimingPlan, record_timing
+from archerfish.virtual_robot.lab.timing import record_timing, timing_plan
 from archerfish.virtual_robot.robot import VirtualRobot
 
 Array = NDArray[np.float64]
@@ -93,8 +93,10 @@ def _axis(robot: VirtualRobot, task: LabTask) -> None:
         }
         for kind, signal in signals.items():
             _played(robot, task, signal, f"{task.axis}_{kind}{name}.csv")
+    limits = getattr(robot.description.limits, task.axis)
     for degrees in LARGE_STEPS_DEG[task.axis]:
-        rest, held = np.zeros(300), np.full(round(1000 * LARGE_STEP_S), np.radians(degrees))
+        size = np.radians(np.clip(degrees, limits.low_deg, limits.high_deg))
+        rest, held = np.zeros(300), np.full(round(1000 * LARGE_STEP_S), size)
         _played(robot, task, np.concatenate([rest, held]), f"{task.axis}_step_{abs(degrees):g}deg.csv")
     write_robot_limits(task.folder / "limits.json", robot.description)
 
@@ -109,7 +111,7 @@ def _played(robot: VirtualRobot, task: LabTask, signal: Array, name: str) -> Non
 
 
 def _timing(robot: VirtualRobot, task: LabTask) -> None:
-    logs = record_timing(robot, TimingPlan(), "robot", task.seed, lambda _: None)
+    logs = record_timing(robot, timing_plan(robot.description), "robot", task.seed, lambda _: None)
     write_gimbal_log(task.folder / "timing_sweep.csv", logs.sweep)
     write_gimbal_log(task.folder / "timing_steps.csv", logs.steps)
     write_detections(task.folder / "timing_plate.csv", logs.plate)

@@ -30,7 +30,7 @@ from archerfish.virtual_robot.lab.log_files import (
 from archerfish.virtual_robot.lab.recorder import AXES, Play, Stamps, Trace, host_trace, play, robot_trace
 from archerfish.virtual_robot.lab.shooting import Plate, check_aim
 from archerfish.virtual_robot.lab.signals import steps, sweep
-from archerfish.virtual_robot.lab.timing import TimingPlan, record_timing, timing_length
+from archerfish.virtual_robot.lab.timing import TimingPlan, record_timing, timing_length, timing_plan
 
 Array = NDArray[np.float64]
 Kind = Literal["sweep", "step", "timing"]
@@ -67,7 +67,8 @@ class Record:
     axis: Literal["pitch", "yaw"] = "yaw"
     """Axis of a sweep or of steps."""
     amplitude_deg: Annotated[float | None, _OfKind] = None
-    """Amplitude in degrees: 1 for a sweep, 2 for steps, 15 for the yaw sweep of timing."""
+    """Amplitude in degrees: 1 for a sweep, 2 for steps, 15 for the yaw sweep of timing (less where the robot
+    turns less far)."""
     low_hz: Annotated[float | None, _OfKind] = None
     """Lowest frequency: 2, for timing 0.2."""
     high_hz: Annotated[float | None, _OfKind] = None
@@ -198,12 +199,13 @@ def _recorded(command: Record, robot: Any, angles: Array, advance: Callable[[flo
 
 
 def _timing(command: Record, robot: RobotDescription, folder: Path, console: Console) -> list[str]:
-    base = TimingPlan()
+    base = timing_plan(robot)
     plan = TimingPlan(
         sweep_s=command.duration_s or base.sweep_s,
         amplitude=float(np.radians(command.amplitude_deg)) if command.amplitude_deg else base.amplitude,
         low_hz=command.low_hz or base.low_hz,
         high_hz=command.high_hz or base.high_hz,
+        step=base.step,
         steps=command.count,
     )
     noise, draws = seeds_from(command.seed, 2)

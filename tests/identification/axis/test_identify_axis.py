@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from scipy.io import loadmat
-from scipy.signal import lfilter
+from scipy.signal import cont2discrete, lfilter, tf2ss
 from scipy.stats import chi2
 
 from archerfish.identification.axis.gimbal import identify_axis
@@ -36,6 +36,17 @@ def test_a_clean_recording_gives_plant_delay_and_feedthrough_back_to_rounding(
     np.testing.assert_allclose(dc_gain(result.plant), dc_gain(plant), rtol=1e-9)
     assert result.offset == pytest.approx(4.0, abs=1e-9)
     assert result.fit_percent[0] == pytest.approx(100.0, abs=1e-8)
+
+
+def test_without_feedthrough_the_delay_of_an_axis_with_inertia_is_not_made_up_by_a_jump(record):
+    # A third, fast pole of a millisecond that the model lacks, behind two milliseconds of delay.
+    slow, fast = np.poly([-32 + 28j, -32 - 28j]).real, np.array([0.001, 1.0])
+    A, B, C, D, _ = cont2discrete(tf2ss([slow[-1]], np.polymul(slow, fast)), 0.001)
+    log = record(PlantRecord(A, B, C, D, 2, 0.001), linear_sweep(8.0, 0.001), noise=0.02)
+    result = identify_axis([log], 2, feedthrough=False)
+    assert result.plant.D.item() == 0.0
+    assert not any(each.known.feedthrough for each in result.structures)
+    assert 2 <= result.plant.delay_samples <= 4
 
 
 def test_two_inputs_share_the_poles(white, resonant_plant, record):

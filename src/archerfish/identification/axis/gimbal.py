@@ -98,6 +98,7 @@ def identify_axis(
     axis: str = "axis",
     seed: int = 0,
     dc_gain: Sequence[float] | None = None,
+    feedthrough: bool = True,
 ) -> AxisIdentification:
     """Identify the linear plant of an axis.
 
@@ -109,6 +110,7 @@ def identify_axis(
       axis: name for the record.
       seed: of the posterior draws.
       dc_gain: steady gain from each input to the one output, where it is known: the plant is held to it.
+      feedthrough: whether the outputs may jump with an input; an angle can't, since the axis has inertia.
 
     Returns:
       The plant with its diagnostics.
@@ -121,11 +123,11 @@ def identify_axis(
         raise InputError(f"max_delay must be at least 0, got {max_delay}; give the longest delay to try in samples")
     max_delay = min(max_delay, min(len(recording) for recording in recordings) // 10)
     scale = _spread(recordings)
-    found = search_plant(recordings, order, max_delay, scale)
+    found = search_plant(recordings, order, max_delay, scale, feedthrough)
     if scale.size > 1:
         # The most likely plant weighs each output by its noise, which only a fit can tell.
         scale = scale * np.sqrt(np.mean(found.best.refinement.fit.residuals.reshape(scale.size, -1) ** 2, axis=1))
-        found = search_plant(recordings, order, max_delay, scale)
+        found = search_plant(recordings, order, max_delay, scale, feedthrough)
     if dc_gain is not None:
         found = _with_gain(found, dc_gain, scale)
     structures = weigh_structures([found.best, *found.others])

@@ -47,6 +47,7 @@ def choose_order(
     axis: str = "axis",
     seed: int = 0,
     dc_gain: Sequence[float] | None = None,
+    feedthrough: bool = True,
 ) -> OrderChoice:
     """Identify an axis with every order, and choose one.
 
@@ -62,6 +63,7 @@ def choose_order(
       axis: name for the record.
       seed: of the posterior draws.
       dc_gain: steady gain from each input, where it is known.
+      feedthrough: whether the outputs may jump with an input.
 
     Raises:
       InputError: if the recordings can bear no order at all.
@@ -70,7 +72,13 @@ def choose_order(
     for order in ORDERS:
         try:
             results[order] = identify_axis(
-                recordings, order, max_delay=max_delay, axis=axis, seed=seed, dc_gain=dc_gain
+                recordings,
+                order,
+                max_delay=max_delay,
+                axis=axis,
+                seed=seed,
+                dc_gain=dc_gain,
+                feedthrough=feedthrough,
             )
         except InputError:
             if not results:

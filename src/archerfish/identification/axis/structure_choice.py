@@ -45,9 +45,14 @@ class Structure(NamedTuple):
         return deviance + float(self.problem.feedthrough * fit.feedthrough.size * np.log(rows))
 
 
-def ranked_structures(walk: Walk) -> list[Structure]:
-    """Return the structures between which a part of the lines can't decide, the likeliest first, at least one."""
-    sketched = list(_sketched(walk))
+def ranked_structures(walk: Walk, feedthrough: bool = True) -> list[Structure]:
+    """Return the structures between which a part of the lines can't decide, the likeliest first, at least one.
+
+    Args:
+      walk: sketches at the delays.
+      feedthrough: whether structures with feedthrough are among them.
+    """
+    sketched = [each for each in _sketched(walk) if feedthrough or not each.problem.feedthrough]
     colour = walk.colour()
     least = min(each.criterion(colour) for each in sketched)
     # Of structures that are equally good the one of the shorter delay: sorting keeps their order.

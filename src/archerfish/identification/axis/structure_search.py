@@ -47,7 +47,9 @@ class Found(NamedTuple):
     """A delay beyond the longest allowed that explains the recordings clearly better, if there is one [samples]."""
 
 
-def search_plant(recordings: Sequence[Recording], order: int, max_delay: int, scale: Array) -> Found:
+def search_plant(
+    recordings: Sequence[Recording], order: int, max_delay: int, scale: Array, feedthrough: bool = True
+) -> Found:
     """Find the structure that explains the recordings best for its number of parameters (BIC), and its fit.
 
     Args:
@@ -55,10 +57,11 @@ def search_plant(recordings: Sequence[Recording], order: int, max_delay: int, sc
       order: number of poles.
       max_delay: longest delay that is tried [samples].
       scale: what the squared errors of each output are measured in, shape (p,).
+      feedthrough: whether the outputs may answer at once, once the delay is over.
     """
     ground = prepare_ground(recordings, max_delay, scale)
     walk, rivals = _walk(ground, order, max_delay)
-    sketches = ranked_structures(walk)
+    sketches = ranked_structures(walk, feedthrough)
     longest = max(each.delay for each in sketches)
     if max(ground.skips) > longest:
         walk = _with_all_samples(walk, ground.reaching_back(longest))

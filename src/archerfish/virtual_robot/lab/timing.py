@@ -1,18 +1,20 @@
 """The recordings of docs/sensing.md: a plate at rest while the yaw sweeps, then command steps and target steps."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.records.errors import InputError
-from archerfish.virtual_robot.description import TICK_S
+from archerfish.virtual_robot.description import TICK_S, RobotDescription
 from archerfish.virtual_robot.lab.recorder import Advance, Session, Stamps, Trace, play, receipt_trace, robot_trace
 from archerfish.virtual_robot.lab.signals import REST_S
 from archerfish.virtual_robot.robot import VirtualRobot
 
 Array = NDArray[np.float64]
+
+_OF_THE_REACH = 0.8
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,14 @@ class TimingPlan:
                 raise InputError(f"timing.{name} must be > 0, got {getattr(self, name):g}")
         if self.steps < 1:
             raise InputError(f"timing.steps must be at least 1, got {self.steps}")
+
+
+def timing_plan(robot: RobotDescription) -> TimingPlan:
+    """Return the plan for a robot: the usual one, with smaller turns where its yaw goes less far."""
+    yaw = robot.limits.yaw
+    reach = _OF_THE_REACH * float(np.radians(min(-yaw.low_deg, yaw.high_deg)))
+    usual = TimingPlan()
+    return replace(usual, amplitude=min(usual.amplitude, reach), step=min(usual.step, reach))
 
 
 class Detected(NamedTuple):
