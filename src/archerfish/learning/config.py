@@ -50,12 +50,11 @@ class PpoConfig:
         for name in ("steps", "environments", "rollout", "minibatches", "epochs", "hidden"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name} must be at least 1, got {getattr(self, name)}")
-        batch = self.environments * self.rollout
-        if batch > MAX_BATCH:
-            raise InputError(f"environments × rollout must be at most {MAX_BATCH}, got {batch}")
-        if batch % self.minibatches:
+        if self.batch > MAX_BATCH:
+            raise InputError(f"environments × rollout must be at most {MAX_BATCH}, got {self.batch}")
+        if self.batch % self.minibatches:
             raise InputError(
-                f"environments × rollout = {batch} must divide into minibatches = {self.minibatches} equal parts"
+                f"environments × rollout = {self.batch} must divide into minibatches = {self.minibatches} equal parts"
             )
         for name in ("actor_learning_rate", "critic_learning_rate", "clip", "gradient_norm"):
             if not 0 < getattr(self, name) < math.inf:
@@ -69,6 +68,11 @@ class PpoConfig:
             raise InputError(f"log_std must be at least log_std_floor = {self.log_std_floor}, got {self.log_std}")
 
     @property
+    def batch(self) -> int:
+        """Decisions of an iteration, over all environments."""
+        return self.environments * self.rollout
+
+    @property
     def iterations(self) -> int:
         """Updates of a whole run."""
-        return max(1, round(self.steps / (self.environments * self.rollout)))
+        return max(1, round(self.steps / self.batch))

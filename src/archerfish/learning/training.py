@@ -2,10 +2,11 @@
 
 import hashlib
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import numpy as np
+from jax import Array
 from numpy.typing import NDArray
 
 from archerfish.controllers.policy import PolicyController
@@ -17,6 +18,37 @@ from archerfish.sensing.observers import AnyObserver
 
 CHUNK = 4
 """Iterations per compiled call; between calls the caller hears of the progress and may stop."""
+
+
+class TrainingConfig(Protocol):
+    """What every way of training has to say of itself."""
+
+    @property
+    def iterations(self) -> int:
+        """Updates of a whole run."""
+
+    @property
+    def batch(self) -> int:
+        """Decisions of an iteration, over all environments."""
+
+
+class Trainer(NamedTuple):
+    """A way of training: what it begins with, and how it goes on; both compile what they run."""
+
+    begin: Callable[[Environment, Any, Array], Any]
+    """Environment, configuration, PRNG key → learner: a tree of arrays with `iteration`, `networks.actor`, and
+    `normaliser`."""
+    advance: Callable[[Environment, Any, Any, int], tuple[Any, Metrics]]
+    """Environment, configuration, learner, iterations K → learner, metrics of shape (K,)."""
+
+
+def _advance_ppo(environment: Environment, config: PpoConfig, learner: Learner, count: int) -> tuple[Learner, Metrics]:
+    advanced: tuple[Learner, Metrics] = iterate(environment, hyper(config), learner, sizes(config), count)
+    return advanced
+
+
+PPO = Trainer(make_learner, _advance_ppo)
+"""Eqs (9) and (10)."""
 
 
 class Curve(NamedTuple):
@@ -41,36 +73,37 @@ class Trained(NamedTuple):
 
 def train(
     environment: Environment,
-    config: PpoConfig,
+    config: TrainingConfig,
     seed: int,
     progress: Callable[[int, Metrics], None] = lambda *_: None,
+    trainer: Trainer = PPO,
 ) -> Trained:
     """Train a policy; the same seed gives the same weights, bit for bit, on the same machine and versions.
 
     Args:
       environment: where; NumPy arrays will do.
-      config: settings of PPO.
+      config: settings, of the kind that the trainer takes.
       seed: of everything random.
       progress: hears of the decisions trained for and of the latest metrics; an exception from it ends the training.
+      trainer: how.
 
     Raises:
       InputError: if the training diverges to numbers that are not finite.
     """
     environment = jax.tree.map(jax.numpy.asarray, environment)
-    learner = make_learner(environment, config, jax.random.key(seed))
-    settings, collected = hyper(config), []
-    per_iteration = config.environments * config.rollout
+    learner = trainer.begin(environment, config, jax.random.key(seed))
+    collected: list[Metrics] = []
     for start in range(0, config.iterations, CHUNK):
-        learner, metrics = iterate(environment, settings, learner, sizes(config), CHUNK)
+        learner, metrics = trainer.advance(environment, config, learner, CHUNK)
         collected.append(jax.tree.map(np.asarray, metrics))
         if not all(np.all(np.isfinite(each)) for each in collected[-1]):
             raise InputError(
-                f"training diverged after {start * per_iteration} decisions: the rewards or the networks are not "
+                f"training diverged after {start * config.batch} decisions: the rewards or the networks are not "
                 "finite; lower the learning rates"
             )
-        progress((start + CHUNK) * per_iteration, collected[-1])
+        progress((start + CHUNK) * config.batch, collected[-1])
     joined: Metrics = jax.tree.map(lambda *parts: np.concatenate(parts), *collected)
-    steps = per_iteration * np.arange(1, len(joined.mean_reward) + 1)
+    steps = config.batch * np.arange(1, len(joined.mean_reward) + 1)
     return Trained(learner, Curve(steps, np.asarray(joined.mean_reward), joined))
 
 
