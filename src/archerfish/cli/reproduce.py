@@ -57,6 +57,8 @@ class Reproduce:
     """Settings of PPO."""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "infantry"
     """Robot of Tables IV and V: infantry, worn, or a TOML file (docs/virtual_robot.md)."""
+    robot_ppo: PpoConfig = field(default_factory=lambda: PpoConfig(steps=ROBOT_STEPS, discount=ROBOT_DISCOUNT))
+    """Settings of PPO for the robot's policies."""
     robot_engagements: int = 250
     """Engagements per cell of Tables IV and V; archerfish transfer takes 400."""
     workers: Annotated[int, tyro.conf.arg(help_behavior_hint="(default: one per core, at most 4)")] = 0
@@ -106,10 +108,14 @@ def run_reproduce(command: Reproduce) -> dict[str, Any]:
 
 
 def _shortened(command: Reproduce) -> Reproduce:
-    ppo = PpoConfig(**{**asdict(command.ppo), "steps": min(QUICK_STEPS, command.ppo.steps)})
-    changes = {"engagements": min(QUICK_ENGAGEMENTS, command.engagements), "curve_seeds": 1, "ppo": ppo}
-    changes["robot_engagements"] = min(QUICK_ENGAGEMENTS, command.robot_engagements)
-    return Reproduce(**{**vars(command), **changes})
+    return replace(
+        command,
+        engagements=min(QUICK_ENGAGEMENTS, command.engagements),
+        curve_seeds=1,
+        ppo=replace(command.ppo, steps=min(QUICK_STEPS, command.ppo.steps)),
+        robot_ppo=replace(command.robot_ppo, steps=min(QUICK_STEPS, command.robot_ppo.steps)),
+        robot_engagements=min(QUICK_ENGAGEMENTS, command.robot_engagements),
+    )
 
 
 def _check(command: Reproduce) -> None:
@@ -146,13 +152,10 @@ def _rehearsed(command: Reproduce, folder: Path) -> dict[str, Any]:
     """Take the robot from logs to Tables IV and V."""
     from archerfish.cli.transfer_stage import Rehearsal, rehearse
 
-    steps = QUICK_STEPS if command.quick else ROBOT_STEPS
     rehearsal = Rehearsal(
         robot=command.robot,
         changed=others(command.robot, CHANGED),
-        ppo=replace(
-            command.ppo, steps=min(steps, command.ppo.steps) if command.quick else steps, discount=ROBOT_DISCOUNT
-        ),
+        ppo=command.robot_ppo,
         seeds=(command.seed,),
         engagements=command.robot_engagements,
         folder=folder / "robot",

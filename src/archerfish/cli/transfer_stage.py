@@ -15,7 +15,7 @@ from archerfish.cli.evaluation_run import (
 from archerfish.cli.lab_stage import LabTask, record_robot, run_recording
 from archerfish.cli.robot_identification import Identified, identify_robot, trimmed
 from archerfish.cli.setting import Setting
-from archerfish.cli.training_run import TrainingTask, run_task, write_run
+from archerfish.cli.training_run import HIT_BONUS, TrainingTask, run_task, write_run
 from archerfish.cli.workers import Task, run_tasks
 from archerfish.controllers.roster import Tuning
 from archerfish.evaluation.evaluate import Ground, Outcome, accelerations, cells, comparisons
@@ -86,9 +86,10 @@ def train_for_robot(rehearsal: Rehearsal, setting: Setting) -> tuple[PolicyRecor
 
 
 def _configuration(task: TrainingTask) -> dict[str, Any]:
-    names = ("static_share", "observation", "command_limit", "seed")
+    names = ("static_share", "observation", "command_limit", "seed", "asymmetric")
     return {
         "setting": task.setting.name,
+        "hit_bonus_m": HIT_BONUS[task.observation],
         **{name: getattr(task, name) for name in names},
         "ppo": asdict(task.ppo),
         "conditions": asdict(task.setting.conditions),
