@@ -41,7 +41,7 @@ def batch_with(ratios: list[float], advantages: list[float]) -> Batch:
     """Actions at the mean of `standard_actor` whose probability was such that eq (10) sees these ratios."""
     count = len(ratios)
     return Batch(
-        observation=jnp.ones((count, 3)),
+        observation=jnp.ones((3, count)),
         action=jnp.zeros((count, 2)),
         log_probability=CENTRAL - jnp.log(jnp.array(ratios)),
         advantage=jnp.array(advantages),
@@ -51,7 +51,7 @@ def batch_with(ratios: list[float], advantages: list[float]) -> Batch:
 
 def random_batch(seed: int = 0) -> Batch:
     keys = jax.random.split(jax.random.key(seed), 5)
-    shapes = ((16, 3), (16, 2), (16,), (16,), (16,))
+    shapes = ((3, 16), (16, 2), (16,), (16,), (16,))
     return Batch(*(jax.random.normal(key, shape) for key, shape in zip(keys, shapes, strict=True)))
 
 

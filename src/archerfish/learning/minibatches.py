@@ -19,10 +19,10 @@ def shuffled_minibatches(key: Array, rows: int, epochs: int, parts: int) -> Arra
       parts: minibatches per epoch.
 
     Returns:
-      Row numbers, shape (epochs × parts, rows / parts).
+      Row numbers, shape (epochs, parts, rows / parts).
     """
     places = (rows - 1).bit_length()
     numbers = jnp.arange(rows, dtype=jnp.uint32)[None, :]
     tagged = jax.random.bits(key, (epochs, rows)) >> places << places | numbers
     orders: Array = jnp.sort(tagged, axis=-1) & (2**places - 1)
-    return orders.reshape(epochs * parts, rows // parts)
+    return orders.reshape(epochs, parts, rows // parts)
