@@ -180,7 +180,7 @@ def _iteration(environment: Environment, settings: Hyper, learner: Learner, size
 def _rollout(
     environment: Environment, settings: Hyper, learner: Learner, size: Sizes, key: Array
 ) -> tuple[Learner, Array, Array, Normaliser]:
-    """Act for a while with the current policy, and judge what came of it; a row for each decision, see `_of_columns`."""
+    """Act for a while with the current policy, and judge it; a row for each decision, see `_of_columns`."""
     actor, critic = learner.networks.actor, learner.networks.critic
     std = jnp.exp(actor.log_std)[None, :]
 
