@@ -25,7 +25,8 @@ from archerfish.cli.lab_stage import LabTask, record_robot, run_recording
 from archerfish.cli.robot_identification import identify_robot, trimmed
 from archerfish.cli.setting import Setting
 from archerfish.cli.training_run import TrainingTask, run_task
-from archerfish.cli.transfer_stage import COMMAND_LIMIT, DISCOUNT
+from archerfish.cli.transfer import ROBOT_DISCOUNT
+from archerfish.cli.transfer_stage import COMMAND_LIMIT
 from archerfish.cli.workers import Task, run_tasks
 from archerfish.evaluation.hit_rate import paired_difference
 from archerfish.figures.ablation import Bar, ablation_figure
@@ -117,7 +118,7 @@ def run_variant(task: Shoot, advance: Callable[[float, str], None] = lambda *_: 
         tracked_observation.SIGHTS, tracked_observation.ORDER = 2, 1  # this process does nothing else
     if not variant.bonus:
         training_run.HIT_BONUS["tracked"] = 0.0
-    ppo = PpoConfig(steps=task.steps, discount=DISCOUNT)
+    ppo = PpoConfig(steps=task.steps, discount=ROBOT_DISCOUNT)
     training = TrainingTask(
         changed_setting(task.setting, variant), 0.5, "tracked", 0, COMMAND_LIMIT, ppo, variant.seed, variant.asymmetric
     )
