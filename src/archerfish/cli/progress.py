@@ -1,6 +1,7 @@
 """Progress bars with a rate and the time left, and the check that training can run at all."""
 
 import importlib.util
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -40,6 +41,11 @@ def progress_bar(what: str, total: float, unit: str) -> Iterator[Callable[[float
             progress.update(task, completed=min(done, total), note=note)
 
         yield advance
+
+
+def note(told: str) -> None:
+    """Tell the user something that is no fault, in one line on standard error."""
+    print(f"archerfish: {' '.join(told.split())}", file=sys.stderr)  # noqa: T201
 
 
 def require_jax(command: str) -> None:

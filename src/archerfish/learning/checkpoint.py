@@ -61,7 +61,8 @@ def restore_standing(path: Path, arrays: dict[str, NDArray[Any]], like: Any) -> 
     missing = [name for name in Metrics._fields if f"{_CURVE}{name}" not in arrays]
     if missing:
         raise file_error(path, f"holds no {missing[0]} of the iterations so far", "begin the training anew")
-    metrics = Metrics(*(arrays[f"{_CURVE}{name}"] for name in Metrics._fields))
+    measured: dict[str, Any] = {name: arrays[f"{_CURVE}{name}"] for name in Metrics._fields}
+    metrics = Metrics(**measured)
     return Standing(restore_learner(path, arrays, like), (metrics,))
 
 

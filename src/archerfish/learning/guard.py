@@ -1,7 +1,7 @@
 """What may go wrong in an iteration, found inside the compiled program: a learner is kept as it was before.
 
-A number is bad if it is not finite, or so large that it soon will not be. The comparison `|x| <= limit` fails for NaN as
-well, so that one pass over an array finds all three.
+A number is bad if it is not finite, or so large that it soon will not be. The comparison `|x| <= limit` fails for NaN
+as well, so that one pass over an array finds all three.
 """
 
 from collections.abc import Callable
@@ -52,7 +52,9 @@ def rollout_fault(observation: Array, action: Array, reward: Array, final: Array
         return jax.vmap(lambda row: is_bad(row, LIMITS[name]))(array)
 
     names = ("observation", "action", "reward")
-    seen = first_fault(jnp.stack([each(a, n) for a, n in zip((observation, action, reward), names, strict=True)], 1), names)
+    seen = first_fault(
+        jnp.stack([each(a, n) for a, n in zip((observation, action, reward), names, strict=True)], 1), names
+    )
     after = is_bad(final, LIMITS["observation"]) | is_bad(following, LIMITS["observation"])
     return jnp.where(seen == 0, after.astype(jnp.int32), seen)
 

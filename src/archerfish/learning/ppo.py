@@ -90,11 +90,11 @@ class Metrics(NamedTuple):
     """Share of the samples that the clipping of eq (10) touched."""
     std: Array
     """Mean standard deviation of the actions."""
-    gradient_norm: Array = np.float32(0.0)
+    gradient_norm: Any = np.float32(0.0)
     """Mean norm of the gradients before they are scaled, the larger of actor's and critic's."""
-    hit_share: Array = np.float32(np.nan)
+    hit_share: Any = np.float32(np.nan)
     """Share of the rollout's decisions that hit; NaN in an environment that does not tell."""
-    fault: Array = np.int32(0)
+    fault: Any = np.int32(0)
     """What made the iteration bad, so that the learner stayed as it was: 0 nothing, else the place in `guard.WATCHED`
     from 1."""
 
@@ -215,9 +215,7 @@ class _Acted(NamedTuple):
     fault: Array
 
 
-def _rollout(
-    environment: Environment, settings: Hyper, learner: Learner, size: Sizes, key: Array
-) -> _Acted:
+def _rollout(environment: Environment, settings: Hyper, learner: Learner, size: Sizes, key: Array) -> _Acted:
     """Act for a while with the current policy, and judge what came of it."""
     actor, critic = learner.networks.actor, learner.networks.critic
     std = jnp.exp(actor.log_std)[None, :]

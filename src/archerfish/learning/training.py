@@ -104,7 +104,7 @@ class Trained(NamedTuple):
     """How it went."""
 
 
-class Diverged(InputError):
+class DivergenceError(InputError):
     """A training met a number that is not finite, or will soon not be."""
 
     def __init__(self, standing: Standing, first: str, decisions: int) -> None:
@@ -140,7 +140,7 @@ def train(
       course: where to go on, who watches, and when it is enough.
 
     Raises:
-      Diverged: if a number is not finite; it holds where the training stood before.
+      DivergenceError: if a number is not finite; it holds where the training stood before.
     """
     environment = jax.tree.map(jax.numpy.asarray, environment)
     standing = course.resume(Standing(trainer.begin(environment, config, jax.random.key(seed)), ()))
@@ -149,37 +149,51 @@ def train(
         standing = _checked(standing, learner, jax.tree.map(np.asarray, metrics), config.batch)
         progress(standing.iterations * config.batch, standing.parts[-1])
         course.watch(standing)
+    return Trained(standing.learner, curve(standing, config.batch))
+
+
+def curve(standing: Standing, batch: int) -> Curve:
+    """Return how a training went up to where it stands.
+
+    Args:
+      standing: where.
+      batch: decisions of an iteration.
+    """
     metrics = standing.metrics
-    steps = config.batch * np.arange(1, len(metrics.mean_reward) + 1)
-    return Trained(standing.learner, Curve(steps, np.asarray(metrics.mean_reward), metrics))
+    steps = batch * np.arange(1, len(metrics.mean_reward) + 1)
+    return Curve(steps, np.asarray(metrics.mean_reward), metrics)
 
 
 def joined(parts: tuple[Metrics, ...]) -> Metrics:
     """Join metrics of shapes (K1,), (K2,), … to one of shape (K1 + K2 + …,)."""
     if not parts:
-        return Metrics(*(np.zeros(0, np.float32) for _ in Metrics._fields))
+        return _metrics({name: np.zeros(0, np.float32) for name in Metrics._fields})
     together: Metrics = jax.tree.map(lambda *each: np.concatenate(each), *parts)
     return together
+
+
+def _metrics(arrays: dict[str, Any]) -> Metrics:
+    return Metrics(**arrays)
 
 
 def _checked(before: Standing, learner: Any, metrics: Metrics, batch: int) -> Standing:
     """Return where a training stands after a compiled call.
 
     Raises:
-      Diverged: if an iteration was bad. A trainer whose scan is not `guarded` is taken back to before the call.
+      DivergenceError: if an iteration was bad. A trainer whose scan is not `guarded` is taken back to before the call.
     """
     count = len(metrics.mean_reward)
     # What a trainer does not measure has the default of its field, which has no iterations.
-    metrics = Metrics(*(np.broadcast_to(each, (count,)) for each in metrics))
+    metrics = _metrics({name: np.broadcast_to(each, (count,)) for name, each in metrics._asdict().items()})
     faults = np.flatnonzero(metrics.fault)
     if len(faults):
         good: Metrics = jax.tree.map(lambda each: each[: faults[0]], metrics)
         standing = Standing(learner, (*before.parts, good))
-        raise Diverged(standing, WATCHED[metrics.fault[faults[0]] - 1], standing.iterations * batch)
+        raise DivergenceError(standing, WATCHED[metrics.fault[faults[0]] - 1], standing.iterations * batch)
     told = [each for name, each in metrics._asdict().items() if name != "hit_share"]
     weights = jax.tree.leaves((learner.networks, learner.normaliser))
     if not all(np.all(np.isfinite(each)) for each in (*told, *map(np.asarray, weights))):
-        raise Diverged(before, "metrics", before.iterations * batch)
+        raise DivergenceError(before, "metrics", before.iterations * batch)
     return Standing(learner, (*before.parts, metrics))
 
 

@@ -2,8 +2,8 @@
 
 Facts are JSON, arrays are safetensors, never pickle. A file is written beside its final name, synced and renamed, so
 that a crash leaves either the old file or the new one. A record with arrays is a pair `NAME.json` and
-`NAME.safetensors`; the JSON holds the hash of the arrays, so that a mixed pair is refused. While a record is written over
-another one, the old arrays stay beside it, so that a crash leaves one of the two.
+`NAME.safetensors`; the JSON holds the hash of the arrays, so that a mixed pair is refused. While a record is written
+over another one, the old arrays stay beside it, so that a crash leaves one of the two.
 """
 
 import errno
