@@ -22,7 +22,7 @@ _CHECKED = ".checked"
 
 
 def keep_compiled() -> Path | None:
-    """Have JAX keep compiled programs, in this process and those that it starts.
+    """Have JAX keep compiled programs, in this process and those that it starts; best before JAX is imported.
 
     Returns:
       The folder; none where it is switched off, can't be written, or JAX was told of another one already.
@@ -41,6 +41,8 @@ def keep_compiled() -> Path | None:
         "jax_persistent_cache_min_entry_size_bytes": "-1",
     }
     os.environ.update({name.upper(): value for name, value in settings.items()})
+    # XLA warns of every kept program, even one that this very machine compiled: its own tuning flags confuse it.
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
     if "jax" in sys.modules:
         configure: Any = sys.modules["jax"].config

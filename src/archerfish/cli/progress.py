@@ -12,6 +12,10 @@ from rich.text import Text
 from archerfish.records.errors import InputError
 
 
+NARROW = 100
+"""Terminals of fewer columns leave out the unit."""
+
+
 class _Rate(ProgressColumn):
     """Units per second."""
 
@@ -32,9 +36,12 @@ def progress_bar(what: str, total: float, unit: str) -> Iterator[Callable[[float
     Yields:
       A function that takes how much is done by now and a few words on how it goes.
     """
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn(unit), _Rate())
+    console = Console(stderr=True)
+    # The words on how it goes are worth more than the unit.
+    units = () if console.width < NARROW else (TextColumn(unit),)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), *units, _Rate())
     tail = (TimeRemainingColumn(), TextColumn("{task.fields[note]}"))
-    with Progress(*columns, *tail, console=Console(stderr=True)) as progress:
+    with Progress(*columns, *tail, console=console) as progress:
         task = progress.add_task(what, total=total, note="")
 
         def advance(done: float, note: str = "") -> None:

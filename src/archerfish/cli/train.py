@@ -122,11 +122,11 @@ def run_train(command: Train) -> dict[str, Any]:
     observation = command.observation or ("history" if command.setting.sensing is None else "tracked")
     _check(command, observation)
     require_jax("train")
+    keep_compiled()
     from archerfish.cli.live_run import live_run, read_configuration
     from archerfish.cli.training_log import has_tensorboard
     from archerfish.cli.training_run import TrainingTask, run_task, write_run
 
-    keep_compiled()
     setting = None if command.resume else load_setting(command.setting)
     tensorboard = command.tensorboard and has_tensorboard()
     with live_run(
