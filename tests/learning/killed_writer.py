@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +54,7 @@ def survive_checkpoints(folder: Path) -> int:
         run = folder / f"checkpoints{step}"
         for iteration in (4, 8):
             add_checkpoint(run, iteration, {"note": iteration}, ARRAYS)
-        was_killed = killed_at(step, lambda: add_checkpoint(run, 12, {"note": 12}, ARRAYS))
+        was_killed = killed_at(step, partial(add_checkpoint, run, 12, {"note": 12}, ARRAYS))
         found = newest_checkpoint(run)
         assert found is not None
         assert found.iteration in ((8, 12) if was_killed else (12,)), (step, found.iteration)
@@ -71,12 +72,12 @@ def survive_records(folder: Path) -> int:
         step += 1
         path = folder / f"record{step}.json"
         storage.write_record(path, "test/1", {"version": 1}, {"a": np.zeros(3)})
-        was_killed = killed_at(step, lambda: storage.write_record(path, "test/1", {"version": 2}, {"a": np.ones(3)}))
+        was_killed = killed_at(step, partial(storage.write_record, path, "test/1", {"version": 2}, {"a": np.ones(3)}))
         facts, arrays = storage.read_record(path, "test/1")
         assert facts["version"] == (1 if np.all(arrays["a"] == 0) else 2)
         assert was_killed or facts["version"] == 2
         # And killed once more, wherever the first one left off.
-        killed_at(step, lambda: storage.write_record(path, "test/1", {"version": 3}, {"a": np.full(3, 2.0)}))
+        killed_at(step, partial(storage.write_record, path, "test/1", {"version": 3}, {"a": np.full(3, 2.0)}))
         facts, arrays = storage.read_record(path, "test/1")
         assert facts["version"] == 1 + arrays["a"][0]
         storage.write_record(path, "test/1", {"version": 4}, {"a": np.full(3, 3.0)})

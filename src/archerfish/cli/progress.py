@@ -11,7 +11,6 @@ from rich.text import Text
 
 from archerfish.records.errors import InputError
 
-
 NARROW = 100
 """Terminals of fewer columns leave out the unit."""
 
