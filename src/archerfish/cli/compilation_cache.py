@@ -3,6 +3,7 @@
 A kept program is the one that compiling would give again, so results are the same to the bit.
 """
 
+import functools
 import hashlib
 import importlib
 import os
@@ -10,6 +11,7 @@ import platform
 import sys
 import warnings
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +24,7 @@ _CHECKED = ".checked"
 
 
 def keep_compiled() -> Path | None:
-    """Have JAX keep compiled programs, in this process and those that it starts; best before JAX is imported.
+    """Have JAX keep compiled programs, in this process and those that it starts.
 
     Returns:
       The folder; none where it is switched off, can't be written, or JAX was told of another one already.
@@ -41,15 +43,46 @@ def keep_compiled() -> Path | None:
         "jax_persistent_cache_min_entry_size_bytes": "-1",
     }
     os.environ.update({name.upper(): value for name, value in settings.items()})
-    # XLA warns of every kept program, even one that this very machine compiled: its own tuning flags confuse it.
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
-    if "jax" in sys.modules:
-        configure: Any = sys.modules["jax"].config
-        configure.update("jax_compilation_cache_dir", str(folder))
-        configure.update("jax_persistent_cache_min_compile_time_secs", float(SHORTEST_S))
-        configure.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    configure: Any = importlib.import_module("jax").config
+    configure.update("jax_compilation_cache_dir", str(folder))
+    configure.update("jax_persistent_cache_min_compile_time_secs", float(SHORTEST_S))
+    configure.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    load_quietly()
     return folder
+
+
+def load_quietly() -> None:
+    """Let JAX, if it is there, load kept programs without what XLA says of each.
+
+    On some processors XLA takes tuning flags of its own for abilities that the machine lacks, and prints a page of
+    warnings for every program that this very machine compiled (openxla/xla issue 44565). No setting silences it.
+    """
+    if "jax" not in sys.modules or not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
+        return
+    try:
+        cache: Any = importlib.import_module("jax._src.compilation_cache")
+        load = cache.get_executable_and_time
+    except (ImportError, AttributeError):  # another version of JAX: the warnings are seen
+        return
+    if not hasattr(load, "quiet"):
+        cache.get_executable_and_time = _without_stderr(load)
+
+
+def _without_stderr(function: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(function)
+    def call(*arguments: Any, **named: Any) -> Any:
+        kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+        try:
+            os.dup2(nowhere, 2)
+            return function(*arguments, **named)
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            os.close(nowhere)
+
+    call.quiet = True  # type: ignore[attr-defined]
+    return call
 
 
 def cache_folder() -> Path | None:
