@@ -25,8 +25,8 @@ jax = pytest.importorskip("jax")
 
 TINY = "--ppo.environments 8 --ppo.rollout 4 --ppo.minibatches 2 --ppo.epochs 2 --ppo.hidden 4 --observation paper"
 TINY += " --seed 3 --no-tensorboard"
-ITERATIONS = 800
-LONG = f"{TINY} --ppo.steps {ITERATIONS * 32} --checkpoint-every 0"
+ITERATIONS = 600
+LONG = f"{TINY} --ppo.steps {ITERATIONS * 32} --checkpoint-every 0.05"
 PATIENCE_S = 120.0
 PROGRAM = """
 import signal
@@ -113,7 +113,7 @@ def test_a_training_that_is_killed_again_and_again_ends_with_the_same_weights(be
         wait_until(process, lambda goal=goal: logged(tmp_path / "broken") >= goal)
         process.kill()
         process.wait()
-        assert len(checkpoint_files(tmp_path / "broken" / "unfinished" / "checkpoints")) in (1, 2, 3)
+        assert len(checkpoint_files(tmp_path / "broken" / "unfinished" / "checkpoints")) <= 3
         process = begun("--resume broken")
     assert finished(process) == []
     assert process.returncode == 0
@@ -257,9 +257,7 @@ def test_a_divergence_leaves_a_policy_and_what_reproduces_it(command, tmp_path, 
             return following, outcome._replace(**{harm: getattr(outcome, harm) + bad})
 
     monkeypatch.setattr(training_run, "ShootingEnvironment", Spoilt)
-    jax.clear_caches()
     status, _, err = command("train", *SHORT.split(), "--out", "run")
-    jax.clear_caches()
     assert status == 2
     assert "run/diverged holds the policy of before, and what reproduces it" in err
     assert (tmp_path / "run" / "policy.json").read_bytes() == before

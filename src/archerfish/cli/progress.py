@@ -12,7 +12,7 @@ from rich.text import Text
 from archerfish.records.errors import InputError
 
 NARROW = 100
-"""Terminals of fewer columns leave out the unit."""
+"""Terminals of fewer columns leave out the unit, and have a short bar."""
 
 
 class _Rate(ProgressColumn):
@@ -37,8 +37,9 @@ def progress_bar(what: str, total: float, unit: str) -> Iterator[Callable[[float
     """
     console = Console(stderr=True)
     # The words on how it goes are worth more than the unit.
-    units = () if console.width < NARROW else (TextColumn(unit),)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), *units, _Rate())
+    narrow = console.width < NARROW
+    units, bar = ((), BarColumn(bar_width=8)) if narrow else ((TextColumn(unit),), BarColumn())
+    columns = (TextColumn("{task.description}"), bar, MofNCompleteColumn(), *units, _Rate())
     tail = (TimeRemainingColumn(), TextColumn("{task.fields[note]}"))
     with Progress(*columns, *tail, console=console) as progress:
         task = progress.add_task(what, total=total, note="")
