@@ -1,5 +1,6 @@
 import functools
 import importlib.util
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +10,9 @@ import numpy as np
 import pytest
 
 from archerfish.dynamics.array_namespace import single_precision
+
+# Tests leave nothing in the user's folders, and compile what they test.
+os.environ["ARCHERFISH_CACHE"] = "off"
 
 try:
     import jax

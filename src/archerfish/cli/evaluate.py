@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.hit_rate_table import print_hit_rates, print_where
 from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.progress import progress_bar, require_jax
@@ -75,6 +76,7 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     """
     _check(command)
     require_jax("evaluate")
+    keep_compiled()
     from archerfish.cli.evaluation_run import EvaluationTask, run_evaluation, tune_controllers  # needs JAX
     from archerfish.evaluation.report import write_report
     from archerfish.evaluation.results import write_results

@@ -13,12 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from archerfish import __version__
+from archerfish.cli.interrupts import Stopped
 from archerfish.cli.parsing import parse, summary
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 
 INPUT_ERROR = 2
 INTERRUPTED = 130
+TERMINATED = 143
 
 COMMANDS = {
     "reproduce": ("archerfish.cli.reproduce", "Reproduce", "run_reproduce"),
@@ -52,23 +54,24 @@ examples:
   archerfish evaluate runs/train/policy.json
 
 archerfish COMMAND --help tells the options of a command; archerfish --version the version.
-A fault ends in one line and status 2, Ctrl-C in status 130; neither leaves anything half-written."""
+A fault ends in one line and status 2, Ctrl-C in status 130; neither leaves anything half-written. A training that was
+stopped goes on with archerfish train --resume FOLDER."""
 
 
 def program() -> None:
-    """Run as the console script: like `main`, but after Ctrl-C the process ends at once.
+    """Run as the console script: like `main`, but after Ctrl-C or SIGTERM the process ends at once.
 
     The usual way out of the interpreter takes down what a compiler's threads still use, and crashes.
     """
     try:
         main()
     except SystemExit as ended:
-        if ended.code == INTERRUPTED:
+        if ended.code in (INTERRUPTED, TERMINATED):
             sys.stdout.flush()
             sys.stderr.flush()
             # What it shared with workers is given back, else Python complains.
             multiprocessing.util._exit_function()  # type: ignore[attr-defined]
-            os._exit(INTERRUPTED)
+            os._exit(ended.code)
         raise
 
 
@@ -82,6 +85,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _answer(list(sys.argv[1:] if arguments is None else arguments))
     except InputError as error:
         _fail(f"error: {error}" + (f" ({error.code})" if error.code else ""), INPUT_ERROR)
+    except Stopped as stopped:
+        _fail(stopped.told, stopped.status)
     except KeyboardInterrupt:
         _fail("interrupted; what was unfinished is discarded", INTERRUPTED)
     except BrokenPipeError:
@@ -98,13 +103,21 @@ def _answer(words: list[str]) -> None:
         length = len(name.split())
         if words[:length] == name.split():
             kind, function = load(name)
-            run(parse(kind, f"archerfish {name}", words[length:]), function)
+            run(_read(kind, f"archerfish {name}", words[length:]), function)
             return
     if words in (["-h"], ["--help"], ["identify", "-h"], ["identify", "--help"]):
         print(overview(words[0] if words[1:] else ""))  # noqa: T201
         return
     found = f"no command {' '.join(words[:2])!r}" if words else "no command given"
     raise InputError(f"{found}, expected one of {', '.join(COMMANDS)}; see archerfish --help")
+
+
+def _read(kind: type, program: str, words: Sequence[str]) -> Any:
+    command: Any = parse(kind, program, words)
+    # A command that goes on with an earlier one takes the options of that one where the words give none.
+    if hasattr(command, "resumed"):
+        return command.resumed(lambda default: parse(kind, program, words, default))
+    return command
 
 
 def load(name: str) -> tuple[type, Callable[[Any], dict[str, Any]]]:

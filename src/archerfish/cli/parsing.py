@@ -8,7 +8,7 @@ import textwrap
 from collections.abc import Sequence
 from contextlib import redirect_stderr
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import tyro
 
@@ -20,13 +20,14 @@ _SETTINGS = (tyro.conf.FlagCreatePairsOff,)
 _WIDEST = 100
 
 
-def parse(kind: type[Options], program: str, words: Sequence[str]) -> Options:
+def parse(kind: type[Options], program: str, words: Sequence[str], default: Options | None = None) -> Options:
     """Parse the options of a command; `--help` prints them and exits with status 0.
 
     Args:
       kind: dataclass whose fields are the options and whose docstring describes the command.
       program: name of the command, as typed.
       words: what follows it.
+      default: what options have that are not given; that of their fields if there is none.
 
     Raises:
       InputError: if an option is unknown or its value can't be used.
@@ -34,7 +35,11 @@ def parse(kind: type[Options], program: str, words: Sequence[str]) -> Options:
     told = io.StringIO()
     try:
         with redirect_stderr(told):
-            return tyro.cli(kind, prog=program, args=list(words), description=description(kind), config=_SETTINGS)
+            told_apart: dict[str, Any] = {} if default is None else {"default": default}
+            options: Options = tyro.cli(
+                kind, prog=program, args=list(words), description=description(kind), config=_SETTINGS, **told_apart
+            )
+            return options
     except SystemExit as ended:
         if not ended.code:
             raise

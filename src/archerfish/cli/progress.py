@@ -1,6 +1,7 @@
 """Progress bars with a rate and the time left, and the check that training can run at all."""
 
 import importlib.util
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -9,6 +10,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.text import Text
 
 from archerfish.records.errors import InputError
+
+NARROW = 100
+"""Terminals of fewer columns leave out the unit, and have a short bar."""
 
 
 class _Rate(ProgressColumn):
@@ -31,15 +35,24 @@ def progress_bar(what: str, total: float, unit: str) -> Iterator[Callable[[float
     Yields:
       A function that takes how much is done by now and a few words on how it goes.
     """
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn(unit), _Rate())
+    console = Console(stderr=True)
+    # The words on how it goes are worth more than the unit.
+    narrow = console.width < NARROW
+    units, bar = ((), BarColumn(bar_width=8)) if narrow else ((TextColumn(unit),), BarColumn())
+    columns = (TextColumn("{task.description}"), bar, MofNCompleteColumn(), *units, _Rate())
     tail = (TimeRemainingColumn(), TextColumn("{task.fields[note]}"))
-    with Progress(*columns, *tail, console=Console(stderr=True)) as progress:
+    with Progress(*columns, *tail, console=console) as progress:
         task = progress.add_task(what, total=total, note="")
 
         def advance(done: float, note: str = "") -> None:
             progress.update(task, completed=min(done, total), note=note)
 
         yield advance
+
+
+def note(told: str) -> None:
+    """Tell the user something that is no fault, in one line on standard error."""
+    print(f"archerfish: {' '.join(told.split())}", file=sys.stderr)  # noqa: T201
 
 
 def require_jax(command: str) -> None:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.hit_rate_table import print_hit_rates, print_where
 from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.progress import require_jax
@@ -78,6 +79,7 @@ def run_reproduce(command: Reproduce) -> dict[str, Any]:
       InputError: if an option or the output folder can't be used.
     """
     require_jax("reproduce")
+    keep_compiled()
     if command.quick:
         command = _shortened(command)
     _check(command)

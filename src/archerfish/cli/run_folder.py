@@ -3,7 +3,7 @@
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from archerfish.cli.interrupts import without_interrupts
@@ -38,14 +38,19 @@ def run_folder(out: Path) -> Iterator[Path]:
 
 
 def _publish(unfinished: Path, out: Path) -> None:
-    for path in sorted(each for each in unfinished.rglob("*") if each.is_file()):
-        target = out / path.relative_to(unfinished)
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            path.replace(target)
-        except OSError as error:
-            problem = f"can't be written ({error.strerror})"
-            raise file_error(target, problem, "choose another output folder") from error
+    files = [each for each in unfinished.rglob("*") if each.is_file()]
+    with ExitStack() as stack:
+        for path in (each for each in files if each.suffix == ".safetensors"):
+            stack.enter_context(storage.overwriting((out / path.relative_to(unfinished)).with_suffix(".json")))
+        # The arrays of a record before its facts, as `overwriting` wants it.
+        for path in sorted(files, key=lambda each: (each.suffix == ".json", each)):
+            target = out / path.relative_to(unfinished)
+            try:
+                target.parent.mkdir(parents=True, exist_ok=True)
+                path.replace(target)
+            except OSError as error:
+                problem = f"can't be written ({error.strerror})"
+                raise file_error(target, problem, "choose another output folder") from error
 
 
 def _remove_empty(folders: list[Path]) -> None:

@@ -1,17 +1,22 @@
 """`archerfish train`: a policy for a gimbal, from its records."""
 
-from dataclasses import dataclass, field
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
+from archerfish.cli.compilation_cache import keep_compiled
+from archerfish.cli.interrupts import without_interrupts
 from archerfish.cli.options import Folder, JsonFile
-from archerfish.cli.progress import progress_bar, require_jax
-from archerfish.cli.run_folder import run_folder
+from archerfish.cli.progress import note, progress_bar, require_jax
+from archerfish.cli.restored_options import contradictions, restore_options, with_default_flags
 from archerfish.cli.setting import RobotOptions, SettingFiles, configuration, load_setting
 from archerfish.learning.config import PpoConfig
 from archerfish.records.errors import InputError
+from archerfish.records.provenance import code_commit, library_versions
 
 TARGETS = {"static": 1.0, "dynamic": 0.0, "both": 0.5}
 """Share of the targets that stand still in training."""
@@ -29,13 +34,17 @@ class Train:
     robot has: a policy is evaluated under the same one.
 
     Writes policy.json and policy.safetensors (the policy record, for evaluate), checkpoint.json, curve.svg, log.jsonl
-    (metrics of each update) and config.json (all settings, seed and input hashes).
+    (metrics of each update), files for TensorBoard and config.json (all settings, seed and input hashes).
+
+    While it goes on, "unfinished" in the run folder has its log and checkpoints; results of an earlier run stay until
+    the new ones are there. However a training was ended, --resume goes on with it, to the same weights.
 
     Examples:
       archerfish train --seed 1 --out runs/train
       archerfish train --pitch pitch.json --yaw yaw.json --muzzle muzzle.json --robot infantry
       archerfish train --pitch pitch.json --yaw yaw.json --muzzle muzzle.json --sensing sensing.json --robot infantry
       archerfish train --target dynamic --command-limit box --ppo.steps 4000000
+      archerfish train --resume runs/train
     """
 
     setting: RobotOptions = field(default_factory=SettingFiles)
@@ -57,10 +66,51 @@ class Train:
     """Settings of PPO."""
     out: Folder = Path("runs/train")
     """Folder for the policy and everything about its training."""
+    resume: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
+    """Go on with the unfinished training of this run folder, with its settings; no other option is needed, and one that
+    contradicts them is refused."""
+    checkpoint_every: float = 30.0
+    """Seconds between two checkpoints; at most so much is lost when the process is killed."""
+    stop_at_hit_rate: Annotated[float | None, tyro.conf.arg(metavar="RATE", help_behavior_hint="")] = None
+    """End early once the hit rate of the mean action is at least this, 0 to 1, at the lower end of its 95 % interval,
+    over engagements that neither training nor evaluation meets."""
+    tensorboard: bool = True
+    """Leave out the files for TensorBoard."""
     seed: int = 0
     """Of everything random in the training."""
     json: JsonFile = None
     """Also write what is printed to this file."""
+
+    def resumed(self, read: Callable[[Any], Any]) -> "Train":
+        """Take the settings of the run to go on with.
+
+        Args:
+          read: reads the words of the command line anew, with other defaults.
+
+        Raises:
+          InputError: if there is no unfinished run, or an option contradicts its settings.
+        """
+        if self.resume is None:
+            return self
+        from archerfish.cli.live_run import read_configuration
+
+        begun = replace(restore_options(Train, read_configuration(self.resume)), out=self.resume, resume=self.resume)
+        said = read(with_default_flags(begun))
+        for option, ours, theirs in contradictions(said, begun, MAY_CHANGE):
+            raise InputError(
+                f"{option} {ours} contradicts {self.resume}, which was begun with {theirs}; leave the option out, or "
+                "begin another training"
+            )
+        return replace(
+            begun,
+            checkpoint_every=said.checkpoint_every,
+            tensorboard=begun.tensorboard and said.tensorboard,
+            json=said.json,
+        )
+
+
+MAY_CHANGE = frozenset({"checkpoint_every", "tensorboard", "json"})
+"""Options that a resumed training may be given anew."""
 
 
 def run_train(command: Train) -> dict[str, Any]:
@@ -70,26 +120,44 @@ def run_train(command: Train) -> dict[str, Any]:
       InputError: if a record can't be used, a setting is out of range, or the training diverges.
     """
     observation = command.observation or ("history" if command.setting.sensing is None else "tracked")
-    if observation == "history" and not 2 <= command.frames <= MOST_FRAMES:
-        raise InputError(f"--frames must be from 2 (one frame shows no motion) to {MOST_FRAMES}, got {command.frames}")
+    _check(command, observation)
     require_jax("train")
+    keep_compiled()
+    from archerfish.cli.live_run import live_run, read_configuration
+    from archerfish.cli.training_log import has_tensorboard
     from archerfish.cli.training_run import TrainingTask, run_task, write_run
 
-    setting = load_setting(command.setting)
-    task = TrainingTask(
-        setting=setting,
-        static_share=TARGETS[command.target],
-        observation=observation,
-        frames=command.frames,
-        command_limit=command.command_limit,
-        ppo=command.ppo,
-        seed=command.seed,
-        asymmetric=observation == "tracked",
-    )
-    with run_folder(command.out) as folder:
+    setting = None if command.resume else load_setting(command.setting)
+    tensorboard = command.tensorboard and has_tensorboard()
+    with live_run(
+        command.out,
+        resumed=command.resume is not None,
+        every_s=command.checkpoint_every,
+        batch=command.ppo.batch,
+        tensorboard=tensorboard,
+    ) as live:
+        if setting is None:
+            copies: dict[str, Any] = dict(live.input_files())
+            setting = load_setting(replace(command.setting, **copies))
+            _note_changes(read_configuration(command.out))
+        else:
+            live.begin(configuration(command, setting), _files(command.setting))
+        task = TrainingTask(
+            setting=setting,
+            static_share=TARGETS[command.target],
+            observation=observation,
+            frames=command.frames,
+            command_limit=command.command_limit,
+            ppo=command.ppo,
+            seed=command.seed,
+            asymmetric=observation == "tracked",
+            stop_at_hit_rate=command.stop_at_hit_rate,
+        )
         with progress_bar("training", command.ppo.steps, "decisions") as advance:
-            result = run_task(task, advance)
-        write_run(folder, result, configuration(command, setting))
+            result = run_task(task, advance, live)
+        with without_interrupts():
+            write_run(command.out, result, read_configuration(command.out))
+            live.end()
     summary = {
         "policy": str(command.out / "policy.json"),
         "steps": int(result.curve.steps[-1]),
@@ -97,8 +165,33 @@ def run_train(command: Train) -> dict[str, Any]:
         "mean_return": float(result.mean_return[-1]),
         "weights_sha256": result.weights_sha256,
     }
+    if command.tensorboard and not tensorboard:
+        summary["tensorboard"] = "not written: pip install 'archerfish[train]' brings tensorboardX"
     print_training(summary)
     return summary
+
+
+def _check(command: Train, observation: str) -> None:
+    if observation == "history" and not 2 <= command.frames <= MOST_FRAMES:
+        raise InputError(f"--frames must be from 2 (one frame shows no motion) to {MOST_FRAMES}, got {command.frames}")
+    if not 0 <= command.checkpoint_every < math.inf:
+        raise InputError(f"--checkpoint-every must be at least 0 s, got {command.checkpoint_every}")
+    if command.stop_at_hit_rate is not None and not 0 < command.stop_at_hit_rate < 1:
+        raise InputError(f"--stop-at-hit-rate must be between 0 and 1, got {command.stop_at_hit_rate}")
+
+
+def _files(files: SettingFiles) -> dict[str, Path]:
+    """Return the records that a training reads, by the option that names each."""
+    return {name: value for name, value in vars(files).items() if isinstance(value, Path)}
+
+
+def _note_changes(begun: dict[str, Any]) -> None:
+    """Say where other code or libraries may give other weights than those that the training began with."""
+    was = {**begun["provenance"]["versions"], "commit": begun["provenance"]["commit"]}
+    now = {**library_versions(), "commit": code_commit()}
+    changed = [f"{name} {was.get(name)} → {now.get(name)}" for name in now if was.get(name) != now.get(name)]
+    if changed:
+        note(f"since the training began: {', '.join(changed)}; the weights may differ from those of an unbroken one")
 
 
 def print_training(summary: dict[str, Any]) -> None:

@@ -1,6 +1,5 @@
 """One training as a task: what it is given, what it leaves, how that reaches the disk."""
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -10,7 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from archerfish.cli.early_stop import hit_rate_stop
+from archerfish.cli.live_run import LiveRun
 from archerfish.cli.setting import Setting, setting_world
+from archerfish.cli.training_log import LOG, log_rows, log_text
 from archerfish.controllers.policy import policy_to_record
 from archerfish.dynamics.array_namespace import single_precision
 from archerfish.dynamics.muzzle import muzzle_from_record
@@ -18,8 +20,18 @@ from archerfish.figures.style import save_figure
 from archerfish.figures.training import learning_curves
 from archerfish.learning.checkpoint import write_checkpoint
 from archerfish.learning.config import PpoConfig
-from archerfish.learning.ppo import Learner, Metrics
-from archerfish.learning.training import Curve, train, trained_policy, weights_hash
+from archerfish.learning.ppo import Learner
+from archerfish.learning.training import (
+    Course,
+    Curve,
+    DivergenceError,
+    Standing,
+    Trained,
+    curve,
+    train,
+    trained_policy,
+    weights_hash,
+)
 from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.policy import PolicyRecord, write_policy
@@ -33,6 +45,10 @@ from archerfish.simulation.setting import make_scenario
 
 HIT_BONUS = {"history": 0.0, "paper": 0.0, "tracked": 0.1}
 """Kind of observation → what a hit adds to the reward of eq (8) [m]."""
+
+
+DIVERGED = "diverged"
+"""Folder in a run folder for a training that met a number that is not finite."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +71,8 @@ class TrainingTask:
     """Of everything random."""
     asymmetric: bool = False
     """Whether the critic sees where the target really is and will be."""
+    stop_at_hit_rate: float | None = None
+    """Hit rate, 0…1, whose certainty ends the training early; see `early_stop`."""
 
 
 @dataclass(frozen=True)
@@ -75,31 +93,64 @@ class TrainingResult:
     """Hash of the final weights."""
 
 
-def run_task(task: TrainingTask, advance: Callable[[float, str], None] = lambda *_: None) -> TrainingResult:
+def run_task(
+    task: TrainingTask, advance: Callable[[float, str], None] = lambda *_: None, live: LiveRun | None = None
+) -> TrainingResult:
     """Train.
 
     Args:
       task: what.
       advance: hears of the decisions trained for.
+      live: folder of the training in progress; without, nothing is written.
+
+    Raises:
+      InputError: if the training diverges; the folder then holds what it was before, and what reproduces it.
     """
     begun = time.monotonic()
+    environment = _environment(task)
+    batch, decisions = task.ppo.batch, task.setting.conditions.decisions
+
+    def resume(fresh: Standing) -> Standing:
+        standing = fresh if live is None else live.resume(fresh)
+        if standing.iterations:
+            advance(standing.iterations * batch, _note(standing, decisions))
+        return standing
+
+    def watch(standing: Standing) -> None:
+        advance(standing.iterations * batch, _note(standing, decisions))
+        if live is not None:
+            live.watch(standing)
+
+    enough = hit_rate_stop(task.stop_at_hit_rate, task.setting, environment, task.static_share, task.seed)
+    course = Course(resume, watch, enough)
+    try:
+        trained = train(environment, task.ppo, task.seed, course=course)
+    except DivergenceError as error:
+        if live is None:
+            raise
+        before = Trained(error.standing.learner, curve(error.standing, batch))
+        raise keep_diverged(live, error, _result(task, environment, before, begun)) from error
+    if live is not None:
+        live.save(Standing(trained.learner, (trained.curve.metrics,)))
+    return _result(task, environment, trained, begun)
+
+
+def _environment(task: TrainingTask) -> ShootingEnvironment:
     setting, conditions = task.setting, task.setting.conditions
     world = setting_world(setting, task.command_limit)
-    observer = _observer(task, world)
-    scenario = make_scenario(conditions, static_share=task.static_share, plants=world.plants)
-    length = np.asarray(conditions.decisions, np.int32)
-    environment = ShootingEnvironment(
+    return ShootingEnvironment(
         world,
-        scenario,
-        single_precision(observer),
-        length,
+        make_scenario(conditions, static_share=task.static_share, plants=world.plants),
+        single_precision(_observer(task, world)),
+        np.asarray(conditions.decisions, np.int32),
         hit_bonus=np.float32(HIT_BONUS[task.observation]),
         hit_radius=np.float32(conditions.hit_radius),
         hidden=np.ones(HIDDEN if task.asymmetric else 0, np.float32),
     )
-    trained = train(
-        environment, task.ppo, task.seed, lambda steps, metrics: advance(steps, _note(metrics, conditions.decisions))
-    )
+
+
+def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Trained, begun: float) -> TrainingResult:
+    setting, conditions = task.setting, task.setting.conditions
     mean_return = trained.curve.mean_reward.astype(float) * conditions.decisions
     policy = policy_to_record(
         trained_policy(environment.observer, trained.learner),
@@ -109,7 +160,7 @@ def run_task(task: TrainingTask, advance: Callable[[float, str], None] = lambda 
             **{name: getattr(task, name) for name in ("static_share", "seed")},
             "setting": setting.name,
             "ppo": asdict(task.ppo),
-            "mean_return": float(mean_return[-1]),
+            "mean_return": float(mean_return[-1]) if len(mean_return) else None,
         },
         provenance=provenance(task.seed, setting.inputs),
     )
@@ -131,8 +182,28 @@ def _observer(task: TrainingTask, world: PureWorld) -> AnyObserver:
     return make_observer(task.observation, muzzle, task.frames, scale, braking)
 
 
-def _note(metrics: Metrics, decisions: int) -> str:
-    return f"return {decisions * float(metrics.mean_reward[-1]):.2f} m"
+def _note(standing: Standing, decisions: int) -> str:
+    """Return the words beside the progress bar: return and share of hits of the last rollouts, and the best share."""
+    shares = [float(np.mean(part.hit_share)) for part in standing.parts]
+    said = f"{decisions * float(standing.parts[-1].mean_reward[-1]):.2f} m"
+    return f"{said}, hit {shares[-1]:.1%} ({max(shares):.1%})"
+
+
+def keep_diverged(live: LiveRun, error: DivergenceError, result: TrainingResult) -> InputError:
+    """Write what a training that diverged leaves, and return the error that says where.
+
+    Args:
+      live: its folder, which is renamed: there is nothing to go on with.
+      error: what happened.
+      result: of the training up to there.
+    """
+    live.save(error.standing)
+    configuration = storage.read_json(live.folder / "config.json")
+    write_run(live.folder, result, configuration)
+    fault = {"iteration": error.iteration, "first_not_finite": error.first, "message": str(error)}
+    storage.write_json(live.folder / "fault.json", fault)
+    live.set_aside(DIVERGED)
+    return InputError(f"{error}; {live.out / DIVERGED} holds the policy of before, and what reproduces it")
 
 
 def write_run(folder: Path, result: TrainingResult, configuration: dict[str, Any]) -> None:
@@ -143,12 +214,10 @@ def write_run(folder: Path, result: TrainingResult, configuration: dict[str, Any
       result: of the training.
       configuration: the resolved configuration.
     """
-    rows = zip(result.curve.steps, *result.curve.metrics, strict=True)
-    names = ("steps", *Metrics._fields)
-    lines = [json.dumps({name: float(value) for name, value in zip(names, row, strict=True)}) for row in rows]
+    batch = int(result.curve.steps[0]) if len(result.curve.steps) else 0
     figure = learning_curves(result.curve.steps, {f"seed {result.policy.training['seed']}": result.mean_return})
     storage.write_json(folder / "config.json", configuration)
-    storage.write_text(folder / "log.jsonl", "\n".join(lines) + "\n")
+    storage.write_text(folder / LOG, log_text(log_rows(result.curve.metrics, batch)))
     save_figure(folder / "curve.svg", figure)
     write_checkpoint(folder / "checkpoint.json", result.learner, {"configuration": configuration})
     write_policy(folder / "policy.json", result.policy)

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.hit_rate_table import print_hit_rates, print_where
 from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.progress import require_jax
@@ -72,6 +73,7 @@ def run_transfer(command: Transfer) -> dict[str, Any]:
     """
     _check(command)
     require_jax("transfer")
+    keep_compiled()
     from archerfish.cli.transfer_stage import Rehearsal, rehearse
     from archerfish.evaluation.report import write_report
     from archerfish.evaluation.results import new_results, write_results

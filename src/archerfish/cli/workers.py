@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from queue import Empty
 from typing import Any
 
+from archerfish.cli.compilation_cache import load_quietly
 from archerfish.cli.interrupts import without_interrupts
 from archerfish.cli.progress import progress_bar
 from archerfish.records.errors import InputError
@@ -96,6 +97,7 @@ def _run(index: int, function: Callable[..., Any], argument: Any) -> Any:
     def advance(done: float, note: str = "") -> None:
         _reports.put((index, done, note))
 
+    load_quietly()
     return function(argument, advance)
 
 

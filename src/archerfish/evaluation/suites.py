@@ -13,7 +13,7 @@ from archerfish.simulation.scenario import UNIFORMS, Scenario, draw_engagement
 from archerfish.simulation.setting import make_scenario
 from archerfish.simulation.shooting import DRAWS
 
-PURPOSES = {"evaluation": 0, "tuning": 1, "calibration": 2}
+PURPOSES = {"evaluation": 0, "tuning": 1, "calibration": 2, "stopping": 3}
 """Streams of random numbers that never meet: what is tuned or calibrated is judged on draws it has not seen."""
 
 

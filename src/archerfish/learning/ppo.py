@@ -11,12 +11,14 @@ from typing import Any, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from archerfish.controllers.network import Layer, Normaliser, forward, normalise
 from archerfish.learning.advantages import advantages
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.gaussian import log_probability
+from archerfish.learning.guard import LIMITS, any_bad, first_fault, guarded, is_bad, rollout_fault
 from archerfish.learning.minibatches import shuffled_minibatches
 from archerfish.learning.normalisation import empty_normaliser, merge
 from archerfish.learning.update import Actor, Batch, Hyper, Measures, Networks, action_mean, begin_networks, update
@@ -88,6 +90,13 @@ class Metrics(NamedTuple):
     """Share of the samples that the clipping of eq (10) touched."""
     std: Array
     """Mean standard deviation of the actions."""
+    gradient_norm: Any = np.float32(0.0)
+    """Mean norm of the gradients before they are scaled, the larger of actor's and critic's."""
+    hit_share: Any = np.float32(np.nan)
+    """Share of the rollout's decisions that hit; NaN in an environment that does not tell."""
+    fault: Any = np.int32(0)
+    """What made the iteration bad, so that the learner stayed as it was: 0 nothing, else the place in `guard.WATCHED`
+    from 1."""
 
 
 def make_learner(environment: Environment, config: PpoConfig, key: Array, actions: int = 2) -> Learner:
@@ -150,37 +159,69 @@ def iterate(
       count: iterations.
 
     Returns:
-      The learner and metrics of shape (count,).
+      The learner, of before the first bad iteration if there is one, and metrics of shape (count,).
     """
-    return jax.lax.scan(lambda learner, _: _iteration(environment, settings, learner, size), learner, length=count)
+    iteration = guarded(lambda learner: _iteration(environment, settings, learner, size))
+    return jax.lax.scan(iteration, learner, length=count)
 
 
 def _iteration(environment: Environment, settings: Hyper, learner: Learner, size: Sizes) -> tuple[Learner, Metrics]:
     key, noise, order = jax.random.split(learner.key, 3)
-    learner, table, mean_reward, normaliser = _rollout(environment, settings, learner, size, noise)
+    acted = _rollout(environment, settings, learner, size, noise)
     progress = jnp.minimum(learner.iteration / settings.anneal_over, 0.9)
     actions = learner.networks.actor.log_std.size
 
-    def minibatch(networks: Networks, columns: Array) -> tuple[Networks, Measures]:
-        return update(settings, networks, _of_columns(columns, actions), 1.0 - progress)
+    def minibatch(networks: Networks, columns: Array) -> tuple[Networks, tuple[Measures, Array]]:
+        networks, measures = update(settings, networks, _of_columns(columns, actions), 1.0 - progress)
+        return networks, (measures, _update_faults(networks, measures))
 
-    def epoch(networks: Networks, rows: Array) -> tuple[Networks, Measures]:
+    def epoch(networks: Networks, rows: Array) -> tuple[Networks, tuple[Measures, Array]]:
         # Dealt out once an epoch: a gather per minibatch and field costs a tenth of the training.
-        return jax.lax.scan(minibatch, networks, jnp.swapaxes(table[rows], 1, 2))
+        return jax.lax.scan(minibatch, networks, jnp.swapaxes(acted.table[rows], 1, 2))
 
-    parts = shuffled_minibatches(order, len(table), size.epochs, size.minibatches)
-    networks, measures = jax.lax.scan(epoch, learner.networks, parts)
+    parts = shuffled_minibatches(order, len(acted.table), size.epochs, size.minibatches)
+    networks, (measures, bad) = jax.lax.scan(epoch, learner.networks, parts)
+    spoilt = first_fault(bad.reshape(-1, len(UPDATED)), UPDATED)
+    fault = jnp.where(acted.fault == 0, spoilt, acted.fault)
     metrics = Metrics(
-        mean_reward, **jax.tree.map(jnp.mean, measures)._asdict(), std=jnp.mean(jnp.exp(networks.actor.log_std))
+        acted.mean_reward,
+        **jax.tree.map(jnp.mean, measures)._asdict(),
+        std=jnp.mean(jnp.exp(networks.actor.log_std)),
+        hit_share=acted.hit_share,
+        fault=fault,
     )
-    advanced = learner._replace(networks=networks, key=key, normaliser=normaliser, iteration=learner.iteration + 1)
+    advanced = acted.learner._replace(networks=networks, key=key, iteration=learner.iteration + 1)
     return advanced, metrics
 
 
-def _rollout(
-    environment: Environment, settings: Hyper, learner: Learner, size: Sizes, key: Array
-) -> tuple[Learner, Array, Array, Normaliser]:
-    """Act for a while with the current policy, and judge it; a row for each decision, see `_of_columns`."""
+UPDATED = ("gradient", "log_std", "weights")
+"""What may go wrong in a gradient step, in this order."""
+
+
+def _update_faults(networks: Networks, measures: Measures) -> Array:
+    trained = (networks.actor.layers, networks.critic)
+    return jnp.stack(
+        [
+            is_bad(measures.gradient_norm, LIMITS["gradient"]),
+            is_bad(networks.actor.log_std, LIMITS["log_std"]),
+            any_bad(trained, LIMITS["weights"]),
+        ]
+    )
+
+
+class _Acted(NamedTuple):
+    """What came of acting for a while."""
+
+    learner: Learner
+    table: Array
+    """A row for each decision, see `_of_columns`."""
+    mean_reward: Array
+    hit_share: Array
+    fault: Array
+
+
+def _rollout(environment: Environment, settings: Hyper, learner: Learner, size: Sizes, key: Array) -> _Acted:
+    """Act for a while with the current policy, and judge what came of it."""
     actor, critic = learner.networks.actor, learner.networks.critic
     std = jnp.exp(actor.log_std)[None, :]
 
@@ -212,7 +253,13 @@ def _rollout(
     table = table.reshape(-1, table.shape[-1])
     # The statistics change between iterations only: rollout and updates see the same numbers.
     normaliser = merge(learner.normaliser, raw.reshape(-1, raw.shape[-1]))
-    return learner._replace(environment=state, observation=observation), table, jnp.mean(outcome.reward), normaliser
+    return _Acted(
+        learner=learner._replace(environment=state, observation=observation, normaliser=normaliser),
+        table=table,
+        mean_reward=jnp.mean(outcome.reward),
+        hit_share=jnp.mean(outcome.hit.astype(jnp.float32)),
+        fault=rollout_fault(raw, action, outcome.reward, outcome.final_observation, observation),
+    )
 
 
 def _of_columns(columns: Array, actions: int) -> Batch:

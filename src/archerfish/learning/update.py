@@ -85,6 +85,8 @@ class Measures(NamedTuple):
     """Estimate of the Kullback–Leibler divergence of the policy from the one that acted."""
     clipped_share: Array
     """Share of the samples beyond the clipping range of eq (10)."""
+    gradient_norm: Array
+    """Norm of the gradient before it is scaled, the larger of actor's and critic's."""
 
 
 def hyper(config: PpoConfig) -> Hyper:
@@ -119,7 +121,8 @@ def update(settings: Hyper, networks: Networks, batch: Batch, rate: Array) -> tu
     )
     actor = actor._replace(log_std=jnp.maximum(actor.log_std, settings.log_std_floor))
     relative = 2.0 * value_error / (jnp.var(batch.target) + 1e-8)
-    return Networks(actor, critic, actor_moments, critic_moments), Measures(relative, divergence, clipped)
+    norm = jnp.maximum(optax.tree.norm(actor_gradient), optax.tree.norm(critic_gradient))
+    return Networks(actor, critic, actor_moments, critic_moments), Measures(relative, divergence, clipped, norm)
 
 
 def action_mean(actor: Actor, observation: Array) -> Array:

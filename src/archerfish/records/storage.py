@@ -2,14 +2,17 @@
 
 Facts are JSON, arrays are safetensors, never pickle. A file is written beside its final name, synced and renamed, so
 that a crash leaves either the old file or the new one. A record with arrays is a pair `NAME.json` and
-`NAME.safetensors`; the JSON holds the hash of the arrays, so that a mixed pair is refused.
+`NAME.safetensors`; the JSON holds the hash of the arrays, so that a mixed pair is refused. While a record is written
+over another one, the old arrays stay beside it, so that a crash leaves one of the two.
 """
 
+import errno
 import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -42,10 +45,25 @@ def write_bytes(path: Path, content: bytes) -> None:
         # mkstemp makes files private; a result is meant to be read by others.
         Path(temporary).chmod(0o666 & ~_umask())
         Path(temporary).replace(path)
+        sync_folder(path.parent)
     except OSError as error:
         raise _unwritable(path, error) from error
     finally:
         Path(temporary).unlink(missing_ok=True)
+
+
+def sync_folder(folder: Path) -> None:
+    """Have the names in a folder reach the disk; without it a loss of power may undo a renaming that came before."""
+    if os.name != "posix":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno != errno.EINVAL:  # some network file systems know no such thing
+            raise
+    finally:
+        os.close(handle)
 
 
 def _umask() -> int:
@@ -129,8 +147,51 @@ def write_record(path: Path, schema: str, facts: Mapping[str, Any], arrays: Arra
     content = save({name: np.array(array, order="C", copy=True) for name, array in arrays.items()})
     # Facts that JSON can't hold must fail before the old arrays are gone.
     text = _json_text({"schema": schema, "arrays_sha256": hashlib.sha256(content).hexdigest(), **facts})
-    write_bytes(path.with_suffix(".safetensors"), content)
-    write_text(path, text)
+    with overwriting(path):
+        write_bytes(path.with_suffix(".safetensors"), content)
+        write_text(path, text)
+
+
+@contextmanager
+def overwriting(path: Path) -> Iterator[None]:
+    """Keep a record readable while a block replaces its two files, the arrays first: the old arrays stay until its end.
+
+    Two files can't be renamed in one step. Killed between the two, the old facts would stand beside the new arrays.
+
+    Args:
+      path: the JSON file of the record.
+    """
+    arrays = path.with_suffix(".safetensors")
+    _settle(path)  # someone may have been killed in this block
+    if path.is_file() and arrays.is_file():
+        write_bytes(_kept_arrays(path), arrays.read_bytes())
+    try:
+        yield
+    finally:
+        _settle(path)
+
+
+def _settle(path: Path) -> None:
+    """Put the kept arrays back if the facts are still theirs, else remove them."""
+    arrays, kept = path.with_suffix(".safetensors"), _kept_arrays(path)
+    if not kept.exists():
+        return
+    if _arrays_hash(path) == file_hash(kept):
+        kept.replace(arrays)
+    else:
+        kept.unlink()
+
+
+def _kept_arrays(path: Path) -> Path:
+    return path.with_name(f".{path.stem}.safetensors.before")
+
+
+def _arrays_hash(path: Path) -> str | None:
+    try:
+        facts = read_json(path)
+    except InputError:
+        return None
+    return facts.get("arrays_sha256") if isinstance(facts, dict) else None
 
 
 def read_record(path: Path, schema: str, *older: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
@@ -154,6 +215,9 @@ def read_record(path: Path, schema: str, *older: str) -> tuple[dict[str, Any], d
         content = arrays_path.read_bytes()
     except OSError as error:
         raise file_error(arrays_path, f"can't be read ({error.strerror})", f"it belongs beside {path.name}") from error
+    kept = _kept_arrays(path)
+    if hashlib.sha256(content).hexdigest() != facts.get("arrays_sha256") and kept.is_file():
+        content = kept.read_bytes()
     if hashlib.sha256(content).hexdigest() != facts.get("arrays_sha256"):
         raise file_error(arrays_path, f"is not the file that {path.name} was written with", "write the record anew")
     try:

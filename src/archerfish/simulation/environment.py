@@ -74,6 +74,8 @@ class Outcome(NamedTuple):
     """Whether nothing can follow this step; never so in shooting."""
     truncated: Array
     """Whether the engagement's time is up."""
+    hit: Array = np.float32(np.nan)
+    """Whether the shot hit; NaN, of shape (), where that is not told."""
 
 
 class ShootingEnvironment(NamedTuple):
@@ -141,12 +143,11 @@ class ShootingEnvironment(NamedTuple):
         fresh, first = self._fresh(normals, uniforms)
         following = _where(truncated, fresh, going_on)
         observation = namespace(final).where(truncated[:, None], first, final)
-        return following, Outcome(observation, final, self._reward(shot.miss), truncated & False, truncated)
-
-    def _reward(self, miss: Array) -> Array:
+        plain = reward(shot.miss)
+        hit = plain >= -self.hit_radius
         # Where a target may or may not turn back, the nearest place on average is one that neither hits.
-        plain = reward(miss)
-        return namespace(plain).where(plain >= -self.hit_radius, plain + self.hit_bonus, plain)
+        gained = namespace(plain).where(hit, plain + self.hit_bonus, plain)
+        return following, Outcome(observation, final, gained, truncated & False, truncated, hit)
 
     def _observation(self, shooting: Any, memory: Any) -> Array:
         seen = self.observer.observe(memory)

@@ -1,0 +1,65 @@
+"""One writer per run folder: a lock that the system takes back however its holder ends."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from archerfish.records.errors import InputError, file_error
+
+try:
+    import fcntl
+except ImportError:  # no such locks on Windows
+    fcntl = None  # type: ignore[assignment]
+
+NAME = ".lock"
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder for a block.
+
+    Args:
+      folder: exists; the file stays in it, and one that a killed process left is no lock.
+
+    Raises:
+      InputError: if another process holds it, or the folder can't be written.
+    """
+    handle = _open(folder)
+    try:
+        os.ftruncate(handle, 0)
+        os.write(handle, str(os.getpid()).encode())
+        yield
+    finally:
+        os.close(handle)
+
+
+def _open(folder: Path) -> int:
+    path = folder / NAME
+    while True:
+        try:
+            handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        except OSError as error:
+            problem = f"can't be written ({error.strerror})"
+            raise file_error(folder, problem, "choose another output folder") from error
+        if _lock(handle, path):
+            return handle
+        os.close(handle)
+
+
+def _lock(handle: int, path: Path) -> bool:
+    """Lock, and tell whether it was the file that others will look at: a run that ends removes its own."""
+    if fcntl is None:
+        return True
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        holder = os.read(handle, 32).decode(errors="replace").strip()
+        os.close(handle)
+        raise InputError(
+            f"{path.parent}: process {holder or 'unknown'} is writing this run; wait for it, or choose another folder"
+        ) from None
+    try:
+        return os.path.samestat(os.fstat(handle), path.stat())
+    except FileNotFoundError:
+        return False
