@@ -3,7 +3,7 @@
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -11,20 +11,14 @@ import tyro
 
 from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.progress import progress_bar, require_jax
-from archerfish.cli.setting import RobotOptions, SettingFiles, configuration, load_setting
+from archerfish.cli.setting import RobotOptions, SettingFiles
 from archerfish.learning.config import PpoConfig
 from archerfish.records import storage
-from archerfish.records.errors import InputError
 
 if TYPE_CHECKING:
     from archerfish.cli.sweeping.axes import Axis
     from archerfish.cli.sweeping.executor import Executor
     from archerfish.cli.sweeping.folder import SweepFolder
-    from archerfish.cli.sweeping.proposals import Proposer
-    from archerfish.cli.sweeping.run import Plan
-
-HOW_IT_RUNS = ("file", "workers", "address", "in_process", "resume", "out", "json")
-"""Options that don't change what a sweep finds."""
 
 
 @dataclass(frozen=True)
@@ -112,127 +106,16 @@ def run_sweep(command: Sweep) -> dict[str, Any]:
       InputError: if an option or a file can't be used, or a trial can't be run anywhere.
     """
     require_jax("sweep")
-    from archerfish.cli.sweeping.axes import Values, grid, parse_vary
     from archerfish.cli.sweeping.folder import sweep_folder
-    from archerfish.cli.sweeping.parameters import PARAMETERS
+    from archerfish.cli.sweeping.preparation import prepare
     from archerfish.cli.sweeping.run import run_rounds
 
-    command = _with_file(command)
-    _check(command)
-    axes = parse_vary(command.vary)
-    learning = tuple(axis for axis in axes if not PARAMETERS[axis.name].world)
-    worlds = tuple(grid([axis for axis in axes if PARAMETERS[axis.name].world]))
-    plan = _plan(command, axes, worlds)
-    cases = len(worlds) * len(command.seeds)
-    proposer, count = _proposer(command, learning, cases)
-    _check_plan(plan, learning)
-    inputs = {str(path): storage.file_hash(path) for each in _settings(plan) for path in each.inputs}
-    told = {**configuration(command, plan.base.setting), "records": dict(sorted(inputs.items()))}
-    with (
-        _executor(command) as executor,
-        sweep_folder(
-            command.out, {name: each for name, each in told.items() if name not in HOW_IT_RUNS}, command.resume
-        ) as folder,
-    ):
-        with progress_bar("sweep", count, "trials") as advance:
-            total = run_rounds(plan, proposer, folder, executor, advance)
-            advance(count, "")
-        varied = [axis.name for axis in learning if not (isinstance(axis, Values) and len(axis.values) == 1)]
-        return _write(folder, total, varied)
-
-
-def _with_file(command: Sweep) -> Sweep:
-    if command.file is None:
-        return command
-    from archerfish.cli.sweeping.sweep_file import read_sweep_file
-
-    untouched = Sweep()
-    for each in fields(Sweep):
-        if each.name not in HOW_IT_RUNS and getattr(command, each.name) != getattr(untouched, each.name):
-            raise InputError(f"--{each.name.replace('_', '-')} stands beside {command.file}; write it into the file")
-    said: Sweep = read_sweep_file(command.file, Sweep)
-    return replace(said, **{name: getattr(command, name) for name in HOW_IT_RUNS})
-
-
-def _check(command: Sweep) -> None:
-    for name, least, why in (
-        ("engagements", 2, "; intervals need several"),
-        ("trials", 0, ""),
-        ("batch", 1, ""),
-        ("workers", 0, ""),
-    ):
-        if getattr(command, name) < least:
-            raise InputError(f"--{name} must be at least {least}, got {getattr(command, name)}{why}")
-    if not command.seeds or len(set(command.seeds)) < len(command.seeds):
-        raise InputError(f"--seeds must be at least one, none twice, got {' '.join(map(str, command.seeds)) or 'none'}")
-    for seed in command.seeds:
-        if seed not in range(2**32):
-            raise InputError(f"--seeds must be within 0…{2**32 - 1}, got {seed}")
-    if command.in_process and command.address:
-        raise InputError("--in-process and --address don't go together; choose one")
-
-
-def _plan(command: Sweep, axes: "tuple[Axis, ...]", worlds: tuple[dict[str, Any], ...]) -> "Plan":
-    from archerfish.cli.sweeping.axes import Values
-    from archerfish.cli.sweeping.parameters import Base, load_records
-    from archerfish.cli.sweeping.run import Plan
-
-    unusable = command.setting.accept_unusable
-    base = Base(
-        setting=load_setting(command.setting),
-        accept_unusable=unusable,
-        **{name: getattr(command, name) for name in ("target", "observation", "frames", "command_limit", "ppo")},
-    )
-    folders = [
-        str(value) for axis in axes if axis.name == "records" and isinstance(axis, Values) for value in axis.values
-    ]
-    settings = {folder: load_records(folder, unusable) for folder in folders}
-    names = [each.name for each in settings.values()]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(
-                f"--vary records: two folders hold a robot named {name}; rename one, the ranking tells by name"
-            )
-    return Plan(base, worlds, command.seeds, command.engagements, command.seed, settings)
-
-
-def _proposer(command: Sweep, learning: "tuple[Axis, ...]", cases: int) -> "tuple[Proposer, int]":
-    """Return who proposes, and the number of trials that come of it at most."""
-    from archerfish.cli.sweeping.axes import grid
-    from archerfish.cli.sweeping.proposals import proposed_grid, proposed_samples, require_optuna
-
-    if not command.trials:
-        return proposed_grid(learning), len(grid(learning)) * cases
-    require_optuna()
-    if not learning:
-        raise InputError("--trials has nothing to choose from; --vary how to train, or leave --trials out")
-    count = command.trials // cases
-    if not count:
-        raise InputError(
-            f"--trials {command.trials} is not one configuration, which takes {cases}: its seeds and worlds"
-        )
-    return proposed_samples(learning, count, command.batch, command.sampler, command.seed), count * cases
-
-
-def _check_plan(plan: "Plan", learning: "tuple[Axis, ...]") -> None:
-    """Find now, not in the middle of a sweep, what no training can do."""
-    from archerfish.cli.setting import setting_world
-    from archerfish.cli.sweeping.axes import Range, corners, grid, told
-    from archerfish.cli.sweeping.parameters import make_task
-
-    everything = corners(learning) if any(isinstance(axis, Range) for axis in learning) else grid(learning)
-    for world in plan.worlds:
-        for values in everything:
-            together = {**values, **world}
-            try:
-                task = make_task(plan.base, together, plan.seeds[0], plan.settings)
-            except InputError as error:
-                raise InputError(f"--vary: {told(together)} can't be trained: {error}") from error
-        setting_world(task.setting, task.command_limit)
-
-
-def _settings(plan: "Plan") -> list[Any]:
-    return [plan.base.setting, *plan.settings.values()]
+    prepared = prepare(command)
+    with sweep_folder(command.out, prepared.told, command.resume) as folder:
+        with progress_bar("sweep", prepared.trials, "trials") as advance, _executor(command) as executor:
+            total = run_rounds(prepared.plan, prepared.proposer, folder, executor, advance)
+            advance(prepared.trials, "")
+        return write_sweep(folder, total, prepared.learning)
 
 
 @contextmanager
@@ -253,12 +136,21 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _write(folder: "SweepFolder", total: int, varied: list[str]) -> dict[str, Any]:
+def write_sweep(folder: "SweepFolder", total: int, learning: "tuple[Axis, ...]") -> dict[str, Any]:
+    """Write results.csv, summary.json and the picture, print the ranking, and return the summary.
+
+    Args:
+      folder: with all trials.
+      total: number of trials of the sweep.
+      learning: what tells configurations apart.
+    """
+    from archerfish.cli.sweeping.axes import Values
     from archerfish.cli.sweeping.ranking import rank
     from archerfish.cli.sweeping.results import results_table
     from archerfish.cli.sweeping.tables import draw_sweep, print_standings, summarise
     from archerfish.figures.style import save_figure
 
+    varied = [axis.name for axis in learning if not (isinstance(axis, Values) and len(axis.values) == 1)]
     # A folder may hold more than was asked for: a sweep may be taken up with fewer trials than it was begun with.
     results = [folder.results[number] for number in sorted(folder.results) if number < total]
     standings = rank(results)

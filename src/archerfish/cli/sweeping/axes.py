@@ -103,6 +103,8 @@ def _value(parameter: Parameter, said: str) -> Value:
         raise problem from None
     if value == "" or (isinstance(value, float) and not math.isfinite(value)):
         raise problem
+    if parameter.positive and not isinstance(value, str) and value <= 0:
+        raise InputError(f"--vary {parameter.name}: expected a number > 0, got {said!r}")
     return value
 
 

@@ -91,7 +91,7 @@ def sweep_folder(out: Path, configuration: Mapping[str, Any], resume: bool) -> I
         _check_same_sweep(out / CONFIGURATION, configuration)
     elif (out / TRIALS).exists() and not (out / CONFIGURATION).exists():
         raise file_error(out / TRIALS, "is there, and no sweep made it", "choose another --out")
-    made = not out.exists()
+    made = [each for each in (out, *out.parents) if not each.exists()]
     out.mkdir(parents=True, exist_ok=True)
     stream = _locked(path)
     try:
@@ -133,9 +133,11 @@ def _locked(path: Path) -> int:
     return stream
 
 
-def _leave_nothing(out: Path, made: bool) -> None:
+def _leave_nothing(out: Path, made: list[Path]) -> None:
     shutil.rmtree(out / TRIALS, ignore_errors=True)
     for name in (RESULTS, CONFIGURATION):
         (out / name).unlink(missing_ok=True)
-    if made and not any(out.iterdir()):
-        out.rmdir()
+    for folder in made:
+        if any(folder.iterdir()):
+            return
+        folder.rmdir()

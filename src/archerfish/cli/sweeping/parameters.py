@@ -33,6 +33,8 @@ class Parameter:
     """All values there are, if they are words."""
     world: bool = False
     """Whether it changes what is shot at or with: hit rates in different worlds don't compare."""
+    positive: bool = False
+    """Whether it must be above zero; what else is out of range the settings of a training say themselves."""
 
 
 def _known() -> dict[str, Parameter]:
@@ -45,7 +47,9 @@ def _known() -> dict[str, Parameter]:
         Parameter("records", str, world=True),
         Parameter("command-limit", str, tuple(ACTION_SCALES), world=True),
     ]
-    found += [Parameter(f"motion.{_dashed(name)}", float, world=True) for name in MOTION]
+    found += [
+        Parameter(f"motion.{_dashed(name)}", float, world=True, positive=name != "armor_height") for name in MOTION
+    ]
     return {each.name: each for each in found}
 
 

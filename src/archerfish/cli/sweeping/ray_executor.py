@@ -62,7 +62,7 @@ def ray_executor(workers: int, address: str = "") -> Iterator[Executor]:
     """
     require_ray()
     # Set before Ray is imported: it reads some of them then.
-    for name, value in ({} if address else _own_ray()).items():
+    for name, value in ({} if address else own_ray()).items():
         os.environ.setdefault(name, value)
     import ray
 
@@ -75,15 +75,15 @@ def ray_executor(workers: int, address: str = "") -> Iterator[Executor]:
             ray.init(**{**quiet, **({"address": address} if address else own)})
     except (ConnectionError, RuntimeError, ValueError, OSError) as error:
         what = f"--address {address}: no Ray cluster answers" if address else "Ray does not start"
-        raise InputError(f"{what} ({error}); start one with ray start, or pass --in-process") from error
+        raise InputError(f"{what} ({_first_line(error)}); start one with ray start, or pass --in-process") from error
     try:
         yield run_on_ray
     finally:
         ray.shutdown()
 
 
-def _own_ray() -> Mapping[str, str]:
-    """Return the environment of a local Ray; others on this machine would need its token to use it."""
+def own_ray() -> Mapping[str, str]:
+    """Return the environment of a Ray that we start, with a token that keeps others on this machine out."""
     return {**OWN_RAY, "RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
 
 
@@ -95,8 +95,8 @@ def run_on_ray(work: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tupl
     """
     import ray
 
-    task = ray.remote(num_cpus=1, max_retries=RETRIES, runtime_env={"env_vars": _SINGLE_THREAD})(work)
-    pending = {task.remote(job): index for index, job in enumerate(jobs)}
+    task = ray.remote(num_cpus=1, max_retries=RETRIES, runtime_env={"env_vars": _SINGLE_THREAD})(_perform)
+    pending = {task.remote(work, job): index for index, job in enumerate(jobs)}
     lost: Counter[int] = Counter()
     try:
         while pending:
@@ -108,12 +108,16 @@ def run_on_ray(work: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tupl
                 lost[index] += 1
                 if lost[index] > RESUBMISSIONS:
                     raise InputError(_given_up(index, error)) from error
-                pending[task.remote(jobs[index])] = index
+                pending[task.remote(work, jobs[index])] = index
                 continue
             yield index, result
     finally:
         for each in pending:
             ray.cancel(each, force=True)
+
+
+def _perform(work: Callable[[Any], Any], job: Any) -> Any:
+    return work(job)
 
 
 def _lost() -> tuple[type[Exception], ...]:
@@ -130,8 +134,11 @@ def _lost() -> tuple[type[Exception], ...]:
 
 
 def _given_up(index: int, error: Exception) -> str:
-    reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
     return (
         f"job {index} of this round lost its worker {RESUBMISSIONS + 1} times in spite of retries, most likely for "
-        f"want of memory ({reason}); use fewer --workers, then go on with --resume"
+        f"want of memory ({_first_line(error)}); use fewer --workers, then go on with --resume"
     )
+
+
+def _first_line(error: Exception) -> str:
+    return next((line for line in str(error).splitlines() if line.strip()), type(error).__name__)
