@@ -7,6 +7,7 @@ from archerfish.cli.setting import configuration, load_setting, setting_world
 from archerfish.cli.sweeping.axes import Axis, Values, corners, grid, parse_vary, told
 from archerfish.cli.sweeping.parameters import PARAMETERS, Base, load_records, make_task
 from archerfish.cli.sweeping.proposals import Configuration, Proposer, proposed_grid, proposed_samples, require_optuna
+from archerfish.cli.sweeping.ray_executor import require_ray
 from archerfish.cli.sweeping.run import Plan
 from archerfish.cli.sweeping.sweep_file import read_sweep_file
 from archerfish.records import storage
@@ -84,7 +85,9 @@ def _check(command: "Sweep") -> None:
     for seed in command.seeds:
         if seed not in range(2**32):
             raise InputError(f"--seeds must be within 0…{2**32 - 1}, got {seed}")
-    if command.in_process and command.address:
+    if not command.in_process:
+        require_ray()
+    elif command.address:
         raise InputError("--in-process and --address don't go together; choose one")
 
 
