@@ -90,7 +90,7 @@ def counted(attempts: Path, work: Callable[[Any], Any], job: Any) -> Any:
     import ray
 
     node = ray.get_runtime_context().get_node_id()
-    (attempts / f"{job.task.seed}-{node}-{uuid.uuid4()}").touch()
+    (attempts / f"{node}-{os.getpid()}-{uuid.uuid4().hex}").touch()
     return work(job)
 
 
@@ -108,8 +108,10 @@ def fault(folder: Path) -> dict[str, Any]:
     def kill(results: Path) -> None:
         while not results.exists() or len(read_results(results)) < KILLED_AFTER:
             time.sleep(0.1)
-        raylet = lost.all_processes["raylet"][0].process.pid
-        os.kill(raylet, signal.SIGKILL)
+        # All of the node, as when a machine fails: without its raylet, a worker would still end what it has begun.
+        workers = {int(path.name.split("-")[1]) for path in attempts.glob(f"{lost.node_id}-*")}
+        for process in (lost.all_processes["raylet"][0].process.pid, *workers):
+            os.kill(process, signal.SIGKILL)
         killed.update(after=len(read_results(results)), at=time.perf_counter())
 
     def executor(work: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[int, Any]]:
@@ -132,8 +134,8 @@ def fault(folder: Path) -> dict[str, Any]:
     return {
         "trials": prepared.trials,
         "finished_before_the_node_was_killed": killed["after"],
-        "begun_on_the_killed_node": sum(node == lost.node_id for _, node, *_ in begun_on),
-        "begun_on_the_other": sum(node != lost.node_id for _, node, *_ in begun_on),
+        "begun_on_the_killed_node": sum(node == lost.node_id for node, *_ in begun_on),
+        "begun_on_the_other": sum(node != lost.node_id for node, *_ in begun_on),
         "in_results": len(numbers),
         "twice_in_results": len(numbers) - len(set(numbers)),
         "same_table_as_one_node": tables[0] == tables[1],

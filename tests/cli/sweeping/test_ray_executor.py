@@ -1,4 +1,4 @@
-"""The executor against a made-up Ray, and where it is installed against a cluster of two nodes, one of which is killed."""
+"""The executor against a made-up Ray, and where there is one, against a cluster of which one node is killed."""
 
 import importlib.util
 import subprocess
@@ -7,13 +7,11 @@ import types
 
 import pytest
 
-pytest.importorskip("jax")
-
 from archerfish.cli.sweeping import ray_executor
 from archerfish.records.errors import InputError
 
 
-class Lost(Exception):
+class LostError(Exception):
     pass
 
 
@@ -25,7 +23,7 @@ class MadeUpRay:
         self.exceptions = types.SimpleNamespace(
             **dict.fromkeys(
                 ("WorkerCrashedError", "NodeDiedError", "ObjectLostError", "OutOfMemoryError", "LocalRayletDiedError"),
-                Lost,
+                LostError,
             )
         )
 
@@ -51,7 +49,7 @@ class MadeUpRay:
         _, function, arguments = pending
         if self.losses.get(arguments[1], 0):
             self.losses[arguments[1]] -= 1
-            raise Lost("the node is gone")
+            raise LostError("the node is gone")
         return function(*arguments)
 
     def cancel(self, pending, force):
@@ -111,20 +109,23 @@ from ray.cluster_utils import Cluster
 
 cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
 lost = cluster.add_node(num_cpus=1)
-home = os.environ["RECORDS"]
+home, lost_id = os.environ["RECORDS"], lost.node_id
 
 def work(job):
     import os, pathlib, time, ray
     node = ray.get_runtime_context().get_node_id()
-    (pathlib.Path(os.environ["RECORDS"]) / f"{job}-{node}-{time.time_ns()}").touch()
-    time.sleep(0.5)
+    (pathlib.Path(os.environ["RECORDS"]) / f"{node}-{os.getpid()}-{job}-{time.time_ns()}").touch()
+    # What is begun on the second node ends with it alone.
+    time.sleep(60.0 if node == lost_id else 0.1)
     return job**2, os.environ["OMP_NUM_THREADS"]
 
 def kill():
-    # Once the second node is at work.
+    # Once the second node is at work; without its raylet, a worker would still end what it has begun.
     while not any(lost.node_id in name for name in os.listdir(home)):
         time.sleep(0.05)
-    os.kill(lost.all_processes["raylet"][0].process.pid, signal.SIGKILL)
+    workers = {int(name.split("-")[1]) for name in os.listdir(home) if lost.node_id in name}
+    for process in [lost.all_processes["raylet"][0].process.pid, *workers]:
+        os.kill(process, signal.SIGKILL)
 
 threading.Thread(target=kill, daemon=True).start()
 with ray_executor(0, cluster.address) as executor:
