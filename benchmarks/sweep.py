@@ -3,12 +3,14 @@
 Throughput: the same trainings one after the other in one process, which has all threads, and on Ray with one worker and
 with two, one thread each. Fault: a Ray cluster of two nodes on this machine, one of which is killed in the middle of
 its trials; the sweep must end with every trial in the results once, and with the table that one node gives. Writes
-benchmarks/results/sweep.json; exits with 1 if the fault test fails. Needs the extra `sweep`.
+benchmarks/results/sweep.json; exits with 1 if the fault test fails. Left out where
+the extra `sweep` is not installed.
 """
 
 import argparse
 import contextlib
 import functools
+import importlib.util
 import io
 import os
 import signal
@@ -159,6 +161,9 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=STEPS, help="decisions of a training whose throughput is measured")
     parser.add_argument("--fault-only", action="store_true", help="leave the throughput out, and write nothing")
     options = parser.parse_args()
+    if importlib.util.find_spec("ray") is None:
+        print("left out: needs ray; pip install 'archerfish[sweep]'")
+        return
     os.environ.update(own_ray())  # for the cluster as well: on loopback alone
     with tempfile.TemporaryDirectory() as folder:
         found = fault(Path(folder))

@@ -6,10 +6,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from archerfish.figures.style import MARKERS, PALETTE, label_axes, new_figure, plot_style
 
 _COLUMNS = 3
+_FEW = 9
+"""Fewer values than this that points share get a place each, like words."""
+_SPREAD = 0.6
+"""Room that points of one place share [places]."""
 _MOST_CURVES = len(PALETTE)
 
 
@@ -79,13 +84,29 @@ def _draw_panel(axes: Axes, values: Sequence[object], points: Sequence[SweepPoin
 def _places(axes: Axes, values: Sequence[object]) -> list[float]:
     """Set up the horizontal axis, and return where each value lies on it."""
     numbers = [float(each) for each in values if isinstance(each, int | float) and not isinstance(each, bool)]
-    if len(numbers) < len(values):
-        words = sorted({str(each).lower() if isinstance(each, bool) else str(each) for each in values})
-        axes.set_xticks(np.arange(len(words)), words)
-        axes.set_xlim(-0.5, len(words) - 0.5)
+    words = len(numbers) < len(values)
+    distinct: list[Any] = sorted(set(values), key=_word if words else float)
+    if words or len(distinct) < min(len(values), _FEW):
+        axes.set_xticks(np.arange(len(distinct)), [_word(each) for each in distinct])
+        axes.set_xlim(-0.5, len(distinct) - 0.5)
         axes.grid(visible=False, axis="x")
-        return [float(words.index(str(each).lower() if isinstance(each, bool) else str(each))) for each in values]
+        return _side_by_side([distinct.index(each) for each in values])
     # What spans more than a factor of five is looked at by its logarithm.
     if min(numbers) > 0 and max(numbers) > 5 * min(numbers):
         axes.set_xscale("log")
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(4))
     return numbers
+
+
+def _side_by_side(places: Sequence[int]) -> list[float]:
+    """Move points of one place apart, so that their intervals don't hide each other."""
+    found = []
+    for index, place in enumerate(places):
+        count, before = places.count(place), places[:index].count(place)
+        found.append(place + _SPREAD * ((before + 0.5) / count - 0.5))
+    return found
+
+
+def _word(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)

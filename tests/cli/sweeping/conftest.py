@@ -16,7 +16,7 @@ def make_plan() -> Callable[..., Any]:
     from archerfish.cli.sweeping.run import Plan
 
     def make(seeds: Sequence[int] = (0, 1), worlds: Sequence[dict[str, Any]] = ({},)) -> Any:
-        base = Base(load_setting(SettingFiles()), False, "both", "history", 4, "gate", PpoConfig(steps=100))
+        base = Base(load_setting(SettingFiles()), "both", "history", 4, "gate", PpoConfig(steps=100))
         return Plan(base, tuple(worlds), tuple(seeds), 4, 0, {})
 
     return make

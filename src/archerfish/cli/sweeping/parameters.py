@@ -83,8 +83,6 @@ class Base:
 
     setting: Setting
     """The robot."""
-    accept_unusable: bool
-    """Whether plants that their identification called useless will do."""
     target: str
     """Which targets move."""
     observation: str | None

@@ -95,7 +95,6 @@ def _plan(command: "Sweep", axes: tuple[Axis, ...], worlds: tuple[dict[str, Any]
     unusable = command.setting.accept_unusable
     base = Base(
         setting=load_setting(command.setting),
-        accept_unusable=unusable,
         **{name: getattr(command, name) for name in ("target", "observation", "frames", "command_limit", "ppo")},
     )
     folders = [
