@@ -3,8 +3,7 @@
 Throughput: the same trainings one after the other in one process, which has all threads, and on Ray with one worker and
 with two, one thread each. Fault: a Ray cluster of two nodes on this machine, one of which is killed in the middle of
 its trials; the sweep must end with every trial in the results once, and with the table that one node gives. Writes
-benchmarks/results/sweep.json; exits with 1 if the fault test fails. Left out where
-the extra `sweep` is not installed.
+benchmarks/results/sweep.json; exits with 1 if the fault test fails. Left out where the extra `sweep` is not installed.
 """
 
 import argparse
