@@ -33,6 +33,7 @@ COMMANDS = {
     "identify muzzle": ("archerfish.cli.identify_muzzle", "IdentifyMuzzle", "run_muzzle"),
     "transfer": ("archerfish.cli.transfer", "Transfer", "run_transfer"),
     "train": ("archerfish.cli.train", "Train", "run_train"),
+    "sweep": ("archerfish.cli.sweep", "Sweep", "run_sweep"),
     "evaluate": ("archerfish.cli.evaluate", "Evaluate", "run_evaluate"),
     "report": ("archerfish.cli.report", "Report", "run_report"),
 }

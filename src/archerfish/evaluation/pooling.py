@@ -21,16 +21,16 @@ class Estimate(NamedTuple):
 def pooled_cells(cells: Iterable[Cell]) -> Estimate | None:
     """Return hits per shot over several cells of one controller; None without cells."""
     cells = list(cells)
-    return _weighted([Estimate(cell.rate, cell.low, cell.high) for cell in cells], [cell.shots for cell in cells])
+    return weighted_mean([Estimate(cell.rate, cell.low, cell.high) for cell in cells], [cell.shots for cell in cells])
 
 
 def pooled_differences(differences: Iterable[Comparison | Drop]) -> Estimate | None:
     """Return the mean over several cells of one difference, every cell counting alike; None without cells."""
     found = [Estimate(each.difference, each.low, each.high) for each in differences]
-    return _weighted(found, [1.0] * len(found))
+    return weighted_mean(found, [1.0] * len(found))
 
 
-def _weighted(estimates: Sequence[Estimate], weights: Sequence[float]) -> Estimate | None:
+def weighted_mean(estimates: Sequence[Estimate], weights: Sequence[float]) -> Estimate | None:
     """Average independent estimates.
 
     The interval is put together from theirs by Zou and Donner's method of variance estimates recovery (2008): the ends'

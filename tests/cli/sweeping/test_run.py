@@ -1,0 +1,159 @@
+import json
+
+import pytest
+
+pytest.importorskip("jax")
+
+from archerfish.cli.sweeping.axes import parse_vary
+from archerfish.cli.sweeping.executor import in_process
+from archerfish.cli.sweeping.folder import RESULTS, sweep_folder
+from archerfish.cli.sweeping.proposals import proposed_grid
+from archerfish.cli.sweeping.results import read_results, results_table
+from archerfish.cli.sweeping.run import planned_trials, run_rounds
+from archerfish.records.errors import InputError
+
+from .made_trials import backwards, ending_after, made_up_hits
+
+TOLD = {"vary": ["ppo.clip=0.1,0.2"]}
+AXES = parse_vary(["ppo.clip=0.1,0.2"])
+
+
+def sweep(out, plan, executor, resume=False, axes=AXES, told=TOLD):
+    with sweep_folder(out, told, resume) as folder:
+        run_rounds(plan, proposed_grid(axes), folder, executor, work=made_up_hits)
+        return results_table(folder.results.values())
+
+
+def test_trials_are_numbered_by_configuration_world_and_seed(make_plan):
+    plan = make_plan((7, 8), ({"command-limit": "box"}, {"command-limit": "gate"}))
+    found = planned_trials(plan, 3, [{"ppo.clip": 0.1}])
+    assert [(each.trial, each.configuration, each.values["command-limit"], each.seed) for each in found] == [
+        (12, 3, "box", 7),
+        (13, 3, "box", 8),
+        (14, 3, "gate", 7),
+        (15, 3, "gate", 8),
+    ]
+
+
+def test_the_table_does_not_depend_on_who_finishes_first(make_plan, tmp_path):
+    plan = make_plan()
+    assert sweep(tmp_path / "a", plan, in_process) == sweep(tmp_path / "b", plan, backwards)
+
+
+def test_a_trial_leaves_its_files_and_a_line(make_plan, tmp_path):
+    sweep(tmp_path, make_plan(), in_process)
+    assert sorted(path.name for path in (tmp_path / "trials").iterdir()) == ["0000", "0001", "0002", "0003"]
+    assert (tmp_path / "trials" / "0002" / "log.jsonl").read_text() == "0.2 0\n"
+    lines = [json.loads(line) for line in (tmp_path / RESULTS).read_text().splitlines()]
+    assert [(line["trial"], line["parameters"], line["seed"]) for line in lines] == [
+        (0, {"ppo.clip": 0.1}, 0),
+        (1, {"ppo.clip": 0.1}, 1),
+        (2, {"ppo.clip": 0.2}, 0),
+        (3, {"ppo.clip": 0.2}, 1),
+    ]
+
+
+@pytest.mark.parametrize("torn", [b"", b'{"trial": 0, "conf'], ids=["between trials", "within a line"])
+def test_a_killed_sweep_goes_on_and_does_no_trial_twice(make_plan, tmp_path, torn):
+    plan = make_plan()
+    with pytest.raises(KeyboardInterrupt):
+        sweep(tmp_path / "a", plan, ending_after(2))
+    with (tmp_path / "a" / RESULTS).open("ab") as stream:
+        stream.write(torn)
+    (tmp_path / "a" / "trials" / "0000").mkdir()  # files of a trial whose line was never written
+    begun = []
+
+    def watched(work, jobs):
+        begun.extend((job.task.ppo.clip, job.task.seed) for job in jobs)
+        yield from in_process(work, jobs)
+
+    table = sweep(tmp_path / "a", plan, watched, resume=True)
+    assert begun == [(0.1, 0), (0.1, 1)]
+    assert table == sweep(tmp_path / "b", plan, in_process)
+    assert sorted(each.trial for each in read_results(tmp_path / "a" / RESULTS)) == [0, 1, 2, 3]
+
+
+def test_a_finished_sweep_that_is_resumed_runs_nothing(make_plan, tmp_path):
+    plan = make_plan()
+    table = sweep(tmp_path, plan, in_process)
+    assert sweep(tmp_path, plan, lambda work, jobs: iter(()), resume=True) == table
+
+
+def test_a_training_that_diverges_is_recorded_and_not_tried_again(make_plan, tmp_path):
+    axes = parse_vary(["ppo.clip=0.2,0.6"])
+    sweep(tmp_path, make_plan((0,)), in_process, axes=axes)
+    results = read_results(tmp_path / RESULTS)
+    assert [each.problem for each in results] == [None, "training diverged after 0 decisions"]
+    assert (results[1].hits, results[1].shots, results[1].rate) == (0, 0, 0.0)
+    assert not (tmp_path / "trials" / "0001").exists()
+    sweep(tmp_path, make_plan((0,)), lambda work, jobs: iter(()), resume=True, axes=axes)
+
+
+def test_a_combination_that_cant_be_trained_is_a_failed_trial(make_plan, tmp_path):
+    with sweep_folder(tmp_path, TOLD, False) as folder:
+        proposer = iter_of([{"ppo.minibatches": 7}, {"ppo.minibatches": 8}])
+        run_rounds(make_plan((0,)), proposer, folder, in_process, work=made_up_hits)
+        assert "must divide into minibatches = 7" in folder.results[0].problem
+        assert folder.results[1].problem is None
+
+
+def iter_of(configurations):
+    yield configurations
+
+
+def test_a_folder_that_holds_a_sweep_is_refused_without_resume(make_plan, tmp_path):
+    sweep(tmp_path, make_plan(), in_process)
+    with pytest.raises(InputError, match="holds a sweep with 4 finished trials; add --resume"):
+        sweep(tmp_path, make_plan(), in_process)
+
+
+def test_another_sweep_is_not_taken_up(make_plan, tmp_path):
+    sweep(tmp_path, make_plan(), in_process)
+    with pytest.raises(InputError, match=r"was begun with vary \['ppo.clip=0.1,0.2'\], not \['ppo.clip=0.3'\]"):
+        sweep(tmp_path, make_plan(), in_process, resume=True, told={"vary": ["ppo.clip=0.3"]})
+    with pytest.raises(InputError, match=r"trial 2 was done with parameters .*0\.2.*now it would be .*0\.3"):
+        sweep(tmp_path, make_plan(), in_process, resume=True, axes=parse_vary(["ppo.clip=0.1,0.3"]))
+
+
+def test_two_processes_are_not_at_one_sweep(make_plan, tmp_path):
+    pytest.importorskip("fcntl")
+    with sweep_folder(tmp_path, TOLD, False), pytest.raises(InputError, match="another process is at this sweep"):
+        sweep(tmp_path, make_plan(), in_process)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_trial_is_never_recorded_twice(make_plan, tmp_path):
+    def twice(work, jobs):
+        for index, job in enumerate(jobs):
+            yield index, work(job)
+            yield index, work(job)
+
+    with pytest.raises(InputError, match="trial 0 is done already"):
+        sweep(tmp_path, make_plan(), twice)
+    assert [each.trial for each in read_results(tmp_path / RESULTS)] == [0]
+
+
+def test_a_damaged_line_is_named(make_plan, tmp_path):
+    sweep(tmp_path, make_plan(), in_process)
+    path = tmp_path / RESULTS
+    path.write_text(path.read_text().replace('"hits"', '"hurts"', 1))
+    with pytest.raises(InputError, match="line 1 is not a trial"):
+        read_results(path)
+    whole = path.read_text().splitlines()
+    path.write_text("\n".join([whole[1], whole[1], ""]))
+    with pytest.raises(InputError, match="line 2: trial 1 is there twice"):
+        read_results(path)
+
+
+def test_a_sweep_that_ends_before_its_first_trial_leaves_nothing(make_plan, tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        sweep(tmp_path / "deep" / "out", make_plan(), ending_after(0))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_folders_of_others_are_left_alone(make_plan, tmp_path):
+    (tmp_path / "trials").mkdir()
+    (tmp_path / "trials" / "mine.txt").write_text("mine")
+    with pytest.raises(InputError, match="no sweep made it"):
+        sweep(tmp_path, make_plan(), in_process)
+    assert (tmp_path / "trials" / "mine.txt").read_text() == "mine"
