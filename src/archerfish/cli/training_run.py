@@ -18,8 +18,10 @@ from archerfish.figures.style import save_figure
 from archerfish.figures.training import learning_curves
 from archerfish.learning.checkpoint import write_checkpoint
 from archerfish.learning.config import PpoConfig
+from archerfish.learning.gradient import GRADIENT
+from archerfish.learning.gradient_config import GradientConfig
 from archerfish.learning.ppo import Learner, Metrics
-from archerfish.learning.training import Curve, train, trained_policy, weights_hash
+from archerfish.learning.training import PPO, Curve, Trainer, train, trained_policy, weights_hash
 from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.policy import PolicyRecord, write_policy
@@ -31,6 +33,8 @@ from archerfish.sensing.tracked_observation import TRACKER_ACCELERATION, tracked
 from archerfish.simulation.environment import HIDDEN, PureWorld, ShootingEnvironment
 from archerfish.simulation.setting import make_scenario
 
+TRAINERS: dict[str, Trainer] = {"ppo": PPO, "gradient": GRADIENT}
+"""Name → way of training; its settings are the field of that name in a `TrainingTask`."""
 HIT_BONUS = {"history": 0.0, "paper": 0.0, "tracked": 0.1}
 """Kind of observation → what a hit adds to the reward of eq (8) [m]."""
 
@@ -55,6 +59,15 @@ class TrainingTask:
     """Of everything random."""
     asymmetric: bool = False
     """Whether the critic sees where the target really is and will be."""
+    trainer: str = "ppo"
+    """One of `TRAINERS`."""
+    gradient: GradientConfig = GradientConfig()
+    """Settings, for the trainer of that name."""
+
+    @property
+    def config(self) -> PpoConfig | GradientConfig:
+        """Settings of the trainer."""
+        return self.gradient if self.trainer == "gradient" else self.ppo
 
 
 @dataclass(frozen=True)
@@ -98,7 +111,11 @@ def run_task(task: TrainingTask, advance: Callable[[float, str], None] = lambda 
         hidden=np.ones(HIDDEN if task.asymmetric else 0, np.float32),
     )
     trained = train(
-        environment, task.ppo, task.seed, lambda steps, metrics: advance(steps, _note(metrics, conditions.decisions))
+        environment,
+        task.config,
+        task.seed,
+        lambda steps, metrics: advance(steps, _note(metrics, conditions.decisions)),
+        TRAINERS[task.trainer],
     )
     mean_return = trained.curve.mean_reward.astype(float) * conditions.decisions
     policy = policy_to_record(
@@ -108,7 +125,7 @@ def run_task(task: TrainingTask, advance: Callable[[float, str], None] = lambda 
         training={
             **{name: getattr(task, name) for name in ("static_share", "seed")},
             "setting": setting.name,
-            "ppo": asdict(task.ppo),
+            task.trainer: asdict(task.config),
             "mean_return": float(mean_return[-1]),
         },
         provenance=provenance(task.seed, setting.inputs),
