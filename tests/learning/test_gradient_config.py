@@ -12,6 +12,7 @@ from archerfish.records.errors import InputError
     [
         *((name, 0) for name in ("steps", "environments", "window", "hidden")),
         *((name, value) for name in ("learning_rate", "gradient_norm") for value in (0.0, -1.0, math.nan, math.inf)),
+        *(("engagement_norm", value) for value in (0.0, math.nan)),
     ],
 )
 def test_a_value_out_of_range_is_refused_by_name(name: str, value: Any) -> None:

@@ -3,7 +3,7 @@
 import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +61,7 @@ class TrainingTask:
     """Whether the critic sees where the target really is and will be."""
     trainer: str = "ppo"
     """One of `TRAINERS`."""
-    gradient: GradientConfig = GradientConfig()
+    gradient: GradientConfig = field(default_factory=GradientConfig)
     """Settings, for the trainer of that name."""
 
     @property

@@ -17,6 +17,7 @@ from jax import Array
 
 from archerfish.controllers.network import Normaliser, normalise
 from archerfish.learning.gradient_config import GradientConfig
+from archerfish.learning.held_gradient import held
 from archerfish.learning.normalisation import empty_normaliser, merge
 from archerfish.learning.ppo import Environment, Learner, Metrics, orthogonal_layers
 from archerfish.learning.training import Trainer
@@ -39,6 +40,7 @@ class Hyper(NamedTuple):
     learning_rate: Array
     anneal_over: Array
     gradient_norm: Array
+    engagement_norm: Array
 
 
 class Played(NamedTuple):
@@ -108,9 +110,9 @@ def _iteration(environment: Environment, settings: Hyper, learner: Learner, size
     key, noise = jax.random.split(learner.key)
     draws = _draws(environment, (size.window, size.environments), noise)
     networks = learner.networks
-    slope = jax.grad(window_loss, has_aux=True)
-    gradient, played = slope(
-        networks.actor, environment, learner.normaliser, learner.environment, learner.observation, draws
+    start = (learner.normaliser, learner.environment, learner.observation)
+    gradient, played = jax.grad(window_loss, has_aux=True)(
+        networks.actor, environment, *start, draws, settings.engagement_norm
     )
     rate = settings.learning_rate * jnp.maximum(1.0 - learner.iteration / settings.anneal_over, LAST_RATE)
     actor, moments = adam_step(networks.actor, gradient, networks.actor_moments, rate, settings)
@@ -143,6 +145,7 @@ def window_loss(
     state: Any,
     observation: Array,
     draws: tuple[Array, Array],
+    engagement_norm: Array | float = jnp.inf,
 ) -> tuple[Array, Played]:
     """Play a window and return the negative of its mean reward, to be differentiated by the actor.
 
@@ -153,10 +156,13 @@ def window_loss(
       state: of the environments.
       observation: for the first decision, shape (B, n).
       draws: normal and uniform ones for the environment, shapes (W, B, normals) and (W, B, uniforms).
+      engagement_norm: see `GradientConfig`.
     """
+    # The loss is a mean: each reward has this share in it.
+    limit = jnp.asarray(engagement_norm / draws[0].shape[0] / draws[0].shape[1])
 
     def decide(carry: tuple[Any, Array], draws: tuple[Array, Array]) -> tuple[tuple[Any, Array], tuple[Array, Array]]:
-        state, observation = carry
+        state, observation = held(carry, limit)
         action = action_mean(actor, normalise(normaliser, observation))
         state, outcome = environment.step(state, action, *draws)
         return (state, outcome.observation), (observation, outcome.reward)
@@ -179,6 +185,7 @@ def _advance(environment: Environment, config: GradientConfig, learner: Learner,
         learning_rate=jnp.float32(config.learning_rate),
         anneal_over=jnp.float32(config.iterations if config.anneal else 1e9),
         gradient_norm=jnp.float32(config.gradient_norm),
+        engagement_norm=jnp.float32(config.engagement_norm),
     )
     size = Sizes(config.environments, config.window)
     advanced: tuple[Learner, Metrics] = iterate(environment, settings, learner, size, count)

@@ -24,6 +24,9 @@ class GradientConfig:
     """Let the learning rate fall linearly to a twentieth."""
     gradient_norm: float = 0.1
     """Gradients are scaled to at most this norm."""
+    engagement_norm: float = 1000.0
+    """On its way back through a window, the gradient of one engagement's rewards [m] by its state is scaled to at most
+    this norm at every decision; `inf` leaves it as it is."""
 
     def __post_init__(self) -> None:
         for name in ("steps", "environments", "window", "hidden"):
@@ -32,6 +35,8 @@ class GradientConfig:
         for name in ("learning_rate", "gradient_norm"):
             if not 0 < getattr(self, name) < math.inf:
                 raise InputError(f"{name} must be finite and > 0, got {getattr(self, name)}")
+        if not self.engagement_norm > 0:
+            raise InputError(f"engagement_norm must be > 0, got {self.engagement_norm}")
 
     @property
     def batch(self) -> int:
