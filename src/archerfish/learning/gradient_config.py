@@ -10,7 +10,7 @@ from archerfish.records.errors import InputError
 class GradientConfig:
     """Settings of training by gradients through the simulator."""
 
-    steps: int = 1_000_000
+    steps: int = 500_000
     """Decisions to train for, over all environments; rounded up to whole calls of four windows."""
     environments: int = 256
     """Engagements that run side by side."""
