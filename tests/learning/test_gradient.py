@@ -152,12 +152,12 @@ def test_learning_rate_steps_and_world_compile_nothing_anew(
 
 
 def test_engagements_go_on_from_window_to_window(shooting: ShootingEnvironment) -> None:
-    # Eight engagements of five decisions, begun staggered; after four decisions each is four further, modulo five.
+    # Eight engagements of five decisions, begun staggered; four windows of four decisions later each is 16 further.
     learner = begin_learner(shooting, TINY, jax.random.key(0))
     begun = np.asarray(learner.environment.step)
     assert set(begun) == {0, 1, 2, 3, 4}
-    learner, _ = GRADIENT.advance(shooting, TINY, learner, 1)
-    np.testing.assert_array_equal(learner.environment.step, (begun + 4) % 5)
+    learner, _ = GRADIENT.advance(shooting, TINY, learner, CHUNK)
+    np.testing.assert_array_equal(learner.environment.step, (begun + 4 * CHUNK) % 5)
 
 
 def test_a_learner_is_read_back_and_goes_on_as_if_nothing_had_been(

@@ -162,8 +162,8 @@ def window_loss(
     limit = jnp.asarray(engagement_norm / draws[0].shape[0] / draws[0].shape[1])
 
     def decide(carry: tuple[Any, Array], draws: tuple[Array, Array]) -> tuple[tuple[Any, Array], tuple[Array, Array]]:
-        state, observation = held(carry, limit)
-        action = action_mean(actor, normalise(normaliser, observation))
+        state, observation = carry
+        action = action_mean(actor, held(normalise(normaliser, observation), limit))
         state, outcome = environment.step(state, action, *draws)
         return (state, outcome.observation), (observation, outcome.reward)
 

@@ -24,9 +24,9 @@ class GradientConfig:
     """Let the learning rate fall linearly to a twentieth."""
     gradient_norm: float = 0.1
     """Gradients are scaled to at most this norm."""
-    engagement_norm: float = 1000.0
-    """On its way back through a window, the gradient of one engagement's rewards [m] by its state is scaled to at most
-    this norm at every decision; `inf` leaves it as it is."""
+    engagement_norm: float = 0.3
+    """On its way back through a window, the gradient of one engagement's rewards [m] by the normalised observation is
+    scaled to at most this norm at every decision; `inf` leaves it as it is."""
 
     def __post_init__(self) -> None:
         for name in ("steps", "environments", "window", "hidden"):
