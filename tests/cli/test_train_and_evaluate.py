@@ -58,3 +58,16 @@ def test_a_policy_is_trained_evaluated_and_reported(command, tmp_path, robot):
     status, out, _ = command("report", "shot", "--out", "shot/again.html")
     assert (status, out) == (0, "report: shot/again.html\n")
     assert (tmp_path / "shot" / "again.html").read_text() == page
+
+
+def test_a_policy_trained_by_gradients_is_evaluated_like_any_other(command, tmp_path):
+    small = ["--gradient.steps", "100", "--gradient.environments", "4", "--gradient.window", "3"]
+    small += ["--gradient.hidden", "4", "--observation", "paper", "--command-limit", "box", "--seed", "3"]
+    assert command("train", "--trainer", "gradient", *small, "--out", "train")[0] == 0
+    assert {path.name for path in (tmp_path / "train").iterdir()} == {*TRAINING, "config.json"}
+    record = json.loads((tmp_path / "train" / "policy.json").read_text())
+    assert record["training"]["gradient"]["window"] == 3
+    few = ["--command-limit", "box", "--controllers", "no-lead", "--engagements", "2"]
+    assert command("evaluate", "train/policy.json", *few, "--out", "shot")[0] == 0
+    cells = read_results(tmp_path / "shot" / "results.json").cells
+    assert sum(cell.controller == "paper" and cell.policy_seed == 3 for cell in cells) == 8

@@ -15,6 +15,7 @@ from archerfish.cli.progress import note, progress_bar, require_jax
 from archerfish.cli.restored_options import contradictions, restore_options, with_default_flags
 from archerfish.cli.setting import RobotOptions, SettingFiles, configuration, load_setting
 from archerfish.learning.config import PpoConfig
+from archerfish.learning.gradient_config import GradientConfig
 from archerfish.records.errors import InputError
 from archerfish.records.provenance import code_commit, library_versions
 
@@ -44,6 +45,7 @@ class Train:
       archerfish train --pitch pitch.json --yaw yaw.json --muzzle muzzle.json --robot infantry
       archerfish train --pitch pitch.json --yaw yaw.json --muzzle muzzle.json --sensing sensing.json --robot infantry
       archerfish train --target dynamic --command-limit box --ppo.steps 4000000
+      archerfish train --trainer gradient --seed 1
       archerfish train --resume runs/train
     """
 
@@ -62,8 +64,13 @@ class Train:
     command_limit: Literal["box", "gate", "los-2deg"] = "gate"
     """What the gimbal may be asked: angle ranges (box), also rate and acceleration (gate), or at most 2° ahead of the
     target."""
+    trainer: Literal["ppo", "gradient"] = "ppo"
+    """How: by trials, as the paper does (ppo), or along the simulator's own gradients (gradient), which is faster and
+    sees no bonus for hits."""
     ppo: PpoConfig = field(default_factory=PpoConfig)
     """Settings of PPO."""
+    gradient: GradientConfig = field(default_factory=GradientConfig)
+    """Settings of training by gradients."""
     out: Folder = Path("runs/train")
     """Folder for the policy and everything about its training."""
     resume: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
@@ -133,7 +140,7 @@ def run_train(command: Train) -> dict[str, Any]:
         command.out,
         resumed=command.resume is not None,
         every_s=command.checkpoint_every,
-        batch=command.ppo.batch,
+        batch=(command.gradient if command.trainer == "gradient" else command.ppo).batch,
         tensorboard=tensorboard,
     ) as live:
         if setting is None:
@@ -152,8 +159,10 @@ def run_train(command: Train) -> dict[str, Any]:
             seed=command.seed,
             asymmetric=observation == "tracked",
             stop_at_hit_rate=command.stop_at_hit_rate,
+            trainer=command.trainer,
+            gradient=command.gradient,
         )
-        with progress_bar("training", command.ppo.steps, "decisions") as advance:
+        with progress_bar("training", task.config.steps, "decisions") as advance:
             result = run_task(task, advance, live)
         with without_interrupts():
             write_run(command.out, result, read_configuration(command.out))

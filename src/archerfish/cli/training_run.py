@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +20,17 @@ from archerfish.figures.style import save_figure
 from archerfish.figures.training import learning_curves
 from archerfish.learning.checkpoint import write_checkpoint
 from archerfish.learning.config import PpoConfig
+from archerfish.learning.gradient import GRADIENT
+from archerfish.learning.gradient_config import GradientConfig
 from archerfish.learning.ppo import Learner
 from archerfish.learning.training import (
+    PPO,
     Course,
     Curve,
     DivergenceError,
     Standing,
     Trained,
+    Trainer,
     curve,
     train,
     trained_policy,
@@ -43,6 +47,8 @@ from archerfish.sensing.tracked_observation import TRACKER_ACCELERATION, tracked
 from archerfish.simulation.environment import HIDDEN, PureWorld, ShootingEnvironment
 from archerfish.simulation.setting import make_scenario
 
+TRAINERS: dict[str, Trainer] = {"ppo": PPO, "gradient": GRADIENT}
+"""Name → way of training; its settings are the field of that name in a `TrainingTask`."""
 HIT_BONUS = {"history": 0.0, "paper": 0.0, "tracked": 0.1}
 """Kind of observation → what a hit adds to the reward of eq (8) [m]."""
 
@@ -73,6 +79,15 @@ class TrainingTask:
     """Whether the critic sees where the target really is and will be."""
     stop_at_hit_rate: float | None = None
     """Hit rate, 0…1, whose certainty ends the training early; see `early_stop`."""
+    trainer: str = "ppo"
+    """One of `TRAINERS`."""
+    gradient: GradientConfig = field(default_factory=GradientConfig)
+    """Settings, for the trainer of that name."""
+
+    @property
+    def config(self) -> PpoConfig | GradientConfig:
+        """Settings of the trainer."""
+        return self.gradient if self.trainer == "gradient" else self.ppo
 
 
 @dataclass(frozen=True)
@@ -108,7 +123,7 @@ def run_task(
     """
     begun = time.monotonic()
     environment = _environment(task)
-    batch, decisions = task.ppo.batch, task.setting.conditions.decisions
+    batch, decisions = task.config.batch, task.setting.conditions.decisions
 
     def resume(fresh: Standing) -> Standing:
         standing = fresh if live is None else live.resume(fresh)
@@ -124,7 +139,7 @@ def run_task(
     enough = hit_rate_stop(task.stop_at_hit_rate, task.setting, environment, task.static_share, task.seed)
     course = Course(resume, watch, enough)
     try:
-        trained = train(environment, task.ppo, task.seed, course=course)
+        trained = train(environment, task.config, task.seed, trainer=TRAINERS[task.trainer], course=course)
     except DivergenceError as error:
         if live is None:
             raise
@@ -159,7 +174,7 @@ def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Train
         training={
             **{name: getattr(task, name) for name in ("static_share", "seed")},
             "setting": setting.name,
-            "ppo": asdict(task.ppo),
+            task.trainer: asdict(task.config),
             "mean_return": float(mean_return[-1]) if len(mean_return) else None,
         },
         provenance=provenance(task.seed, setting.inputs),

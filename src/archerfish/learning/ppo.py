@@ -122,9 +122,9 @@ def _begin(environment: Environment, log_std: Array, key: Array, batch: int, hid
     )
     size = observation.shape[-1]
     # Orthogonal weights; the small last layer of the actor begins with actions near zero.
-    layers = _orthogonal(keys[2], (environment.observed, hidden, actions), last_gain=0.01)
+    layers = orthogonal_layers(keys[2], (environment.observed, hidden, actions), last_gain=0.01)
     actor = Actor(layers, jnp.full(actions, log_std))
-    critic = _orthogonal(keys[3], (size, hidden, 1), last_gain=1.0)
+    critic = orthogonal_layers(keys[3], (size, hidden, 1), last_gain=1.0)
     return Learner(
         networks=begin_networks(actor, critic),
         normaliser=empty_normaliser(size),
@@ -135,7 +135,14 @@ def _begin(environment: Environment, log_std: Array, key: Array, batch: int, hid
     )
 
 
-def _orthogonal(key: Array, widths: tuple[int, ...], last_gain: float) -> tuple[Layer, ...]:
+def orthogonal_layers(key: Array, widths: tuple[int, ...], last_gain: float) -> tuple[Layer, ...]:
+    """Draw the layers of a network: orthogonal weights, no biases.
+
+    Args:
+      key: PRNG key; is consumed.
+      widths: numbers that go in, neurons of each hidden layer, numbers that come out.
+      last_gain: scale of the last layer's weights; √2 of the others'.
+    """
     gains = [2.0**0.5] * (len(widths) - 2) + [last_gain]
     keys = jax.random.split(key, len(gains))
     shapes = itertools.pairwise(widths)

@@ -4,7 +4,7 @@ Readings of the paper: the "attenuation factors" 0.001 and 0.003 are learning ra
 of a state (docs/errata.md).
 """
 
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -35,13 +35,21 @@ class Hyper(NamedTuple):
     log_std_floor: Array
 
 
+class NormLimit(Protocol):
+    """Settings that hold the largest norm of a gradient."""
+
+    @property
+    def gradient_norm(self) -> Array:
+        """Largest norm, shape ()."""
+
+
 class Actor(NamedTuple):
     """The policy's distribution: a network for the mean, one free standard deviation per action."""
 
     layers: tuple[Layer, ...]
     """Of the mean's network, the first takes the observation."""
     log_std: Array
-    """Logarithm of the standard deviation of each action, shape (2,)."""
+    """Logarithm of the standard deviation of each action, shape (2,); shape (0,) if it always acts as its mean."""
 
 
 class Networks(NamedTuple):
@@ -178,7 +186,7 @@ def critic_loss(critic: tuple[Layer, ...], batch: Batch) -> Array:
 
 
 def adam_step(
-    parameters: Parameters, gradient: Parameters, moments: Any, rate: Array, settings: Hyper
+    parameters: Parameters, gradient: Parameters, moments: Any, rate: Array, settings: NormLimit
 ) -> tuple[Parameters, Any]:
     """Scale a gradient to at most its largest norm and take an Adam step.
 

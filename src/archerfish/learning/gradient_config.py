@@ -1,0 +1,49 @@
+"""Settings of training by gradients through the simulator; readable without JAX."""
+
+import math
+from dataclasses import dataclass
+
+from archerfish.records.errors import InputError
+
+
+@dataclass(frozen=True)
+class GradientConfig:
+    """Settings of training by gradients through the simulator."""
+
+    steps: int = 500_000
+    """Decisions to train for, over all environments; rounded up to whole calls of four windows."""
+    environments: int = 256
+    """Engagements that run side by side."""
+    window: int = 16
+    """Decisions that a gradient reaches back over, and that lie between two updates."""
+    hidden: int = 256
+    """Neurons of the hidden layer of the policy (paper)."""
+    learning_rate: float = 3e-3
+    """Adam step."""
+    anneal: bool = True
+    """Let the learning rate fall linearly to a twentieth."""
+    gradient_norm: float = 0.1
+    """Gradients are scaled to at most this norm."""
+    engagement_norm: float = 0.3
+    """On its way back through a window, the gradient of one engagement's rewards [m] by the normalised observation is
+    scaled to at most this norm at every decision; `inf` leaves it as it is."""
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "environments", "window", "hidden"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name} must be at least 1, got {getattr(self, name)}")
+        for name in ("learning_rate", "gradient_norm"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise InputError(f"{name} must be finite and > 0, got {getattr(self, name)}")
+        if not self.engagement_norm > 0:
+            raise InputError(f"engagement_norm must be > 0, got {self.engagement_norm}")
+
+    @property
+    def batch(self) -> int:
+        """Decisions of an iteration, over all environments."""
+        return self.environments * self.window
+
+    @property
+    def iterations(self) -> int:
+        """Updates of a whole run."""
+        return max(1, round(self.steps / self.batch))
