@@ -71,7 +71,8 @@ def begun(tmp_path: Path, cache: Path) -> Iterator[Callable[..., subprocess.Pope
 def finished(process: subprocess.Popen[str]) -> list[str]:
     """Wait for the end of a process, and return what it told on standard error besides its progress."""
     _, err = process.communicate(timeout=PATIENCE_S)
-    return [line for line in err.splitlines() if "━" not in line and line.strip()]
+    # A bar that has hardly begun is blank where there are no colours.
+    return [line for line in err.splitlines() if line.strip() and not line.startswith("training ")]
 
 
 def logged(folder: Path) -> int:
