@@ -87,8 +87,6 @@ class LiveRun:
                 note(f"{each}; goes on from iteration {found.iteration} instead")
         rows = log_rows(standing.metrics, self._batch)
         storage.write_text(self.folder / LOG, log_text(rows))
-        if self._tensorboard:
-            self._events = EventFile(self.folder, standing.iterations * self._batch)
         self._saved, self._written = standing.iterations, time.monotonic()
         return standing
 
@@ -100,9 +98,12 @@ class LiveRun:
           InputError: if the disk is full or the folder can't be written.
         """
         part = standing.parts[-1]
-        rows = log_rows(part, self._batch, standing.iterations - len(part.mean_reward))
+        before = standing.iterations - len(part.mean_reward)
+        rows = log_rows(part, self._batch, before)
         append_log(self.folder, rows)
-        if self._events is not None:
+        if self._tensorboard:
+            # Not before there is something to write: a run that was killed at its very end has moved its own already.
+            self._events = self._events or EventFile(self.folder / EVENTS, before * self._batch)
             self._events.add(rows)
         self._requests.patient = True
         if self._requests.number is not None or time.monotonic() - self._written >= self._every_s:
@@ -121,10 +122,9 @@ class LiveRun:
         """Move TensorBoard's files to the results, and remove what is no longer unfinished."""
         with without_interrupts():
             self.close()
-            for old in self.out.glob(f"{EVENTS}*"):
-                old.unlink()
-            for path in self.folder.glob(f"{EVENTS}*"):
-                path.replace(self.out / path.name)
+            if (self.folder / EVENTS).exists():
+                shutil.rmtree(self.out / EVENTS, ignore_errors=True)
+                (self.folder / EVENTS).replace(self.out / EVENTS)
             (self.folder / CONFIGURATION).unlink()
             shutil.rmtree(self.folder)
 

@@ -15,8 +15,8 @@ from archerfish.records.errors import file_error
 LOG = "log.jsonl"
 FLUSH_S = 10.0
 """TensorBoard's files are brought up to date this often [s]."""
-EVENTS = "events.out.tfevents."
-"""How the names of TensorBoard's files begin."""
+EVENTS = "tensorboard"
+"""Folder of TensorBoard's files."""
 
 
 def log_rows(metrics: Metrics, batch: int, before: int = 0) -> list[dict[str, float]]:
@@ -70,6 +70,7 @@ class EventFile:
         self._events: Any = event_pb2
         self._folder, self._flushed = folder, time.monotonic()
         with self._guarded():
+            folder.mkdir(parents=True, exist_ok=True)
             self._writer: Any = EventsWriter(str(folder / "events"), filename_suffix=f".{step}")
         # Tells the reader to forget what a killed process wrote beyond the checkpoint.
         self._write(step, session_log=event_pb2.SessionLog(status=event_pb2.SessionLog.START))

@@ -1,0 +1,51 @@
+import errno
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from archerfish.cli.run_lock import NAME, locked
+from archerfish.records.errors import InputError
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from archerfish.cli.run_lock import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(600)
+"""
+
+
+def test_a_second_holder_is_refused_until_the_first_is_killed(tmp_path: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(InputError, match=f"process {holder.pid} is writing this run"), locked(tmp_path):
+            pass
+        holder.kill()
+        holder.wait()
+    assert (tmp_path / NAME).exists()
+    with locked(tmp_path):
+        pass
+
+
+def test_a_lock_whose_file_was_removed_does_not_keep_a_new_one_from_counting(tmp_path: Path) -> None:
+    with locked(tmp_path):
+        (tmp_path / NAME).unlink()
+        with (
+            locked(tmp_path),
+            pytest.raises(InputError, match="is writing this run"),
+            locked(tmp_path),
+        ):
+            pass
+
+
+def test_a_folder_that_can_t_be_written_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def read_only(*_: object) -> int:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(os, "open", read_only)
+    with pytest.raises(InputError, match=r"can't be written \(Read-only file system\)"), locked(tmp_path):
+        pass
