@@ -7,9 +7,9 @@ from numpy.testing import assert_allclose
 pytest.importorskip("jax")
 pytest.importorskip("gymnasium")
 
-from archerfish.records.errors import InputError  # noqa: E402
-from archerfish.simulation.assembly import make_environment  # noqa: E402
-from archerfish.simulation.vector_env import ShootingVectorEnv  # noqa: E402
+from archerfish.records.errors import InputError
+from archerfish.simulation.assembly import make_environment
+from archerfish.simulation.vector_env import ShootingVectorEnv
 
 LENGTH = 5
 

@@ -28,7 +28,7 @@ Floats = NDArray[np.float32]
 
 def spaces_of(
     environment: ShootingEnvironment, action_bound: float
-) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
+) -> tuple[gymnasium.Space[Floats], gymnasium.Space[Floats]]:
     """Return the spaces of observations and of actions.
 
     Raises:
@@ -37,10 +37,10 @@ def spaces_of(
     if not 0.0 < action_bound < np.inf:
         raise InputError(f"action_bound must be finite and > 0, got {action_bound}")
     size = _observation_size(environment)
-    return (
-        gymnasium.spaces.Box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (size,), np.float32),
-        gymnasium.spaces.Box(-action_bound, action_bound, (ACTIONS,), np.float32),
-    )
+    box: Any = gymnasium.spaces.Box
+    seen: gymnasium.Space[Floats] = box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (size,), np.float32)
+    asked: gymnasium.Space[Floats] = box(-action_bound, action_bound, (ACTIONS,), np.float32)
+    return seen, asked
 
 
 def given_or_made(environment: ShootingEnvironment | None, options: dict[str, Any]) -> ShootingEnvironment:
@@ -156,7 +156,7 @@ class ShootingEnv(gymnasium.Env[Floats, Floats]):
         self._show()
         return observation, reward, False, self._ended, {"miss": miss, "hit": left**2 + up**2 <= self._hit_radius**2}
 
-    def render(self) -> Picture | None:  # type: ignore[override]
+    def render(self) -> Picture | None:
         """Draw the engagement for "rgb_array", shape (height, width, 3); "human" shows every step by itself."""
         return self._picture() if self.render_mode == "rgb_array" else None
 
@@ -222,4 +222,4 @@ def _advance(
 
 
 def _observation_size(environment: ShootingEnvironment) -> int:
-    return environment.observed + environment.hidden.shape[0]
+    return environment.observed + int(environment.hidden.shape[0])

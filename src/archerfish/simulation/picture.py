@@ -90,14 +90,16 @@ def _canvas(width: int) -> Picture:
     return canvas
 
 
-def _box(canvas: Picture, centre: tuple[float, float], half_height: float, half_width: float, colour: object) -> None:
+def _box(
+    canvas: Picture, centre: tuple[float, float], half_height: float, half_width: float, colour: tuple[int, ...]
+) -> None:
     edges = []
     for middle, half, size in zip(centre, (half_height, half_width), canvas.shape, strict=False):
         edges.append(slice(min(max(round(middle - half), 0), size), min(max(round(middle + half) + 1, 0), size)))
     canvas[edges[0], edges[1]] = colour
 
 
-def _ring(canvas: Picture, centre: tuple[float, float], radius: float, colour: object) -> None:
+def _ring(canvas: Picture, centre: tuple[float, float], radius: float, colour: tuple[int, ...]) -> None:
     rows, columns = np.ogrid[: canvas.shape[0], : canvas.shape[1]]
     distance = np.hypot(rows - centre[0], columns - centre[1])
     canvas[np.abs(distance - radius) <= 1.0] = colour

@@ -77,7 +77,7 @@ class ShootingVecEnv(VecEnv):  # type: ignore[misc]  # its package may be missin
         """Return an attribute, which all environments share."""
         return [getattr(self._inner, attr_name)] * len(list(self._get_indices(indices)))
 
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:  # noqa: ARG002
         """Refuse: the environments share everything, so none can be given something of its own.
 
         Raises:
@@ -85,7 +85,7 @@ class ShootingVecEnv(VecEnv):  # type: ignore[misc]  # its package may be missin
         """
         raise InputError(f"{attr_name} can't be set on environments that run as one; make them with it")
 
-    def env_method(self, method_name: str, *arguments: Any, indices: Any = None, **options: Any) -> list[Any]:
+    def env_method(self, method_name: str, *_: Any, **__: Any) -> list[Any]:
         """Refuse: there is no single environment to call.
 
         Raises:

@@ -2,7 +2,7 @@
 
 import os
 import sys
-from typing import Any
+from typing import Any, cast
 
 from archerfish.records.errors import InputError
 from archerfish.simulation.picture import Picture
@@ -26,16 +26,18 @@ class Window:
         if not has_display():
             raise InputError(f'render_mode "human" needs a display, and there is none; {remedy}')
         from matplotlib import pyplot
-        from matplotlib.rcsetup import interactive_bk
+        from matplotlib.backends import registry
 
-        backend = pyplot.get_backend()
-        if backend.lower() not in {each.lower() for each in interactive_bk}:
+        backend, known = pyplot.get_backend(), cast(Any, registry)
+        if backend.lower() not in known.backend_registry.list_builtin(known.BackendFilter.INTERACTIVE):
             raise InputError(
                 f'render_mode "human" needs a toolkit of windows for matplotlib, whose backend is {backend}; install '
                 f"one, for instance PyQt6, or {remedy}"
             )
         self._pyplot: Any = pyplot
-        self._title, self._figure, self._image = title, None, None
+        self._title = title
+        self._figure: Any = None
+        self._image: Any = None
 
     def show(self, picture: Picture) -> None:
         """Show a picture, shape (height, width, 3)."""
