@@ -65,7 +65,7 @@ def possible_render_modes(period_s: float) -> dict[str, Any]:
 class ShootingEnv(gymnasium.Env[Floats, Floats]):
     """Engagements, one after the other; an observation is what the policy sees, an action an offset from the aim."""
 
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012  # Gymnasium reads the class's
 
     def __init__(
         self,
