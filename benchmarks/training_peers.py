@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
+from adapter_agreement import transitions_that_differ
 from archerfish.controllers.network import Layer, Normaliser
 from archerfish.controllers.policy import PolicyController
 from archerfish.evaluation.suites import Trials, draw_trials, table_suites
@@ -205,6 +206,9 @@ def environment_figures(environment: ShootingEnvironment, config: PpoConfig, ext
     return {
         **{f"environment steps/s, {name}": round(rate) for name, rate in speeds.items()},
         "compiled over one at a time": speeds["compiled"] / speeds["Gymnasium, one at a time"],
+        f"transitions that differ, of {4 * extent.adapter_steps}": transitions_that_differ(
+            environment, 4, extent.adapter_steps
+        ),
         "matrix product 512, NumPy [GFLOP/s]": matrix_product_rate(512),
         "matrix product 512, JAX [GFLOP/s]": 2 * 512**3 / seconds / 1e9,
     }
