@@ -165,6 +165,7 @@ def measure_tool(
     found = train(tool, case_of(config, iterations, threads=threads, checkpoint_every=every), folder)
     if found.problem:
         return found, {"problem": found.problem}
+    print(f"{tool.name}: {found.steps_per_second:,.0f} steps/s", flush=True)
     cache = folder / f"cache_{tool.name}"
     cached = [train(tool, case_of(config, SHORT, threads=threads), folder, cache) for _ in range(2)]
     reached = [(steps, shares(environment, path, trials)) for steps, path in found.policies]

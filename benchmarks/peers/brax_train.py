@@ -113,6 +113,8 @@ def train(case: Case, log: Log) -> None:
             distribution_type="normal",
             noise_std_type="log",
             init_noise_std=math.exp(case.log_std),
+            mean_kernel_init_fn=jax.nn.initializers.orthogonal,
+            mean_kernel_init_kwargs={"scale": 0.01},
         ),
         seed=case.seed,
         num_evals=calls + 1,
@@ -123,16 +125,9 @@ def train(case: Case, log: Log) -> None:
 
 def _policy(parameters: Any) -> Policy:
     seen, actor, _ = parameters
-    dense = _layers(actor["params"])
-    return Policy(np.asarray(seen.mean), np.asarray(seen.std) ** 2, dense)
-
-
-def _layers(parameters: Any) -> tuple[tuple[Any, Any], ...]:
-    """Find the layers, however deep the module holds them, first to last."""
-    if any("kernel" in each for each in parameters.values() if hasattr(each, "keys")):
-        names = sorted(name for name, each in parameters.items() if hasattr(each, "keys") and "kernel" in each)
-        return tuple((np.asarray(parameters[name]["kernel"]), np.asarray(parameters[name]["bias"])) for name in names)
-    return next(found for each in parameters.values() if hasattr(each, "keys") and (found := _layers(each)))
+    dense = actor["params"]["MLP_0"]["hidden_0"], actor["params"]["Dense_0"]
+    layers = tuple((np.asarray(each["kernel"]), np.asarray(each["bias"])) for each in dense)
+    return Policy(np.asarray(seen.mean), np.asarray(seen.std) ** 2, layers)
 
 
 if __name__ == "__main__":
