@@ -14,10 +14,14 @@ SIZE = 1024
 ROUNDS = 7
 
 
-def matrix_product_rate() -> float:
-    """Return the rate of float32 matrix products of NumPy, the best of a few rounds [GFLOP/s]."""
+def matrix_product_rate(size: int = SIZE) -> float:
+    """Return the rate of float32 matrix products of NumPy, the best of a few rounds [GFLOP/s].
+
+    Args:
+      size: order of the matrices.
+    """
     rng = np.random.default_rng(0)
-    left, right = rng.standard_normal((2, SIZE, SIZE), dtype=np.float32)
+    left, right = rng.standard_normal((2, size, size), dtype=np.float32)
     out = np.empty_like(left)
     np.matmul(left, right, out=out)  # the first product starts the threads
     times = []
@@ -26,7 +30,7 @@ def matrix_product_rate() -> float:
         np.matmul(left, right, out=out)
         times.append(time.perf_counter() - start)
     # The best: whatever else runs on the machine only ever adds time.
-    return 2.0 * SIZE**3 / min(times) / 1e9
+    return 2.0 * size**3 / min(times) / 1e9
 
 
 def describe_machine() -> dict[str, Any]:

@@ -44,8 +44,8 @@ def test_command_lines_are_understood(line: str) -> None:
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=lambda page: page.name)
 def test_python_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     script = "\n".join(blocks(page, "python"))
-    if "evaluation" in script:
-        pytest.importorskip("jax")
+    for needed in ("jax",) * ("evaluation" in script) + ("jax", "gymnasium") * ("gymnasium" in script):
+        pytest.importorskip(needed)
     runnable = [text for text in blocks(page, "python") if "open(" not in text]  # files of a run that is not here
     monkeypatch.chdir(tmp_path)
     exec(compile("\n".join(runnable), str(page), "exec", dont_inherit=True), {"__name__": page.stem})

@@ -6,6 +6,7 @@ import pytest
 
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_plants
+from archerfish.simulation.environment import ShootingEnvironment
 from archerfish.simulation.setting import make_world, paper_muzzle
 from archerfish.simulation.shooting import ShootingWorld
 
@@ -28,3 +29,20 @@ def build_world() -> Callable[..., ShootingWorld]:
         )
 
     return build
+
+
+@pytest.fixture(scope="session")
+def draws_of() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+    """Return the numbers of one environment's first steps, drawn as its seed says but in JAX's own words."""
+
+    def draw(seed: int, environment: ShootingEnvironment) -> tuple[np.ndarray, np.ndarray]:
+        import jax
+
+        words = np.random.SeedSequence(seed).generate_state(2)
+        key = jax.random.fold_in(jax.random.wrap_key_data(words, impl="threefry2x32"), 0)
+        first, second = jax.random.split(key)
+        normals = jax.random.normal(first, (64, environment.normals))
+        uniforms = jax.random.uniform(second, (64, environment.uniforms))
+        return np.asarray(normals)[:, None], np.asarray(uniforms)[:, None]
+
+    return draw

@@ -78,6 +78,21 @@ class Outcome(NamedTuple):
     """Whether the shot hit; NaN, of shape (), where that is not told."""
 
 
+class Advance(NamedTuple):
+    """What one step gave, before anything begins anew."""
+
+    observation: Array
+    """After this step, shape (B, n)."""
+    reward: Array
+    """Eq (8), and the bonus of a hit [m], shape (B,)."""
+    truncated: Array
+    """Whether the engagement's time is up, shape (B,)."""
+    miss: Array
+    """Pellet minus armor in y and z [m], shape (B, 2)."""
+    hit: Array
+    """Whether the shot hit, shape (B,)."""
+
+
 class ShootingEnvironment(NamedTuple):
     """Engagements of a scenario in a world, seen by an observer."""
 
@@ -120,7 +135,7 @@ class ShootingEnvironment(NamedTuple):
         """
         xp = namespace(normals, uniforms)
         batch = normals.shape[0]
-        state, observation = self._fresh(normals, uniforms)
+        state, observation = self.fresh(normals, uniforms)
         return state._replace(step=xp.arange(batch) * self.length // batch), observation
 
     def step(
@@ -134,33 +149,63 @@ class ShootingEnvironment(NamedTuple):
           normals: shape (B, normals).
           uniforms: shape (B, uniforms), for the engagements that begin.
         """
+        going_on, given = self.advance(state, action, normals)
+        following, observation = self.renew(going_on, given, normals, uniforms)
+        ended = given.truncated
+        return following, Outcome(observation, given.observation, given.reward, ended & False, ended, given.hit)
+
+    def advance(self, state: EnvironmentState, action: Array, normals: Array) -> tuple[EnvironmentState, Advance]:
+        """Advance a batch by one decision and leave what has ended as it is, for the caller to begin anew.
+
+        Args:
+          state: running engagements.
+          action: shape (B, 2).
+          normals: shape (B, normals).
+        """
         command = fire_always(self.observer.decode(state.memory, action))
         shooting, shot = self.world.shoot(state.shooting, command, normals)
         memory = self.observer.remember(state.memory, self.world.see(shooting))
         going_on = EnvironmentState(shooting, memory, state.step + 1)
-        final = self._observation(shooting, memory)
-        truncated = going_on.step >= self.length
-        fresh, first = self._fresh(normals, uniforms)
-        following = _where(truncated, fresh, going_on)
-        observation = namespace(final).where(truncated[:, None], first, final)
+        observation, ended = self._observation(shooting, memory), going_on.step >= self.length
         plain = reward(shot.miss)
         hit = plain >= -self.hit_radius
         # Where a target may or may not turn back, the nearest place on average is one that neither hits.
         gained = namespace(plain).where(hit, plain + self.hit_bonus, plain)
-        return following, Outcome(observation, final, gained, truncated & False, truncated, hit)
+        return going_on, Advance(observation, gained, ended, shot.miss, hit)
+
+    def renew(
+        self, state: EnvironmentState, given: Advance, normals: Array, uniforms: Array
+    ) -> tuple[EnvironmentState, Array]:
+        """Begin anew what has ended: state, and observations for the next decision.
+
+        Args:
+          state: engagements after a step.
+          given: what that step gave.
+          normals: shape (B, normals).
+          uniforms: shape (B, uniforms).
+        """
+        begun, first = self.fresh(normals, uniforms)
+        observation = namespace(first).where(given.truncated[:, None], first, given.observation)
+        return _where(given.truncated, begun, state), observation
+
+    def fresh(self, normals: Array, uniforms: Array) -> tuple[EnvironmentState, Array]:
+        """Begin a batch, all its members at the beginning of an engagement.
+
+        Args:
+          normals: shape (B, normals).
+          uniforms: shape (B, uniforms).
+        """
+        engagement: Engagement = draw_engagement(self.scenario, uniforms)
+        shooting = self.world.begin(engagement, normals)
+        memory = self.observer.begin(self.world.see(shooting))
+        step = namespace(normals).zeros(normals.shape[0], dtype=int)
+        return EnvironmentState(shooting, memory, step), self._observation(shooting, memory)
 
     def _observation(self, shooting: Any, memory: Any) -> Array:
         seen = self.observer.observe(memory)
         if self.hidden.shape[0] == 0:
             return seen
         return namespace(seen).concat([seen, hidden_state(self.world.period, shooting)], axis=-1)
-
-    def _fresh(self, normals: Array, uniforms: Array) -> tuple[EnvironmentState, Array]:
-        engagement: Engagement = draw_engagement(self.scenario, uniforms)
-        shooting = self.world.begin(engagement, normals)
-        memory = self.observer.begin(self.world.see(shooting))
-        step = namespace(normals).zeros(normals.shape[0], dtype=int)
-        return EnvironmentState(shooting, memory, step), self._observation(shooting, memory)
 
 
 HIDDEN = 5

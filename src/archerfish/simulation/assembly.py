@@ -1,0 +1,116 @@
+"""A shooting environment put together by names, from records or from the paper's gimbal."""
+
+from pathlib import Path
+
+import numpy as np
+
+from archerfish.dynamics.array_namespace import single_precision
+from archerfish.dynamics.muzzle import muzzle_from_record
+from archerfish.paper.conditions import assumed_conditions
+from archerfish.paper.gimbal import gate_limits, printed_plants
+from archerfish.records.errors import InputError, file_error
+from archerfish.records.limits import LimitsRecord
+from archerfish.records.muzzle import MuzzleRecord
+from archerfish.records.plant import PlantRecord, read_plant
+from archerfish.records.sensing import SensingRecord
+from archerfish.sensing.kalman_filter import noise_from_record
+from archerfish.sensing.observation import ACTION_SCALES, make_observer
+from archerfish.sensing.observers import AnyObserver
+from archerfish.sensing.tracked_observation import TRACKER_ACCELERATION, tracked_observer
+from archerfish.simulation.environment import PureWorld, ShootingEnvironment
+from archerfish.simulation.setting import make_scenario, make_world, paper_muzzle
+
+TARGETS = {"static": 1.0, "dynamic": 0.0, "both": 0.5}
+"""What moves → share of the targets that stand still."""
+PAPER = "paper"
+"""The plant that needs no file."""
+Plants = str | Path | tuple[PlantRecord, PlantRecord]
+"""The paper's gimbal, a folder with pitch.json and yaw.json, or the records of pitch and yaw."""
+
+
+def make_environment(
+    plant: Plants = PAPER,
+    target: str = "both",
+    command_limit: str = "gate",
+    observation: str = "",
+    frames: int = 4,
+    decisions: int | None = None,
+    hit_bonus: float = 0.0,
+    muzzle: MuzzleRecord | None = None,
+    sensing: SensingRecord | None = None,
+    limits: LimitsRecord | None = None,
+) -> ShootingEnvironment:
+    """Put an environment together.
+
+    Args:
+      plant: "paper", a folder as `archerfish identify gimbal` writes it, or two records.
+      target: "static", "dynamic" or "both".
+      command_limit: "box", "gate" or "los-2deg".
+      observation: "history", "paper" or "tracked"; the last where there is a sensing record, else the first.
+      frames: that the history observation remembers.
+      decisions: length of an engagement; that of the paper's conditions if not given.
+      hit_bonus: what a hit adds to the reward of eq (8) [m].
+      muzzle: the muzzle; that of the paper's conditions if not given.
+      sensing: camera and link; immediate and perfect if not given.
+      limits: ranges, rates and accelerations; the paper's ranges with GM6020 motors if not given.
+
+    Raises:
+      InputError: if a name is unknown, or a record can't be used.
+    """
+    if target not in TARGETS:
+        raise InputError(f"target must be one of {', '.join(TARGETS)}, got {target!r}")
+    conditions = assumed_conditions()
+    length = conditions.decisions if decisions is None else decisions
+    if length < 1:
+        raise InputError(f"decisions must be at least 1, got {length}")
+    muzzle, limits = muzzle or paper_muzzle(conditions), limits or gate_limits()
+    pitch, yaw = _plants(plant)
+    world = make_world(pitch, yaw, muzzle, limits, command_limit, conditions, sensing=sensing)
+    kind = observation or ("history" if sensing is None else "tracked")
+    environment: ShootingEnvironment = single_precision(
+        ShootingEnvironment(
+            world,
+            make_scenario(conditions, static_share=TARGETS[target], plants=world.plants),
+            _observer(kind, frames, world, muzzle, sensing, command_limit),
+            np.asarray(length, np.int32),
+            hit_bonus=np.float32(hit_bonus),
+            hit_radius=np.float32(conditions.hit_radius),
+        )
+    )
+    return environment
+
+
+def _plants(plant: Plants) -> tuple[PlantRecord, PlantRecord]:
+    if isinstance(plant, tuple):
+        return plant
+    if plant == PAPER:
+        printed = printed_plants()
+        return printed["pitch"], printed["yaw"]
+    return _read_axis(Path(plant), "pitch"), _read_axis(Path(plant), "yaw")
+
+
+def _read_axis(folder: Path, axis: str) -> PlantRecord:
+    path = folder / f"{axis}.json"
+    record = read_plant(path)
+    if record.quality is not None and not record.quality.usable:
+        raise file_error(
+            path, f"the plant fits {record.quality.log} to {record.quality.fit_percent:.1f} % only", "identify it anew"
+        )
+    return record
+
+
+def _observer(
+    kind: str,
+    frames: int,
+    world: PureWorld,
+    muzzle: MuzzleRecord,
+    sensing: SensingRecord | None,
+    command_limit: str,
+) -> AnyObserver:
+    scale, aimed = ACTION_SCALES[command_limit], muzzle_from_record(muzzle)
+    braking = np.asarray(world.limits.max_acceleration) * world.period_s**2
+    if kind != "tracked":
+        return make_observer(kind, aimed, frames, scale, braking)
+    if sensing is None:
+        raise InputError("the tracked observation needs a sensing record; give one, or take the history observation")
+    return tracked_observer(aimed, noise_from_record(sensing, TRACKER_ACCELERATION), world.period_s, scale, braking)
