@@ -198,7 +198,7 @@ def _observer(task: TrainingTask, world: PureWorld) -> AnyObserver:
 
 
 def _note(standing: Standing, decisions: int) -> str:
-    """Return the words beside the progress bar: return, share of hits in the latest rollouts, best share."""
+    """Return the words beside the progress bar: return and share of hits of the last rollouts, and the best share."""
     shares = [float(np.mean(part.hit_share)) for part in standing.parts]
     said = f"{decisions * float(standing.parts[-1].mean_reward[-1]):.2f} m"
     return f"{said}, hit {shares[-1]:.1%} ({max(shares):.1%})"
