@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.progress import progress_bar, require_jax
 from archerfish.cli.setting import RobotOptions, SettingFiles
@@ -106,6 +107,7 @@ def run_sweep(command: Sweep) -> dict[str, Any]:
       InputError: if an option or a file can't be used, or a trial can't be run anywhere.
     """
     require_jax("sweep")
+    keep_compiled()
     from archerfish.cli.sweeping.folder import sweep_folder
     from archerfish.cli.sweeping.preparation import prepare
     from archerfish.cli.sweeping.run import run_rounds
