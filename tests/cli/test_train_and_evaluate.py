@@ -63,6 +63,7 @@ def test_a_policy_is_trained_evaluated_and_reported(command, tmp_path, robot):
 def test_a_policy_trained_by_gradients_is_evaluated_like_any_other(command, tmp_path):
     small = ["--gradient.steps", "100", "--gradient.environments", "4", "--gradient.window", "3"]
     small += ["--gradient.hidden", "4", "--observation", "paper", "--command-limit", "box", "--seed", "3"]
+    small += ["--no-tensorboard"]
     assert command("train", "--trainer", "gradient", *small, "--out", "train")[0] == 0
     assert {path.name for path in (tmp_path / "train").iterdir()} == {*TRAINING, "config.json"}
     record = json.loads((tmp_path / "train" / "policy.json").read_text())
