@@ -14,6 +14,7 @@ from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.progress import note, progress_bar, require_jax
 from archerfish.cli.restored_options import contradictions, restore_options, with_default_flags
 from archerfish.cli.setting import RobotOptions, SettingFiles, configuration, load_setting
+from archerfish.cli.setting_remarks import setting_remarks
 from archerfish.learning.config import PpoConfig
 from archerfish.records.errors import InputError
 from archerfish.records.provenance import code_commit, library_versions
@@ -128,6 +129,8 @@ def run_train(command: Train) -> dict[str, Any]:
     from archerfish.cli.training_run import TrainingTask, run_task, write_run
 
     setting = None if command.resume else load_setting(command.setting)
+    for remark in setting_remarks(command.setting, setting) if setting else ():
+        note(remark)
     tensorboard = command.tensorboard and has_tensorboard()
     with live_run(
         command.out,
