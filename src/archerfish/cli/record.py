@@ -11,7 +11,7 @@ import tyro
 from numpy.typing import NDArray
 from rich.console import Console
 
-from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.options import Folder, JsonFile, Switch
 from archerfish.cli.progress import progress_bar
 from archerfish.cli.robot_options import PhysicsChoice, RobotName, check_above_zero, one_robot, seeds_from, write_or_keep_limits
 from archerfish.cli.run_folder import run_folder
@@ -87,7 +87,7 @@ class Record:
     """Whose clock stamps commands and reports."""
     play: Annotated[Play | None, tyro.conf.arg(help_behavior_hint="(default: inject; link with --stamps host)")] = None
     """Who plays a sweep or steps: the robot itself, or the host over the link."""
-    validation: bool = True
+    validation: Switch = True
     """Do without the log that is held back."""
     physics: PhysicsChoice = None
     """The robot's mechanics."""

@@ -10,7 +10,7 @@ import tyro
 
 from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.interrupts import without_interrupts
-from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.options import Folder, JsonFile, Switch
 from archerfish.cli.progress import note, progress_bar, require_jax
 from archerfish.cli.restored_options import contradictions, restore_options, with_default_flags
 from archerfish.cli.setting import RobotOptions, SettingFiles, configuration, load_setting
@@ -75,7 +75,7 @@ class Train:
     stop_at_hit_rate: Annotated[float | None, tyro.conf.arg(metavar="RATE", help_behavior_hint="")] = None
     """End early once the hit rate of the mean action is at least this, 0 to 1, at the lower end of its 95 % interval,
     over engagements that neither training nor evaluation meets."""
-    tensorboard: bool = True
+    tensorboard: Switch = True
     """Leave out the files for TensorBoard."""
     seed: int = 0
     """Of everything random in the training."""
