@@ -14,7 +14,7 @@ from archerfish.cli.lab_stage import LabTask, run_recording
 from archerfish.cli.robot_identification import IdentifyTask, run_axis, run_sensing_and_muzzle, step_beside_model, trimmed
 from archerfish.cli.setting import Setting, with_muzzle
 from archerfish.cli.training_run import TrainingTask, run_task
-from archerfish.cli.transfer import others
+from archerfish.cli.transfer import QUICK_ENGAGEMENTS, QUICK_STEPS, Transfer, others, shortened
 from archerfish.evaluation.transfer import drops
 from archerfish.identification.axis import order_choice
 from archerfish.learning.config import PpoConfig
@@ -149,11 +149,19 @@ def test_a_policy_for_the_robot_trains_and_shoots_with_it(setting, tmp_path) -> 
 
 def test_first_shots_correct_the_muzzle_of_a_robot_that_has_changed(setting, tmp_path) -> None:
     run_recording(LabTask("trim", "worn", tmp_path, 3))
+    assert (tmp_path / "robot.toml").read_bytes() == (ROBOTS / "worn.toml").read_bytes()
     changed = trimmed(setting, tmp_path / "first_shots.csv")
     assert changed.muzzle.speed < setting.muzzle.speed
     assert changed.muzzle.length == setting.muzzle.length
     assert changed.conditions.muzzle_speed == changed.muzzle.speed
     assert changed.yaw is setting.yaw
+
+
+def test_a_quick_run_states_what_it_does() -> None:
+    quick = shortened(Transfer(quick=True))
+    assert (quick.ppo.steps, quick.engagements) == (QUICK_STEPS, QUICK_ENGAGEMENTS)
+    assert quick.ppo.discount == Transfer().ppo.discount
+    assert shortened(replace(quick, engagements=2)).engagements == 2
 
 
 def test_trackers_are_tuned_on_draws_of_their_own(setting, monkeypatch) -> None:
