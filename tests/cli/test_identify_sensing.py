@@ -42,7 +42,8 @@ def test_two_recordings_give_record_picture_and_summary(command, files, tmp_path
     assert len(record.provenance["inputs"]) == 5
     told = json.loads((tmp_path / "told.json").read_text())
     assert told["camera"]["latency"] == record.camera.latency
-    assert (told["command_steps"], told["target_steps"], told["missing"]) == (8, 8, [])
+    assert (told["command_steps"], told["target_steps"], told["missing"]) == (8, 8, told["missing"][:1])
+    assert "Give --commands and --feedback" in told["missing"][0]
     for words_told in ("time offset to gimbal", "command to motion", "sum of command and feedback delay"):
         assert words_told in " ".join(text.split())
 
@@ -73,8 +74,11 @@ def test_messages_stamped_at_both_ends_give_the_latency_of_each_direction(comman
     out = tmp_path / "out"
     words = ["sweep.csv", "--detections", "plate.csv", "--commands", "sent.csv", "--feedback", "told.csv"]
     paths = [str(stamped / word) if word.endswith(".csv") else word for word in words]
-    status, _, err = command("identify", "sensing", *paths, "--out", str(out))
+    status, text, err = command("identify", "sensing", *paths, "--out", str(out))
     assert (status, err) == (0, "")
+    assert all(words in text for words in ("command latency", "feedback latency"))
+    for told in (" ".join(text.split()), (out / "sensing.html").read_text()):
+        assert "command latency is not known" not in told
     record = read_sensing(out / "sensing.json")
     # Means of 2000 within five standard errors, deviations of a uniform (high − low) / √12 likewise.
     for direction, mean, spread in (("command", 0.010, 0.010), ("feedback", 0.002, 0.002)):
@@ -86,6 +90,15 @@ def test_messages_stamped_at_both_ends_give_the_latency_of_each_direction(comman
             low, high = record.intervals[name]
             assert low < value < high
     assert len(record.provenance["inputs"]) == 4
+
+
+def test_a_sum_that_stamps_take_apart_is_not_said_to_show_no_more(command, stamped, tmp_path):
+    paths = [str(stamped / f"{name}.csv") for name in ("sweep", "steps", "plate", "sent")]
+    words = ["identify", "sensing", *paths[:2], "--detections", paths[2], "--commands", paths[3], "--out"]
+    status, text, _ = command(*words, str(tmp_path / "out"))
+    assert status == 0
+    assert "how long the gimbal takes to start" in " ".join(text.split())
+    assert "can't show more" not in " ".join(text.split())
 
 
 def test_one_direction_alone_leaves_the_other_unknown(stamped, tmp_path):

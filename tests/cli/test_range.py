@@ -14,6 +14,7 @@ from archerfish.records.csv_table import read_csv_columns
 from archerfish.records.limits import read_limits
 from archerfish.records.muzzle import read_muzzle
 from archerfish.records.shots_csv import read_shots_csv
+from archerfish.virtual_robot.description_file import load_robot
 
 LINEAR = ("--physics", "linear")
 
@@ -58,6 +59,27 @@ def test_the_ground_is_shot_at_under_the_angles_of_table_1(tmp_path: Path) -> No
     asked = np.array(table_1_angles())
     np.testing.assert_allclose(shots.pitch, 1.03 * asked[:, 0], atol=np.radians(0.06))
     np.testing.assert_allclose(shots.yaw, asked[:, 1], atol=np.radians(0.06))
+
+
+def test_the_ground_tells_the_height_to_pass_and_a_limits_file_of_other_content_is_kept(tmp_path: Path) -> None:
+    words = ["--ground", "--shots", "1", *LINEAR, "--out", str(tmp_path)]
+    texts = []
+    (tmp_path / "limits.json").write_text("edited by hand")
+    for _ in range(2):
+        console = Console(record=True, width=200)
+        summary = run_range(parse(Range, "archerfish range", words), console)
+        texts.append(console.export_text())
+        if len(texts) == 1:
+            assert (tmp_path / "limits.json").read_text() == "edited by hand"
+            assert summary["files"] == [str(tmp_path / "landings.csv")]
+            (tmp_path / "limits.json").unlink()
+    muzzle = load_robot("infantry").muzzle
+    assert f"identify muzzle --height-m {muzzle.height_m + muzzle.up_m:g}" in texts[0]
+    assert summary["muzzle_height_m"] == pytest.approx(muzzle.height_m + muzzle.up_m)
+    assert f"kept {tmp_path / 'limits.json'}, because it differs" in texts[0]
+    assert "kept" not in texts[1]
+    fired(tmp_path, "--ground", "--shots", "1")
+    assert read_limits(tmp_path / "limits.json").yaw.high == pytest.approx(np.radians(75))
 
 
 def test_a_muzzle_that_is_identified_on_the_ground_foretells_all_nine_landings(tmp_path: Path) -> None:

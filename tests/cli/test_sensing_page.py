@@ -40,7 +40,8 @@ def test_the_verdict_comes_first_with_rate_latency_offset_and_delay(whole):
     pattern = rf"sensing: camera {number} Hz, latency {number} ms, time offset {number} ms, noise [\d.]+ mm across at "
     assert re.match(pattern, verdict.headline)
     assert verdict.doubts == ()
-    assert verdict.next_steps == ()
+    (stamps,) = verdict.next_steps
+    assert "Give --commands and --feedback" in stamps
     assert page.index(verdict.headline) < page.index("What is known") < page.index("Do camera and gimbal")
     assert "no lack of fit" in " ".join(page.split())
 

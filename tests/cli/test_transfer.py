@@ -11,16 +11,24 @@ import pytest
 from archerfish.cli import lab_stage
 from archerfish.cli.evaluation_run import EvaluationTask, make_ground, run_evaluation, tune_controllers
 from archerfish.cli.lab_stage import LabTask, run_recording
-from archerfish.cli.robot_identification import IdentifyTask, run_axis, run_sensing_and_muzzle, trimmed
+from archerfish.cli.robot_identification import (
+    IdentifyTask,
+    run_axis,
+    run_sensing_and_muzzle,
+    step_beside_model,
+    trimmed,
+)
 from archerfish.cli.setting import Setting, with_muzzle
 from archerfish.cli.training_run import TrainingTask, run_task
-from archerfish.cli.transfer import others
+from archerfish.cli.transfer import QUICK_ENGAGEMENTS, QUICK_STEPS, Transfer, others, shortened
 from archerfish.evaluation.transfer import drops
 from archerfish.identification.axis import order_choice
 from archerfish.learning.config import PpoConfig
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.records.errors import InputError
 from archerfish.records.limits import read_limits
+from archerfish.records.plant import PlantRecord
+from archerfish.records.recording import Recording
 from archerfish.virtual_robot import description_file
 from archerfish.virtual_robot.lab import timing
 
@@ -68,7 +76,7 @@ def logs(robot, tmp_path_factory) -> Path:
         patch.setattr(lab_stage, "HOLD_S", 1.2)
         patch.setattr(lab_stage, "LANDINGS", 4)
         plan = timing.TimingPlan(sweep_s=8.0, steps=6)
-        patch.setattr(lab_stage, "TimingPlan", lambda: plan)
+        patch.setattr(lab_stage, "timing_plan", lambda _: plan)
         for kind, axis in (("axis", "yaw"), ("axis", "pitch"), ("timing", ""), ("plates", ""), ("ground", "")):
             run_recording(LabTask(kind, str(robot), folder, 1, axis))
     shutil.copy(ROBOTS / "worn.toml", robot)
@@ -88,6 +96,22 @@ def test_short_logs_tell_what_the_robot_is(setting) -> None:
     assert link.command_latency == pytest.approx(10e-3, abs=2e-3)
     assert setting.muzzle.length == pytest.approx(0.16)
     assert len(setting.pitch.A) >= 2
+
+
+def test_a_step_and_its_model_begin_at_rest_whatever_becomes_of_them() -> None:
+    # A first-order model beside an axis that comes to rest far short of it, 5° off zero: an offset that were fitted
+    # to all of it would lift or sink the model's beginning.
+    plant = PlantRecord(
+        A=np.array([[0.9]]), B=np.array([[0.1]]), C=np.eye(1), D=np.zeros((1, 1)), delay_samples=0, sample_period_s=1e-3
+    )
+    command = np.where(np.arange(600) < 300, 0.0, np.radians(30.0))
+    reached = np.where(np.arange(600) < 300, 0.0, np.radians(12.0))
+    angle = np.radians(5.0) + reached
+    log = Recording(np.arange(600) / 1e3, command[:, None], angle[:, None], ("u",), ("y",), 1e-3)
+    step = step_beside_model("yaw", log, plant)
+    assert (step.size_deg, step.time_s[0]) == (30.0, 0.0)
+    assert (step.measured_deg[0], step.model_deg[0]) == (pytest.approx(12.0), 0.0)
+    assert step.model_deg[-1] == pytest.approx(30.0, abs=0.01)
 
 
 def test_what_was_identified_does_not_change_with_the_description(logs, setting, robot, tmp_path) -> None:
@@ -131,11 +155,19 @@ def test_a_policy_for_the_robot_trains_and_shoots_with_it(setting, tmp_path) -> 
 
 def test_first_shots_correct_the_muzzle_of_a_robot_that_has_changed(setting, tmp_path) -> None:
     run_recording(LabTask("trim", "worn", tmp_path, 3))
+    assert (tmp_path / "robot.toml").read_bytes() == (ROBOTS / "worn.toml").read_bytes()
     changed = trimmed(setting, tmp_path / "first_shots.csv")
     assert changed.muzzle.speed < setting.muzzle.speed
     assert changed.muzzle.length == setting.muzzle.length
     assert changed.conditions.muzzle_speed == changed.muzzle.speed
     assert changed.yaw is setting.yaw
+
+
+def test_a_quick_run_states_what_it_does() -> None:
+    quick = shortened(Transfer(quick=True))
+    assert (quick.ppo.steps, quick.engagements) == (QUICK_STEPS, QUICK_ENGAGEMENTS)
+    assert quick.ppo.discount == Transfer().ppo.discount
+    assert shortened(replace(quick, engagements=2)).engagements == 2
 
 
 def test_trackers_are_tuned_on_draws_of_their_own(setting, monkeypatch) -> None:

@@ -203,5 +203,7 @@ def test_an_unknown_robot_is_answered_with_the_known_ones(tmp_path: Path) -> Non
         load_robot("infanty")
     with pytest.raises(InputError, match="no such file"):
         load_robot(tmp_path / "absent.toml")
-    with pytest.raises(InputError, match="is not a file"):
+    with pytest.raises(InputError, match="no robot ''; known are infantry, worn"):
+        load_robot("")
+    with pytest.raises(InputError, match="is a folder, expected a robot's description"):
         load_robot(tmp_path)

@@ -60,12 +60,61 @@ def test_without_mujoco_the_stand_in_takes_its_place_and_says_so(monkeypatch: py
         assert isinstance(make_physics(gimbal, 3, "linear"), LinearGimbal)
 
 
-def test_a_mujoco_without_batches_counts_as_absent(monkeypatch: pytest.MonkeyPatch) -> None:
-    def find_spec(name: str) -> object | None:
-        return object() if name == "mujoco" else None
+def fake_mujoco(folder: Path, package: str, batch: str | None) -> dict[str, str]:
+    """Write a package called mujoco, and return the environment of a process that finds it first."""
+    (folder / "mujoco").mkdir()
+    (folder / "mujoco" / "__init__.py").write_text(package)
+    if batch is not None:
+        (folder / "mujoco" / "batch.py").write_text(batch)
+    return {"PYTHONPATH": f"{folder}:{Path(__file__).parents[2] / 'src'}"}
 
-    monkeypatch.setattr(gimbal_physics.importlib.util, "find_spec", find_spec)
-    assert not gimbal_physics.mujoco_installed()
+
+ASK = """
+import sys
+from archerfish.virtual_robot.gimbal_physics import mujoco_installed
+print(mujoco_installed(), "mujoco" in sys.modules)
+"""
+
+
+@pytest.mark.parametrize(("batch", "installed"), [(None, "False"), ("", "True")])
+def test_a_mujoco_is_installed_if_it_has_batches_and_is_not_imported_to_know(
+    tmp_path: Path, batch: str | None, installed: str
+) -> None:
+    environment = fake_mujoco(tmp_path, "", batch)
+    done = subprocess.run(
+        [sys.executable, "-c", ASK], capture_output=True, text=True, env=environment, timeout=60, check=True
+    )
+    assert done.stdout.split() == [installed, "False"]
+
+
+WRAPPED_INTERRUPT = """
+try:
+    raise KeyboardInterrupt
+except KeyboardInterrupt as interrupt:
+    raise ImportError("initialization failed") from interrupt
+"""
+
+
+@pytest.mark.parametrize(
+    ("package", "status", "told"),
+    [
+        ("raise ImportError('libGL.so: no such file')", 2, "MuJoCo is installed but can't be imported (libGL.so"),
+        (WRAPPED_INTERRUPT, 130, "interrupted"),
+    ],
+    ids=["broken", "Ctrl-C while it is loaded"],
+)
+def test_no_stand_in_takes_the_place_of_an_installed_mujoco(
+    tmp_path: Path, package: str, status: int, told: str
+) -> None:
+    environment = fake_mujoco(tmp_path, package, "")
+    words = ["record", "step", "--no-validation", "--hold-s", "0.1", "--out", str(tmp_path / "out")]
+    script = f"from archerfish.cli.main import main; main({words!r})"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, env=environment, timeout=60, check=False
+    )
+    assert done.returncode == status, done.stderr
+    assert told in done.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_robot_on_the_stand_in_reaches_its_command() -> None:

@@ -10,9 +10,10 @@ import tyro
 from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.hit_rate_table import print_hit_rates, print_where
 from archerfish.cli.options import Folder, JsonFile
-from archerfish.cli.progress import progress_bar, require_jax
+from archerfish.cli.progress import note, progress_bar, require_jax
 from archerfish.cli.run_folder import run_folder
-from archerfish.cli.setting import RobotOptions, SettingFiles, configuration, load_setting
+from archerfish.cli.setting import RobotOptions, Setting, SettingFiles, configuration, load_setting
+from archerfish.cli.setting_remarks import policy_remarks, setting_remarks
 from archerfish.controllers.policy import policy_from_record
 from archerfish.controllers.roster import CONTROLLERS
 from archerfish.records import storage
@@ -86,6 +87,7 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     period_s = setting.conditions.control_period_s
     policies = tuple(_policy(path, period_s, command.command_limit) for path in command.policies)
     _check_distinct(policies, command)
+    _remark(command, setting, policies)
     task = EvaluationTask(
         setting, command.command_limit, command.engagements, command.seed, command.controllers, policies
     )
@@ -108,6 +110,14 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     print_hit_rates(results.cells)
     print_where(command.out, results.durations)
     return asdict(results)
+
+
+def _remark(command: Evaluate, setting: Setting, policies: tuple[PolicyRecord, ...]) -> None:
+    for remark in setting_remarks(command.setting, setting):
+        note(remark)
+    for path, policy in zip(command.policies, policies, strict=True):
+        for remark in policy_remarks(path, policy, setting):
+            note(remark)
 
 
 def _check_distinct(policies: tuple[PolicyRecord, ...], command: Evaluate) -> None:

@@ -9,7 +9,7 @@ import tyro
 from rich.console import Console
 
 from archerfish.cli.excite_summary import Summary, excite_summary, print_excite
-from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.options import Folder, JsonFile, Switch
 from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
 from archerfish.figures.excitation import CommandRun, ResponseBand, excitation_figure
@@ -50,7 +50,7 @@ class Excite:
     """Axis: pitch or yaw, whose limits are taken, and the beginning of the files' names."""
     kinds: tuple[Kind, ...] = ("sweep", "step")
     """Signals, each a log of its own."""
-    validation: bool = True
+    validation: Switch = True
     """Do without the step that is held back."""
     duration_s: float = ExcitationSettings.duration_s
     """Length of sweep, multisine and PRBS in seconds."""

@@ -13,7 +13,7 @@ from archerfish.cli.axis_picture import axis_picture
 from archerfish.cli.axis_summary import Summary, axis_summary, print_axis
 from archerfish.cli.axis_verdict import Verdict, judged_fit, verdict
 from archerfish.cli.gimbal_logs import GimbalLogs, LogReading, read_gimbal_logs
-from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.options import Folder, JsonFile, Switch
 from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
 from archerfish.figures.style import save_figure
@@ -73,9 +73,9 @@ class IdentifyGimbal:
     contradict it."""
     max_delay: int = 20
     """Longest input delay that is tried, in samples."""
-    feedthrough: bool = True
-    """Let the output jump with the input, where the logs say so. An angle can't, as the axis has inertia: without, its
-    delay is told more exactly."""
+    feedthrough: Switch = True
+    """Don't let the output jump with the input, whatever the logs say. An angle can't, as the axis has inertia: its
+    delay is then told more exactly."""
     validate: Annotated[
         tyro.conf.UseAppendAction[tuple[tuple[Path, ...], ...]],
         tyro.conf.arg(metavar="LOG…", help_behavior_hint=""),

@@ -14,7 +14,7 @@ from archerfish.cli.lab_files import LARGE_STEPS_DEG, Tape
 from archerfish.cli.range import table_1_angles
 from archerfish.cli.workers import Task, run_tasks
 from archerfish.records import storage
-from archerfish.virtual_robot.description_file import load_robot
+from archerfish.virtual_robot.description_file import load_robot, robot_path
 from archerfish.virtual_robot.lab.log_files import (
     write_axis_log,
     write_columns,
@@ -67,6 +67,7 @@ def record_robot(robot: str, folder: Path, seed: int, workers: int) -> None:
       seed: of the robot's noise.
       workers: processes.
     """
+    keep_description(robot, folder)
     kinds = ((("ground"), ""), ("axis", "yaw"), ("axis", "pitch"), ("timing", ""), ("plates", ""))
     seeds = np.random.SeedSequence([seed, 401]).generate_state(len(kinds)).tolist()
     jobs: list[Task] = [
@@ -74,6 +75,16 @@ def record_robot(robot: str, folder: Path, seed: int, workers: int) -> None:
         for (kind, axis), each in zip(kinds, seeds, strict=True)
     ]
     run_tasks("recording", "logs", jobs, workers)
+
+
+def keep_description(robot: str, folder: Path) -> None:
+    """Copy a robot's description beside its logs, as it is when they are recorded; nobody reads the copy.
+
+    Args:
+      robot: name or file.
+      folder: of the logs.
+    """
+    storage.write_bytes(folder / "robot.toml", robot_path(robot).read_bytes())
 
 
 def run_recording(task: LabTask, advance: Advance = lambda *_: None) -> None:
@@ -133,6 +144,7 @@ def _ground(robot: VirtualRobot, task: LabTask) -> None:
 
 
 def _trim(robot: VirtualRobot, task: LabTask) -> None:
+    keep_description(task.robot, task.folder)
     pitch = float(np.radians(PLATE_PITCH_DEG))
     rows = list(shoot_plates(robot, (TRIM_PLATE_M,), pitch, 0, TRIM_SHOTS, task.seed))
     write_shots(task.folder / "first_shots.csv", rows)

@@ -7,5 +7,7 @@ import tyro
 
 JsonFile = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")]
 """A file that is written only if it is given."""
+Switch = Annotated[bool, tyro.conf.arg(help_behavior_hint="")]
+"""What is done unless --no-NAME is given; --help shows that flag, so the words below it say what leaving out does."""
 Folder = Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
 """A folder for results."""

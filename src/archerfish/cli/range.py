@@ -11,14 +11,21 @@ from rich.console import Console
 
 from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.progress import progress_bar
-from archerfish.cli.robot_options import PhysicsChoice, RobotName, check_above_zero, one_robot, seeds_from
+from archerfish.cli.robot_options import (
+    PhysicsChoice,
+    RobotName,
+    check_above_zero,
+    one_robot,
+    seeds_from,
+    write_or_keep_limits,
+)
 from archerfish.cli.run_folder import run_folder
 from archerfish.cli.summary_end import print_end
 from archerfish.paper.tables import landing_table
 from archerfish.records.errors import InputError
 from archerfish.virtual_robot.description import RobotDescription
 from archerfish.virtual_robot.description_file import load_robot
-from archerfish.virtual_robot.lab.log_files import write_robot_limits, write_shots
+from archerfish.virtual_robot.lab.log_files import write_shots
 from archerfish.virtual_robot.lab.shooting import ShotRow, check_aim, shoot_ground, shoot_plates
 from archerfish.virtual_robot.robot import VirtualRobot
 
@@ -33,7 +40,7 @@ class Range:
     Table I.
 
     Writes shots.csv, or with --ground landings.csv, for archerfish identify muzzle; and limits.json, what the team
-    knows of its robot.
+    knows of its robot; one that is there with other content is kept.
 
     Examples:
       archerfish range --out runs/my-robot
@@ -81,14 +88,25 @@ def run_range(command: Range, console: Console | None = None) -> Summary:
         virtual = one_robot(robot, noise, command.physics, console)
         fired = _fired(command, virtual, draws)
         write_shots(folder / name, fired)
-        write_robot_limits(folder / "limits.json", robot)
-    files = [str(command.out / each) for each in (name, "limits.json")]
+        names = [name, *write_or_keep_limits(folder, command.out, robot, console)]
+    files = [str(command.out / each) for each in names]
     speeds = np.array([shot.speed for shot in fired])
     console.print(
         f"{robot.schema.name}: {len(fired)} shots, measured speed {speeds.mean():.2f} ± {speeds.std():.2f} m/s"
     )
-    print_end(console, [], files)
-    return {"robot": robot.schema.name, "shots": len(fired), "mean_speed_m_s": float(speeds.mean()), "files": files}
+    print_end(console, [_height_words(robot)] if command.ground else [], files)
+    summary = {"robot": robot.schema.name, "shots": len(fired), "mean_speed_m_s": float(speeds.mean()), "files": files}
+    return {**summary, "muzzle_height_m": _muzzle_height(robot)} if command.ground else summary
+
+
+def _muzzle_height(robot: RobotDescription) -> float:
+    """Return the height of the muzzle above the ground with the barrel level, by tape [m]."""
+    return round(robot.muzzle.height_m + robot.muzzle.up_m, 3)
+
+
+def _height_words(robot: RobotDescription) -> str:
+    height = _muzzle_height(robot)
+    return f"the muzzle is {height:g} m above the ground with the barrel level: identify muzzle --height-m {height:g}"
 
 
 def table_1_angles() -> list[tuple[float, float]]:

@@ -11,9 +11,16 @@ import tyro
 from numpy.typing import NDArray
 from rich.console import Console
 
-from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.options import Folder, JsonFile, Switch
 from archerfish.cli.progress import progress_bar
-from archerfish.cli.robot_options import PhysicsChoice, RobotName, check_above_zero, one_robot, seeds_from
+from archerfish.cli.robot_options import (
+    PhysicsChoice,
+    RobotName,
+    check_above_zero,
+    one_robot,
+    seeds_from,
+    write_or_keep_limits,
+)
 from archerfish.cli.run_folder import run_folder
 from archerfish.cli.summary_end import print_end
 from archerfish.records.csv_table import read_csv_columns
@@ -25,7 +32,6 @@ from archerfish.virtual_robot.lab.log_files import (
     write_columns,
     write_detections,
     write_gimbal_log,
-    write_robot_limits,
 )
 from archerfish.virtual_robot.lab.recorder import AXES, Play, Stamps, Trace, host_trace, play, robot_trace
 from archerfish.virtual_robot.lab.shooting import Plate, check_aim
@@ -52,7 +58,8 @@ class Record:
 
     Writes AXIS_sweep.csv and AXIS_sweep_validation.csv (or step), or timing_sweep.csv, timing_steps.csv,
     timing_plate.csv, timing_target.csv, timing_moments.csv, and from the robot's stamps timing_commands.csv and
-    timing_reports.csv; and limits.json, what the team knows of its robot.
+    timing_reports.csv; and limits.json, what the team knows of its robot; one
+    that is there with other content is kept.
 
     Examples:
       archerfish record sweep --axis yaw --out runs/my-robot
@@ -87,7 +94,7 @@ class Record:
     """Whose clock stamps commands and reports."""
     play: Annotated[Play | None, tyro.conf.arg(help_behavior_hint="(default: inject; link with --stamps host)")] = None
     """Who plays a sweep or steps: the robot itself, or the host over the link."""
-    validation: bool = True
+    validation: Switch = True
     """Do without the log that is held back."""
     physics: PhysicsChoice = None
     """The robot's mechanics."""
@@ -114,8 +121,8 @@ def run_record(command: Record, console: Console | None = None) -> Summary:
     work = _timing if command.kind == "timing" else _axis
     with run_folder(command.out) as folder:
         names = work(command, robot, folder, console)
-        write_robot_limits(folder / "limits.json", robot)
-    files = [str(command.out / name) for name in (*names, "limits.json")]
+        names += write_or_keep_limits(folder, command.out, robot, console)
+    files = [str(command.out / name) for name in names]
     print_end(console, [], files)
     return {"robot": robot.schema.name, "kind": command.kind, "axis": command.axis, "files": files}
 

@@ -15,11 +15,12 @@ from archerfish.cli.workers import Task, run_tasks
 from archerfish.evaluation.robot_results import LandingRow, RobotIdentification, RobotStep
 from archerfish.identification.axis.gimbal import AxisIdentification
 from archerfish.identification.axis.order_choice import choose_order
+from archerfish.identification.axis.state_space import simulate
 from archerfish.identification.axis.steady_gain import PlateauGain, plateau_gain
 from archerfish.identification.muzzle.landing import landing_distance
 from archerfish.identification.muzzle.likelihood import identify_muzzle
 from archerfish.identification.sensing.estimate import identify_sensing
-from archerfish.identification.validation.free_run import common_offset, fit_percent, free_run
+from archerfish.identification.validation.free_run import fit_percent, free_run
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.records.limits import read_limits
 from archerfish.records.message_times import read_message_times_csv
@@ -132,17 +133,28 @@ def _axis_facts(result: AxisIdentification, fits: list[float], gain: PlateauGain
 
 
 def _large_step(task: IdentifyTask, plant: PlantRecord, size: float) -> RobotStep:
-    log = _read(task, f"{task.axis}_step_{abs(size):g}deg.csv")
-    run = free_run(plant, log, common_offset(plant, [log]))
-    begin = int(np.argmax(np.abs(log.inputs[:, 0]) > 0))
-    rest = float(np.mean(log.outputs[:begin, 0]))
-    measured = log.outputs[:, 0] - rest
-    model = measured - run.residual[:, 0]
+    return step_beside_model(task.axis, _read(task, f"{task.axis}_step_{abs(size):g}deg.csv"), plant)
+
+
+def step_beside_model(axis: str, log: Recording, plant: PlantRecord) -> RobotStep:
+    """Lay a step of a robot beside that of its model; both begin at rest, at zero.
+
+    Nothing is fitted: an offset that were fitted to the whole step would hide a part of what a saturated motor lacks.
+    The fit is the NRMSE from the step on, of the measured angle less its mean before the step.
+
+    Args:
+      axis: of the log.
+      log: rest, then one step.
+      plant: the identified model.
+    """
+    begin = int(np.argmax(log.inputs[:, 0] != log.inputs[0, 0]))
+    measured = log.outputs[:, 0] - float(np.mean(log.outputs[:begin, 0]))
+    model = simulate(plant, log.inputs - log.inputs[0])[:, 0]
     shown = slice(begin, None, STEP_EVERY)
     time = log.sample_period_s * (np.arange(len(model)) - begin)
     return RobotStep(
-        axis=task.axis,
-        size_deg=float(np.round(np.degrees(log.inputs[-1, 0]), 3)),
+        axis=axis,
+        size_deg=float(np.round(np.degrees(log.inputs[-1, 0] - log.inputs[0, 0]), 3)),
         time_s=tuple(np.round(time[shown], 4).tolist()),
         measured_deg=tuple(np.degrees(measured[shown]).tolist()),
         model_deg=tuple(np.degrees(model[shown]).tolist()),

@@ -1,6 +1,7 @@
 """What the commands that work with a robot have in common."""
 
 import warnings
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -9,8 +10,10 @@ from rich.console import Console
 
 from archerfish.records.errors import InputError
 from archerfish.virtual_robot.description import RobotDescription
+from archerfish.virtual_robot.lab.log_files import write_robot_limits
 from archerfish.virtual_robot.robot import VirtualRobot
 
+LIMITS = "limits.json"
 RobotName = Annotated[str, tyro.conf.arg(metavar="NAME|FILE")]
 PhysicsChoice = Annotated[
     Literal["mujoco", "linear"] | None, tyro.conf.arg(help_behavior_hint="(default: mujoco where it is installed)")
@@ -27,6 +30,28 @@ def one_robot(
     for notice in notices:
         console.print(f"• {notice.message}", markup=False, highlight=False)
     return robot
+
+
+def write_or_keep_limits(folder: Path, out: Path, robot: RobotDescription, console: Console) -> list[str]:
+    """Write limits.json, unless the output folder has one of other content, which a person may have edited.
+
+    Args:
+      folder: to write to, whose files move to `out` later.
+      out: output folder.
+      robot: whose limits.
+      console: where it is said that a file is kept.
+
+    Returns:
+      Names of what was written: limits.json, or nothing.
+    """
+    new, old = folder / LIMITS, out / LIMITS
+    write_robot_limits(new, robot)
+    if not old.is_file() or old.read_bytes() == new.read_bytes():
+        return [LIMITS]
+    new.unlink()
+    told = f"kept {old}, because it differs from the limits of {robot.schema.name}; remove it to have these written"
+    console.print(f"• {told}", markup=False, highlight=False)
+    return []
 
 
 def seeds_from(seed: int, count: int) -> list[int]:

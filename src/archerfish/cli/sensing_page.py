@@ -34,6 +34,10 @@ _MEANINGS = {
     "link.command_delay": "from a logged command to the logged motion, on average: both delays together",
     "link.command_jitter": "from step to step, standard deviation",
     "link.feedback_delay": "how old a logged angle is",
+    "link.command_latency": "from sending a command to its receipt by the gimbal, on average",
+    "link.command_latency_jitter": "from command to command, standard deviation",
+    "link.feedback_latency": "from the gimbal's stamp of a report to its receipt, on average",
+    "link.feedback_latency_jitter": "from report to report, standard deviation",
     "link.feedback_rate_hz": "how often the logged angle is refreshed",
     "link.feedback_quantum": "what the logged angle changes by at least",
 }

@@ -21,6 +21,10 @@ LABELS = {
     "link.command_delay": ("command to motion, both ways", "ms", 1e3),
     "link.command_jitter": ("its jitter", "ms", 1e3),
     "link.feedback_delay": ("of it, feedback", "ms", 1e3),
+    "link.command_latency": ("command latency", "ms", 1e3),
+    "link.command_latency_jitter": ("its jitter", "ms", 1e3),
+    "link.feedback_latency": ("feedback latency", "ms", 1e3),
+    "link.feedback_latency_jitter": ("its jitter", "ms", 1e3),
     "link.feedback_rate_hz": ("feedback rate", "Hz", 1.0),
     "link.feedback_quantum": ("step of the feedback", "mrad", 1e3),
 }
@@ -100,6 +104,13 @@ def _known(result: SensingIdentification) -> Iterator[str]:
             f"From a command to the first logged motion {told(result, 'link.command_delay')} pass, feedback included, "
             f"and {told(result, 'link.command_jitter')} more or less from step to step (standard deviation)."
         )
+    for name, way in (("command", "A command reaches the gimbal"), ("feedback", "A report of the gimbal arrives")):
+        if getattr(link, f"{name}_latency") is not None:
+            yield (
+                f"{way} {told(result, f'link.{name}_latency')} after it was sent, and "
+                f"{told(result, f'link.{name}_latency_jitter')} more or less from message to message (standard "
+                "deviation)."
+            )
 
 
 def _doubts(result: SensingIdentification) -> Iterator[str]:
@@ -139,7 +150,8 @@ def _next_steps(result: SensingIdentification) -> Iterator[str]:
         ):
             more = "more" if count >= _FEW_STEPS else "some twenty"
             yield f"Record {more} steps of the {what}; {count} tell {told(result, name)}."
-    if result.sensing.link.command_delay is not None and result.sensing.link.feedback_delay is None:
+    link = result.sensing.link
+    if link.command_delay is not None and link.feedback_delay is None and link.command_latency is None:
         yield (
             "To split the command-to-motion delay into the command's and the feedback's, record a target that steps at "
             "known moments."

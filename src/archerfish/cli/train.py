@@ -10,10 +10,11 @@ import tyro
 
 from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.interrupts import without_interrupts
-from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.options import Folder, JsonFile, Switch
 from archerfish.cli.progress import note, progress_bar, require_jax
 from archerfish.cli.restored_options import contradictions, restore_options, with_default_flags
 from archerfish.cli.setting import RobotOptions, SettingFiles, configuration, load_setting
+from archerfish.cli.setting_remarks import setting_remarks
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.gradient_config import GradientConfig
 from archerfish.records.errors import InputError
@@ -81,7 +82,7 @@ class Train:
     stop_at_hit_rate: Annotated[float | None, tyro.conf.arg(metavar="RATE", help_behavior_hint="")] = None
     """End early once the hit rate of the mean action is at least this, 0 to 1, at the lower end of its 95 % interval,
     over engagements that neither training nor evaluation meets."""
-    tensorboard: bool = True
+    tensorboard: Switch = True
     """Leave out the files for TensorBoard."""
     seed: int = 0
     """Of everything random in the training."""
@@ -135,6 +136,8 @@ def run_train(command: Train) -> dict[str, Any]:
     from archerfish.cli.training_run import TrainingTask, run_task, write_run
 
     setting = None if command.resume else load_setting(command.setting)
+    for remark in setting_remarks(command.setting, setting) if setting else ():
+        note(remark)
     tensorboard = command.tensorboard and has_tensorboard()
     with live_run(
         command.out,

@@ -2,7 +2,7 @@
 
 import os
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -34,7 +34,8 @@ class Transfer:
     policies in the simulator made from them, and shoots Tables IV and V there and with the robot, beside classical
     controllers tuned in the same simulator. Nothing after the recording reads the robot's description.
 
-    Writes report.html (start there), results.json, the logs, the records, the policies and config.json.
+    Writes report.html (start there), results.json, the logs with the robot's description as it was then, the records,
+    the policies and config.json.
 
     Examples:
       archerfish transfer
@@ -78,18 +79,16 @@ def run_transfer(command: Transfer) -> dict[str, Any]:
     from archerfish.evaluation.report import write_report
     from archerfish.evaluation.results import new_results, write_results
 
-    ppo, engagements = command.ppo, command.engagements
     if command.quick:
-        ppo = PpoConfig(**{**asdict(ppo), "steps": min(QUICK_STEPS, ppo.steps)})
-        engagements = min(QUICK_ENGAGEMENTS, engagements)
+        command = shortened(command)
     begun = time.monotonic()
     with run_folder(command.out) as folder:
         rehearsal = Rehearsal(
             robot=command.robot,
             changed=others(command.robot, command.changed),
-            ppo=ppo,
+            ppo=command.ppo,
             seeds=tuple(command.seed + each for each in command.seeds),
-            engagements=engagements,
+            engagements=command.engagements,
             folder=folder,
             workers=command.workers or min(os.cpu_count() or 1, 4),
         )
@@ -107,6 +106,19 @@ def run_transfer(command: Transfer) -> dict[str, Any]:
     print_hit_rates(results.cells)
     print_where(command.out, results.durations)
     return asdict(results)
+
+
+def shortened(command: Transfer) -> Transfer:
+    """Return what a quick run does, so that its config.json tells no more than was done.
+
+    Args:
+      command: as given.
+    """
+    return replace(
+        command,
+        ppo=replace(command.ppo, steps=min(QUICK_STEPS, command.ppo.steps)),
+        engagements=min(QUICK_ENGAGEMENTS, command.engagements),
+    )
 
 
 def others(robot: str, changed: tuple[str, ...]) -> tuple[str, ...]:

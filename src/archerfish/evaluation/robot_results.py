@@ -19,7 +19,7 @@ class RobotStep:
     model_deg: tuple[float, ...]
     """Angle of the identified model [degrees], shape (N,)."""
     fit_percent: float
-    """NRMSE fit of the two [%]."""
+    """NRMSE fit of the two from the step on, each counted from its rest before it [%]."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ class PpoConfig:
     critic_learning_rate: float = 3e-3
     """Adam step of the critic (paper)."""
     anneal: bool = True
-    """Let the learning rates fall linearly to a tenth."""
+    """Whether the learning rates fall linearly to a tenth."""
     clip: float = 0.2
     """Clipping ε of eq (10) (paper)."""
     discount: float = 0.95

@@ -33,11 +33,15 @@ def robot_path(name_or_path: str | Path) -> Path:
     """
     if str(name_or_path) in robot_names():
         return _ROBOTS / f"{name_or_path}.toml"
-    path = Path(name_or_path)
-    if path.suffix != ".toml" and not path.exists():
-        known = ", ".join(robot_names())
+    path, known = Path(name_or_path), ", ".join(robot_names())
+    if not str(name_or_path) or (path.suffix != ".toml" and not path.exists()):
         raise InputError(
             f"no robot {str(name_or_path)!r}; known are {known}, or pass a TOML file (docs/virtual_robot.md)"
+        )
+    if path.is_dir():
+        raise InputError(
+            f"{path}: is a folder, expected a robot's description; known are {known}, or pass a TOML file "
+            "(docs/virtual_robot.md)"
         )
     return path
 

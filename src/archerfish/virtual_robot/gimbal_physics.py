@@ -1,8 +1,8 @@
 """The mechanics of a batch of gimbals, behind one protocol: MuJoCo's, or a linear stand-in."""
 
-import importlib
 import importlib.util
 import warnings
+from pathlib import Path
 from typing import Literal, Protocol
 
 import numpy as np
@@ -40,11 +40,14 @@ class GimbalPhysics(Protocol):
 
 
 def mujoco_installed() -> bool:
-    """Return whether MuJoCo with its batches, new in version 4, can be imported."""
+    """Return whether MuJoCo with its batches, new in version 4, lies in the search path."""
+    # Looked up as a file: to find a submodule its package is imported, and what goes wrong in that is not its absence.
     try:
-        return importlib.util.find_spec("mujoco") is not None and importlib.util.find_spec("mujoco.batch") is not None
+        found = importlib.util.find_spec("mujoco")
     except (ImportError, ValueError):
         return False
+    folders = (found.submodule_search_locations if found else None) or []
+    return any(path.is_file() for folder in folders for path in Path(folder).glob("batch.*"))
 
 
 def make_physics(gimbal: Gimbal, batch: int, kind: Physics | None = None) -> GimbalPhysics:
@@ -57,7 +60,7 @@ def make_physics(gimbal: Gimbal, batch: int, kind: Physics | None = None) -> Gim
         a warning.
 
     Raises:
-      InputError: if MuJoCo is asked for and not installed.
+      InputError: if MuJoCo is asked for and not installed, or is installed and can't be imported.
     """
     if kind == "linear":
         return LinearGimbal(gimbal, batch)
@@ -68,6 +71,27 @@ def make_physics(gimbal: Gimbal, batch: int, kind: Physics | None = None) -> Gim
             )
         warnings.warn(STAND_IN_NOTICE, stacklevel=2)
         return LinearGimbal(gimbal, batch)
-    from archerfish.virtual_robot.mujoco_gimbal import MujocoGimbal  # only where it is installed
+    return _mujoco_gimbal(gimbal, batch)
 
+
+def _mujoco_gimbal(gimbal: Gimbal, batch: int) -> GimbalPhysics:
+    """Build MuJoCo's mechanics; what keeps an installed MuJoCo from being imported is an error, not its absence."""
+    try:
+        from archerfish.virtual_robot.mujoco_gimbal import MujocoGimbal  # only where it is installed
+    except ImportError as error:
+        if _interrupted(error):
+            raise KeyboardInterrupt from error
+        raise InputError(
+            f"MuJoCo is installed but can't be imported ({error}); mend its installation, or pass --physics linear "
+            "where the command has it"
+        ) from error
     return MujocoGimbal(gimbal, batch)
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Return whether an error stands for a Ctrl-C: extension modules wrap one that comes while they are loaded."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__cause__ or error.__context__
+    return False

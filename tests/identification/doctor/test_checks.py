@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from archerfish.identification.doctor.checks import check_recordings
+from archerfish.identification.doctor.signals import signal_findings
 from archerfish.records.errors import InputError
 from archerfish.records.recording import make_recording
 
@@ -72,3 +73,21 @@ def test_a_signal_that_is_cut_off_is_remarked_and_a_step_is_not():
     remarks = check_recordings([cut, steps], 4)
     assert len(remarks) == 1
     assert 'cut.csv: "u" sits at its extreme' in remarks[0]
+
+
+def stepped(frozen):
+    """Steps to levels held for 2 s, and an angle that reaches each after 20 ms and 300 ms, on an encoder's grid."""
+    u = np.repeat([0.0, 0.3, -0.2, 0.4, 0.0], 200)
+    aims = np.concatenate([np.zeros(2), u[:-2]])
+    y = np.zeros(len(u))
+    for index in range(1, len(u)):
+        y[index] = y[index - 1] + 0.2 * (aims[index] - y[index - 1])
+    y = np.round(y, 3)
+    if frozen:
+        y[350:650] = y[350]
+    return make_recording(u, y, 0.01)
+
+
+@pytest.mark.parametrize(("frozen", "told"), [(False, []), (True, ["frozen"])])
+def test_an_output_at_rest_while_a_level_is_held_is_not_frozen_and_one_that_misses_a_step_is(frozen, told):
+    assert [each.code for each in signal_findings(stepped(frozen)) if each.code == "frozen"] == told

@@ -152,13 +152,22 @@ def _frozen(recording: Recording, name: str, signal: Array) -> list[Finding]:
     ends = np.concatenate([[-1], changes, [len(signal) - 1]])
     longest = int(np.argmax(np.diff(ends)))
     start, stop = int(ends[longest]) + 1, int(ends[longest + 1]) + 1
-    moved = np.ptp(recording.inputs[start:stop], axis=0) > 0.1 * np.ptp(recording.inputs, axis=0)
-    if stop - start < max(20, _FROZEN_SHARE * len(signal)) or not moved.any():
+    if stop - start < max(20, _FROZEN_SHARE * len(signal)) or not _moves_meanwhile(recording.inputs, start, stop):
         return []
     message = (
         f'"{name}" stands still from {recording.time[start]:.4g} s for {stop - start} samples while the input moves'
     )
     return [_warning("frozen", recording, message, "check the sensor's link; cut that part out")]
+
+
+def _moves_meanwhile(inputs: Array, start: int, stop: int) -> bool:
+    """Return whether an input moves, beyond noise, in the middle half of a stretch, inputs of shape (N, m).
+
+    An output may rest while an input is held at a level, and for its delay after the step that ends the rest.
+    """
+    margin = (stop - start) // 4
+    middle = inputs[start + margin : stop - margin]
+    return bool(np.any(np.ptp(middle, axis=0) > 0.1 * np.ptp(inputs, axis=0)))
 
 
 def _drift(recording: Recording, name: str, signal: Array) -> list[Finding]:

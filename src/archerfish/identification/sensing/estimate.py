@@ -131,7 +131,7 @@ def identify_sensing(
         command_steps=0 if delay is None else delay.steps,
         command_delays=() if delay is None else delay.each,
         target_steps=0 if by_steps is None else by_steps.steps,
-        missing=tuple(_missing(camera.record, delay, gimbal_clock, seen.receive is not None)),
+        missing=(*_missing(camera.record, delay, gimbal_clock, seen.receive is not None), *_unstamped(link)),
         remarks=tuple(doubts(Doubts(sweep, reported, track, frames, alignment, camera.record, link))),
     )
 
@@ -280,6 +280,19 @@ def _with_messages(
             intervals[f"link.{name}"] = timing.mean_interval
             intervals[f"link.{name}_jitter"] = timing.jitter_interval
     return link, intervals
+
+
+def _unstamped(link: LinkRecord) -> list[str]:
+    """Say what follows where no stamps tell how late commands are."""
+    if link.command_latency is not None:
+        return []
+    return [
+        (
+            "The command latency is not known, so the simulator sends commands without any (right only for plants whose "
+            "logs hold it already). Give --commands and --feedback, the stamps of both ends; archerfish record timing "
+            "writes them as timing_commands.csv and timing_reports.csv."
+        )
+    ]
 
 
 def _missing(camera: CameraRecord, delay: CommandDelay | None, gimbal_clock: GimbalClock, received: bool) -> list[str]:
