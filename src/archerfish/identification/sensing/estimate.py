@@ -288,9 +288,9 @@ def _unstamped(link: LinkRecord) -> list[str]:
         return []
     return [
         (
-            "The command latency is not known, so the simulator sends commands without any (right only for plants whose "
-            "logs hold it already). Give --commands and --feedback, the stamps of both ends; archerfish record timing "
-            "writes them as timing_commands.csv and timing_reports.csv."
+            "The command latency is not known, so the simulator sends commands without any (right only for plants "
+            "whose logs hold it already). Give --commands and --feedback, the stamps of both ends; archerfish record "
+            "timing writes them as timing_commands.csv and timing_reports.csv."
         )
     ]
 
