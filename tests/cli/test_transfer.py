@@ -11,7 +11,13 @@ import pytest
 from archerfish.cli import lab_stage
 from archerfish.cli.evaluation_run import EvaluationTask, make_ground, run_evaluation, tune_controllers
 from archerfish.cli.lab_stage import LabTask, run_recording
-from archerfish.cli.robot_identification import IdentifyTask, run_axis, run_sensing_and_muzzle, step_beside_model, trimmed
+from archerfish.cli.robot_identification import (
+    IdentifyTask,
+    run_axis,
+    run_sensing_and_muzzle,
+    step_beside_model,
+    trimmed,
+)
 from archerfish.cli.setting import Setting, with_muzzle
 from archerfish.cli.training_run import TrainingTask, run_task
 from archerfish.cli.transfer import QUICK_ENGAGEMENTS, QUICK_STEPS, Transfer, others, shortened

@@ -11,7 +11,14 @@ from rich.console import Console
 
 from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.progress import progress_bar
-from archerfish.cli.robot_options import PhysicsChoice, RobotName, check_above_zero, one_robot, seeds_from, write_or_keep_limits
+from archerfish.cli.robot_options import (
+    PhysicsChoice,
+    RobotName,
+    check_above_zero,
+    one_robot,
+    seeds_from,
+    write_or_keep_limits,
+)
 from archerfish.cli.run_folder import run_folder
 from archerfish.cli.summary_end import print_end
 from archerfish.paper.tables import landing_table

@@ -13,7 +13,14 @@ from rich.console import Console
 
 from archerfish.cli.options import Folder, JsonFile, Switch
 from archerfish.cli.progress import progress_bar
-from archerfish.cli.robot_options import PhysicsChoice, RobotName, check_above_zero, one_robot, seeds_from, write_or_keep_limits
+from archerfish.cli.robot_options import (
+    PhysicsChoice,
+    RobotName,
+    check_above_zero,
+    one_robot,
+    seeds_from,
+    write_or_keep_limits,
+)
 from archerfish.cli.run_folder import run_folder
 from archerfish.cli.summary_end import print_end
 from archerfish.records.csv_table import read_csv_columns
