@@ -43,7 +43,7 @@ def leaf_options(kind: type, prefix: str = "") -> list[str]:
         kinds = (field.default_factory, field.type)
         nested: Any = next((each for each in kinds if dataclasses.is_dataclass(each)), None)
         if nested is not None:
-            names += leaf_options(nested, "" if field.name == "setting" else f"{prefix}{field.name}.")
+            names += leaf_options(nested, "" if field.name == "setting" else f"{prefix}{field.name.replace('_', '-')}.")
         elif "Positional" not in str(field.type) and field.name not in ("logs", "shots", "policies", "run"):
             flag = field.default is True
             names.append(f"--{prefix}{'no-' * flag}{field.name.replace('_', '-')}")
