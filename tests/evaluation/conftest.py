@@ -238,7 +238,7 @@ def make_robot() -> RobotIdentification:
         {"pitch": {**facts, **fits}, "yaw": {**facts, **fits}},
         {
             "sensing": {"camera_latency_ms": 35.1, "command_latency_ms": None, "frames_lost": 3},
-            "muzzle": {"speed_m_s": 17.85, "pitch_offset_deg": -0.06},
+            "muzzle": {"speed_m_s": 17.85, "speed_m_s_interval": [17.81, 17.89], "pitch_offset_deg": -0.06},
             "kalman": {"acceleration_sd_m_s2": 4.0, "extra_lead_s": 0.02},
             "kalman-lq": {"acceleration_sd_m_s2": 2.0, "extra_lead_s": 0.0},
         },

@@ -175,6 +175,14 @@ def test_what_the_logs_told_is_in_people_s_words(page: Outline) -> None:
     assert re.search(r"frames lost ?3\b", page.text)
     assert re.search(r"lead beyond period and flight ?20\.0 ms", page.text)
     assert page.text.count("lead beyond period and flight") == 1
+    assert re.search(r"Muzzle speed ?17\.850 m/s ?17\.810 to 17\.890", page.text)
+    assert "interval" not in "".join(re.findall(r"speed m s \w+", page.text))
+
+
+def test_the_conditions_say_what_an_engagement_with_a_robot_leaves_out(page: Outline, both: Outline) -> None:
+    for each in (page, both):
+        assert "in sight for 0.2 s" in each.text
+        assert "rate of fire and heat are not enforced" in each.text
 
 
 def test_the_robot_s_figures_are_written(alone: Path) -> None:

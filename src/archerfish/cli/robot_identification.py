@@ -1,6 +1,6 @@
 """The identification part of a rehearsal: from a robot's logs to the records that training and shooting start from."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from archerfish.records.muzzle import MuzzleRecord, write_muzzle
 from archerfish.records.plant import PlantRecord, dc_gain, write_plant
 from archerfish.records.provenance import provenance
 from archerfish.records.recording import Recording
-from archerfish.records.sensing import SensingRecord, write_sensing
+from archerfish.records.sensing import SensingRecord, sensing_values, write_sensing
 from archerfish.records.sensing_logs import read_detections_csv, read_gimbal_log_csv, read_target_steps_csv
 from archerfish.records.shots import Shots
 from archerfish.records.shots_csv import read_shots_csv
@@ -245,24 +245,33 @@ def trimmed(setting: Setting, first_shots: Path) -> Setting:
 
 
 def _sensing_facts(sensing: SensingRecord) -> dict[str, Any]:
-    camera, link = sensing.camera, sensing.link
     milli = {
-        "camera_time_offset_ms": camera.time_offset,
-        "camera_latency_ms": camera.latency,
-        "command_latency_ms": link.command_latency,
-        "command_latency_jitter_ms": link.command_latency_jitter,
-        "feedback_latency_ms": link.feedback_latency,
-        "bearing_sd_mrad": camera.bearing_sd,
+        "camera_time_offset_ms": "camera.time_offset",
+        "camera_latency_ms": "camera.latency",
+        "command_latency_ms": "link.command_latency",
+        "command_latency_jitter_ms": "link.command_latency_jitter",
+        "feedback_latency_ms": "link.feedback_latency",
+        "bearing_sd_mrad": "camera.bearing_sd",
     }
-    return {name: None if value is None else 1e3 * value for name, value in milli.items()}
+    values = sensing_values(sensing)
+    scaled = {name: None if values.get(field) is None else 1e3 * values[field] for name, field in milli.items()}
+    return {**scaled, **_intervals(sensing.intervals, {name: (field, 1e3) for name, field in milli.items()})}
+
+
+def _intervals(
+    found: Mapping[str, tuple[float, float]], wanted: Mapping[str, tuple[str, float]]
+) -> dict[str, list[float]]:
+    """Return the intervals of facts, as NAME_interval, from the fields and scales that the facts come from."""
+    return {
+        f"{name}_interval": [scale * end for end in found[field]]
+        for name, (field, scale) in wanted.items()
+        if field in found
+    }
 
 
 def _muzzle_facts(muzzle: MuzzleRecord) -> dict[str, Any]:
-    degrees = {
-        name: float(np.degrees(getattr(muzzle, name))) for name in ("pitch_offset", "yaw_offset", "pitch_sd", "yaw_sd")
-    }
-    return {
-        "speed_m_s": muzzle.speed,
-        "speed_sd_m_s": muzzle.speed_sd,
-        **{f"{name}_deg": value for name, value in degrees.items()},
-    }
+    angles = ("pitch_offset", "yaw_offset", "pitch_sd", "yaw_sd")
+    wanted = {f"{name}_m_s": (name, 1.0) for name in ("speed", "speed_sd")}
+    wanted |= {f"{name}_deg": (name, float(np.degrees(1.0))) for name in angles}
+    values = {name: scale * float(getattr(muzzle, field)) for name, (field, scale) in wanted.items()}
+    return {**values, **_intervals(muzzle.intervals, wanted)}

@@ -76,7 +76,7 @@ def test_a_signal_that_is_cut_off_is_remarked_and_a_step_is_not():
 
 
 def stepped(frozen):
-    """Steps to levels held for 2 s, and an angle that reaches each after 20 ms and 300 ms, on an encoder's grid."""
+    """Steps to levels held for 2 s, and an angle that comes to rest at each, on a grid like an encoder's."""
     u = np.repeat([0.0, 0.3, -0.2, 0.4, 0.0], 200)
     aims = np.concatenate([np.zeros(2), u[:-2]])
     y = np.zeros(len(u))

@@ -1,5 +1,6 @@
 """What a robot's logs told, for the report: axes, sensing, muzzle and trackers, Table I and Fig. 4 proper."""
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -78,11 +79,28 @@ def _fixed(value: float) -> str:
 def facts_table(robot: RobotIdentification) -> EntryTable | None:
     """List what was told of camera, link and muzzle, and how the trackers were tuned; None if nothing was."""
     groups = [
-        EntryGroup(title, [EntryRow(_label(_FACTS, name), [Entry(_value(_FACTS, facts, name))]) for name in facts])
+        EntryGroup(title, [EntryRow(_label(_FACTS, name), [_fact_entry(facts, name)]) for name in _named(facts)])
         for title, facts in _grouped(robot)
         if facts
     ]
-    return EntryTable("", "", [Heading("value")], groups) if groups else None
+    told = any(name.endswith("_interval") for facts in robot.facts.values() for name in facts)
+    caption = "Small: 95 % intervals, where the logs tell them." if told else ""
+    return EntryTable(caption, "", [Heading("value")], groups) if groups else None
+
+
+def _named(facts: dict[str, Any]) -> list[str]:
+    return [name for name in facts if not name.endswith("_interval")]
+
+
+def _fact_entry(facts: dict[str, Any], name: str) -> Entry:
+    value, interval, fact = facts.get(name), facts.get(f"{name}_interval"), _FACTS.get(name, _Fact("", ""))
+    if value is None or not interval or not interval[0] < interval[1]:
+        return Entry(_value(_FACTS, facts, name))
+    low, high = (fact.scale * end for end in interval)
+    # As many digits as tell the ends apart.
+    digits = max(0, 1 - math.floor(math.log10(high - low)))
+    shown = [f"{each:.{digits}f}".replace("-", "−") for each in (fact.scale * value, low, high)]
+    return Entry(f"{shown[0]} {fact.unit}".rstrip(), f"{shown[1]} to {shown[2]}")
 
 
 def _grouped(robot: RobotIdentification) -> list[tuple[str, dict[str, Any]]]:

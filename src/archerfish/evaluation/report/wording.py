@@ -68,7 +68,7 @@ LIMITS = {
     "gate": LimitWords(
         "what a real gimbal can do",
         "Commands keep the step and slew limits of a real gimbal’s motors, in training and evaluation alike. "
-        "These are the figures to quote.",
+        "This is the limit under which to quote figures.",
         "Asked no more than a real gimbal can do",
     ),
     "box": LimitWords(

@@ -286,13 +286,12 @@ def _unstamped(link: LinkRecord) -> list[str]:
     """Say what follows where no stamps tell how late commands are."""
     if link.command_latency is not None:
         return []
-    return [
-        (
-            "The command latency is not known, so the simulator sends commands without any (right only for plants "
-            "whose logs hold it already). Give --commands and --feedback, the stamps of both ends; archerfish record "
-            "timing writes them as timing_commands.csv and timing_reports.csv."
-        )
-    ]
+    told = (
+        "The command latency is not known, so the simulator sends commands without any (right only for plants whose "
+        "logs hold it already). Give --commands and --feedback, the stamps of both ends; archerfish record timing "
+        "writes them as timing_commands.csv and timing_reports.csv."
+    )
+    return [told]
 
 
 def _missing(camera: CameraRecord, delay: CommandDelay | None, gimbal_clock: GimbalClock, received: bool) -> list[str]:

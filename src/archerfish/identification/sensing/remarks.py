@@ -89,8 +89,8 @@ def _of_link(found: Doubts) -> Iterator[str]:
             else ": a log of commands and feedback can't show more."
         )
         yield (
-            f"The command-to-motion delay is the sum of command and feedback delay{more} A plant identified from "
-            "such a log holds it already."
+            f"The command-to-motion delay is the sum of command and feedback delay{more} A plant identified from such "
+            "a log holds it already."
         )
     if link.feedback_delay is not None and found.camera.latency is not None:
         low = link.feedback_delay < -0.003
