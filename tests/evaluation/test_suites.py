@@ -40,7 +40,7 @@ def test_no_two_streams_share_a_draw() -> None:
         pooled = np.concatenate([np.unique(each) for each in arrays])
         # 28,800 draws in float32: some coincide by chance, a shared stream would repeat a sixth of them or more.
         assert len(np.unique(pooled)) > 0.98 * len(pooled) - 1
-    assert set(PURPOSES) == {"evaluation", "tuning", "calibration"}
+    assert set(PURPOSES) == {"evaluation", "tuning", "calibration", "stopping"}
 
 
 def test_suites_of_one_trial_do_not_share_their_draws() -> None:
