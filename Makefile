@@ -24,7 +24,7 @@ reproduce: $(INSTALLED)
 	$(BIN)/archerfish reproduce
 
 test: $(INSTALLED)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 check: $(INSTALLED)
 	$(BIN)/ruff check .

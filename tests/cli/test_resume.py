@@ -4,7 +4,6 @@ import contextlib
 import json
 import os
 import random
-import resource
 import signal
 import subprocess
 import sys
@@ -47,16 +46,15 @@ def begun(tmp_path: Path, cache: Path) -> Iterator[Callable[..., subprocess.Pope
     """Begin `archerfish train` in the temporary folder."""
     processes = []
 
-    def begin(words: str, kept: str | Path = cache, **named: Any) -> subprocess.Popen[str]:
+    def begin(words: str, kept: str | Path = cache, before: str = "") -> subprocess.Popen[str]:
         processes.append(
             subprocess.Popen(
-                [sys.executable, "-c", PROGRAM, "train", *words.split()],
+                [sys.executable, "-c", before + PROGRAM, "train", *words.split()],
                 cwd=tmp_path,
                 env={**os.environ, "ARCHERFISH_CACHE": str(kept), "COLUMNS": "80"},
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 text=True,
-                **named,
             )
         )
         return processes[-1]
@@ -139,12 +137,10 @@ def test_a_signal_writes_a_checkpoint_and_says_how_to_go_on(begun, tmp_path, num
 
 
 def test_a_full_disk_stops_in_one_line_and_keeps_what_there_was(begun, tmp_path):
-    def no_large_files() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-
     # The log outgrows the limit; compiled programs would, too, and JAX warn of them.
+    no_large_files = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))"
     words = f"{TINY} --ppo.steps 3200000 --checkpoint-every 0 --out full"
-    process = begun(words, kept="off", preexec_fn=no_large_files)
+    process = begun(words, kept="off", before=no_large_files)
     (told,) = finished(process)
     assert process.returncode == 2
     assert "can't be written (File too large)" in told
