@@ -13,7 +13,7 @@ WITHOUT_POLICY = (RLTOOLS,)
 DIFFERENCES = {
     SB3.name: "one learning rate; rolls out in NumPy through our vector environment",
     SBX.name: "one learning rate; rolls out in NumPy through our vector environment",
-    BRAX.name: "one learning rate that does not fall; masks the step at which time is up",
+    BRAX.name: "one learning rate that does not fall; masks the step at which time is up; two threads",
     RLTOOLS.name: "one learning rate that does not fall; steps our environment one at a time from C++",
 }
 """Tool → what it does otherwise."""

@@ -18,9 +18,11 @@ from peers.roster import Tool
 from peers.training_protocol import Case
 
 SOURCE = Path(__file__).parents[2] / "src"
-LIMIT_S = 1800
+LIMIT_S = 900
 UNSTEADY = 3
 """Calls at the beginning in which something may still be compiled."""
+NEEDS_THREADS = ("Brax",)
+"""Tools that never end with one thread: the mapped program of Brax waits for a second."""
 ONE_THREAD = {
     "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
     "OMP_NUM_THREADS": "1",
@@ -88,8 +90,9 @@ def train_side_by_side(
       cases: what, one process each.
       folder: for what they leave.
       cache: folder of compiled programs; everything is compiled anew if not given.
-      one_thread: whether each process has one thread only.
+      one_thread: whether each process has one thread only, where the tool can do with one.
     """
+    one_thread = one_thread and tool.name not in NEEDS_THREADS
     try:
         words = environments.command(tool)
     except NotRunError as error:
