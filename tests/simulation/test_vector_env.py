@@ -103,10 +103,17 @@ def test_environments_differ_and_seeds_repeat() -> None:
 
 
 def test_what_is_handed_out_may_be_written_to() -> None:
-    vector = ShootingVectorEnv(3, made())
-    vector.reset(seed=0)
-    for array in vector.step(np.zeros((3, 2)))[:4]:
+    vector, untouched = ShootingVectorEnv(3, made()), ShootingVectorEnv(3, made())
+    for each in (vector, untouched):
+        each.reset(seed=0)
+    given, kept = vector.step(np.zeros((3, 2)))[:4], untouched.step(np.zeros((3, 2)))[:4]
+    for array, other in zip(given, kept, strict=True):
+        assert array.flags.writeable
+        assert np.array_equal(array, other)
         array[:] = 0
+    # Nothing of it is the environment's own.
+    for array, other in zip(vector.step(np.zeros((3, 2)))[:4], untouched.step(np.zeros((3, 2)))[:4], strict=True):
+        assert np.array_equal(array, other)
 
 
 def test_a_staggered_batch_holds_all_phases() -> None:

@@ -19,10 +19,7 @@ from archerfish.learning.config import PpoConfig
 from archerfish.learning.gradient_config import GradientConfig
 from archerfish.records.errors import InputError
 from archerfish.records.provenance import code_commit, library_versions
-
-TARGETS = {"static": 1.0, "dynamic": 0.0, "both": 0.5}
-"""Share of the targets that stand still in training."""
-
+from archerfish.simulation.scenario import TARGETS
 
 MOST_FRAMES = 64
 """More than a second of history at 20 ms; the observation grows with it."""

@@ -14,8 +14,6 @@ from archerfish.cli.live_run import LiveRun
 from archerfish.cli.setting import Setting, setting_world
 from archerfish.cli.training_log import LOG, log_rows, log_text
 from archerfish.controllers.policy import policy_to_record
-from archerfish.dynamics.array_namespace import single_precision
-from archerfish.dynamics.muzzle import muzzle_from_record
 from archerfish.figures.style import save_figure
 from archerfish.figures.training import learning_curves
 from archerfish.learning.checkpoint import write_checkpoint
@@ -40,12 +38,8 @@ from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.policy import PolicyRecord, write_policy
 from archerfish.records.provenance import provenance
-from archerfish.sensing.kalman_filter import noise_from_record
-from archerfish.sensing.observation import ACTION_SCALES, make_observer
-from archerfish.sensing.observers import AnyObserver
-from archerfish.sensing.tracked_observation import TRACKER_ACCELERATION, tracked_observer
-from archerfish.simulation.environment import HIDDEN, PureWorld, ShootingEnvironment
-from archerfish.simulation.setting import make_scenario
+from archerfish.simulation.assembly import environment_in, observer_in
+from archerfish.simulation.environment import ShootingEnvironment
 
 TRAINERS: dict[str, Trainer] = {"ppo": PPO, "gradient": GRADIENT}
 """Name → way of training; its settings are the field of that name in a `TrainingTask`."""
@@ -151,17 +145,11 @@ def run_task(
 
 
 def _environment(task: TrainingTask) -> ShootingEnvironment:
-    setting, conditions = task.setting, task.setting.conditions
+    setting = task.setting
     world = setting_world(setting, task.command_limit)
-    return ShootingEnvironment(
-        world,
-        make_scenario(conditions, static_share=task.static_share, plants=world.plants),
-        single_precision(_observer(task, world)),
-        np.asarray(conditions.decisions, np.int32),
-        hit_bonus=np.float32(HIT_BONUS[task.observation]),
-        hit_radius=np.float32(conditions.hit_radius),
-        hidden=np.ones(HIDDEN if task.asymmetric else 0, np.float32),
-    )
+    observer = observer_in(world, task.observation, task.frames, setting.muzzle, setting.sensing, task.command_limit)
+    bonus = HIT_BONUS[task.observation]
+    return environment_in(world, setting.conditions, observer, task.static_share, bonus, task.asymmetric)
 
 
 def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Trained, begun: float) -> TrainingResult:
@@ -181,20 +169,6 @@ def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Train
     )
     digest = weights_hash(trained.learner)
     return TrainingResult(policy, trained.learner, trained.curve, mean_return, time.monotonic() - begun, digest)
-
-
-def _observer(task: TrainingTask, world: PureWorld) -> AnyObserver:
-    setting, period_s = task.setting, task.setting.conditions.control_period_s
-    scale = ACTION_SCALES[task.command_limit]
-    braking = np.asarray(world.limits.max_acceleration) * period_s**2
-    muzzle = muzzle_from_record(setting.muzzle)
-    if task.observation == "tracked":
-        if setting.sensing is None:
-            raise InputError("the tracked observation needs a sensing record; give --sensing, or --observation history")
-        return tracked_observer(
-            muzzle, noise_from_record(setting.sensing, TRACKER_ACCELERATION), period_s, scale, braking
-        )
-    return make_observer(task.observation, muzzle, task.frames, scale, braking)
 
 
 def _note(standing: Standing, decisions: int) -> str:

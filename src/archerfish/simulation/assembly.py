@@ -6,7 +6,7 @@ import numpy as np
 
 from archerfish.dynamics.array_namespace import single_precision
 from archerfish.dynamics.muzzle import muzzle_from_record
-from archerfish.paper.conditions import assumed_conditions
+from archerfish.paper.conditions import Conditions, assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_plants
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.limits import LimitsRecord
@@ -17,11 +17,10 @@ from archerfish.sensing.kalman_filter import noise_from_record
 from archerfish.sensing.observation import ACTION_SCALES, make_observer
 from archerfish.sensing.observers import AnyObserver
 from archerfish.sensing.tracked_observation import TRACKER_ACCELERATION, tracked_observer
-from archerfish.simulation.environment import PureWorld, ShootingEnvironment
+from archerfish.simulation.environment import HIDDEN, PureWorld, ShootingEnvironment
+from archerfish.simulation.scenario import TARGETS
 from archerfish.simulation.setting import make_scenario, make_world, paper_muzzle
 
-TARGETS = {"static": 1.0, "dynamic": 0.0, "both": 0.5}
-"""What moves → share of the targets that stand still."""
 PAPER = "paper"
 """The plant that needs no file."""
 Plants = str | Path | tuple[PlantRecord, PlantRecord]
@@ -67,17 +66,65 @@ def make_environment(
     pitch, yaw = _plants(plant)
     world = make_world(pitch, yaw, muzzle, limits, command_limit, conditions, sensing=sensing)
     kind = observation or ("history" if sensing is None else "tracked")
-    environment: ShootingEnvironment = single_precision(
-        ShootingEnvironment(
-            world,
-            make_scenario(conditions, static_share=TARGETS[target], plants=world.plants),
-            _observer(kind, frames, world, muzzle, sensing, command_limit),
-            np.asarray(length, np.int32),
-            hit_bonus=np.float32(hit_bonus),
-            hit_radius=np.float32(conditions.hit_radius),
-        )
+    observer = observer_in(world, kind, frames, muzzle, sensing, command_limit)
+    environment = environment_in(world, conditions, observer, TARGETS[target], hit_bonus)
+    return environment._replace(length=np.asarray(length, np.int32))
+
+
+def environment_in(
+    world: PureWorld,
+    conditions: Conditions,
+    observer: AnyObserver,
+    static_share: float,
+    hit_bonus: float = 0.0,
+    asymmetric: bool = False,
+) -> ShootingEnvironment:
+    """Build the environment of a world in float32.
+
+    Args:
+      world: where.
+      conditions: offsets, speeds, length of an engagement, and what counts as a hit.
+      observer: seen how.
+      static_share: share of the targets that stand still.
+      hit_bonus: what a hit adds to the reward of eq (8) [m].
+      asymmetric: whether a critic gets to see where the target really is and will be.
+    """
+    return ShootingEnvironment(
+        world,
+        make_scenario(conditions, static_share=static_share, plants=world.plants),
+        single_precision(observer),
+        np.asarray(conditions.decisions, np.int32),
+        hit_bonus=np.float32(hit_bonus),
+        hit_radius=np.float32(conditions.hit_radius),
+        hidden=np.ones(HIDDEN if asymmetric else 0, np.float32),
     )
-    return environment
+
+
+def observer_in(
+    world: PureWorld, kind: str, frames: int, muzzle: MuzzleRecord, sensing: SensingRecord | None, command_limit: str
+) -> AnyObserver:
+    """Build what a policy sees of a world.
+
+    Args:
+      world: where.
+      kind: "history", "paper" or "tracked".
+      frames: that the history observation remembers.
+      muzzle: to aim with.
+      sensing: camera and link, for the tracked observation.
+      command_limit: "box", "gate" or "los-2deg"; sets the scale of the actions.
+
+    Raises:
+      InputError: if the kind is unknown, or lacks its sensing record.
+    """
+    scale, aimed = ACTION_SCALES[command_limit], muzzle_from_record(muzzle)
+    braking = np.asarray(world.limits.max_acceleration) * world.period_s**2
+    if kind != "tracked":
+        return make_observer(kind, aimed, frames, scale, braking)
+    if sensing is None:
+        raise InputError(
+            "the tracked observation needs a sensing record; give one (--sensing), or take the history observation"
+        )
+    return tracked_observer(aimed, noise_from_record(sensing, TRACKER_ACCELERATION), world.period_s, scale, braking)
 
 
 def _plants(plant: Plants) -> tuple[PlantRecord, PlantRecord]:
@@ -97,20 +144,3 @@ def _read_axis(folder: Path, axis: str) -> PlantRecord:
             path, f"the plant fits {record.quality.log} to {record.quality.fit_percent:.1f} % only", "identify it anew"
         )
     return record
-
-
-def _observer(
-    kind: str,
-    frames: int,
-    world: PureWorld,
-    muzzle: MuzzleRecord,
-    sensing: SensingRecord | None,
-    command_limit: str,
-) -> AnyObserver:
-    scale, aimed = ACTION_SCALES[command_limit], muzzle_from_record(muzzle)
-    braking = np.asarray(world.limits.max_acceleration) * world.period_s**2
-    if kind != "tracked":
-        return make_observer(kind, aimed, frames, scale, braking)
-    if sensing is None:
-        raise InputError("the tracked observation needs a sensing record; give one, or take the history observation")
-    return tracked_observer(aimed, noise_from_record(sensing, TRACKER_ACCELERATION), world.period_s, scale, braking)

@@ -8,6 +8,8 @@ from archerfish.sensing.interfaces import Engagement
 
 UNIFORMS = 6
 """Uniform draws per engagement: range, lateral offset, speed, phase, whether it stands still, plant."""
+TARGETS = {"static": 1.0, "dynamic": 0.0, "both": 0.5}
+"""What moves → share of the targets that stand still."""
 
 
 class Scenario(NamedTuple):

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from archerfish.cli.setting import Setting, SettingFiles, load_setting
-from archerfish.cli.train import MOST_FRAMES, TARGETS
+from archerfish.cli.train import MOST_FRAMES
 from archerfish.cli.training_run import HIT_BONUS, TrainingTask
 from archerfish.learning.config import PpoConfig
 from archerfish.records.errors import InputError
 from archerfish.sensing.observation import ACTION_SCALES
+from archerfish.simulation.scenario import TARGETS
 
 Value = bool | int | float | str
 
