@@ -242,19 +242,19 @@ def test_a_changed_configuration_is_refused(command, stopped, tmp_path):
 
 @pytest.mark.parametrize("harm", ["observation", "reward"])
 def test_a_divergence_leaves_a_policy_and_what_reproduces_it(command, tmp_path, monkeypatch, harm):
-    from archerfish.cli import training_run
+    from archerfish.simulation import assembly
 
     command("train", *SHORT.split(), "--out", "run")
     before = (tmp_path / "run" / "policy.json").read_bytes()
 
-    class Spoilt(training_run.ShootingEnvironment):
+    class Spoilt(assembly.ShootingEnvironment):
         def step(self, state, action, normals, uniforms):
             following, outcome = super().step(state, action, normals, uniforms)
             # Of another seed there is a moment at which the first engagement's clock is at 7 for the first time.
             bad = jax.numpy.where((following.step[0] == 7) & (following.step[1] > 7), jax.numpy.nan, 0.0)
             return following, outcome._replace(**{harm: getattr(outcome, harm) + bad})
 
-    monkeypatch.setattr(training_run, "ShootingEnvironment", Spoilt)
+    monkeypatch.setattr(assembly, "ShootingEnvironment", Spoilt)
     status, _, err = command("train", *SHORT.split(), "--out", "run")
     assert status == 2
     assert "run/diverged holds the policy of before, and what reproduces it" in err
