@@ -20,7 +20,8 @@ from archerfish.learning.gradient_config import GradientConfig
 from archerfish.learning.guard import LIMITS, first_fault, guarded, is_bad
 from archerfish.learning.held_gradient import held
 from archerfish.learning.normalisation import empty_normaliser, merge
-from archerfish.learning.ppo import Environment, Learner, Metrics, orthogonal_layers
+from archerfish.learning.ppo import SPLIT, Environment, Learner, Metrics, orthogonal_layers
+from archerfish.learning.shards import AXIS, averaged, over_shards, own_key, worst
 from archerfish.learning.training import Trainer
 from archerfish.learning.update import Actor, action_mean, adam_step, begin_networks
 
@@ -33,6 +34,7 @@ class Sizes(NamedTuple):
 
     environments: int
     window: int
+    shards: int
 
 
 class Hyper(NamedTuple):
@@ -106,44 +108,52 @@ def iterate(
     Returns:
       The learner, of before the first bad iteration if there is one, and metrics of shape (count,).
     """
-    return jax.lax.scan(
-        guarded(lambda learner: _iteration(environment, settings, learner, size)), learner, length=count
+    own = size._replace(environments=size.environments // size.shards)
+
+    def shard(environment: Environment, settings: Hyper, learner: Learner) -> tuple[Learner, Metrics]:
+        iteration = guarded(lambda learner: _iteration(environment, settings, learner, own))
+        return jax.lax.scan(iteration, learner, length=count)
+
+    done: tuple[Learner, Metrics] = over_shards(shard, size.shards, (False, False, SPLIT), (SPLIT, False))(
+        environment, settings, learner
     )
+    return done
 
 
 def _iteration(environment: Environment, settings: Hyper, learner: Learner, size: Sizes) -> tuple[Learner, Metrics]:
     key, noise = jax.random.split(learner.key)
-    draws = _draws(environment, (size.window, size.environments), noise)
+    draws = _draws(environment, (size.window, size.environments), own_key(noise))
     networks = learner.networks
     start = (learner.normaliser, learner.environment, learner.observation)
     gradient, played = jax.grad(window_loss, has_aux=True)(
         networks.actor, environment, *start, draws, settings.engagement_norm
     )
+    gradient, mean_reward, hit_share = averaged((gradient, played.mean_reward, played.hit_share), AXIS)
     rate = settings.learning_rate * jnp.maximum(1.0 - learner.iteration / settings.anneal_over, LAST_RATE)
     actor, moments = adam_step(networks.actor, gradient, networks.actor_moments, rate, settings)
     norm = optax.tree.norm(gradient)
     bad = jnp.stack(
         [
             is_bad(played.observations, LIMITS["observation"]),
-            is_bad(played.mean_reward, LIMITS["reward"]),
+            is_bad(mean_reward, LIMITS["reward"]),
             is_bad(norm, LIMITS["gradient"]),
         ]
     )
     nothing = jnp.float32(0.0)
     metrics = Metrics(
-        mean_reward=played.mean_reward,
+        mean_reward=mean_reward,
         value_error=nothing,
         divergence=nothing,
         clipped_share=nothing,
         std=nothing,
         gradient_norm=norm,
-        hit_share=played.hit_share,
-        fault=first_fault(bad, ("observation", "reward", "gradient")),
+        hit_share=hit_share,
+        fault=worst(first_fault(bad, ("observation", "reward", "gradient"))),
     )
     advanced = Learner(
         networks=networks._replace(actor=actor, actor_moments=moments),
         # The statistics change between iterations only, and no gradient goes through them.
-        normaliser=merge(learner.normaliser, played.observations.reshape(-1, played.observations.shape[-1])),
+        normaliser=merge(learner.normaliser, played.observations.reshape(-1, played.observations.shape[-1]), AXIS),
         environment=played.state,
         observation=played.observation,
         key=key,
@@ -202,7 +212,7 @@ def _advance(environment: Environment, config: GradientConfig, learner: Learner,
         gradient_norm=jnp.float32(config.gradient_norm),
         engagement_norm=jnp.float32(config.engagement_norm),
     )
-    size = Sizes(config.environments, config.window)
+    size = Sizes(config.environments, config.window, config.shards)
     advanced: tuple[Learner, Metrics] = iterate(environment, settings, learner, size, count)
     return advanced
 

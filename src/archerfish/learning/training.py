@@ -13,6 +13,7 @@ from archerfish.controllers.policy import PolicyController
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.guard import WATCHED
 from archerfish.learning.ppo import Environment, Learner, Metrics, iterate, make_learner, sizes
+from archerfish.learning.shards import claim_devices
 from archerfish.learning.update import hyper
 from archerfish.records.errors import InputError
 from archerfish.sensing.observers import AnyObserver
@@ -31,6 +32,10 @@ class TrainingConfig(Protocol):
     @property
     def batch(self) -> int:
         """Decisions of an iteration, over all environments."""
+
+    @property
+    def shards(self) -> int:
+        """Parts that the environments are split into."""
 
 
 class Trainer(NamedTuple):
@@ -131,6 +136,8 @@ def train(
 ) -> Trained:
     """Train a policy; the same seed gives the same weights, bit for bit, on the same machine and versions.
 
+    JAX makes a device for each shard out of the processor, unless it computed something before: then they share one.
+
     Args:
       environment: where; NumPy arrays will do.
       config: settings, of the kind that the trainer takes.
@@ -142,6 +149,7 @@ def train(
     Raises:
       DivergenceError: if a number is not finite; it holds where the training stood before.
     """
+    claim_devices(config.shards)
     environment = jax.tree.map(jax.numpy.asarray, environment)
     standing = course.resume(Standing(trainer.begin(environment, config, jax.random.key(seed)), ()))
     while standing.iterations < config.iterations and not course.enough(standing):
