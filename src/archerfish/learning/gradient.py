@@ -80,7 +80,7 @@ def begin_learner(environment: Environment, config: GradientConfig, key: Array, 
 @partial(jax.jit, static_argnames=("batch", "hidden", "actions"))
 def _begin(environment: Environment, key: Array, batch: int, hidden: int, actions: int) -> Learner:
     key, weights, noise = jax.random.split(key, 3)
-    state, observation = environment.begin(*jax.tree.map(lambda each: each[0], _draws(environment, (1, batch), noise)))
+    state, observation = environment.begin(*jax.tree.map(lambda each: each[0].T, _draws(environment, 1, batch, noise)))
     layers = orthogonal_layers(weights, (environment.observed, hidden, actions), last_gain=0.01)
     return Learner(
         networks=begin_networks(Actor(layers, jnp.zeros(0)), critic=()),
@@ -122,7 +122,7 @@ def iterate(
 
 def _iteration(environment: Environment, settings: Hyper, learner: Learner, size: Sizes) -> tuple[Learner, Metrics]:
     key, noise = jax.random.split(learner.key)
-    draws = _draws(environment, (size.window, size.environments), own_key(noise))
+    draws = _draws(environment, size.window, size.environments, own_key(noise))
     networks = learner.networks
     start = (learner.normaliser, learner.environment, learner.observation)
     gradient, played = jax.grad(window_loss, has_aux=True)(
@@ -179,16 +179,16 @@ def window_loss(
       normaliser: of the observations.
       state: of the environments.
       observation: for the first decision, shape (B, n).
-      draws: normal and uniform ones for the environment, shapes (W, B, normals) and (W, B, uniforms).
+      draws: normal and uniform ones for the environment, shapes (W, normals, B) and (W, uniforms, B).
       engagement_norm: see `GradientConfig`.
     """
     # The loss is a mean: each reward has this share in it.
-    limit = jnp.asarray(engagement_norm / draws[0].shape[0] / draws[0].shape[1])
+    limit = jnp.asarray(engagement_norm / draws[0].shape[0] / len(observation))
 
     def decide(carry: tuple[Any, Array], draws: tuple[Array, Array]) -> tuple[tuple[Any, Array], tuple[Array, ...]]:
         state, observation = carry
         action = action_mean(actor, held(normalise(normaliser, observation), limit))
-        state, outcome = environment.step(state, action, *draws)
+        state, outcome = environment.step(state, action, *(each.T for each in draws))
         return (state, outcome.observation), (observation, outcome.reward, outcome.hit)
 
     (state, following), (observations, rewards, hits) = jax.lax.scan(decide, (state, observation), draws)
@@ -197,11 +197,12 @@ def window_loss(
     return -mean_reward, Played(state, following, observations, mean_reward, hit_share)
 
 
-def _draws(environment: Environment, shape: tuple[int, int], key: Array) -> tuple[Array, Array]:
+def _draws(environment: Environment, window: int, batch: int, key: Array) -> tuple[Array, Array]:
+    """Draw the noise of a window, in columns as PPO does."""
     keys = jax.random.split(key)
     return (
-        jax.random.normal(keys[0], (*shape, environment.normals)),
-        jax.random.uniform(keys[1], (*shape, environment.uniforms)),
+        jax.random.normal(keys[0], (window, environment.normals, batch)),
+        jax.random.uniform(keys[1], (window, environment.uniforms, batch)),
     )
 
 

@@ -264,16 +264,18 @@ def _rollout(environment: Environment, settings: Hyper, learner: Learner, size: 
         state, observation = carry
         normal = normalise(learner.normaliser, observation)
         mean = action_mean(actor, normal)
-        action = mean + std * draws[0]
-        state, outcome = environment.step(state, action, draws[1], draws[2])
+        noise, normals, uniforms = (each.T for each in draws)
+        action = mean + std * noise
+        state, outcome = environment.step(state, action, normals, uniforms)
         chance = log_probability(action, mean, actor.log_std)
-        return (state, outcome.observation), (observation, normal, action, chance, outcome)
+        # Here and not for all steps at once: so little stays in the processor's cache.
+        value = forward(critic, normal)[..., 0]
+        next_value = forward(critic, normalise(learner.normaliser, outcome.final_observation))[..., 0]
+        return (state, outcome.observation), (observation, normal, action, chance, outcome, value, next_value)
 
-    (state, observation), (raw, normal, action, chance, outcome) = jax.lax.scan(
+    (state, observation), (raw, normal, action, chance, outcome, values, next_values) = jax.lax.scan(
         act, (learner.environment, learner.observation), _draws(environment, size, std.size, key)
     )
-    values = forward(critic, normal)[..., 0]
-    next_values = forward(critic, normalise(learner.normaliser, outcome.final_observation))[..., 0]
     gained = advantages(
         outcome.reward,
         values,
@@ -284,7 +286,8 @@ def _rollout(environment: Environment, settings: Hyper, learner: Learner, size: 
         settings.trace,
     )
     numbers = jnp.stack([chance, gained, gained + values], axis=-1)
-    table = jnp.concatenate([normal, action, numbers], axis=-1)
+    ones = jnp.ones((*gained.shape, 1))
+    table = jnp.concatenate([ones, normal, action, numbers], axis=-1)
     table = table.reshape(-1, table.shape[-1])
     # The statistics change between iterations only: rollout and updates see the same numbers.
     normaliser = merge(learner.normaliser, raw.reshape(-1, raw.shape[-1]), AXIS)
@@ -302,17 +305,20 @@ _ADVANTAGE = -2
 
 
 def _of_columns(columns: Array, actions: int) -> Batch:
-    """Take a batch out of columns that hold observation, action, log-probability, advantage and target."""
+    """Take a batch out of columns of one, observation, action, log-probability, advantage and target."""
     seen = len(columns) - actions - 3
     return Batch(columns[:seen], columns[seen:-3].T, *columns[-3:])
 
 
 def _draws(environment: Environment, size: Sizes, actions: int, key: Array) -> tuple[Array, Array, Array]:
-    """Draw the noise of actions and environments for a rollout in three calls: many small ones cost a quarter more."""
+    """Draw the noise of actions and environments for a rollout in three calls: many small ones cost a quarter more.
+
+    The numbers of a step lie in columns, `action_noise.T`: to draw a few in a row, many times, takes several times as
+    long.
+    """
     keys = jax.random.split(key, 3)
-    shape = (size.rollout, size.environments)
     return (
-        jax.random.normal(keys[0], (*shape, actions)),
-        jax.random.normal(keys[1], (*shape, environment.normals)),
-        jax.random.uniform(keys[2], (*shape, environment.uniforms)),
+        jax.random.normal(keys[0], (size.rollout, actions, size.environments)),
+        jax.random.normal(keys[1], (size.rollout, environment.normals, size.environments)),
+        jax.random.uniform(keys[2], (size.rollout, environment.uniforms, size.environments)),
     )
