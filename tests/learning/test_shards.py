@@ -73,7 +73,7 @@ def test_a_gradient_step_in_shards_is_that_of_the_whole_minibatch(
 ) -> None:
     settings, networks = hyper(tiny), make_learner(shooting, tiny, jax.random.key(0)).networks
     generator = np.random.default_rng(2)
-    shapes = ((shooting.observed, 16), (16, 2), (16,), (16,), (16,))
+    shapes = ((1 + shooting.observed, 16), (16, 2), (16,), (16,), (16,))
     batch = Batch(*(jnp.asarray(generator.standard_normal(shape), jnp.float32) for shape in shapes))
     alone = batch._replace(advantage=normalised(batch.advantage[None])[0])
     expected, measured = update(settings, networks, alone, jnp.float32(1.0))
