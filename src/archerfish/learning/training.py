@@ -49,6 +49,11 @@ class Trainer(NamedTuple):
     its iterations, it stops at the first bad one; without, a bad one costs all of the call."""
 
 
+def decisions(config: TrainingConfig) -> int:
+    """Return the decisions of a whole run: of its updates, in whole compiled calls."""
+    return -(-config.iterations // CHUNK) * CHUNK * config.batch
+
+
 def _advance_ppo(environment: Environment, config: PpoConfig, learner: Learner, count: int) -> tuple[Learner, Metrics]:
     advanced: tuple[Learner, Metrics] = iterate(environment, hyper(config), learner, sizes(config), count)
     return advanced
