@@ -57,3 +57,12 @@ def repeat(function: Callable[[Any], Any], count: int, state: Any) -> Any:
     import jax  # only where the arrays are JAX's already: the robot has none
 
     return jax.lax.fori_loop(0, count, lambda _, each: function(each), state)
+
+
+def if_any(condition: Array, then: Callable[[], Any], otherwise: Callable[[], Any]) -> Any:
+    """Return one tree of arrays if any of a condition holds, else the other; under JAX that alone is computed, too."""
+    if namespace(condition) is np:
+        return then() if np.any(condition) else otherwise()
+    import jax  # only where the arrays are JAX's already: the robot has none
+
+    return jax.lax.cond(condition.any(), then, otherwise)

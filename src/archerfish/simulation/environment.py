@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from archerfish.dynamics.array_namespace import Array, map_arrays, namespace
+from archerfish.dynamics.array_namespace import Array, if_any, map_arrays, namespace
 from archerfish.dynamics.command_limits import CommandLimits
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.sensing.interfaces import Command, Engagement, Seen, Shot, World, fire_always
@@ -127,7 +127,7 @@ class ShootingEnvironment(NamedTuple):
         return UNIFORMS
 
     def begin(self, normals: Array, uniforms: Array) -> tuple[EnvironmentState, Array]:
-        """Begin a batch, staggered: its members are at all phases of an engagement.
+        """Begin a batch, staggered: its members are at different phases of an engagement, `PHASES` of them.
 
         Args:
           normals: shape (B, normals).
@@ -136,7 +136,8 @@ class ShootingEnvironment(NamedTuple):
         xp = namespace(normals, uniforms)
         batch = normals.shape[0]
         state, observation = self.fresh(normals, uniforms)
-        return state._replace(step=xp.arange(batch) * self.length // batch), observation
+        phases = min(PHASES, batch)
+        return state._replace(step=xp.arange(batch) * phases // batch * self.length // phases), observation
 
     def step(
         self, state: EnvironmentState, action: Array, normals: Array, uniforms: Array
@@ -150,8 +151,12 @@ class ShootingEnvironment(NamedTuple):
           uniforms: shape (B, uniforms), for the engagements that begin.
         """
         going_on, given = self.advance(state, action, normals)
-        following, observation = self.renew(going_on, given, normals, uniforms)
         ended = given.truncated
+        following, observation = if_any(
+            ended,
+            lambda: self.renew(going_on, given, normals, uniforms),
+            lambda: (going_on, given.observation),
+        )
         return following, Outcome(observation, given.observation, given.reward, ended & False, ended, given.hit)
 
     def advance(self, state: EnvironmentState, action: Array, normals: Array) -> tuple[EnvironmentState, Advance]:
@@ -208,6 +213,8 @@ class ShootingEnvironment(NamedTuple):
         return namespace(seen).concat([seen, hidden_state(self.world.period, shooting)], axis=-1)
 
 
+PHASES = 10
+"""Phases of an engagement that a batch is staggered over: few, since a step in which none ends costs half as much."""
 HIDDEN = 5
 """Numbers of `hidden_state`."""
 
