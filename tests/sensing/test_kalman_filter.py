@@ -169,6 +169,8 @@ def test_float32_knows_what_float64_knows_after_a_guess_or_a_silence() -> None:
                 track = update(noise, predict(noise, track, np.asarray(elapsed, kind)), plate, FRESH)
             tracks.append(track)
         assert_allclose(tracks[1].mean, tracks[0].mean, rtol=1e-4)
+        assert_allclose(tracks[1].height, tracks[0].height, rtol=1e-4)
+        assert_allclose(tracks[1].height_variance, tracks[0].height_variance, rtol=1e-4)
         scale = np.sqrt(np.diag(tracks[0].covariance))
         assert_allclose(tracks[1].covariance / np.outer(scale, scale), tracks[0].covariance / np.outer(scale, scale),
                         atol=1e-4)  # fmt: skip

@@ -121,14 +121,16 @@ def update(noise: TrackerNoise, track: Track, plate: Array, fresh: Array) -> Tra
     known = _product(gain, measured)
     speed = p[..., 2:, 2:] - _product(gain[..., 2:, :], p[..., :2, 2:])
     covariance = _blocks(_even(known[..., :2, :]), xp.matrix_transpose(known[..., 2:, :]), _even(speed))
-    share = track.height_variance / (track.height_variance + _height_noise(noise, plate))
-    share = xp.where(fresh, share, 0.0 * share)
+    height_noise = _height_noise(noise, plate)
+    sum_of_both = track.height_variance + height_noise
+    share = xp.where(fresh, track.height_variance / sum_of_both, 0.0 * sum_of_both)
     seen = fresh[..., None]
     return Track(
         xp.where(seen, mean, track.mean),
         xp.where(seen[..., None], covariance, p),
         track.height + share * (plate[..., 2] - track.height),
-        (1.0 - share) * track.height_variance,
+        # (1 − share) of the variance, again without the difference.
+        xp.where(fresh, track.height_variance * height_noise / sum_of_both, track.height_variance),
     )
 
 
