@@ -33,7 +33,7 @@ EDGE_AGES = (0.0, 1e-6, 0.5, 60.0, 1e9)
 
 
 def lively_frames(decisions: int, batch: int, seed: int, noise_m: float) -> Seen:
-    """Draw sequences of frames as on a robot: targets that move, a gimbal that follows, sights that are late or missing.
+    """Draw sequences of frames as on a robot: moving targets, a gimbal that follows, sights that are late or missing.
 
     Args:
       decisions: of each sequence, T.
@@ -84,10 +84,8 @@ def edge_frames(batch: int, seed: int, signed_zeros: bool) -> Seen:
     return _seen(np.zeros(batch), angle, gimbal_age, command, plate, age, rng.random(batch) < SHOWN)
 
 
-
-
 def _ages(elapsed: NDArray[np.float64], fresh: NDArray[np.bool_], rng: np.random.Generator) -> NDArray[np.float64]:
-    """Ages of the sights: each grows until a new one comes, whose exposure is later."""
+    """Draw ages of the sights: each grows until a new one comes, whose exposure is later."""
     ages = [rng.uniform(0.01, 0.08, elapsed.shape[1])]
     for passed, new in zip(elapsed[1:], fresh[1:], strict=True):
         grown = ages[-1] + passed
@@ -96,7 +94,7 @@ def _ages(elapsed: NDArray[np.float64], fresh: NDArray[np.bool_], rng: np.random
 
 
 def _held(plate: NDArray[np.float64], fresh: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """A plate stays where it was seen until a new sight."""
+    """Leave each plate where it was seen until a new sight."""
     held = [plate[0]]
     for place, new in zip(plate[1:], fresh[1:], strict=True):
         held.append(np.where(new[:, None], place, held[-1]))

@@ -51,7 +51,9 @@ def run_export(command: Export) -> dict[str, Any]:
     facts = export_policy(command.policy, out)
     console = Console(highlight=False, soft_wrap=True)
     kind, period = facts["observation"]["kind"], facts["decision_period_s"]
-    console.print(f"{out}: {kind} policy, opset {OPSET}, {facts['bytes'] / 1024:.0f} KiB, a decision every {1e3 * period:g} ms")
+    console.print(
+        f"{out}: {kind} policy, opset {OPSET}, {facts['bytes'] / 1024:.0f} KiB, a decision every {1e3 * period:g} ms"
+    )
     for name, told in facts["inputs"].items():
         shape = ", ".join(map(str, told["shape"]))
         unit = f" [{told['unit']}]" if told["unit"] else ""

@@ -1,8 +1,7 @@
 """One decision of a controller as a graph: state and frame in, next state and angle out."""
 
+import math
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from archerfish.controllers.policy import PolicyController
 from archerfish.deployment.symbol import BATCH, BOOL, FLOAT, Symbol, graph_input, reshaped
@@ -59,7 +58,7 @@ def decision_graph(controller: PolicyController) -> DecisionGraph:
     first = graph_input("first", (), BOOL)
     begun = controller.reset(seen)
     parts = _named_parts(begun, "")
-    packed = graph_input("state", (sum(int(np.prod(part.shape)) for _, part in parts),))
+    packed = graph_input("state", (sum(math.prod(part.shape) for _, part in parts),))
     # What the state holds at the first decision does not matter: it is not even looked at.
     memory = _unpacked(begun, SYMBOLIC.where(first[..., None], _packed(begun), packed))
     memory, command = controller.step(memory, seen)
@@ -83,7 +82,7 @@ def _unpacked(like: Any, packed: Symbol) -> Any:
 
     def take(each: Symbol) -> Symbol:
         nonlocal start
-        size = int(np.prod(each.shape[1:], dtype=int))
+        size = math.prod(int(length) for length in each.shape[1:])
         part = reshaped(packed[:, start : start + size], each.shape)
         start += size
         return part

@@ -25,10 +25,10 @@ FRAME = (
     "yaw positive to the left, pitch positive with the muzzle up"
 )
 _ABOUT = """\
-An Archerfish policy. One run is one decision: state and frame in, next_state and angle_command out. Feed next_state back
-as state; at the first decision of an engagement first is true, and the state may be anything. The command is what the
-policy wants: the limits of the gimbal are kept by whoever runs it. Where a NaN goes in, NaN comes out, until it is
-forgotten or the next first decision. The metadata tell the rest."""
+An Archerfish policy. One run is one decision: state and frame in, next_state and angle_command out. Feed next_state
+back as state; at the first decision of an engagement first is true, and the state may be anything. The command is what
+the policy wants: the limits of the gimbal are kept by whoever runs it. Where a NaN goes in, NaN comes out, until it is
+forgotten or the next engagement begins. The metadata tell the rest."""
 _MEANINGS = {
     "elapsed": ("s", "since the last decision; 0 at the first"),
     "angle": ("rad", "pitch and yaw of the gimbal, latest feedback"),

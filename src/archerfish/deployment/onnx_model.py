@@ -32,7 +32,7 @@ def onnx_model(outputs: Mapping[str, Symbol], metadata: Mapping[str, str], produ
     given = [helper.make_tensor_value_info(each.name, _kind(onnx, each), each.shape) for each in inputs]
     taken = [helper.make_tensor_value_info(name, _kind(onnx, each), each.shape) for name, each in outputs.items()]
     operations = [
-        helper.make_node(each.operation, list(takes), [names[each.serial]], **dict(each.attributes))
+        helper.make_node(each.operation, list(takes), [names[each.serial]], **_attributes(each))
         for each, takes in nodes
     ]
     operations += [helper.make_node("Identity", [names[each.serial]], [name]) for name, each in outputs.items()]
@@ -50,6 +50,10 @@ def onnx_model(outputs: Mapping[str, Symbol], metadata: Mapping[str, str], produ
     helper.set_model_props(model, dict(metadata))
     onnx.checker.check_model(model, full_check=True)
     return bytes(model.SerializeToString())
+
+
+def _attributes(symbol: Symbol) -> dict[str, Any]:
+    return dict(symbol.attributes)
 
 
 def _kind(onnx: Any, symbol: Symbol) -> int:

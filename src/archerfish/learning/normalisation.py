@@ -6,8 +6,8 @@ from jax import Array
 from archerfish.controllers.network import Normaliser
 
 LEAST_VARIANCE = 1e-4
-"""Of an observation, all of which are scaled to about one. What varies less is magnified no further: in float32 the last
-bits of an angle would become a part of what the policy does, and no two libraries agree on those."""
+"""Of an observation, all of which are scaled to about one. What varies less is magnified no further: in float32 the
+last bits of an angle would become a part of what the policy does, and no two libraries agree on those."""
 
 
 def empty_normaliser(size: int) -> Normaliser:
