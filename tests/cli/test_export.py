@@ -32,6 +32,7 @@ def policy(tmp_path):
 
 def test_the_file_lies_beside_the_policy_unless_told_otherwise(policy, tmp_path, capsys) -> None:
     pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
     main(["export", str(policy)])
     main(["export", str(policy), "--out", str(tmp_path / "deep" / "robot.onnx"), "--json", str(tmp_path / "told.json")])
     assert (tmp_path / "policy.onnx").read_bytes() == (tmp_path / "deep" / "robot.onnx").read_bytes()
@@ -41,6 +42,7 @@ def test_the_file_lies_beside_the_policy_unless_told_otherwise(policy, tmp_path,
     said = capsys.readouterr().out
     assert "paper policy, opset 17" in said
     assert "angle_command (batch, 2)" in said
+    assert "commands the same as NumPy" in said
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from archerfish.controllers.policy import policy_from_record
+from archerfish.deployment import export as export_module
 from archerfish.deployment.export import export_policy
 from archerfish.records.errors import InputError
 from archerfish.records.policy import read_policy
@@ -96,6 +97,23 @@ def test_the_file_tells_all_that_its_user_must_know(kind, policy_file, tmp_path)
     size = next(each.type.tensor_type.shape.dim[1].dim_value for each in graph.input if each.name == "state")
     assert sum(int(np.prod(each["shape"])) for each in json.loads(told["state"])) == size
     assert all(each.type.tensor_type.shape.dim[0].dim_param == "batch" for each in (*graph.input, *graph.output))
+
+
+def test_a_file_that_decides_otherwise_is_not_written(policy_file, tmp_path, monkeypatch) -> None:
+    pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    path, right = policy_file("tracked"), export_module.decision_graph
+
+    def wrong(controller):
+        graph = right(controller)
+        return graph._replace(angle=graph.angle + 0.01)
+
+    assert export_policy(path, tmp_path / "right.onnx")["checked_rad"] < BAR
+    monkeypatch.setattr(export_module, "decision_graph", wrong)
+    with pytest.raises(InputError, match=r"would command up to 0\.01 rad otherwise"):
+        export_policy(path, tmp_path / "wrong.onnx")
+    assert not (tmp_path / "wrong.onnx").exists()
+    assert export_policy(path, tmp_path / "wrong.onnx", check=False)["checked_rad"] is None
 
 
 def test_the_same_policy_gives_the_same_file(policy_file, tmp_path) -> None:

@@ -12,6 +12,7 @@ from archerfish.controllers.network import OBSERVATION_CLIP
 from archerfish.controllers.policy import PolicyController, policy_from_record
 from archerfish.deployment.decision_graph import FRAME_SHAPES, DecisionGraph, decision_graph
 from archerfish.deployment.observation_layout import observation_layout
+from archerfish.deployment.onnx_check import can_check, largest_difference
 from archerfish.deployment.onnx_model import onnx_model
 from archerfish.deployment.symbol import in_order
 from archerfish.records import storage
@@ -29,6 +30,8 @@ An Archerfish policy. One run is one decision: state and frame in, next_state an
 back as state; at the first decision of an engagement first is true, and the state may be anything. The command is what
 the policy wants: the limits of the gimbal are kept by whoever runs it. Where a NaN goes in, NaN comes out, until it is
 forgotten or the next engagement begins. The metadata tell the rest."""
+TOLERANCE_RAD = 1e-3
+"""Far beyond rounding, which a policy may magnify to a tenth of it, and far below what a shot would notice."""
 _MEANINGS = {
     "elapsed": ("s", "since the last decision; 0 at the first"),
     "angle": ("rad", "pitch and yaw of the gimbal, latest feedback"),
@@ -43,18 +46,20 @@ _MEANINGS = {
 """Input → unit and meaning."""
 
 
-def export_policy(path: Path, out: Path) -> dict[str, Any]:
+def export_policy(path: Path, out: Path, check: bool = True) -> dict[str, Any]:
     """Write a policy as an ONNX file, whole or not at all.
 
     Args:
       path: the policy record, JSON.
       out: the file to write; it must end in .onnx.
+      check: whether ONNX Runtime, where it is installed, must first decide as the policy does.
 
     Returns:
-      What was written: the metadata, read back, and the size in bytes.
+      The metadata, `bytes`, and `checked_rad`: the largest difference that the check met, None where there was none.
 
     Raises:
-      InputError: if the record can't be used, `out` is no name for it or can't be written, or onnx is missing.
+      InputError: if the record can't be used, `out` is no name for it or can't be written, onnx is missing, or the file
+        would decide otherwise than the policy.
     """
     if out.suffix != ".onnx":
         raise file_error(out, "is to hold an ONNX model, but does not end in .onnx", "give a name that does")
@@ -67,8 +72,15 @@ def export_policy(path: Path, out: Path) -> dict[str, Any]:
     }
     outputs = {"angle_command": graph.angle, "next_state": graph.next_state}
     content = onnx_model(outputs, _texts(facts), __version__, _ABOUT)
+    apart = largest_difference(controller, content, record.period_s) if check and can_check() else None
+    if apart is not None and not apart <= TOLERANCE_RAD:
+        raise file_error(
+            out,
+            f"would command up to {apart:.2g} rad otherwise than the policy, expected {TOLERANCE_RAD:g} or less",
+            "nothing is written; another version of onnxruntime may do, --no-check leaves the comparison out",
+        )
     storage.write_bytes(out, content)
-    return {**facts, "bytes": len(content)}
+    return {**facts, "bytes": len(content), "checked_rad": apart}
 
 
 def _facts(record: PolicyRecord, controller: PolicyController, graph: DecisionGraph) -> dict[str, Any]:
