@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 import torch
 from torch import Tensor, nn
-from training_protocol import ACTION_BOUND, Case, Log, Policy, annealed, main, shooting_environment
+from training_protocol import ACTION_BOUND, Case, Log, Policy, annealed, main
 
 import archerfish.simulation.registration  # noqa: F401  # registers the environments
 
@@ -67,12 +67,9 @@ def train(case: Case, log: Log) -> None:
     """Train with one learning rate for actor and critic."""
     torch.set_num_threads(case.threads)
     torch.manual_seed(case.seed)
+    # What `shooting_environment` builds, by its name.
     envs = gymnasium.make_vec(
-        "archerfish/ShootingBox-v0",
-        num_envs=case.environments,
-        environment=shooting_environment(),
-        action_bound=ACTION_BOUND,
-        staggered=True,
+        "archerfish/ShootingBox-v0", num_envs=case.environments, action_bound=ACTION_BOUND, staggered=True
     )
     size, actions = envs.single_observation_space.shape[0], envs.single_action_space.shape[0]
     agent, moments = Agent(size, actions, case.hidden, case.log_std), RunningMoments(size)
