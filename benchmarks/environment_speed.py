@@ -12,10 +12,13 @@ import numpy as np
 from jax import Array
 
 import archerfish.simulation.registration  # noqa: F401  # registers the environments
+from archerfish.learning.config import PpoConfig
+from archerfish.learning.shards import over_shards, own_key
 from archerfish.simulation.environment import ShootingEnvironment
 from archerfish.simulation.vector_env import ShootingVectorEnv
 
 ROUNDS = 5
+SHARDS = PpoConfig().shards
 ROLLOUT = 100
 """Steps of a compiled loop: its noise is drawn in one call, as in training."""
 
@@ -53,21 +56,21 @@ def _compiled(environment: ShootingEnvironment, environments: int) -> float:
     state, _ = jax.jit(lambda made, *draws: made.begin(*draws))(
         arrays, *_draws(arrays, environments, jax.random.key(0))
     )
+    own = environments // SHARDS
 
-    @jax.jit
-    def run(made: ShootingEnvironment, state: Any, key: Array) -> Any:
-        keys = jax.random.split(key, 2)
-        shape = (ROLLOUT, environments)
-        normals = jax.random.normal(keys[0], (*shape, made.normals))
-        uniforms = jax.random.uniform(keys[1], (*shape, made.uniforms))
+    def shard(made: ShootingEnvironment, state: Any, key: Array) -> Any:
+        keys = jax.random.split(own_key(key), 2)
+        normals = jax.random.normal(keys[0], (ROLLOUT, made.normals, own))
+        uniforms = jax.random.uniform(keys[1], (ROLLOUT, made.uniforms, own))
 
         def step(state: Any, draws: tuple[Array, Array]) -> Any:
-            state, outcome = made.step(state, jnp.zeros((environments, 2)), *draws)
+            state, outcome = made.step(state, jnp.zeros((own, 2)), *(each.T for each in draws))
             # What a training keeps of a step, so that none of it is optimised away.
             return state, (outcome.observation, outcome.final_observation, outcome.reward)
 
         return jax.lax.scan(step, state, (normals, uniforms))
 
+    run = jax.jit(over_shards(shard, SHARDS, (False, True, False), True))
     return _best(lambda: jax.block_until_ready(run(arrays, state, jax.random.key(1))), ROLLOUT * environments)
 
 

@@ -162,9 +162,9 @@ def kill_writers(folder: Path, kills: int, chance: random.Random) -> dict[str, A
             newest = 0 if found is None else found.iteration
             if (folder / "policy.json").exists():
                 facts, arrays = storage.read_record(folder / "policy.json", "benchmark/1")
-                unreadable += facts["note"] != arrays["weights"][0]
+                unreadable += bool(facts["note"] != arrays["weights"][0])
             if found is not None:
-                unreadable += bool(found.damaged) or found.facts["note"] != found.arrays["weights"][0]
+                unreadable += bool(found.damaged or found.facts["note"] != found.arrays["weights"][0])
         except InputError as error:
             print(error)
             unreadable += 1

@@ -28,6 +28,7 @@ from archerfish.controllers.policy import PolicyController
 from archerfish.evaluation.suites import Trials, draw_trials, table_suites
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.ppo import iterate, make_learner, sizes
+from archerfish.learning.shards import claim_devices
 from archerfish.learning.training import CHUNK
 from archerfish.learning.update import hyper
 from archerfish.paper.conditions import assumed_conditions
@@ -76,6 +77,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="a few minutes, small sizes, nothing written")
     parser.add_argument("--only", nargs="+", metavar="TOOL", help="tools beside Archerfish; nothing written")
     options = parser.parse_args()
+    claim_devices(PpoConfig().shards)
     extent = QUICK if options.quick else FULL
     tools = [each for each in TRAINERS if not options.only or each.name in (OURS.name, *options.only)]
     console = Console(width=140)

@@ -21,6 +21,8 @@ except ImportError:  # the robot's installation has no JAX; the tests that need 
 else:
     # A silent broadcast of shape (3,) against (2, 3) is how batch dimensions get mixed up.
     jax.config.update("jax_numpy_rank_promotion", "raise")
+    # A training takes a device for each of its shards, if it comes before everything else that computes.
+    jax.config.update("jax_num_cpu_devices", 2)
 
 SHARED_DATA = Path(__file__).parents[1] / ".." / "shared" / "data"
 

@@ -7,6 +7,7 @@ from training_protocol import Case, Log, Policy, main, shooting_environment
 
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.ppo import Learner, iterate, make_learner, sizes
+from archerfish.learning.shards import claim_devices
 from archerfish.learning.training import CHUNK
 from archerfish.learning.update import hyper
 
@@ -15,6 +16,7 @@ def train(case: Case, log: Log) -> None:
     """Train with two learning rates, several iterations per compiled call."""
     shared = {name: getattr(case, name) for name in PpoConfig.__dataclass_fields__ if name in Case._fields}
     config = PpoConfig(**shared, actor_learning_rate=case.learning_rate)
+    claim_devices(config.shards)
     environment = jax.tree.map(jax.numpy.asarray, shooting_environment())
     log.begin()
     learner = make_learner(environment, config, jax.random.key(case.seed))

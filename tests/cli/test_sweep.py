@@ -6,7 +6,7 @@ from archerfish.records.policy import read_policy
 
 pytest.importorskip("jax")
 
-SMALL = ["--ppo.steps", 200, "--ppo.environments", 8, "--ppo.rollout", 5, "--ppo.hidden", 4, "--observation", "paper"]
+SMALL = ["--ppo.steps", 200, "--ppo.environments", 8, "--ppo.rollout", 6, "--ppo.hidden", 4, "--observation", "paper"]
 SMALL += ["--engagements", 2, "--in-process"]
 
 
@@ -32,6 +32,17 @@ def test_a_sweep_trains_scores_and_ranks(command, tmp_path):
     assert "out: holds a sweep with 2 finished trials; add --resume" in err
     assert command(*words, "--resume")[:2] == (0, out)
     assert (tmp_path / "out" / "results.csv").read_text() == table
+
+
+def test_ways_to_train_are_varied_too(command, tmp_path):
+    gradient = ["--gradient.steps", 200, "--gradient.environments", 8, "--gradient.window", 4, "--gradient.hidden", 4]
+    status, _, _ = command("sweep", "--vary", "trainer=ppo,gradient", *SMALL, *gradient, "--out", "out")
+    assert status == 0
+    trained = [read_policy(tmp_path / "out" / "trials" / f"000{index}" / "policy.json").training for index in (0, 1)]
+    assert trained[0]["ppo"]["rollout"] == 6
+    assert trained[1]["gradient"]["window"] == 4
+    configuration = json.loads((tmp_path / "out" / "trials" / "0001" / "config.json").read_text())
+    assert configuration["trainer"] == "gradient"
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ def robot(tmp_path: Path) -> list[str]:
 
 
 def test_a_policy_is_trained_evaluated_and_reported(command, tmp_path, robot):
-    small = ["--ppo.steps", "200", "--ppo.environments", "8", "--ppo.rollout", "5", "--ppo.hidden", "4"]
+    small = ["--ppo.steps", "200", "--ppo.environments", "8", "--ppo.rollout", "6", "--ppo.hidden", "4"]
     small += ["--observation", "paper", "--seed", "3", "--no-tensorboard"]
     status, out, err = command("train", *small, *robot, "--out", "train", "--json", "train.json")
     assert status == 0

@@ -11,7 +11,8 @@ from archerfish.simulation.environment import Outcome
 
 
 class Faulty(NamedTuple):
-    """An environment whose observation or reward is bad from a step on; steps are counted over the whole training."""
+    """An environment whose first engagement has a bad observation or reward from a step on, counted over the whole
+    training; all others are of another shard, or good."""
 
     inner: Any
     bad_observation: Array
@@ -35,14 +36,14 @@ class Faulty(NamedTuple):
 
     def begin(self, normals: Array, uniforms: Array) -> tuple[Any, Array]:
         state, observation = self.inner.begin(normals, uniforms)
-        return (state, jnp.int32(0)), observation
+        never = jnp.full(normals.shape[0], -(10**9))
+        return (state, never.at[0].set(0)), observation
 
     def step(self, state: Any, action: Array, normals: Array, uniforms: Array) -> tuple[Any, Outcome]:
         inner, step = state
         inner, outcome = self.inner.step(inner, action, normals, uniforms)
-        first = jnp.arange(outcome.reward.shape[0]) == 0
-        reward = jnp.where(first & (step >= self.bad_reward), self.value, outcome.reward)
-        spoilt = jnp.where(first[:, None] & (step >= self.bad_observation), self.value, outcome.observation)
+        reward = jnp.where(step >= self.bad_reward, self.value, outcome.reward)
+        spoilt = jnp.where((step >= self.bad_observation)[:, None], self.value, outcome.observation)
         return (inner, step + 1), outcome._replace(observation=spoilt, reward=reward)
 
 
@@ -55,12 +56,12 @@ def spoil_updates(monkeypatch: Any, what: str, after: int) -> None:
     """Have gradient steps make NaN of the gradient, the log_std or the weights once `after` of them are done."""
     real = update.update
 
-    def spoilt(settings: Any, networks: Any, batch: Any, rate: Any) -> Any:
+    def spoilt(settings: Any, networks: Any, batch: Any, rate: Any, axis: Any) -> Any:
         nan = jnp.where(networks.actor_moments.count >= after, jnp.nan, 0.0)
         if what == "gradient":
             # An advantage of NaN gives a gradient of NaN.
-            return real(settings, networks, batch._replace(advantage=batch.advantage + nan), rate)
-        changed, measures = real(settings, networks, batch, rate)
+            return real(settings, networks, batch._replace(advantage=batch.advantage + nan), rate, axis)
+        changed, measures = real(settings, networks, batch, rate, axis)
         actor = changed.actor
         if what == "log_std":
             return changed._replace(actor=actor._replace(log_std=actor.log_std + nan)), measures

@@ -10,7 +10,7 @@ from archerfish.records.errors import InputError
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        *((name, 0) for name in ("steps", "environments", "rollout", "minibatches", "epochs", "hidden")),
+        *((name, 0) for name in ("steps", "environments", "rollout", "minibatches", "epochs", "shards", "hidden")),
         *((name, 0.0) for name in ("actor_learning_rate", "critic_learning_rate", "clip", "gradient_norm")),
         ("actor_learning_rate", math.nan),
         ("critic_learning_rate", math.inf),
@@ -23,6 +23,8 @@ from archerfish.records.errors import InputError
         ("log_std", math.nan),
         ("log_std_floor", -math.inf),
         ("minibatches", 7),
+        ("environments", 511),
+        ("minibatches", 12800),
         ("rollout", 2049),
     ],
 )
@@ -39,4 +41,4 @@ def test_the_paper_s_settings_are_the_default() -> None:
 
 @pytest.mark.parametrize(("steps", "iterations"), [(1, 1), (100, 1), (1000, 10), (1049, 10)])
 def test_iterations_are_the_steps_in_whole_batches(steps: int, iterations: int) -> None:
-    assert PpoConfig(steps=steps, environments=10, rollout=10, minibatches=4).iterations == iterations
+    assert PpoConfig(steps=steps, environments=10, rollout=10, minibatches=5).iterations == iterations

@@ -29,7 +29,7 @@ def test_the_gradient_is_that_of_finite_differences(shooting_under_gate: Shootin
     environment = shooting_under_gate
     learner = begin_learner(environment, replace(TINY, environments=4), jax.random.key(0))
     generator = np.random.default_rng(0)
-    draws = generator.standard_normal((7, 4, environment.normals)), generator.random((7, 4, environment.uniforms))
+    draws = generator.standard_normal((7, environment.normals, 4)), generator.random((7, environment.uniforms, 4))
     with jax.enable_x64(True):
         environment, learner = jax.tree.map(in_double_precision, (environment, learner._replace(key=None)))
         actor, normaliser = learner.networks.actor, learner.normaliser

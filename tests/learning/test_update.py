@@ -9,7 +9,7 @@ import numpy as np
 import optax
 import pytest
 
-from archerfish.controllers.network import Layer
+from archerfish.controllers.network import Layer, forward
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.gaussian import log_probability
 from archerfish.learning.update import (
@@ -21,7 +21,9 @@ from archerfish.learning.update import (
     actor_loss,
     adam_step,
     begin_networks,
+    forward_columns,
     hyper,
+    normalised,
     update,
 )
 
@@ -34,14 +36,14 @@ CENTRAL = -math.log(2 * math.pi)
 
 def standard_actor() -> Actor:
     """Mean 0 and standard deviation 1, whatever is observed."""
-    return Actor((Layer(jnp.zeros((3, 2)), jnp.zeros(2)),), jnp.zeros(2))
+    return Actor((Layer(jnp.zeros((3, 4)), jnp.zeros(4)), Layer(jnp.zeros((4, 2)), jnp.zeros(2))), jnp.zeros(2))
 
 
 def batch_with(ratios: list[float], advantages: list[float]) -> Batch:
     """Actions at the mean of `standard_actor` whose probability was such that eq (10) sees these ratios."""
     count = len(ratios)
     return Batch(
-        observation=jnp.ones((3, count)),
+        observation=jnp.ones((1 + 3, count)),
         action=jnp.zeros((count, 2)),
         log_probability=CENTRAL - jnp.log(jnp.array(ratios)),
         advantage=jnp.array(advantages),
@@ -52,7 +54,8 @@ def batch_with(ratios: list[float], advantages: list[float]) -> Batch:
 def random_batch(seed: int = 0) -> Batch:
     keys = jax.random.split(jax.random.key(seed), 5)
     shapes = ((3, 16), (16, 2), (16,), (16,), (16,))
-    return Batch(*(jax.random.normal(key, shape) for key, shape in zip(keys, shapes, strict=True)))
+    observation, *others = (jax.random.normal(key, shape) for key, shape in zip(keys, shapes, strict=True))
+    return Batch(jnp.concatenate([jnp.ones((1, 16)), observation]), *others)
 
 
 def random_networks() -> Networks:
@@ -73,7 +76,7 @@ def largest_change(before: Any, after: Any) -> float:
 
 
 def test_the_clipped_objective_of_eq_10_by_hand() -> None:
-    # ε = 0.2; the advantages have mean 0 and deviation 1 already.
+    # ε = 0.2.
     #   ρ      A    ρ A    clip(ρ) A   min
     #   1.5    1    1.5      1.2       1.2
     #   0.5    1    0.5      0.8       0.5
@@ -86,12 +89,16 @@ def test_the_clipped_objective_of_eq_10_by_hand() -> None:
     assert float(divergence) == pytest.approx(by_hand, abs=1e-6)
 
 
-def test_advantages_are_normalised_over_the_batch() -> None:
-    plain, scaled = ([1.0, 1.0, -1.0, -1.0], [107.0, 107.0, 93.0, 93.0])
-    losses = [
-        loss_of(standard_actor(), batch_with([1.1, 0.9, 1.0, 0.95], each), SETTINGS)[0] for each in (plain, scaled)
-    ]
-    assert float(losses[0]) == pytest.approx(float(losses[1]), abs=1e-5)
+def test_a_network_of_columns_is_that_of_rows() -> None:
+    batch, layers = random_batch(), random_layers(3, outputs=2)
+    layers = tuple(layer._replace(bias=jnp.arange(1.0, 1.0 + len(layer.bias))) for layer in layers)
+    rows = forward(layers, batch.observation[1:].T)
+    np.testing.assert_allclose(forward_columns(layers, batch.observation), rows.T, rtol=1e-5, atol=1e-5)
+
+
+def test_advantages_are_normalised_over_each_minibatch() -> None:
+    found = normalised(jnp.array([[107.0, 107.0, 93.0, 93.0], [0.0, 2.0, 2.0, 0.0]]))
+    np.testing.assert_allclose(found, [[1, 1, -1, -1], [-1, 1, 1, -1]], atol=1e-5)
 
 
 def test_a_sample_that_is_clipped_and_good_has_no_gradient() -> None:

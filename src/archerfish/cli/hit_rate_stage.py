@@ -63,7 +63,7 @@ def train_all(
       workers: processes.
     """
     tasks = _training_tasks(setting, ppo, seed, curve_seeds)
-    jobs = [(run_task, task, float(task.ppo.steps)) for task in tasks.values()]
+    jobs = [(run_task, task, float(task.decisions)) for task in tasks.values()]
     done = dict(zip(tasks, run_tasks("training", "decisions", jobs, workers), strict=True))
     for name, result in done.items():
         write_run(folder / "policies" / name, result, _configuration(tasks[name]))

@@ -14,6 +14,7 @@ from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.progress import progress_bar, require_jax
 from archerfish.cli.setting import RobotOptions, SettingFiles
 from archerfish.learning.config import PpoConfig
+from archerfish.learning.gradient_config import GradientConfig
 from archerfish.records import storage
 
 if TYPE_CHECKING:
@@ -34,7 +35,8 @@ class Sweep:
     --vary NAME=A,B tries values, all combinations of them. With --trials N, Optuna chooses what to try instead, from
     lists and from ranges: NAME=LOW..HIGH, or NAME=LOW..HIGH:log for even steps of the logarithm.
 
-    Names for how to train: ppo.actor-learning-rate and all else under ppo (below), target, observation, frames.
+    Names for how to train: ppo.actor-learning-rate and all else under ppo and gradient (below), trainer, target,
+    observation, frames.
 
     Names for the world, which take lists only and are ranked apart: command-limit; records, each value a folder with
     pitch.json and yaw.json, and if there muzzle.json, sensing.json and limits.json, or the word paper;
@@ -48,6 +50,7 @@ class Sweep:
       archerfish sweep --seeds 0 1 2 3
       archerfish sweep --vary ppo.discount=0.9,0.95 target=both,dynamic --seeds 0 1 --out runs/discounts
       archerfish sweep --vary ppo.actor-learning-rate=3e-4..3e-3:log ppo.clip=0.1..0.3 --trials 20 --ppo.steps 500000
+      archerfish sweep --vary trainer=ppo,gradient --seeds 0 1 2 3 4
       archerfish sweep --vary records=paper,runs/infantry command-limit=gate,box --seeds 0 1 2
       archerfish sweep my_sweep.toml --address 10.0.0.5:6379 --resume
     """
@@ -80,8 +83,12 @@ class Sweep:
     """Frames that the history observation remembers."""
     command_limit: Literal["box", "gate", "los-2deg"] = "gate"
     """What the gimbal may be asked, as in train."""
+    trainer: Literal["ppo", "gradient"] = "ppo"
+    """How, as in train."""
     ppo: PpoConfig = field(default_factory=PpoConfig)
     """Settings of PPO."""
+    gradient: GradientConfig = field(default_factory=GradientConfig)
+    """Settings of training by gradients."""
     engagements: int = 64
     """Engagements per cell that score a trial, of 50 shots each; there are eight cells."""
     workers: Annotated[int, tyro.conf.arg(help_behavior_hint="(default: one per core)")] = 0

@@ -162,7 +162,7 @@ def run_train(command: Train) -> dict[str, Any]:
             trainer=command.trainer,
             gradient=command.gradient,
         )
-        with progress_bar("training", task.config.steps, "decisions") as advance:
+        with progress_bar("training", task.decisions, "decisions") as advance:
             result = run_task(task, advance, live)
         with without_interrupts():
             write_run(command.out, result, read_configuration(command.out))

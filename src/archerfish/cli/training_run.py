@@ -30,6 +30,7 @@ from archerfish.learning.training import (
     Trained,
     Trainer,
     curve,
+    decisions,
     train,
     trained_policy,
     weights_hash,
@@ -83,6 +84,11 @@ class TrainingTask:
         """Settings of the trainer."""
         return self.gradient if self.trainer == "gradient" else self.ppo
 
+    @property
+    def decisions(self) -> int:
+        """Decisions of the whole training."""
+        return decisions(self.config)
+
 
 @dataclass(frozen=True)
 class TrainingResult:
@@ -117,16 +123,16 @@ def run_task(
     """
     begun = time.monotonic()
     environment = _environment(task)
-    batch, decisions = task.config.batch, task.setting.conditions.decisions
+    batch, length = task.config.batch, task.setting.conditions.decisions
 
     def resume(fresh: Standing) -> Standing:
         standing = fresh if live is None else live.resume(fresh)
         if standing.iterations:
-            advance(standing.iterations * batch, _note(standing, decisions))
+            advance(standing.iterations * batch, _note(standing, length))
         return standing
 
     def watch(standing: Standing) -> None:
-        advance(standing.iterations * batch, _note(standing, decisions))
+        advance(standing.iterations * batch, _note(standing, length))
         if live is not None:
             live.watch(standing)
 
@@ -171,10 +177,10 @@ def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Train
     return TrainingResult(policy, trained.learner, trained.curve, mean_return, time.monotonic() - begun, digest)
 
 
-def _note(standing: Standing, decisions: int) -> str:
+def _note(standing: Standing, length: int) -> str:
     """Return the words beside the progress bar: return and share of hits of the last rollouts, and the best share."""
     shares = [float(np.mean(part.hit_share)) for part in standing.parts]
-    said = f"{decisions * float(standing.parts[-1].mean_reward[-1]):.2f} m"
+    said = f"{length * float(standing.parts[-1].mean_reward[-1]):.2f} m"
     return f"{said}, hit {shares[-1]:.1%} ({max(shares):.1%})"
 
 

@@ -77,7 +77,7 @@ def train_for_robot(rehearsal: Rehearsal, setting: Setting) -> tuple[PolicyRecor
     shorter = replace(ppo, steps=max(1, round(SIX_NUMBERS_STEPS * ppo.steps)))
     tasks = [replace(history, seed=seed) for seed in rehearsal.seeds]
     tasks.append(replace(history, observation="paper", ppo=shorter))
-    jobs: list[Task] = [(run_task, task, float(task.ppo.steps)) for task in tasks]
+    jobs: list[Task] = [(run_task, task, float(task.decisions)) for task in tasks]
     done = run_tasks("training", "decisions", jobs, rehearsal.workers)
     for task, result in zip(tasks, done, strict=True):
         name = f"{setting.name}-{'history' if task.observation == 'tracked' else task.observation}-{task.seed}"

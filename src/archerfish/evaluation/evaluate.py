@@ -40,7 +40,7 @@ class Outcome:
     hit: NDArray[np.bool_]
     """Whether each shot hit, shape (suites, engagements, decisions)."""
     yaw_acceleration: float | None
-    """Largest acceleration that the yaw axis was asked, command and motion, mean over a decision period [rad/s²]; None
+    """Largest acceleration of the yaw axis, by command or by motion, mean over a decision period [rad/s²]; None
     where nothing moved the gimbal."""
 
 
@@ -130,7 +130,7 @@ def _label(ground: Ground, suite: Suite, outcome: Outcome) -> Label:
 
 
 def accelerations(ground: Ground, outcomes: Iterable[Outcome]) -> list[Acceleration]:
-    """Say what each entrant asked of the yaw axis at most."""
+    """Say how hard each entrant drove the yaw axis at most."""
     return [
         Acceleration(ground.setting, ground.command_limit, each.name, each.policy_seed, each.yaw_acceleration)
         for each in outcomes

@@ -23,6 +23,9 @@ class PpoConfig:
     """Parts that a batch is split into."""
     epochs: int = 4
     """Passes over each batch."""
+    shards: int = 2
+    """Parts that the environments and every minibatch are split into, to keep as many processor cores busy; as a part
+    shuffles its own decisions, another number gives other weights."""
     hidden: int = 256
     """Neurons of the hidden layer of the actor and of the critic (paper)."""
     actor_learning_rate: float = 1e-3
@@ -47,14 +50,17 @@ class PpoConfig:
     """It never falls below this."""
 
     def __post_init__(self) -> None:
-        for name in ("steps", "environments", "rollout", "minibatches", "epochs", "hidden"):
+        for name in ("steps", "environments", "rollout", "minibatches", "epochs", "shards", "hidden"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name} must be at least 1, got {getattr(self, name)}")
         if self.batch > MAX_BATCH:
             raise InputError(f"environments × rollout must be at most {MAX_BATCH}, got {self.batch}")
-        if self.batch % self.minibatches:
+        if self.environments % self.shards:
+            raise InputError(f"environments = {self.environments} must divide into shards = {self.shards} equal parts")
+        if self.batch % (self.minibatches * self.shards):
             raise InputError(
-                f"environments × rollout = {self.batch} must divide into minibatches = {self.minibatches} equal parts"
+                f"environments × rollout = {self.batch} must divide into minibatches × shards = "
+                f"{self.minibatches} × {self.shards} equal parts"
             )
         for name in ("actor_learning_rate", "critic_learning_rate", "clip", "gradient_norm"):
             if not 0 < getattr(self, name) < math.inf:

@@ -20,7 +20,8 @@ from archerfish.learning.gradient_config import GradientConfig
 from archerfish.learning.guard import LIMITS, first_fault, guarded, is_bad
 from archerfish.learning.held_gradient import held
 from archerfish.learning.normalisation import empty_normaliser, merge
-from archerfish.learning.ppo import Environment, Learner, Metrics, orthogonal_layers
+from archerfish.learning.ppo import SPLIT, Environment, Learner, Metrics, orthogonal_layers
+from archerfish.learning.shards import AXIS, averaged, over_shards, own_key, worst
 from archerfish.learning.training import Trainer
 from archerfish.learning.update import Actor, action_mean, adam_step, begin_networks
 
@@ -33,6 +34,7 @@ class Sizes(NamedTuple):
 
     environments: int
     window: int
+    shards: int
 
 
 class Hyper(NamedTuple):
@@ -78,7 +80,7 @@ def begin_learner(environment: Environment, config: GradientConfig, key: Array, 
 @partial(jax.jit, static_argnames=("batch", "hidden", "actions"))
 def _begin(environment: Environment, key: Array, batch: int, hidden: int, actions: int) -> Learner:
     key, weights, noise = jax.random.split(key, 3)
-    state, observation = environment.begin(*jax.tree.map(lambda each: each[0], _draws(environment, (1, batch), noise)))
+    state, observation = environment.begin(*jax.tree.map(lambda each: each[0].T, _draws(environment, 1, batch, noise)))
     layers = orthogonal_layers(weights, (environment.observed, hidden, actions), last_gain=0.01)
     return Learner(
         networks=begin_networks(Actor(layers, jnp.zeros(0)), critic=()),
@@ -106,44 +108,52 @@ def iterate(
     Returns:
       The learner, of before the first bad iteration if there is one, and metrics of shape (count,).
     """
-    return jax.lax.scan(
-        guarded(lambda learner: _iteration(environment, settings, learner, size)), learner, length=count
+    own = size._replace(environments=size.environments // size.shards)
+
+    def shard(environment: Environment, settings: Hyper, learner: Learner) -> tuple[Learner, Metrics]:
+        iteration = guarded(lambda learner: _iteration(environment, settings, learner, own))
+        return jax.lax.scan(iteration, learner, length=count)
+
+    done: tuple[Learner, Metrics] = over_shards(shard, size.shards, (False, False, SPLIT), (SPLIT, False))(
+        environment, settings, learner
     )
+    return done
 
 
 def _iteration(environment: Environment, settings: Hyper, learner: Learner, size: Sizes) -> tuple[Learner, Metrics]:
     key, noise = jax.random.split(learner.key)
-    draws = _draws(environment, (size.window, size.environments), noise)
+    draws = _draws(environment, size.window, size.environments, own_key(noise))
     networks = learner.networks
     start = (learner.normaliser, learner.environment, learner.observation)
     gradient, played = jax.grad(window_loss, has_aux=True)(
         networks.actor, environment, *start, draws, settings.engagement_norm
     )
+    gradient, mean_reward, hit_share = averaged((gradient, played.mean_reward, played.hit_share), AXIS)
     rate = settings.learning_rate * jnp.maximum(1.0 - learner.iteration / settings.anneal_over, LAST_RATE)
     actor, moments = adam_step(networks.actor, gradient, networks.actor_moments, rate, settings)
     norm = optax.tree.norm(gradient)
     bad = jnp.stack(
         [
             is_bad(played.observations, LIMITS["observation"]),
-            is_bad(played.mean_reward, LIMITS["reward"]),
+            is_bad(mean_reward, LIMITS["reward"]),
             is_bad(norm, LIMITS["gradient"]),
         ]
     )
     nothing = jnp.float32(0.0)
     metrics = Metrics(
-        mean_reward=played.mean_reward,
+        mean_reward=mean_reward,
         value_error=nothing,
         divergence=nothing,
         clipped_share=nothing,
         std=nothing,
         gradient_norm=norm,
-        hit_share=played.hit_share,
-        fault=first_fault(bad, ("observation", "reward", "gradient")),
+        hit_share=hit_share,
+        fault=worst(first_fault(bad, ("observation", "reward", "gradient"))),
     )
     advanced = Learner(
         networks=networks._replace(actor=actor, actor_moments=moments),
         # The statistics change between iterations only, and no gradient goes through them.
-        normaliser=merge(learner.normaliser, played.observations.reshape(-1, played.observations.shape[-1])),
+        normaliser=merge(learner.normaliser, played.observations.reshape(-1, played.observations.shape[-1]), AXIS),
         environment=played.state,
         observation=played.observation,
         key=key,
@@ -169,16 +179,16 @@ def window_loss(
       normaliser: of the observations.
       state: of the environments.
       observation: for the first decision, shape (B, n).
-      draws: normal and uniform ones for the environment, shapes (W, B, normals) and (W, B, uniforms).
+      draws: normal and uniform ones for the environment, shapes (W, normals, B) and (W, uniforms, B).
       engagement_norm: see `GradientConfig`.
     """
     # The loss is a mean: each reward has this share in it.
-    limit = jnp.asarray(engagement_norm / draws[0].shape[0] / draws[0].shape[1])
+    limit = jnp.asarray(engagement_norm / draws[0].shape[0] / len(observation))
 
     def decide(carry: tuple[Any, Array], draws: tuple[Array, Array]) -> tuple[tuple[Any, Array], tuple[Array, ...]]:
         state, observation = carry
         action = action_mean(actor, held(normalise(normaliser, observation), limit))
-        state, outcome = environment.step(state, action, *draws)
+        state, outcome = environment.step(state, action, *(each.T for each in draws))
         return (state, outcome.observation), (observation, outcome.reward, outcome.hit)
 
     (state, following), (observations, rewards, hits) = jax.lax.scan(decide, (state, observation), draws)
@@ -187,11 +197,12 @@ def window_loss(
     return -mean_reward, Played(state, following, observations, mean_reward, hit_share)
 
 
-def _draws(environment: Environment, shape: tuple[int, int], key: Array) -> tuple[Array, Array]:
+def _draws(environment: Environment, window: int, batch: int, key: Array) -> tuple[Array, Array]:
+    """Draw the noise of a window, in columns as PPO does."""
     keys = jax.random.split(key)
     return (
-        jax.random.normal(keys[0], (*shape, environment.normals)),
-        jax.random.uniform(keys[1], (*shape, environment.uniforms)),
+        jax.random.normal(keys[0], (window, environment.normals, batch)),
+        jax.random.uniform(keys[1], (window, environment.uniforms, batch)),
     )
 
 
@@ -202,7 +213,7 @@ def _advance(environment: Environment, config: GradientConfig, learner: Learner,
         gradient_norm=jnp.float32(config.gradient_norm),
         engagement_norm=jnp.float32(config.engagement_norm),
     )
-    size = Sizes(config.environments, config.window)
+    size = Sizes(config.environments, config.window, config.shards)
     advanced: tuple[Learner, Metrics] = iterate(environment, settings, learner, size, count)
     return advanced
 

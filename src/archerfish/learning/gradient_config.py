@@ -16,6 +16,8 @@ class GradientConfig:
     """Engagements that run side by side."""
     window: int = 16
     """Decisions that a gradient reaches back over, and that lie between two updates."""
+    shards: int = 2
+    """Parts that the environments are split into, to keep as many processor cores busy."""
     hidden: int = 256
     """Neurons of the hidden layer of the policy (paper)."""
     learning_rate: float = 3e-3
@@ -29,9 +31,11 @@ class GradientConfig:
     scaled to at most this norm at every decision; `inf` leaves it as it is."""
 
     def __post_init__(self) -> None:
-        for name in ("steps", "environments", "window", "hidden"):
+        for name in ("steps", "environments", "window", "shards", "hidden"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name} must be at least 1, got {getattr(self, name)}")
+        if self.environments % self.shards:
+            raise InputError(f"environments = {self.environments} must divide into shards = {self.shards} equal parts")
         for name in ("learning_rate", "gradient_norm"):
             if not 0 < getattr(self, name) < math.inf:
                 raise InputError(f"{name} must be finite and > 0, got {getattr(self, name)}")

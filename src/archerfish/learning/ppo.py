@@ -1,8 +1,8 @@
 """Proximal policy optimisation (PPO2), eqs (9) and (10), with the paper's network and settings as defaults.
 
 One call of `iterate` is one compiled program: rollouts in a batch of environments, advantages, several epochs of
-clipped updates, for a number of iterations. Everything that a run may want to vary without compiling anew (learning
-rates, discount, the world, the scenario) is an argument.
+clipped updates, for a number of iterations, in shards that average their gradients. Everything that a run may want to
+vary without compiling anew (learning rates, discount, the world, the scenario) is an argument.
 """
 
 import itertools
@@ -21,7 +21,18 @@ from archerfish.learning.gaussian import log_probability
 from archerfish.learning.guard import LIMITS, any_bad, first_fault, guarded, is_bad, rollout_fault
 from archerfish.learning.minibatches import shuffled_minibatches
 from archerfish.learning.normalisation import empty_normaliser, merge
-from archerfish.learning.update import Actor, Batch, Hyper, Measures, Networks, action_mean, begin_networks, update
+from archerfish.learning.shards import AXIS, averaged, over_shards, own_key, worst
+from archerfish.learning.update import (
+    Actor,
+    Batch,
+    Hyper,
+    Measures,
+    Networks,
+    action_mean,
+    begin_networks,
+    normalised,
+    update,
+)
 
 
 class Environment(Protocol):
@@ -40,7 +51,7 @@ class Environment(Protocol):
         """How many of an observation's numbers the policy sees, the first ones; the critic sees all."""
 
     def begin(self, normals: Any, uniforms: Any) -> tuple[Any, Any]:
-        """Begin a batch: state and first observations."""
+        """Begin a batch: state, whose arrays all have the batch's dimension first, and first observations."""
 
     def step(self, state: Any, action: Any, normals: Any, uniforms: Any) -> tuple[Any, Any]:
         """Advance a batch: state and outcome (see `simulation.environment.Outcome`)."""
@@ -53,11 +64,12 @@ class Sizes(NamedTuple):
     rollout: int
     minibatches: int
     epochs: int
+    shards: int
 
 
 def sizes(config: PpoConfig) -> Sizes:
     """Take the sizes out of a configuration."""
-    return Sizes(config.environments, config.rollout, config.minibatches, config.epochs)
+    return Sizes(config.environments, config.rollout, config.minibatches, config.epochs, config.shards)
 
 
 class Learner(NamedTuple):
@@ -75,6 +87,11 @@ class Learner(NamedTuple):
     """PRNG key of the next iteration."""
     iteration: Array
     """Iterations done, shape ()."""
+
+
+_SPLIT: dict[str, Any] = {name: name in ("environment", "observation") for name in Learner._fields}
+SPLIT = Learner(**_SPLIT)
+"""What each shard has a part of."""
 
 
 class Metrics(NamedTuple):
@@ -168,23 +185,34 @@ def iterate(
     Returns:
       The learner, of before the first bad iteration if there is one, and metrics of shape (count,).
     """
-    iteration = guarded(lambda learner: _iteration(environment, settings, learner, size))
-    return jax.lax.scan(iteration, learner, length=count)
+    own = size._replace(environments=size.environments // size.shards)
+
+    def shard(environment: Environment, settings: Hyper, learner: Learner) -> tuple[Learner, Metrics]:
+        iteration = guarded(lambda learner: _iteration(environment, settings, learner, own))
+        return jax.lax.scan(iteration, learner, length=count)
+
+    done: tuple[Learner, Metrics] = over_shards(shard, size.shards, (False, False, SPLIT), (SPLIT, False))(
+        environment, settings, learner
+    )
+    return done
 
 
 def _iteration(environment: Environment, settings: Hyper, learner: Learner, size: Sizes) -> tuple[Learner, Metrics]:
-    key, noise, order = jax.random.split(learner.key, 3)
+    key, own = jax.random.split(learner.key)
+    noise, order = jax.random.split(own_key(own))
     acted = _rollout(environment, settings, learner, size, noise)
     progress = jnp.minimum(learner.iteration / settings.anneal_over, 0.9)
     actions = learner.networks.actor.log_std.size
 
     def minibatch(networks: Networks, columns: Array) -> tuple[Networks, tuple[Measures, Array]]:
-        networks, measures = update(settings, networks, _of_columns(columns, actions), 1.0 - progress)
+        networks, measures = update(settings, networks, _of_columns(columns, actions), 1.0 - progress, AXIS)
         return networks, (measures, _update_faults(networks, measures))
 
     def epoch(networks: Networks, rows: Array) -> tuple[Networks, tuple[Measures, Array]]:
         # Dealt out once an epoch: a gather per minibatch and field costs a tenth of the training.
-        return jax.lax.scan(minibatch, networks, jnp.swapaxes(acted.table[rows], 1, 2))
+        columns = jnp.swapaxes(acted.table[rows], 1, 2)
+        columns = columns.at[:, _ADVANTAGE].set(normalised(columns[:, _ADVANTAGE], AXIS))
+        return jax.lax.scan(minibatch, networks, columns)
 
     parts = shuffled_minibatches(order, len(acted.table), size.epochs, size.minibatches)
     networks, (measures, bad) = jax.lax.scan(epoch, learner.networks, parts)
@@ -236,16 +264,18 @@ def _rollout(environment: Environment, settings: Hyper, learner: Learner, size: 
         state, observation = carry
         normal = normalise(learner.normaliser, observation)
         mean = action_mean(actor, normal)
-        action = mean + std * draws[0]
-        state, outcome = environment.step(state, action, draws[1], draws[2])
+        noise, normals, uniforms = (each.T for each in draws)
+        action = mean + std * noise
+        state, outcome = environment.step(state, action, normals, uniforms)
         chance = log_probability(action, mean, actor.log_std)
-        return (state, outcome.observation), (observation, normal, action, chance, outcome)
+        # Here and not for all steps at once: so little stays in the processor's cache.
+        value = forward(critic, normal)[..., 0]
+        next_value = forward(critic, normalise(learner.normaliser, outcome.final_observation))[..., 0]
+        return (state, outcome.observation), (observation, normal, action, chance, outcome, value, next_value)
 
-    (state, observation), (raw, normal, action, chance, outcome) = jax.lax.scan(
+    (state, observation), (raw, normal, action, chance, outcome, values, next_values) = jax.lax.scan(
         act, (learner.environment, learner.observation), _draws(environment, size, std.size, key)
     )
-    values = forward(critic, normal)[..., 0]
-    next_values = forward(critic, normalise(learner.normaliser, outcome.final_observation))[..., 0]
     gained = advantages(
         outcome.reward,
         values,
@@ -256,31 +286,39 @@ def _rollout(environment: Environment, settings: Hyper, learner: Learner, size: 
         settings.trace,
     )
     numbers = jnp.stack([chance, gained, gained + values], axis=-1)
-    table = jnp.concatenate([normal, action, numbers], axis=-1)
+    ones = jnp.ones((*gained.shape, 1))
+    table = jnp.concatenate([ones, normal, action, numbers], axis=-1)
     table = table.reshape(-1, table.shape[-1])
     # The statistics change between iterations only: rollout and updates see the same numbers.
-    normaliser = merge(learner.normaliser, raw.reshape(-1, raw.shape[-1]))
+    normaliser = merge(learner.normaliser, raw.reshape(-1, raw.shape[-1]), AXIS)
     return _Acted(
         learner=learner._replace(environment=state, observation=observation, normaliser=normaliser),
         table=table,
-        mean_reward=jnp.mean(outcome.reward),
-        hit_share=jnp.mean(outcome.hit.astype(jnp.float32)),
-        fault=rollout_fault(raw, action, outcome.reward, outcome.final_observation, observation),
+        mean_reward=averaged(jnp.mean(outcome.reward), AXIS),
+        hit_share=averaged(jnp.mean(outcome.hit.astype(jnp.float32)), AXIS),
+        fault=worst(rollout_fault(raw, action, outcome.reward, outcome.final_observation, observation)),
     )
 
 
+_ADVANTAGE = -2
+"""Its column in the table, see `_of_columns`."""
+
+
 def _of_columns(columns: Array, actions: int) -> Batch:
-    """Take a batch out of columns that hold observation, action, log-probability, advantage and target."""
+    """Take a batch out of columns of one, observation, action, log-probability, advantage and target."""
     seen = len(columns) - actions - 3
     return Batch(columns[:seen], columns[seen:-3].T, *columns[-3:])
 
 
 def _draws(environment: Environment, size: Sizes, actions: int, key: Array) -> tuple[Array, Array, Array]:
-    """Draw the noise of actions and environments for a rollout in three calls: many small ones cost a quarter more."""
+    """Draw the noise of actions and environments for a rollout in three calls: many small ones cost a quarter more.
+
+    The numbers of a step lie in columns, `action_noise.T`: to draw a few in a row, many times, takes several times as
+    long.
+    """
     keys = jax.random.split(key, 3)
-    shape = (size.rollout, size.environments)
     return (
-        jax.random.normal(keys[0], (*shape, actions)),
-        jax.random.normal(keys[1], (*shape, environment.normals)),
-        jax.random.uniform(keys[2], (*shape, environment.uniforms)),
+        jax.random.normal(keys[0], (size.rollout, actions, size.environments)),
+        jax.random.normal(keys[1], (size.rollout, environment.normals, size.environments)),
+        jax.random.uniform(keys[2], (size.rollout, environment.uniforms, size.environments)),
     )

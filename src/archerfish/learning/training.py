@@ -13,6 +13,7 @@ from archerfish.controllers.policy import PolicyController
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.guard import WATCHED
 from archerfish.learning.ppo import Environment, Learner, Metrics, iterate, make_learner, sizes
+from archerfish.learning.shards import claim_devices
 from archerfish.learning.update import hyper
 from archerfish.records.errors import InputError
 from archerfish.sensing.observers import AnyObserver
@@ -32,6 +33,10 @@ class TrainingConfig(Protocol):
     def batch(self) -> int:
         """Decisions of an iteration, over all environments."""
 
+    @property
+    def shards(self) -> int:
+        """Parts that the environments are split into."""
+
 
 class Trainer(NamedTuple):
     """A way of training: what it begins with, and how it goes on; both compile what they run."""
@@ -42,6 +47,11 @@ class Trainer(NamedTuple):
     advance: Callable[[Environment, Any, Any, int], tuple[Any, Metrics]]
     """Environment, configuration, learner, iterations K → learner, metrics of shape (K,). With `guard.guarded` around
     its iterations, it stops at the first bad one; without, a bad one costs all of the call."""
+
+
+def decisions(config: TrainingConfig) -> int:
+    """Return the decisions of a whole run: of its updates, in whole compiled calls."""
+    return -(-config.iterations // CHUNK) * CHUNK * config.batch
 
 
 def _advance_ppo(environment: Environment, config: PpoConfig, learner: Learner, count: int) -> tuple[Learner, Metrics]:
@@ -131,6 +141,8 @@ def train(
 ) -> Trained:
     """Train a policy; the same seed gives the same weights, bit for bit, on the same machine and versions.
 
+    JAX makes a device for each shard out of the processor, unless it computed something before: then they share one.
+
     Args:
       environment: where; NumPy arrays will do.
       config: settings, of the kind that the trainer takes.
@@ -142,6 +154,7 @@ def train(
     Raises:
       DivergenceError: if a number is not finite; it holds where the training stood before.
     """
+    claim_devices(config.shards)
     environment = jax.tree.map(jax.numpy.asarray, environment)
     standing = course.resume(Standing(trainer.begin(environment, config, jax.random.key(seed)), ()))
     while standing.iterations < config.iterations and not course.enough(standing):

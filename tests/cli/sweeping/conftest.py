@@ -5,6 +5,7 @@ import pytest
 
 from archerfish.cli.setting import SettingFiles, load_setting
 from archerfish.learning.config import PpoConfig
+from archerfish.learning.gradient_config import GradientConfig
 
 
 @pytest.fixture
@@ -16,7 +17,16 @@ def make_plan() -> Callable[..., Any]:
     from archerfish.cli.sweeping.run import Plan
 
     def make(seeds: Sequence[int] = (0, 1), worlds: Sequence[dict[str, Any]] = ({},)) -> Any:
-        base = Base(load_setting(SettingFiles()), "both", "history", 4, "gate", PpoConfig(steps=100))
+        base = Base(
+            load_setting(SettingFiles()),
+            "both",
+            "history",
+            4,
+            "gate",
+            "ppo",
+            PpoConfig(steps=100),
+            GradientConfig(steps=100),
+        )
         return Plan(base, tuple(worlds), tuple(seeds), 4, 0, {})
 
     return make

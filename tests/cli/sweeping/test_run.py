@@ -93,7 +93,7 @@ def test_a_combination_that_cant_be_trained_is_a_failed_trial(make_plan, tmp_pat
     with sweep_folder(tmp_path, TOLD, False) as folder:
         proposer = iter_of([{"ppo.minibatches": 7}, {"ppo.minibatches": 8}])
         run_rounds(make_plan((0,)), proposer, folder, in_process, work=made_up_hits)
-        assert "must divide into minibatches = 7" in folder.results[0].problem
+        assert "must divide into minibatches × shards = 7 × 2" in folder.results[0].problem
         assert folder.results[1].problem is None
 
 

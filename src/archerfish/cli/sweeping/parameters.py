@@ -8,8 +8,9 @@ from typing import Any, get_type_hints
 
 from archerfish.cli.setting import Setting, SettingFiles, load_setting
 from archerfish.cli.train import MOST_FRAMES
-from archerfish.cli.training_run import HIT_BONUS, TrainingTask
+from archerfish.cli.training_run import HIT_BONUS, TRAINERS, TrainingTask
 from archerfish.learning.config import PpoConfig
+from archerfish.learning.gradient_config import GradientConfig
 from archerfish.records.errors import InputError
 from archerfish.sensing.observation import ACTION_SCALES
 from archerfish.simulation.scenario import TARGETS
@@ -39,9 +40,12 @@ class Parameter:
 
 
 def _known() -> dict[str, Parameter]:
-    hints = get_type_hints(PpoConfig)
-    found = [Parameter(f"ppo.{_dashed(each.name)}", hints[each.name]) for each in fields(PpoConfig)]
+    found = []
+    for prefix, config in (("ppo", PpoConfig), ("gradient", GradientConfig)):
+        hints = get_type_hints(config)
+        found += [Parameter(f"{prefix}.{_dashed(each.name)}", hints[each.name]) for each in fields(config)]
     found += [
+        Parameter("trainer", str, tuple(TRAINERS)),
         Parameter("target", str, tuple(TARGETS)),
         Parameter("observation", str, tuple(HIT_BONUS)),
         Parameter("frames", int),
@@ -92,8 +96,12 @@ class Base:
     """Frames that a history observation remembers."""
     command_limit: str
     """What the gimbal may be asked."""
+    trainer: str
+    """One of `training_run.TRAINERS`."""
     ppo: PpoConfig
     """Settings of PPO."""
+    gradient: GradientConfig
+    """Settings of training by gradients."""
 
 
 def load_records(folder: str, accept_unusable: bool) -> Setting:
@@ -133,12 +141,7 @@ def make_task(base: Base, values: Mapping[str, Value], seed: int, settings: Mapp
     Raises:
       InputError: if the values don't go together.
     """
-    ppo: dict[str, Any] = {
-        _underscored(name, "ppo."): value for name, value in values.items() if name.startswith("ppo.")
-    }
-    motion: dict[str, Any] = {
-        _underscored(name, "motion."): value for name, value in values.items() if name.startswith("motion.")
-    }
+    ppo, gradient, motion = (_below(prefix, values) for prefix in ("ppo.", "gradient.", "motion."))
     chosen: dict[str, Any] = {name: value for name, value in values.items() if "." not in name}
     setting = settings[chosen["records"]] if "records" in chosen else base.setting
     # replace() runs the checks of the settings.
@@ -159,11 +162,16 @@ def make_task(base: Base, values: Mapping[str, Value], seed: int, settings: Mapp
         ppo=replace(base.ppo, **ppo),
         seed=seed,
         asymmetric=observation == "tracked",
+        trainer=chosen.get("trainer", base.trainer),
+        gradient=replace(base.gradient, **gradient),
     )
 
 
-def _underscored(name: str, prefix: str) -> str:
-    return name.removeprefix(prefix).replace("-", "_")
+def _below(prefix: str, values: Mapping[str, Value]) -> dict[str, Any]:
+    """Return the values whose names begin so, by the names of their fields."""
+    return {
+        name.removeprefix(prefix).replace("-", "_"): value for name, value in values.items() if name.startswith(prefix)
+    }
 
 
 def world_name(base: Base, values: Mapping[str, Value], settings: Mapping[str, Setting]) -> str:

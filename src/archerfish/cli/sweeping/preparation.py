@@ -95,7 +95,7 @@ def _plan(command: "Sweep", axes: tuple[Axis, ...], worlds: tuple[dict[str, Any]
     unusable = command.setting.accept_unusable
     base = Base(
         setting=load_setting(command.setting),
-        **{name: getattr(command, name) for name in ("target", "observation", "frames", "command_limit", "ppo")},
+        **{each.name: getattr(command, each.name) for each in fields(Base) if each.name != "setting"},
     )
     folders = [
         str(value) for axis in axes if axis.name == "records" and isinstance(axis, Values) for value in axis.values

@@ -52,7 +52,7 @@ def _option(name: str, value: Any) -> list[str]:
     if isinstance(value, bool):
         prefix, dot, last = name.rpartition(".")
         # anneal = false is --ppo.no-anneal; what is so anyway needs no word.
-        if name in ("ppo.anneal",):
+        if name in ("ppo.anneal", "gradient.anneal"):
             return [] if value else [f"--{prefix}{dot}no-{last}"]
         return [f"--{name}"] if value else []
     return [f"--{name}", *(_word(each) for each in (value if isinstance(value, list) else [value]))]

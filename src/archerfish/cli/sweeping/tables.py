@@ -38,7 +38,7 @@ def _table(world: str, standings: Sequence[Standing], varied: Sequence[str]) -> 
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("no.", justify="right")
     for name in varied:
-        table.add_column(name.removeprefix("ppo."), justify="right")
+        table.add_column(name.removeprefix("ppo.").removeprefix("gradient."), justify="right")
     for name in ("hits of shots", "rate", "interval", "seeds", "of each seed"):
         table.add_column(name, justify="right", no_wrap=True)
     for place, each in enumerate(standings):

@@ -118,11 +118,11 @@ def _cell(target: str, range_m: tuple[float, float], hit: Any) -> CellHits:
 
 def job_configuration(task: TrainingTask, engagements: int, engagement_seed: int) -> dict[str, Any]:
     """Return what config.json of a trial says."""
-    names = ("static_share", "observation", "frames", "command_limit", "seed")
+    names = ("static_share", "observation", "frames", "command_limit", "seed", "trainer")
     return {
         "setting": task.setting.name,
         **{name: getattr(task, name) for name in names},
-        "ppo": asdict(task.ppo),
+        task.trainer: asdict(task.config),
         "conditions": asdict(task.setting.conditions),
         "scored_on": {"stream": STREAM, "seed": engagement_seed, "engagements": engagements},
     }

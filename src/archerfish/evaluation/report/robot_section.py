@@ -20,6 +20,11 @@ from archerfish.evaluation.report.wording import LIMITS
 from archerfish.evaluation.report.worlds import REAL, World, real_cells, shown_limit, worlds
 from archerfish.evaluation.results import Results
 
+JITTER = (
+    "The motion may exceed what the commands were limited to: a link that is late with one and early with the next "
+    "leaves the gimbal less than a decision period between them."
+)
+
 
 class WorldPart(NamedTuple):
     """One world under one command limit."""
@@ -102,6 +107,10 @@ def _part(results: Results, world: World, limit: str) -> WorldPart:
         note=world.meaning,
         rates=world_rates(cells, world.setting, limit),
         differences=world_differences(pairs, world.setting, limit),
-        remarks=[*seed_remarks(cells, world.setting, limit), *asked(results.accelerations, world.setting, limit)],
+        remarks=[
+            *seed_remarks(cells, world.setting, limit),
+            *asked(results.accelerations, world.setting, limit),
+            *([JITTER] if limit == "gate" else []),
+        ],
         groups=every_controller(cells, pairs),
     )

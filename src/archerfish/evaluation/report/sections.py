@@ -120,10 +120,13 @@ def _remarks(cells: list[Cell], setting: str, limit: str) -> list[str]:
 
 
 def asked(accelerations: Iterable[Acceleration], setting: str, limit: str) -> list[str]:
-    """Say what the controllers asked of the yaw axis at most."""
-    here = [each for each in accelerations if (each.setting, each.command_limit) == (setting, limit)]
-    told = ", ".join(f"{controller_words(each.controller).name} {each.yaw_rad_s2:.0f}" for each in here)
-    return [f"Asked of the yaw axis at most, in rad/s²: {told}."] if told else []
+    """Say how hard each controller drove the yaw axis at most, of all its trainings."""
+    largest: dict[str, float] = {}
+    for each in accelerations:
+        if (each.setting, each.command_limit) == (setting, limit):
+            largest[each.controller] = max(each.yaw_rad_s2, largest.get(each.controller, 0.0))
+    told = ", ".join(f"{controller_words(name).name} {value:.0f}" for name, value in largest.items())
+    return [f"Largest acceleration of the yaw axis, of its commands or its motion, in rad/s²: {told}."] if told else []
 
 
 def seed_remarks(cells: list[Cell], setting: str, limit: str) -> list[str]:
