@@ -8,7 +8,7 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "src"
 PACKAGES = ("records", "paper", "figures", "dynamics", "sensing", "identification", "controllers", "deployment")
-EXTRAS = ("jax", "jaxlib", "optax", "gymnasium", "mujoco", "optuna", "ray", "viser")
+EXTRAS = ("jax", "jaxlib", "optax", "gymnasium", "mujoco", "optuna", "ray", "viser", "onnx", "onnxruntime")
 
 IMPORT_WITHOUT = """
 import importlib, sys

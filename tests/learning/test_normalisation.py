@@ -1,7 +1,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from archerfish.learning.normalisation import empty_normaliser, merge
+from archerfish.learning.normalisation import LEAST_VARIANCE, empty_normaliser, merge
 
 
 def test_merged_batches_have_the_moments_of_all_their_observations() -> None:
@@ -24,3 +24,10 @@ def test_a_long_training_does_not_lose_the_moments_to_rounding() -> None:
         normaliser = merge(normaliser, jnp.asarray(batch))
     np.testing.assert_allclose(normaliser.mean, batches.mean(dtype=np.float64), rtol=1e-6)
     np.testing.assert_allclose(normaliser.variance, batches.var(dtype=np.float64), rtol=1e-3)
+
+
+def test_what_hardly_varies_is_not_magnified_without_bound() -> None:
+    normaliser = empty_normaliser(2)
+    for _ in range(3):
+        normaliser = merge(normaliser, jnp.asarray([[0.5, 1.0], [0.5, 3.0]]))
+    np.testing.assert_allclose(normaliser.variance, [LEAST_VARIANCE, 1.0], rtol=1e-6)

@@ -158,6 +158,24 @@ def test_the_covariance_stays_symmetric_and_positive_in_float32() -> None:
     assert np.all(np.linalg.eigvalsh(track.covariance.astype(np.float64)) > 0.0)
 
 
+def test_float32_knows_what_float64_knows_after_a_guess_or_a_silence() -> None:
+    single = TrackerNoise(*(np.float32(each) for each in NOISE))
+    for shown, silence in ((False, 0.02), (True, 3.0)):
+        tracks = []
+        for noise, kind in ((NOISE, np.float64), (single, np.float32)):
+            plates = measurements(3).astype(kind)
+            track = begin_track(noise, plates[0], np.asarray(shown))
+            for plate, elapsed in zip(plates[1:], (silence, DT), strict=True):
+                track = update(noise, predict(noise, track, np.asarray(elapsed, kind)), plate, FRESH)
+            tracks.append(track)
+        assert_allclose(tracks[1].mean, tracks[0].mean, rtol=1e-4)
+        assert_allclose(tracks[1].height, tracks[0].height, rtol=1e-4)
+        assert_allclose(tracks[1].height_variance, tracks[0].height_variance, rtol=1e-4)
+        scale = np.sqrt(np.diag(tracks[0].covariance))
+        assert_allclose(tracks[1].covariance / np.outer(scale, scale), tracks[0].covariance / np.outer(scale, scale),
+                        atol=1e-4)  # fmt: skip
+
+
 def test_a_measurement_that_is_not_new_changes_nothing() -> None:
     track = track_of(measurements(5))
     kept = update(NOISE, track, np.array([9.0, 9.0, 9.0]), np.asarray(False))

@@ -36,6 +36,7 @@ COMMANDS = {
     "sweep": ("archerfish.cli.sweep", "Sweep", "run_sweep"),
     "evaluate": ("archerfish.cli.evaluate", "Evaluate", "run_evaluate"),
     "report": ("archerfish.cli.report", "Report", "run_report"),
+    "export": ("archerfish.cli.export", "Export", "run_export"),
 }
 """Command → module, options, function. Named, not imported: a command waits for the libraries of no other one, and
 Ctrl-C while they load is answered like any other."""

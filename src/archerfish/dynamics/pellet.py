@@ -191,7 +191,7 @@ def _vertical(vector: Array) -> Array:
     return lift(namespace(vector).asarray([0.0, 0.0, 1.0], dtype=vector.dtype), vector)
 
 
-_SERIES_BELOW = 1e-2
+_SERIES_BELOW = 0.5
 
 
 def _log1p_over(drag: Array, distance: Array) -> Array:
@@ -209,9 +209,16 @@ def _expm1_over(drag: Array, distance: Array) -> Array:
 
 
 def _log_remainder(z: Array) -> Array:
-    """(z − log1p(z)) / z², which is 1/2 at z = 0; the difference cancels there, so a series takes over."""
+    """(z − log1p(z)) / z², which is 1/2 at z = 0; the difference cancels there, so a series takes over.
+
+    With s = z / (2 + z), log1p(z) = 2 (s + s³/3 + s⁵/5 + …) and z − 2 s = z² / (2 + z): what cancels is gone, and s is
+    small. Six terms leave less than 1e-9 of it below z = 1/2.
+    """
     xp = namespace(z)
     small = xp.abs(z) < _SERIES_BELOW
-    safe = xp.where(small, 1.0, z)
-    series = 0.5 + z * (-1.0 / 3.0 + z * (0.25 + z * (-0.2 + z * (1.0 / 6.0 + z * (-1.0 / 7.0)))))
+    near, safe = xp.where(small, z, 0.0), xp.where(small, 1.0, z)
+    inverse = 1.0 / (2.0 + near)
+    square = (near * inverse) ** 2
+    terms = 1 / 3 + square * (1 / 5 + square * (1 / 7 + square * (1 / 9 + square * (1 / 11 + square / 13))))
+    series = inverse - 2.0 * near * inverse**3 * terms
     return xp.where(small, series, (safe - xp.log1p(safe)) / safe**2)

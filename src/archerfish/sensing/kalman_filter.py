@@ -108,23 +108,29 @@ def update(noise: TrackerNoise, track: Track, plate: Array, fresh: Array) -> Tra
     """
     xp = namespace(track.mean, plate)
     p = track.covariance
-    spread = p[..., :2, :2] + measurement_covariance(noise, plate)
+    measured = measurement_covariance(noise, plate)
+    spread = p[..., :2, :2] + measured
     a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
     inverse = xp.stack([xp.stack([c, -b], axis=-1), xp.stack([-b, a], axis=-1)], axis=-2)
     inverse = inverse / (a * c - b * b)[..., None, None]
     gain = _product(p[..., :, :2], inverse)
     innovation = plate[..., :2] - track.mean[..., :2]
     mean = track.mean + xp.sum(gain * innovation[..., None, :], axis=-1)
-    covariance = p - _product(gain, p[..., :2, :])
-    covariance = 0.5 * (covariance + xp.matrix_transpose(covariance))
-    share = track.height_variance / (track.height_variance + _height_noise(noise, plate))
-    share = xp.where(fresh, share, 0.0 * share)
+    # P − K (P + R) Kᵀ is K R in the columns of the place: no difference of large numbers there, which in float32 would
+    # leave nothing of a small variance after a long silence.
+    known = _product(gain, measured)
+    speed = p[..., 2:, 2:] - _product(gain[..., 2:, :], p[..., :2, 2:])
+    covariance = _blocks(_even(known[..., :2, :]), xp.matrix_transpose(known[..., 2:, :]), _even(speed))
+    height_noise = _height_noise(noise, plate)
+    sum_of_both = track.height_variance + height_noise
+    share = xp.where(fresh, track.height_variance / sum_of_both, 0.0 * sum_of_both)
     seen = fresh[..., None]
     return Track(
         xp.where(seen, mean, track.mean),
         xp.where(seen[..., None], covariance, p),
         track.height + share * (plate[..., 2] - track.height),
-        (1.0 - share) * track.height_variance,
+        # (1 − share) of the variance, again without the difference.
+        xp.where(fresh, track.height_variance * height_noise / sum_of_both, track.height_variance),
     )
 
 
@@ -157,6 +163,11 @@ def position_after(track: Track, time: Array) -> Array:
 def _product(left: Array, right: Array) -> Array:
     """Matrix product as a sum, which fuses where a batched product of tiny matrices crawls."""
     return namespace(left, right).sum(left[..., :, :, None] * right[..., None, :, :], axis=-2)
+
+
+def _even(matrix: Array) -> Array:
+    """Make a matrix symmetric to the last bit."""
+    return 0.5 * (matrix + namespace(matrix).matrix_transpose(matrix))
 
 
 def _blocks(upper: Array, corner: Array, lower: Array) -> Array:

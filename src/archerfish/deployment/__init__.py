@@ -1,0 +1,1 @@
+"""The robot's side: policies as files that run without us."""
