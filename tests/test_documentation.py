@@ -1,4 +1,4 @@
-"""The documentation holds: its Python runs, its command lines are understood, its links lead somewhere."""
+"""The documentation holds: its command lines are understood as they are written, and its pages are complete."""
 
 import re
 import shlex
@@ -38,6 +38,15 @@ def test_command_lines_are_understood(line: str) -> None:
 def test_every_page_is_in_the_navigation() -> None:
     named = set(re.findall(r"[\w/]+\.md", (ROOT / "mkdocs.yml").read_text()))
     assert named == {str(page.relative_to(ROOT / "docs")) for page in ROOT.glob("docs/**/*.md")}
+
+
+def test_every_package_has_a_page_of_its_api_and_every_benchmark_a_line() -> None:
+    packages = {path.parent.name for path in (ROOT / "src" / "archerfish").glob("*/__init__.py")} - {"cli"}
+    assert {
+        path.stem: re.findall(r"^::: (\S+)$", path.read_text(), re.MULTILINE) for path in ROOT.glob("docs/api/*.md")
+    } == {name: [f"archerfish.{name}"] for name in packages}
+    scripts = {str(path.relative_to(ROOT)) for path in ROOT.glob("benchmarks/*.py") if "__main__" in path.read_text()}
+    assert set(re.findall(r"`python (benchmarks/\w+\.py)`", (ROOT / "docs" / "benchmarks.md").read_text())) == scripts
 
 
 def test_readme_prints_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
