@@ -65,3 +65,9 @@ def mixed(path, time, u, y):
     commands = [(t, number(t, a)) for t, a in zip(time, u, strict=True)]
     write_bag(path, {"/joint_states": (JOINTS, states(time, u, y)), "/command": (NUMBER, commands)})
     return [path, "--input", "/command/data", "--output", "/joint_states/yaw/position"]
+
+
+def write_bag_of_axis(path: Path, time, u, y):
+    """Write a bag as the pages have it: commands as joint states of a topic of their own, at the clock of the angle."""
+    commands = [(t + 0.001, joint_state(t, (0.0, a), (0.0, 0.0))) for t, a in zip(time, u, strict=True)]
+    write_bag(path, {"/joint_states": (JOINTS, states(time, u, y)), "/gimbal_command": (JOINTS, commands)})

@@ -30,6 +30,7 @@ CELL: dict[str, Any] = {
     "command_limit": "gate",
     "controller": "history",
     "policy_seed": 0,
+    "motion": None,
     "hits": 90,
     "shots": 100,
     "engagements": 2,

@@ -1,10 +1,12 @@
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from archerfish.paper.conditions import assumed_conditions
+from archerfish.simulation.own_motion import find_motion
 from archerfish.simulation.scenario import UNIFORMS, draw_engagement
 from archerfish.simulation.setting import make_scenario
 
@@ -70,3 +72,20 @@ def test_numpy_and_jax_agree(shape, agree_in_jax) -> None:
     engagement = agree_in_jax(draw_engagement, scenario, uniforms)
     assert engagement.motion.vertex.shape == (*shape, 3)
     assert engagement.plant.shape == shape
+
+
+def test_a_motion_of_one_s_own_moves_where_the_paper_s_would_and_still_targets_stand_there(agree_in_jax) -> None:
+    motion = find_motion(f"{Path(__file__).parents[2] / 'examples' / 'departure.py'}:Departure")
+    scenario = make_scenario(CONDITIONS, static_share=0.5, plants=4, motion=motion.drawer)
+    uniforms = np.random.default_rng(113).random((200, scenario.uniforms)).astype(np.float32)
+    ours = agree_in_jax(draw_engagement, scenario, uniforms)
+    theirs = draw_engagement(make_scenario(CONDITIONS, static_share=0.5, plants=4), uniforms[:, :UNIFORMS])
+    assert_allclose(ours.plant, theirs.plant)
+    begin, end = (agree_in_jax(lambda each, t: each.position(t), ours.motion, np.full(200, t)) for t in (0.0, 1.0))
+    assert_allclose(begin, theirs.motion.vertex, atol=1e-6)
+    still = theirs.motion.speed == 0.0
+    assert_allclose(end[still], begin[still])
+    # It leaves within half a second, at the speed of the paper's target, to either side.
+    way = np.abs(end - begin)[~still, 1] / theirs.motion.speed[~still]
+    assert 0.5 <= way.min() < way.max() <= 1.0 + 1e-3
+    assert set(np.sign((end - begin)[~still, 1])) == {-1.0, 1.0}

@@ -8,6 +8,7 @@ from archerfish.evaluation.suites import draw_trials, table_suites
 from archerfish.evaluation.trial import fight
 from archerfish.learning.training import Standing, trained_policy
 from archerfish.simulation.environment import ShootingEnvironment
+from archerfish.simulation.own_motion import find_motion
 
 EVERY = 20
 """Iterations between two trials; of a whole number of compiled calls."""
@@ -21,7 +22,12 @@ def never(_: Standing) -> bool:
 
 
 def hit_rate_stop(
-    aim: float | None, setting: Setting, environment: ShootingEnvironment, static_share: float, seed: int
+    aim: float | None,
+    setting: Setting,
+    environment: ShootingEnvironment,
+    static_share: float,
+    seed: int,
+    motion: str = "",
 ) -> Callable[[Standing], bool]:
     """Return what tells whether a training has come far enough.
 
@@ -35,12 +41,14 @@ def hit_rate_stop(
       environment: that of the training.
       static_share: share of its targets that stand still.
       seed: of the training.
+      motion: of moving targets, as `find_motion` takes it; as eq (7) says if empty.
     """
     if aim is None:
         return never
     conditions, world = setting.conditions, environment.world
     kinds = {1.0: ("static",), 0.0: ("dynamic",)}.get(static_share, ("static", "dynamic"))
-    suites = tuple(each for each in table_suites(conditions, world.plants) if each.target in kinds)
+    own = find_motion(motion) if motion else None
+    suites = tuple(each for each in table_suites(conditions, world.plants, motion=own) if each.target in kinds)
     trials = draw_trials(suites, ENGAGEMENTS, conditions.decisions, seed, "stopping", world.normals)
 
     def tried(standing: Standing) -> HitRate:

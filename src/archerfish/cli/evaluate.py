@@ -9,13 +9,13 @@ import tyro
 
 from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.hit_rate_table import print_hit_rates, print_where
-from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.options import Folder, JsonFile, OwnMotionName
 from archerfish.cli.progress import note, progress_bar, require_jax
 from archerfish.cli.run_folder import run_folder
 from archerfish.cli.setting import RobotOptions, Setting, SettingFiles, configuration, load_setting
 from archerfish.cli.setting_remarks import policy_remarks, setting_remarks
 from archerfish.controllers.policy import policy_from_record
-from archerfish.controllers.roster import CONTROLLERS
+from archerfish.controllers.roster import find_controller
 from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.policy import PolicyRecord, read_policy
@@ -41,6 +41,7 @@ class Evaluate:
     Examples:
       archerfish evaluate runs/train/policy.json
       archerfish evaluate --controllers kalman parabola-lq oracle --command-limit box
+      archerfish evaluate --controllers kalman-lq ./mine.py:TwoFrames --motion ./mine.py:Departure
       archerfish evaluate policy.json --pitch pitch.json --yaw yaw.json --robot infantry
       archerfish evaluate policy.json --pitch pitch.json --yaw yaw.json --sensing sensing.json --robot me --on worn
     """
@@ -50,7 +51,10 @@ class Evaluate:
     ] = ()
     """Policy records (policy.json), as train writes them; none evaluates the classical controllers alone."""
     controllers: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME…")] = ("kalman", "kalman-lq", "oracle")
-    """Classical controllers beside them: kalman, kalman-lq, parabola-lq, no-lead, vertex, oracle."""
+    """Controllers beside them: kalman, kalman-lq, parabola-lq, no-lead, vertex, oracle, or your own, ./FILE.py:NAME or
+    MODULE:NAME (docs/adding.md)."""
+    motion: OwnMotionName = ""
+    """How moving targets move, in the place of eq (7): your own as ./FILE.py:NAME or MODULE:NAME."""
     setting: RobotOptions = field(default_factory=SettingFiles)
     """The robot."""
     on: Annotated[str, tyro.conf.arg(metavar="NAME|FILE", help_behavior_hint="(default: in the simulator)")] = ""
@@ -78,7 +82,12 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     _check(command)
     require_jax("evaluate")
     keep_compiled()
-    from archerfish.cli.evaluation_run import EvaluationTask, run_evaluation, tune_controllers  # needs JAX
+    from archerfish.cli.evaluation_run import (  # needs JAX
+        EvaluationTask,
+        run_evaluation,
+        try_own_code,
+        tune_controllers,
+    )
     from archerfish.evaluation.report import write_report
     from archerfish.evaluation.results import write_results
     from archerfish.evaluation.tuning import GRIDS
@@ -89,12 +98,19 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     _check_distinct(policies, command)
     _remark(command, setting, policies)
     task = EvaluationTask(
-        setting, command.command_limit, command.engagements, command.seed, command.controllers, policies
+        setting,
+        command.command_limit,
+        command.engagements,
+        command.seed,
+        command.controllers,
+        policies,
+        motion=command.motion,
     )
     if command.on:
         task = replace(task, robot=command.on, tables=("IV", "V"))
     else:
         task = replace(task, controllers=("perfect", *command.controllers))
+    try_own_code(task)
     with run_folder(command.out) as folder:
         begun = time.monotonic()
         if setting.sensing is not None:
@@ -104,7 +120,7 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
         with progress_bar("evaluating", len(command.controllers) + len(policies), "controllers") as advance:
             outcomes = run_evaluation(task, advance)
         results = _results(task, outcomes, time.monotonic() - begun)
-        storage.write_json(folder / "config.json", configuration(command, setting, command.policies))
+        storage.write_json(folder / "config.json", configuration(command, setting, _read(command)))
         write_results(folder / "results.json", results)
     write_report(results, command.out / "report.html")
     print_hit_rates(results.cells)
@@ -124,7 +140,7 @@ def _check_distinct(policies: tuple[PolicyRecord, ...], command: Evaluate) -> No
     """Results tell entrants apart by name and training seed."""
     from archerfish.cli.evaluation_run import policy_label  # needs JAX
 
-    labels = [*command.controllers, *map(policy_label, policies)]
+    labels = [*(find_controller(each).name for each in command.controllers), *map(policy_label, policies)]
     if len(set(labels)) < len(labels):
         twice = next(label for label in labels if labels.count(label) > 1)
         name = twice if isinstance(twice, str) else f"{twice[0]} policy of seed {twice[1]}"
@@ -132,9 +148,8 @@ def _check_distinct(policies: tuple[PolicyRecord, ...], command: Evaluate) -> No
 
 
 def _check(command: Evaluate) -> None:
-    unknown = [name for name in command.controllers if name not in CONTROLLERS]
-    if unknown:
-        raise InputError(f"--controllers must be of {', '.join(CONTROLLERS)}, got {unknown[0]!r}")
+    for name in command.controllers:
+        find_controller(name)
     if command.engagements < 2:
         raise InputError(f"--engagements must be at least 2, got {command.engagements}; intervals need several")
     if command.on:
@@ -149,7 +164,7 @@ def _results(task: "EvaluationTask", outcomes: "list[Outcome]", seconds: float) 
     from archerfish.evaluation.results import Results
 
     ground = make_ground(task)
-    against = [name for name in task.controllers if name != "perfect"]
+    against = [find_controller(name).name for name in task.controllers if name != "perfect"]
     return Results(
         seed=task.seed,
         commit=code_commit(),
@@ -160,6 +175,16 @@ def _results(task: "EvaluationTask", outcomes: "list[Outcome]", seconds: float) 
         accelerations=tuple(accelerations(ground, outcomes)),
         comparisons=tuple(each for name in against for each in comparisons(ground, outcomes, name)),
     )
+
+
+def _read(command: Evaluate) -> list[Path]:
+    """Return the files that the evaluation was made with, beside those of the setting."""
+    from archerfish.simulation.own_motion import find_motion  # needs JAX
+
+    own = [find_controller(each).extension for each in command.controllers]
+    own += [find_motion(command.motion).extension] if command.motion else []
+    files = [each.file for each in own if each is not None and each.file is not None]
+    return [*command.policies, *dict.fromkeys(files)]
 
 
 def _policy(path: Path, period_s: float, command_limit: str) -> PolicyRecord:

@@ -6,16 +6,19 @@ from typing import Any
 
 from archerfish.cli.setting import Setting, setting_world
 from archerfish.controllers.policy import policy_from_record
-from archerfish.controllers.roster import Tuning, Workbench, make_controller
+from archerfish.controllers.roster import Tuning, Workbench, find_controller, make_controller
 from archerfish.dynamics.command_limits import named_limits
 from archerfish.dynamics.linear_axis import gimbal_model
 from archerfish.dynamics.muzzle import muzzle_from_record
 from archerfish.evaluation.evaluate import Entrant, Ground, Outcome, compete, perfect_aim
+from archerfish.evaluation.rehearsal import rehearse
 from archerfish.evaluation.suites import draw_trials, table_suites
 from archerfish.evaluation.tuning import GRIDS, Tuned, tune
 from archerfish.records.errors import InputError
+from archerfish.records.extensions import own_code
 from archerfish.records.policy import PolicyRecord
 from archerfish.sensing.kalman_filter import noise_from_record
+from archerfish.simulation.own_motion import check_paths, find_motion
 from archerfish.virtual_robot.description_file import load_robot
 from archerfish.virtual_robot.engagement_world import Known, RobotWorld
 
@@ -38,7 +41,7 @@ class EvaluationTask:
     seed: int
     """Of engagements and dispersion."""
     controllers: tuple[str, ...] = ()
-    """Classical controllers by name; "perfect" scores perfect aim."""
+    """Controllers as `find_controller` takes them; "perfect" scores perfect aim."""
     policies: tuple[PolicyRecord, ...] = ()
     """Trained policies."""
     robot: str = ""
@@ -47,14 +50,19 @@ class EvaluationTask:
     """The paper's tables that the cells stand beside."""
     tuning: Mapping[str, Tuning] = field(default_factory=dict)
     """Controller → its settings, from `tune_controllers`; the paper's conditions hold the others'."""
+    motion: str = ""
+    """How moving targets move, as `find_motion` takes it; as eq (7) says if empty."""
 
 
 def make_ground(task: EvaluationTask) -> Ground:
     """Build the world and draw the engagements; equal tasks give equal draws, in any process."""
     setting, conditions = task.setting, task.setting.conditions
     simulator = setting_world(setting, task.command_limit)
-    suites = table_suites(conditions, simulator.plants, task.tables)
+    motion = find_motion(task.motion) if task.motion else None
+    suites = table_suites(conditions, simulator.plants, task.tables, motion)
     trials = draw_trials(suites, task.engagements, conditions.decisions, task.seed, normals=simulator.normals)
+    if motion:
+        check_paths(motion, trials.engagements.motion, conditions.engagement_s)
     if task.robot:
         robot = load_robot(task.robot)
         world = RobotWorld(robot, _known(task), conditions.control_period_s)
@@ -93,7 +101,7 @@ def tune_controllers(task: EvaluationTask, advance: Callable[[float, str], None]
     setting, conditions = task.setting, task.setting.conditions
     world = setting_world(setting, task.command_limit)
     trials = draw_trials(
-        table_suites(conditions, world.plants),
+        table_suites(conditions, world.plants, motion=find_motion(task.motion) if task.motion else None),
         TUNING_ENGAGEMENTS,
         conditions.decisions,
         task.seed,
@@ -122,8 +130,11 @@ def run_evaluation(task: EvaluationTask, advance: Callable[[float, str], None] =
       InputError: if a controller is unknown.
     """
     ground, done = make_ground(task), []
-    classical = [name for name in task.controllers if name != "perfect"]
-    entrants = [Entrant(name, make_controller(name, _bench(task, task.tuning.get(name)))) for name in classical]
+    classical = [spec for spec in task.controllers if spec != "perfect"]
+    entrants = [
+        Entrant(find_controller(spec).name, make_controller(spec, _bench(task, task.tuning.get(spec))))
+        for spec in classical
+    ]
     entrants += [_policy_entrant(policy) for policy in task.policies]
 
     def report(name: str) -> None:
@@ -161,6 +172,21 @@ def policy_label(policy: PolicyRecord) -> tuple[str, int]:
     """Return name and training seed, by which results tell policies apart."""
     seed = policy.training.get("seed")
     return CONTROLLER_NAMES.get(policy.observation, policy.observation), 0 if seed is None else int(seed)
+
+
+def try_own_code(task: EvaluationTask) -> None:
+    """Try what a user brings, before anything takes long: its controllers decide once, its targets move.
+
+    Raises:
+      InputError: naming what of it can't be used.
+    """
+    found = [(spec, find_controller(spec).extension) for spec in task.controllers if spec != "perfect"]
+    own = [(spec, extension) for spec, extension in found if extension is not None]
+    if own or task.motion:
+        ground = make_ground(task)
+        for spec, extension in own:
+            with own_code(extension):
+                rehearse(make_controller(spec, _bench(task, None)), ground.world, ground.trials)
 
 
 def _policy_entrant(policy: PolicyRecord) -> Entrant:

@@ -39,13 +39,17 @@ def _table(where: str, cells: list["Cell"]) -> Table:
     table.add_column("name (seed)", no_wrap=True)
     for low, high in ranges:
         table.add_column(f"{low:g}–{high:g} m", justify="right", no_wrap=True)
-    for target in dict.fromkeys(cell.target for cell in cells):
+    for target in dict.fromkeys(map(_target, cells)):
         table.add_row(f"{target} targets", style="bold")
-        shot = [cell for cell in cells if cell.target == target]
+        shot = [cell for cell in cells if _target(cell) == target]
         for entrant in dict.fromkeys(map(_entrant, shot)):
             rates = {cell.range_m: _rate(cell) for cell in shot if _entrant(cell) == entrant}
             table.add_row(entrant, *(rates.get(each, "") for each in ranges))
     return table
+
+
+def _target(cell: "Cell") -> str:
+    return cell.motion or cell.target
 
 
 def _entrant(cell: "Cell") -> str:

@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from archerfish.cli.interrupts import Stopped, StopRequests, stop_requests, without_interrupts
@@ -21,6 +22,7 @@ from archerfish.learning.checkpoint_folder import add_checkpoint, checkpoint_fil
 from archerfish.learning.training import Standing
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
+from archerfish.records.plant import PlantRecord, write_plant
 
 UNFINISHED = "unfinished"
 CONFIGURATION = "config.json"
@@ -50,13 +52,21 @@ class LiveRun:
         self._events: EventFile | None = None
         self._written, self._saved = time.monotonic(), -1
 
-    def begin(self, configuration: Mapping[str, Any], inputs: Mapping[str, Path]) -> None:
+    def begin(
+        self,
+        configuration: Mapping[str, Any],
+        inputs: Mapping[str, Path],
+        plants: Mapping[str, PlantRecord] = MappingProxyType({}),
+    ) -> None:
         """Write what a run can be resumed from.
 
         Args:
           configuration: resolved, as JSON holds it.
           inputs: role → record that the run reads; they are copied, with their arrays.
+          plants: axis → plant that no file holds; code of a user's own may change before the run goes on.
         """
+        for axis, plant in plants.items():
+            write_plant(self.folder / INPUTS / axis / f"{axis}.json", plant)
         for role, path in inputs.items():
             for each in (path, path.with_suffix(".safetensors")):
                 if each.is_file():

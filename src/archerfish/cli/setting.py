@@ -10,9 +10,11 @@ import tyro
 
 from archerfish.paper.conditions import Conditions, assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_plants
-from archerfish.records.errors import InputError
+from archerfish.records.errors import InputError, file_error
+from archerfish.records.extensions import FORMS, is_extension
 from archerfish.records.limits import LimitsRecord, read_limits
 from archerfish.records.muzzle import MuzzleRecord, read_muzzle
+from archerfish.records.own_plant import find_plant
 from archerfish.records.plant import USABLE_FIT_PERCENT, PlantQuality, PlantRecord, read_plant
 from archerfish.records.provenance import provenance
 from archerfish.records.sensing import SensingRecord, read_sensing
@@ -28,10 +30,14 @@ def _file(default: str) -> Any:
 class SettingFiles:
     """The robot; the paper's gimbal and our assumed conditions where a file is not given."""
 
+    plant: Annotated[str, tyro.conf.arg(metavar="FOLDER|NAME", help_behavior_hint="")] = ""
+    """Both axes at once, in the place of --pitch and --yaw: a folder with pitch.json and yaw.json, or a function of
+    your own, ./FILE.py:NAME or MODULE:NAME (docs/adding.md)."""
     pitch: Annotated[Path | None, _file("the paper's printed plant")] = None
-    """Plant record of the pitch axis, as identify gimbal writes it; --yaw must come with it."""
+    """Plant record of the pitch axis, as identify gimbal writes it, or a function of your own; --yaw must come with
+    it."""
     yaw: Annotated[Path | None, _file("the paper's printed plant")] = None
-    """Plant record of the yaw axis; --pitch must come with it."""
+    """The same of the yaw axis; --pitch must come with it."""
     muzzle: Annotated[Path | None, _file("the assumed conditions")] = None
     """Muzzle record, as identify muzzle writes it."""
     sensing: Annotated[Path | None, _file("immediate and perfect sight")] = None
@@ -76,27 +82,58 @@ def load_setting(files: SettingFiles) -> Setting:
     Raises:
       InputError: if a file can't be used, or files are given without the robot's name.
     """
-    records = (files.pitch, files.yaw, files.muzzle, files.sensing, files.limits)
-    given = tuple(path for path in records if path is not None)
+    files = both_axes(files)
+    others = [path for path in (files.muzzle, files.sensing, files.limits) if path is not None]
+    given = [path for path in (files.pitch, files.yaw) if path is not None] + others
     if given and not files.robot:
         raise InputError(f"--robot must name the robot that {given[0]} describes; add for instance --robot infantry")
     if (files.pitch is None) != (files.yaw is None):
         raise InputError("--pitch and --yaw must be given together; a gimbal has both axes")
-    conditions, printed = assumed_conditions(), printed_plants()
+    conditions, plants = assumed_conditions(), printed_plants()
+    sources: list[Path | None] = []
+    for axis, path in (("pitch", files.pitch), ("yaw", files.yaw)):
+        if path is not None:
+            plants[axis], source = _read_axis(path, axis, files.accept_unusable)
+            sources.append(source)
     muzzle = paper_muzzle(conditions)
     if files.muzzle:
         muzzle = read_muzzle(files.muzzle)
         conditions = with_muzzle(conditions, muzzle)
     return Setting(
         name=f"identified-{files.robot}" if given else "paper",
-        pitch=_read_axis(files.pitch, "pitch", files.accept_unusable) if files.pitch else printed["pitch"],
-        yaw=_read_axis(files.yaw, "yaw", files.accept_unusable) if files.yaw else printed["yaw"],
+        pitch=plants["pitch"],
+        yaw=plants["yaw"],
         muzzle=muzzle,
         sensing=read_sensing(files.sensing) if files.sensing else None,
         limits=read_limits(files.limits) if files.limits else gate_limits(),
         conditions=conditions,
-        inputs=given,
+        inputs=tuple(dict.fromkeys(each for each in (*sources, *others) if each is not None)),
     )
+
+
+def both_axes(files: SettingFiles) -> SettingFiles:
+    """Return the same files with --pitch and --yaw in the place of --plant.
+
+    Raises:
+      InputError: if both are given, or there is no such folder.
+    """
+    if not files.plant:
+        return files
+    if files.pitch is not None or files.yaw is not None:
+        raise InputError("--plant gives both axes, --pitch or --yaw one; give either --plant, or the other two")
+    folder = Path(files.plant)
+    if folder.is_dir():
+        return replace(files, plant="", pitch=folder / "pitch.json", yaw=folder / "yaw.json")
+    if not is_own_plant(folder):
+        raise file_error(
+            folder, "is no folder with pitch.json and yaw.json", f"name one, or a plant of your own: {FORMS}"
+        )
+    return replace(files, plant="", pitch=folder, yaw=folder)
+
+
+def is_own_plant(path: Path) -> bool:
+    """Tell whether what was given for an axis is a plant of the user's own, and not a record."""
+    return not path.exists() and is_extension(str(path), "plant")
 
 
 def setting_world(setting: Setting, command_limit: str) -> PureWorld:
@@ -128,14 +165,18 @@ def with_muzzle(conditions: Conditions, muzzle: MuzzleRecord) -> Conditions:
     )
 
 
-def _read_axis(path: Path, axis: str, accept_unusable: bool) -> PlantRecord:
+def _read_axis(path: Path, axis: str, accept_unusable: bool) -> tuple[PlantRecord, Path | None]:
+    """Return the plant and the file that it comes from."""
+    if is_own_plant(path):
+        plant, extension = find_plant(str(path), axis)
+        return plant, extension.file
     plant, other = read_plant(path), {"pitch": "yaw", "yaw": "pitch"}[axis]
     # A record without a verdict was written by hand, or before there were any: its author answers for it.
     if plant.quality is not None and not plant.quality.usable and not accept_unusable:
         raise InputError(_unusable(path, plant.quality))
     if plant.axis == other:
         raise InputError(f"{path}: is the plant of the {other} axis, given as --{axis}; swap --pitch and --yaw")
-    return plant
+    return plant, path
 
 
 def _unusable(path: Path, quality: PlantQuality) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from archerfish.cli.setting import Setting, SettingFiles
+from archerfish.cli.setting import Setting, SettingFiles, both_axes
 from archerfish.records.policy import PolicyRecord
 from archerfish.records.storage import file_hash
 
@@ -22,6 +22,7 @@ def setting_remarks(files: SettingFiles, setting: Setting) -> Iterator[str]:
       files: as given.
       setting: what they were resolved to.
     """
+    files = both_axes(files)
     lacking = [told for name, told in _STAND_INS.items() if getattr(files, name) is None]
     if setting.inputs and lacking:
         yield f"{setting.name} is not all of your robot: it has {_joined(lacking)}"

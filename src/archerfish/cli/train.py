@@ -10,14 +10,23 @@ import tyro
 
 from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.interrupts import without_interrupts
-from archerfish.cli.options import Folder, JsonFile, Switch
+from archerfish.cli.options import Folder, JsonFile, OwnMotionName, Switch
 from archerfish.cli.progress import note, progress_bar, require_jax
 from archerfish.cli.restored_options import contradictions, restore_options, with_default_flags
-from archerfish.cli.setting import RobotOptions, SettingFiles, configuration, load_setting
+from archerfish.cli.setting import (
+    RobotOptions,
+    Setting,
+    SettingFiles,
+    both_axes,
+    configuration,
+    is_own_plant,
+    load_setting,
+)
 from archerfish.cli.setting_remarks import setting_remarks
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.gradient_config import GradientConfig
 from archerfish.records.errors import InputError
+from archerfish.records.plant import PlantRecord
 from archerfish.records.provenance import code_commit, library_versions
 from archerfish.simulation.scenario import TARGETS
 
@@ -59,6 +68,8 @@ class Train:
     and noisy sights (tracked), which needs --sensing."""
     frames: int = 4
     """Frames that the history observation remembers."""
+    motion: OwnMotionName = ""
+    """How moving targets move, in the place of eq (7): your own as ./FILE.py:NAME or MODULE:NAME (docs/adding.md)."""
     command_limit: Literal["box", "gate", "los-2deg"] = "gate"
     """What the gimbal may be asked: angle ranges (box), also rate and acceleration (gate), or at most 2° ahead of the
     target."""
@@ -131,8 +142,11 @@ def run_train(command: Train) -> dict[str, Any]:
     from archerfish.cli.live_run import live_run, read_configuration
     from archerfish.cli.training_log import has_tensorboard
     from archerfish.cli.training_run import TrainingTask, run_task, write_run
+    from archerfish.simulation.own_motion import find_motion
 
     setting = None if command.resume else load_setting(command.setting)
+    if command.motion:
+        find_motion(command.motion)
     for remark in setting_remarks(command.setting, setting) if setting else ():
         note(remark)
     tensorboard = command.tensorboard and has_tensorboard()
@@ -145,10 +159,10 @@ def run_train(command: Train) -> dict[str, Any]:
     ) as live:
         if setting is None:
             copies: dict[str, Any] = dict(live.input_files())
-            setting = load_setting(replace(command.setting, **copies))
+            setting = load_setting(replace(command.setting, plant="", **copies))
             _note_changes(read_configuration(command.out))
         else:
-            live.begin(configuration(command, setting), _files(command.setting))
+            live.begin(configuration(command, setting), *_files(command.setting, setting))
         task = TrainingTask(
             setting=setting,
             static_share=TARGETS[command.target],
@@ -161,6 +175,7 @@ def run_train(command: Train) -> dict[str, Any]:
             stop_at_hit_rate=command.stop_at_hit_rate,
             trainer=command.trainer,
             gradient=command.gradient,
+            motion=command.motion,
         )
         with progress_bar("training", task.decisions, "decisions") as advance:
             result = run_task(task, advance, live)
@@ -189,9 +204,12 @@ def _check(command: Train, observation: str) -> None:
         raise InputError(f"--stop-at-hit-rate must be between 0 and 1, got {command.stop_at_hit_rate}")
 
 
-def _files(files: SettingFiles) -> dict[str, Path]:
-    """Return the records that a training reads, by the option that names each."""
-    return {name: value for name, value in vars(files).items() if isinstance(value, Path)}
+def _files(files: SettingFiles, setting: Setting) -> tuple[dict[str, Path], dict[str, PlantRecord]]:
+    """Return the records that a training reads, by the option that names each, and the plants that come from code."""
+    paths = {name: value for name, value in vars(both_axes(files)).items() if isinstance(value, Path)}
+    plants: dict[str, PlantRecord] = {"pitch": setting.pitch, "yaw": setting.yaw}
+    own = {axis: plant for axis, plant in plants.items() if axis in paths and is_own_plant(paths[axis])}
+    return {name: path for name, path in paths.items() if name not in own}, own
 
 
 def _note_changes(begun: dict[str, Any]) -> None:

@@ -41,6 +41,7 @@ from archerfish.records.policy import PolicyRecord, write_policy
 from archerfish.records.provenance import provenance
 from archerfish.simulation.assembly import environment_in, observer_in
 from archerfish.simulation.environment import ShootingEnvironment
+from archerfish.simulation.own_motion import find_motion
 
 TRAINERS: dict[str, Trainer] = {"ppo": PPO, "gradient": GRADIENT}
 """Name → way of training; its settings are the field of that name in a `TrainingTask`."""
@@ -78,6 +79,8 @@ class TrainingTask:
     """One of `TRAINERS`."""
     gradient: GradientConfig = field(default_factory=GradientConfig)
     """Settings, for the trainer of that name."""
+    motion: str = ""
+    """How moving targets move, as `find_motion` takes it; as eq (7) says if empty."""
 
     @property
     def config(self) -> PpoConfig | GradientConfig:
@@ -136,7 +139,7 @@ def run_task(
         if live is not None:
             live.watch(standing)
 
-    enough = hit_rate_stop(task.stop_at_hit_rate, task.setting, environment, task.static_share, task.seed)
+    enough = hit_rate_stop(task.stop_at_hit_rate, task.setting, environment, task.static_share, task.seed, task.motion)
     course = Course(resume, watch, enough)
     try:
         trained = train(environment, task.config, task.seed, trainer=TRAINERS[task.trainer], course=course)
@@ -155,7 +158,8 @@ def _environment(task: TrainingTask) -> ShootingEnvironment:
     world = setting_world(setting, task.command_limit)
     observer = observer_in(world, task.observation, task.frames, setting.muzzle, setting.sensing, task.command_limit)
     bonus = HIT_BONUS[task.observation]
-    return environment_in(world, setting.conditions, observer, task.static_share, bonus, task.asymmetric)
+    motion = find_motion(task.motion) if task.motion else None
+    return environment_in(world, setting.conditions, observer, task.static_share, bonus, task.asymmetric, motion)
 
 
 def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Trained, begun: float) -> TrainingResult:
@@ -168,6 +172,7 @@ def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Train
         training={
             **{name: getattr(task, name) for name in ("static_share", "seed")},
             "setting": setting.name,
+            **({"motion": task.motion} if task.motion else {}),
             task.trainer: asdict(task.config),
             "mean_return": float(mean_return[-1]) if len(mean_return) else None,
         },

@@ -1,4 +1,4 @@
-"""The classical controllers by name, each built for a gimbal, a muzzle and a command limit."""
+"""Controllers by name, each built for a gimbal, a muzzle and a command limit: the classical ones, and a user's own."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -10,12 +10,13 @@ from archerfish.controllers.oracle import make_oracle
 from archerfish.controllers.parabola_filter import parabola_filter
 from archerfish.controllers.predictors import ConstantVelocity, Hold, ParabolaAware, Predictor, Vertex
 from archerfish.controllers.preview_aim import SMOOTHING, make_preview_aim
-from archerfish.dynamics.array_namespace import single_precision
+from archerfish.dynamics.array_namespace import map_arrays, single_precision
 from archerfish.dynamics.command_limits import CommandLimits
 from archerfish.dynamics.linear_axis import GimbalModel
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.paper.conditions import Conditions
 from archerfish.records.errors import InputError
+from archerfish.records.extensions import FORMS, Extension, find_extension, is_extension, own_code
 from archerfish.sensing.interfaces import Controller
 from archerfish.sensing.kalman_filter import TrackerNoise
 
@@ -32,7 +33,7 @@ class Tuning(NamedTuple):
 
 
 class Workbench(NamedTuple):
-    """What a classical controller is built from."""
+    """What a controller is built from."""
 
     model: GimbalModel
     """The plant as identified, shape (2, ...), float64."""
@@ -113,19 +114,87 @@ CONTROLLERS: dict[str, Callable[[Workbench], Controller]] = {
     "vertex": _preview(lambda bench: Vertex(_rule(bench))),
     "oracle": _oracle,
 }
-"""Name → builder. To add a controller, write it in a file of its own and name it here."""
+"""Name → builder. One of your own needs no line here: see `find_controller`."""
+RESERVED = (*CONTROLLERS, "perfect", "history", "paper")
+"""What results call the built-in controllers, perfect aim and trained policies."""
+
+
+class Listed(NamedTuple):
+    """A controller that can be built."""
+
+    name: str
+    """By which results call it."""
+    build: Callable[[Workbench], Any]
+    """Builds it."""
+    extension: Extension | None
+    """Where it comes from, if it is a user's own."""
+
+
+def find_controller(spec: str) -> Listed:
+    """Find a controller by name.
+
+    Args:
+      spec: one of `CONTROLLERS`; or one of a user's own: ./FILE.py:NAME, MODULE:NAME, or the name of an entry point of
+        the group `archerfish.controllers`. It is a function that is given a `Workbench` and returns a controller, or a
+        class with such a function, `build`.
+
+    Raises:
+      InputError: if it can't be found, its code fails, or results would confuse its name with another's.
+    """
+    if spec in CONTROLLERS:
+        return Listed(spec, CONTROLLERS[spec], None)
+    if not is_extension(spec, "controller") and not spec.endswith(".py"):
+        raise InputError(
+            f"controller must be one of {', '.join(CONTROLLERS)}, or one of your own ({FORMS}), got {spec!r}"
+        )
+    found = find_extension(spec, "controller")
+    if found.name in RESERVED:
+        raise InputError(f"{found.where}: results already have a controller {found.name!r}; call yours something else")
+    build = found.value
+    if isinstance(build, type):
+        build = getattr(build, "build", None)
+    if not callable(build):
+        raise InputError(
+            f"{found.where}: expected a function of a workbench that returns a controller, or a class with such a "
+            f"classmethod build(cls, bench), got {_article(found.value)}; docs/adding.md has one of each"
+        )
+    return Listed(found.name, build, found)
 
 
 def make_controller(name: str, bench: Workbench) -> Any:
-    """Build a classical controller in float32.
+    """Build a controller in float32.
 
     Args:
-      name: one of `CONTROLLERS`.
+      name: as `find_controller` takes it.
       bench: what it is built from.
 
     Raises:
-      InputError: if the name is unknown.
+      InputError: if it can't be found, its building fails, or what is built is no controller.
     """
-    if name not in CONTROLLERS:
-        raise InputError(f"controller must be one of {', '.join(CONTROLLERS)}, or a policy's file; got {name!r}")
-    return single_precision(CONTROLLERS[name](bench))
+    listed = find_controller(name)
+    if listed.extension is None:
+        return single_precision(listed.build(bench))
+    with own_code(listed.extension):
+        built = listed.build(bench)
+        _check_built(built)
+        return single_precision(built)
+
+
+def _check_built(built: Any) -> None:
+    lacking = [each for each in ("reset", "step") if not callable(getattr(built, each, None))]
+    if lacking or isinstance(built, type):
+        raise InputError(
+            f"builds {_article(built)} without {' and '.join(lacking) or 'fields'}, expected a controller: a "
+            "NamedTuple of arrays with reset(seen, truth) and step(state, seen)"
+        )
+    if not hasattr(built, "_fields"):
+        raise InputError(f"builds {_article(built)}, expected a NamedTuple, for it is handed to a compiled program")
+    for name, value in zip(built._fields, built, strict=True):
+        kinds: list[str] = []
+        map_arrays(lambda each, kinds=kinds: kinds.append(np.asarray(each).dtype.kind), value)
+        if set(kinds) - set("fiub"):
+            raise InputError(f"{type(built).__name__}.{name} is {_article(value)}, expected an array or a number")
+
+
+def _article(value: Any) -> str:
+    return f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"

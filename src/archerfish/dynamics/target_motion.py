@@ -1,6 +1,6 @@
 """How a target moves: eq (7) and others. A motion is a NamedTuple with one function, `position(time)`.
 
-To add one, write a NamedTuple with that function. Every array of it begins with the batch shape B, so one record holds
+To add one of your own, see docs/adding.md. Every array of it begins with the batch shape B, so one record holds
 many targets, and a batch of them can be cut, stacked and chosen from without knowing which motion it is.
 """
 
@@ -125,6 +125,23 @@ class Track(NamedTuple):
         legs = self.places[..., 1:, :] - self.places[..., :-1, :]
         way = xp.sum(share[..., None] * lift(legs, share[..., None]), axis=-2)
         return lift(self.places[..., 0, :], way) + way
+
+
+class StillOrMoving(NamedTuple):
+    """Targets of which some stand still and the others move."""
+
+    place: Array
+    """Where those that don't move stand [m], shape B + (3,)."""
+    moving: Array
+    """Whether a target moves, shape B."""
+    motion: TargetMotion
+    """How."""
+
+    def position(self, time: Array) -> Array:
+        """Return the position [m] at a time [s], shape B + (3,)."""
+        moved = self.motion.position(time)
+        xp = namespace(self.place, moved)
+        return xp.where(lift(xp.asarray(self.moving)[..., None], moved), moved, lift(self.place, moved))
 
 
 def triangle_wave(cycles: Array) -> Array:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from archerfish.evaluation.hit_rate import hit_rate, paired_difference, split_misses
 from archerfish.evaluation.results import Acceleration, Cell, Comparison, Label
 from archerfish.evaluation.suites import Suite, Trials
-from archerfish.evaluation.trial import Shots, fight, largest_acceleration, perfect_shots
+from archerfish.evaluation.trial import Shots, check_finite, fight, largest_acceleration, perfect_shots
 from archerfish.paper.conditions import Conditions
 from archerfish.paper.tables import printed_rate
 from archerfish.sensing.interfaces import Controller, World
@@ -86,6 +86,7 @@ def perfect_aim(ground: Ground) -> Outcome:
 
 
 def _outcome(ground: Ground, name: str, policy_seed: int | None, shots: Shots) -> Outcome:
+    check_finite(name, shots.command)
     period = ground.world.period_s
     asked = max(largest_acceleration(angles, period, axis=1) for angles in (shots.command, shots.angle))
     return Outcome(name, policy_seed, _hits(ground, shots), asked)
@@ -113,7 +114,7 @@ def _cell(ground: Ground, suite: Suite, outcome: Outcome, hit: NDArray[np.bool_]
         **hit_rate(hit)._asdict(),
         misses_slewing=misses.slewing,
         misses_settled=misses.settled,
-        paper=printed_rate(suite.table, suite.range_m, outcome.name),
+        paper=None if suite.motion else printed_rate(suite.table, suite.range_m, outcome.name),
     )
 
 
@@ -126,6 +127,7 @@ def _label(ground: Ground, suite: Suite, outcome: Outcome) -> Label:
         command_limit=ground.command_limit,
         controller=outcome.name,
         policy_seed=outcome.policy_seed,
+        motion=suite.motion,
     )
 
 

@@ -39,6 +39,8 @@ class Label:
     """Name of the controller."""
     policy_seed: int | None = None
     """Seed that the policy was trained with; None for what is not trained."""
+    motion: str | None = None
+    """Name of a user's own motion that moving targets had in the place of eq (7); None for the paper's."""
 
     def __post_init__(self) -> None:
         for name, known in (("table", HIT_RATE_TABLES), ("target", TARGETS)):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from archerfish.dynamics.array_namespace import map_arrays
 from archerfish.paper.conditions import Conditions
 from archerfish.sensing.interfaces import Engagement
+from archerfish.simulation.own_motion import OwnMotion
 from archerfish.simulation.scenario import UNIFORMS, Scenario, draw_engagement
 from archerfish.simulation.setting import make_scenario
 from archerfish.simulation.shooting import DRAWS
@@ -29,6 +30,8 @@ class Suite:
     """Smallest and largest distance [m]."""
     scenario: Scenario
     """How its engagements are drawn."""
+    motion: str | None = None
+    """Name of the user's own motion, of moving targets that have one."""
 
 
 @dataclass(frozen=True)
@@ -43,16 +46,29 @@ class Trials:
     """Standard normals, shape (S n, T, normals)."""
 
 
-def table_suites(conditions: Conditions, plants: int = 1, tables: tuple[str, str] = ("II", "III")) -> tuple[Suite, ...]:
+def table_suites(
+    conditions: Conditions,
+    plants: int = 1,
+    tables: tuple[str, str] = ("II", "III"),
+    motion: OwnMotion | None = None,
+) -> tuple[Suite, ...]:
     """Return the eight cells of Tables II and III, or IV and V.
 
     Args:
       conditions: ranges, speeds and offsets.
       plants: number of posterior draws of the world's plant.
       tables: that of still and that of moving targets.
+      motion: of the moving targets, in the place of eq (7).
     """
+    drawer, name = (motion.drawer, motion.name) if motion else ((), None)
     return tuple(
-        Suite(table, target, range_m, make_scenario(conditions, range_m, share, plants))
+        Suite(
+            table,
+            target,
+            range_m,
+            make_scenario(conditions, range_m, share, plants, drawer),
+            name if target == "dynamic" else None,
+        )
         for table, target, share in ((tables[0], "static", 1.0), (tables[1], "dynamic", 0.0))
         for range_m in conditions.range_bins
     )
@@ -80,7 +96,10 @@ def draw_trials(
     for index, suite in enumerate(suites):
         generator = np.random.default_rng([seed, PURPOSES[purpose], index])
         uniforms = generator.random((engagements, UNIFORMS), dtype=np.float32)
-        drawn.append(draw_engagement(suite.scenario, uniforms))
+        # Of a stream of their own: with them or without, the pellets scatter alike.
+        more = np.random.default_rng([seed, PURPOSES[purpose], index, 1])
+        chances = more.random((engagements, suite.scenario.uniforms - UNIFORMS), dtype=np.float32)
+        drawn.append(draw_engagement(suite.scenario, np.concatenate([uniforms, chances], axis=-1)))
         noise.append(generator.standard_normal((engagements, decisions, normals), dtype=np.float32))
     joined: Any = map_arrays(lambda *parts: np.concatenate(parts), *drawn)
     return Trials(suites, joined, np.concatenate(noise))

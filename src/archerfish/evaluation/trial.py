@@ -12,6 +12,7 @@ from archerfish.dynamics.array_namespace import Array, map_arrays
 from archerfish.dynamics.muzzle import DRAWS as MUZZLE_DRAWS
 from archerfish.dynamics.muzzle import pellet_at_muzzle
 from archerfish.evaluation.suites import Trials
+from archerfish.records.errors import InputError
 from archerfish.sensing.interfaces import Command, Controller, Engagement, Seen, Truth, World
 from archerfish.simulation.environment import PureWorld
 from archerfish.simulation.shooting import miss_at_armor
@@ -70,6 +71,7 @@ def _fight_stepping(world: World, controller: Controller, trials: Trials) -> Sho
     shots = []
     for _ in range(trials.draws.shape[-2]):
         state, command = _step_compiled(decider, state, jax.tree.map(jnp.asarray, seen))
+        check_finite(type(controller).__name__, np.asarray(command.angle)[:, None])
         shooting, seen, shot = world.step(shooting, jax.tree.map(np.asarray, command))
         shots.append(Shots(*(np.asarray(each, np.float32) for each in (shot.miss, seen.command, shot.angle))))
     return Shots(*(np.stack(each, axis=1) for each in zip(*shots, strict=True)))
@@ -83,6 +85,26 @@ def _reset_compiled(controller: Controller, seen: Seen, truth: Truth | None) -> 
 @jax.jit
 def _step_compiled(controller: Controller, state: Any, seen: Seen) -> tuple[Any, Command]:
     return controller.step(state, seen)
+
+
+def check_finite(name: str, angles: NDArray[np.float32]) -> None:
+    """Refuse commands that no gimbal can follow.
+
+    Args:
+      name: of the controller.
+      angles: pitch and yaw [rad], shape (engagements, T, 2).
+
+    Raises:
+      InputError: if one is not finite.
+    """
+    wrong = np.argwhere(~np.isfinite(angles))
+    if len(wrong):
+        engagement, decision, axis = wrong[0]
+        value, count = angles[engagement, decision, axis], len(np.unique(wrong[:, 0]))
+        raise InputError(
+            f"{name}: commands a {('pitch', 'yaw')[axis]} of {value} rad at decision {decision + 1}, in {count} of "
+            f"{len(angles)} engagements, expected finite angles; guard divisions and roots in its step"
+        )
 
 
 def _truth(world: World, controller: Controller, engagements: Engagement) -> Truth | None:

@@ -18,6 +18,7 @@ from archerfish.sensing.observation import ACTION_SCALES, make_observer
 from archerfish.sensing.observers import AnyObserver
 from archerfish.sensing.tracked_observation import TRACKER_ACCELERATION, tracked_observer
 from archerfish.simulation.environment import HIDDEN, PureWorld, ShootingEnvironment
+from archerfish.simulation.own_motion import OwnMotion, find_motion
 from archerfish.simulation.scenario import TARGETS
 from archerfish.simulation.setting import make_scenario, make_world, paper_muzzle
 
@@ -38,6 +39,7 @@ def make_environment(
     muzzle: MuzzleRecord | None = None,
     sensing: SensingRecord | None = None,
     limits: LimitsRecord | None = None,
+    motion: str = "",
 ) -> ShootingEnvironment:
     """Put an environment together.
 
@@ -52,6 +54,7 @@ def make_environment(
       muzzle: the muzzle; that of the paper's conditions if not given.
       sensing: camera and link; immediate and perfect if not given.
       limits: ranges, rates and accelerations; the paper's ranges with GM6020 motors if not given.
+      motion: how targets move, one of your own as `own_motion.find_motion` takes it; as eq (7) says if not given.
 
     Raises:
       InputError: if a name is unknown, or a record can't be used.
@@ -67,7 +70,8 @@ def make_environment(
     world = make_world(pitch, yaw, muzzle, limits, command_limit, conditions, sensing=sensing)
     kind = observation or ("history" if sensing is None else "tracked")
     observer = observer_in(world, kind, frames, muzzle, sensing, command_limit)
-    environment = environment_in(world, conditions, observer, TARGETS[target], hit_bonus)
+    own = find_motion(motion) if motion else None
+    environment = environment_in(world, conditions, observer, TARGETS[target], hit_bonus, motion=own)
     return environment._replace(length=np.asarray(length, np.int32))
 
 
@@ -78,6 +82,7 @@ def environment_in(
     static_share: float,
     hit_bonus: float = 0.0,
     asymmetric: bool = False,
+    motion: OwnMotion | None = None,
 ) -> ShootingEnvironment:
     """Build the environment of a world in float32.
 
@@ -88,10 +93,12 @@ def environment_in(
       static_share: share of the targets that stand still.
       hit_bonus: what a hit adds to the reward of eq (8) [m].
       asymmetric: whether a critic gets to see where the target really is and will be.
+      motion: how targets move, if not as eq (7) says.
     """
+    drawer = motion.drawer if motion else ()
     return ShootingEnvironment(
         world,
-        make_scenario(conditions, static_share=static_share, plants=world.plants),
+        make_scenario(conditions, static_share=static_share, plants=world.plants, motion=drawer),
         single_precision(observer),
         np.asarray(conditions.decisions, np.int32),
         hit_bonus=np.float32(hit_bonus),

@@ -13,7 +13,7 @@ from archerfish.dynamics.command_limits import CommandLimits
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.sensing.interfaces import Command, Engagement, Seen, Shot, World, fire_always
 from archerfish.sensing.observers import AnyObserver
-from archerfish.simulation.scenario import UNIFORMS, Scenario, draw_engagement
+from archerfish.simulation.scenario import Scenario, draw_engagement
 from archerfish.simulation.shooting import reward
 
 
@@ -124,7 +124,7 @@ class ShootingEnvironment(NamedTuple):
     @property
     def uniforms(self) -> int:
         """Uniform draws that a step needs per engagement."""
-        return UNIFORMS
+        return self.scenario.uniforms
 
     def begin(self, normals: Array, uniforms: Array) -> tuple[EnvironmentState, Array]:
         """Begin a batch, staggered: its members are at different phases of an engagement, `PHASES` of them.

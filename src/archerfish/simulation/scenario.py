@@ -1,13 +1,15 @@
 """How engagements are drawn: targets of eq (7), standing still or moving, at the ranges of Tables II–V."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from archerfish.dynamics.array_namespace import Array, lift, namespace
-from archerfish.dynamics.target_motion import Parabola
+from archerfish.dynamics.target_motion import Parabola, StillOrMoving, TargetMotion
 from archerfish.sensing.interfaces import Engagement
 
 UNIFORMS = 6
 """Uniform draws per engagement: range, lateral offset, speed, phase, whether it stands still, plant."""
+CHANCES = 4
+"""Uniform draws more that a motion of a user's own is handed."""
 TARGETS = {"static": 1.0, "dynamic": 0.0, "both": 0.5}
 """What moves → share of the targets that stand still."""
 
@@ -35,6 +37,13 @@ class Scenario(NamedTuple):
     """Pitch and yaw of the resting gimbal [rad], shape B + (2,)."""
     plants: Array
     """Number of posterior draws of the plant to choose from, shape B."""
+    motion: Any = ()
+    """How targets move: as eq (7) says, if empty; else a user's own, see `archerfish.simulation.own_motion`."""
+
+    @property
+    def uniforms(self) -> int:
+        """Uniform draws per engagement."""
+        return UNIFORMS + CHANCES * hasattr(self.motion, "draw")
 
 
 def draw_engagement(scenario: Scenario, uniforms: Array) -> Engagement:
@@ -42,21 +51,33 @@ def draw_engagement(scenario: Scenario, uniforms: Array) -> Engagement:
 
     Args:
       scenario: the distribution.
-      uniforms: shape B + (UNIFORMS,).
+      uniforms: shape B + (scenario.uniforms,).
     """
     xp = namespace(uniforms)
     place, side, speed, phase, still, plant = (uniforms[..., index] for index in range(UNIFORMS))
     distance = scenario.range_low + (scenario.range_high - scenario.range_low) * place
     lateral = scenario.lateral * (2.0 * side - 1.0)
     moving = still >= scenario.static_share
-    motion = Parabola(
-        vertex=xp.stack([distance, lateral, scenario.height + 0.0 * place], axis=-1),
-        speed=xp.where(moving, scenario.max_speed * speed, 0.0 * speed),
-        # A target that stands still stands at the vertex: a quarter of the cycle from the turn.
-        phase=xp.where(moving, phase, 0.25),
-        half_width=scenario.half_width + 0.0 * place,
-        curvature=scenario.curvature + 0.0 * place,
-    )
+    vertex = xp.stack([distance, lateral, scenario.height + 0.0 * place], axis=-1)
+    motion: TargetMotion
+    if hasattr(scenario.motion, "draw"):
+        # The paper's draws come first, so that places, speeds and plants are those of eq (7)'s targets.
+        own = scenario.motion.draw(vertex, scenario.max_speed * speed, uniforms[..., UNIFORMS:])
+        motion = StillOrMoving(vertex, moving, own)
+    else:
+        motion = _parabola(scenario, vertex, speed, phase, moving)
     start = xp.zeros_like(uniforms[..., :2])
     start = start + lift(scenario.start, start)
     return Engagement(motion, start, xp.astype(xp.floor(plant * scenario.plants), xp.int32))
+
+
+def _parabola(scenario: Scenario, vertex: Array, speed: Array, phase: Array, moving: Array) -> Parabola:
+    xp = namespace(vertex)
+    return Parabola(
+        vertex=vertex,
+        speed=xp.where(moving, scenario.max_speed * speed, 0.0 * speed),
+        # A target that stands still stands at the vertex: a quarter of the cycle from the turn.
+        phase=xp.where(moving, phase, 0.25),
+        half_width=scenario.half_width + 0.0 * speed,
+        curvature=scenario.curvature + 0.0 * speed,
+    )

@@ -1,5 +1,7 @@
 """Worlds and scenarios from records: who shoots at what, where, with which gimbal."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -144,6 +146,7 @@ def make_scenario(
     range_m: tuple[float, float] | None = None,
     static_share: float = 0.0,
     plants: int = 1,
+    motion: Any = (),
 ) -> Scenario:
     """Build the distribution of engagements of Tables II–V in float32.
 
@@ -152,6 +155,7 @@ def make_scenario(
       range_m: smallest and largest distance [m]; all the tables' ranges where none is given.
       static_share: share of the targets that stand still, 0…1.
       plants: number of posterior draws of the world's plant.
+      motion: how targets move, as in `Scenario`.
     """
     bins = conditions.range_bins
     low, high = range_m or (min(low for low, _ in bins), max(high for _, high in bins))
@@ -166,6 +170,7 @@ def make_scenario(
         static_share=static_share,
         start=np.array([conditions.start_pitch, conditions.start_yaw]),
         plants=float(plants),
+        motion=motion,
     )
     built: Scenario = single_precision(scenario)
     return built

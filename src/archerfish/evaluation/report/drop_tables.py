@@ -12,7 +12,7 @@ from archerfish.evaluation.report.entry_tables import (
     Heading,
     difference_entry,
 )
-from archerfish.evaluation.report.rate_tables import cell_order, target_of
+from archerfish.evaluation.report.rate_tables import cell_order, title_of
 from archerfish.evaluation.report.robot_tables import spans
 from archerfish.evaluation.report.wording import CONTROLLERS, controller_words
 from archerfish.evaluation.report.worlds import REAL, World
@@ -46,7 +46,7 @@ def drops_overview(drops: Sequence[Drop], worlds: Sequence[World], limit: str) -
         "controller",
         [Heading("settled" if settled else "all shots") for _, settled in columns],
         groups,
-        spans(tables, 2),
+        spans(tables, 2, drops),
     )
 
 
@@ -99,7 +99,9 @@ def _drop_group(
         for title, of in wanted
         for settled, shots in ((False, "all shots"), (True, "settled"))
     ]
-    return EntryGroup(f"Table {table}, {target_of(table)} targets", rows)
+    return EntryGroup(
+        title_of(table, (drop for of in picked.values() for key, drop in of.items() if key[0] == table)), rows
+    )
 
 
 def pooled_drop(drops: Sequence[Drop], setting: str, limit: str, controller: str) -> Estimate | None:

@@ -17,7 +17,7 @@ from archerfish.evaluation.report.robot_facts import axes_table, facts_table, la
 from archerfish.evaluation.report.robot_headline import robot_headline, robot_sentence
 from archerfish.evaluation.report.robot_section import robot_section
 from archerfish.evaluation.report.sections import Section, limit_section
-from archerfish.evaluation.report.wording import CONTROLLERS, LIMITS, condition_rows
+from archerfish.evaluation.report.wording import CONTROLLERS, LIMITS, condition_rows, own_controllers
 from archerfish.evaluation.report.worlds import REAL, real_cells
 from archerfish.evaluation.results import LearningCurves, Results
 from archerfish.figures.page import number, render_page
@@ -88,7 +88,13 @@ def _page(results: Results, gallery: _Gallery, path: Path) -> str:
             ("dynamic", _learning(results.figures.fig6, "fig6_dynamic", "dynamic", gallery)),
         ],
         conditions=condition_rows(results.conditions, robot_alone=not paper),
-        controllers=[(words.name, words.meaning) for words in CONTROLLERS.values()],
+        controllers=[
+            *((words.name, words.meaning) for words in CONTROLLERS.values()),
+            *(
+                (name, "A controller of your own; config.json names its file.")
+                for name in own_controllers(results.cells)
+            ),
+        ],
         **_reading(results.conditions),
         errata=Path(os.path.relpath(_ERRATA, path.parent)).as_posix() if _ERRATA.is_file() else None,
     )

@@ -21,8 +21,14 @@ def rates_drawing(cells: Sequence[Cell], controllers: Sequence[str], *, printed:
       printed: whether to draw the paper's columns beside them.
     """
     targets = [target for target in TARGETS if any(cell.target == target for cell in cells)]
+    own = {cell.target: cell.motion for cell in cells if cell.motion}
     return hit_rate_figure(
-        [_panel([cell for cell in cells if cell.target == each], controllers, printed, each) for each in targets]
+        [
+            _panel(
+                [cell for cell in cells if cell.target == each], controllers, printed, own.get(each, each.capitalize())
+            )
+            for each in targets
+        ]
     )
 
 
@@ -41,7 +47,7 @@ def _panel(cells: Sequence[Cell], controllers: Sequence[str], printed: bool, tar
         if papers:
             values = [papers.get(each, math.nan) for each in ranges]
             curves.append(RateCurve(name, controller_words(controller).style, values))
-    return RatePanel(f"{target.capitalize()} targets", [bins(each) for each in ranges], curves)
+    return RatePanel(f"{target} targets", [bins(each) for each in ranges], curves)
 
 
 def _curve(controller: str, cells: Sequence[Cell | None]) -> RateCurve:

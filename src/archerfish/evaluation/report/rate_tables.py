@@ -62,7 +62,7 @@ def rate_table(columns: Iterable[Column], caption: str) -> RateTable:
     keys = sorted({key for column in kept for key in column.values}, key=cell_order)
     groups = [
         Group(
-            f"Table {table}, {target_of(table)} targets",
+            title_of(table, [each for column in kept for key, each in column.values.items() if key[0] == table]),
             [Row(key[1], [(each, each.values.get(key)) for each in kept]) for key in keys if key[0] == table],
         )
         for table in HIT_RATE_TABLES
@@ -79,6 +79,19 @@ def cell_order(key: CellKey) -> tuple[int, tuple[float, float]]:
 def target_of(table: str) -> str:
     """Return the kind of target of one of the paper's tables."""
     return hit_rate_table(table).target
+
+
+def title_of(table: str, found: Iterable[Any]) -> str:
+    """Return the heading of what was found for one of the paper's tables; it names a user's own motion.
+
+    Args:
+      table: "II" to "V".
+      found: cells or differences of that table; what has no motion is passed over.
+    """
+    motion = next((each.motion for each in found if getattr(each, "motion", None)), None)
+    return (
+        f"{motion} targets, at the ranges of Table {table}" if motion else f"Table {table}, {target_of(table)} targets"
+    )
 
 
 def rate_column(cells: Mapping[CellKey, Cell], controller: str, *, ours: bool = False) -> Column:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from archerfish.evaluation.comparison import cells_of
-from archerfish.evaluation.report.rate_tables import target_of
+from archerfish.evaluation.report.rate_tables import title_of
 from archerfish.evaluation.report.robot_tables import present
 from archerfish.evaluation.report.wording import controller_words
 from archerfish.evaluation.report.worlds import REAL, World
@@ -38,7 +38,7 @@ def _panel(cells: Sequence[Cell], table: str, worlds: Sequence[World], limit: st
         rate, low, high = ([[_percent(cell, part) for cell in row] for row in grid] for part in ("rate", "low", "high"))
         slopes.append(Slope(words.name, words.style, rate, low, high))
     return SlopePanel(
-        f"Table {table}: {target_of(table)} targets",
+        title_of(table, cells),
         [bins(each) for each in ranges],
         slopes,
     )

@@ -20,11 +20,11 @@ from archerfish.evaluation.report.rate_tables import (
     printed_column,
     rate_column,
     rate_table,
-    target_of,
+    title_of,
 )
 from archerfish.evaluation.report.wording import CONTROLLERS, controller_words
 from archerfish.evaluation.report.worlds import REAL, World
-from archerfish.evaluation.results import Cell, Comparison
+from archerfish.evaluation.results import Cell, Comparison, Drop
 from archerfish.figures.page import percent
 from archerfish.paper.tables import hit_rate_table
 
@@ -66,7 +66,7 @@ def overview_table(
         "controller",
         [Heading(world.short) for _ in tables for world in worlds],
         [group for group in groups if group.rows],
-        spans(tables, len(worlds)),
+        spans(tables, len(worlds), cells),
     )
 
 
@@ -75,9 +75,15 @@ def _tables(cells: Iterable[Cell]) -> list[str]:
     return [table for table in REAL if table in found]
 
 
-def spans(tables: Sequence[str], width: int) -> list[tuple[str, int]]:
-    """Head the columns of several of the paper's tables, so many columns each."""
-    return [(f"Table {table}, {target_of(table)} targets", width) for table in tables]
+def spans(tables: Sequence[str], width: int, found: Sequence[Cell | Drop]) -> list[tuple[str, int]]:
+    """Head the columns of several of the paper's tables, so many columns each.
+
+    Args:
+      tables: "IV" and "V", say.
+      width: columns of each.
+      found: cells or drops, which know of motions.
+    """
+    return [(title_of(table, (each for each in found if each.table == table)), width) for table in tables]
 
 
 def _differences(
@@ -114,7 +120,7 @@ def misses_table(cells: Sequence[Cell], worlds: Sequence[World], limit: str) -> 
         "controller",
         [Heading(world.short) for _ in tables for world in worlds],
         [EntryGroup("", rows)],
-        spans(tables, len(worlds)),
+        spans(tables, len(worlds), cells),
     )
 
 

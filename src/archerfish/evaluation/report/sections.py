@@ -24,9 +24,9 @@ from archerfish.evaluation.report.rate_tables import (
     printed_column,
     rate_column,
     rate_table,
-    target_of,
+    title_of,
 )
-from archerfish.evaluation.report.wording import CONTROLLERS, LIMITS, controller_words
+from archerfish.evaluation.report.wording import CONTROLLERS, LIMITS, controller_words, own_controllers
 from archerfish.evaluation.results import Acceleration, Cell, Comparison, Results
 from archerfish.figures.page import bins, percent
 
@@ -74,7 +74,7 @@ def limit_section(results: Results, setting: str, limit: str, tables: Sequence[s
         anchor=f"{setting}-{limit}-{'-'.join(tables)}",
         title=f"{name}: {LIMITS[limit].title}",
         note=LIMITS[limit].note,
-        drawing=rates_drawing(cells, PLOTTED) if cells else None,
+        drawing=rates_drawing(cells, (*PLOTTED, *own_controllers(cells))) if cells else None,
         table=_main_table(cells, pairs, setting, limit) if cells else None,
         remarks=_remarks(cells, setting, limit) + asked(results.accelerations, setting, limit),
         groups=every_controller(cells, pairs),
@@ -103,6 +103,7 @@ def _main_table(cells: list[Cell], pairs: list[Comparison], setting: str, limit:
         rate_column(of("kalman-lq"), "kalman-lq"),
         less("kalman-lq"),
         rate_column(of("oracle"), "oracle"),
+        *(rate_column(of(name), name) for name in own_controllers(cells)),
         Column("policy, share of oracle", "share", shares(of("history"), of("oracle"))),
     ]
     return rate_table(columns, "Hit rates in percent, differences in points, with 95 % intervals.")
@@ -156,7 +157,7 @@ def every_controller(cells: list[Cell], pairs: list[Comparison]) -> list[Group]:
     keys = sorted({(cell.table, cell.range_m) for cell in cells}, key=cell_order)
     return [
         Group(
-            f"Table {table}, {target_of(table)}, {bins(range_m)} m",
+            f"{title_of(table, (cell for cell in cells if cell.table == table))}, {bins(range_m)} m",
             [
                 ControllerRow(_full_name(cell), cell, to_kalman.get(_identity(cell)))
                 for cell in sorted(cells, key=lambda cell: _rank(known, cell))

@@ -1,8 +1,10 @@
 """What the report calls controllers, command limits and conditions."""
 
 import math
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+from archerfish.evaluation.results import Cell
 from archerfish.figures.page import bins, number
 
 
@@ -124,6 +126,11 @@ _CONDITIONS = {
 def controller_words(controller: str) -> ControllerWords:
     """Return how a controller appears; one that the report does not know keeps its own name."""
     return CONTROLLERS.get(controller, ControllerWords(controller, "", 6))
+
+
+def own_controllers(cells: Iterable[Cell]) -> list[str]:
+    """Return the names of the controllers that are not Archerfish's, in the order of the cells."""
+    return [name for name in dict.fromkeys(cell.controller for cell in cells) if name not in CONTROLLERS]
 
 
 _NOT_WITH_A_ROBOT = (
