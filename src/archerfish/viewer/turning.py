@@ -1,0 +1,19 @@
+"""The page's own thread of time: pictures, one after the other."""
+
+import threading
+import time
+from typing import Any
+
+FRAME_S = 0.04
+"""Between two pictures [s]."""
+
+
+def keep_turning(server: Any, page: Any, stop: threading.Event) -> None:
+    """Turn a page over while somebody looks at it, until it is to stop."""
+    before = time.monotonic()
+    while not stop.wait(FRAME_S):
+        now = time.monotonic()
+        # A film that nobody watches need not go on.
+        if server.get_clients():
+            page.turn(now - before)
+        before = now
