@@ -46,6 +46,8 @@ class TrialPage:
         self._compared = ""
         self._engagement, self._told_at = -1, -1.0
         look_from(server.initial_camera, "behind the robot", first.distance)
+        # Whoever opens the page finds the trial made.
+        self.turn(0.0)
 
     def _look(self, client: Any, view: str) -> None:
         if client is not None:

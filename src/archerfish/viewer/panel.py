@@ -9,7 +9,7 @@ from viser import uplot
 from archerfish.viewer.choice import Choice, Subject, controller_names
 from archerfish.viewer.motions import HAND, MOTIONS
 from archerfish.viewer.playback import PACES
-from archerfish.viewer.scene import VIEWS
+from archerfish.viewer.scene import VIEWPOINTS
 from archerfish.viewer.trial import Floats
 
 PLOT_COLOURS = ("rgb(0,114,178)", "rgb(213,94,0)")
@@ -37,7 +37,7 @@ class Player:
             self._button = gui.add_button("Pause")
             self._slider = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0)
             pace = gui.add_dropdown("Pace", tuple(PACES))
-            view = gui.add_button_group("View", VIEWS)
+            view = gui.add_button_group("View", tuple(VIEWPOINTS))
         with gui.add_folder(title):
             self._plot = gui.add_uplot(
                 (np.zeros(1), *(np.zeros(1) for _ in labels)),

@@ -1,5 +1,6 @@
 """A gimbal's log as something to look at: its angles and commands over time, and what it does not tell."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -74,7 +75,7 @@ def _usual_name(path: Path, time: str, role: str) -> str:
             read_log(path, [], [name], time=time)
         except InputError as error:
             # Only a missing signal is a reason to try the next name.
-            if error.code != "no-column" or f'"{time}"' in str(error):
+            if error.code != "no-column" or re.search(rf'no \w+ "{re.escape(time)}"', str(error)):
                 raise
             continue
         return name

@@ -1,12 +1,15 @@
 """What is seen: robot, target, pellets, hits and misses. x forward, y left, z up, origin at the gimbal's pivot."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.viewer.trial import Floats, Moment
+
+Place = tuple[float, float, float]
 
 HIT, MISS, PELLET = (0, 114, 178), (213, 94, 0), (230, 159, 0)
 """Colours that a colour-blind person tells apart."""
@@ -17,7 +20,7 @@ ARMOR = (0.135, 0.125)
 """Width and height of a small armor module [m]."""
 ELLIPSE_SCALE = math.sqrt(-2.0 * math.log(0.05))
 """Half axes of the ellipse that holds 95 % of a normal scatter, in standard deviations."""
-BOARD_SCALE = 7.0
+BOARD_SCALE = 6.0
 """The board shows the armor so many times its size."""
 BOARD_REACH = 0.14
 """What the board shows of the armor's plane, to each side [m]; what passes farther off is put on its edge."""
@@ -25,8 +28,14 @@ MOST_PELLETS = 32
 """In flight at once."""
 PELLET_SIZE = 0.034
 """As drawn [m]: twice a pellet's, to be seen at all."""
-VIEWS = ("behind the robot", "from the side", "at the armor")
-"""Viewpoints that the page offers."""
+VIEWPOINTS: dict[str, Callable[[float], tuple[Place, Place]]] = {
+    "behind the robot": lambda distance: ((-2.4, -0.85, 1.15), (distance, 0.4, 0.14)),
+    "from the side": lambda distance: ((0.5 * distance, -0.95 * distance - 1.2, 0.9), (0.5 * distance, 0.0, 0.0)),
+    "at the armor": lambda distance: ((distance - 0.75, -0.22, 0.12), (distance, 0.05, 0.0)),
+}
+"""Name on the page → distance of the target [m] → where the camera is and what it looks at [m]."""
+FIELD_OF_VIEW = 0.85
+"""Vertical [rad]: narrower than usual, since the armor is far and small."""
 _HIDDEN = (0.0, 0.0, -50.0)
 
 
@@ -41,7 +50,7 @@ class Scene:
         self._target = self._build_target()
         self._board = self._build_board()
         self._pellets = self._points("/pellets", PELLET_SIZE)
-        self._caption = self._scene.add_label("/caption", "", position=(0.0, 0.0, 0.62), anchor="bottom-center")
+        self._caption = self._scene.add_label("/caption", "", position=(0.0, 0.0, 0.3), anchor="bottom-center")
         self._landed = -1
         self._in_flight = -1
 
@@ -89,17 +98,9 @@ class Scene:
     def _build_board(self) -> Any:
         scene, side = self._scene, 2.0 * BOARD_SCALE * BOARD_REACH
         board = scene.add_frame("/board", show_axes=False)
-        scene.add_box("/board/back", (250, 250, 252), (0.02, side, side), position=(0.03, 0.0, 0.0), cast_shadow=False)
-        edge = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * side / 2
-        corners = np.stack([np.full(5, 0.015), *edge.T], axis=-1)
-        scene.add_line_segments("/board/edge", _segments(corners), STEEL, thickness=0.012)
-        scene.add_box(
-            "/board/plate",
-            PALE,
-            (0.004, *(BOARD_SCALE * each for each in ARMOR)),
-            position=(0.012, 0, 0),
-            cast_shadow=False,
-        )
+        # An image has no shades, a box would.
+        facing = (0.5, 0.5, -0.5, -0.5)
+        scene.add_image("/board/back", _board_picture(), side, side, wxyz=facing, position=(0.02, 0.0, 0.0))
         scene.add_line_segments("/board/circle", self._board_ring(0.06, 0.06), INK, thickness=0.014)
         self._ellipse = scene.add_line_segments(
             "/board/ellipse", self._board_ring(0.01, 0.01), (0, 158, 115), thickness=0.014
@@ -121,7 +122,7 @@ class Scene:
 
     @staticmethod
     def _board_ring(y: float, z: float) -> Floats:
-        return _ring(BOARD_SCALE * y, BOARD_SCALE * z, -0.002)
+        return _ring(BOARD_SCALE * y, BOARD_SCALE * z, -0.04)
 
     def arrange(self, distance: float, hit_radius: float, spread: Floats) -> None:
         """Put the board beside a target's way, and draw hit circle and dispersion ellipse of a perfect aim.
@@ -131,7 +132,8 @@ class Scene:
           hit_radius: largest miss that hits [m].
           spread: standard deviation of the dispersion angles, pitch and yaw [rad], shape (2,).
         """
-        self._board.position = (distance + 0.8, 1.35, 0.72)
+        self._board.position = x, y, z = distance + 0.6, 1.45, 0.85
+        self._caption.position = (x, y, z + BOARD_SCALE * BOARD_REACH + 0.2)
         up, left = (max(ELLIPSE_SCALE * distance * float(each), 1e-4) for each in spread)
         self._ellipse.points = self._board_ring(left, up).astype(np.float32)
         self._scene.add_line_segments("/board/circle", self._board_ring(hit_radius, hit_radius), INK, thickness=0.014)
@@ -200,17 +202,24 @@ def _ring(y: float, z: float, x: float, corners: int = 48) -> Floats:
     return _segments(np.stack([np.full(corners + 1, x), y * np.cos(angle), z * np.sin(angle)], axis=-1))
 
 
+def _board_picture(pixels: int = 280) -> NDArray[np.uint8]:
+    """Paper with an edge, and the armor on it, shape (pixels, pixels, 3)."""
+    picture = np.full((pixels, pixels, 3), 252, np.uint8)
+    away = np.abs((np.arange(pixels) + 0.5) * 2 * BOARD_REACH / pixels - BOARD_REACH)
+    plate = (away[:, None] <= ARMOR[1] / 2) & (away[None, :] <= ARMOR[0] / 2)
+    picture[plate] = PALE
+    for edge in (0, 1, 2, -1, -2, -3):
+        picture[edge], picture[:, edge] = STEEL, STEEL
+    return picture
+
+
 def look_from(camera: Any, view: str, distance: float) -> None:
     """Put a camera to a viewpoint.
 
     Args:
       camera: of a client, or the first one of all.
-      view: one of `VIEWS`.
+      view: one of `VIEWPOINTS`.
       distance: of the target [m].
     """
-    place, towards = {
-        "behind the robot": ((-2.1, -1.15, 1.15), (distance, 0.42, 0.15)),
-        "from the side": ((0.5 * distance, -0.95 * distance - 1.2, 0.9), (0.5 * distance, 0.0, 0.0)),
-        "at the armor": ((distance - 0.75, -0.22, 0.12), (distance, 0.05, 0.0)),
-    }[view]
-    camera.position, camera.look_at = place, towards
+    place, towards = VIEWPOINTS[view](distance)
+    camera.position, camera.look_at, camera.fov = place, towards, FIELD_OF_VIEW

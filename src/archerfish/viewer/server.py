@@ -37,6 +37,7 @@ def open_server(host: str, port: int, label: str) -> PageServer:
     check_bindable(host)
     with _guarded(allowed_hosts(host)) as guards, quietly():
         server = PageServer(host=host, port=port, label=label, verbose=False)
+    server.gui.configure_theme(show_share_button=False)
     if not guards:
         # Another viser may serve in another way: better no page than one without a guard.
         close_server(server)

@@ -6,6 +6,8 @@ from typing import Any
 
 FRAME_S = 0.04
 """Between two pictures [s]."""
+LONGEST_STEP_S = 0.2
+"""A film that a busy machine can't draw in time goes slower, rather than jump [s]."""
 
 
 def keep_turning(server: Any, page: Any, stop: threading.Event) -> None:
@@ -15,5 +17,5 @@ def keep_turning(server: Any, page: Any, stop: threading.Event) -> None:
         now = time.monotonic()
         # A film that nobody watches need not go on.
         if server.get_clients():
-            page.turn(now - before)
+            page.turn(min(now - before, LONGEST_STEP_S))
         before = now
