@@ -55,6 +55,8 @@ class Scene:
         self._in_flight = -1
 
     def _draw_surroundings(self) -> None:
+        # Shadows would cost a machine without a graphics card most of its pictures.
+        self._scene.configure_default_lights(cast_shadow=False)
         self._scene.add_grid(
             "/floor", 14.0, 8.0, position=(4.0, 0.0, FLOOR), cell_color=PALE, section_color=(190, 196, 205)
         )
