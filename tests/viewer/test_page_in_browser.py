@@ -114,11 +114,15 @@ def page(browser: Any, address: str) -> Any:
 def opened(browser: Any, address: str) -> Any:
     begun = time.monotonic()
     browser.get(address)
-    until(browser, lambda text: bool(whole(text)) and "Target speed" in text, "the trial")
+    until(browser, lambda text: bool(whole(text)) and "Speed [m/s]" in text, "the trial")
     print(f"page ready after {time.monotonic() - begun:.1f} s")
+    close_notices(browser)
+    return browser
+
+
+def close_notices(browser: Any) -> None:
     for button in browser.find_elements(By.CSS_SELECTOR, ".mantine-Notification-closeButton"):
         browser.execute_script("arguments[0].click()", button)
-    return browser
 
 
 def control(browser: Any, label: str, kind: str) -> Any:
@@ -164,27 +168,6 @@ def changed(browser: Any, before: str, line: str) -> str:
     return whole(until(browser, lambda text: line in text and whole(text) != before, f"a trial with {line!r}"))
 
 
-def test_controller_motion_distance_and_latency_each_change_the_trial(page: Any) -> None:
-    now = whole(text_of(page))
-    choose(page, "Controller", "parabola-lq")
-    now = changed(page, now, "parabola-lq ·")
-    choose(page, "Target", "circle")
-    now = changed(page, now, "· circle ·")
-    enter(page, "Distance [m]", 5)
-    now = changed(page, now, "· 5.0 m ·")
-    enter(page, "Target speed [m/s]", 1)
-    now = changed(page, now, "· 1.00 m/s")
-    enter(page, "Command latency [ms]", 40)
-    now = changed(page, now, "parabola-lq ·")
-    press(page, "New engagements")
-    changed(page, now, "parabola-lq ·")
-    for label, value in (("Command latency [ms]", 0), ("Target speed [m/s]", 0.35), ("Distance [m]", 3)):
-        enter(page, label, value)
-    choose(page, "Target", "parabola (the paper's)")
-    choose(page, "Controller", "kalman-lq")
-    until(page, lambda text: "kalman-lq · parabola (the paper's) · 3.0 m · 0.35 m/s" in text, "the first trial")
-
-
 def test_the_same_engagement_is_met_by_the_other_controller_and_again_by_the_first(page: Any) -> None:
     first = whole(text_of(page))
     press(page, "Same engagement, other controller")
@@ -195,11 +178,12 @@ def test_the_same_engagement_is_met_by_the_other_controller_and_again_by_the_fir
 
 
 def test_the_film_is_paused_scrubbed_slowed_and_played(page: Any) -> None:
+    press(page, "Pause")
+    until(page, lambda text: "Play" in text.split("\n"), "the pause")
     enter(page, "Time [s]", 0.8)
-    text = until(page, lambda text: "Engagement 1 of" in text and "Play" in text.split("\n"), "the pause")
-    found = re.search(r"Engagement 1 of \d+: (\d+) of (\d+) hit", text)
+    shown = r"Engagement 1 of \d+: \d+ of [123]\d hit"
+    found = re.search(shown, until(page, lambda text: bool(re.search(shown, text)), "the middle of the first"))
     assert found is not None
-    assert 10 < int(found[2]) < 40
     time.sleep(0.5)
     assert found[0] in text_of(page)
     choose(page, "Pace", "a fifth")
@@ -210,45 +194,6 @@ def test_the_film_is_paused_scrubbed_slowed_and_played(page: Any) -> None:
     interval = until(page, lambda text: "Engagement 4 of" in text, "the fourth engagement")
     assert re.search(r"So far: [\d.]+ % \([\d.]+–[\d.]+\), \d+ of 150 in 3 engagements", interval)
     press(page, "Play")
-
-
-def pixel(browser: Any, point: tuple[float, float, float], distance: float) -> tuple[float, float]:
-    """Project a point of the scene as the first camera sees it."""
-    place, towards = (np.array(each) for each in VIEWPOINTS["behind the robot"](distance))
-    forward = (towards - place) / np.linalg.norm(towards - place)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    up, seen = np.cross(right, forward), np.array(point) - place
-    width, height = browser.execute_script("return [window.innerWidth, window.innerHeight]")
-    scale = 0.5 * height / math.tan(FIELD_OF_VIEW / 2) / (seen @ forward)
-    return width / 2 + scale * (seen @ right), height / 2 - scale * (seen @ up)
-
-
-def test_the_target_is_dragged_by_hand_and_the_gimbal_follows(page: Any) -> None:
-    enter(page, "Target speed [m/s]", 1)
-    choose(page, "Target", "dragged by hand")
-    until(page, lambda text: "Target at 3.00, 0.00, 0.00 m" in text, "the hand")
-    page.execute_script("window.scrollTo(0, 0)")
-    start_x, start_y = pixel(page, (3.0, 0.3, 0.0), 3.0)
-    end_x, end_y = pixel(page, (3.0, 1.0, 0.0), 3.0)
-    actions = ActionChains(page, duration=200)
-    actions.w3c_actions.pointer_action.move_to_location(round(start_x), round(start_y))
-    actions.pause(0.5).click_and_hold()
-    for share in np.linspace(0.1, 1.0, 6):
-        x, y = (round(float(a + share * (b - a))) for a, b in ((start_x, end_x), (start_y, end_y)))
-        actions.w3c_actions.pointer_action.move_to_location(x, y)
-    actions.release().perform()
-
-    def lateral(text: str) -> float:
-        found = re.search(r"Target at [-\d.]+, ([-\d.]+),", text)
-        return float(found[1]) if found else 0.0
-
-    until(page, lambda text: lateral(text) > 0.4, "the dragged target")
-    until(page, lambda text: bool(re.search(r"[1-9]\d* of \d+ hit", text)), "a hit")
-    until(page, lambda text: "in 2 engagements of 50 shots" in text, "the interval")
-    choose(page, "Target", "parabola (the paper's)")
-    enter(page, "Target speed [m/s]", 0.35)
-    until(page, lambda text: "· 0.35 m/s" in text and bool(whole(text)), "the film")
 
 
 def test_the_page_asks_no_other_host_and_has_no_errors(page: Any, address: str) -> None:
@@ -318,7 +263,7 @@ def test_a_recording_is_played_as_the_angles_that_it_holds(browser: Any, tmp_pat
 def test_screenshots_are_taken(address: str, film: Path, tmp_path: Path) -> None:
     folder = Path(os.environ["ARCHERFISH_SCREENSHOTS"])
     folder.mkdir(parents=True, exist_ok=True)
-    large = open_browser(tmp_path, "--window-size=1400,1160")
+    large = open_browser(tmp_path, "--window-size=1400,1280")
     try:
         opened(large, address)
         press(large, "Same engagement, other controller")
@@ -332,7 +277,63 @@ def test_screenshots_are_taken(address: str, film: Path, tmp_path: Path) -> None
         large.save_screenshot(str(folder / "viewer.png"))
         large.set_window_size(1100, 760)
         large.get(film.as_uri())
-        time.sleep(12.0)
+        time.sleep(10.0)
+        close_notices(large)
+        time.sleep(2.0)
         large.save_screenshot(str(folder / "viewer_export.png"))
     finally:
         large.quit()
+
+
+def test_controller_motion_distance_and_latency_each_change_the_trial(page: Any) -> None:
+    now = whole(text_of(page))
+    choose(page, "Controller", "parabola-lq")
+    now = changed(page, now, "parabola-lq ·")
+    choose(page, "Target", "circle")
+    now = changed(page, now, "· circle ·")
+    enter(page, "Distance [m]", 5)
+    now = changed(page, now, "· 5.0 m ·")
+    enter(page, "Speed [m/s]", 1)
+    now = changed(page, now, "· 1.00 m/s")
+    enter(page, "Command latency [ms]", 40)
+    now = changed(page, now, "parabola-lq ·")
+    press(page, "New engagements")
+    changed(page, now, "parabola-lq ·")
+
+
+def pixel(browser: Any, point: tuple[float, float, float], distance: float) -> tuple[float, float]:
+    """Project a point of the scene as the first camera sees it."""
+    place, towards = (np.array(each) for each in VIEWPOINTS["behind the robot"](distance))
+    forward = (towards - place) / np.linalg.norm(towards - place)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    up, seen = np.cross(right, forward), np.array(point) - place
+    width, height = browser.execute_script("return [window.innerWidth, window.innerHeight]")
+    scale = 0.5 * height / math.tan(FIELD_OF_VIEW / 2) / (seen @ forward)
+    return width / 2 + scale * (seen @ right), height / 2 - scale * (seen @ up)
+
+
+def test_the_target_is_dragged_by_hand_and_the_gimbal_follows(page: Any) -> None:
+    # Last of all: the page keeps what the test before it chose.
+    enter(page, "Speed [m/s]", 1)
+    enter(page, "Distance [m]", 3)
+    choose(page, "Target", "dragged by hand")
+    until(page, lambda text: "Target at 3.00, 0.00, 0.00 m" in text, "the hand")
+    page.execute_script("window.scrollTo(0, 0)")
+    start_x, start_y = pixel(page, (3.0, 0.3, 0.0), 3.0)
+    end_x, end_y = pixel(page, (3.0, 1.0, 0.0), 3.0)
+    actions = ActionChains(page, duration=200)
+    actions.w3c_actions.pointer_action.move_to_location(round(start_x), round(start_y))
+    actions.pause(0.5).click_and_hold()
+    for share in np.linspace(0.1, 1.0, 6):
+        x, y = (round(float(a + share * (b - a))) for a, b in ((start_x, end_x), (start_y, end_y)))
+        actions.w3c_actions.pointer_action.move_to_location(x, y)
+    actions.release().perform()
+
+    def lateral(text: str) -> float:
+        found = re.search(r"Target at [-\d.]+, ([-\d.]+),", text)
+        return float(found[1]) if found else 0.0
+
+    until(page, lambda text: lateral(text) > 0.4, "the dragged target")
+    until(page, lambda text: bool(re.search(r"[1-9]\d* of \d+ hit", text)), "a hit")
+    until(page, lambda text: bool(re.search(r"in \d+ engagements of 50 shots", text)), "the interval")

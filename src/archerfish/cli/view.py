@@ -221,10 +221,11 @@ def _serve_recording(command: View) -> dict[str, Any]:
 
 
 def _serve(command: View, page: Any) -> dict[str, Any]:
-    from archerfish.viewer.guard import is_loopback
+    from archerfish.viewer.guard import check_bindable, is_loopback
     from archerfish.viewer.server import close_server, open_server
     from archerfish.viewer.turning import keep_turning
 
+    check_bindable(command.host)
     if not is_loopback(command.host):
         note(f"everyone who reaches {command.host} can see the page and use it, for --host says so")
     server = open_server(command.host, command.port, "Archerfish")

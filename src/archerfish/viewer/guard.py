@@ -8,7 +8,7 @@ request, the second in its Host.
 import ipaddress
 import socket
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
 from archerfish.records.errors import InputError
@@ -48,11 +48,7 @@ def addresses(host: str) -> list[str]:
     Raises:
       InputError: if it has none.
     """
-    try:
-        found = socket.getaddrinfo(host or None, 0, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
-    except (OSError, UnicodeError) as error:
-        raise InputError(f"--host must be an address of this machine, got {host!r} ({error}); try 127.0.0.1") from error
-    return [str(each[4][0]).partition("%")[0] for each in found]
+    return [str(place[0]).partition("%")[0] for _, place in _places(host)]
 
 
 def check_bindable(host: str) -> None:
@@ -61,14 +57,24 @@ def check_bindable(host: str) -> None:
     Raises:
       InputError: if it is not this machine's.
     """
-    for family, kind, _, _, place in socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM):
-        with socket.socket(family, kind) as probe:
+    for family, place in _places(host):
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
             try:
                 probe.bind(place)
             except OSError as error:
-                raise InputError(
-                    f"--host must be an address of this machine, got {host!r} ({error.strerror}); try 127.0.0.1"
-                ) from error
+                raise _not_ours(host, error) from error
+
+
+def _places(host: str) -> list[tuple[int, Any]]:
+    try:
+        found = socket.getaddrinfo(host or None, 0, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    except (OSError, UnicodeError) as error:
+        raise _not_ours(host, error) from error
+    return [(each[0], each[4]) for each in found]
+
+
+def _not_ours(host: str, error: Exception) -> InputError:
+    return InputError(f"--host must be an address of this machine, got {host!r} ({error}); try 127.0.0.1")
 
 
 def refusal(hosts: Sequence[str], origins: Sequence[str], allowed: Allowed) -> str:

@@ -104,9 +104,9 @@ class Controls:
             swap = gui.add_button("Same engagement, other controller")
             self._motion = gui.add_dropdown("Target", (*MOTIONS, HAND), initial_value=first.motion)
             self._distance = gui.add_slider("Distance [m]", 1.0, 8.0, 0.1, first.distance)
-            self._speed = gui.add_slider("Target speed [m/s]", 0.0, 3.0, 0.05, first.speed)
+            self._speed = gui.add_slider("Speed [m/s]", 0.0, 3.0, 0.05, first.speed)
             self._dispersion = gui.add_slider(
-                f"Dispersion [× {1e3 * deviation:.2g} mrad]", 0.0, 4.0, 0.1, first.dispersion
+                "Dispersion [×]", 0.0, 4.0, 0.1, first.dispersion, hint=f"times {1e3 * deviation:.2g} mrad"
             )
             self._camera = gui.add_slider("Camera latency [ms]", 0, 100, 5, round(1e3 * first.camera_latency))
             self._link = gui.add_slider("Command latency [ms]", 0, 100, 5, round(1e3 * first.command_latency))

@@ -59,4 +59,5 @@ def compared(ours: Hits, theirs: Hits) -> Difference:
 def difference_words(ours: str, theirs: str, found: Difference) -> str:
     """Put a comparison into words."""
     low, high = 100 * found.low, 100 * found.high
-    return f"{ours} − {theirs}: {100 * found.difference:+.1f} points ({low:+.1f} to {high:+.1f}), same engagements"
+    numbers = f"{100 * found.difference:+.1f} points ({low:+.1f} to {high:+.1f})".replace("-", "−")
+    return f"{ours} − {theirs}: {numbers}, same engagements"
