@@ -190,6 +190,7 @@ def test_the_film_is_paused_scrubbed_slowed_and_played(page: Any) -> None:
     press(page, "Play")
     until(page, lambda text: found[0] not in text and "Pause" in text.split("\n"), "what comes next")
     choose(page, "Pace", "real time")
+    press(page, "Pause")
     enter(page, "Time [s]", 4)
     interval = until(page, lambda text: "Engagement 4 of" in text, "the fourth engagement")
     assert re.search(r"So far: [\d.]+ % \([\d.]+–[\d.]+\), \d+ of 150 in 3 engagements", interval)
