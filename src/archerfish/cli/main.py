@@ -37,6 +37,7 @@ COMMANDS = {
     "evaluate": ("archerfish.cli.evaluate", "Evaluate", "run_evaluate"),
     "report": ("archerfish.cli.report", "Report", "run_report"),
     "export": ("archerfish.cli.export", "Export", "run_export"),
+    "view": ("archerfish.cli.view", "View", "run_view"),
 }
 """Command → module, options, function. Named, not imported: a command waits for the libraries of no other one, and
 Ctrl-C while they load is answered like any other."""
@@ -54,6 +55,7 @@ examples:
   archerfish identify gimbal sweep.csv step.csv --axis pitch --out runs/my-robot
   archerfish train --command-limit gate --out runs/train
   archerfish evaluate runs/train/policy.json
+  archerfish view runs/train
 
 archerfish COMMAND --help tells the options of a command; archerfish --version the version.
 A fault ends in one line and status 2, Ctrl-C in status 130; neither leaves anything half-written. A training that was

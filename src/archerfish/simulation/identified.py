@@ -232,13 +232,27 @@ class IdentifiedWorld(NamedTuple):
         return age, quantised(self.sensing, draw, self._within_stops(angle)), rate
 
     def _fire(self, state: IdentifiedState, fired: Array, draws: Array) -> Shot:
-        draw = state.engagement.plant
-        muzzle = Muzzle(*(each[draw] for each in self.muzzles))
-        angle, rate = angle_and_rate(self.gimbal, draw, state.gimbal)
-        angle = self._within_stops(angle)
-        position, velocity = pellet_at_muzzle(muzzle, angle, rate, draws[..., :MUZZLE_DRAWS])
-        miss, flight_time = miss_at_armor(muzzle, state.engagement.motion, state.time, position, velocity)
-        return Shot(fired, miss, flight_time, angle)
+        position, velocity = self.pellet(state, draws)
+        miss, flight_time = miss_at_armor(
+            self.muzzle_of(state.engagement), state.engagement.motion, state.time, position, velocity
+        )
+        angle, _ = angle_and_rate(self.gimbal, state.engagement.plant, state.gimbal)
+        return Shot(fired, miss, flight_time, self._within_stops(angle))
+
+    def pellet(self, state: IdentifiedState, draws: Array) -> tuple[Array, Array]:
+        """Return position [m] and velocity [m/s] of a pellet that is fired now, shape B + (3,) each.
+
+        Args:
+          state: running engagements.
+          draws: standard normals, shape B + (DRAWS,).
+        """
+        angle, rate = angle_and_rate(self.gimbal, state.engagement.plant, state.gimbal)
+        muzzle = self.muzzle_of(state.engagement)
+        return pellet_at_muzzle(muzzle, self._within_stops(angle), rate, draws[..., :MUZZLE_DRAWS])
+
+    def muzzle_of(self, engagement: Engagement) -> Muzzle:
+        """Return the muzzle of each engagement: the draw that it names, shape B."""
+        return Muzzle(*(each[engagement.plant] for each in self.muzzles))
 
     def _within_stops(self, angle: Array) -> Array:
         return namespace(angle).clip(angle, lift(self.angle_low, angle), lift(self.angle_high, angle))

@@ -158,12 +158,20 @@ class ShootingWorld(NamedTuple):
             time=time,
             engagement=state.engagement,
         )
-        pointing = _within_stops(self, gimbal_angle(plant, gimbal))
-        position, velocity = pellet_at_muzzle(
-            self.muzzle, pointing, gimbal_rate(plant, gimbal), draws[..., :MUZZLE_DRAWS]
-        )
+        position, velocity = self.pellet(following, draws)
         miss, flight_time = miss_at_armor(self.muzzle, motion, time, position, velocity)
-        return following, Shot(command.fire, miss, flight_time, pointing)
+        return following, Shot(command.fire, miss, flight_time, _within_stops(self, gimbal_angle(plant, gimbal)))
+
+    def pellet(self, state: ShootingState, draws: Array) -> tuple[Array, Array]:
+        """Return position [m] and velocity [m/s] of a pellet that is fired now, shape B + (3,) each.
+
+        Args:
+          state: running engagements.
+          draws: standard normals, shape B + (DRAWS,).
+        """
+        plant = plant_of(self, state.engagement)
+        pointing = _within_stops(self, gimbal_angle(plant, state.gimbal))
+        return pellet_at_muzzle(self.muzzle, pointing, gimbal_rate(plant, state.gimbal), draws[..., :MUZZLE_DRAWS])
 
     def truth(self, engagements: Engagement) -> Truth:
         """Return what the oracle may know."""

@@ -1,0 +1,277 @@
+"""`archerfish view`: a page in the browser to play with engagements, and to look at recordings."""
+
+import importlib.util
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from archerfish.cli.options import JsonFile
+from archerfish.cli.progress import note, progress_bar
+from archerfish.cli.restored_options import restore_options
+from archerfish.cli.setting import RobotOptions, SettingFiles, load_setting
+from archerfish.controllers.policy import policy_from_record
+from archerfish.controllers.roster import find_controller
+from archerfish.records import storage
+from archerfish.records.errors import InputError, file_error
+from archerfish.records.extensions import is_extension
+from archerfish.records.policy import PolicyRecord, read_policy
+
+if TYPE_CHECKING:
+    from archerfish.viewer.choice import Choice, Subject
+
+POLICY = "policy"
+"""Name of the trained policy on the page."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Open a page in the browser to play with engagements.
+
+    It shows robot, pellets, armor, hits, misses and the hit rate with its interval. Choose controller, target motion,
+    distance, speed, dispersion and latency; drag the target by hand; let another controller meet the same engagements.
+
+    A policy is played in the setting that it was trained for, as its run folder tells. A recording of a gimbal (CSV,
+    npz, MATLAB, ROS bag, MCAP) is played as the angles that it holds: it has no target and no pellets.
+
+    The page is for this machine alone, unless --host says otherwise, and changes no file. --export writes a trial as
+    one animated page that needs no server, and ends.
+
+    Examples:
+      archerfish view
+      archerfish view runs/train
+      archerfish view --controllers kalman-lq kalman --distance-m 4
+      archerfish view --controllers ./two_frames.py:TwoFrames kalman --target ./departure.py:Departure
+      archerfish view sweep.csv --signals yaw=y yaw_command=u
+      archerfish view runs/train --export trial.html
+    """
+
+    source: Annotated[
+        tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="RUN|POLICY|RECORDING", help_behavior_hint="")
+    ] = None
+    """Run folder of train, policy record (policy.json), or a gimbal's recording; none for the classical controllers."""
+    controllers: Annotated[
+        tuple[str, ...], tyro.conf.arg(metavar="NAME…", help_behavior_hint="(default: policy kalman-lq, or the latter)")
+    ] = ()
+    """Who steers first, and who meets the same engagements after it: policy, kalman, kalman-lq, parabola-lq, no-lead,
+    vertex, oracle, or one of your own (./FILE.py:NAME, docs/adding.md)."""
+    target: Annotated[str, tyro.conf.arg(metavar="NAME")] = "parabola"
+    """How the target moves at first: parabola, still, straight, circle, swing, hand, or one of your own."""
+    distance_m: float = 3.0
+    """Distance of the target at first."""
+    setting: RobotOptions = field(default_factory=SettingFiles)
+    """The robot."""
+    command_limit: Annotated[
+        Literal["box", "gate", "los-2deg"] | None, tyro.conf.arg(help_behavior_hint="(default: the policy's, or gate)")
+    ] = None
+    """What the gimbal may be asked."""
+    engagements: int = 12
+    """Engagements per trial, of 50 shots each."""
+    time: Annotated[str, tyro.conf.arg(metavar="NAME")] = "time_s"
+    """Time column of a recording."""
+    signals: Annotated[
+        tuple[str, ...], tyro.conf.arg(metavar="ROLE=NAME…", help_behavior_hint="(default: usual names)")
+    ] = ()
+    """Signals of a recording: pitch, yaw, pitch_command, yaw_command."""
+    host: str = "127.0.0.1"
+    """Address to listen on; others than this machine can see the page only if this says so."""
+    port: int = 8080
+    """Port; the next free one if it is taken, any free one if 0."""
+    export: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """Write a trial as one animated page (.html) instead of serving one."""
+    seed: int = 0
+    """Of targets and dispersion."""
+    json: JsonFile = None
+    """Also write the trial's choice and hits to this file, with --export."""
+
+
+def run_view(command: View) -> dict[str, Any]:
+    """Serve the page until Ctrl-C, or export a trial, and return what --json writes.
+
+    Raises:
+      InputError: if viser is missing, or an argument or file can't be used.
+    """
+    _check(command)
+    policy = _policy_file(command.source)
+    if command.source is not None and policy is None:
+        return _serve_recording(command)
+    subject = _subject(command, policy)
+    first, other = _first_choice(command, subject)
+    if command.export is not None:
+        return _export(command.export, subject, first)
+    from archerfish.viewer.page import TrialPage  # needs viser
+
+    return _serve(command, lambda server: TrialPage(server, subject, first, other))
+
+
+def _check(command: View) -> None:
+    if importlib.util.find_spec("viser") is None:
+        raise InputError("archerfish view needs viser, which is not installed; pip install 'archerfish[view]'")
+    if not 0 <= command.port < 2**16:
+        raise InputError(f"--port must be within 0…65535, got {command.port}")
+    if not 1.0 <= command.distance_m <= 8.0:
+        raise InputError(f"--distance-m must be within 1…8 m, got {command.distance_m:g}")
+    if len(command.controllers) > 2:
+        raise InputError(f"--controllers takes two names at most, got {len(command.controllers)}")
+    if command.json is not None and command.export is None:
+        raise InputError("--json goes with --export: a page that is played with has no result; leave one of them out")
+
+
+def _policy_file(source: Path | None) -> Path | None:
+    """Return the policy record of a run folder or of a path, or None for a recording.
+
+    Raises:
+      InputError: if there is nothing, or a folder that is neither.
+    """
+    if source is None or source.suffix == ".json":
+        return source
+    if not source.is_dir() or (source / "metadata.yaml").is_file():
+        return None
+    if (source / "policy.json").is_file():
+        return source / "policy.json"
+    problem = "is a folder with neither policy.json nor metadata.yaml"
+    raise file_error(source, problem, "name a run folder of archerfish train, a policy.json, or a recording")
+
+
+def _subject(command: View, path: Path | None) -> "Subject":
+    from archerfish.viewer.choice import Subject
+
+    policy = None if path is None else read_policy(path)
+    files = command.setting
+    if path is not None and files == SettingFiles():
+        files = _trained_for(path.with_name("config.json"))
+    setting = load_setting(files)
+    limit = command.command_limit or (policy.command_limit if policy else "gate")
+    if policy is not None and path is not None:
+        _check_policy(path, policy, setting.conditions.control_period_s, limit)
+    return Subject(
+        name=setting.name,
+        pitch=setting.pitch,
+        yaw=setting.yaw,
+        muzzle=setting.muzzle,
+        sensing=setting.sensing,
+        limits=setting.limits,
+        conditions=setting.conditions,
+        command_limit=limit,
+        policies={} if policy is None else {POLICY: policy},
+        own_controllers=_own_controllers(command.controllers),
+        own_motions=(command.target,) if is_extension(command.target, "motion") else (),
+    )
+
+
+def _own_controllers(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the controllers of the user's own among those asked for; others are looked at later.
+
+    Raises:
+      InputError: if one can't be found, or its code fails.
+    """
+    own = tuple(dict.fromkeys(name for name in names if is_extension(name, "controller")))
+    for name in own:
+        find_controller(name)
+    return own
+
+
+def _trained_for(configuration: Path) -> SettingFiles:
+    """Return the robot's files that a run folder names; the paper's gimbal where there is no such file."""
+    if not configuration.is_file():
+        return SettingFiles()
+    plain = storage.read_json(configuration)
+    setting = plain.get("setting") if isinstance(plain, dict) else None
+    return restore_options(SettingFiles, setting) if isinstance(setting, dict) else SettingFiles()
+
+
+def _check_policy(path: Path, policy: PolicyRecord, period_s: float, limit: str) -> None:
+    if abs(policy.period_s - period_s) > 1e-9:
+        raise InputError(
+            f"{path}: trained for decisions every {policy.period_s} s, the setting has {period_s} s; train it anew"
+        )
+    if policy.command_limit != limit:
+        raise InputError(
+            f"{path}: trained under the command limit {policy.command_limit}, not {limit}; "
+            f"pass --command-limit {policy.command_limit} or train it anew"
+        )
+    try:
+        policy_from_record(policy)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _first_choice(command: View, subject: "Subject") -> "tuple[Choice, str]":
+    from archerfish.viewer.choice import Choice, check_choice, controller_names
+    from archerfish.viewer.motions import HAND, MOTIONS
+
+    names = command.controllers or (*subject.policies, "kalman-lq", "kalman")
+    known = {name.partition(" ")[0]: name for name in MOTIONS} | {"hand": HAND}
+    known |= {name: name for name in subject.own_motions}
+    if command.target not in known:
+        raise InputError(f"--target must be one of {', '.join(known)}, or one of your own, got {command.target!r}")
+    conditions = subject.conditions
+    first = Choice(
+        controller=names[0],
+        motion=known[command.target],
+        distance=command.distance_m,
+        speed=round(conditions.max_lateral_speed, 2),
+        engagements=command.engagements,
+        seed=command.seed,
+    )
+    check_choice(subject, first)
+    other = names[1] if len(names) > 1 else next(each for each in controller_names(subject) if each != names[0])
+    if other not in controller_names(subject):
+        raise InputError(f"--controllers must be of {', '.join(controller_names(subject))}, got {other!r}")
+    return first, other
+
+
+def _serve_recording(command: View) -> dict[str, Any]:
+    from archerfish.viewer.recordings import read_gimbal_recording
+
+    assert command.source is not None
+    if command.export is not None:
+        raise InputError("--export writes trials, and a recording holds none; leave it out, or name a policy")
+    signals = dict(each.partition("=")[::2] for each in command.signals)
+    recording = read_gimbal_recording(command.source, command.time, signals)
+    for remark in recording.remarks:
+        note(f"{command.source}: {remark}")
+    from archerfish.viewer.replay import ReplayPage  # needs viser
+
+    return _serve(command, lambda server: ReplayPage(server, recording))
+
+
+def _serve(command: View, page: Any) -> dict[str, Any]:
+    from archerfish.viewer.guard import check_bindable, is_loopback
+    from archerfish.viewer.server import close_server, open_server
+    from archerfish.viewer.turning import keep_turning
+
+    check_bindable(command.host)
+    if not is_loopback(command.host):
+        note(f"everyone who reaches {command.host} can see the page and use it, for --host says so")
+    server = open_server(command.host, command.port, "Archerfish")
+    try:
+        built = page(server)
+        if command.port not in (0, server.get_port()):
+            note(f"port {command.port} is taken")
+        shown = f"[{command.host}]" if ":" in command.host else command.host
+        note(f"the page is at http://{shown}:{server.get_port()}, until Ctrl-C")
+        keep_turning(server, built, threading.Event())
+    except KeyboardInterrupt:
+        note("closed")
+    finally:
+        close_server(server)
+    return {}
+
+
+def _export(path: Path, subject: "Subject", choice: "Choice") -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from archerfish.viewer.export import film_pictures, write_film
+    from archerfish.viewer.trial import run_trial
+
+    if path.is_dir():
+        raise file_error(path, "--export names a folder, expected a file", "name a file in it")
+    storage.check_writable(path.parent)
+    trial = run_trial(subject, choice)
+    with progress_bar("drawing", film_pictures(trial), "pictures") as advance:
+        write_film(path, choice, trial, advance)
+    note(f"wrote {path}: {choice.controller}, {int(trial.hit.sum())} of {trial.hit.size} hit")
+    return {**asdict(choice), "setting": subject.name, "hits": int(trial.hit.sum()), "shots": int(trial.hit.size)}

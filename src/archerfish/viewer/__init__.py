@@ -1,0 +1,1 @@
+"""The browser page: engagements to play with, and recordings to look at."""

@@ -1,0 +1,155 @@
+"""The controls of the page: what a person chooses, how the film is played, and what is told of it."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from viser import uplot
+
+from archerfish.viewer.choice import Choice, Subject, controller_names
+from archerfish.viewer.motions import HAND, MOTIONS
+from archerfish.viewer.playback import PACES
+from archerfish.viewer.scene import VIEWPOINTS
+from archerfish.viewer.trial import Floats
+
+PLOT_COLOURS = ("rgb(0,114,178)", "rgb(213,94,0)")
+
+
+class Wishes(NamedTuple):
+    """What the page does when a control of the film is used."""
+
+    toggle: Callable[[], None]
+    """Pause, or go on."""
+    scrub: Callable[[float], None]
+    """Go to a time of the film [s]."""
+    pace: Callable[[float], None]
+    """Seconds of the film per second."""
+    look: Callable[[Any, str], None]
+    """A client wants to look from a viewpoint."""
+
+
+class Player:
+    """Play, pause, slow motion, scrub, and a plot: what films of trials and recordings have in common."""
+
+    def __init__(self, server: Any, wishes: Wishes, labels: Sequence[str], title: str, unit: str) -> None:
+        gui = server.gui
+        with gui.add_folder("Film"):
+            self._button = gui.add_button("Pause")
+            self._slider = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0)
+            pace = gui.add_dropdown("Pace", tuple(PACES))
+            view = gui.add_button_group("View", tuple(VIEWPOINTS))
+        with gui.add_folder(title):
+            self._plot = gui.add_uplot(
+                (np.zeros(1), *(np.zeros(1) for _ in labels)),
+                (
+                    uplot.Series(label="time [s]"),
+                    *(
+                        uplot.Series(label=each, stroke=PLOT_COLOURS[i % 2], width=1.5, dash=() if i < 2 else (5, 4))
+                        for i, each in enumerate(labels)
+                    ),
+                ),
+                scales={"x": uplot.Scale(time=False)},
+                axes=(uplot.Axis(label="time [s]"), uplot.Axis(label=unit)),
+                aspect=1.5,
+            )
+        self._button.on_click(lambda _: wishes.toggle())
+        self._slider.on_update(lambda event: wishes.scrub(self._slider.value) if event.client is not None else None)
+        pace.on_update(lambda _: wishes.pace(PACES[pace.value]))
+        view.on_click(lambda event: wishes.look(event.client, view.value))
+
+    def tell(self, time: float, duration: float, playing: bool) -> None:
+        """Show where the film stands.
+
+        Args:
+          time: [s].
+          duration: [s].
+          playing: whether it goes on.
+        """
+        label = "Pause" if playing else "Play"
+        if self._button.label != label:
+            self._button.label = label
+        # The slider's range must hold its value at every moment.
+        longest = round(max(duration, 0.02), 2)
+        if self._slider.max != longest:
+            if self._slider.value > longest:
+                self._slider.value = 0.0
+            self._slider.max = longest
+        value = round(min(time, longest), 2)
+        if abs(self._slider.value - value) >= 0.01:
+            self._slider.value = value
+
+    def plot(self, time: Floats, curves: Sequence[Floats]) -> None:
+        """Plot curves over time [s], shape (N,) each."""
+        if time.size:
+            self._plot.data = (np.asarray(time, np.float64), *(np.asarray(each, np.float64) for each in curves))
+
+
+class Controls:
+    """What a trial is chosen with, and what is told of it."""
+
+    def __init__(
+        self,
+        server: Any,
+        subject: Subject,
+        first: Choice,
+        other: str,
+        changed: Callable[[], None],
+        swapped: Callable[[], None],
+    ) -> None:
+        gui, names, deviation = server.gui, controller_names(subject), subject.conditions.dispersion
+        self._told = gui.add_markdown("…")
+        with gui.add_folder("Engagement"):
+            self._controller = gui.add_dropdown("Controller", names, initial_value=first.controller)
+            self._other = gui.add_dropdown("Other controller", names, initial_value=other)
+            swap = gui.add_button("Same engagement, other controller")
+            self._motion = gui.add_dropdown(
+                "Target", (*MOTIONS, *subject.own_motions, HAND), initial_value=first.motion
+            )
+            self._distance = gui.add_slider("Distance [m]", 1.0, 8.0, 0.1, first.distance)
+            self._speed = gui.add_slider("Speed [m/s]", 0.0, 3.0, 0.05, first.speed)
+            self._dispersion = gui.add_slider(
+                "Dispersion [×]", 0.0, 4.0, 0.1, first.dispersion, hint=f"times {1e3 * deviation:.2g} mrad"
+            )
+            self._camera = gui.add_slider("Camera latency [ms]", 0, 100, 5, round(1e3 * first.camera_latency))
+            self._link = gui.add_slider("Command latency [ms]", 0, 100, 5, round(1e3 * first.command_latency))
+            new = gui.add_button("New engagements")
+        self._first, self._seed = first, first.seed
+        chosen = (self._controller, self._motion, self._distance, self._speed, self._dispersion)
+        for each in (*chosen, self._camera, self._link):
+            each.on_update(lambda _: changed())
+        self._other.on_update(lambda _: changed())
+        swap.on_click(lambda _: swapped())
+
+        def renew() -> None:
+            self._seed += 1
+            changed()
+
+        new.on_click(lambda _: renew())
+
+    def choice(self) -> Choice:
+        """Return what is chosen now."""
+        return Choice(
+            controller=self._controller.value,
+            motion=self._motion.value,
+            distance=float(self._distance.value),
+            speed=float(self._speed.value),
+            dispersion=float(self._dispersion.value),
+            camera_latency=1e-3 * float(self._camera.value),
+            command_latency=1e-3 * float(self._link.value),
+            engagements=self._first.engagements,
+            seed=self._seed,
+        )
+
+    @property
+    def other(self) -> str:
+        """The controller that is to meet the same engagements."""
+        return str(self._other.value)
+
+    def swap(self) -> None:
+        """Let the two controllers change places."""
+        self._controller.value, self._other.value = self._other.value, self._controller.value
+
+    def tell(self, text: str) -> None:
+        """Say how the trial stands, as Markdown."""
+        if self._told.content != text:
+            self._told.content = text

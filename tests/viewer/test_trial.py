@@ -1,0 +1,131 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from archerfish.cli.setting import SettingFiles, load_setting, setting_world
+from archerfish.records.errors import InputError
+from archerfish.viewer.choice import Choice, Subject, check_choice, chosen_controller, controller_names
+from archerfish.viewer.motions import MOTIONS, meet
+from archerfish.viewer.score import compared, score
+from archerfish.viewer.trial import moment, run_trial
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.mark.parametrize("controller", ["kalman", "kalman-lq", "oracle"])
+def test_a_trial_is_what_evaluation_would_see(subject: Subject, choice: Choice, controller: str) -> None:
+    pytest.importorskip("jax")
+    from archerfish.evaluation.suites import Trials
+    from archerfish.evaluation.trial import fight
+
+    chosen = replace(choice, controller=controller)
+    world = setting_world(load_setting(SettingFiles()), "gate")
+    conditions = subject.conditions
+    draws = np.random.default_rng([chosen.seed, 72]).standard_normal((4, 50, world.normals)).astype(np.float32)
+    engagements = meet(chosen.motion, chosen.distance, chosen.speed, conditions, 4, 1, chosen.seed)
+    expected = fight(world, chosen_controller(subject, chosen), Trials((), engagements, draws))
+    trial = run_trial(subject, chosen)
+    np.testing.assert_allclose(trial.miss, expected.miss, atol=2e-4)
+    np.testing.assert_allclose(trial.angle[:, 1:], expected.angle, atol=1e-4)
+
+
+def test_equal_choices_give_equal_trials(subject: Subject, choice: Choice) -> None:
+    first, second = run_trial(subject, choice), run_trial(subject, choice)
+    assert all(np.array_equal(a, b) for a, b in zip(first, second, strict=True))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"controller": "kalman-lq"},
+        {"motion": "circle"},
+        {"distance": 4.0},
+        {"speed": 1.0},
+        {"dispersion": 2.0},
+        {"camera_latency": 0.03},
+        {"command_latency": 0.03},
+        {"seed": 1},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_everything_that_is_chosen_changes_the_trial(subject: Subject, choice: Choice, changes: dict) -> None:
+    assert not np.array_equal(run_trial(subject, choice).miss, run_trial(subject, replace(choice, **changes)).miss)
+
+
+def test_another_controller_meets_the_same_targets_with_the_same_dispersion(subject: Subject, choice: Choice) -> None:
+    still = replace(choice, dispersion=0.0)
+    ours, theirs = run_trial(subject, choice), run_trial(subject, replace(choice, controller="kalman-lq"))
+    assert np.array_equal(ours.place, theirs.place)
+    # Of both, what the dispersion adds to the shots is the same: the pellets leave off the barrel by the same angles.
+    exact = run_trial(subject, still), run_trial(subject, replace(still, controller="kalman-lq"))
+    speeds = [np.linalg.norm(trial.velocity, axis=-1) for trial in (ours, theirs, *exact)]
+    assert all(np.allclose(speeds[0], each, atol=1e-4) for each in speeds[1:])
+    assert compared(ours.hit, theirs.hit).low <= compared(ours.hit, theirs.hit).difference
+
+
+def test_latency_costs_hits_of_a_moving_target(subject: Subject, choice: Choice) -> None:
+    crossing = replace(choice, motion="straight across", speed=1.0, engagements=12)
+    late = replace(crossing, command_latency=0.08)
+    assert run_trial(subject, late).hit.sum() < run_trial(subject, crossing).hit.sum()
+
+
+def test_without_dispersion_the_still_target_is_hit_by_every_settled_shot(subject: Subject, choice: Choice) -> None:
+    trial = run_trial(subject, replace(choice, motion="still", dispersion=0.0))
+    assert trial.hit[:, 25:].all()
+    assert np.abs(trial.error[:, 40:]).max() < 3e-3
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_targets_keep_their_distance_and_speed(subject: Subject, motion: str) -> None:
+    engagements = meet(motion, 3.0, 0.8, subject.conditions, 8, 1, 0)
+    times = np.arange(0.0, 1.0, 0.001, dtype=np.float32)
+    way = np.stack([engagements.motion.position(np.full(8, time)) for time in times])
+    assert np.all(np.abs(way[..., 0] - 3.0) < 0.3)
+    speed = np.linalg.norm(np.diff(way, axis=0), axis=-1) / 0.001
+    assert speed.max() <= (0.01 if motion == "still" else 1.1)
+
+
+def test_a_pellet_flies_from_the_muzzle_to_its_miss(subject: Subject, choice: Choice) -> None:
+    trial = run_trial(subject, choice)
+    fired, flight = trial.fired_at[30], trial.flight_time[1, 30]
+    assert np.allclose(moment(trial, 1, fired + 1e-4).pellets[-1], [0, 0, 0], atol=0.01)
+    before = moment(trial, 1, fired + flight - 1e-4)
+    first = before.pellets[0]
+    np.testing.assert_allclose(first[1:] - before.place[1:], trial.miss[1, 30], atol=5e-3)
+    after = moment(trial, 1, fired + flight + 1e-6)
+    assert len(after.misses) == len(before.misses) + 1
+    assert len(after.pellets) == len(before.pellets) - 1
+
+
+def test_the_score_grows_with_time_and_has_an_interval_after_two_engagements(subject: Subject, choice: Choice) -> None:
+    trial = run_trial(subject, choice)
+    assert score(trial, 0, 0.0)[:2] == (0, 0)
+    middle, end = score(trial, 0, 0.6), score(trial, 3, trial.shown_s)
+    assert 0 < middle.landed < 50
+    assert middle.so_far is None
+    assert score(trial, 1, 0.5).so_far is None
+    assert score(trial, 2, 0.0).so_far is not None
+    assert end.so_far is not None
+    assert (end.so_far.hits, end.so_far.shots) == (int(trial.hit.sum()), 200)
+
+
+def test_what_makes_no_trial_is_refused(subject: Subject, choice: Choice) -> None:
+    assert "kalman" in controller_names(subject)
+    for changes in ({"controller": "nobody"}, {"motion": "sideways"}, {"engagements": 1}, {"distance": 0.0}):
+        with pytest.raises(InputError, match=next(iter(changes))):
+            run_trial(subject, replace(choice, **changes))
+
+
+def test_controllers_and_motions_of_a_user_s_own_are_played(subject: Subject, choice: Choice) -> None:
+    pytest.importorskip("jax")
+    controller, motion = f"{EXAMPLES}/two_frames.py:TwoFrames", f"{EXAMPLES}/departure.py:Departure"
+    known = replace(subject, own_controllers=(controller,), own_motions=(motion,))
+    chosen = replace(choice, controller=controller, motion=motion, speed=0.5)
+    check_choice(known, chosen)
+    trial = run_trial(known, chosen)
+    assert 0.0 < trial.hit.mean() < 1.0
+    # It stands for half a second at most, then leaves at the chosen speed.
+    way = np.linalg.norm(np.diff(trial.place[:, -20:], axis=1), axis=-1) / trial.period_s
+    np.testing.assert_allclose(way, 0.5, rtol=1e-3)
