@@ -38,25 +38,34 @@ FLAGS = (
     "--disable-component-update --disable-sync --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
     "--ignore-gpu-blocklist --disable-dev-shm-usage"
 )
+SMALL = ("--window-size=1000,800", "--force-device-scale-factor=0.5")
+"""Few pixels: without a graphics card each one is drawn by the processor."""
 PATIENCE_S = 60.0
 """For a busy machine that draws in software; what it really took is printed."""
 ENGAGEMENTS = 6
 
 
-def open_browser(profile: Path, *flags: str) -> Any:
+def open_browser(profile: Path, *flags: str, watched: bool = False) -> Any:
     options = webdriver.ChromeOptions()
     options.binary_location = CHROMIUM
     for flag in (*FLAGS.split(), *flags, f"--user-data-dir={profile}"):
         options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    # The log of all requests holds every message of the websocket too: minutes to read, after a few tests.
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"} | ({"performance": "ALL"} if watched else {}))
     return webdriver.Chrome(options=options, service=Service(DRIVER))
 
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    # Few pixels: without a graphics card each one is drawn by the processor.
-    flags = ("--window-size=1000,800", "--force-device-scale-factor=0.5")
-    driver = open_browser(tmp_path_factory.mktemp("chromium"), *flags)
+    driver = open_browser(tmp_path_factory.mktemp("chromium"), *SMALL)
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """A browser of whose requests a log is kept."""
+    driver = open_browser(tmp_path_factory.mktemp("watched"), *SMALL, watched=True)
     yield driver
     driver.quit()
 
@@ -163,6 +172,15 @@ def press(browser: Any, label: str) -> None:
     button.click()
 
 
+def pause(browser: Any) -> None:
+    """Pause the film, unless it came to its end meanwhile."""
+    limit = time.monotonic() + PATIENCE_S
+    while "Play" not in text_of(browser).split("\n") and time.monotonic() < limit:
+        for button in browser.find_elements(By.XPATH, '//button[normalize-space(.)="Pause"]'):
+            browser.execute_script("arguments[0].click()", button)
+        time.sleep(0.5)
+
+
 def changed(browser: Any, before: str, line: str) -> str:
     """Wait for another trial than the one before, with a line of its own."""
     return whole(until(browser, lambda text: line in text and whole(text) != before, f"a trial with {line!r}"))
@@ -178,8 +196,7 @@ def test_the_same_engagement_is_met_by_the_other_controller_and_again_by_the_fir
 
 
 def test_the_film_is_paused_scrubbed_slowed_and_played(page: Any) -> None:
-    press(page, "Pause")
-    until(page, lambda text: "Play" in text.split("\n"), "the pause")
+    pause(page)
     enter(page, "Time [s]", 0.8)
     shown = r"Engagement 1 of \d+: \d+ of [123]\d hit"
     found = re.search(shown, until(page, lambda text: bool(re.search(shown, text)), "the middle of the first"))
@@ -190,20 +207,17 @@ def test_the_film_is_paused_scrubbed_slowed_and_played(page: Any) -> None:
     press(page, "Play")
     until(page, lambda text: found[0] not in text and "Pause" in text.split("\n"), "what comes next")
     choose(page, "Pace", "real time")
-    press(page, "Pause")
+    pause(page)
     enter(page, "Time [s]", 4)
     interval = until(page, lambda text: "Engagement 4 of" in text, "the fourth engagement")
     assert re.search(r"So far: [\d.]+ % \([\d.]+–[\d.]+\), \d+ of 150 in 3 engagements", interval)
     press(page, "Play")
 
 
-def test_the_page_asks_no_other_host_and_has_no_errors(page: Any, address: str) -> None:
-    page.get_log("performance")
-    page.get_log("browser")
-    page.get(address)
-    until(page, lambda text: bool(whole(text)), "the trial")
-    assert requests(page, but=address) == []
-    assert errors(page) == []
+def test_the_page_asks_no_other_host_and_has_no_errors(watched: Any, address: str) -> None:
+    opened(watched, address)
+    assert requests(watched, but=address) == []
+    assert errors(watched) == []
 
 
 def requests(browser: Any, but: str) -> list[str]:
@@ -228,18 +242,18 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_an_exported_film_plays_from_a_file_without_a_network(browser: Any, film: Path) -> None:
-    browser.get("about:blank")
-    browser.get_log("performance")
-    browser.get_log("browser")
-    browser.get(film.as_uri())
-    until(browser, lambda _: bool(browser.find_elements(By.TAG_NAME, "canvas")), "the picture")
+def test_an_exported_film_plays_from_a_file_without_a_network(watched: Any, film: Path) -> None:
+    watched.get("about:blank")
+    watched.get_log("performance")
+    watched.get_log("browser")
+    watched.get(film.as_uri())
+    until(watched, lambda _: bool(watched.find_elements(By.TAG_NAME, "canvas")), "the picture")
     limit, pictures = time.monotonic() + PATIENCE_S, set()
     while len(pictures) < 3 and time.monotonic() < limit:
-        pictures.add(browser.find_element(By.TAG_NAME, "canvas").screenshot_as_png)
+        pictures.add(watched.find_element(By.TAG_NAME, "canvas").screenshot_as_png)
     assert len(pictures) == 3, "nothing moves"
-    assert requests(browser, but="") == []
-    assert errors(browser) == []
+    assert requests(watched, but="") == []
+    assert errors(watched) == []
 
 
 def test_a_recording_is_played_as_the_angles_that_it_holds(browser: Any, tmp_path: Path) -> None:

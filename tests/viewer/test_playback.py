@@ -43,3 +43,14 @@ def test_a_film_that_is_being_made_is_followed_unless_it_is_paused() -> None:
     film.set_pace(0.05)
     film.begin(1.0)
     assert film.playback == Playback(1.0, pace=0.05)
+
+
+def test_a_film_that_is_over_is_repeated_for_someone_who_comes_late_and_a_paused_one_is_left() -> None:
+    film = Film()
+    film.begin(1.0)
+    film.scrub(0.5)
+    film.repeat()
+    assert film.playback == Playback(1.0, 0.5, playing=False)
+    film.scrub(1.0)
+    film.repeat()
+    assert film.playback == Playback(1.0)

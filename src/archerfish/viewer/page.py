@@ -46,8 +46,9 @@ class TrialPage:
         self._compared = ""
         self._engagement, self._told_at = -1, -1.0
         look_from(server.initial_camera, "behind the robot", first.distance)
-        # Whoever opens the page finds the trial made.
+        # Whoever opens the page finds the trial made, and the film going.
         self.turn(0.0)
+        server.on_client_connect(lambda _: self._film.repeat() if self._run is None else None)
 
     def _look(self, client: Any, view: str) -> None:
         if client is not None:

@@ -93,6 +93,12 @@ class Film:
         with self._lock:
             self._playback = toggled(self._playback)
 
+    def repeat(self) -> None:
+        """Begin anew if it is over: for someone who comes late."""
+        with self._lock:
+            over = self._playback.time >= self._playback.duration
+            self._playback = toggled(self._playback) if over and not self._playback.playing else self._playback
+
     def scrub(self, time: float) -> None:
         """Go to a time [s], and pause there."""
         with self._lock:
