@@ -60,7 +60,13 @@ def repeat(function: Callable[[Any], Any], count: int, state: Any) -> Any:
 
 
 def if_any(condition: Array, then: Callable[[], Any], otherwise: Callable[[], Any]) -> Any:
-    """Return one tree of arrays if any of a condition holds, else the other; under JAX that alone is computed, too."""
+    """Return one tree of arrays if any of a condition holds, else another; under JAX, too, that one alone is computed.
+
+    Args:
+      condition: any shape.
+      then: returns the one tree.
+      otherwise: returns the other, of the same shapes.
+    """
     if namespace(condition) is np:
         return then() if np.any(condition) else otherwise()
     import jax  # only where the arrays are JAX's already: the robot has none
