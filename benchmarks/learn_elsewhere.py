@@ -58,7 +58,7 @@ def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help="a few minutes, too little to learn, nothing written")
-    parser.add_argument("--seeds", nargs="+", type=int, help="other seeds; nothing written")
+    parser.add_argument("--seeds", nargs="+", type=int, help="other seeds")
     options = parser.parse_args()
     extent = QUICK if options.quick else FULL
     extent = extent._replace(seeds=tuple(options.seeds)) if options.seeds else extent
@@ -82,7 +82,7 @@ def main() -> None:
         "largest_gap_points": gaps,
     }
     Console(width=140).print(rates_table(tools, suites, content["decisions"]))
-    if not options.quick and not options.seeds:
+    if not options.quick:
         write_json(RESULT, content)
     missed = [name for name, gap in gaps.items() if gap is None or gap > ALLOWED_POINTS]
     if missed and not options.quick:
