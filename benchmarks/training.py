@@ -29,6 +29,7 @@ from archerfish.evaluation.suites import Trials, draw_trials, table_suites
 from archerfish.evaluation.trial import fight
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.ppo import iterate, make_learner, sizes
+from archerfish.learning.shards import claim_devices
 from archerfish.learning.training import CHUNK, trained_policy
 from archerfish.learning.update import hyper
 from archerfish.paper.conditions import assumed_conditions
@@ -163,6 +164,7 @@ def measure(training: Training, config: PpoConfig, inputs: int, machine: dict[st
 
 def main() -> None:
     """Measure, print and write."""
+    claim_devices(PpoConfig().shards)
     machine, environment, config = describe_machine(), build_environment(), PpoConfig()
     world = environment.world
     trials = draw_trials(table_suites(CONDITIONS), ENGAGEMENTS, CONDITIONS.decisions, SEED, "tuning")

@@ -80,7 +80,7 @@ def test_a_policy_is_trained_for_own_motion_and_plant_and_its_plant_is_kept(
         end(live)
 
     monkeypatch.setattr(LiveRun, "end", look)
-    small = ["--ppo.steps", "80", "--ppo.environments", "8", "--ppo.rollout", "5", "--ppo.hidden", "4"]
+    small = ["--ppo.steps", "80", "--ppo.environments", "8", "--ppo.rollout", "6", "--ppo.hidden", "4"]
     small += ["--no-tensorboard"]
     status, _, err = command(
         "train", *small, "--motion", MOTION, "--plant", PLANT, "--robot", "rigid", "--out", "train"

@@ -88,7 +88,7 @@ def test_examples_in_help_are_accepted(command):
         (["train", "--ppo.clip", "nan"], "--ppo.clip must be "),
         (["train", "--ppo.steps", "many"], "--ppo.steps: invalid literal"),
         (["train", "--ppo.steps"], "'--ppo.steps'"),
-        (["train", "--ppo.minibatches", "7"], "must divide into minibatches = 7"),
+        (["train", "--ppo.minibatches", "7"], "must divide into minibatches × shards = 7 × 2"),
         (["train", "--target", "flying"], "'flying' for argument '--target'"),
         (["train", "--seed", "-1"], "--seed must be within"),
         (["train", "--seed", "99999999999"], "--seed must be within"),

@@ -14,12 +14,14 @@ TRAINING = {
     "--gradient.hidden": "4",
 }
 PPO_ALONE = {name: value for name, value in TRAINING.items() if name.startswith("--ppo")}
+GRADIENT_ALONE = {name: value for name, value in TRAINING.items() if name.startswith("--gradient")}
 LINEAR = {"--physics": "linear"}
 
 SHORTER: dict[str, dict[str, str | None]] = {
-    "train": {**TRAINING, "--no-tensorboard": None},
+    "train": {**PPO_ALONE, "--no-tensorboard": None},
+    "train --trainer gradient": {**GRADIENT_ALONE, "--no-tensorboard": None},
     "train --resume": {},
-    "sweep": {**PPO_ALONE, "--engagements": "2", "--in-process": None},
+    "sweep": {**TRAINING, "--engagements": "2", "--in-process": None},
     "evaluate": {"--engagements": "2", "--controllers": "kalman"},
     "record sweep": {"--duration-s": "3", **LINEAR},
     "record step": {"--hold-s": "0.5", **LINEAR},

@@ -7,12 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from archerfish.learning import shards
+from archerfish.learning import gradient, ppo, shards
 from archerfish.learning.config import PpoConfig
+from archerfish.learning.gradient import GRADIENT
+from archerfish.learning.gradient_config import GradientConfig
 from archerfish.learning.normalisation import empty_normaliser, merge
 from archerfish.learning.ppo import make_learner
-from archerfish.learning.shards import AXIS, averaged, over_shards, own_key, worst
-from archerfish.learning.training import train
+from archerfish.learning.shards import AXIS, averaged, earliest, over_shards, own_key
+from archerfish.learning.training import CHUNK, PPO, Course, DivergenceError, Standing, Trainer, train
 from archerfish.learning.update import Batch, hyper, normalised, update
 from archerfish.simulation.environment import ShootingEnvironment
 
@@ -28,12 +30,13 @@ def place(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_a_shard_has_its_part_of_what_is_split_and_the_whole_of_the_rest(place: None) -> None:
     def shard(part: Any, whole: Any) -> Any:
-        return {"split": part + whole, "mean": averaged(jnp.mean(part), AXIS), "worst": worst(jnp.max(part))}
+        return {"split": part + whole, "mean": averaged(jnp.mean(part), AXIS), "first": earliest(jnp.int32(part[0]))}
 
-    run = over_shards(shard, 2, (True, False), {"split": True, "mean": False, "worst": False})
+    run = over_shards(shard, 2, (True, False), {"split": True, "mean": False, "first": False})
     found = jax.jit(run)(jnp.arange(6.0), jnp.float32(10.0))
     np.testing.assert_array_equal(found["split"], np.arange(6.0) + 10.0)
-    assert (float(found["mean"]), float(found["worst"])) == (2.5, 5.0)
+    # Of the codes 0 and 3 that the shards have, 0 stands for none.
+    assert (float(found["mean"]), int(found["first"])) == (2.5, 3)
 
 
 def test_the_mean_of_a_tree_has_its_shapes(place: None) -> None:
@@ -90,6 +93,7 @@ def test_a_gradient_step_in_shards_is_that_of_the_whole_minibatch(
     for ours, theirs in zip(jax.tree.leaves(found.critic), jax.tree.leaves(expected.critic), strict=True):
         np.testing.assert_allclose(ours, theirs, atol=2e-5)
     assert float(measures.gradient_norm) == pytest.approx(float(measured.gradient_norm), rel=1e-4)
+    assert float(measures.value_error) == pytest.approx(float(measured.value_error), rel=1e-4)
     assert float(measures.divergence) == pytest.approx(float(measured.divergence), rel=1e-4)
 
 
@@ -104,3 +108,30 @@ def test_a_training_learns_alike_wherever_its_shards_run(
     jax.clear_caches()
     # The same draws and the same minibatches: but for rounding, which grows with every update, the same training.
     np.testing.assert_allclose(together.curve.mean_reward[:3], apart.curve.mean_reward[:3], rtol=1e-3)
+
+
+@pytest.mark.parametrize("trainer", [PPO, GRADIENT], ids=["ppo", "gradient"])
+def test_a_training_of_several_calls_compiles_one_program(
+    shooting: ShootingEnvironment, tiny: PpoConfig, trainer: Trainer
+) -> None:
+    config = tiny if trainer is PPO else GradientConfig(2 * CHUNK * 8 * 4, environments=8, window=4, hidden=8)
+    compiled = ppo.iterate if trainer is PPO else gradient.iterate
+    jax.clear_caches()
+    train(shooting, config, seed=0, trainer=trainer)
+    assert compiled._cache_size() == 1
+
+
+@pytest.mark.parametrize("trainer", [PPO, GRADIENT], ids=["ppo", "gradient"])
+@pytest.mark.parametrize("member", [0, 7])
+def test_a_fault_in_one_shard_is_named_by_its_cause(
+    shooting: ShootingEnvironment, tiny: PpoConfig, trainer: Trainer, member: int
+) -> None:
+    config = tiny if trainer is PPO else GradientConfig(2 * CHUNK * 8 * 4, environments=8, window=4, hidden=8)
+
+    def spoil(standing: Standing) -> Standing:
+        learner = standing.learner
+        return standing._replace(learner=learner._replace(observation=learner.observation.at[member].set(jnp.nan)))
+
+    with pytest.raises(DivergenceError) as caught:
+        train(shooting, config, seed=0, trainer=trainer, course=Course(resume=spoil))
+    assert (caught.value.first, caught.value.iteration) == ("observation", 1)

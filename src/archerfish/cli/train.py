@@ -142,6 +142,10 @@ def run_train(command: Train) -> dict[str, Any]:
     from archerfish.cli.live_run import live_run, read_configuration
     from archerfish.cli.training_log import has_tensorboard
     from archerfish.cli.training_run import TrainingTask, run_task, write_run
+    from archerfish.learning.shards import claim_devices
+
+    settings = command.gradient if command.trainer == "gradient" else command.ppo
+    devices = claim_devices(settings.shards)
     from archerfish.simulation.own_motion import find_motion
 
     setting = None if command.resume else load_setting(command.setting)
@@ -154,15 +158,15 @@ def run_train(command: Train) -> dict[str, Any]:
         command.out,
         resumed=command.resume is not None,
         every_s=command.checkpoint_every,
-        batch=(command.gradient if command.trainer == "gradient" else command.ppo).batch,
+        batch=settings.batch,
         tensorboard=tensorboard,
     ) as live:
         if setting is None:
             copies: dict[str, Any] = dict(live.input_files())
             setting = load_setting(replace(command.setting, plant="", **copies))
-            _note_changes(read_configuration(command.out))
+            _note_changes(read_configuration(command.out), devices)
         else:
-            live.begin(configuration(command, setting), *_files(command.setting, setting))
+            live.begin({**configuration(command, setting), "devices": devices}, *_files(command.setting, setting))
         task = TrainingTask(
             setting=setting,
             static_share=TARGETS[command.target],
@@ -196,6 +200,10 @@ def run_train(command: Train) -> dict[str, Any]:
 
 
 def _check(command: Train, observation: str) -> None:
+    other = {"ppo": "gradient", "gradient": "ppo"}[command.trainer]
+    if getattr(command, other) != {"ppo": PpoConfig(), "gradient": GradientConfig()}[other]:
+        problem = f"--{other}.… says nothing to --trainer {command.trainer}"
+        raise InputError(f"{problem}; leave it out, or say --trainer {other}")
     if observation == "history" and not 2 <= command.frames <= MOST_FRAMES:
         raise InputError(f"--frames must be from 2 (one frame shows no motion) to {MOST_FRAMES}, got {command.frames}")
     if not 0 <= command.checkpoint_every < math.inf:
@@ -212,10 +220,11 @@ def _files(files: SettingFiles, setting: Setting) -> tuple[dict[str, Path], dict
     return {name: path for name, path in paths.items() if name not in own}, own
 
 
-def _note_changes(begun: dict[str, Any]) -> None:
-    """Say where other code or libraries may give other weights than those that the training began with."""
-    was = {**begun["provenance"]["versions"], "commit": begun["provenance"]["commit"]}
-    now = {**library_versions(), "commit": code_commit()}
+def _note_changes(begun: dict[str, Any], devices: int) -> None:
+    """Say where other code, libraries or devices may give other weights than those that the training began with."""
+    told = begun["provenance"]
+    was = {**told["versions"], "commit": told["commit"], "devices": begun.get("devices", devices)}
+    now = {**library_versions(), "commit": code_commit(), "devices": devices}
     changed = [f"{name} {was.get(name)} → {now.get(name)}" for name in now if was.get(name) != now.get(name)]
     if changed:
         note(f"since the training began: {', '.join(changed)}; the weights may differ from those of an unbroken one")

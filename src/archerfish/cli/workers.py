@@ -1,6 +1,7 @@
-"""Independent tasks side by side: one process per core, one thread each, one progress bar for all.
+"""Independent tasks side by side: one process per core, one progress bar for all.
 
-On a few cores this beats the threads inside one compiled program: its many small steps leave them idle.
+The products of each run in one thread: on a few cores this beats threads inside of them. The shards of a training keep
+their own; several trainings share the cores as well as one has them to itself.
 """
 
 import multiprocessing
@@ -66,7 +67,7 @@ def run_tasks(what: str, unit: str, tasks: Sequence[Task], workers: int) -> list
 
 @contextmanager
 def _single_threaded() -> Iterator[None]:
-    """Let processes that start in the block have one thread each."""
+    """Let processes that start in the block compute each product in one thread."""
     kept = {name: os.environ.get(name) for name in _SINGLE_THREAD}
     os.environ.update(_SINGLE_THREAD)
     try:

@@ -60,7 +60,9 @@ def repeat(function: Callable[[Any], Any], count: int, state: Any) -> Any:
 
 
 def if_any(condition: Array, then: Callable[[], Any], otherwise: Callable[[], Any]) -> Any:
-    """Return one tree of arrays if any of a condition holds, else another; under JAX, too, that one alone is computed.
+    """Return one tree of arrays if any of a condition holds, else another.
+
+    Under JAX, too, that one alone is computed, but both within `jax.vmap`.
 
     Args:
       condition: any shape.

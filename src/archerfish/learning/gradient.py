@@ -21,7 +21,7 @@ from archerfish.learning.guard import LIMITS, first_fault, guarded, is_bad
 from archerfish.learning.held_gradient import held
 from archerfish.learning.normalisation import empty_normaliser, merge
 from archerfish.learning.ppo import SPLIT, Environment, Learner, Metrics, orthogonal_layers
-from archerfish.learning.shards import AXIS, averaged, over_shards, own_key, worst
+from archerfish.learning.shards import AXIS, averaged, earliest, over_shards, own_key, placed
 from archerfish.learning.training import Trainer
 from archerfish.learning.update import Actor, action_mean, adam_step, begin_networks
 
@@ -74,7 +74,7 @@ def begin_learner(environment: Environment, config: GradientConfig, key: Array, 
       A learner without a critic, and whose actor has no standard deviations: it always acts as its mean.
     """
     learner: Learner = _begin(environment, key, config.environments, config.hidden, actions)
-    return learner
+    return placed(learner, config.shards, SPLIT)
 
 
 @partial(jax.jit, static_argnames=("batch", "hidden", "actions"))
@@ -134,8 +134,8 @@ def _iteration(environment: Environment, settings: Hyper, learner: Learner, size
     norm = optax.tree.norm(gradient)
     bad = jnp.stack(
         [
-            is_bad(played.observations, LIMITS["observation"]),
-            is_bad(mean_reward, LIMITS["reward"]),
+            is_bad(played.observations, LIMITS["observation"]) | is_bad(played.observation, LIMITS["observation"]),
+            is_bad(played.mean_reward, LIMITS["reward"]),
             is_bad(norm, LIMITS["gradient"]),
         ]
     )
@@ -148,7 +148,7 @@ def _iteration(environment: Environment, settings: Hyper, learner: Learner, size
         std=nothing,
         gradient_norm=norm,
         hit_share=hit_share,
-        fault=worst(first_fault(bad, ("observation", "reward", "gradient"))),
+        fault=earliest(first_fault(bad, ("observation", "reward", "gradient"))),
     )
     advanced = Learner(
         networks=networks._replace(actor=actor, actor_moments=moments),

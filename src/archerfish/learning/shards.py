@@ -5,6 +5,7 @@ of its own, keep both busy. The number of shards belongs to a training's setting
 minibatches are dealt. Where they run does not: on a device each if there are enough, else side by side on one.
 """
 
+import contextlib
 import os
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -13,26 +14,61 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.sharding import Mesh, PartitionSpec
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 AXIS = "shard"
 """Name of the axis that the shards lie along."""
 Tree = TypeVar("Tree")
 
 
-def claim_devices(count: int) -> None:
-    """Have JAX make so many devices out of the processor; does nothing once JAX has begun to compute.
+def claim_devices(count: int) -> int:
+    """Have JAX make so many devices out of the processor; changes nothing once JAX has begun to compute.
 
     Args:
       count: of devices.
+
+    Returns:
+      How many of them a training in so many shards has: that many, or one, which decides its last bits.
     """
-    if "xla_force_host_platform_device_count" in os.environ.get("XLA_FLAGS", ""):
-        return  # the user has said how many
-    configure: Any = jax.config
-    try:
-        configure.update("jax_num_cpu_devices", max(count, configure.jax_num_cpu_devices))
-    except RuntimeError:  # computing already: the shards share what there is
-        return
+    # Where the user has said how many, that is it.
+    if "xla_force_host_platform_device_count" not in os.environ.get("XLA_FLAGS", ""):
+        configure: Any = jax.config
+        with contextlib.suppress(RuntimeError):  # computing already: the shards share what there is
+            configure.update("jax_num_cpu_devices", max(count, configure.jax_num_cpu_devices))
+    return count if have_devices(count) else 1
+
+
+def have_devices(count: int) -> bool:
+    """Tell whether so many shards have a device each."""
+    return len(jax.devices()) >= count
+
+
+def placed(tree: Tree, count: int, split: Any) -> Tree:
+    """Put arrays where `over_shards` leaves them, so that the first call and the ones after it are one program.
+
+    Args:
+      tree: arrays, any shapes.
+      count: of shards.
+      split: whether each is split along its leading dimension, or a tree of that.
+    """
+    if not have_devices(count):
+        return tree
+    mesh = _mesh(count)
+
+    def put(is_split: bool, part: Any) -> Any:
+        return jax.device_put(part, NamedSharding(mesh, _place(is_split)))
+
+    there: Tree = jax.tree.map(put, split, tree)
+    return there
+
+
+def _mesh(count: int) -> Mesh:
+    return Mesh(np.array(jax.devices()[:count]), (AXIS,))
+
+
+def _place(is_split: bool) -> Any:
+    place: Any = PartitionSpec
+    return place(AXIS) if is_split else place()
 
 
 def over_shards(function: Callable[..., Any], count: int, split: Any, given: Any) -> Callable[..., Any]:
@@ -46,15 +82,13 @@ def over_shards(function: Callable[..., Any], count: int, split: Any, given: Any
       split: for each argument whether it is split along its leading dimension, or a tree of that.
       given: the same of what it returns.
     """
-    if len(jax.devices()) >= count:
-        mesh = Mesh(np.array(jax.devices()[:count]), (AXIS,))
-        place: Any = PartitionSpec
+    if have_devices(count):
 
         def places(splits: Any) -> Any:
-            return jax.tree.map(lambda each: place(AXIS) if each else place(), splits)
+            return jax.tree.map(_place, splits)
 
         sharded: Callable[..., Any] = jax.shard_map(
-            function, mesh=mesh, in_specs=places(split), out_specs=places(given), check_vma=False
+            function, mesh=_mesh(count), in_specs=places(split), out_specs=places(given), check_vma=False
         )
         return sharded
     return _side_by_side(function, count, split, given)
@@ -65,10 +99,16 @@ def _side_by_side(function: Callable[..., Any], count: int, split: Any, given: A
         return jax.tree.map(lambda each: 0 if each else None, splits)
 
     def stacked(is_split: bool, tree: Any) -> Any:
-        return jax.tree.map(lambda each: each.reshape(count, -1, *each.shape[1:]), tree) if is_split else tree
+        def stack(each: Array) -> Array:
+            return each.reshape(count, len(each) // count, *each.shape[1:])
+
+        return jax.tree.map(stack, tree) if is_split else tree
 
     def joined(is_split: bool, tree: Any) -> Any:
-        return jax.tree.map(lambda each: each.reshape(-1, *each.shape[2:]), tree) if is_split else tree
+        def join(each: Array) -> Array:
+            return each.reshape(count * each.shape[1], *each.shape[2:])
+
+        return jax.tree.map(join, tree) if is_split else tree
 
     mapped = jax.vmap(function, in_axes=axes(split), out_axes=axes(given), axis_name=AXIS, axis_size=count)
 
@@ -97,8 +137,13 @@ def averaged(tree: Tree, axis: str | None) -> Tree:
     return means
 
 
-def worst(fault: Array) -> Array:
-    """Return the largest number of all shards, any shape."""
+def earliest(fault: Array) -> Array:
+    """Return the smallest code of all shards that is not 0, for causes come before effects; 0 if there is none.
+
+    Args:
+      fault: 0, or a code of `guard.WATCHED`, shape ().
+    """
     lax: Any = jax.lax
-    largest: Array = lax.pmax(fault, AXIS)
-    return largest
+    none = np.iinfo(np.int32).max
+    smallest: Array = lax.pmin(jnp.where(fault == 0, none, fault), AXIS)
+    return jnp.where(smallest == none, 0, smallest)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from archerfish.controllers.policy import PolicyController
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.guard import WATCHED
-from archerfish.learning.ppo import Environment, Learner, Metrics, iterate, make_learner, sizes
-from archerfish.learning.shards import claim_devices
+from archerfish.learning.ppo import SPLIT, Environment, Learner, Metrics, iterate, make_learner, sizes
+from archerfish.learning.shards import claim_devices, placed
 from archerfish.learning.update import hyper
 from archerfish.records.errors import InputError
 from archerfish.sensing.observers import AnyObserver
@@ -157,6 +157,7 @@ def train(
     claim_devices(config.shards)
     environment = jax.tree.map(jax.numpy.asarray, environment)
     standing = course.resume(Standing(trainer.begin(environment, config, jax.random.key(seed)), ()))
+    standing = standing._replace(learner=placed(standing.learner, config.shards, SPLIT))
     while standing.iterations < config.iterations and not course.enough(standing):
         learner, metrics = trainer.advance(environment, config, standing.learner, CHUNK)
         standing = _checked(standing, learner, jax.tree.map(np.asarray, metrics), config.batch)

@@ -126,10 +126,11 @@ def update(
     actor_slope = jax.value_and_grad(actor_loss, has_aux=True)
     (_, (divergence, clipped)), actor_gradient = actor_slope(networks.actor, batch, settings)
     value_error, critic_gradient = jax.value_and_grad(critic_loss)(networks.critic, batch)
-    relative = 2.0 * value_error / (jnp.var(batch.target) + 1e-8)
-    actor_gradient, critic_gradient, relative, divergence, clipped = averaged(
-        (actor_gradient, critic_gradient, relative, divergence, clipped), axis
+    moments = jnp.mean(batch.target), jnp.mean(batch.target**2)
+    actor_gradient, critic_gradient, value_error, (mean, square), divergence, clipped = averaged(
+        (actor_gradient, critic_gradient, value_error, moments, divergence, clipped), axis
     )
+    relative = 2.0 * value_error / (jnp.maximum(square - mean**2, 0.0) + 1e-8)
     actor, actor_moments = adam_step(
         networks.actor, actor_gradient, networks.actor_moments, rate * settings.actor_learning_rate, settings
     )

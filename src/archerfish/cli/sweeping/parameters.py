@@ -43,7 +43,10 @@ def _known() -> dict[str, Parameter]:
     found = []
     for prefix, config in (("ppo", PpoConfig), ("gradient", GradientConfig)):
         hints = get_type_hints(config)
-        found += [Parameter(f"{prefix}.{_dashed(each.name)}", hints[each.name]) for each in fields(config)]
+        names = [
+            each.name for each in fields(config) if each.name != "shards"
+        ]  # of the machine, not of what is learned
+        found += [Parameter(f"{prefix}.{_dashed(name)}", hints[name]) for name in names]
     found += [
         Parameter("trainer", str, tuple(TRAINERS)),
         Parameter("target", str, tuple(TARGETS)),

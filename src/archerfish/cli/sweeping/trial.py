@@ -15,6 +15,7 @@ from archerfish.controllers.policy import policy_from_record
 from archerfish.evaluation.evaluate import Entrant, Ground, compete
 from archerfish.evaluation.hit_rate import hit_rate
 from archerfish.evaluation.suites import draw_trials, table_suites
+from archerfish.learning.shards import claim_devices
 from archerfish.records.errors import InputError
 from archerfish.records.policy import PolicyRecord
 
@@ -79,6 +80,8 @@ class TrialDone:
 def run_trial(job: TrialJob) -> TrialDone:
     """Train and shoot; a training that can't be done is an outcome too."""
     begun = time.monotonic()
+    # A worker that has computed once keeps its devices: whatever it trains first, they suffice for all of the sweep.
+    claim_devices(max(job.task.ppo.shards, job.task.gradient.shards))
     try:
         result = run_task(job.task)
     except InputError as error:
