@@ -88,6 +88,8 @@ def test_examples_in_help_are_accepted(command):
         (["train", "--ppo.clip", "nan"], "--ppo.clip must be "),
         (["train", "--ppo.steps", "many"], "--ppo.steps: invalid literal"),
         (["train", "--ppo.steps"], "'--ppo.steps'"),
+        (["train", "--trainer", "gradient", "--ppo.steps", "9"], "--ppo.… says nothing to --trainer gradient"),
+        (["train", "--gradient.window", "9"], "--gradient.… says nothing to --trainer ppo"),
         (["train", "--ppo.minibatches", "7"], "must divide into minibatches × shards = 7 × 2"),
         (["train", "--target", "flying"], "'flying' for argument '--target'"),
         (["train", "--seed", "-1"], "--seed must be within"),

@@ -126,16 +126,21 @@ def run_task(
     """
     begun = time.monotonic()
     environment = _environment(task)
-    batch, length = task.config.batch, task.setting.conditions.decisions
+    batch, length, best = task.config.batch, task.setting.conditions.decisions, 0.0
+
+    def tell(standing: Standing) -> None:
+        nonlocal best
+        best = max(best, _hit_share(standing))
+        advance(standing.iterations * batch, _note(standing, length, best))
 
     def resume(fresh: Standing) -> Standing:
         standing = fresh if live is None else live.resume(fresh)
         if standing.iterations:
-            advance(standing.iterations * batch, _note(standing, length))
+            tell(standing)
         return standing
 
     def watch(standing: Standing) -> None:
-        advance(standing.iterations * batch, _note(standing, length))
+        tell(standing)
         if live is not None:
             live.watch(standing)
 
@@ -182,11 +187,14 @@ def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Train
     return TrainingResult(policy, trained.learner, trained.curve, mean_return, time.monotonic() - begun, digest)
 
 
-def _note(standing: Standing, length: int) -> str:
+def _note(standing: Standing, length: int, best: float) -> str:
     """Return the words beside the progress bar: return and share of hits of the last rollouts, and the best share."""
-    shares = [float(np.mean(part.hit_share)) for part in standing.parts]
     said = f"{length * float(standing.parts[-1].mean_reward[-1]):.2f} m"
-    return f"{said}, hit {shares[-1]:.1%} ({max(shares):.1%})"
+    return f"{said}, hit {_hit_share(standing):.1%} ({best:.1%})"
+
+
+def _hit_share(standing: Standing) -> float:
+    return float(np.mean(standing.parts[-1].hit_share))
 
 
 def keep_diverged(live: LiveRun, error: DivergenceError, result: TrainingResult) -> InputError:

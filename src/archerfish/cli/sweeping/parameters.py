@@ -43,9 +43,8 @@ def _known() -> dict[str, Parameter]:
     found = []
     for prefix, config in (("ppo", PpoConfig), ("gradient", GradientConfig)):
         hints = get_type_hints(config)
-        names = [
-            each.name for each in fields(config) if each.name != "shards"
-        ]  # of the machine, not of what is learned
+        # How many shards there are is a matter of the machine.
+        names = [each.name for each in fields(config) if each.name != "shards"]
         found += [Parameter(f"{prefix}.{_dashed(name)}", hints[name]) for name in names]
     found += [
         Parameter("trainer", str, tuple(TRAINERS)),
