@@ -36,6 +36,9 @@ def test_the_file_lies_beside_the_policy_unless_told_otherwise(policy, tmp_path,
     main(["export", str(policy)])
     main(["export", str(policy), "--out", str(tmp_path / "deep" / "robot.onnx"), "--json", str(tmp_path / "told.json")])
     assert (tmp_path / "policy.onnx").read_bytes() == (tmp_path / "deep" / "robot.onnx").read_bytes()
+    (tmp_path / "policy.onnx").unlink()
+    main(["export", str(tmp_path), "--no-check"])  # the run folder
+    assert (tmp_path / "policy.onnx").read_bytes() == (tmp_path / "deep" / "robot.onnx").read_bytes()
     told = json.loads((tmp_path / "told.json").read_text())
     assert told["observation"]["kind"] == "paper"
     assert told["bytes"] == (tmp_path / "policy.onnx").stat().st_size
@@ -52,14 +55,16 @@ def test_the_file_lies_beside_the_policy_unless_told_otherwise(policy, tmp_path,
         (["POLICY", "--out", "policy.bin"], "does not end in .onnx"),
         (["POLICY", "--format", "c"], "--format"),
         (["ARRAYS"], "can't be read"),
+        (["EMPTY"], "is a folder without policy.json"),
     ],
 )
 def test_what_can_not_be_exported_ends_in_one_line_and_leaves_nothing(
     words, complaint, policy, tmp_path, monkeypatch, capsys
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
     before = sorted(tmp_path.iterdir())
-    places = {"POLICY": str(policy), "ARRAYS": str(policy.with_suffix(".safetensors"))}
+    places = {"POLICY": str(policy), "ARRAYS": str(policy.with_suffix(".safetensors")), "EMPTY": "empty"}
     with pytest.raises(SystemExit) as ended:
         main(["export", *(places.get(word, word) for word in words)])
     assert ended.value.code == 2

@@ -1,5 +1,7 @@
 import importlib.util
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -40,11 +42,62 @@ def test_the_page_is_for_this_machine_by_default() -> None:
         (("missing.json",), "missing.json"),
         (("missing.csv",), "missing.csv"),
         ((".",), "neither policy.json nor metadata.yaml"),
-        (("--export", "."), "names a folder"),
+        (("--export", "film.py"), "does not end in .html"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(refused: Refused, words: tuple[str, ...], told: str) -> None:
     assert told in refused("view", *words)
+
+
+@needs_viser
+def test_what_is_built_in_is_not_looked_for_elsewhere(records: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(view, "is_extension", lambda spec, kind: True)
+    monkeypatch.setattr(view, "find_controller", None)
+    assert view._own_controllers(("policy", "kalman", "policy"), {"policy"}) == {}
+    assert view._own_motions("hand") == view._own_motions("parabola") == {}
+
+
+@needs_viser
+def test_two_controllers_of_one_name_are_refused(refused: Refused, tmp_path: Path) -> None:
+    for name in ("one.py", "two.py"):
+        (tmp_path / name).write_text("def aim(bench): pass\n")
+    assert "two controllers 'aim'" in refused("view", "--controllers", "./one.py:aim", "./two.py:aim")
+    (tmp_path / "three.py").write_text("def policy(bench): pass\n")
+    assert "already have a controller 'policy'" in refused("view", "--controllers", "./three.py:policy")
+
+
+@needs_viser
+def test_an_own_controller_is_tried_before_anything_is_written(refused: Refused, tmp_path: Path) -> None:
+    (tmp_path / "nan.py").write_text(
+        "from archerfish.sensing.interfaces import fire_always\n"
+        "import typing\n"
+        "class Nan(typing.NamedTuple):\n"
+        "    gain: float = float('nan')\n"
+        "    def reset(self, seen, truth=None): return seen.angle\n"
+        "    def step(self, state, seen): return state, fire_always(self.gain * seen.angle)\n"
+        "def build(bench): return Nan()\n"
+    )
+    told = refused("view", "--controllers", "./nan.py:build", "--export", "film.html")
+    assert "nan.py:build: step commands angle that are not finite" in told
+    assert not (tmp_path / "film.html").exists()
+
+
+@needs_viser
+def test_an_own_motion_is_played_where_jax_is_not(tmp_path: Path) -> None:
+    example = Path(__file__).parents[2] / "examples" / "departure.py"
+    words = ["view", "--target", f"{example}:Departure", "--engagements", "2", "--export", str(tmp_path / "film.html")]
+    script = (
+        "import sys, importlib.util\n"
+        "find = importlib.util.find_spec\n"
+        "importlib.util.find_spec = lambda name, *rest: None if name == 'jax' else find(name, *rest)\n"
+        "sys.modules['jax'] = None\n"
+        "from archerfish.cli.main import program\n"
+        f"sys.argv[1:] = {words!r}\n"
+        "program()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], check=False, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "film.html").is_file()
 
 
 @needs_viser

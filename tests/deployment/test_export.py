@@ -116,6 +116,21 @@ def test_a_file_that_decides_otherwise_is_not_written(policy_file, tmp_path, mon
     assert export_policy(path, tmp_path / "wrong.onnx", check=False)["checked_rad"] is None
 
 
+def test_a_file_that_commands_nan_is_not_written(policy_file, tmp_path, monkeypatch) -> None:
+    pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    right = export_module.decision_graph
+
+    def wrong(controller):
+        graph = right(controller)
+        return graph._replace(angle=graph.angle + np.float32("nan"))
+
+    monkeypatch.setattr(export_module, "decision_graph", wrong)
+    with pytest.raises(InputError, match="no finite number"):
+        export_policy(policy_file("paper"), tmp_path / "wrong.onnx")
+    assert not (tmp_path / "wrong.onnx").exists()
+
+
 def test_the_same_policy_gives_the_same_file(policy_file, tmp_path) -> None:
     pytest.importorskip("onnx")
     path = policy_file("tracked")

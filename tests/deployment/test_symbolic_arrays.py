@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from archerfish.deployment.onnx_model import onnx_model
 from archerfish.deployment.symbol import BATCH, graph_input, in_order
 from archerfish.deployment.symbolic_arrays import SYMBOLIC
-from archerfish.dynamics.array_namespace import lift, namespace
+from archerfish.dynamics.array_namespace import if_any, lift, namespace, repeat
 
 CONSTANT = np.array([0.5, -2.0, 3.0], np.float32)
 
@@ -69,7 +69,8 @@ def test_an_operation_gives_what_numpy_gives(name) -> None:
 
 
 def test_the_arctangent_is_right_in_all_quadrants_and_at_all_edges() -> None:
-    edges = np.array([0.0, -0.0, 1e-38, -1e-38, 1e-7, -1e-7, 1.0, -1.0, 3.0, -3.0, 1e30, -1e30], np.float32)
+    sizes = np.array([0.0, 1e-38, 1e-7, 1.0, 3.0, 1e30, np.inf], np.float32)
+    edges = np.concatenate([sizes, -sizes])
     circle = np.linspace(-math.pi, math.pi, 4001).astype(np.float32)
     y = np.concatenate([np.repeat(edges, len(edges)), np.sin(circle)])
     x = np.concatenate([np.tile(edges, len(edges)), np.cos(circle)])
@@ -121,6 +122,18 @@ def test_what_is_computed_twice_is_in_the_graph_once() -> None:
         (lambda x: SYMBOLIC.reshape(x, (BATCH, 4)), "no reshape"),
         (lambda x: SYMBOLIC.reshape(x, (-1,)), "keeps the batch first"),
         (lambda x: SYMBOLIC.concat([x, x[..., None]], axis=-1), "can't be joined"),
+        (lambda x: x[..., 3], "index 3 is out of range"),
+        (lambda x: x[..., -4], "index -4 is out of range"),
+        (lambda x: x[..., True], "takes numbers and slices"),
+        (lambda x: x[..., 0, 0, 0], "too many"),
+        (lambda x: (x > 0.0) + (x < 1.0), "Add of truth values"),
+        (lambda x: (x > 0.0) * np.array(True), "Mul of truth values"),
+        (lambda x: SYMBOLIC.maximum(x > 0.0, x < 1.0), "Max of truth values"),
+        (lambda x: SYMBOLIC.asarray(x, np.int32), "can't be made one of int32"),
+        (lambda x: x + None, "meets numbers"),
+        (lambda x: SYMBOLIC.where(x > 0.0, x, None), "meets numbers"),
+        (lambda x: repeat(lambda each: each + 1.0, 2, x), "repeat is of NumPy's arrays and JAX's"),
+        (lambda x: if_any(x > 0.0, lambda: x, lambda: x), "if_any is of NumPy's arrays and JAX's"),
     ],
 )
 def test_what_onnx_can_not_say_is_refused(function, complaint) -> None:

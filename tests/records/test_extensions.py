@@ -40,9 +40,10 @@ def test_a_file_is_found_by_path_and_by_module_name(here: Path, spec: str) -> No
     assert sorted(each.name for each in here.rglob("*")) == ["inner", "mine.py", "mine.py"]
 
 
-def test_a_file_may_import_what_lies_beside_it_and_is_read_once(here: Path) -> None:
+def test_a_file_may_import_what_lies_beside_it_and_is_read_once(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (here / "beside_the_extension.py").write_text("VALUE = 3\n")
     (here / "mine.py").write_text("from beside_the_extension import VALUE\nclass Thing: value = VALUE\n")
+    monkeypatch.setattr(sys, "path", [str(here), *sys.path])  # as by python -m: the order must stay
     before = list(sys.path)
     assert find_extension("./mine.py:Thing", "motion").value.value == 3
     assert find_extension("mine:Thing", "motion").value is find_extension("./mine.py:Thing", "motion").value
@@ -66,6 +67,17 @@ def test_an_entry_point_is_found_by_its_name(here: Path, monkeypatch: pytest.Mon
     installed(site, "other_aim", "[archerfish.controllers]\nsharp = other_aim_module:make\n")
     with pytest.raises(InputError, match="'sharp' is brought by several packages, as other_aim_module:make and their"):
         find_extension("sharp", "controller")
+
+
+def test_an_entry_point_is_of_its_package_and_not_a_file_in_the_working_folder(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site = here / "site"
+    installed(site, "calm_aim", "[archerfish.controllers]\ncalm = calm_aim_module:make\n")
+    (site / "calm_aim_module.py").write_text("def make(bench): return 'installed'\n")
+    (here / "calm_aim_module.py").write_text("raise RuntimeError('not this one')\n")
+    monkeypatch.syspath_prepend(str(site))
+    assert find_extension("calm", "controller").value(0) == "installed"
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,22 @@ def test_a_foreign_host_is_refused(port: int, host: str) -> None:
     assert handshake(port, Host=f"{host}:{port}" if host else "") == 403
 
 
+def test_no_other_page_may_frame_this_one(port: int) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection.request("GET", "/")
+    response = connection.getresponse()
+    assert response.headers["X-Frame-Options"] == "DENY"
+    assert response.headers["Content-Security-Policy"] == "frame-ancestors 'none'"
+    connection.close()
+
+
+def test_a_host_that_is_no_ascii_is_refused(port: int) -> None:
+    for host in (b"\xc3\xa9vil.example", b"\xff"):
+        with socket.create_connection(("127.0.0.1", port), timeout=10) as there:
+            there.sendall(b"GET / HTTP/1.1\r\nHost: " + host + b"\r\n\r\n")
+            assert there.recv(100).split()[1] == b"403"
+
+
 @pytest.mark.parametrize(
     "origin", ["http://evil.example", "null", "http://localhost:1", "https://127.0.0.1:{port}", "file://"]
 )

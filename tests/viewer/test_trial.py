@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 
 from archerfish.cli.setting import SettingFiles, load_setting, setting_world
+from archerfish.controllers.roster import find_controller
 from archerfish.records.errors import InputError
-from archerfish.viewer.choice import Choice, Subject, check_choice, chosen_controller, controller_names
-from archerfish.viewer.motions import MOTIONS, meet
+from archerfish.simulation.own_motion import find_motion
+from archerfish.viewer.choice import RANGES, Choice, Subject, check_choice, chosen_controller, controller_names
+from archerfish.viewer.hand import HandRun
+from archerfish.viewer.motions import HAND, MOTIONS, meet
 from archerfish.viewer.score import compared, score
 from archerfish.viewer.trial import moment, run_trial
 
@@ -113,16 +116,95 @@ def test_the_score_grows_with_time_and_has_an_interval_after_two_engagements(sub
 
 def test_what_makes_no_trial_is_refused(subject: Subject, choice: Choice) -> None:
     assert "kalman" in controller_names(subject)
-    for changes in ({"controller": "nobody"}, {"motion": "sideways"}, {"engagements": 1}, {"distance": 0.0}):
-        with pytest.raises(InputError, match=next(iter(changes))):
+    wrong = [{"controller": "nobody"}, {"motion": "sideways"}, {"engagements": 1}, {"distance": 0.0}]
+    wrong += [{name: value} for name in RANGES for value in (np.nan, np.inf, -0.01, 1e3)]
+    for changes in wrong:
+        with pytest.raises(InputError, match=next(iter(changes)).replace("_", " ")):
             run_trial(subject, replace(choice, **changes))
 
 
+@pytest.mark.parametrize("field", ["motion", "controller"])
+def test_a_foreign_word_loads_no_code(subject: Subject, choice: Choice, tmp_path: Path, field: str) -> None:
+    trap, trace = tmp_path / "trap.py", tmp_path / "was_run"
+    trap.write_text(f"open({str(trace)!r}, 'w')\ndef Thing(*_): pass\n")
+    foreign = replace(choice, **{field: f"{trap}:Thing"})
+    with pytest.raises(InputError, match=f"{field} must be one of"):
+        run_trial(subject, foreign)
+    with pytest.raises(InputError, match=f"{field} must be one of"):
+        HandRun(subject, replace(foreign, motion=HAND) if field == "controller" else foreign, np.array([3.0, 0.0, 0.0]))
+    # Nor where nothing was checked before.
+    with pytest.raises(InputError, match="must be one of"):
+        meet(f"{trap}:Thing", 3.0, 0.5, subject.conditions, 2, 1, 0)
+    with pytest.raises(InputError, match="must be one of"):
+        chosen_controller(subject, replace(choice, controller=f"{trap}:Thing"))
+    assert not trace.exists()
+
+
+OWN = """
+from typing import NamedTuple
+import numpy as np
+from archerfish.sensing.interfaces import fire_always
+class Base(NamedTuple):
+    gain: float = 1.0
+    @classmethod
+    def build(cls, bench): return cls()
+    def reset(self, seen, truth=None): return seen.angle
+    def step(self, state, seen): return self.answer(state, seen)
+class Good(Base):
+    def answer(self, state, seen): return seen.angle, fire_always(0.0 * seen.angle)
+class Raising(Base):
+    def answer(self, state, seen): raise ValueError("no")
+class Nan(Base):
+    def answer(self, state, seen): return state, fire_always(np.nan * seen.angle)
+class Narrow(Base):
+    def answer(self, state, seen): return state, fire_always(seen.angle[:1])
+class Forgetful(Base):
+    def answer(self, state, seen): return state[:, 0], fire_always(seen.angle)
+class Loose(Base):
+    def answer(self, state, seen): return seen.angle
+class Dead(Base):
+    def reset(self, seen, truth=None): raise KeyError("gone")
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("Good", ""),
+        ("Raising", r"own.py:Raising: line \d+: ValueError: no"),
+        ("Nan", "own.py:Nan: step commands angle that are not finite"),
+        ("Narrow", r"own.py:Narrow: step commands angle of shape \(1, 2\) for \d engagements"),
+        ("Forgetful", "own.py:Forgetful: step returns another state"),
+        ("Loose", "own.py:Loose: step returns an array"),
+        ("Dead", r"own.py:Dead: line \d+: KeyError"),
+    ],
+)
+def test_a_controller_of_a_user_s_own_is_watched(
+    subject: Subject, choice: Choice, tmp_path: Path, name: str, told: str
+) -> None:
+    (tmp_path / "own.py").write_text(OWN)
+    known = replace(subject, own_controllers={name: find_controller(f"{tmp_path}/own.py:{name}")})
+    for motion in ("still", HAND):
+        chosen = replace(choice, controller=name, motion=motion)
+
+        def play(chosen: Choice = chosen) -> None:
+            if chosen.motion != HAND:
+                run_trial(known, chosen)
+            else:
+                HandRun(known, chosen, np.array([3.0, 0.0, 0.0])).step(np.array([3.0, 0.0, 0.0]))
+
+        if not told:
+            play()
+        elif not (name == "Narrow" and motion == HAND):  # of one engagement, one is right
+            with pytest.raises(InputError, match=told):
+                play()
+
+
 def test_controllers_and_motions_of_a_user_s_own_are_played(subject: Subject, choice: Choice) -> None:
-    pytest.importorskip("jax")
-    controller, motion = f"{EXAMPLES}/two_frames.py:TwoFrames", f"{EXAMPLES}/departure.py:Departure"
-    known = replace(subject, own_controllers=(controller,), own_motions=(motion,))
-    chosen = replace(choice, controller=controller, motion=motion, speed=0.5)
+    controller = find_controller(f"{EXAMPLES}/two_frames.py:TwoFrames")
+    motion = find_motion(f"{EXAMPLES}/departure.py:Departure")
+    known = replace(subject, own_controllers={"TwoFrames": controller}, own_motions={"Departure": motion})
+    chosen = replace(choice, controller="TwoFrames", motion="Departure", speed=0.5)
     check_choice(known, chosen)
     trial = run_trial(known, chosen)
     assert 0.0 < trial.hit.mean() < 1.0

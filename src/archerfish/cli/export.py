@@ -12,6 +12,7 @@ from archerfish.cli.progress import note
 from archerfish.deployment.export import export_policy
 from archerfish.deployment.onnx_model import OPSET
 from archerfish.records import storage
+from archerfish.records.errors import file_error
 
 
 @dataclass(frozen=True)
@@ -23,12 +24,12 @@ class Export:
     frame, inputs, decision period and the hash of the policy's record. Needs the extra export.
 
     Examples:
-      archerfish export runs/train/policy.json
+      archerfish export runs/train
       archerfish export runs/train/policy.json --format onnx --out infantry.onnx
     """
 
-    policy: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="POLICY")]
-    """Policy record, as train writes it (policy.json; its arrays lie beside it)."""
+    policy: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RUN|POLICY")]
+    """Run folder of train, or policy record (policy.json; its arrays lie beside it)."""
     format: Literal["onnx"] = "onnx"
     """Format of the file."""
     out: Annotated[
@@ -50,9 +51,12 @@ def run_export(command: Export) -> dict[str, Any]:
     Raises:
       InputError: if the policy can't be used, the file can't be written, or onnx is missing.
     """
-    out = command.out or command.policy.with_suffix(".onnx")
+    policy = command.policy / "policy.json" if command.policy.is_dir() else command.policy
+    if not policy.is_file() and policy != command.policy:
+        raise file_error(command.policy, "is a folder without policy.json", "name a run folder of archerfish train")
+    out = command.out or policy.with_suffix(".onnx")
     storage.check_writable(out.parent)
-    facts = export_policy(command.policy, out, command.check)
+    facts = export_policy(policy, out, command.check)
     console = Console(highlight=False, soft_wrap=True)
     kind, period = facts["observation"]["kind"], facts["decision_period_s"]
     console.print(

@@ -2,7 +2,8 @@
 
 import importlib.util
 import threading
-from dataclasses import dataclass, field
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -13,13 +14,14 @@ from archerfish.cli.progress import note, progress_bar
 from archerfish.cli.restored_options import restore_options
 from archerfish.cli.setting import RobotOptions, SettingFiles, load_setting
 from archerfish.controllers.policy import policy_from_record
-from archerfish.controllers.roster import find_controller
+from archerfish.controllers.roster import CONTROLLERS, Listed, find_controller
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.extensions import is_extension
 from archerfish.records.policy import PolicyRecord, read_policy
 
 if TYPE_CHECKING:
+    from archerfish.simulation.own_motion import OwnMotion
     from archerfish.viewer.choice import Choice, Subject
 
 POLICY = "policy"
@@ -99,6 +101,7 @@ def run_view(command: View) -> dict[str, Any]:
         return _serve_recording(command)
     subject = _subject(command, policy)
     first, other = _first_choice(command, subject)
+    _rehearse(subject, first)
     if command.export is not None:
         return _export(command.export, subject, first)
     from archerfish.viewer.page import TrialPage  # needs viser
@@ -146,6 +149,7 @@ def _subject(command: View, path: Path | None) -> "Subject":
     limit = command.command_limit or (policy.command_limit if policy else "gate")
     if policy is not None and path is not None:
         _check_policy(path, policy, setting.conditions.control_period_s, limit)
+    policies = {} if policy is None else {POLICY: policy}
     return Subject(
         name=setting.name,
         pitch=setting.pitch,
@@ -155,22 +159,52 @@ def _subject(command: View, path: Path | None) -> "Subject":
         limits=setting.limits,
         conditions=setting.conditions,
         command_limit=limit,
-        policies={} if policy is None else {POLICY: policy},
-        own_controllers=_own_controllers(command.controllers),
-        own_motions=(command.target,) if is_extension(command.target, "motion") else (),
+        policies=policies,
+        own_controllers=_own_controllers(command.controllers, policies),
+        own_motions=_own_motions(command.target),
     )
 
 
-def _own_controllers(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the controllers of the user's own among those asked for; others are looked at later.
+def _own_controllers(names: tuple[str, ...], policies: Collection[str]) -> dict[str, Listed]:
+    """Return the controllers of the user's own among those asked for, by name; others are looked at later.
 
     Raises:
-      InputError: if one can't be found, or its code fails.
+      InputError: if one can't be found, its code fails, or two have one name.
     """
-    own = tuple(dict.fromkeys(name for name in names if is_extension(name, "controller")))
-    for name in own:
-        find_controller(name)
+    own: dict[str, Listed] = {}
+    for spec in dict.fromkeys(names):
+        # What is built in comes first, as in `find_controller`.
+        if spec in (*CONTROLLERS, *policies) or not is_extension(spec, "controller"):
+            continue
+        found = find_controller(spec)
+        if found.name in own:
+            raise InputError(f"--controllers has two controllers {found.name!r}; call one of them something else")
+        own[found.name] = found
     return own
+
+
+def _own_motions(spec: str) -> "dict[str, OwnMotion]":
+    """Return the motion of the user's own, if one is asked for, by name.
+
+    Raises:
+      InputError: if it can't be found, its code fails, or it has the name of another.
+    """
+    from archerfish.simulation.own_motion import find_motion
+    from archerfish.viewer.motions import HAND, MOTIONS
+
+    if spec in _built_in_targets() or not is_extension(spec, "motion"):
+        return {}
+    found = find_motion(spec)
+    if found.name in (*MOTIONS, HAND, *_built_in_targets()):
+        raise InputError(f"--target {spec}: there is a target {found.name!r} already; call yours something else")
+    return {found.name: found}
+
+
+def _built_in_targets() -> dict[str, str]:
+    """Return word → name on the page."""
+    from archerfish.viewer.motions import HAND, MOTIONS
+
+    return {name.partition(" ")[0]: name for name in MOTIONS} | {"hand": HAND}
 
 
 def _trained_for(configuration: Path) -> SettingFiles:
@@ -199,20 +233,20 @@ def _check_policy(path: Path, policy: PolicyRecord, period_s: float, limit: str)
 
 
 def _first_choice(command: View, subject: "Subject") -> "tuple[Choice, str]":
-    from archerfish.viewer.choice import Choice, check_choice, controller_names
-    from archerfish.viewer.motions import HAND, MOTIONS
+    from archerfish.viewer.choice import RANGES, Choice, check_choice, controller_names
 
-    names = command.controllers or (*subject.policies, "kalman-lq", "kalman")
-    known = {name.partition(" ")[0]: name for name in MOTIONS} | {"hand": HAND}
-    known |= {name: name for name in subject.own_motions}
-    if command.target not in known:
+    # On the page, a user's own goes by its name alone.
+    names = tuple(_name_of(spec) for spec in command.controllers) or (*subject.policies, "kalman-lq", "kalman")
+    known = _built_in_targets() | {name: name for name in subject.own_motions}
+    target = _name_of(command.target)
+    if target not in known:
         raise InputError(f"--target must be one of {', '.join(known)}, or one of your own, got {command.target!r}")
     conditions = subject.conditions
     first = Choice(
         controller=names[0],
-        motion=known[command.target],
+        motion=known[target],
         distance=command.distance_m,
-        speed=round(conditions.max_lateral_speed, 2),
+        speed=min(round(conditions.max_lateral_speed, 2), RANGES["speed"][1]),
         engagements=command.engagements,
         seed=command.seed,
     )
@@ -221,6 +255,25 @@ def _first_choice(command: View, subject: "Subject") -> "tuple[Choice, str]":
     if other not in controller_names(subject):
         raise InputError(f"--controllers must be of {', '.join(controller_names(subject))}, got {other!r}")
     return first, other
+
+
+def _rehearse(subject: "Subject", first: "Choice") -> None:
+    """Let the user's own controllers shoot once before anything is shown or written; nothing is compiled.
+
+    Raises:
+      InputError: naming what of them can't be used.
+    """
+    from archerfish.viewer.motions import HAND, MOTIONS
+    from archerfish.viewer.trial import run_trial
+
+    motion = next(iter(MOTIONS)) if first.motion == HAND else first.motion
+    for name in subject.own_controllers:
+        # Five: unlike the number of axes and coordinates, so that shapes can't be mistaken for each other.
+        run_trial(subject, replace(first, controller=name, motion=motion, engagements=5))
+
+
+def _name_of(spec: str) -> str:
+    return spec.rpartition(":")[2]
 
 
 def _serve_recording(command: View) -> dict[str, Any]:
@@ -252,7 +305,7 @@ def _serve(command: View, page: Any) -> dict[str, Any]:
         if command.port not in (0, server.get_port()):
             note(f"port {command.port} is taken")
         shown = f"[{command.host}]" if ":" in command.host else command.host
-        note(f"the page is at http://{shown}:{server.get_port()}, until Ctrl-C")
+        note(f"until Ctrl-C, the page is at http://{shown}:{server.get_port()}")
         keep_turning(server, built, threading.Event())
     except KeyboardInterrupt:
         note("closed")
@@ -267,6 +320,8 @@ def _export(path: Path, subject: "Subject", choice: "Choice") -> dict[str, Any]:
     from archerfish.viewer.export import film_pictures, write_film
     from archerfish.viewer.trial import run_trial
 
+    if path.suffix != ".html":
+        raise file_error(path, "is to hold a page, but does not end in .html", "give a name that does")
     if path.is_dir():
         raise file_error(path, "--export names a folder, expected a file", "name a file in it")
     storage.check_writable(path.parent)

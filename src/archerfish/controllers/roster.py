@@ -115,8 +115,8 @@ CONTROLLERS: dict[str, Callable[[Workbench], Controller]] = {
     "oracle": _oracle,
 }
 """Name → builder. One of your own needs no line here: see `find_controller`."""
-RESERVED = (*CONTROLLERS, "perfect", "history", "paper")
-"""What results call the built-in controllers, perfect aim and trained policies."""
+RESERVED = (*CONTROLLERS, "perfect", "history", "paper", "policy")
+"""What results and the page call the built-in controllers, perfect aim and trained policies."""
 
 
 class Listed(NamedTuple):
@@ -171,7 +171,19 @@ def make_controller(name: str, bench: Workbench) -> Any:
     Raises:
       InputError: if it can't be found, its building fails, or what is built is no controller.
     """
-    listed = find_controller(name)
+    return build_controller(find_controller(name), bench)
+
+
+def build_controller(listed: Listed, bench: Workbench) -> Any:
+    """Build a controller in float32 that was found before.
+
+    Args:
+      listed: as `find_controller` returns it.
+      bench: what it is built from.
+
+    Raises:
+      InputError: if the building of one of a user's own fails, or what is built is no controller.
+    """
     if listed.extension is None:
         return single_precision(listed.build(bench))
     with own_code(listed.extension):

@@ -73,6 +73,12 @@ def export_policy(path: Path, out: Path, check: bool = True) -> dict[str, Any]:
     outputs = {"angle_command": graph.angle, "next_state": graph.next_state}
     content = onnx_model(outputs, _texts(facts), __version__, _ABOUT)
     apart = largest_difference(controller, content, record.period_s) if check and can_check() else None
+    if apart is not None and not np.isfinite(apart):
+        raise file_error(
+            out,
+            "would command what is no finite number where a robot sees ordinary targets, expected angles",
+            "nothing is written; train the policy anew, or look at its record",
+        )
     if apart is not None and not apart <= TOLERANCE_RAD:
         raise file_error(
             out,

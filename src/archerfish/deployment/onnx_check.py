@@ -22,6 +22,8 @@ def can_check() -> bool:
 def largest_difference(policy: PolicyController, model: bytes, period_s: float) -> float:
     """Return the largest difference of the two's commands [rad] over a few engagements, each with its own memory.
 
+    It is not finite if a command is not.
+
     Args:
       policy: in NumPy.
       model: the ONNX file made from it.
@@ -44,7 +46,8 @@ def largest_difference(policy: PolicyController, model: bytes, period_s: float) 
         memory, command = policy.step(memory, seen)
         known = {**seen._asdict(), "first": np.full(ROBOTS, decision == 0), "state": state}
         angle, state = session.run(["angle_command", "next_state"], {name: known[name] for name in names})
-        largest = max(largest, float(np.abs(angle - command.angle).max()))
+        # Unlike max, maximum passes a NaN on.
+        largest = float(np.maximum(largest, np.max(np.abs(angle - command.angle))))
     return largest
 
 

@@ -134,6 +134,8 @@ class Symbol:
 
 
 FLOAT, BOOL = np.dtype(np.float32), np.dtype(np.bool_)
+_KEEP_TRUTH_VALUES = frozenset({"Add", "Sub", "Mul", "Neg", "Abs", "Sign", "Floor", "Max", "Min"})
+"""Operations whose answer, of truth values alone, is no number in NumPy."""
 ONNX_FLOAT = 1
 """What ONNX calls float32."""
 
@@ -150,12 +152,28 @@ def graph_input(name: str, shape: tuple[int, ...], dtype: np.dtype[Any] = FLOAT)
 
 
 def operand(value: Any, dtype: np.dtype[Any] = FLOAT) -> "Symbol | Constant":
-    """Return a symbol as it is, and anything else as a constant of the type."""
-    return value if isinstance(value, Symbol) else np.asarray(value, dtype)
+    """Return a symbol as it is, and anything else as a constant of the type.
+
+    Raises:
+      TypeError: if it is no number, truth value or array of them; NumPy would make NaN of None.
+    """
+    if isinstance(value, Symbol):
+        return value
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiub":
+        raise TypeError(f"a symbolic array meets numbers, truth values and arrays of them, got {value!r}")
+    return array.astype(dtype)
 
 
 def arithmetic(operation: str, *values: Any, dtype: np.dtype[Any] = FLOAT) -> Symbol:
-    """Return an operation on numbers, element by element; a truth value counts as 0 or 1."""
+    """Return an operation on numbers, element by element; a truth value counts as 0 or 1 beside a number.
+
+    Raises:
+      TypeError: if there are truth values alone, of which NumPy makes no number.
+    """
+    kinds = {each.dtype if isinstance(each, Symbol) else np.asarray(each).dtype for each in values}
+    if operation in _KEEP_TRUTH_VALUES and kinds == {BOOL}:
+        raise TypeError(f"{operation} of truth values alone is none of numbers in NumPy; say it with &, | and ~")
     return elementwise(operation, dtype, *(_as_number(operand(each)) for each in values))
 
 
@@ -212,6 +230,8 @@ def indexed(array: Symbol, index: tuple[Index, ...]) -> Symbol:
       TypeError: if the batch itself is to be cut, or the index is of another kind.
     """
     plain = sum(each is not None and each is not Ellipsis for each in index)
+    if plain > array.ndim:
+        raise TypeError(f"{plain} indices are too many for shape {array.shape}")
     place = next((at for at, each in enumerate(index) if each is Ellipsis), len(index))
     fill = (slice(None),) * (array.ndim - plain)
     parts = (*index[:place], *fill, *index[place + 1 :])
@@ -220,7 +240,10 @@ def indexed(array: Symbol, index: tuple[Index, ...]) -> Symbol:
     for each in parts:
         if isinstance(each, int):
             shape = (*array.shape[:axis], *array.shape[axis + 1 :])
-            number = each % _size(array, axis)
+            number, size = each, _size(array, axis)
+            if not -size <= number < size:
+                raise TypeError(f"index {number} is out of range for axis {axis} of shape {array.shape}")
+            number %= size
             array = Symbol("Gather", (array, np.array(number, np.int64)), shape, array.dtype, "", (("axis", axis),))
         elif each is None:
             array = expanded(array, axis)
@@ -239,7 +262,7 @@ def expanded(array: Symbol, axis: int) -> Symbol:
 def _sliced(array: Symbol, parts: list[Any]) -> Symbol:
     cuts = []
     for axis, part in enumerate(parts):
-        if not isinstance(part, int | slice):
+        if not isinstance(part, int | slice) or isinstance(part, bool):
             raise TypeError(f"a symbolic array takes numbers and slices as indices, got {part!r}")
         if isinstance(part, slice) and part != slice(None):
             cuts.append((*part.indices(_size(array, axis)), axis))

@@ -21,8 +21,16 @@ class SymbolicArrays:
     """An array namespace; on NumPy arrays alone it is NumPy's, so that constants stay constants."""
 
     def asarray(self, value: Any, dtype: Any = None) -> Any:
-        """Return a symbol as it is, anything else as a NumPy array."""
-        return value if isinstance(value, Symbol) else np.asarray(value, dtype)
+        """Return a symbol as it is, anything else as a NumPy array.
+
+        Raises:
+          TypeError: if a symbol is to become another type.
+        """
+        if not isinstance(value, Symbol):
+            return np.asarray(value, dtype)
+        if dtype is not None and np.dtype(dtype) != value.dtype:
+            raise TypeError(f"a symbolic array of {value.dtype} can't be made one of {np.dtype(dtype)}")
+        return value
 
     def eye(self, size: int, dtype: Any = None) -> Any:
         """Return the unit matrix, shape (size, size)."""
@@ -128,6 +136,8 @@ class SymbolicArrays:
         wide, high = self.abs(x), self.abs(y)
         larger = self.maximum(wide, high)
         ratio = self.minimum(wide, high) / self.where(larger == 0.0, 1.0, larger)
+        # Of two infinities, too, the smaller is all of the larger.
+        ratio = self.where((wide == high) & (larger > 0.0), 1.0, ratio)
         angle = _numbers("Atan", np.arctan, ratio)
         angle = self.where(high > wide, math.pi / 2 - angle, angle)
         angle = self.where(_is_negative(x), math.pi - angle, angle)

@@ -47,13 +47,18 @@ def single_precision(tree: Any) -> Any:
 
 
 def repeat(function: Callable[[Any], Any], count: int, state: Any) -> Any:
-    """Apply a function to a tree of arrays a fixed number of times: a plain loop, or one compiled loop under JAX."""
+    """Apply a function to a tree of arrays a fixed number of times: a plain loop, or one compiled loop under JAX.
+
+    Raises:
+      TypeError: if the arrays are neither NumPy's nor JAX's.
+    """
     arrays: list[Array] = []
     map_arrays(arrays.append, state)
     if namespace(*arrays) is np:
         for _ in range(count):
             state = function(state)
         return state
+    _check_jax("repeat", *arrays)
     import jax  # only where the arrays are JAX's already: the robot has none
 
     return jax.lax.fori_loop(0, count, lambda _, each: function(each), state)
@@ -68,9 +73,19 @@ def if_any(condition: Array, then: Callable[[], Any], otherwise: Callable[[], An
       condition: any shape.
       then: returns the one tree.
       otherwise: returns the other, of the same shapes.
+
+    Raises:
+      TypeError: if the condition is neither NumPy's nor JAX's.
     """
     if namespace(condition) is np:
         return then() if np.any(condition) else otherwise()
+    _check_jax("if_any", condition)
     import jax  # only where the arrays are JAX's already: the robot has none
 
     return jax.lax.cond(condition.any(), then, otherwise)
+
+
+def _check_jax(what: str, *arrays: Array) -> None:
+    found = namespace(*arrays)
+    if not getattr(found, "__name__", "").startswith("jax"):
+        raise TypeError(f"{what} is of NumPy's arrays and JAX's, got those of {type(found).__name__}")

@@ -88,11 +88,15 @@ def _entry_point(name: str, kind: str) -> Extension:
             f"{kind} {name!r} is brought by several packages, as {' and '.join(sorted(found))}; write one of these"
         )
     entry = found.popitem()[1]
-    return _named(entry.module, entry.attr, name, kind)
+    # Of the installed package alone: a file of that name in the working folder is another.
+    return _attribute(_installed(entry.module, entry.value, kind), entry.module, entry.attr, name)
 
 
 def _named(where: str, attribute: str, name: str, kind: str) -> Extension:
-    module = _module(where, f"{where}:{attribute}", kind)
+    return _attribute(_module(where, f"{where}:{attribute}", kind), where, attribute, name)
+
+
+def _attribute(module: types.ModuleType, where: str, attribute: str, name: str) -> Extension:
     value: Any = module
     for part in attribute.split("."):
         if not hasattr(value, part):
@@ -136,25 +140,34 @@ def _module(where: str, told: str, kind: str) -> types.ModuleType:
 
 def _imported(where: str, told: str, kind: str) -> types.ModuleType:
     with _on_path(Path.cwd()):
-        try:
-            return importlib.import_module(where)
-        except ModuleNotFoundError as error:
-            if error.name is None or not f"{where}.".startswith(f"{error.name}."):
-                raise InputError(f"{told}: {_told(error, None)}") from error
-            beside = f"neither installed nor a file {where.replace('.', '/')}.py in {Path.cwd()}"
-            raise InputError(f"{kind} {told!r}: there is no module {error.name}: {beside}; expected {FORMS}") from error
-        except Exception as error:
+        return _installed(where, told, kind)
+
+
+def _installed(where: str, told: str, kind: str) -> types.ModuleType:
+    try:
+        return importlib.import_module(where)
+    except ModuleNotFoundError as error:
+        if error.name is None or not f"{where}.".startswith(f"{error.name}."):
             raise InputError(f"{told}: {_told(error, None)}") from error
+        beside = f"neither installed nor a file {where.replace('.', '/')}.py in {Path.cwd()}"
+        raise InputError(f"{kind} {told!r}: there is no module {error.name}: {beside}; expected {FORMS}") from error
+    except (Exception, SystemExit) as error:
+        raise InputError(f"{told}: {_told(error, None)}") from error
 
 
 @contextmanager
 def _on_path(folder: Path) -> Iterator[None]:
     """Let a file import what lies beside it; what is installed comes first."""
-    sys.path.append(str(folder))
+    mine = str(folder)
+    sys.path.append(mine)
     try:
         yield
     finally:
-        sys.path.remove(str(folder))
+        # The last one: an equal one before it was there already.
+        for index in reversed(range(len(sys.path))):
+            if sys.path[index] == mine:
+                del sys.path[index]
+                break
 
 
 @contextmanager

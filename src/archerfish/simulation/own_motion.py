@@ -1,10 +1,10 @@
 """Target motions of a user's own, in the place of eq (7): how one is found, drawn and checked."""
 
 import functools
+import importlib.util
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
 from archerfish.dynamics.array_namespace import Array, map_arrays
@@ -40,7 +40,8 @@ def find_motion(spec: str) -> OwnMotion:
         draw(place, speed, chance) that returns a motion, or a class with such a function, `draw`.
 
     Raises:
-      InputError: if it can't be found, its code fails or can't be compiled, or what it draws is no motion.
+      InputError: if it can't be found, its code fails, what it draws is no motion, or, where JAX is installed, it can't
+        be compiled.
     """
     found = find_extension(spec, "motion")
     draw = getattr(found.value, "draw", None) if isinstance(found.value, type) else found.value
@@ -83,7 +84,7 @@ def _check_record(motion: Any, batch: tuple[int, ...]) -> None:
 
 
 def _rehearse(drawer: Any, extension: Extension) -> None:
-    """Draw a few in NumPy, and trace them as a compiled program does."""
+    """Draw a few in NumPy, and, where JAX is installed, trace them as a compiled program does."""
 
     def path(place: Array, speed: Array, chance: Array, time: Array) -> Array:
         return drawer.draw(place, speed, chance).position(time)
@@ -92,7 +93,12 @@ def _rehearse(drawer: Any, extension: Extension) -> None:
     places = np.stack([1.0 + 4.0 * numbers[:, 0], numbers[:, 1] - 0.5, 0.0 * numbers[:, 2]], axis=-1)
     arguments = (places, numbers[:, 3], numbers[:, 4:], np.zeros(_FEW, np.float32))
     with own_code(extension):
-        for shape in (np.shape(path(*arguments)), getattr(jax.eval_shape(path, *arguments), "shape", None)):
+        shapes: list[Any] = [np.shape(path(*arguments))]
+        if importlib.util.find_spec("jax") is not None:
+            import jax  # a page of trials needs none
+
+            shapes.append(getattr(jax.eval_shape(path, *arguments), "shape", None))
+        for shape in shapes:
             if shape != (_FEW, 3):
                 raise InputError(
                     f"position(time) returns shape {shape} for {_FEW} targets, expected ({_FEW}, 3): x, y, z of each"

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from archerfish.controllers.own_decision import WatchedController
 from archerfish.controllers.policy import policy_from_record
-from archerfish.controllers.roster import CONTROLLERS, Workbench, make_controller
+from archerfish.controllers.roster import CONTROLLERS, Listed, Workbench, build_controller
 from archerfish.dynamics.command_limits import named_limits
 from archerfish.dynamics.linear_axis import gimbal_model
 from archerfish.dynamics.muzzle import muzzle_from_record
@@ -18,7 +19,9 @@ from archerfish.records.policy import PolicyRecord
 from archerfish.records.sensing import CameraRecord, LinkRecord, SensingRecord
 from archerfish.sensing.kalman_filter import noise_from_record
 from archerfish.simulation.environment import PureWorld
+from archerfish.simulation.own_motion import OwnMotion
 from archerfish.simulation.setting import make_world
+from archerfish.viewer.motions import HAND, MOTIONS
 
 SHORTEST_SHOWN_S = 1e-4
 """Latencies below this are none [s]."""
@@ -48,15 +51,15 @@ class Subject:
     """"box", "gate" or "los-2deg"."""
     policies: Mapping[str, PolicyRecord] = field(default_factory=dict)
     """Name on the page → policy."""
-    own_controllers: tuple[str, ...] = ()
-    """Controllers of the user's own, as `roster.find_controller` takes them."""
-    own_motions: tuple[str, ...] = ()
-    """Target motions of the user's own, as `own_motion.find_motion` takes them."""
+    own_controllers: Mapping[str, Listed] = field(default_factory=dict)
+    """Name on the page → controller of the user's own, found before the page opens."""
+    own_motions: Mapping[str, OwnMotion] = field(default_factory=dict)
+    """Name on the page → target motion of the user's own, found before the page opens."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Everything that makes one trial; equal choices give equal trials."""
+    """Everything that makes one trial; equal choices give equal trials. `RANGES` has the bounds of the numbers."""
 
     controller: str
     """A policy's name, one of the classical controllers, or one of the user's own."""
@@ -78,24 +81,42 @@ class Choice:
     """Of the targets and the dispersion."""
 
 
+RANGES = {
+    "distance": (1.0, 8.0),
+    "speed": (0.0, 3.0),
+    "dispersion": (0.0, 4.0),
+    "camera_latency": (0.0, 0.1),
+    "command_latency": (0.0, 0.1),
+}
+"""Field of `Choice` → smallest and largest value: m, m/s, 1, s, s."""
+_ROUNDING = 1e-9
+
+
 def controller_names(subject: Subject) -> tuple[str, ...]:
     """Return who may steer: the policies, the user's own controllers, then the classical ones."""
-    classical = (name for name in CONTROLLERS if name not in subject.policies)
-    return (*subject.policies, *subject.own_controllers, *classical)
+    return tuple(dict.fromkeys((*subject.policies, *subject.own_controllers, *CONTROLLERS)))
+
+
+def motion_names(subject: Subject) -> tuple[str, ...]:
+    """Return how the target may move."""
+    return tuple(dict.fromkeys((*MOTIONS, *subject.own_motions, HAND)))
 
 
 def check_choice(subject: Subject, choice: Choice) -> None:
-    """Refuse a choice that makes no trial.
+    """Refuse a choice that makes no trial; it may come from a stranger at the page, whom nothing else holds to it.
 
     Raises:
       InputError: naming what is out of range.
     """
     if choice.controller not in controller_names(subject):
         raise InputError(f"controller must be one of {', '.join(controller_names(subject))}, got {choice.controller!r}")
-    positive = {"distance": choice.distance, "dispersion + 1": choice.dispersion + 1.0}
-    for name, value in positive.items():
-        if not 0.0 < value < 1e3:
-            raise InputError(f"{name} must be above 0, got {value:g}")
+    if choice.motion not in motion_names(subject):
+        raise InputError(f"motion must be one of {', '.join(motion_names(subject))}, got {choice.motion!r}")
+    for name, (low, high) in RANGES.items():
+        value = getattr(choice, name)
+        # A slider's step may end a rounding beyond its range; NaN is in none.
+        if not low - _ROUNDING <= value <= high + _ROUNDING:
+            raise InputError(f"{name.replace('_', ' ')} must be within {low:g}…{high:g}, got {value:g}")
     if choice.engagements < 2:
         raise InputError(f"engagements must be at least 2, got {choice.engagements}; intervals need several")
 
@@ -177,4 +198,10 @@ def chosen_controller(subject: Subject, choice: Choice) -> Any:
         # The stand-in camera has no noise; a filter that believed so would not filter.
         noise=noise_from_record(subject.sensing, 0.0) if subject.sensing else None,
     )
-    return make_controller(choice.controller, bench)
+    own = subject.own_controllers.get(choice.controller)
+    if own is not None and own.extension is not None:
+        return WatchedController(build_controller(own, bench), own.extension)
+    # Never found by its name: that may be a stranger's word.
+    if choice.controller not in CONTROLLERS:
+        raise InputError(f"controller must be one of {', '.join(controller_names(subject))}, got {choice.controller!r}")
+    return build_controller(Listed(choice.controller, CONTROLLERS[choice.controller], None), bench)

@@ -1,6 +1,7 @@
 """The target motions that the page offers, each at a distance and a speed that a person chooses."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,9 @@ from numpy.typing import NDArray
 from archerfish.dynamics.array_namespace import single_precision
 from archerfish.dynamics.target_motion import Circle, Line, Parabola, Sinusoid, Static, TargetMotion
 from archerfish.paper.conditions import Conditions
+from archerfish.records.errors import InputError
 from archerfish.sensing.interfaces import Engagement
+from archerfish.simulation.own_motion import OwnMotion, check_paths
 from archerfish.simulation.scenario import CHANCES
 
 Floats = NDArray[np.float64]
@@ -75,18 +78,27 @@ MOTIONS: dict[str, Callable[[Draw, Conditions], TargetMotion]] = {
 
 
 def meet(
-    motion: str, distance: float, speed: float, conditions: Conditions, count: int, plants: int, seed: int
+    motion: str,
+    distance: float,
+    speed: float,
+    conditions: Conditions,
+    count: int,
+    plants: int,
+    seed: int,
+    own: Mapping[str, OwnMotion] = MappingProxyType({}),
 ) -> Engagement:
     """Draw the engagements of a trial; who shoots does not enter, so two controllers meet the same ones.
 
     Args:
-      motion: one of `MOTIONS`, or one of the user's own, as `own_motion.find_motion` takes it.
+      motion: one of `MOTIONS` or of `own`. It may be the word of a stranger at the page: nothing is looked up by it
+        but these.
       distance: of the middle of the targets' way [m].
       speed: of the targets [m/s].
       conditions: height, offsets, start of the gimbal.
       count: n engagements.
       plants: number of posterior draws of the world's plant.
       seed: of the draws.
+      own: name → motion of the user's own, found beforehand.
 
     Raises:
       InputError: if the motion is unknown, or its code fails.
@@ -98,20 +110,21 @@ def meet(
     )
     if motion in MOTIONS:
         targets = MOTIONS[motion](Draw(place, speed, phase, np.where(way < 0.5, -1.0, 1.0)), conditions)
+    elif motion in own:
+        # 72 and 73 are of the dispersion, in films and by hand.
+        targets = _own(own[motion], place, speed, conditions, np.random.default_rng([seed, 74]))
     else:
-        targets = _own(motion, place, speed, conditions, np.random.default_rng([seed, 72]))
+        raise InputError(f"motion must be one of {', '.join((*MOTIONS, *own))}, got {motion!r}")
     start = np.broadcast_to([conditions.start_pitch, conditions.start_yaw], (count, 2))
     built: Engagement = single_precision(Engagement(targets, start, np.floor(plant * plants).astype(np.int32)))
     return built
 
 
 def _own(
-    motion: str, place: Floats, speed: float, conditions: Conditions, generator: np.random.Generator
+    motion: OwnMotion, place: Floats, speed: float, conditions: Conditions, generator: np.random.Generator
 ) -> TargetMotion:
-    from archerfish.simulation.own_motion import check_paths, find_motion  # which needs JAX, and a page does not
-
-    found, count = find_motion(motion), len(place)
+    count = len(place)
     chance = generator.random((count, CHANCES))
-    targets: TargetMotion = found.drawer.draw(place, np.full(count, speed), chance)
-    check_paths(found, targets, conditions.engagement_s)
+    targets: TargetMotion = motion.drawer.draw(place, np.full(count, speed), chance)
+    check_paths(motion, targets, conditions.engagement_s)
     return targets

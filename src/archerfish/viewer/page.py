@@ -82,14 +82,19 @@ class TrialPage:
             else:
                 self._begin_film(chosen)
         except InputError as error:
-            self._controls.tell(f"**Not possible:** {error}")
-            self._trial, self._run, self._choice = None, None, chosen
+            self._refuse(error)
+            self._choice = chosen
             return
         self._choice = chosen
         self._engagement = -1
         if self._trial is not None:
             self._scene.arrange(chosen.distance, self._trial.hit_radius, self._trial.spread)
         self._gizmo.visible = chosen.motion == HAND
+
+    def _refuse(self, error: InputError) -> None:
+        """Say why there is nothing to see, until another choice is made."""
+        self._controls.tell(f"**Not possible:** {error}")
+        self._trial, self._run = None, None
 
     def _begin_film(self, chosen: Choice) -> None:
         trial = run_trial(self._subject, chosen)
@@ -119,14 +124,17 @@ class TrialPage:
         if not playback.playing:
             return
         self._owed = min(self._owed + elapsed * playback.pace, MOST_CATCHING_UP_S)
-        wanted: Floats = np.asarray(self._gizmo.position, np.float64)
-        while self._owed >= period and not run.over:
-            run.step(wanted)
-            self._owed -= period
+        try:
+            while self._owed >= period and not run.over:
+                run.step(_held_at(self._gizmo.position, run.place))
+                self._owed -= period
+            again = HandRun(self._subject, self._choice, run.place.copy()) if run.over else run
+        except InputError as error:
+            self._refuse(error)
+            return
         self._trial = run.trial()
         self._film.grow(run.elapsed)
-        if run.over:
-            self._run = HandRun(self._subject, self._choice, run.place.copy())
+        self._run = again
 
     def _show(self, playback: Playback) -> None:
         if self._trial is None:
@@ -181,3 +189,9 @@ class TrialPage:
                 f"**{int(hit.sum())} of {hit.size}** hit: {rate_words(blocks(hit, block))} of {block} shots",
             ]
         )
+
+
+def _held_at(position: Any, place: Floats) -> Floats:
+    """Return where the hand holds the target [m], shape (3,); where it is, if a client says what is no place."""
+    wanted: Floats = np.asarray(position, np.float64)
+    return wanted if wanted.shape == (3,) and np.all(np.isfinite(wanted)) else place

@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from viser import uplot
 
-from archerfish.viewer.choice import Choice, Subject, controller_names
-from archerfish.viewer.motions import HAND, MOTIONS
+from archerfish.viewer.choice import RANGES, Choice, Subject, controller_names, motion_names
 from archerfish.viewer.playback import PACES
 from archerfish.viewer.scene import VIEWPOINTS
 from archerfish.viewer.trial import Floats
@@ -54,8 +53,9 @@ class Player:
             )
         self._button.on_click(lambda _: wishes.toggle())
         self._slider.on_update(lambda event: wishes.scrub(self._slider.value) if event.client is not None else None)
-        pace.on_update(lambda _: wishes.pace(PACES[pace.value]))
-        view.on_click(lambda event: wishes.look(event.client, view.value))
+        # viser takes any value from a client, also one that its control does not offer.
+        pace.on_update(lambda _: wishes.pace(PACES.get(pace.value, 1.0)))
+        view.on_click(lambda event: wishes.look(event.client, view.value) if view.value in VIEWPOINTS else None)
 
     def tell(self, time: float, duration: float, playing: bool) -> None:
         """Show where the film stands.
@@ -102,18 +102,17 @@ class Controls:
             self._controller = gui.add_dropdown("Controller", names, initial_value=first.controller)
             self._other = gui.add_dropdown("Other controller", names, initial_value=other)
             swap = gui.add_button("Same engagement, other controller")
-            self._motion = gui.add_dropdown(
-                "Target", (*MOTIONS, *subject.own_motions, HAND), initial_value=first.motion
-            )
-            self._distance = gui.add_slider("Distance [m]", 1.0, 8.0, 0.1, first.distance)
-            self._speed = gui.add_slider("Speed [m/s]", 0.0, 3.0, 0.05, first.speed)
+            self._motion = gui.add_dropdown("Target", motion_names(subject), initial_value=first.motion)
+            self._distance = gui.add_slider("Distance [m]", *RANGES["distance"], 0.1, first.distance)
+            self._speed = gui.add_slider("Speed [m/s]", *RANGES["speed"], 0.05, first.speed)
             self._dispersion = gui.add_slider(
-                "Dispersion [×]", 0.0, 4.0, 0.1, first.dispersion, hint=f"times {1e3 * deviation:.2g} mrad"
+                "Dispersion [×]", *RANGES["dispersion"], 0.1, first.dispersion, hint=f"times {1e3 * deviation:.2g} mrad"
             )
-            self._camera = gui.add_slider("Camera latency [ms]", 0, 100, 5, round(1e3 * first.camera_latency))
-            self._link = gui.add_slider("Command latency [ms]", 0, 100, 5, round(1e3 * first.command_latency))
+            camera, link = (round(1e3 * RANGES[name][1]) for name in ("camera_latency", "command_latency"))
+            self._camera = gui.add_slider("Camera latency [ms]", 0, camera, 5, round(1e3 * first.camera_latency))
+            self._link = gui.add_slider("Command latency [ms]", 0, link, 5, round(1e3 * first.command_latency))
             new = gui.add_button("New engagements")
-        self._first, self._seed = first, first.seed
+        self._names, self._first, self._seed = names, first, first.seed
         chosen = (self._controller, self._motion, self._distance, self._speed, self._dispersion)
         for each in (*chosen, self._camera, self._link):
             each.on_update(lambda _: changed())
@@ -147,7 +146,9 @@ class Controls:
 
     def swap(self) -> None:
         """Let the two controllers change places."""
-        self._controller.value, self._other.value = self._other.value, self._controller.value
+        first, other = self._controller.value, self._other.value
+        if first in self._names and other in self._names:
+            self._controller.value, self._other.value = other, first
 
     def tell(self, text: str) -> None:
         """Say how the trial stands, as Markdown."""

@@ -1,5 +1,6 @@
 """Where a film stands: play, pause, slow motion, scrub. It knows no clock; it is told how much time went by."""
 
+import math
 import threading
 from dataclasses import dataclass, replace
 
@@ -44,7 +45,9 @@ def toggled(playback: Playback) -> Playback:
 
 
 def scrubbed(playback: Playback, time: float) -> Playback:
-    """Return a film put to a time [s], and paused there."""
+    """Return a film put to a time [s], and paused there; left as it was by what is no time."""
+    if not math.isfinite(time):  # a client says what it likes
+        return playback
     return replace(playback, time=min(max(time, 0.0), playback.duration), playing=False)
 
 

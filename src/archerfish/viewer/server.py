@@ -2,6 +2,7 @@
 
 import contextlib
 import http
+import inspect
 import io
 import threading
 from collections.abc import Callable, Iterator
@@ -83,10 +84,18 @@ def _guarded(allowed: Allowed) -> Iterator[list[str]]:
 
 
 def _guard(allowed: Allowed, behind: Callable[[Any, Any], Any] | None) -> Callable[[Any, Any], Any]:
-    def process_request(connection: Any, request: Any) -> Any:
+    async def process_request(connection: Any, request: Any) -> Any:
         refused = refusal(request.headers.get_all("Host"), request.headers.get_all("Origin"), allowed)
         if refused:
-            return connection.respond(http.HTTPStatus.FORBIDDEN, f"archerfish: {refused}\n")
-        return None if behind is None else behind(connection, request)
+            # What is no ASCII could not be sent back.
+            told = refused.encode("ascii", "backslashreplace").decode()
+            return connection.respond(http.HTTPStatus.FORBIDDEN, f"archerfish: {told}\n")
+        answer = None if behind is None else behind(connection, request)
+        answer = await answer if inspect.isawaitable(answer) else answer
+        if answer is not None:
+            # No other page may show this one in a frame of its own, to have it clicked unseen.
+            answer.headers["X-Frame-Options"] = "DENY"
+            answer.headers["Content-Security-Policy"] = "frame-ancestors 'none'"
+        return answer
 
     return process_request

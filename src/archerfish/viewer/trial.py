@@ -94,7 +94,14 @@ def run_trial(subject: Subject, choice: Choice) -> Trial:
     )
     steps = conditions.decisions
     engagements = meet(
-        choice.motion, choice.distance, choice.speed, conditions, choice.engagements, world.plants, choice.seed
+        choice.motion,
+        choice.distance,
+        choice.speed,
+        conditions,
+        choice.engagements,
+        world.plants,
+        choice.seed,
+        subject.own_motions,
     )
     generator = np.random.default_rng([choice.seed, 72])
     draws = generator.standard_normal((choice.engagements, steps, world.normals)).astype(np.float32)
