@@ -81,7 +81,7 @@ def program() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command; a wrong argument or file ends in one line and exit status 2, Ctrl-C in 130 if it is not awaited.
+    """Run a command; a wrong argument or file ends in one line and exit status 2, Ctrl-C in 130.
 
     Args:
       arguments: without the program's name; those of the process if not given.
