@@ -11,14 +11,17 @@ BENCHMARKS := $(shell grep -l __main__ benchmarks/*.py 2>/dev/null)
 INSTALLED := $(VENV)/.installed
 DOCS_INSTALLED := $(VENV)/.installed-docs
 
-.PHONY: help reproduce test check bench docs
+.PHONY: help install reproduce test check bench docs
 
 help:
+	@echo "make install    make .venv, with the program in .venv/bin"
 	@echo "make reproduce  run the whole paper and write runs/reproduce/report.html"
 	@echo "make test       run the tests"
 	@echo "make check      lint, formatting and types"
 	@echo "make bench      run the benchmarks and write benchmarks/results/"
 	@echo "make docs       build the documentation into site/"
+
+install: $(INSTALLED)
 
 reproduce: $(INSTALLED)
 	$(BIN)/archerfish reproduce

@@ -80,8 +80,12 @@ def test_examples_in_help_are_accepted(command):
     [
         ([], "no command given, expected one of reproduce"),
         (["shoot"], "no command 'shoot'"),
+        (["trian"], "perhaps you meant train; see archerfish --help"),
+        (["EVALUATE", "policy.json"], "perhaps you meant evaluate; see"),
         (["identify"], "no command 'identify'"),
-        (["identify", "robot"], "no command 'identify robot'"),
+        (["identify", "robot"], "identify muzzle, transfer, train, sweep, evaluate, report, export, view; see"),
+        (["identify", "gimble", "log.csv"], "perhaps you meant identify gimbal; see"),
+        (["idnetify", "gimbal"], "perhaps you meant identify gimbal; see"),
         (["train", "--nope"], "--nope; see archerfish train --help"),
         (["train", "--ppo.cilp", "1"], "perhaps you meant --ppo.clip; see archerfish train --help"),
         (["train", "--ppo.clip", "-1"], "> 0, got -1.0; see archerfish train --help"),

@@ -84,6 +84,10 @@ def _landings(made: Path, here: Path) -> None:
     shutil.copy(made / OLD / "landings.csv", here / "shots.csv")
 
 
+def _plates(made: Path, here: Path) -> None:
+    shutil.copy(made / OLD / "shots.csv", here)
+
+
 def _axes(made: Path, here: Path) -> None:
     for path in made.glob("*.csv"):
         shutil.copy(path, here)
@@ -156,7 +160,7 @@ def _exported(made: Path, here: Path) -> None:
 
 GIVEN: dict[str, tuple[Callable[[Path, Path], None], ...]] = {
     "README.md": (_pitch_as_plain_names, _landings, _records("infantry")),
-    "robots.md": (_axes, _landings, _limits, _timing),
+    "robots.md": (_axes, _plates, _limits, _timing),
     "excitation.md": (_records("infantry"), _limits),
     "identification.md": (_axes, _landings),
     "sensing.md": (_timing,),

@@ -4,6 +4,7 @@ A command is a frozen dataclass, whose fields are its options, and a function th
 writes.
 """
 
+import difflib
 import importlib
 import multiprocessing.util
 import os
@@ -58,8 +59,8 @@ examples:
   archerfish view runs/train
 
 archerfish COMMAND --help tells the options of a command; archerfish --version the version.
-A fault ends in one line and status 2, Ctrl-C in status 130; neither leaves anything half-written. A training that was
-stopped goes on with archerfish train --resume FOLDER."""
+A fault ends in one line and status 2, Ctrl-C in status 130, but 0 where it is the way to end (view); neither leaves
+anything half-written. A training that was stopped goes on with archerfish train --resume FOLDER."""
 
 
 def program() -> None:
@@ -113,7 +114,17 @@ def _answer(words: list[str]) -> None:
         print(overview(words[0] if words[1:] else ""))  # noqa: T201
         return
     found = f"no command {' '.join(words[:2])!r}" if words else "no command given"
-    raise InputError(f"{found}, expected one of {', '.join(COMMANDS)}; see archerfish --help")
+    raise InputError(f"{found}, expected one of {', '.join(COMMANDS)}; {_meant(words)}see archerfish --help")
+
+
+def _meant(words: Sequence[str]) -> str:
+    """Return the command that a mistyped one is close to, word by word, as the end of a sentence; empty if none is."""
+    names = [name.split() for name in COMMANDS]
+    found: list[str] = []
+    for word in words[:2]:
+        following = {name[len(found)]: None for name in names if len(name) > len(found) and name[: len(found)] == found}
+        found += difflib.get_close_matches(word.lower(), following, 1)
+    return f"perhaps you meant {' '.join(found)}; " if " ".join(found) in COMMANDS else ""
 
 
 def _read(kind: type, program: str, words: Sequence[str]) -> Any:

@@ -13,6 +13,8 @@ from archerfish.figures.style import BLUE, INK, VERMILLION, label_axes, new_figu
 Array = NDArray[np.float64]
 
 _LONGEST = 2000
+_WIDEST_TITLE = 44
+"""Letters of a title that fit beside another one."""
 
 
 class SimulatedRun(NamedTuple):
@@ -76,6 +78,9 @@ def _draw_run(above: Axes, below: Axes, run: SimulatedRun, output: str, title: s
         above.fill_between(time, low, high, color=VERMILLION, alpha=0.25, linewidth=0, label="95 % band")
     above.plot(time, simulated, color=VERMILLION, linewidth=1.4, linestyle=(0, (4, 1.5)), label="simulated")
     above.legend(loc="best", ncols=3)
-    label_axes(above, title=f"{title}: {run.title}{note}, fit {run.fit_percent:.2f} %", y=output)
+    name = f"{title}: {run.title}{note},"
+    # A long one would run into the title beside it.
+    between = "\n" if len(name) > _WIDEST_TITLE else " "
+    label_axes(above, title=f"{name}{between}fit {run.fit_percent:.2f} %", y=output)
     below.plot(time, measured - simulated, color=BLUE, linewidth=0.8)
     label_axes(below, x="Time [s]", y="Residual")
