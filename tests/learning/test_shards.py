@@ -135,3 +135,12 @@ def test_a_fault_in_one_shard_is_named_by_its_cause(
     with pytest.raises(DivergenceError) as caught:
         train(shooting, config, seed=0, trainer=trainer, course=Course(resume=spoil))
     assert (caught.value.first, caught.value.iteration) == ("observation", 1)
+
+
+def test_seeds_are_trained_side_by_side_in_one_program(shooting: ShootingEnvironment, tiny: PpoConfig) -> None:
+    keys = jax.random.split(jax.random.key(0), 2)
+    learners = jax.vmap(lambda key: make_learner(shooting, tiny, key))(keys)
+    advance = jax.vmap(lambda learner: ppo.iterate(shooting, hyper(tiny), learner, ppo.sizes(tiny), 1)[1])
+    together = jax.jit(advance)(learners)
+    alone = ppo.iterate(shooting, hyper(tiny), make_learner(shooting, tiny, keys[1]), ppo.sizes(tiny), 1)[1]
+    np.testing.assert_allclose(together.mean_reward[1], alone.mean_reward, rtol=1e-4)

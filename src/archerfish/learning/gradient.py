@@ -21,7 +21,7 @@ from archerfish.learning.guard import LIMITS, first_fault, guarded, is_bad
 from archerfish.learning.held_gradient import held
 from archerfish.learning.normalisation import empty_normaliser, merge
 from archerfish.learning.ppo import SPLIT, Environment, Learner, Metrics, orthogonal_layers
-from archerfish.learning.shards import AXIS, averaged, earliest, over_shards, own_key, placed
+from archerfish.learning.shards import AXIS, averaged, earliest, over_shards, own_key
 from archerfish.learning.training import Trainer
 from archerfish.learning.update import Actor, action_mean, adam_step, begin_networks
 
@@ -74,7 +74,7 @@ def begin_learner(environment: Environment, config: GradientConfig, key: Array, 
       A learner without a critic, and whose actor has no standard deviations: it always acts as its mean.
     """
     learner: Learner = _begin(environment, key, config.environments, config.hidden, actions)
-    return placed(learner, config.shards, SPLIT)
+    return learner
 
 
 @partial(jax.jit, static_argnames=("batch", "hidden", "actions"))

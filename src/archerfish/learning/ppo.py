@@ -21,7 +21,7 @@ from archerfish.learning.gaussian import log_probability
 from archerfish.learning.guard import LIMITS, any_bad, first_fault, guarded, is_bad, rollout_fault
 from archerfish.learning.minibatches import shuffled_minibatches
 from archerfish.learning.normalisation import empty_normaliser, merge
-from archerfish.learning.shards import AXIS, averaged, earliest, over_shards, own_key, placed
+from archerfish.learning.shards import AXIS, averaged, earliest, over_shards, own_key
 from archerfish.learning.update import (
     Actor,
     Batch,
@@ -127,7 +127,7 @@ def make_learner(environment: Environment, config: PpoConfig, key: Array, action
     """
     log_std = jnp.float32(config.log_std)
     learner: Learner = _begin(environment, log_std, key, config.environments, config.hidden, actions)
-    return placed(learner, config.shards, SPLIT)
+    return learner
 
 
 @partial(jax.jit, static_argnames=("batch", "hidden", "actions"))
