@@ -296,6 +296,7 @@ def test_screenshots_are_taken(address: str, film: Path, tmp_path: Path) -> None
         close_notices(large)
         time.sleep(2.0)
         large.save_screenshot(str(folder / "viewer_export.png"))
+        assert all((folder / name).stat().st_size > 10_000 for name in ("viewer.png", "viewer_export.png"))
     finally:
         large.quit()
 

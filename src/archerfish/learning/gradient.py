@@ -17,11 +17,11 @@ from jax import Array
 
 from archerfish.controllers.network import Normaliser, normalise
 from archerfish.learning.gradient_config import GradientConfig
-from archerfish.learning.guard import LIMITS, first_fault, guarded, is_bad
+from archerfish.learning.guard import LIMITS, first_fault, is_bad
 from archerfish.learning.held_gradient import held
 from archerfish.learning.normalisation import empty_normaliser, merge
-from archerfish.learning.ppo import SPLIT, Environment, Learner, Metrics, orthogonal_layers
-from archerfish.learning.shards import AXIS, averaged, earliest, over_shards, own_key
+from archerfish.learning.ppo import Environment, Learner, Metrics, iterations_in_shards, orthogonal_layers
+from archerfish.learning.shards import AXIS, averaged, earliest, own_key
 from archerfish.learning.training import Trainer
 from archerfish.learning.update import Actor, action_mean, adam_step, begin_networks
 
@@ -108,16 +108,7 @@ def iterate(
     Returns:
       The learner, of before the first bad iteration if there is one, and metrics of shape (count,).
     """
-    own = size._replace(environments=size.environments // size.shards)
-
-    def shard(environment: Environment, settings: Hyper, learner: Learner) -> tuple[Learner, Metrics]:
-        iteration = guarded(lambda learner: _iteration(environment, settings, learner, own))
-        return jax.lax.scan(iteration, learner, length=count)
-
-    done: tuple[Learner, Metrics] = over_shards(shard, size.shards, (False, False, SPLIT), (SPLIT, False))(
-        environment, settings, learner
-    )
-    return done
+    return iterations_in_shards(_iteration, environment, settings, learner, size, count)
 
 
 def _iteration(environment: Environment, settings: Hyper, learner: Learner, size: Sizes) -> tuple[Learner, Metrics]:

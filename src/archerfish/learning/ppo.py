@@ -6,6 +6,7 @@ vary without compiling anew (learning rates, discount, the world, the scenario) 
 """
 
 import itertools
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
@@ -185,15 +186,36 @@ def iterate(
     Returns:
       The learner, of before the first bad iteration if there is one, and metrics of shape (count,).
     """
+    return iterations_in_shards(_iteration, environment, settings, learner, size, count)
+
+
+def iterations_in_shards(
+    iteration: Callable[..., tuple[Learner, Metrics]],
+    environment: Environment,
+    settings: Any,
+    learner: Learner,
+    size: Any,
+    count: int,
+) -> tuple[Learner, Metrics]:
+    """Repeat an iteration in all shards, up to the first bad one.
+
+    Args:
+      iteration: environment, settings, learner, sizes of a shard → learner, metrics; any trainer's.
+      environment: where to train.
+      settings: traced settings, as the iteration takes them.
+      learner: where training stands.
+      size: of the whole, with `environments` and `shards`.
+      count: iterations.
+    """
     own = size._replace(environments=size.environments // size.shards)
 
-    def shard(environment: Environment, settings: Hyper, learner: Learner) -> tuple[Learner, Metrics]:
-        iteration = guarded(lambda learner: _iteration(environment, settings, learner, own))
-        return jax.lax.scan(iteration, learner, length=count)
+    def shard(environment: Environment, settings: Any, learner: Learner) -> tuple[Learner, Metrics]:
+        return jax.lax.scan(
+            guarded(lambda learner: iteration(environment, settings, learner, own)), learner, length=count
+        )
 
-    done: tuple[Learner, Metrics] = over_shards(shard, size.shards, (False, False, SPLIT), (SPLIT, False))(
-        environment, settings, learner
-    )
+    run = over_shards(shard, size.shards, (False, False, SPLIT), (SPLIT, False))
+    done: tuple[Learner, Metrics] = run(environment, settings, learner)
     return done
 
 
