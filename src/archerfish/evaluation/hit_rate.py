@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
+from scipy.special import stdtrit
 
 from archerfish.records.errors import InputError
 
@@ -145,7 +145,7 @@ def split_misses(hit: ArrayLike, shot_time: ArrayLike, settled_after: float) -> 
 
 
 def _quantile(engagements: int) -> float:
-    return float(stats.t.ppf((1 + CONFIDENCE) / 2, engagements - 1))
+    return float(stdtrit(engagements - 1, (1 + CONFIDENCE) / 2))
 
 
 def _checked(name: str, hit: ArrayLike) -> Hits:

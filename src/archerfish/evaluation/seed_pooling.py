@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import stdtrit
 
 from archerfish.evaluation.hit_rate import CONFIDENCE, hit_rate
 from archerfish.evaluation.pooling import Estimate, weighted_mean
@@ -64,7 +64,7 @@ def pooled_trainings(hits: NDArray[np.int64], shots: int, spread: SeedSpread | N
     if spread is None:
         return met
     own = float(np.std(hits.mean(axis=(1, 2)) / shots, ddof=1)) if trainings > 1 else 0.0
-    quantile = float(stats.t.ppf((1 + CONFIDENCE) / 2, spread.degrees))
+    quantile = float(stdtrit(spread.degrees, (1 + CONFIDENCE) / 2))
     by_seed = quantile * max(own, spread.deviation) / math.sqrt(trainings)
     low = met.value - math.hypot(met.value - met.low, by_seed)
     high = met.value + math.hypot(met.high - met.value, by_seed)

@@ -8,7 +8,7 @@ exposure: an error of that moment shows where the gimbal turns.
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from archerfish.dynamics.array_namespace import Array, lift, namespace
 from archerfish.dynamics.target_motion import TargetMotion
@@ -210,7 +210,7 @@ def sensing_from_record(record: SensingRecord, draws: int = 1, seed: int = 0) ->
         moment_jitter=drawn("camera.stamp_jitter", camera.stamp_jitter),
         across=across,
         along=drawn("camera.range_sd", camera.range_sd) / camera.noise_range,
-        miss=np.full(draws, norm.ppf(np.clip(camera.miss_probability, 1e-9, 1 - 1e-9))),
+        miss=np.full(draws, ndtri(np.clip(camera.miss_probability, 1e-9, 1 - 1e-9))),
         command_latency=drawn("link.command_latency", link.command_latency),
         command_jitter=drawn("link.command_latency_jitter", link.command_latency_jitter),
         feedback_period=1.0 / drawn("link.feedback_rate_hz", link.feedback_rate_hz, 1e-3),

@@ -137,13 +137,13 @@ class ShootingEnv(gymnasium.Env[Floats, Floats]):
         if self._state is None or self._stream is None:
             raise gymnasium.error.ResetNeeded("call reset before step")
         self._stream = following(self._stream)
-        asked = np.clip(np.asarray(action, np.float32), -self._bound, self._bound)
         floats, integers, told = _advance(
             self._environment,
             self._packing,
+            self._bound,
             *self._parameters,
             *self._state,
-            asked,
+            np.asarray(action, np.float32),
             self._stream.draws.normals,
             self._stream.place,
         )
@@ -201,10 +201,11 @@ def _begin(*arguments: Any) -> tuple[Packing, tuple[Array, Array], Array]:
     return packing_of(state), pack(state), observation[0]
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@partial(jax.jit, static_argnums=(0, 1, 2))
 def _advance(
     environment: Packing,
     packing: Packing,
+    action_bound: float,
     floats: Array,
     integers: Array,
     state_floats: Array,
@@ -215,7 +216,9 @@ def _advance(
 ) -> tuple[Array, Array, Array]:
     made: ShootingEnvironment = unpack(environment, floats, integers)
     state = unpack(packing, state_floats, state_integers)
-    going_on, told = made.advance(state, action[None], normals[place])
+    # Clipped here, since a call of NumPy's takes a fifth of the step.
+    asked = jnp.clip(action, -action_bound, action_bound)
+    going_on, told = made.advance(state, asked[None], normals[place])
     # One array: handing over each by itself would cost more than the step.
     flat = [told.observation[0], told.reward, told.truncated.astype(jnp.float32), told.miss[0]]
     return *pack(going_on), jnp.concatenate(flat)
