@@ -1,7 +1,10 @@
+import atexit
 import functools
 import importlib.util
 import os
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,16 +12,25 @@ from typing import Any
 import numpy as np
 import pytest
 
+from archerfish.cli.compilation_cache import SHORTEST_S, load_quietly
 from archerfish.dynamics.array_namespace import single_precision
 
-# Tests leave nothing in the user's folders, and compile what they test.
+# Tests leave nothing in the user's folders, and compile what they test, but each program once: workers and the
+# commands they start share what they have compiled in this run.
 os.environ["ARCHERFISH_CACHE"] = "off"
+if "PYTEST_XDIST_WORKER" not in os.environ:
+    shared = tempfile.mkdtemp(prefix="archerfish-tests-")
+    atexit.register(shutil.rmtree, shared, ignore_errors=True)
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = shared
+    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = SHORTEST_S
+    os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
 
 try:
     import jax
 except ImportError:  # the robot's installation has no JAX; the tests that need it import it themselves
     pass
 else:
+    load_quietly()
     # A silent broadcast of shape (3,) against (2, 3) is how batch dimensions get mixed up.
     jax.config.update("jax_numpy_rank_promotion", "raise")
     # A training takes a device for each of its shards, if it comes before everything else that computes.

@@ -16,6 +16,7 @@ def asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 
 def test_the_variable_names_the_folder_or_switches_it_off(monkeypatch, tmp_path):
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
     monkeypatch.setenv("ARCHERFISH_CACHE", str(tmp_path / "here"))
     assert tmp_path / "here" / "jax" in cache_folder().parents
     monkeypatch.setenv("ARCHERFISH_CACHE", "")

@@ -45,13 +45,14 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def begun(tmp_path: Path, cache: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
     """Begin `archerfish train` in the temporary folder."""
     processes = []
+    others = {name: value for name, value in os.environ.items() if name != "JAX_COMPILATION_CACHE_DIR"}
 
     def begin(words: str, kept: str | Path = cache, before: str = "") -> subprocess.Popen[str]:
         processes.append(
             subprocess.Popen(
                 [sys.executable, "-c", before + PROGRAM, "train", *words.split()],
                 cwd=tmp_path,
-                env={**os.environ, "ARCHERFISH_CACHE": str(kept), "COLUMNS": "80"},
+                env={**others, "ARCHERFISH_CACHE": str(kept), "COLUMNS": "80"},
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 text=True,

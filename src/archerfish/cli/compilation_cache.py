@@ -29,8 +29,12 @@ def keep_compiled() -> Path | None:
     Returns:
       The folder; none where it is switched off, can't be written, or JAX was told of another one already.
     """
+    if os.environ.get("JAX_COMPILATION_CACHE_DIR"):
+        importlib.import_module("jax")
+        load_quietly()
+        return None
     folder = cache_folder()
-    if folder is None or os.environ.get("JAX_COMPILATION_CACHE_DIR"):
+    if folder is None:
         return None
     try:
         folder.mkdir(parents=True, exist_ok=True)
