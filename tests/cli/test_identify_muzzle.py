@@ -76,6 +76,25 @@ def test_hits_on_a_plane_are_identified_and_a_ricochet_is_listed_by_its_line(tmp
     assert "muzzle height" not in console.export_text()
 
 
+def test_of_shots_at_the_ground_the_length_to_the_muzzle_is_asked_for_until_it_is_given(tmp_path, shots, console):
+    told = [
+        run_muzzle(parsed(shots, "--height-m", "0.4", *words, "--out", tmp_path / "out"), console)["next_steps"]
+        for words in ((), ("--length-m", "0.16"))
+    ]
+    assert [sum("--length-m" in each for each in steps) for steps in told] == [1, 0]
+    assert read_muzzle(tmp_path / "out" / "muzzle.json").length == 0.16
+    assert "from pivot to muzzle │ 0.16 m" in " ".join(console.export_text().split())
+
+
+def test_what_hits_on_a_plane_tell_does_not_depend_on_the_length_to_the_muzzle(tmp_path, hits, console):
+    plain, given = (
+        run_muzzle(parsed(hits, *words, "--out", tmp_path / "out"), console) for words in ((), ("--length-m", "0.16"))
+    )
+    assert given["intervals_95"] == plain["intervals_95"]
+    assert given["parameters"] == {**plain["parameters"], "length": 0.16}
+    assert not any("--length-m" in each for each in plain["next_steps"])
+
+
 def test_table_1_is_told_not_to_fit(tmp_path, shared_data, console):
     path = shared_data / "robomaster" / "paper_table1_landing.csv"
     command = parsed(path, "--pitch=alpha_deg", "--yaw=beta_deg", "--distance=d_real_m", "--out", tmp_path / "out")

@@ -9,7 +9,7 @@ from archerfish.cli.muzzle_verdict import muzzle_verdict
 from archerfish.identification.muzzle.likelihood import identify_muzzle
 from archerfish.records.shots import Shots
 
-DRAG = 0.019
+DRAG, HEIGHT, LENGTH = 0.019, 0.4, 0.16
 
 
 def landing_shots(*, lateral=True, speeds=True, ricochet=False, bent=0.0, pitches=(-4, 0, 4), each=12):
@@ -19,7 +19,8 @@ def landing_shots(*, lateral=True, speeds=True, ricochet=False, bent=0.0, pitche
     rng = np.random.default_rng(6)
     pitch = np.radians(np.repeat(pitches, each).astype(float))
     speed = 18 + 0.3 * rng.standard_normal(pitch.size)
-    distance = landing_distance(speed, pitch + 0.005 * rng.standard_normal(pitch.size), 0.4, DRAG)
+    height = HEIGHT + LENGTH * np.sin(pitch)
+    distance = landing_distance(speed, pitch + 0.005 * rng.standard_normal(pitch.size), height, DRAG)
     distance *= 1 + bent * (pitch == 0)
     if ricochet:
         distance[3] *= 0.4
@@ -28,7 +29,7 @@ def landing_shots(*, lateral=True, speeds=True, ricochet=False, bent=0.0, pitche
 
 
 def told(shots):
-    result = identify_muzzle(shots, drag=DRAG, height=0.4)
+    result = identify_muzzle(shots, drag=DRAG, height=HEIGHT, length=LENGTH)
     verdict = muzzle_verdict(shots, result)
     return verdict, muzzle_page(shots, result, replace(result.muzzle, provenance={"seed": 0}), verdict, "muzzle")
 
@@ -60,6 +61,7 @@ def test_every_parameter_has_its_unit_and_interval():
         row = re.search(rf"<th>{label}</th><td[^>]*>−?[\d.]+ {unit}</td><td>−?[\d.]+ … −?[\d.]+ {unit}</td>", page)
         assert row, label
     assert re.search(r"<th>drag</th><td[^>]*>0.019 1/m</td><td>given</td>", page)
+    assert re.search(r"<th>from pivot to muzzle</th><td[^>]*>0.16 m</td><td>given</td>", page)
 
 
 def test_what_was_left_out_is_listed_with_how_far_it_is_off():

@@ -46,7 +46,7 @@ class IdentifyMuzzle:
     to do next), NAME.svg and NAME.png.
 
     Examples:
-      archerfish identify muzzle shots.csv --height-m 0.42 --out runs/my-robot
+      archerfish identify muzzle shots.csv --height-m 0.42 --length-m 0.16 --out runs/my-robot
       archerfish identify muzzle plane_2m.csv plane_4m.csv plane_6m.csv --out runs/my-robot
       archerfish identify muzzle shots.csv --pitch elevation --distance landing
     """
@@ -69,7 +69,10 @@ class IdentifyMuzzle:
     hit_height: Annotated[str, tyro.conf.arg(metavar="COLUMN")] = DEFAULT_COLUMNS.hit_height_m
     """Column of the hit's height above the muzzle in metres, with the distance to the plane."""
     height_m: Annotated[float | None, tyro.conf.arg(metavar="METRES", help_behavior_hint="(default: estimated)")] = None
-    """Height of the muzzle above the ground in metres."""
+    """Height of the muzzle above the ground in metres, with the barrel level."""
+    length_m: Annotated[float, tyro.conf.arg(metavar="METRES")] = 0.0
+    """Distance from the gimbal's pivot to the muzzle in metres, by tape: so much ahead of the pivot the muzzle rises
+    with the pitch, and pellets of a policy's simulator leave there."""
     drag_per_m: float = field(default_factory=lambda: assumed_conditions().drag)
     """Quadratic drag coefficient k in 1/m."""
     estimate_drag: bool = False
@@ -101,7 +104,9 @@ def run_muzzle(command: IdentifyMuzzle, console: Console | None = None) -> Summa
     with run_folder(command.out) as folder:
         with console.status("maximising the likelihood …"):
             drag = None if command.estimate_drag else command.drag_per_m
-            result = identify_muzzle(shots, drag=drag, height=command.height_m, flight=command.flight)
+            result = identify_muzzle(
+                shots, drag=drag, height=command.height_m, length=command.length_m, flight=command.flight
+            )
         muzzle = replace(result.muzzle, provenance=provenance(command.seed, command.shots))
         verdict = muzzle_verdict(shots, result)
         write_muzzle(folder / f"{command.name}.json", muzzle)

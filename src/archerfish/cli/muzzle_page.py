@@ -27,8 +27,9 @@ _MEANINGS = {
     "pitch_sd": "from shot to shot",
     "yaw_offset": "departure to the left of the barrel's direction, on average",
     "yaw_sd": "from shot to shot",
-    "height": "above the ground on which pellets land",
+    "height": "above the ground on which pellets land, with the barrel level",
     "drag": "quadratic, k in eqs (4) and (5)",
+    "length": "by tape; the muzzle rises with the pitch",
 }
 
 
@@ -86,6 +87,8 @@ def _parameters(shots: Shots, muzzle: MuzzleRecord) -> list[dict[str, str]]:
     rows = []
     for name, (label, unit, scale) in LABELS.items():
         value, interval = getattr(muzzle, name), muzzle.intervals.get(name)
+        if name == "length" and not value:
+            continue
         unknown = interval is None and (name.startswith("yaw") or (name == "height" and shots.on_plane))
         rows.append(
             {

@@ -29,7 +29,7 @@ def muzzle_summary(
       files: what was written.
     """
     muzzle, fit = result.muzzle, result.lack_of_fit
-    names = ("speed", "speed_sd", "pitch_offset", "pitch_sd", "yaw_offset", "yaw_sd", "height", "drag")
+    names = ("speed", "speed_sd", "pitch_offset", "pitch_sd", "yaw_offset", "yaw_sd", "height", "drag", "length")
     return {
         "headline": verdict.headline,
         "parameters": {name: getattr(muzzle, name) for name in names},

@@ -19,6 +19,7 @@ LABELS = {
     "yaw_sd": ("its scatter (standard deviation)", "°", 180 / np.pi),
     "height": ("muzzle height", "m", 1.0),
     "drag": ("drag", "1/m", 1.0),
+    "length": ("from pivot to muzzle", "m", 1.0),
 }
 """Each parameter in words, with the unit that it is told in and what turns it into that unit."""
 
@@ -26,6 +27,8 @@ TELLING_RANGE_M = 3.0
 """Distance at which the scatter is told [m]: the middle of what the paper shoots at."""
 _DOUBTFUL = ("too-many-outliers", "radians-as-degrees", "repeated-shots")
 """Codes of findings that put the whole estimate in question."""
+_LEVEL = np.radians(1.0)
+"""Range of pitch settings over which the muzzle counts as resting at one height [rad]."""
 _FEW_SETTINGS = 3
 _FEW_SHOTS = 10
 _LOOSE = 0.3
@@ -105,6 +108,8 @@ def _known(shots: Shots, result: MuzzleIdentification) -> Iterator[str]:
     given = [f"{LABELS[name][0]} {told(result, name)}" for name in ("height", "drag") if name not in intervals]
     if shots.on_plane:
         given = [each for each in given if "height" not in each]
+    elif muzzle.length:
+        given.append(f"{told(result, 'length')} from pivot to muzzle")
     if given:
         yield f"Taken as given, not estimated: {' and '.join(given)}."
     if intervals.keys() & {"height", "drag"}:
@@ -125,6 +130,11 @@ def _doubts(result: MuzzleIdentification) -> Iterator[str]:
 
 def _next_steps(shots: Shots, result: MuzzleIdentification) -> Iterator[str]:
     codes = {finding.code for finding in result.findings}
+    if not shots.on_plane and not result.muzzle.length and np.ptp(shots.pitch) > _LEVEL:
+        yield (
+            "Measure how far the muzzle is from the gimbal's pivot (--length-m): it rises with the pitch, which passes "
+            "for a pitch offset, or another height, as long as it is taken to stay where it is."
+        )
     if result.lack_of_fit.shown:
         yield (
             "Measure the angles, the distances and the muzzle's height once more; if they hold, let the shots tell "

@@ -96,7 +96,8 @@ def run_range(command: Range, console: Console | None = None) -> Summary:
     )
     print_end(console, [_height_words(robot)] if command.ground else [], files)
     summary = {"robot": robot.schema.name, "shots": len(fired), "mean_speed_m_s": float(speeds.mean()), "files": files}
-    return {**summary, "muzzle_height_m": _muzzle_height(robot)} if command.ground else summary
+    tape = {"muzzle_height_m": _muzzle_height(robot), "muzzle_length_m": robot.muzzle.forward_m}
+    return {**summary, **tape} if command.ground else summary
 
 
 def _muzzle_height(robot: RobotDescription) -> float:
@@ -105,8 +106,11 @@ def _muzzle_height(robot: RobotDescription) -> float:
 
 
 def _height_words(robot: RobotDescription) -> str:
-    height = _muzzle_height(robot)
-    return f"the muzzle is {height:g} m above the ground with the barrel level: identify muzzle --height-m {height:g}"
+    height, length = _muzzle_height(robot), robot.muzzle.forward_m
+    return (
+        f"the muzzle is {height:g} m above the ground with the barrel level, {length:g} m ahead of the pivot: "
+        f"identify muzzle --height-m {height:g} --length-m {length:g}"
+    )
 
 
 def table_1_angles() -> list[tuple[float, float]]:

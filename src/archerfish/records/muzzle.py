@@ -32,7 +32,7 @@ class MuzzleRecord:
     length: float = 0.0
     """Distance from the gimbal's pivot to the muzzle [m]."""
     height: float = 0.0
-    """Height of the muzzle above the ground [m]; only landing points need it."""
+    """Height of the muzzle above the ground with the barrel level [m]; only landing points need it."""
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     """95 % interval of each estimated field."""
     provenance: dict[str, Any] = field(default_factory=dict)

@@ -25,8 +25,8 @@ class Weighed(NamedTuple):
 
 def normal(mean, deviation, weight):
     """One parameter, normally distributed."""
-    covariance = np.diag([0.0, deviation**2])
-    return Weighed(Posterior(np.zeros(1), np.array([[mean]]), covariance, 1, False, 1.0), weight)
+    root = np.diag([0.0, deviation])
+    return Weighed(Posterior(np.zeros(1), np.array([[mean]]), root, 1, False, 1.0), weight)
 
 
 def parameter(known):

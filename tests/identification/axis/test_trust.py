@@ -19,7 +19,7 @@ def known(natural_hz, loose=1e-4, size=1.0):
     sections = sections_from_poles(np.array([place, place.conj(), other, other.conj()]))
     linear = np.array([[1.0], [1.0], [size], [size]])
     spread = np.array([1e-4, 1e-4, loose, loose, 0.01, 0.01, 0.01, 0.01])
-    return Posterior(free_numbers(sections), linear, np.diag(spread**2), 1, False, 1.0), sections
+    return Posterior(free_numbers(sections), linear, np.diag(spread), 1, False, 1.0), sections
 
 
 def judged(*arguments, band=(2.0, 50.0)):

@@ -171,6 +171,28 @@ def test_draws_keep_to_the_response_that_is_known_however_far_their_poles_go():
     np.testing.assert_allclose(spread, standard_deviations(found, gain), rtol=0.2)
 
 
+@pytest.mark.parametrize("noise", [0.01, 0.02])
+def test_draws_keep_to_the_steady_gain_where_modes_are_hardly_told_apart(noise):
+    # A fast pair, a slow mode of two percent, and a fourth pole that the plant hasn't: each numerator alone is known a
+    # million times worse than the response.
+    rng, time = np.random.default_rng(1), 1e-3 * np.arange(4000)
+    u = np.sin(2 * np.pi * (1 + 4 * time) * time) + ((time > 1) & (time < 2.5))
+    pair, slow = np.array([0.97 + 0.03j, 0.97 - 0.03j]), 0.9985
+    clean = lfilter([0.0, 0.00175], np.poly(pair).real, u) + lfilter([0.0, 2e-5], [1.0, -slow], u)
+    drift = lfilter([1.0], [1.0, -0.9], rng.standard_normal(4000))
+    log = make_recording(u, clean + noise * clean.std() / drift.std() * drift, 1e-3)
+    problem = Problem([spectrum(log, 0)], False)
+    found = posterior(problem, refine_poles(sections_from_poles(np.array([*pair, slow, 0.96])), problem))
+    drawn = draw_parameters(found, np.zeros((0, 4)), problem, 200, np.random.default_rng(0))
+    lag = np.exp(-1j * np.array([0.0, 0.01]))
+
+    def gain(at):
+        return np.abs(transfer(at, lag)[:, 0, 0])
+
+    assert np.all(standard_deviations(found, gain) < 0.01 * gain(found))
+    assert np.all(np.std([gain(each) for each in drawn], axis=0) < 2 * standard_deviations(found, gain))
+
+
 def test_slopes_of_poles_are_those_of_the_quadratic_formula():
     _, found = real_poles(0.05)
     slopes = pole_slopes(found)

@@ -8,9 +8,12 @@ So the sandwich
 
 with the power S_k of the residuals around each line, each corrected for what the fit has taken of it (its leverage), is
 right for white and for coloured noise.
+
+It is kept as a root, from orthogonal factors of J and not from H: of modes that the lines hardly tell apart each is a
+million times less sure than their sum, and squares would leave nothing but rounding of what is known of the sum.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +43,8 @@ ComplexArray = NDArray[np.complex128]
 
 _STEP = 1e-6
 _LARGEST_LEVERAGE = 0.9
+_NOTHING = 3e-7
+"""Share of the best known direction's strength up to which a direction counts as not determined."""
 _SIGNIFICANT = chi2.cdf(9.0, 1)
 """Confidence of three standard deviations."""
 
@@ -51,8 +56,8 @@ class Posterior(NamedTuple):
     """Free numbers of the poles, shape (n,)."""
     linear: Array
     """Numerators and, if estimated, feedthrough of each output, shape (c, p)."""
-    covariance: Array
-    """Of the free numbers, then the linear parameters output by output, shape (n + c p, n + c p)."""
+    root: Array
+    """R of the covariance R Rᵀ of the free numbers, then the linear parameters output by output, (n + c p, k)."""
     inputs: int
     """Number of inputs m."""
     feedthrough: bool
@@ -64,6 +69,11 @@ class Posterior(NamedTuple):
     def order(self) -> int:
         """Number of poles n."""
         return self.free.size
+
+    @property
+    def covariance(self) -> Array:
+        """Of the free numbers, then the linear parameters output by output, shape (n + c p, n + c p)."""
+        return np.asarray(self.root @ self.root.T)
 
 
 def posterior(problem: Problem, refinement: Refinement) -> Posterior:
@@ -82,31 +92,26 @@ def posterior(problem: Problem, refinement: Refinement) -> Posterior:
     if problem.penalty is not None:
         wishes = penalty_rows(refinement.sections, problem.penalty, inputs, problem.feedthrough, refinement.fit)
     residuals = _residuals(problem, refinement, outputs)
-    size = free.size + linear.size
-    curvature, spread = np.zeros((size, size)), np.zeros((size, size))
-    white = np.zeros((size, size))
+    stacked, powers, plain_powers = [], [], []
     for output in range(outputs):
         designs = [_design(by_linear, slopes[output] @ turn, output, linear) for by_linear, slopes in rows]
-        data = sum(design.T @ design for design in designs)
-        prior = np.zeros_like(curvature)
+        measured = np.concatenate(designs)
+        whole = measured
         if wishes is not None and problem.penalty is not None:
             wished = _design(wishes[0], wishes[1][output] @ turn, output, linear)
-            prior = wished.T @ wished
-            prior[: free.size, : free.size] += problem.penalty.pull / outputs * np.eye(free.size)
-        inverse = gram_inverse(data + prior)
-        powers = [_powers(design, each, inverse) for design, each in zip(designs, residuals[output], strict=True)]
-        variance = float(np.mean(np.concatenate(powers)))
-        curvature += data + prior
-        white += variance * (data + prior)
-        spread += variance * prior
-        spread += sum(
-            design.T @ (np.tile(power, 2)[:, None] * design) for design, power in zip(designs, powers, strict=True)
-        )
-    inverse = gram_inverse(curvature)
-    covariance = inverse @ spread @ inverse
-    plain = np.diag(inverse @ white @ inverse)
-    inflation = float(np.median(np.diag(covariance)[plain > 0] / plain[plain > 0]))
-    return Posterior(free, linear, covariance, inputs, problem.feedthrough, inflation)
+            pull = np.sqrt(problem.penalty.pull / outputs) * np.eye(free.size, wished.shape[1])
+            whole = np.concatenate([measured, wished, pull])
+        leverage = np.sum(_factors(whole)[0][: len(measured)] ** 2, axis=1)
+        by_line = _powers(leverage, residuals[output])
+        variance = float(np.mean(np.concatenate(by_line)))
+        stacked.append(whole)
+        powers += [*(np.tile(each, 2) for each in by_line), np.full(len(whole) - len(measured), variance)]
+        plain_powers.append(np.full(len(whole), variance))
+    space, back = _factors(np.concatenate(stacked))
+    root, plain_root = (back @ _root(space, np.concatenate(each)) for each in (powers, plain_powers))
+    spread, plain = np.sum(root**2, axis=1), np.sum(plain_root**2, axis=1)
+    inflation = float(np.median(spread[plain > 0] / plain[plain > 0]))
+    return Posterior(free, linear, root, inputs, problem.feedthrough, inflation)
 
 
 def _residuals(problem: Problem, refinement: Refinement, outputs: int) -> list[list[Array]]:
@@ -125,22 +130,34 @@ def _design(by_linear: Array, by_free: Array, output: int, linear: Array) -> Arr
     return design
 
 
-def gram_inverse(matrix: Array) -> Array:
-    """Invert a Gram matrix, shape (n, n); directions that nothing determines get no variance."""
-    scale = np.sqrt(np.diag(matrix))
+def _factors(design: Array) -> tuple[Array, Array]:
+    """Return an orthonormal basis U of a design's columns, shape (rows, k), and B of its pseudo-inverse B Uᵀ.
+
+    Directions of the parameters that nothing determines are left out: they get no variance.
+    """
+    scale = np.linalg.norm(design, axis=0)
     scale[scale == 0] = 1.0
-    units = np.outer(scale, scale)
-    return np.asarray(np.linalg.pinv(matrix / units, rcond=1e-13, hermitian=True) / units)
+    basis, triangle = np.linalg.qr(design / scale)
+    left, values, right = np.linalg.svd(triangle, full_matrices=False)
+    kept = values > _NOTHING * values.max(initial=0.0)
+    return basis @ left[:, kept], (right[kept].T / values[kept]) / scale[:, None]
 
 
-def _powers(design: Array, residual: Array, inverse: Array) -> Array:
-    """Mean square of a residual's real and imaginary part around each line, shape (F,)."""
-    leverage = np.einsum("ij,jk,ik->i", design, inverse, design)
+def _root(basis: Array, power: Array) -> Array:
+    """Return a root of Uᵀ diag(power) U, shape (k, k)."""
+    values, vectors = np.linalg.eigh(basis.T @ (power[:, None] * basis))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _powers(leverage: Array, residuals: Sequence[Array]) -> list[Array]:
+    """Mean square of each experiment's residual, real and imaginary part, around each line, shape (F,) each."""
     kept = 1 - np.minimum(leverage, _LARGEST_LEVERAGE)
-    square = residual**2 / kept
-    lines = residual.size // 2
-    power = 0.5 * (square[:lines] + square[lines:])
-    return np.asarray(uniform_filter1d(power, 2 * max(2, round(np.sqrt(lines) / 2)) + 1, mode="nearest"))
+    powers = []
+    for square in np.split(np.concatenate(residuals) ** 2 / kept, np.cumsum([each.size for each in residuals])[:-1]):
+        lines = square.size // 2
+        width = 2 * max(2, round(np.sqrt(lines) / 2)) + 1
+        powers.append(uniform_filter1d(0.5 * (square[:lines] + square[lines:]), width, mode="nearest"))
+    return powers
 
 
 def standard_deviations(known: Posterior, function: Callable[[Posterior], Array]) -> Array:
@@ -154,8 +171,7 @@ def standard_deviations(known: Posterior, function: Callable[[Posterior], Array]
       Same shape as the function's.
     """
     jacobian = _slopes(known, function, known.free.size + known.linear.size)
-    variance = np.einsum("i...,ij,j...->...", jacobian, known.covariance, jacobian)
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+    return np.asarray(np.linalg.norm(np.tensordot(jacobian, known.root, (0, 0)), axis=-1))
 
 
 def _slopes(known: Posterior, function: Callable[[Posterior], Array], count: int) -> Array:
@@ -200,8 +216,7 @@ def steady_gain(known: Posterior) -> Array:
 
 def pole_deviations(known: Posterior) -> tuple[Poles, Array, Array]:
     """Return the poles, section by section, and the deviations of their real and imaginary parts, shape (n,) each."""
-    slopes, free = pole_slopes(known), slice(known.order)
-    real, imaginary = np.sqrt(np.einsum("kpi,ij,kpj->pk", slopes, known.covariance[free, free], slopes))
+    real, imaginary = np.linalg.norm(pole_slopes(known) @ known.root[: known.order], axis=2).T
     return section_poles(sections_from_numbers(known.free)), real, imaginary
 
 
@@ -223,11 +238,17 @@ def heard_sections(known: Posterior, sections: Sections) -> list[bool]:
         found = False
         for output in range(known.linear.shape[1]):
             place = known.order + output * len(known.linear)
-            block = known.covariance[
-                place + entries.start : place + entries.stop, place + entries.start : place + entries.stop
-            ]
+            root = known.root[place + entries.start : place + entries.stop]
             values = known.linear[entries, output]
-            distance = float(values @ gram_inverse(block) @ values) if np.any(block) else np.inf
+            distance = _squared_distance(root, values) if np.any(root) else np.inf
             found = found or distance > chi2.ppf(_SIGNIFICANT, values.size)
         heard.append(found)
     return heard
+
+
+def _squared_distance(root: Array, values: Array) -> float:
+    """Return vᵀ (R Rᵀ)⁺ v."""
+    scale = np.linalg.norm(root, axis=1)
+    scale[scale == 0] = 1.0
+    steps = np.linalg.lstsq(root / scale[:, None], values / scale, rcond=_NOTHING)[0]
+    return float(steps @ steps)

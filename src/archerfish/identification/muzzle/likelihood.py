@@ -59,21 +59,24 @@ class MuzzleIdentification:
 
 
 def identify_muzzle(
-    shots: Shots, *, drag: float | None, height: float | None = None, flight: Flight = "flat-fire"
+    shots: Shots, *, drag: float | None, height: float | None = None, length: float = 0.0, flight: Flight = "flat-fire"
 ) -> MuzzleIdentification:
     """Estimate a muzzle from landing points or hits on target planes.
 
     Args:
       shots: the shots, with measured speeds or without, in the order of fire.
       drag: k [1/m]; estimated if None.
-      height: height of the muzzle above the ground [m]; estimated if None. Hits on a plane don't need it.
+      height: height of the muzzle above the ground with the barrel level [m]; estimated if None. Hits on a plane don't
+        need it.
+      length: from the gimbal's pivot to the muzzle [m]: so much ahead of the pivot the muzzle rises with the pitch.
       flight: how pellets fly.
 
     Raises:
       InputError: if a given value is out of range, the shots can't be what they are said to be, or they can't separate
         the parameters; the message names the measurement that is missing.
     """
-    known = {name: value for name, value in (("drag", drag), ("height", height)) if value is not None}
+    given = (("drag", drag), ("height", height), ("length", length))
+    known = {name: value for name, value in given if value is not None}
     _check_known(known)
     if shots.on_plane:
         known.setdefault("height", 0.0)

@@ -36,8 +36,9 @@ RANGES: dict[str, tuple[float, float]] = {
     "pitch_sd": (0.0, 0.35),
     "height": (0.01, 3.0),
     "drag": (0.0, 0.3),
+    "length": (0.0, 2.0),
 }
-"""Where each parameter is sought, in SI units; the fastest speed that any referee system allows is 30 m/s."""
+"""Where each parameter is sought or may be given, in SI units; no referee system allows more than 30 m/s."""
 
 TYPICAL = np.array([0.5, 0.01]) ** 2
 """Variances of speed [(m/s)²] and elevation [rad²] that a search begins with; only their ratio matters."""
@@ -96,7 +97,7 @@ def response(problem: MuzzleProblem, values: Mapping[str, float]) -> Response:
 
     Args:
       problem: the shots and how pellets fly.
-      values: speed, pitch_offset, height and drag, as in a muzzle record.
+      values: speed, pitch_offset, height, drag and length (0 without it), as in a muzzle record.
     """
     names = ("speed", "pitch_offset", *(name for name in problem.free if name in ("height", "drag")))
     size = np.array([_STEPS[name] for name in names])[:, None]
@@ -123,6 +124,8 @@ def _flown(problem: MuzzleProblem, values: Mapping[str, float], moved: Mapping[s
     height, drag = (values[name] + moved.get(name, np.zeros(1)) for name in ("height", "drag"))
     if shots.on_plane:
         return _plane_height(shots, problem.flight, speed, pitch, drag)
+    # A muzzle ahead of the pivot rises with the barrel: by 14 mm at 5° and 0.16 m, which would pass for an offset.
+    height = height + values.get("length", 0.0) * np.sin(shots.pitch)
     if problem.flight == "eq-5":
         return printed_landing_distance(speed, pitch, shots.yaw, height, drag)
     return landing_distance(speed, pitch, height, drag)
