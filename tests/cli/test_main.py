@@ -90,7 +90,7 @@ def test_examples_in_help_are_accepted(command):
         (["train", "--ppo.cilp", "1"], "perhaps you meant --ppo.clip; see archerfish train --help"),
         (["train", "--ppo.clip", "-1"], "> 0, got -1.0; see archerfish train --help"),
         (["train", "--ppo.clip", "nan"], "--ppo.clip must be "),
-        (["train", "--ppo.steps", "many"], "--ppo.steps: invalid literal"),
+        (["train", "--ppo.steps", "many"], "--ppo.steps: expected a whole number, got 'many'"),
         (["train", "--ppo.steps"], "'--ppo.steps'"),
         (["train", "--trainer", "gradient", "--ppo.steps", "9"], "--ppo.… says nothing to --trainer gradient"),
         (["train", "--gradient.window", "9"], "--gradient.… says nothing to --trainer ppo"),

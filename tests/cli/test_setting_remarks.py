@@ -14,6 +14,7 @@ from archerfish.records.plant import write_plant
 from archerfish.records.policy import PolicyRecord
 from archerfish.records.provenance import provenance
 from archerfish.records.sensing import CameraRecord, LinkRecord, SensingRecord, write_sensing
+from archerfish.records.storage import write_json
 from archerfish.simulation.setting import paper_muzzle
 
 ZEROS = np.zeros(2, np.float32)
@@ -72,6 +73,14 @@ def test_a_policy_that_was_trained_with_other_files_is_told_of(files: SettingFil
     assert f"trained with sensing.json, which the evaluation has not and not with {files.sensing}" in told
     (told,) = policy_remarks(path, replace(POLICY, provenance=provenance(0)), setting)
     assert "was trained for the paper's gimbal and not with" in told
+
+
+def test_the_files_that_a_policy_was_trained_for_are_told_as_options(files: SettingFiles, tmp_path: Path) -> None:
+    setting, path = load_setting(SettingFiles()), tmp_path / "run" / "policy.json"
+    policy = replace(POLICY, provenance=provenance(0, load_setting(files).inputs))
+    write_json(path.with_name("config.json"), {"setting": {"sensing": str(files.sensing), "robot": "infantry"}})
+    (told,) = policy_remarks(path, policy, setting)
+    assert told.endswith(f"; for the one it was trained for add --sensing {files.sensing} --robot infantry")
 
 
 def test_policies_of_unknown_making_and_those_made_from_logs_are_not_compared(files: SettingFiles) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from archerfish.cli import view
-from archerfish.cli.setting import SettingFiles
+from archerfish.cli.setting import SettingFiles, trained_for
 from archerfish.cli.view import View
 
 Command = Callable[..., tuple[int, str, str]]
@@ -112,10 +112,10 @@ def test_a_recording_holds_no_trial_to_export(refused: Refused, tmp_path: Path) 
 
 
 def test_a_run_folder_tells_the_robot_that_its_policy_was_trained_for(tmp_path: Path) -> None:
-    path = tmp_path / "config.json"
-    assert view._trained_for(path) == SettingFiles()
+    policy, path = tmp_path / "policy.json", tmp_path / "config.json"
+    assert trained_for(policy) == SettingFiles()
     path.write_text(json.dumps({"setting": {"pitch": "p.json", "yaw": "y.json", "robot": "infantry"}}))
-    assert view._trained_for(path) == SettingFiles(pitch=Path("p.json"), yaw=Path("y.json"), robot="infantry")
+    assert trained_for(policy) == SettingFiles(pitch=Path("p.json"), yaw=Path("y.json"), robot="infantry")
 
 
 @needs_viser

@@ -17,6 +17,7 @@ from archerfish.cli.axis_evidence import (
 )
 from archerfish.cli.axis_verdict import Verdict, delay_words, gain_words
 from archerfish.cli.summary_end import print_end
+from archerfish.identification.axis.order_choice import WORTH_A_STATE
 
 Summary = dict[str, Any]
 
@@ -132,7 +133,12 @@ def print_axis(console: Console, evidence: AxisEvidence, verdict: Verdict, files
 
 
 def _order_table(evidence: AxisEvidence) -> Table:
-    table = Table("order", "fit, training", "fit, validation", "BIC less the best", title="orders tried")
+    rule = (
+        f"* chosen: largest fit on what was held back, less {WORTH_A_STATE:g} points for each state"
+        if evidence.of_kind("validation")
+        else "* chosen: lowest BIC"
+    )
+    table = Table("order", "fit, training", "fit, validation", "BIC less the best", title="orders tried", caption=rule)
     for trial in evidence.trials:
         held_back = "" if trial.validation_percent is None else f"{trial.validation_percent:.2f} %"
         chosen = " *" if trial.order == len(evidence.result.plant.A) else ""

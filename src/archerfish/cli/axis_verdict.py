@@ -205,9 +205,9 @@ def _next_steps(evidence: AxisEvidence, gap: float | None) -> Iterator[str]:
     yield from _left_in_residuals(evidence)
     low, high = evidence.result.delay_range
     if high - low > _LOOSE_DELAY:
+        lower = "" if evidence.trials else "see whether a lower --order tells more (--order auto), or "
         yield (
-            f"The delay may be {low} to {high} samples: see whether a lower --order tells more (--order auto), or add "
-            "a log with sharp edges (steps or a binary sequence)."
+            f"The delay may be {low} to {high} samples: {lower}add a log with sharp edges (steps or a binary sequence)."
         )
     if evidence.result.plant.delay_samples < evidence.result.longest_delay <= high:
         yield (
@@ -262,9 +262,11 @@ def _left_in_residuals(evidence: AxisEvidence) -> Iterator[str]:
     left = [(tests.explained_share, log) for log, tests in tested if not tests.independent]
     share, log = max(left, key=lambda each: each[0], default=(0.0, None))
     if log and share > _LEFT_SHARE:
+        # Higher orders have been tried by --order auto, and foretold no better.
+        structure = "--max-delay" if evidence.trials else "--order or --max-delay"
         yield (
-            f"Past inputs still explain {100 * share:.0f} % of what the plant leaves of {log.path.name}: raise --order "
-            "or --max-delay, and look whether the axis sticks, saturates or has backlash."
+            f"Past inputs still explain {100 * share:.0f} % of what the plant leaves of {log.path.name}: raise "
+            f"{structure}, and look whether the axis sticks, saturates or has backlash."
         )
     for log, tests in tested:
         if tests.feedback:

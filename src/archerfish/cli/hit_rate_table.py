@@ -36,7 +36,7 @@ def _table(where: str, cells: list["Cell"]) -> Table:
     ranges = sorted({cell.range_m for cell in cells})
     title = f"\nhit rate in % with the 95 % interval: {where}"
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    table.add_column("name (seed)", no_wrap=True)
+    table.add_column("name (seed)", overflow="fold")
     for low, high in ranges:
         table.add_column(f"{low:g}–{high:g} m", justify="right", no_wrap=True)
     for target in dict.fromkeys(map(_target, cells)):

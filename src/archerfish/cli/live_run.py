@@ -37,6 +37,9 @@ def read_configuration(out: Path) -> dict[str, Any]:
       InputError: if it holds none.
     """
     path = out / UNFINISHED / CONFIGURATION
+    if not path.is_file() and (out / CONFIGURATION).is_file():
+        remedy = "for a longer training begin another, with more --ppo.steps and another --out"
+        raise file_error(out, "holds a training that is finished: there is nothing left to resume", remedy)
     if not path.is_file():
         raise file_error(out, "holds no unfinished run", "begin one with archerfish train --out")
     facts: dict[str, Any] = storage.read_json(path)
@@ -212,6 +215,10 @@ def _ended(run: LiveRun, *, discard: bool) -> Iterator[None]:
                 raise InputError(f"{error}; {goes_on}") from error
         else:
             shutil.rmtree(run.folder, ignore_errors=True)
+            if isinstance(error, Stopped):
+                error.told = (
+                    f"{error.told.partition(';')[0]} before anything was learnt; there is nothing to go on with"
+                )
         raise
     finally:
         # The first fault is the one to hear of.

@@ -74,6 +74,8 @@ def _headline(shots: Shots, result: MuzzleIdentification) -> str:
     fit = result.lack_of_fit
     flight = (
         f"the flight model does not fit ({fit.rms_percent:.2g} % off, rms over the settings)"
+        if fit.matters
+        else f"the flight model fits to {fit.rms_percent:.2g} % (rms over the settings)"
         if fit.shown
         else "too little to test the flight model with"
         if fit.p_value is None
@@ -118,7 +120,7 @@ def _known(shots: Shots, result: MuzzleIdentification) -> Iterator[str]:
 
 
 def _doubts(result: MuzzleIdentification) -> Iterator[str]:
-    if result.lack_of_fit.shown:
+    if result.lack_of_fit.matters:
         yield (
             f"{result.lack_of_fit.statement} Settings are missed by more than chance, so the numbers below describe "
             "these settings at best."
@@ -135,10 +137,12 @@ def _next_steps(shots: Shots, result: MuzzleIdentification) -> Iterator[str]:
             "Measure how far the muzzle is from the gimbal's pivot (--length-m): it rises with the pitch, which passes "
             "for a pitch offset, or another height, as long as it is taken to stay where it is."
         )
-    if result.lack_of_fit.shown:
+    if result.lack_of_fit.matters:
+        height_given = not shots.on_plane and "height" not in result.muzzle.intervals
+        options = [*(["leave --height-m out"] if height_given else []), "--estimate-drag"]
         yield (
             "Measure the angles, the distances and the muzzle's height once more; if they hold, let the shots tell "
-            "more (--estimate-drag, or leave --height-m out) with one more setting for each."
+            f"more ({', or '.join(options)}) with one more setting for each."
         )
     if shots.speed is None:
         yield (

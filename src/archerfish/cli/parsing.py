@@ -79,6 +79,8 @@ def one_line(box: str) -> str:
     message = " ".join(parts[0]).removeprefix("Error parsing ").rstrip(".")
     # A fault that a group of options found by itself reads "group: name must …".
     message = re.sub(r"^(\w+): (\w+) must", lambda found: f"--{found[1]}.{found[2].replace('_', '-')} must", message)
+    message = re.sub(r"invalid literal for int\(\) with base 10: ", "expected a whole number, got ", message)
+    message = re.sub(r"could not convert string to float: ", "expected a number, got ", message)
     meant = [part[1].split()[0] for part in parts[1:] if part[0].startswith("Perhaps") and len(part) > 1]
     return message + (f"; perhaps you meant {meant[0]}" if meant else "")
 

@@ -8,8 +8,10 @@ from typing import Annotated, Any
 
 import tyro
 
+from archerfish.cli.restored_options import restore_options
 from archerfish.paper.conditions import Conditions, assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_plants
+from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.extensions import FORMS, is_extension
 from archerfish.records.limits import LimitsRecord, read_limits
@@ -85,10 +87,13 @@ def load_setting(files: SettingFiles) -> Setting:
     files = both_axes(files)
     others = [path for path in (files.muzzle, files.sensing, files.limits) if path is not None]
     given = [path for path in (files.pitch, files.yaw) if path is not None] + others
-    if given and not files.robot:
-        raise InputError(f"--robot must name the robot that {given[0]} describes; add for instance --robot infantry")
+    problems = []
     if (files.pitch is None) != (files.yaw is None):
-        raise InputError("--pitch and --yaw must be given together; a gimbal has both axes")
+        problems.append("--pitch and --yaw must be given together; a gimbal has both axes")
+    if given and not files.robot:
+        problems.append(f"--robot must name the robot that {given[0]} describes; add for instance --robot infantry")
+    if problems:
+        raise InputError("; ".join(problems))
     conditions, plants = assumed_conditions(), printed_plants()
     sources: list[Path | None] = []
     for axis, path in (("pitch", files.pitch), ("yaw", files.yaw)):
@@ -109,6 +114,23 @@ def load_setting(files: SettingFiles) -> Setting:
         conditions=conditions,
         inputs=tuple(dict.fromkeys(each for each in (*sources, *others) if each is not None)),
     )
+
+
+def trained_for(policy: Path) -> SettingFiles:
+    """Return the robot's files that the run folder of a policy names; the paper's gimbal where it has no config.json.
+
+    Args:
+      policy: its record.
+
+    Raises:
+      InputError: if config.json is not JSON.
+    """
+    configuration = policy.with_name("config.json")
+    if not configuration.is_file():
+        return SettingFiles()
+    plain = storage.read_json(configuration)
+    setting = plain.get("setting") if isinstance(plain, dict) else None
+    return restore_options(SettingFiles, setting) if isinstance(setting, dict) else SettingFiles()
 
 
 def both_axes(files: SettingFiles) -> SettingFiles:

@@ -1,10 +1,11 @@
 """What a person should know of the files that a command was given: what they leave to stand-ins, and what differs."""
 
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from archerfish.cli.setting import Setting, SettingFiles, both_axes
+from archerfish.cli.setting import Setting, SettingFiles, both_axes, trained_for
 from archerfish.records.policy import PolicyRecord
 from archerfish.records.storage import file_hash
 
@@ -55,7 +56,17 @@ def policy_remarks(path: Path, policy: PolicyRecord, setting: Setting) -> Iterat
     there = f"with {_joined(only_there)}, which the evaluation has not" if only_there else ""
     if not inputs:
         there = "for the paper's gimbal"
-    yield f"{path}: was trained {' and '.join(filter(None, (there, here)))}; its hit rates are those of another setting"
+    told = (
+        f"{path}: was trained {' and '.join(filter(None, (there, here)))}; its hit rates are those of another setting"
+    )
+    options = _options(trained_for(path))
+    yield f"{told}; for the one it was trained for add {options}" if options else told
+
+
+def _options(files: SettingFiles) -> str:
+    """Return what to type for the files of a robot; nothing where none is given."""
+    given = [(each.name, getattr(files, each.name)) for each in fields(files)]
+    return " ".join(f"--{name} {value}" for name, value in given if value and not isinstance(value, bool))
 
 
 def _joined(words: list[str]) -> str:

@@ -236,6 +236,8 @@ def print_training(summary: dict[str, Any]) -> None:
     from rich.table import Table
 
     table = Table(title="training", show_header=False)
+    table.add_column()
+    table.add_column(overflow="fold")
     for name, value in summary.items():
         table.add_row(name.replace("_", " "), f"{value:,.3f}" if isinstance(value, float) else str(value))
     Console().print(table)

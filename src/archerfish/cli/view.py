@@ -11,8 +11,7 @@ import tyro
 
 from archerfish.cli.options import JsonFile
 from archerfish.cli.progress import note, progress_bar
-from archerfish.cli.restored_options import restore_options
-from archerfish.cli.setting import RobotOptions, SettingFiles, load_setting
+from archerfish.cli.setting import RobotOptions, SettingFiles, load_setting, trained_for
 from archerfish.controllers.policy import policy_from_record
 from archerfish.controllers.roster import CONTROLLERS, Listed, find_controller
 from archerfish.records import storage
@@ -144,7 +143,7 @@ def _subject(command: View, path: Path | None) -> "Subject":
     policy = None if path is None else read_policy(path)
     files = command.setting
     if path is not None and files == SettingFiles():
-        files = _trained_for(path.with_name("config.json"))
+        files = trained_for(path)
     setting = load_setting(files)
     limit = command.command_limit or (policy.command_limit if policy else "gate")
     if policy is not None and path is not None:
@@ -205,15 +204,6 @@ def _built_in_targets() -> dict[str, str]:
     from archerfish.viewer.motions import HAND, MOTIONS
 
     return {name.partition(" ")[0]: name for name in MOTIONS} | {"hand": HAND}
-
-
-def _trained_for(configuration: Path) -> SettingFiles:
-    """Return the robot's files that a run folder names; the paper's gimbal where there is no such file."""
-    if not configuration.is_file():
-        return SettingFiles()
-    plain = storage.read_json(configuration)
-    setting = plain.get("setting") if isinstance(plain, dict) else None
-    return restore_options(SettingFiles, setting) if isinstance(setting, dict) else SettingFiles()
 
 
 def _check_policy(path: Path, policy: PolicyRecord, period_s: float, limit: str) -> None:

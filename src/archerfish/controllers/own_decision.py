@@ -44,7 +44,8 @@ def _kind(answer: Any) -> str:
     if hasattr(answer, "shape"):
         return "an array"
     if isinstance(answer, tuple) and not hasattr(answer, "_fields"):
-        return f"({', '.join(type(each).__name__ for each in answer)})"
+        # What stands in for an array while JAX compiles is an array to who wrote the controller.
+        return f"({', '.join('array' if hasattr(each, 'shape') else type(each).__name__ for each in answer)})"
     return f"a {type(answer).__name__}"
 
 

@@ -1,6 +1,7 @@
 """Controllers by name, each built for a gimbal, a muzzle and a command limit: the classical ones, and a user's own."""
 
 from collections.abc import Callable
+from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -144,8 +145,10 @@ def find_controller(spec: str) -> Listed:
     if spec in CONTROLLERS:
         return Listed(spec, CONTROLLERS[spec], None)
     if not is_extension(spec, "controller") and not spec.endswith(".py"):
+        near = get_close_matches(spec.lower(), CONTROLLERS, 1)
+        meant = f"; perhaps you meant {near[0]}" if near else ""
         raise InputError(
-            f"controller must be one of {', '.join(CONTROLLERS)}, or one of your own ({FORMS}), got {spec!r}"
+            f"controller must be one of {', '.join(CONTROLLERS)}, or one of your own ({FORMS}), got {spec!r}{meant}"
         )
     found = find_extension(spec, "controller")
     if found.name in RESERVED:

@@ -77,7 +77,8 @@ def _draw_run(above: Axes, below: Axes, run: SimulatedRun, output: str, title: s
         low, high = (side[shown] for side in run.spread)
         above.fill_between(time, low, high, color=VERMILLION, alpha=0.25, linewidth=0, label="95 % band")
     above.plot(time, simulated, color=VERMILLION, linewidth=1.4, linestyle=(0, (4, 1.5)), label="simulated")
-    above.legend(loc="best", ncols=3)
+    # On a ground of its own: an oscillation fills the axes, and leaves no corner free.
+    above.legend(loc="best", ncols=3, frameon=True, facecolor="white", framealpha=0.85, edgecolor="none")
     name = f"{title}: {run.title}{note},"
     # A long one would run into the title beside it.
     between = "\n" if len(name) > _WIDEST_TITLE else " "

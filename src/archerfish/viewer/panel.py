@@ -109,8 +109,8 @@ class Controls:
                 "Dispersion [×]", *RANGES["dispersion"], 0.1, first.dispersion, hint=f"times {1e3 * deviation:.2g} mrad"
             )
             camera, link = (round(1e3 * RANGES[name][1]) for name in ("camera_latency", "command_latency"))
-            self._camera = gui.add_slider("Camera latency [ms]", 0, camera, 5, round(1e3 * first.camera_latency))
-            self._link = gui.add_slider("Command latency [ms]", 0, link, 5, round(1e3 * first.command_latency))
+            self._camera = gui.add_slider("Added camera latency [ms]", 0, camera, 5, round(1e3 * first.camera_latency))
+            self._link = gui.add_slider("Added command latency [ms]", 0, link, 5, round(1e3 * first.command_latency))
             new = gui.add_button("New engagements")
         self._names, self._first, self._seed = names, first, first.seed
         chosen = (self._controller, self._motion, self._distance, self._speed, self._dispersion)

@@ -12,7 +12,7 @@ from archerfish.records.recording import Recording
 
 ORDERS = tuple(range(1, 9))
 """Orders that are tried."""
-_WORTH_A_STATE = 0.2
+WORTH_A_STATE = 0.2
 """Points of fit on held-back recordings that another state must bring."""
 
 
@@ -91,7 +91,7 @@ def choose_order(
     worst = {order: _worst_fit(result, held_back) for order, result in results.items()}
     chosen = min(criteria, key=lambda order: criteria[order])
     if held_back:
-        chosen = max(worst, key=lambda order: (worst[order] or 0.0) - _WORTH_A_STATE * order)
+        chosen = max(worst, key=lambda order: (worst[order] or 0.0) - WORTH_A_STATE * order)
     least = min(criteria.values())
     trials = [
         OrderTrial(order, min(result.fit_percent), worst[order], criteria[order] - least)

@@ -12,6 +12,9 @@ Groups = NDArray[np.intp]
 
 SIGNIFICANT = 0.05
 """Chance below which a lack of fit is taken as shown."""
+TRIFLE = 0.2
+"""Misfit, as a share of the scatter of repeated shots, that widens where pellets go by 2 %: many shots show it, and no hit
+rate does."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,11 @@ class LackOfFit:
     def shown(self) -> bool:
         """Whether the model does not fit."""
         return self.p_value is not None and self.p_value < SIGNIFICANT
+
+    @property
+    def matters(self) -> bool:
+        """Whether the model does not fit by enough to be seen beside the scatter."""
+        return self.shown and not _is_trifle(self.rms_percent, self.replicate_percent)
 
 
 def lack_of_fit(
@@ -72,10 +80,15 @@ def lack_of_fit(
         statement=_statement(
             f"{model} leaves {_percent(rms)} of the distance (rms over the settings), "
             f"at worst {_percent(furthest, '+')} at {names[worst]}",
+            rms,
             replicate,
             p_value,
         ),
     )
+
+
+def _is_trifle(rms: float, replicate: float | None) -> bool:
+    return replicate is not None and rms < TRIFLE * replicate
 
 
 def _variance_ratio(group: Groups, deviation: Array, parameters: int) -> tuple[float, float]:
@@ -88,10 +101,12 @@ def _variance_ratio(group: Groups, deviation: Array, parameters: int) -> tuple[f
     return ratio, float(fisher.sf(ratio, freedom, spare))
 
 
-def _statement(left: str, replicate: float | None, p_value: float | None) -> str:
+def _statement(left: str, rms: float, replicate: float | None, p_value: float | None) -> str:
     if replicate is None or p_value is None:
         return f"{left}; without repeated shots this can't be told from scatter."
     scatter = f"repeated shots scatter by {_percent(replicate)}"
+    if p_value < SIGNIFICANT and _is_trifle(rms, replicate):
+        return f"{left}, while {scatter}: more than chance (p = {p_value:.2g}), but a trifle beside the scatter."
     if p_value < SIGNIFICANT:
         return f"{left}, while {scatter}: the flight model does not fit (p = {p_value:.2g})."
     return f"{left}, and {scatter}: no lack of fit shows (p = {p_value:.2g})."
