@@ -13,7 +13,7 @@ Groups = NDArray[np.intp]
 SIGNIFICANT = 0.05
 """Chance below which a lack of fit is taken as shown."""
 TRIFLE = 0.2
-"""Misfit, as a share of the scatter of repeated shots, that widens where pellets go by 2 %: many shots show it, and no hit
+"""Misfit, as a share of the scatter of repeated shots, that widens where pellets go by 2 %: many shots show it, no hit
 rate does."""
 
 
