@@ -50,11 +50,14 @@ def all_end(pids: list[int]) -> bool:
 
 
 @pytest.mark.parametrize(
-    "words",
-    ["train --ppo.environments 8 --ppo.rollout 8 --ppo.hidden 8", "reproduce --quick --workers 2"],
+    ("words", "why"),
+    [
+        ("train --ppo.environments 8 --ppo.rollout 8 --ppo.hidden 8", " before the first checkpoint; nothing was kept"),
+        ("reproduce --quick --workers 2", "; what was unfinished is discarded"),
+    ],
     ids=["train before its first checkpoint", "reproduce --quick"],
 )
-def test_ctrl_c_in_training_ends_in_one_line_and_leaves_nothing(started, tmp_path, words):
+def test_ctrl_c_in_training_ends_in_one_line_and_leaves_nothing(started, tmp_path, words, why):
     process = started(*words.split(), "--out", "runs/first", "--json", "facts/facts.json")
     said = read_until(process, b"training")
     workers = children_of(process)
@@ -63,7 +66,7 @@ def test_ctrl_c_in_training_ends_in_one_line_and_leaves_nothing(started, tmp_pat
     plain = re.sub(r"\x1b\[[?\d;]*[a-zA-Z]", "", (said + rest).decode())
     told = [line for line in plain.splitlines() if "━" not in line and line.strip()]
     assert process.returncode == 130
-    assert told == ["archerfish: interrupted; what was unfinished is discarded"]
+    assert told == [f"archerfish: interrupted{why}"]
     assert out == b""
     assert list(tmp_path.iterdir()) == []
     assert all_end(workers)

@@ -193,7 +193,8 @@ def test_an_unfinished_run_is_named_and_contradictions_are_refused(command, refu
     command("train", *SHORT.split(), "--out", "unbroken")
     assert_same_run(tmp_path / "runs" / "x", tmp_path / "unbroken")
     assert json.loads((tmp_path / "told.json").read_text())["steps"] == 256
-    assert "holds no unfinished run" in refused("train", "--resume", "runs/x")
+    assert "holds a training that is finished" in refused("train", "--resume", "runs/x")
+    assert "holds no unfinished run" in refused("train", "--resume", "runs/none")
 
 
 def test_an_earlier_run_survives_a_failed_new_one_until_it_is_resumed(command, stopped, tmp_path):

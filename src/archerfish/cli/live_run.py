@@ -216,9 +216,7 @@ def _ended(run: LiveRun, *, discard: bool) -> Iterator[None]:
         else:
             shutil.rmtree(run.folder, ignore_errors=True)
             if isinstance(error, Stopped):
-                error.told = (
-                    f"{error.told.partition(';')[0]} before anything was learnt; there is nothing to go on with"
-                )
+                error.told = f"{error.told.partition(';')[0]} before the first checkpoint; nothing was kept"
         raise
     finally:
         # The first fault is the one to hear of.

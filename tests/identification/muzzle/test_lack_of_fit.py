@@ -33,6 +33,20 @@ def test_a_model_within_the_scatter_passes():
     assert "no lack of fit shows" in found.statement
 
 
+def test_what_chance_does_not_explain_may_still_be_a_trifle():
+    distance = np.repeat([3.0, 4.0, 6.0], 4000)
+    scatter = 0.02 * np.random.default_rng(3).standard_normal((3, 4000))
+    bias = np.repeat([0.002, -0.002, 0.002], 4000)
+    residual = distance * (bias + (scatter - scatter.mean(axis=1, keepdims=True)).ravel())
+    found = lack_of_fit(np.repeat([0, 1, 2], 4000), residual, distance, distance, 2, "abc", "It")
+    assert found.shown
+    assert not found.matters
+    assert "a trifle beside the scatter" in found.statement
+    larger = lack_of_fit(np.repeat([0, 1, 2], 4000), residual + 3 * bias * distance, distance, distance, 2, "abc", "It")
+    assert larger.matters
+    assert "does not fit" in larger.statement
+
+
 def test_without_repetition_there_is_no_verdict():
     found = lack_of_fit(np.array([0, 1]), np.array([0.1, 0.0]), np.ones(2), np.array([3.0, 4.0]), 1, NAMES, "It")
     assert found.p_value is None
