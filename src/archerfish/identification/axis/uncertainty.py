@@ -57,7 +57,7 @@ class Posterior(NamedTuple):
     linear: Array
     """Numerators and, if estimated, feedthrough of each output, shape (c, p)."""
     root: Array
-    """R of the covariance R Rᵀ of the free numbers, then the linear parameters output by output, (n + c p, k)."""
+    """R of the covariance R Rᵀ of the free numbers and the linear parameters, output by output, shape (n + c p, k)."""
     inputs: int
     """Number of inputs m."""
     feedthrough: bool
