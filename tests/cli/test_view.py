@@ -3,13 +3,14 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from archerfish.cli import view
-from archerfish.cli.setting import SettingFiles, trained_for
+from archerfish.cli.setting import SettingFiles, overlaid, trained_for
 from archerfish.cli.view import View
 
 Command = Callable[..., tuple[int, str, str]]
@@ -103,6 +104,29 @@ def test_an_own_motion_is_played_where_jax_is_not(tmp_path: Path) -> None:
 @needs_viser
 def test_a_policy_is_played_under_its_own_limit_alone(refused: Refused, records: Path) -> None:
     assert "--command-limit gate" in refused("view", records / "policy.json", "--command-limit", "box")
+
+
+@needs_viser
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--controllers", "kalman"], "a recording is played as it is; leave out --controllers"),
+        (["--target", "still", "--robot", "infantry"], "leave out --target, a robot's files"),
+        (["--signals", "yaw"], "--signals takes ROLE=NAME, such as yaw=yaw, got 'yaw'"),
+    ],
+)
+def test_what_says_nothing_to_a_recording_is_refused(refused: Refused, tmp_path: Path, words: list, told: str) -> None:
+    (tmp_path / "log.csv").write_text("time_s,yaw\n0,0\n0.1,0.2\n0.2,0.3\n")
+    assert told in refused("view", "log.csv", *words)
+
+
+def test_options_come_on_top_of_what_a_policy_was_trained_for() -> None:
+    begun = SettingFiles(pitch=Path("p.json"), yaw=Path("y.json"), muzzle=Path("m.json"), robot="infantry")
+    assert overlaid(SettingFiles(), begun) == begun
+    assert overlaid(SettingFiles(accept_unusable=True), begun) == replace(begun, accept_unusable=True)
+    assert overlaid(SettingFiles(muzzle=Path("n.json")), begun) == replace(begun, muzzle=Path("n.json"))
+    other = overlaid(SettingFiles(plant="folder"), begun)
+    assert other == SettingFiles(plant="folder", muzzle=Path("m.json"), robot="infantry")
 
 
 @needs_viser

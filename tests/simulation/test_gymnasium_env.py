@@ -116,6 +116,31 @@ def test_actions_beyond_the_space_are_clipped() -> None:
     assert env.action_space.high.tolist() == [2.0, 2.0]
 
 
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [
+        (np.zeros(3), r"shape \(2,\), pitch and yaw, got shape \(3,\)"),
+        (0.0, r"got shape \(\)"),
+        ([0.0, np.nan], "not finite"),
+        ([np.inf, 0.0], "not finite"),
+    ],
+)
+def test_an_action_that_is_none_is_refused_and_costs_nothing(action: object, message: str) -> None:
+    env, untouched = ShootingEnv(), ShootingEnv()
+    for each in (env, untouched):
+        each.reset(seed=3)
+    with pytest.raises(InputError, match=message):
+        env.step(action)
+    assert np.array_equal(env.step(np.zeros(2))[0], untouched.step(np.zeros(2))[0])
+
+
+def test_a_reset_knows_seeds_from_0_and_no_options() -> None:
+    with pytest.raises(InputError, match="seed must be at least 0, got -1"):
+        ShootingEnv().reset(seed=-1)
+    with pytest.raises(InputError, match="reset knows no options, got target"):
+        ShootingEnv().reset(options={"target": "static"})
+
+
 def test_a_picture_shows_the_engagement() -> None:
     env = gymnasium.make("archerfish/Shooting-v0", render_mode="rgb_array")
     env.reset(seed=0)

@@ -36,9 +36,17 @@ def test_ends_are_told_as_stable_baselines_wants_them(both: tuple) -> None:
         assert np.array_equal(done, truncated)
         for member, info in enumerate(infos):
             assert info["TimeLimit.truncated"] is bool(truncated[member])
+            assert info["hit"] is bool(np.hypot(*info["miss"]) <= 0.06)
             assert ("terminal_observation" in info) == truncated[member]
             if truncated[member]:
                 assert_allclose(info["terminal_observation"], told["final_obs"][member])
+
+
+def test_films_have_the_rate_of_the_decisions_and_options_are_refused(both: tuple) -> None:
+    assert both[0].metadata["render_fps"] == 50
+    both[0].set_options({"target": "static"})
+    with pytest.raises(InputError, match="reset knows no options"):
+        both[0].reset()
 
 
 def test_stable_baselines_trains_in_it(both: tuple) -> None:

@@ -156,9 +156,20 @@ def test_what_can_not_be_used_is_named(options: dict, message: str) -> None:
     ("given", "message"),
     [
         ({"seed": [1]}, "expected 3, got 1"),
+        ({"seed": [1, -1, 2]}, "seed must be at least 0, got -1"),
+        ({"seed": -1}, "seed must be at least 0, got -1"),
         ({"options": {"reset_mask": np.array([True, False])}}, "reset_mask can't be used"),
+        ({"options": {"target": "static"}}, "reset knows no options, got target"),
     ],
 )
 def test_a_reset_that_can_not_be_done_is_refused(given: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
         ShootingVectorEnv(3, made()).reset(**given)
+
+
+@pytest.mark.parametrize("actions", [np.zeros(2), np.zeros((1, 2)), np.full((3, 2), np.nan)])
+def test_actions_that_are_none_are_refused(actions: np.ndarray) -> None:
+    env = ShootingVectorEnv(3, made())
+    env.reset(seed=0)
+    with pytest.raises(InputError, match=r"finite numbers of shape \(3, 2\)"):
+        env.step(actions)

@@ -10,11 +10,11 @@ import tyro
 from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.hit_rate_table import print_hit_rates, print_where
 from archerfish.cli.options import Folder, JsonFile, OwnMotionName
+from archerfish.cli.policy_check import check_policy
 from archerfish.cli.progress import note, progress_bar, require_jax
 from archerfish.cli.run_folder import run_folder
 from archerfish.cli.setting import RobotOptions, Setting, SettingFiles, configuration, load_setting
 from archerfish.cli.setting_remarks import policy_remarks, setting_remarks
-from archerfish.controllers.policy import policy_from_record
 from archerfish.controllers.roster import find_controller
 from archerfish.records import storage
 from archerfish.records.errors import InputError
@@ -189,17 +189,5 @@ def _read(command: Evaluate) -> list[Path]:
 
 def _policy(path: Path, period_s: float, command_limit: str) -> PolicyRecord:
     policy = read_policy(path)
-    if abs(policy.period_s - period_s) > 1e-9:
-        raise InputError(
-            f"{path}: trained for decisions every {policy.period_s} s, the setting has {period_s} s; train it anew"
-        )
-    if policy.command_limit != command_limit:
-        raise InputError(
-            f"{path}: trained under the command limit {policy.command_limit}, not {command_limit}; "
-            f"pass --command-limit {policy.command_limit} or train it anew"
-        )
-    try:
-        policy_from_record(policy)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+    check_policy(path, policy, period_s, command_limit)
     return policy

@@ -133,6 +133,19 @@ def trained_for(policy: Path) -> SettingFiles:
     return restore_options(SettingFiles, setting) if isinstance(setting, dict) else SettingFiles()
 
 
+def overlaid(given: SettingFiles, others: SettingFiles) -> SettingFiles:
+    """Return the files that were given, and of others what was not.
+
+    Args:
+      given: as typed; what has its default counts as not given.
+      others: such as a policy was trained for.
+    """
+    typed = {name: value for name, value in vars(given).items() if value != getattr(SettingFiles(), name)}
+    if typed.keys() & {"plant", "pitch", "yaw"}:
+        others = replace(others, plant="", pitch=None, yaw=None)
+    return replace(others, **typed)
+
+
 def both_axes(files: SettingFiles) -> SettingFiles:
     """Return the same files with --pitch and --yaw in the place of --plant.
 

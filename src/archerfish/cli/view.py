@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from archerfish.cli.options import JsonFile
+from archerfish.cli.policy_check import check_policy
 from archerfish.cli.progress import note, progress_bar
-from archerfish.cli.setting import RobotOptions, SettingFiles, load_setting, trained_for
-from archerfish.controllers.policy import policy_from_record
+from archerfish.cli.setting import RobotOptions, SettingFiles, load_setting, overlaid, trained_for
+from archerfish.cli.setting_remarks import policy_remarks, setting_remarks
 from archerfish.controllers.roster import CONTROLLERS, Listed, find_controller
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.extensions import is_extension
-from archerfish.records.policy import PolicyRecord, read_policy
+from archerfish.records.policy import read_policy
 
 if TYPE_CHECKING:
     from archerfish.simulation.own_motion import OwnMotion
@@ -54,7 +55,10 @@ class View:
     ] = None
     """Run folder of train, policy record (policy.json), or a gimbal's recording; none for the classical controllers."""
     controllers: Annotated[
-        tuple[str, ...], tyro.conf.arg(metavar="NAME…", help_behavior_hint="(default: policy kalman-lq, or the latter)")
+        tuple[str, ...],
+        tyro.conf.arg(
+            metavar="NAME…", help_behavior_hint="(default: policy kalman-lq; kalman-lq kalman without a policy)"
+        ),
     ] = ()
     """Who steers first, and who meets the same engagements after it: policy, kalman, kalman-lq, parabola-lq, no-lead,
     vertex, oracle, or one of your own (./FILE.py:NAME, docs/adding.md)."""
@@ -141,13 +145,15 @@ def _subject(command: View, path: Path | None) -> "Subject":
     from archerfish.viewer.choice import Subject
 
     policy = None if path is None else read_policy(path)
-    files = command.setting
-    if path is not None and files == SettingFiles():
-        files = trained_for(path)
+    files = command.setting if path is None else overlaid(command.setting, trained_for(path))
     setting = load_setting(files)
+    for remark in setting_remarks(files, setting):
+        note(remark)
     limit = command.command_limit or (policy.command_limit if policy else "gate")
     if policy is not None and path is not None:
-        _check_policy(path, policy, setting.conditions.control_period_s, limit)
+        check_policy(path, policy, setting.conditions.control_period_s, limit)
+        for remark in policy_remarks(path, policy, setting):
+            note(remark)
     policies = {} if policy is None else {POLICY: policy}
     return Subject(
         name=setting.name,
@@ -206,22 +212,6 @@ def _built_in_targets() -> dict[str, str]:
     return {name.partition(" ")[0]: name for name in MOTIONS} | {"hand": HAND}
 
 
-def _check_policy(path: Path, policy: PolicyRecord, period_s: float, limit: str) -> None:
-    if abs(policy.period_s - period_s) > 1e-9:
-        raise InputError(
-            f"{path}: trained for decisions every {policy.period_s} s, the setting has {period_s} s; train it anew"
-        )
-    if policy.command_limit != limit:
-        raise InputError(
-            f"{path}: trained under the command limit {policy.command_limit}, not {limit}; "
-            f"pass --command-limit {policy.command_limit} or train it anew"
-        )
-    try:
-        policy_from_record(policy)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-
-
 def _first_choice(command: View, subject: "Subject") -> "tuple[Choice, str]":
     from archerfish.viewer.choice import RANGES, Choice, check_choice, controller_names
 
@@ -266,12 +256,23 @@ def _name_of(spec: str) -> str:
     return spec.rpartition(":")[2]
 
 
+def _is_given(command: View, name: str) -> bool:
+    return bool(getattr(command, name) != getattr(View(), name))
+
+
 def _serve_recording(command: View) -> dict[str, Any]:
     from archerfish.viewer.recordings import read_gimbal_recording
 
     assert command.source is not None
     if command.export is not None:
         raise InputError("--export writes trials, and a recording holds none; leave it out, or name a policy")
+    idle = [name for name in ("controllers", "target", "setting", "command_limit") if _is_given(command, name)]
+    if idle:
+        names = ", ".join("a robot's files" if name == "setting" else f"--{name.replace('_', '-')}" for name in idle)
+        raise InputError(f"{command.source}: a recording is played as it is; leave out {names}, or name a policy")
+    unnamed = [each for each in command.signals if not all(each.partition("="))]
+    if unnamed:
+        raise InputError(f"--signals takes ROLE=NAME, such as yaw={unnamed[0].strip('=')}, got {unnamed[0]!r}")
     signals = dict(each.partition("=")[::2] for each in command.signals)
     recording = read_gimbal_recording(command.source, command.time, signals)
     for remark in recording.remarks:

@@ -9,8 +9,10 @@ from archerfish.dynamics.muzzle import muzzle_from_record
 from archerfish.paper.conditions import Conditions, assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_plants
 from archerfish.records.errors import InputError, file_error
+from archerfish.records.extensions import is_extension
 from archerfish.records.limits import LimitsRecord
 from archerfish.records.muzzle import MuzzleRecord
+from archerfish.records.own_plant import find_plant
 from archerfish.records.plant import PlantRecord, read_plant
 from archerfish.records.sensing import SensingRecord
 from archerfish.sensing.kalman_filter import noise_from_record
@@ -18,11 +20,13 @@ from archerfish.sensing.observation import ACTION_SCALES, make_observer
 from archerfish.sensing.observers import AnyObserver
 from archerfish.sensing.tracked_observation import TRACKER_ACCELERATION, tracked_observer
 from archerfish.simulation.environment import HIDDEN, PureWorld, ShootingEnvironment
-from archerfish.simulation.own_motion import OwnMotion, find_motion
-from archerfish.simulation.scenario import TARGETS
+from archerfish.simulation.own_motion import OwnMotion, check_paths, find_motion
+from archerfish.simulation.scenario import TARGETS, draw_engagement
 from archerfish.simulation.setting import make_scenario, make_world, paper_muzzle
 
 PAPER = "paper"
+_CHECKED = 400
+"""Targets of a user's own motion that are looked at before anything is trained on them."""
 """The plant that needs no file."""
 Plants = str | Path | tuple[PlantRecord, PlantRecord]
 """The paper's gimbal, a folder with pitch.json and yaw.json, or the records of pitch and yaw."""
@@ -44,7 +48,8 @@ def make_environment(
     """Put an environment together.
 
     Args:
-      plant: "paper", a folder as `archerfish identify gimbal` writes it, or two records.
+      plant: "paper", a folder as `archerfish identify gimbal` writes it, one of your own as `own_plant.find_plant`
+        takes it, or two records.
       target: "static", "dynamic" or "both".
       command_limit: "box", "gate" or "los-2deg".
       observation: "history", "paper" or "tracked"; the last where there is a sensing record, else the first.
@@ -94,11 +99,18 @@ def environment_in(
       hit_bonus: what a hit adds to the reward of eq (8) [m].
       asymmetric: whether a critic gets to see where the target really is and will be.
       motion: how targets move, if not as eq (7) says.
+
+    Raises:
+      InputError: if targets of that motion are nowhere, or behind the gimbal.
     """
     drawer = motion.drawer if motion else ()
+    scenario = make_scenario(conditions, static_share=static_share, plants=world.plants, motion=drawer)
+    if motion:
+        uniforms = np.random.default_rng(0).random((_CHECKED, scenario.uniforms), dtype=np.float32)
+        check_paths(motion, draw_engagement(scenario, uniforms).motion, conditions.engagement_s)
     return ShootingEnvironment(
         world,
-        make_scenario(conditions, static_share=static_share, plants=world.plants, motion=drawer),
+        scenario,
         single_precision(observer),
         np.asarray(conditions.decisions, np.int32),
         hit_bonus=np.float32(hit_bonus),
@@ -140,6 +152,8 @@ def _plants(plant: Plants) -> tuple[PlantRecord, PlantRecord]:
     if plant == PAPER:
         printed = printed_plants()
         return printed["pitch"], printed["yaw"]
+    if not Path(plant).exists() and is_extension(str(plant), "plant"):
+        return find_plant(str(plant), "pitch")[0], find_plant(str(plant), "yaw")[0]
     return _read_axis(Path(plant), "pitch"), _read_axis(Path(plant), "yaw")
 
 

@@ -51,7 +51,7 @@ def step(
 
     Args:
       state: of `reset` or of the step before.
-      action: shape (2,).
+      action: shape (2,); taken as it is, where the environments of Gymnasium clip theirs.
       key: PRNG key; is consumed.
       environment: where.
     """

@@ -1,5 +1,6 @@
 """One engagement after the other as a Gymnasium environment: NumPy in and out, one compiled program within."""
 
+import math
 from collections import deque
 from functools import partial
 from typing import Any
@@ -52,7 +53,10 @@ def given_or_made(environment: ShootingEnvironment | None, options: dict[str, An
     if environment is None:
         return make_environment(**options)
     if options:
-        raise InputError(f"an environment is given, so {', '.join(options)} can't be; give one or the other")
+        raise InputError(
+            f"an environment is given, so {', '.join(options)} can't be; give one or the other (archerfish/Shooting-v0 "
+            "sets nothing by itself)"
+        )
     return environment
 
 
@@ -60,6 +64,25 @@ def possible_render_modes(period_s: float) -> dict[str, Any]:
     """Return Gymnasium's description of how an environment can be shown here, in real time."""
     modes = [mode for mode in RENDER_MODES if mode != "human" or has_display()]
     return {"render_modes": modes, "render_fps": round(1.0 / period_s)}
+
+
+def check_reset(seed: int | None, options: dict[str, Any] | None) -> None:
+    """Raise InputError if a seed is negative, or there are options: no environment of ours knows any."""
+    if seed is not None and seed < 0:
+        raise InputError(f"seed must be at least 0, got {seed}")
+    if options:
+        raise InputError(f"reset knows no options, got {', '.join(map(str, options))}; give them when making it")
+
+
+def refused_actions(actions: Floats, expected: tuple[int, ...]) -> InputError:
+    """Return why actions of a wrong shape, or with a number that is not finite, are not taken.
+
+    Args:
+      actions: as given.
+      expected: their shape.
+    """
+    found = "a number that is not finite" if actions.shape == expected else f"shape {actions.shape}"
+    return InputError(f"an action must be finite numbers of shape {expected}, pitch and yaw, got {found}")
 
 
 class ShootingEnv(gymnasium.Env[Floats, Floats]):
@@ -108,7 +131,11 @@ class ShootingEnv(gymnasium.Env[Floats, Floats]):
         Args:
           seed: of everything random from now on; without one, what was begun goes on.
           options: none are known.
+
+        Raises:
+          InputError: if there are options, or the seed is negative.
         """
+        check_reset(seed, options)
         super().reset(seed=seed, options=options)
         if seed is not None or self._stream is None:
             seed = int(self.np_random.integers(2**32)) if seed is None else seed
@@ -133,9 +160,15 @@ class ShootingEnv(gymnasium.Env[Floats, Floats]):
         Returns:
           Observation, reward [m], False, whether the engagement's time is up, and where the pellet passed the armor:
           `miss` in y and z [m], and whether that is a `hit`.
+
+        Raises:
+          InputError: if the action is not two finite numbers.
         """
         if self._state is None or self._stream is None:
             raise gymnasium.error.ResetNeeded("call reset before step")
+        asked = np.asarray(action, np.float32)
+        if asked.shape != (ACTIONS,) or not all(map(math.isfinite, asked.tolist())):
+            raise refused_actions(asked, (ACTIONS,))
         self._stream = following(self._stream)
         floats, integers, told = _advance(
             self._environment,
@@ -143,7 +176,7 @@ class ShootingEnv(gymnasium.Env[Floats, Floats]):
             self._bound,
             *self._parameters,
             *self._state,
-            np.asarray(action, np.float32),
+            asked,
             self._stream.draws.normals,
             self._stream.place,
         )

@@ -2,7 +2,7 @@
 
 import functools
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,7 +45,7 @@ def find_motion(spec: str) -> OwnMotion:
     """
     found = find_extension(spec, "motion")
     draw = getattr(found.value, "draw", None) if isinstance(found.value, type) else found.value
-    if not callable(draw):
+    if not callable(draw) or not isinstance(draw, Hashable):
         raise InputError(
             f"{found.where}: expected a function draw(place, speed, chance) that returns a motion, or a class with "
             f"such a classmethod, got {type(found.value).__name__} {found.name}; docs/adding.md has one"
@@ -69,8 +69,10 @@ def _drawer(draw: Callable[..., Any], extension: Extension) -> Any:
 
 
 def _check_record(motion: Any, batch: tuple[int, ...]) -> None:
-    if not hasattr(motion, "_fields") or not callable(getattr(motion, "position", None)):
-        raise InputError(f"draws a {type(motion).__name__}, expected a NamedTuple of arrays with position(time)")
+    if not getattr(motion, "_fields", ()) or not callable(getattr(motion, "position", None)):
+        raise InputError(
+            f"draws a {type(motion).__name__}, expected a NamedTuple of one or more arrays with position(time)"
+        )
     for name, value in zip(motion._fields, motion, strict=True):
         shapes: list[Any] = []
         map_arrays(lambda each, shapes=shapes: shapes.append(getattr(each, "shape", None)), value)

@@ -5,7 +5,7 @@
 
     gymnasium.make("archerfish/Shooting-v0", plant="runs/infantry", target="dynamic")
 
-All take the options of `assembly.make_environment`, or an environment.
+All take the options of `assembly.make_environment`; `archerfish/Shooting-v0` also takes an environment in their place.
 """
 
 import gymnasium

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.records.errors import InputError
-from archerfish.simulation.gymnasium_env import Floats
+from archerfish.simulation.gymnasium_env import Floats, check_reset
 from archerfish.simulation.picture import Picture
 from archerfish.simulation.vector_env import ShootingVectorEnv
 
@@ -36,12 +36,19 @@ class ShootingVecEnv(VecEnv):  # type: ignore[misc]  # its package may be missin
           InputError: if an option can't be used.
         """
         self._inner = ShootingVectorEnv(num_envs, **options)
-        self.metadata, self.render_mode = self._inner.metadata, self._inner.render_mode
+        self.render_mode = self._inner.render_mode
         super().__init__(num_envs, self._inner.single_observation_space, self._inner.single_action_space)
+        self.metadata = self._inner.metadata  # its own would lose the rate of the frames
         self._actions: Floats | None = None
 
     def reset(self) -> Floats:
-        """Begin all engagements, with the seeds of `seed` if they are new, shape (B, n)."""
+        """Begin all engagements, with the seeds of `seed` if they are new, shape (B, n).
+
+        Raises:
+          InputError: if there are options; none are known.
+        """
+        for each in self._options:
+            check_reset(None, each)
         # Stable-Baselines3 gives None for an environment that it has no seed for.
         seeds = None if all(each is None for each in self._seeds) else [*self._seeds]
         observation, _ = self._inner.reset(seed=seeds)
@@ -54,11 +61,18 @@ class ShootingVecEnv(VecEnv):  # type: ignore[misc]  # its package may be missin
         self._actions = actions
 
     def step_wait(self) -> tuple[Floats, Floats, NDArray[np.bool_], list[dict[str, Any]]]:
-        """Take the step: observations, rewards [m], whether engagements ended, and an info for each."""
+        """Take the step: observations, rewards [m], whether engagements ended, and an info for each.
+
+        An info has `miss`, where the pellet passed the armor in y and z [m], and `hit`, besides what its package wants.
+        """
         assert self._actions is not None
         observation, given = self._inner.advance(self._actions)
         ended = np.array(given.truncated)
-        infos: list[dict[str, Any]] = [{"TimeLimit.truncated": each} for each in ended.tolist()]
+        miss, hit = self._inner.passed(given)
+        infos: list[dict[str, Any]] = [
+            {"TimeLimit.truncated": up, "miss": where, "hit": struck}
+            for up, where, struck in zip(ended.tolist(), miss, hit.tolist(), strict=True)
+        ]
         if ended.any():
             final = np.asarray(given.observation)
             for member in np.flatnonzero(ended):

@@ -19,7 +19,16 @@ from numpy.typing import NDArray
 from archerfish.records.errors import InputError
 from archerfish.simulation.draw_stream import DrawStream, begin_stream, following
 from archerfish.simulation.environment import Advance, EnvironmentState, ShootingEnvironment
-from archerfish.simulation.gymnasium_env import Floats, given_or_made, picture_of, possible_render_modes, spaces_of
+from archerfish.simulation.gymnasium_env import (
+    ACTIONS,
+    Floats,
+    check_reset,
+    given_or_made,
+    picture_of,
+    possible_render_modes,
+    refused_actions,
+    spaces_of,
+)
 from archerfish.simulation.picture import REMEMBERED, Picture
 
 Flags = NDArray[np.bool_]
@@ -79,11 +88,13 @@ class ShootingVectorEnv(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]
           options: none are known; `reset_mask` is refused, for what ends begins anew by itself.
 
         Raises:
-          InputError: if there is not one seed per environment, or a mask is given.
+          InputError: if there is not one seed per environment, one is negative, or there are options.
         """
         if options and "reset_mask" in options:
             raise InputError("reset_mask can't be used: an engagement that ends begins anew in the same step")
-        super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None, options=options)
+        first = int(seed) if isinstance(seed, int | np.integer) else None
+        check_reset(first, options)
+        super().reset(seed=first, options=options)
         if seed is not None or self._stream is None:
             self._stream = begin_stream(self._seeds(seed), *self._sizes)
         else:
@@ -122,14 +133,20 @@ class ShootingVectorEnv(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]
 
         Returns:
           Observations for the next decision, shape (B, n), and what the step gave before anything began anew.
+
+        Raises:
+          InputError: if the actions are not two finite numbers for each engagement.
         """
         if self._state is None or self._stream is None:
             raise gymnasium.error.ResetNeeded("call reset before step")
+        asked, expected = np.asarray(actions, np.float32), (self.num_envs, ACTIONS)
+        if asked.shape != expected or not np.isfinite(asked).all():
+            raise refused_actions(asked, expected)
         self._stream = following(self._stream)
         self._state, observation, given = _step(
             self._environment,
             self._state,
-            np.asarray(actions, np.float32),
+            asked,
             self._bound,
             *self._stream.draws,
             self._stream.place,
@@ -137,6 +154,15 @@ class ShootingVectorEnv(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]
         if self.render_mode is not None:
             self._misses.append((np.asarray(given.miss), np.asarray(given.truncated)))
         return observation, given
+
+    def passed(self, given: Advance) -> tuple[Floats, Flags]:
+        """Return where pellets passed the armor in y and z [m], shape (B, 2), and which of them hit.
+
+        Args:
+          given: what a step gave.
+        """
+        miss = np.array(given.miss)
+        return miss, np.asarray(np.sum(miss**2, axis=-1) <= self._hit_radius**2)
 
     def render(self) -> tuple[Picture, ...] | None:
         """Draw every engagement, each of shape (height, width, 3)."""
@@ -162,6 +188,8 @@ class ShootingVectorEnv(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]
         given: Sequence[int | None] = [None] * self.num_envs if seed is None else seed
         if len(given) != self.num_envs:
             raise InputError(f"seeds must be one per environment: expected {self.num_envs}, got {len(given)}")
+        for each in given:
+            check_reset(each, None)
         drawn = self.np_random.integers(2**32, size=self.num_envs)
         return [int(own) if each is None else each for each, own in zip(given, drawn, strict=True)]
 
