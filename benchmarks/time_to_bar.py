@@ -8,6 +8,7 @@ else to do.
 """
 
 import argparse
+import json
 import os
 import statistics
 import subprocess
@@ -42,7 +43,7 @@ RESULT = Path(__file__).parent / "results" / "time_to_bar.json"
 SEEDS = (0, 1, 2)
 ENGAGEMENTS = 200
 LENGTHS = (51_200, 102_400, 153_600, 204_800, 307_200, 512_000, 716_800, 1_024_000, 1_536_000)
-"""Decisions; whole calls of every trainer."""
+"""Decisions that are asked for; a trainer rounds them to whole calls of its own."""
 PAPER, ORACLE = "the paper's PPO column", "95 to 98 % of the oracle"
 TARGETS = {"PPO": 12.0, "gradient": 6.0}
 """Trainer → most seconds to the paper's column."""
@@ -55,6 +56,8 @@ class Attempt(NamedTuple):
 
     seconds: float
     """From the start of its process to its end."""
+    decisions: int
+    """That it was trained for."""
     cells: NDArray[np.float64]
     """Hit rates, 0…1, shape (8,)."""
 
@@ -78,7 +81,8 @@ def ours(trainer: str, trials: Trials, folder: Path, decisions: int, seed: int) 
     )
     seconds = time.perf_counter() - begun
     policy = policy_from_record(read_policy(out / "policy.json"))
-    return Attempt(seconds, hit_rates(environment.world, policy, trials))
+    trained = int(json.loads((out / "log.jsonl").read_text().splitlines()[-1])["steps"])
+    return Attempt(seconds, trained, hit_rates(environment.world, policy, trials))
 
 
 def stable_baselines(trials: Trials, folder: Path, decisions: int, seed: int) -> Attempt:
@@ -89,7 +93,7 @@ def stable_baselines(trials: Trials, folder: Path, decisions: int, seed: int) ->
     seconds = time.perf_counter() - begun
     if done.problem:
         raise NotRunError(done.problem)
-    return Attempt(seconds, shares(build_environment(), done.policies[-1][1], trials))
+    return Attempt(seconds, done.policies[-1][0], shares(build_environment(), done.policies[-1][1], trials))
 
 
 def climb(way: Way, bars: dict[str, NDArray[np.float64]], seeds: Sequence[int]) -> dict[str, Any]:
@@ -106,7 +110,7 @@ def climb(way: Way, bars: dict[str, NDArray[np.float64]], seeds: Sequence[int]) 
         for name, bar in bars.items():
             if name not in reached and all(np.all(each.cells >= bar) for each in attempts):
                 reached[name] = {
-                    "decisions": decisions,
+                    "decisions": attempts[0].decisions,
                     "median_seconds": round(statistics.median(each.seconds for each in attempts), 2),
                     "seconds": [round(each.seconds, 2) for each in attempts],
                     "cells_percent": [np.round(100 * each.cells, 2).tolist() for each in attempts],

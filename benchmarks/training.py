@@ -28,8 +28,8 @@ from archerfish.dynamics.muzzle import muzzle_from_record
 from archerfish.evaluation.suites import Trials, draw_trials, table_suites
 from archerfish.evaluation.trial import fight
 from archerfish.learning.config import PpoConfig
-from archerfish.learning.ppo import iterate, make_learner, sizes
-from archerfish.learning.shards import claim_devices
+from archerfish.learning.ppo import SPLIT, iterate, make_learner, sizes
+from archerfish.learning.shards import claim_devices, placed
 from archerfish.learning.training import CHUNK, trained_policy
 from archerfish.learning.update import hyper
 from archerfish.paper.conditions import assumed_conditions
@@ -103,7 +103,8 @@ def train_and_judge(environment: ShootingEnvironment, config: PpoConfig, judge: 
     settings, size = hyper(config), sizes(config)
     per_call = CHUNK * size.environments * size.rollout
     begin_seconds = timed(lambda: make_learner(environment, config, jax.random.key(SEED)))[1]
-    learner = make_learner(environment, config, jax.random.key(SEED))
+    # Placed at once, as `archerfish train` does it: else the second call would be compiled anew.
+    learner = placed(make_learner(environment, config, jax.random.key(SEED)), config.shards, SPLIT)
     first_seconds = timed(lambda: iterate(environment, settings, learner, size, CHUNK))[1]
     passed, evaluations = [], []
     for _ in track(range(config.steps // per_call), "training"):

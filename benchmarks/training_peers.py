@@ -11,9 +11,10 @@ import argparse
 import os
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from statistics import median
 from typing import Any, NamedTuple
 
 import jax
@@ -53,9 +54,11 @@ TABLES = ("II", "III")
 SHORT = 4 * UNSTEADY
 """Iterations of a training that is only timed; ours and Brax's run four in a call."""
 THREADS = (1, 2)
+TOLD_THREADS = (SB3, BRAX)
+"""Tools that are told how many threads, or for Brax devices, to use; both numbers are tried."""
 ROUNDS = 3
-"""Of short trainings, one tool after the other. The fastest round counts, for every tool: what else the machine had to
-do slows a round down and never speeds one up, and slows a program on two cores more than one on one."""
+"""Of short trainings, one tool after the other: rates are those of the fastest round, as what else the machine has to
+do only slows one down; ratios are taken round by round, and the median counts."""
 
 
 class Extent(NamedTuple):
@@ -110,7 +113,7 @@ def measure(tools: Sequence[Tool], extent: Extent, folder: Path) -> dict[str, An
     environment, config = shooting_environment(), PpoConfig(steps=extent.steps)
     trials = draw_trials(table_suites(CONDITIONS), extent.engagements, CONDITIONS.decisions, SEED, "tuning")
     figures = environment_figures(environment, config, extent)
-    threads = fastest_threads(config, folder) if SB3 in tools else 1
+    threads = {tool.name: fastest_threads(tool, config, folder) for tool in tools if tool in TOLD_THREADS}
     rounds = speed_rounds(tools, config, threads, folder)
     best: dict[str, Training] = {}
     described: dict[str, dict[str, Any]] = {}
@@ -122,9 +125,9 @@ def measure(tools: Sequence[Tool], extent: Extent, folder: Path) -> dict[str, An
             best[tool.name] = best[tool.name]._replace(policies=judged.policies)
             described[tool.name] |= learnt
     ours = best[OURS.name]
-    for each in described.values():
-        rate = each.get("steps_per_second")
-        each["ours_over_it"] = None if rate is None else ours.steps_per_second / rate
+    ratios = {tool.name: ratio(rounds[OURS.name], rounds[tool.name]) for tool in tools}
+    for name, each in described.items():
+        each["ours_over_it"] = ratios[name]
     # What steps one environment after the other grows with nothing, and takes its time to show it.
     able = [tool for tool in tools if not best[tool.name].problem and tool not in WITHOUT_POLICY]
     figures |= learning_figures(ours, config, environment, trials)
@@ -147,7 +150,7 @@ def measure(tools: Sequence[Tool], extent: Extent, folder: Path) -> dict[str, An
         "growth_with_hidden": grown(able, config, best, "hidden", extent.hidden, folder),
         "growth_with_seeds": seeds_at_once(able, config, extent.seeds, folder),
         "figures": figures,
-        "targets": targets(best, figures),
+        "targets": targets(ratios, figures),
     }
 
 
@@ -159,14 +162,14 @@ def case_of(config: PpoConfig, iterations: int | None = None, **changes: Any) ->
     return case if iterations is None else case._replace(steps=iterations * case.batch)
 
 
-def fastest_threads(config: PpoConfig, folder: Path) -> int:
-    """Return the number of threads that Stable-Baselines3 is fastest with."""
-    rates = {each: train(SB3, case_of(config, 2 * SHORT, threads=each), folder) for each in THREADS}
+def fastest_threads(tool: Tool, config: PpoConfig, folder: Path) -> int:
+    """Return the number of threads, or devices, that a tool is fastest with."""
+    rates = {each: train(tool, case_of(config, 2 * SHORT, threads=each), folder) for each in THREADS}
     return max(rates, key=lambda each: 0.0 if rates[each].problem else rates[each].steps_per_second)
 
 
 def speed_rounds(
-    tools: Sequence[Tool], config: PpoConfig, threads: int, folder: Path
+    tools: Sequence[Tool], config: PpoConfig, threads: Mapping[str, int], folder: Path
 ) -> dict[str, tuple[Training, ...]]:
     """Train for a short while by every tool in turn, and again; tool → its trainings."""
     found: dict[str, tuple[Training, ...]] = {tool.name: () for tool in tools}
@@ -176,7 +179,7 @@ def speed_rounds(
             if slow and number:
                 continue
             print(f"round {number + 1} of {ROUNDS}: {tool.name}", flush=True)
-            case = case_of(config, SHORT if slow else 4 * SHORT, threads=threads if tool is SB3 else 1)
+            case = case_of(config, SHORT if slow else 4 * SHORT, threads=threads.get(tool.name, 1))
             found[tool.name] += (train(tool, case, folder, folder / f"cache_{tool.name}"),)
     return found
 
@@ -188,7 +191,7 @@ def describe_tool(tool: Tool, rounds: Sequence[Training], best: Training) -> dic
     warm = [each.compile_seconds for each in rounds[1:] if not each.problem]
     return {
         "version": version(tool),
-        "threads": best.case.threads if tool is SB3 else None,
+        "threads": best.case.threads if tool in TOLD_THREADS else None,
         "steps_per_second": round(best.steps_per_second),
         "steps_per_second_of_rounds": [None if each.problem else round(each.steps_per_second) for each in rounds],
         "compile_seconds_cold": round(rounds[0].compile_seconds, 2),
@@ -316,15 +319,24 @@ def vmapped_rate(config: PpoConfig, count: int) -> float:
     return CHUNK * config.batch * count / seconds
 
 
-def targets(best: dict[str, Training], figures: dict[str, float]) -> dict[str, tuple[float, float]]:
+def ratio(ours: Sequence[Training], theirs: Sequence[Training]) -> float | None:
+    """Return by how much we were faster, the median over the rounds; None where the other never ran."""
+    pairs = [
+        one.steps_per_second / other.steps_per_second
+        for one, other in zip(ours, theirs, strict=False)
+        if not one.problem and not other.problem
+    ]
+    return median(pairs) if pairs else None
+
+
+def targets(ratios: dict[str, float | None], figures: dict[str, float]) -> dict[str, tuple[float, float]]:
     """Return what was to be reached and what was; of tools that could not be run, nothing."""
-    ours = best[OURS.name].steps_per_second
-    ratios = {
-        f"training over {tool.name}": (least, ours / best[tool.name].steps_per_second)
+    trained = {
+        f"training over {tool.name}": (least, reached)
         for tool, least in ((SB3, 5.0), (SBX, 2.0), (BRAX, 2.0))
-        if tool.name in best and not best[tool.name].problem
+        if (reached := ratios.get(tool.name)) is not None
     }
-    return ratios | {
+    return trained | {
         "training over matrix product 512": (0.35, figures["training over matrix product 512"]),
         "environment steps/s, compiled": (8e6, figures["environment steps/s, compiled"]),
         "compiled over one at a time": (20.0, figures["compiled over one at a time"]),

@@ -6,8 +6,8 @@ import jax
 from training_protocol import Case, Log, Policy, main, shooting_environment
 
 from archerfish.learning.config import PpoConfig
-from archerfish.learning.ppo import Learner, iterate, make_learner, sizes
-from archerfish.learning.shards import claim_devices
+from archerfish.learning.ppo import SPLIT, Learner, iterate, make_learner, sizes
+from archerfish.learning.shards import claim_devices, placed
 from archerfish.learning.training import CHUNK
 from archerfish.learning.update import hyper
 
@@ -19,7 +19,8 @@ def train(case: Case, log: Log) -> None:
     claim_devices(config.shards)
     environment = jax.tree.map(jax.numpy.asarray, shooting_environment())
     log.begin()
-    learner = make_learner(environment, config, jax.random.key(case.seed))
+    # Placed at once, as `archerfish train` does it: else the second call would be compiled anew.
+    learner = placed(make_learner(environment, config, jax.random.key(case.seed)), config.shards, SPLIT)
     for done in range(CHUNK, max(case.iterations, CHUNK) + 1, CHUNK):
         learner, _ = jax.block_until_ready(iterate(environment, hyper(config), learner, sizes(config), CHUNK))
         log.passed(done * case.batch, partial(_policy, learner))

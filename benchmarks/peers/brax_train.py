@@ -16,7 +16,8 @@ from training_protocol import ACTION_BOUND, Case, Log, Policy, main, shooting_en
 
 
 def _replicated(tree: Any, devices: list[Any]) -> Any:
-    return jax.tree.map(lambda each: jnp.stack([jnp.asarray(each)] * len(devices)), tree)
+    place = jax.sharding.NamedSharding(jax.sharding.Mesh(np.array(devices), ("d",)), jax.sharding.PartitionSpec("d"))
+    return jax.tree.map(lambda each: jax.device_put(jnp.stack([jnp.asarray(each)] * len(devices)), place), tree)
 
 
 if not hasattr(jax, "device_put_replicated"):
@@ -78,7 +79,8 @@ class Shooting(Env):
 
 
 def train(case: Case, log: Log) -> None:
-    """Train with one learning rate, which does not fall."""
+    """Train with one learning rate, which does not fall, on as many devices as the case has threads."""
+    jax.config.update("jax_num_cpu_devices", case.threads)
     calls = max(1, round(case.iterations / CHUNK))
 
     def note(steps: int, _: Any, parameters: Any) -> None:

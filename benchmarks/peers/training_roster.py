@@ -11,9 +11,9 @@ TRAINERS = (OURS, SB3, SBX, BRAX, RLTOOLS)
 WITHOUT_POLICY = (RLTOOLS,)
 """Whose policies come out as source of another language: their speed is measured, not what they learn."""
 DIFFERENCES = {
-    SB3.name: "one learning rate; rolls out in NumPy through our vector environment",
+    SB3.name: "one learning rate; clips actor and critic as one; rolls out in NumPy through our vector environment",
     SBX.name: "one learning rate; rolls out in NumPy through our vector environment",
-    BRAX.name: "one learning rate that does not fall; masks the step at which time is up; two threads",
-    RLTOOLS.name: "one learning rate that does not fall; steps our environment one at a time from C++",
+    BRAX.name: "one learning rate that does not fall; values weigh half; masks the step at which time is up",
+    RLTOOLS.name: "one learning rate that does not fall; steps our environment one at a time from C++; no BLAS",
 }
 """Tool → what it does otherwise."""

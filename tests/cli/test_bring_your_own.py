@@ -191,7 +191,10 @@ def test_commands_that_are_no_numbers_are_refused_with_their_decision(command, o
         ("Flat", "own:Flat: position(time) returns shape (5,) for 5 targets, expected (5, 3)"),
         ("Constant", "own:Constant: Constant.place is of shape (3,), expected an array whose shape begins with"),
         ("Sudden", "own:Sudden: line 52: TracerBoolConversionError; it runs compiled"),
-        ("one_number", "own:one_number: draws a ndarray, expected a NamedTuple of one or more arrays with position(time)"),
+        (
+            "one_number",
+            "own:one_number: draws a ndarray, expected a NamedTuple of arrays with position(time)",
+        ),
         ("wants_more", "own:wants_more: TypeError: wants_more() missing 1 required positional argument"),
         ("number", "own:number: expected a function draw(place, speed, chance)"),
     ],

@@ -6,13 +6,14 @@ import pytest
 from archerfish.learning.gradient_config import GradientConfig
 from archerfish.records.errors import InputError
 
+NORMS = ("learning_rate", "gradient_norm", "engagement_norm")
+
 
 @pytest.mark.parametrize(
     ("name", "value"),
     [
         *((name, 0) for name in ("steps", "environments", "window", "hidden")),
-        *((name, value) for name in ("learning_rate", "gradient_norm") for value in (0.0, -1.0, math.nan, math.inf)),
-        *(("engagement_norm", value) for value in (0.0, math.nan)),
+        *((name, value) for name in NORMS for value in (0.0, -1.0, math.nan, math.inf)),
     ],
 )
 def test_a_value_out_of_range_is_refused_by_name(name: str, value: Any) -> None:

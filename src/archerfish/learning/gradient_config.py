@@ -11,7 +11,7 @@ class GradientConfig:
     """Settings of training by gradients through the simulator."""
 
     steps: int = 500_000
-    """Decisions to train for, over all environments; rounded up to whole calls of four windows."""
+    """Decisions to train for, over all environments; rounded to whole windows, then up to calls of four."""
     environments: int = 256
     """Engagements that run side by side."""
     window: int = 16
@@ -23,12 +23,12 @@ class GradientConfig:
     learning_rate: float = 3e-3
     """Adam step."""
     anneal: bool = True
-    """Let the learning rate fall linearly to a twentieth."""
+    """The learning rate falls linearly to a twentieth, unless this is given."""
     gradient_norm: float = 0.1
     """Gradients are scaled to at most this norm."""
     engagement_norm: float = 0.3
     """On its way back through a window, the gradient of one engagement's rewards [m] by the normalised observation is
-    scaled to at most this norm at every decision; `inf` leaves it as it is."""
+    scaled to at most this norm at every decision; a million leaves it as it is."""
 
     def __post_init__(self) -> None:
         for name in ("steps", "environments", "window", "shards", "hidden"):
@@ -36,11 +36,9 @@ class GradientConfig:
                 raise InputError(f"{name} must be at least 1, got {getattr(self, name)}")
         if self.environments % self.shards:
             raise InputError(f"environments = {self.environments} must divide into shards = {self.shards} equal parts")
-        for name in ("learning_rate", "gradient_norm"):
+        for name in ("learning_rate", "gradient_norm", "engagement_norm"):
             if not 0 < getattr(self, name) < math.inf:
                 raise InputError(f"{name} must be finite and > 0, got {getattr(self, name)}")
-        if not self.engagement_norm > 0:
-            raise InputError(f"engagement_norm must be > 0, got {self.engagement_norm}")
 
     @property
     def batch(self) -> int:

@@ -70,9 +70,7 @@ def _drawer(draw: Callable[..., Any], extension: Extension) -> Any:
 
 def _check_record(motion: Any, batch: tuple[int, ...]) -> None:
     if not getattr(motion, "_fields", ()) or not callable(getattr(motion, "position", None)):
-        raise InputError(
-            f"draws a {type(motion).__name__}, expected a NamedTuple of one or more arrays with position(time)"
-        )
+        raise InputError(f"draws a {type(motion).__name__}, expected a NamedTuple of arrays with position(time)")
     for name, value in zip(motion._fields, motion, strict=True):
         shapes: list[Any] = []
         map_arrays(lambda each, shapes=shapes: shapes.append(getattr(each, "shape", None)), value)
