@@ -183,16 +183,16 @@ def test_the_page_outlives_a_value_that_got_past_the_guard(subject: Subject, cho
     server = open_server("127.0.0.1", 0, "test")
     try:
         page = TrialPage(server, subject, choice, "kalman-lq")
-        for each in (page._player._slider, page._controls._speed, page._controls._motion):
-            each._impl.value = value
+        speed, motion, stands = page._controls._speed, page._controls._motion, page._player._slider
+        speed._impl.value, motion._impl.value, stands._impl.value = value, value, math.nan
         page._changed.set()
         page.turn(0.1)
         assert re.search("Not possible.*must be", page._controls._told.content)
-        page._controls._speed.value, page._controls._motion.value = 0.5, choice.motion
+        speed._impl.value, motion._impl.value = 0.5, choice.motion
         page._changed.set()
         page.turn(0.1)
         page.turn(0.1)
         assert "Not possible" not in page._controls._told.content
-        assert math.isfinite(page._player._slider.value)
+        assert math.isfinite(stands.value)
     finally:
         close_server(server)

@@ -167,8 +167,9 @@ class TrialPage:
     def _told_of_film(self, trial: Trial, engagement: int, since: float) -> str:
         now, chosen = score(trial, engagement, since), self._choice
         self._scene.caption(f"{chosen.controller}: {now.hits} of {now.landed} hit")
+        names = f"**{plain(chosen.controller)}** · {plain(chosen.motion)}"
         rows = [
-            f"**{plain(chosen.controller)}** · {plain(chosen.motion)} · {chosen.distance:.1f} m · {chosen.speed:.2f} m/s",
+            f"{names} · {chosen.distance:.1f} m · {chosen.speed:.2f} m/s",
             f"Engagement {engagement + 1} of {len(trial.miss)}: **{now.hits} of {now.landed}** hit",
             f"So far: {rate_words(now.so_far)}",
             f"Whole trial: {int(trial.hit.sum())} of {trial.hit.size} hit, 95 % intervals by engagement",

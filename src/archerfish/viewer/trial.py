@@ -105,6 +105,11 @@ def run_trial(subject: Subject, choice: Choice) -> Trial:
         choice.seed,
         subject.own_motions,
     )
+    times = world.period_s * np.arange(steps + 1 + round(AFTERMATH_S / world.period_s))
+    own = subject.own_motions.get(choice.motion)
+    # First of all: what a motion of a user's own raises beyond the engagement, where no path was looked at, is told.
+    with own_code(own.extension) if own else contextlib.nullcontext():
+        place, wanted = positions(engagements, times), wanted_angles(engagements, times[1 : steps + 1], world.muzzle)
     generator = np.random.default_rng([choice.seed, 72])
     draws = generator.standard_normal((choice.engagements, steps, world.normals)).astype(np.float32)
     state = world.begin(engagements, draws[:, -1])
@@ -112,16 +117,11 @@ def run_trial(subject: Subject, choice: Choice) -> Trial:
     truth = world.truth(engagements) if getattr(controller, "needs_truth", False) else None
     memory = controller.reset(seen, truth)
     rows = []
-    times = world.period_s * np.arange(steps + 1 + round(AFTERMATH_S / world.period_s))
     for step in range(steps):
         memory, command = controller.step(memory, seen)
         state, shot = world.shoot(state, command, draws[:, step])
         seen = world.see(state)
         rows.append((shot.angle, seen.command, *world.pellet(state, draws[:, step]), shot.flight_time, shot.miss))
-    own = subject.own_motions.get(choice.motion)
-    with own_code(own.extension) if own else contextlib.nullcontext():
-        # Beyond the engagement, where the paths were not looked at.
-        place, wanted = positions(engagements, times), wanted_angles(engagements, times[1 : steps + 1], world.muzzle)
     angle, command, position, velocity, flight_time, miss = (np.stack(each, 1) for each in zip(*rows, strict=True))
     muzzle = world.muzzle
     return Trial(
