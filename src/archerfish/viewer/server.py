@@ -20,7 +20,7 @@ POLICY = "; ".join(
     (
         "default-src 'none'",
         # viser's client is one file that unpacks itself: script, styles, fonts, the decoder of its messages.
-        "script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob: data:",
+        "script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:",
         "worker-src 'self' blob: data:",
         "style-src 'self' 'unsafe-inline' blob: data:",
         "font-src 'self' blob: data:",
