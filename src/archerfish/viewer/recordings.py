@@ -101,9 +101,8 @@ def _recording(path: Path, table: LogTable, found: Mapping[str, str]) -> GimbalR
         values = np.asarray(table.columns[found[role]], np.float64)[order]
         return np.radians(values) if stated_unit(found[role]) == "deg" else values
 
-    repairs = [
-        f"{each.place.removeprefix(str(path)).lstrip(': ') or path.name}: {each.message}" for each in table.findings
-    ]
+    places = [each.place.removeprefix(str(path)).lstrip(": ") for each in table.findings]
+    repairs = [f"{place}: {each.message}".lstrip(": ") for place, each in zip(places, table.findings, strict=True)]
     absent = [role.replace("_", " ") for role in ROLES if role not in found]
     remarks = (_TELL_NOTHING, *([f"Not in the log: {', '.join(absent)}."] if absent else []), *repairs)
     return GimbalRecording(
