@@ -1,4 +1,6 @@
 import base64
+import contextlib
+import errno
 import http.client
 import socket
 from collections.abc import Iterator
@@ -7,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from archerfish.records.errors import InputError
-from archerfish.viewer.guard import allowed_hosts, is_loopback, refusal
+from archerfish.viewer.guard import allowed_hosts, is_loopback, places, refusal
+from archerfish.viewer.ports import LAST_PORT, free_port
 
 OURS = allowed_hosts("127.0.0.1")
 
@@ -62,7 +65,10 @@ def test_no_other_page_may_frame_this_one(port: int) -> None:
     connection.request("GET", "/")
     response = connection.getresponse()
     assert response.headers["X-Frame-Options"] == "DENY"
-    assert response.headers["Content-Security-Policy"] == "frame-ancestors 'none'"
+    policy = response.headers["Content-Security-Policy"].split("; ")
+    assert "frame-ancestors 'none'" in policy
+    assert "default-src 'none'" in policy
+    assert not any("http" in each or "*" in each for each in policy)
     connection.close()
 
 
@@ -136,6 +142,31 @@ def test_a_host_of_another_machine_is_refused() -> None:
 
     with pytest.raises(InputError, match="--host"):
         open_server("192.0.2.7", 0, "test")
+
+
+def test_a_taken_port_gives_way_to_the_next_and_the_last_one_is_refused() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as first:
+        taken = first.getsockname()[1]
+        assert taken < free_port(places("127.0.0.1"), taken) <= LAST_PORT
+    assert free_port(places("127.0.0.1"), taken) == taken
+    assert free_port(places("127.0.0.1"), 0) == 0
+    with contextlib.ExitStack() as stack:
+        # Somebody else may have it already.
+        with contextlib.suppress(OSError):
+            stack.enter_context(socket.create_server(("127.0.0.1", LAST_PORT)))
+        with pytest.raises(InputError, match="--port must be free, but 65535 is taken"):
+            free_port(places("127.0.0.1"), LAST_PORT)
+    with pytest.raises(InputError, match="within 0…65535, got 65536"):
+        free_port(places("127.0.0.1"), LAST_PORT + 1)
+
+
+def test_a_port_that_this_user_may_not_have_is_told_from_a_taken_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(socket.socket, "bind", refuse)
+    with pytest.raises(InputError, match=r"may listen on, got 80 \(Permission denied\)"):
+        free_port([(socket.AF_INET, ("127.0.0.1", 0))], 80)
 
 
 def test_a_viser_that_serves_in_another_way_is_not_left_unguarded(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -259,12 +259,14 @@ def test_an_exported_film_plays_from_a_file_without_a_network(watched: Any, film
 def test_a_recording_is_played_as_the_angles_that_it_holds(browser: Any, tmp_path: Path) -> None:
     moments = np.arange(300) * 0.01
     rows = [f"{moment:.2f},{0.4 * math.sin(2 * moment):.5f},0.1" for moment in moments]
-    log = tmp_path / "log.csv"
+    # A name is shown as it stands: no picture, nothing in italics.
+    name = "log <img src=x> _1_.csv"
+    log = tmp_path / name
     log.write_text("\n".join(["time_s,yaw,pitch", *rows]) + "\n")
     process, address = start("view", str(log), "--port", "0")
     try:
         browser.get(address)
-        text = until(browser, lambda text: "log.csv, 3.0 s" in text, "the recording")
+        text = until(browser, lambda text: f"{name}, 3.0 s" in text, "the recording")
         assert "no target and no pellets" in text
         enter(browser, "Time [s]", 0.79)
         until(browser, lambda text: "At 0.79 s: pitch +5.73°, yaw +22.9" in text, "the angles")

@@ -70,3 +70,18 @@ def test_a_bag_of_joint_states_is_played(tmp_path: Path, storage: str) -> None:
         np.testing.assert_allclose(found.angle[:, 1], 0.01 * np.arange(20), atol=1e-12)
         np.testing.assert_allclose(found.angle[:, 0], -0.5)
         np.testing.assert_allclose(found.time, 0.01 * np.arange(20), atol=1e-6)
+
+
+def test_a_sample_without_a_time_is_refused_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,yaw\n0.0,0.1\n,0.2\n0.02,0.3\n")
+    with pytest.raises(InputError, match=r"log.csv: line 3: no time in time_s"):
+        read_gimbal_recording(path)
+
+
+def test_what_the_reader_repaired_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time_s;yaw\n0,00;0,1\n0,01;0,2\n0,02;0,3\n")
+    found = read_gimbal_recording(path)
+    np.testing.assert_allclose(found.angle[:, 1], [0.1, 0.2, 0.3])
+    assert any("decimal" in remark for remark in found.remarks)

@@ -211,3 +211,41 @@ def test_controllers_and_motions_of_a_user_s_own_are_played(subject: Subject, ch
     # It stands for half a second at most, then leaves at the chosen speed.
     way = np.linalg.norm(np.diff(trial.place[:, -20:], axis=1), axis=-1) / trial.period_s
     np.testing.assert_allclose(way, 0.5, rtol=1e-3)
+
+
+STRAIGHT = """
+from typing import NamedTuple
+from archerfish.dynamics.array_namespace import namespace
+class Straight(NamedTuple):
+    place: object
+    velocity: object
+    @classmethod
+    def draw(cls, place, speed, chance):
+        xp = namespace(place)
+        return cls(place, xp.stack([0.0 * speed, speed, 0.0 * speed], axis=-1))
+    def position(self, time):
+        return self.place + self.velocity * time[:, None]
+class Failing(Straight):
+    def position(self, time):
+        if not hasattr(time, "aval") and time.max() > 0.45:
+            raise ValueError("too late")
+        return Straight.position(self, time)
+"""
+
+
+def test_a_motion_of_a_user_s_own_is_asked_for_one_time_of_each_target_as_in_the_simulator(
+    subject: Subject, choice: Choice, tmp_path: Path
+) -> None:
+    (tmp_path / "own.py").write_text(STRAIGHT)
+    known = replace(subject, own_motions={"Straight": find_motion(f"{tmp_path}/own.py:Straight")})
+    trial = run_trial(known, replace(choice, motion="Straight", speed=0.5))
+    times = trial.period_s * np.arange(trial.place.shape[1])
+    np.testing.assert_allclose(trial.place[..., 1] - trial.place[:, :1, 1], np.tile(0.5 * times, (4, 1)), atol=1e-5)
+    assert np.all(np.isfinite(trial.error))
+
+
+def test_a_motion_that_fails_beyond_the_engagement_is_named(subject: Subject, choice: Choice, tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(STRAIGHT.replace("0.45", str(subject.conditions.engagement_s + 0.2)))
+    known = replace(subject, own_motions={"Failing": find_motion(f"{tmp_path}/own.py:Failing")})
+    with pytest.raises(InputError, match=r"own.py:Failing: line \d+: ValueError: too late"):
+        run_trial(known, replace(choice, motion="Failing"))

@@ -48,7 +48,7 @@ def addresses(host: str) -> list[str]:
     Raises:
       InputError: if it has none.
     """
-    return [str(place[0]).partition("%")[0] for _, place in _places(host)]
+    return [str(place[0]).partition("%")[0] for _, place in places(host)]
 
 
 def check_bindable(host: str) -> None:
@@ -57,7 +57,7 @@ def check_bindable(host: str) -> None:
     Raises:
       InputError: if it is not this machine's.
     """
-    for family, place in _places(host):
+    for family, place in places(host):
         with socket.socket(family, socket.SOCK_STREAM) as probe:
             try:
                 probe.bind(place)
@@ -65,7 +65,12 @@ def check_bindable(host: str) -> None:
                 raise _not_ours(host, error) from error
 
 
-def _places(host: str) -> list[tuple[int, Any]]:
+def places(host: str) -> list[tuple[int, Any]]:
+    """Return family and socket address of everything that a host to listen on stands for.
+
+    Raises:
+      InputError: if it has no address.
+    """
     try:
         found = socket.getaddrinfo(host or None, 0, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
     except (OSError, UnicodeError) as error:

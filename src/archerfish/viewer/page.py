@@ -11,14 +11,13 @@ from archerfish.records.errors import InputError
 from archerfish.viewer.choice import Choice, Subject
 from archerfish.viewer.hand import HandRun
 from archerfish.viewer.motions import HAND
-from archerfish.viewer.panel import Controls, Player, Wishes
+from archerfish.viewer.panel import TOLD_EVERY_S, Controls, Player, Wishes
 from archerfish.viewer.playback import Film, Playback, engagement_at
 from archerfish.viewer.scene import Scene, look_from
 from archerfish.viewer.score import Hits, blocks, compared, difference_words, rate_words, score
 from archerfish.viewer.trial import Floats, Trial, moment, run_trial
+from archerfish.viewer.wording import plain
 
-TOLD_EVERY_S = 0.2
-"""Between two updates of numbers and slider [s]."""
 MOST_CATCHING_UP_S = 0.1
 """What a busy machine loses of a dragged target's time is left out beyond this [s]."""
 
@@ -93,7 +92,7 @@ class TrialPage:
 
     def _refuse(self, error: InputError) -> None:
         """Say why there is nothing to see, until another choice is made."""
-        self._controls.tell(f"**Not possible:** {error}")
+        self._controls.tell(f"**Not possible:** {plain(error)}")
         self._trial, self._run = None, None
 
     def _begin_film(self, chosen: Choice) -> None:
@@ -168,13 +167,14 @@ class TrialPage:
     def _told_of_film(self, trial: Trial, engagement: int, since: float) -> str:
         now, chosen = score(trial, engagement, since), self._choice
         self._scene.caption(f"{chosen.controller}: {now.hits} of {now.landed} hit")
+        names = f"**{plain(chosen.controller)}** · {plain(chosen.motion)}"
         rows = [
-            f"**{chosen.controller}** · {chosen.motion} · {chosen.distance:.1f} m · {chosen.speed:.2f} m/s",
+            f"{names} · {chosen.distance:.1f} m · {chosen.speed:.2f} m/s",
             f"Engagement {engagement + 1} of {len(trial.miss)}: **{now.hits} of {now.landed}** hit",
             f"So far: {rate_words(now.so_far)}",
             f"Whole trial: {int(trial.hit.sum())} of {trial.hit.size} hit, 95 % intervals by engagement",
         ]
-        return "\n\n".join([*rows, *([f"*{self._compared}*"] if self._compared else [])])
+        return "\n\n".join([*rows, *([f"*{plain(self._compared)}*"] if self._compared else [])])
 
     def _told_of_run(self, trial: Trial) -> str:
         landed = np.isfinite(trial.flight_time[0])
@@ -184,7 +184,7 @@ class TrialPage:
         x, y, z = trial.place[0, -1]
         return "\n\n".join(
             [
-                f"**{chosen.controller}** · dragged by hand · at most {chosen.speed:.2f} m/s",
+                f"**{plain(chosen.controller)}** · dragged by hand · at most {chosen.speed:.2f} m/s",
                 f"Target at {x:.2f}, {y:.2f}, {z:.2f} m: drag its arrows",
                 f"**{int(hit.sum())} of {hit.size}** hit: {rate_words(blocks(hit, block))} of {block} shots",
             ]
@@ -193,5 +193,8 @@ class TrialPage:
 
 def _held_at(position: Any, place: Floats) -> Floats:
     """Return where the hand holds the target [m], shape (3,); where it is, if a client says what is no place."""
-    wanted: Floats = np.asarray(position, np.float64)
+    try:
+        wanted: Floats = np.asarray(position, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return place
     return wanted if wanted.shape == (3,) and np.all(np.isfinite(wanted)) else place

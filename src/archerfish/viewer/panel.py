@@ -1,5 +1,6 @@
 """The controls of the page: what a person chooses, how the film is played, and what is told of it."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -11,6 +12,8 @@ from archerfish.viewer.playback import PACES
 from archerfish.viewer.scene import VIEWPOINTS
 from archerfish.viewer.trial import Floats
 
+TOLD_EVERY_S = 0.2
+"""Between two updates of numbers and slider [s]."""
 PLOT_COLOURS = ("rgb(0,114,178)", "rgb(213,94,0)")
 
 
@@ -52,8 +55,7 @@ class Player:
                 aspect=1.5,
             )
         self._button.on_click(lambda _: wishes.toggle())
-        self._slider.on_update(lambda event: wishes.scrub(self._slider.value) if event.client is not None else None)
-        # viser takes any value from a client, also one that its control does not offer.
+        self._slider.on_update(lambda event: wishes.scrub(_number(self._slider)) if event.client is not None else None)
         pace.on_update(lambda _: wishes.pace(PACES.get(pace.value, 1.0)))
         view.on_click(lambda event: wishes.look(event.client, view.value) if view.value in VIEWPOINTS else None)
 
@@ -71,11 +73,11 @@ class Player:
         # The slider's range must hold its value at every moment.
         longest = round(max(duration, 0.02), 2)
         if self._slider.max != longest:
-            if self._slider.value > longest:
+            if not _number(self._slider) <= longest:
                 self._slider.value = 0.0
             self._slider.max = longest
         value = round(min(time, longest), 2)
-        if abs(self._slider.value - value) >= 0.01:
+        if not abs(_number(self._slider) - value) < 0.01:
             self._slider.value = value
 
     def plot(self, time: Floats, curves: Sequence[Floats]) -> None:
@@ -116,7 +118,6 @@ class Controls:
         chosen = (self._controller, self._motion, self._distance, self._speed, self._dispersion)
         for each in (*chosen, self._camera, self._link):
             each.on_update(lambda _: changed())
-        self._other.on_update(lambda _: changed())
         swap.on_click(lambda _: swapped())
 
         def renew() -> None:
@@ -128,21 +129,16 @@ class Controls:
     def choice(self) -> Choice:
         """Return what is chosen now."""
         return Choice(
-            controller=self._controller.value,
-            motion=self._motion.value,
-            distance=float(self._distance.value),
-            speed=float(self._speed.value),
-            dispersion=float(self._dispersion.value),
-            camera_latency=1e-3 * float(self._camera.value),
-            command_latency=1e-3 * float(self._link.value),
+            controller=_option(self._controller),
+            motion=_option(self._motion),
+            distance=_number(self._distance),
+            speed=_number(self._speed),
+            dispersion=_number(self._dispersion),
+            camera_latency=1e-3 * _number(self._camera),
+            command_latency=1e-3 * _number(self._link),
             engagements=self._first.engagements,
             seed=self._seed,
         )
-
-    @property
-    def other(self) -> str:
-        """The controller that is to meet the same engagements."""
-        return str(self._other.value)
 
     def swap(self) -> None:
         """Let the two controllers change places."""
@@ -154,3 +150,16 @@ class Controls:
         """Say how the trial stands, as Markdown."""
         if self._told.content != text:
             self._told.content = text
+
+
+def _number(slider: Any) -> float:
+    """Return the value of a slider, NaN for what is no number: one bad message must not end the page."""
+    try:
+        return float(slider.value)
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
+def _option(dropdown: Any) -> str:
+    """Return what is chosen; empty for what was never offered, so that no stranger's words are shown to others."""
+    return str(dropdown.value) if dropdown.value in dropdown.options else ""

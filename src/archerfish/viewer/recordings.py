@@ -32,7 +32,7 @@ class GimbalRecording(NamedTuple):
     source: str
     """The file."""
     remarks: tuple[str, ...]
-    """What is not in it, in sentences."""
+    """What is not in it, and what its reader repaired."""
 
 
 def read_gimbal_recording(
@@ -86,6 +86,12 @@ def _recording(path: Path, table: LogTable, found: Mapping[str, str]) -> GimbalR
     if table.stamps is None or table.stamps.size < 2:
         raise file_error(path, "holds fewer than two stamped samples", "pass a longer log")
     stamps = np.asarray(table.stamps, np.float64) * _SECONDS.get(stated_unit(table.stamp_name), 1.0)
+    unstamped = np.flatnonzero(~np.isfinite(stamps))
+    if unstamped.size:
+        remedy = "leave it out, or name another column: --time NAME"
+        raise InputError(
+            f"{table.place(int(unstamped[0]))}: no time in {table.stamp_name}, expected a number; {remedy}"
+        )
     order = np.argsort(stamps, kind="stable")
     nothing = np.full(stamps.size, np.nan)
 
@@ -95,8 +101,10 @@ def _recording(path: Path, table: LogTable, found: Mapping[str, str]) -> GimbalR
         values = np.asarray(table.columns[found[role]], np.float64)[order]
         return np.radians(values) if stated_unit(found[role]) == "deg" else values
 
+    places = [each.place.removeprefix(str(path)).lstrip(": ") for each in table.findings]
+    repairs = [f"{place}: {each.message}".lstrip(": ") for place, each in zip(places, table.findings, strict=True)]
     absent = [role.replace("_", " ") for role in ROLES if role not in found]
-    remarks = (_TELL_NOTHING, *([f"Not in the log: {', '.join(absent)}."] if absent else []))
+    remarks = (_TELL_NOTHING, *([f"Not in the log: {', '.join(absent)}."] if absent else []), *repairs)
     return GimbalRecording(
         time=stamps[order] - stamps[order][0],
         angle=np.stack([column("pitch"), column("yaw")], axis=-1),

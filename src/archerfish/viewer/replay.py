@@ -5,15 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from archerfish.viewer.panel import Player, Wishes
+from archerfish.viewer.panel import TOLD_EVERY_S, Player, Wishes
 from archerfish.viewer.playback import Film
 from archerfish.viewer.recordings import GimbalRecording, angles_at
 from archerfish.viewer.scene import Scene, look_from
+from archerfish.viewer.wording import plain
 
 MOST_POINTS = 2000
 """Of a curve in the plot; more can't be told apart."""
-TOLD_EVERY_S = 0.2
-"""Between two updates of numbers and slider [s]."""
 
 
 class ReplayPage:
@@ -57,9 +56,9 @@ class ReplayPage:
         self._player.tell(playback.time, playback.duration, playback.playing)
         pitch, yaw = np.degrees(angle)
         rows = [
-            f"**{recording.source}**, {recording.time[-1]:.1f} s",
+            f"**{plain(recording.source)}**, {recording.time[-1]:.1f} s",
             f"At {playback.time:.2f} s: pitch {pitch:+.2f}°, yaw {yaw:+.2f}°",
-            *recording.remarks,
+            *map(plain, recording.remarks),
         ]
         text = "\n\n".join(rows)
         if self._told.content != text:

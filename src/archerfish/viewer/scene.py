@@ -95,7 +95,6 @@ class Scene:
         for name, y in (("left", 0.5), ("right", -0.5)):
             place = (0.0, y * (ARMOR[0] + 0.016), 0.0)
             scene.add_box(f"/target/light_{name}", (86, 180, 233), (0.02, 0.012, ARMOR[1]), position=place)
-        scene.add_line_segments("/target/circle", _ring(0.06, 0.06, -0.004), (255, 255, 255), thickness=0.003)
         scene.add_box("/target/pole", PALE, (0.02, 0.02, 0.36), position=(0.02, 0.0, -0.24))
         self._shots = self._points("/target/shots", 0.017)
         return target
@@ -106,7 +105,6 @@ class Scene:
         # An image has no shades, a box would.
         facing = (0.5, 0.5, -0.5, -0.5)
         scene.add_image("/board/back", _board_picture(), side, side, wxyz=facing, position=(0.02, 0.0, 0.0))
-        scene.add_line_segments("/board/circle", self._board_ring(0.06, 0.06), INK, thickness=0.014)
         self._ellipse = scene.add_line_segments(
             "/board/ellipse", self._board_ring(0.01, 0.01), (0, 158, 115), thickness=0.014
         )
@@ -141,6 +139,8 @@ class Scene:
         self._caption.position = (x, y, z + BOARD_SCALE * BOARD_REACH + 0.2)
         up, left = (max(ELLIPSE_SCALE * distance * float(each), 1e-4) for each in spread)
         self._ellipse.points = self._board_ring(left, up).astype(np.float32)
+        ring = _ring(hit_radius, hit_radius, -0.004)
+        self._scene.add_line_segments("/target/circle", ring, (255, 255, 255), thickness=0.003)
         self._scene.add_line_segments("/board/circle", self._board_ring(hit_radius, hit_radius), INK, thickness=0.014)
         self._landed = self._in_flight = -1
 

@@ -1,5 +1,6 @@
 """One trial: a controller in a world, with everything that there is to see of it."""
 
+import contextlib
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ from archerfish.controllers.intercept import intercept
 from archerfish.dynamics.array_namespace import map_arrays
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.dynamics.pellet import flat_fire_position
+from archerfish.records.extensions import own_code
 from archerfish.sensing.interfaces import Engagement
 from archerfish.viewer.choice import Choice, Subject, check_choice, chosen_controller, chosen_world
 from archerfish.viewer.motions import meet
@@ -103,6 +105,11 @@ def run_trial(subject: Subject, choice: Choice) -> Trial:
         choice.seed,
         subject.own_motions,
     )
+    times = world.period_s * np.arange(steps + 1 + round(AFTERMATH_S / world.period_s))
+    own = subject.own_motions.get(choice.motion)
+    # First of all: what a motion of a user's own raises beyond the engagement, where no path was looked at, is told.
+    with own_code(own.extension) if own else contextlib.nullcontext():
+        place, wanted = positions(engagements, times), wanted_angles(engagements, times[1 : steps + 1], world.muzzle)
     generator = np.random.default_rng([choice.seed, 72])
     draws = generator.standard_normal((choice.engagements, steps, world.normals)).astype(np.float32)
     state = world.begin(engagements, draws[:, -1])
@@ -116,7 +123,6 @@ def run_trial(subject: Subject, choice: Choice) -> Trial:
         seen = world.see(state)
         rows.append((shot.angle, seen.command, *world.pellet(state, draws[:, step]), shot.flight_time, shot.miss))
     angle, command, position, velocity, flight_time, miss = (np.stack(each, 1) for each in zip(*rows, strict=True))
-    times = world.period_s * np.arange(steps + 1 + round(AFTERMATH_S / world.period_s))
     muzzle = world.muzzle
     return Trial(
         period_s=world.period_s,
@@ -125,12 +131,12 @@ def run_trial(subject: Subject, choice: Choice) -> Trial:
         spread=np.asarray(muzzle.sd),
         angle=_from(engagements.start, angle),
         command=_from(engagements.start, command),
-        place=positions(engagements, times),
+        place=place,
         position=position,
         velocity=velocity,
         flight_time=np.where(np.isfinite(flight_time), flight_time, np.inf),
         miss=miss,
-        error=angle - wanted_angles(engagements, times[1 : steps + 1], muzzle),
+        error=angle - wanted,
     )
 
 
@@ -140,8 +146,7 @@ def _from(start: Floats, later: Floats) -> Floats:
 
 def positions(engagements: Engagement, times: Floats) -> Floats:
     """Return where the armors are [m], shape (B, M, 3), at times [s] of shape (M,)."""
-    motion: Any = map_arrays(lambda each: each[:, None], engagements.motion)
-    return np.asarray(motion.position(times[None, :].astype(np.float32)))
+    return _places(engagements.motion, np.broadcast_to(times, (engagements.start.shape[0], times.size)))
 
 
 def wanted_angles(engagements: Engagement, fired_at: Floats, muzzle: Muzzle) -> Floats:
@@ -152,9 +157,17 @@ def wanted_angles(engagements: Engagement, fired_at: Floats, muzzle: Muzzle) -> 
       fired_at: when the pellets leave [s], shape (N,).
       muzzle: its mean counts.
     """
-    motion: Any = map_arrays(lambda each: each[:, None], engagements.motion)
     fired = np.broadcast_to(fired_at, (engagements.start.shape[0], fired_at.size)).astype(np.float32)
-    return np.asarray(intercept(lambda time: motion.position(time), fired, muzzle).angle)
+    return np.asarray(intercept(lambda times: _places(engagements.motion, times), fired, muzzle).angle)
+
+
+def _places(motion: Any, times: Floats) -> Floats:
+    """Return where B targets are [m], shape (B, M, 3), at times [s] of shape (B, M).
+
+    A motion of a user's own promises one time for each target, no more. So each target is asked of M times over.
+    """
+    many: Any = map_arrays(lambda each: np.repeat(each, times.shape[1], axis=0), motion)
+    return np.asarray(many.position(times.astype(np.float32).reshape(-1))).reshape(*times.shape, 3)
 
 
 def moment(trial: Trial, engagement: int, time: float) -> Moment:
