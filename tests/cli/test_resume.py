@@ -308,10 +308,13 @@ def test_results_that_are_put_in_place_are_readable_wherever_the_process_is_kill
     assert int(done.stdout) > 30
 
 
-def test_training_ends_early_at_a_certain_hit_rate_resumed_or_not(command, tmp_path, monkeypatch):
+def test_training_ends_early_at_a_certain_hit_rate_resumed_or_not(command, stopped, tmp_path):
     words = f"{TINY} --ppo.steps 1600 --stop-at-hit-rate 0.01"
     assert command("train", *words.split(), "--out", "run", "--json", "told.json")[0] == 0
     assert json.loads((tmp_path / "told.json").read_text())["steps"] == 20 * 32
+    stopped(f"{words} --checkpoint-every 0 --out broken", 8, RuntimeError("crash"))
+    assert command("train", "--resume", "broken")[0] == 0
+    assert_same_run(tmp_path / "broken", tmp_path / "run")
 
 
 def test_event_files_stand_in_the_run_folder(command, tmp_path):

@@ -93,7 +93,8 @@ class Train:
     """Seconds between two checkpoints; at most so much is lost when the process is killed."""
     stop_at_hit_rate: Annotated[float | None, tyro.conf.arg(metavar="RATE", help_behavior_hint="")] = None
     """End early once the hit rate of the mean action is at least this, 0 to 1, at the lower end of its 95 % interval,
-    over engagements that neither training nor evaluation meets."""
+    over engagements that neither training nor evaluation meets. It is tried every 20 iterations, so never in a training
+    of fewer."""
     tensorboard: Switch = True
     """Leave out the files for TensorBoard."""
     seed: int = 0
