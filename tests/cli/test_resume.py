@@ -219,6 +219,31 @@ def test_a_resumed_run_reads_the_records_that_it_began_with(command, stopped, tm
     assert_same_run(tmp_path / "run", tmp_path / "unbroken")
 
 
+MOTION = """
+from typing import Any, NamedTuple
+from archerfish.dynamics.array_namespace import namespace
+
+class Still(NamedTuple):
+    place: Any
+    @classmethod
+    def draw(cls, place, speed, chance): return cls(place)
+    def position(self, time): return self.place + 0.0 * time[..., None]
+"""
+
+
+def test_a_motion_whose_file_has_changed_is_refused_until_it_is_put_back(command, refused, stopped, tmp_path):
+    motion = tmp_path / "own.py"
+    motion.write_text(MOTION)
+    stopped(f"{SHORT} --motion ./own.py:Still --out run", 4, RuntimeError("crash"))
+    motion.write_text(MOTION.replace("0.0 * time", "0.1 * time"))
+    told = refused("train", "--resume", "run")
+    assert "own.py: has changed since run was begun with --motion ./own.py:Still; put the file back as it was" in told
+    motion.write_text(MOTION)
+    assert command("train", "--resume", "run")[0] == 0
+    command("train", *SHORT.split(), "--motion", "./own.py:Still", "--out", "unbroken")
+    assert_same_run(tmp_path / "run", tmp_path / "unbroken")
+
+
 def test_a_damaged_last_checkpoint_is_told_in_one_line_and_costs_nothing_but_time(command, stopped, tmp_path):
     command("train", *SHORT.split(), "--out", "unbroken")
     stopped(f"{SHORT} --ppo.steps 256 --out run", 8, RuntimeError("crash"))
@@ -283,10 +308,13 @@ def test_results_that_are_put_in_place_are_readable_wherever_the_process_is_kill
     assert int(done.stdout) > 30
 
 
-def test_training_ends_early_at_a_certain_hit_rate_resumed_or_not(command, tmp_path, monkeypatch):
+def test_training_ends_early_at_a_certain_hit_rate_resumed_or_not(command, stopped, tmp_path):
     words = f"{TINY} --ppo.steps 1600 --stop-at-hit-rate 0.01"
     assert command("train", *words.split(), "--out", "run", "--json", "told.json")[0] == 0
     assert json.loads((tmp_path / "told.json").read_text())["steps"] == 20 * 32
+    stopped(f"{words} --checkpoint-every 0 --out broken", 8, RuntimeError("crash"))
+    assert command("train", "--resume", "broken")[0] == 0
+    assert_same_run(tmp_path / "broken", tmp_path / "run")
 
 
 def test_event_files_stand_in_the_run_folder(command, tmp_path):

@@ -49,3 +49,16 @@ def test_a_folder_that_can_t_be_written_is_one_line(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(os, "open", read_only)
     with pytest.raises(InputError, match=r"can't be written \(Read-only file system\)"), locked(tmp_path):
         pass
+
+
+def test_a_file_system_without_locks_is_one_line_and_no_other_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fcntl = pytest.importorskip("fcntl")
+
+    def none(*_: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "flock", none)
+    with pytest.raises(InputError, match=r"can't be locked \(No locks available\)"), locked(tmp_path):
+        pass

@@ -22,6 +22,8 @@ from archerfish.records.errors import InputError
         ("log_std", -5.0),
         ("log_std", math.nan),
         ("log_std_floor", -math.inf),
+        ("log_std_floor", -20.1),
+        ("log_std", 20.1),
         ("minibatches", 7),
         ("environments", 511),
         ("minibatches", 12800),

@@ -69,6 +69,9 @@ def test_a_bad_number_of_the_environment_stops_within_its_iteration(
     error = diverged(faults.faulty(shooting, **options), tiny)
     assert (error.iteration, error.first) == (6, first)
     assert "in iteration 6" in str(error)
+    # No learning rate mends a plant, a record or a motion.
+    assert "look at the plants" in str(error)
+    assert "learning rates" not in str(error)
     assert_good(error.standing, shooting, 5)
 
 
@@ -84,6 +87,7 @@ def test_a_bad_update_stops_within_its_iteration(
     faults.spoil_updates(monkeypatch, first, after=5 * UPDATES + 1)
     error = diverged(shooting, tiny)
     assert (error.iteration, error.first) == (6, first)
+    assert str(error).endswith("lower the learning rates")
     assert_good(error.standing, shooting, 5)
 
 

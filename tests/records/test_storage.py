@@ -87,6 +87,18 @@ def test_checking_a_folder_keeps_what_is_in_it(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "runs").iterdir()] == ["notes.txt"]
 
 
+def test_a_folder_may_be_checked_by_two_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def overtaken(path: Path, content: bytes) -> None:
+        write_bytes(path, content)
+        path.unlink()
+        (path.parent / "theirs.txt").write_text("of another process")
+
+    write_bytes = storage.write_bytes
+    monkeypatch.setattr(storage, "write_bytes", overtaken)
+    storage.check_writable(tmp_path / "runs")
+    assert [path.name for path in (tmp_path / "runs").iterdir()] == ["theirs.txt"]
+
+
 def test_another_schema_is_refused(record: Path) -> None:
     with pytest.raises(InputError, match=r"\"schema\" is 'archerfish\.example/1', expected 'archerfish\.plant/1'"):
         storage.read_record(record, "archerfish.plant/1")

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from archerfish.records.errors import InputError, file_error
@@ -27,8 +27,9 @@ def locked(folder: Path) -> Iterator[None]:
     """
     handle = _open(folder)
     try:
-        os.ftruncate(handle, 0)
-        os.write(handle, str(os.getpid()).encode())
+        with suppress(OSError):  # a full disk: the lock holds, it just does not say whose it is
+            os.ftruncate(handle, 0)
+            os.write(handle, str(os.getpid()).encode())
         yield
     finally:
         os.close(handle)
@@ -59,6 +60,10 @@ def _lock(handle: int, path: Path) -> bool:
         raise InputError(
             f"{path.parent}: process {holder or 'unknown'} is writing this run; wait for it, or choose another folder"
         ) from None
+    except OSError as error:
+        os.close(handle)
+        problem = f"can't be locked ({error.strerror})"
+        raise file_error(path.parent, problem, "choose a folder on another file system") from error
     try:
         return os.path.samestat(os.fstat(handle), path.stat())
     except FileNotFoundError:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -25,10 +25,14 @@ from archerfish.cli.setting import (
 from archerfish.cli.setting_remarks import setting_remarks
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.gradient_config import GradientConfig
-from archerfish.records.errors import InputError
+from archerfish.records.errors import InputError, file_error
 from archerfish.records.plant import PlantRecord
 from archerfish.records.provenance import code_commit, library_versions
+from archerfish.records.storage import file_hash
 from archerfish.simulation.scenario import TARGETS
+
+if TYPE_CHECKING:
+    from archerfish.simulation.own_motion import OwnMotion
 
 MOST_FRAMES = 64
 """More than a second of history at 20 ms; the observation grows with it."""
@@ -89,7 +93,8 @@ class Train:
     """Seconds between two checkpoints; at most so much is lost when the process is killed."""
     stop_at_hit_rate: Annotated[float | None, tyro.conf.arg(metavar="RATE", help_behavior_hint="")] = None
     """End early once the hit rate of the mean action is at least this, 0 to 1, at the lower end of its 95 % interval,
-    over engagements that neither training nor evaluation meets."""
+    over engagements that neither training nor evaluation meets. It is tried every 20 iterations, so never in a training
+    of fewer."""
     tensorboard: Switch = True
     """Leave out the files for TensorBoard."""
     seed: int = 0
@@ -149,8 +154,9 @@ def run_train(command: Train) -> dict[str, Any]:
     from archerfish.simulation.own_motion import find_motion
 
     setting = None if command.resume else load_setting(command.setting)
-    if command.motion:
-        find_motion(command.motion)
+    code = _code(find_motion(command.motion)) if command.motion else {}
+    if command.resume is not None:
+        _check_code(command, code, read_configuration(command.resume))
     for remark in setting_remarks(command.setting, setting) if setting else ():
         note(remark)
     tensorboard = command.tensorboard and has_tensorboard()
@@ -166,7 +172,9 @@ def run_train(command: Train) -> dict[str, Any]:
             setting = load_setting(replace(command.setting, plant="", **copies))
             _note_changes(read_configuration(command.out), devices)
         else:
-            live.begin({**configuration(command, setting), "devices": devices}, *_files(command.setting, setting))
+            live.begin(
+                {**configuration(command, setting), "devices": devices, **code}, *_files(command.setting, setting)
+            )
         task = TrainingTask(
             setting=setting,
             static_share=TARGETS[command.target],
@@ -218,6 +226,23 @@ def _files(files: SettingFiles, setting: Setting) -> tuple[dict[str, Path], dict
     plants: dict[str, PlantRecord] = {"pitch": setting.pitch, "yaw": setting.yaw}
     own = {axis: plant for axis, plant in plants.items() if axis in paths and is_own_plant(paths[axis])}
     return {name: path for name, path in paths.items() if name not in own}, own
+
+
+def _code(motion: "OwnMotion") -> dict[str, str]:
+    """Return what tells whether a file of code that is read anew by a resumed training is still the same."""
+    file = motion.extension.file
+    return {} if file is None else {"motion_sha256": file_hash(file)}
+
+
+def _check_code(command: Train, code: dict[str, str], begun: dict[str, Any]) -> None:
+    """Refuse to go on with other motions: half of such a training would be for neither."""
+    was = begun.get("motion_sha256")  # none in a run of an earlier version
+    if was is not None and was != code.get("motion_sha256"):
+        raise file_error(
+            Path(command.motion.rpartition(":")[0] or command.motion),
+            f"has changed since {command.resume} was begun with --motion {command.motion}",
+            "put the file back as it was, or begin another training with another --out",
+        )
 
 
 def _note_changes(begun: dict[str, Any], devices: int) -> None:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 from archerfish.records.errors import InputError
 
+MAX_LOG_STD = 20.0
+"""Largest magnitude of a logarithm of a standard deviation: far beyond any that learns."""
 MAX_BATCH = 2**20
 """Decisions in a batch; its shuffling needs the rest of 32 bits for random ones."""
 
@@ -14,7 +16,7 @@ class PpoConfig:
     """Settings of PPO; the paper's where it prints them."""
 
     steps: int = 2_000_000
-    """Decisions to train for, over all environments; rounded up to whole calls of four batches."""
+    """Decisions to train for, over all environments; rounded to whole batches, then up to calls of four."""
     environments: int = 512
     """Engagements that run side by side."""
     rollout: int = 25
@@ -33,7 +35,7 @@ class PpoConfig:
     critic_learning_rate: float = 3e-3
     """Adam step of the critic (paper)."""
     anneal: bool = True
-    """Whether the learning rates fall linearly to a tenth."""
+    """The learning rates fall linearly to a tenth; with no-anneal they stay as they are."""
     clip: float = 0.2
     """Clipping ε of eq (10) (paper)."""
     discount: float = 0.95
@@ -70,7 +72,10 @@ class PpoConfig:
                 raise InputError(f"{name} must be within 0…1, got {getattr(self, name)}")
         if not 0 <= self.entropy < math.inf:
             raise InputError(f"entropy must be ≥ 0, got {self.entropy}")
-        if not -math.inf < self.log_std_floor <= self.log_std < math.inf:
+        for name in ("log_std", "log_std_floor"):
+            if not -MAX_LOG_STD <= getattr(self, name) <= MAX_LOG_STD:
+                raise InputError(f"{name} must be within ±{MAX_LOG_STD:g}, got {getattr(self, name)}")
+        if self.log_std < self.log_std_floor:
             raise InputError(f"log_std must be at least log_std_floor = {self.log_std_floor}, got {self.log_std}")
 
     @property

@@ -11,11 +11,20 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
+from archerfish.learning.config import MAX_LOG_STD
+
 Learner = TypeVar("Learner")
 
 WATCHED = ("observation", "action", "reward", "gradient", "log_std", "weights", "statistics")
 """What is looked at, in the order of cause and effect; the code of a fault is the place in this list, from 1."""
-LIMITS = {"observation": 1e8, "action": 1e8, "reward": 1e8, "gradient": 1e12, "log_std": 20.0, "weights": 1e6}
+LIMITS = {
+    "observation": 1e8,
+    "action": 1e8,
+    "reward": 1e8,
+    "gradient": 1e12,
+    "log_std": MAX_LOG_STD,
+    "weights": 1e6,
+}
 """Largest magnitude of each that training goes on with: far beyond any that learns."""
 
 

@@ -114,6 +114,11 @@ class Trained(NamedTuple):
     """How it went."""
 
 
+_LOOK = "look at the plants, the other records and the motion that it is given: this comes from the simulated robot"
+REMEDIES = {"observation": _LOOK, "reward": _LOOK, "action": "lower the learning rates or the log_std"}
+"""What was bad first → what to do, where it is not to lower the learning rates."""
+
+
 class DivergenceError(InputError):
     """A training met a number that is not finite, or will soon not be."""
 
@@ -121,7 +126,7 @@ class DivergenceError(InputError):
         iteration = standing.iterations + 1
         super().__init__(
             f"training diverged after {decisions} decisions, in iteration {iteration}: {first} not finite, or growing "
-            "beyond all bounds; lower the learning rates"
+            f"beyond all bounds; {REMEDIES.get(first, 'lower the learning rates')}"
         )
         self.standing = standing
         """Before the bad iteration."""

@@ -12,7 +12,7 @@ import json
 import os
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -86,12 +86,12 @@ def check_writable(folder: Path) -> None:
     made = [each for each in (folder, *folder.parents) if not each.exists()]
     try:
         write_bytes(probe, b"")
-        probe.unlink()
+        probe.unlink(missing_ok=True)  # another process may look at the same folder
     except InputError as error:
         raise InputError(str(error).replace(str(probe), str(folder), 1)) from error
     finally:
         for each in made:
-            if each.exists():
+            with suppress(OSError):  # never made, or another process has begun to use it
                 each.rmdir()
 
 

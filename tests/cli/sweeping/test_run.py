@@ -1,9 +1,13 @@
+import contextlib
+import errno
 import json
+import os
 
 import pytest
 
 pytest.importorskip("jax")
 
+import archerfish.cli.sweeping.folder as sweep_module
 from archerfish.cli.sweeping.axes import parse_vary
 from archerfish.cli.sweeping.executor import in_process
 from archerfish.cli.sweeping.folder import RESULTS, sweep_folder
@@ -117,9 +121,52 @@ def test_another_sweep_is_not_taken_up(make_plan, tmp_path):
 
 def test_two_processes_are_not_at_one_sweep(make_plan, tmp_path):
     pytest.importorskip("fcntl")
-    with sweep_folder(tmp_path, TOLD, False), pytest.raises(InputError, match="another process is at this sweep"):
+    with sweep_folder(tmp_path, TOLD, False), pytest.raises(InputError, match="is writing this run; wait for it"):
         sweep(tmp_path, make_plan(), in_process)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_sweep_that_another_process_finished_just_before_the_lock_is_refused(make_plan, tmp_path, monkeypatch):
+    lock = sweep_module.locked
+
+    @contextlib.contextmanager
+    def late(out):
+        monkeypatch.setattr(sweep_module, "locked", lock)
+        sweep(out, make_plan(), in_process)
+        with lock(out):
+            yield
+
+    monkeypatch.setattr(sweep_module, "locked", late)
+    with pytest.raises(InputError, match="holds a sweep with 4 finished trials; add --resume"):
+        sweep(tmp_path, make_plan(), in_process)
+    assert [each.trial for each in read_results(tmp_path / RESULTS)] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("before", [0, 2], ids=["the first line", "a later line"])
+def test_a_full_disk_ends_a_sweep_at_a_whole_line(make_plan, tmp_path, monkeypatch, before):
+    plan, write, lines = make_plan(), os.write, []
+
+    def full(stream, content):
+        if not lines and not content.startswith(b'{"trial"'):
+            return write(stream, content)
+        lines.append(content)
+        if len(lines) > before + 1:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        # Of the last line a part, as the system does it.
+        return write(stream, content if len(lines) <= before else content[:20])
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "write", full)
+        told = r"results.jsonl: can't be written \(No space left on device\); free the disk, then go on with --resume"
+        with pytest.raises(InputError, match=told):
+            sweep(tmp_path / "full", plan, in_process)
+    assert len(read_results(tmp_path / "full" / RESULTS)) == before
+    if before:
+        assert (tmp_path / "full" / RESULTS).read_bytes() == b"".join(lines[:before])
+    else:
+        assert not (tmp_path / "full").exists()
+    table = sweep(tmp_path / "full", plan, in_process, resume=True)
+    assert table == sweep(tmp_path / "roomy", plan, in_process)
 
 
 def test_a_trial_is_never_recorded_twice(make_plan, tmp_path):

@@ -7,11 +7,13 @@ line is it done. A driver may be killed at any moment: what it leaves is taken u
 import os
 import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from archerfish.cli.interrupts import without_interrupts
+from archerfish.cli.run_lock import NAME as LOCK
+from archerfish.cli.run_lock import locked
 from archerfish.cli.sweeping.results import TrialResult, read_results, result_line, whole_length
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
@@ -38,7 +40,7 @@ class SweepFolder:
           files: name → content for its folder; None for none.
 
         Raises:
-          InputError: if it is there already, or can't be written.
+          InputError: if it is there already, or can't be written; the results then end with the line before.
         """
         if result.trial in self.results:
             raise InputError(
@@ -46,11 +48,23 @@ class SweepFolder:
             )
         if files is not None:
             self._write_files(trial_folder(self.path, result.trial), files)
-        # One call appends the whole line; Ctrl-C waits for it.
-        with without_interrupts():
-            os.write(self._stream, result_line(result))
-            os.fsync(self._stream)
+        with without_interrupts():  # Ctrl-C waits for the whole line
+            self._append(result_line(result))
             self.results[result.trial] = result
+
+    def _append(self, line: bytes) -> None:
+        length = os.fstat(self._stream).st_size
+        try:
+            # A write that met the end of the disk takes what fits; the next one says why.
+            while line:
+                line = line[os.write(self._stream, line) :]
+            os.fsync(self._stream)
+        except OSError as error:
+            # The next line would join the torn one.
+            with suppress(OSError):
+                os.ftruncate(self._stream, length)
+            problem = f"can't be written ({error.strerror})"
+            raise file_error(self.path / RESULTS, problem, "free the disk, then go on with --resume") from error
 
     def _write_files(self, target: Path, files: Mapping[str, bytes]) -> None:
         unfinished = target.with_name(f".unfinished-{target.name}")
@@ -81,8 +95,29 @@ def sweep_folder(out: Path, configuration: Mapping[str, Any], resume: bool) -> I
         is at it, or it can't be written.
     """
     storage.check_writable(out)
+    _finished(out, configuration, resume)
+    made = [each for each in (out, *out.parents) if not each.exists()]
+    out.mkdir(parents=True, exist_ok=True)
     path = out / RESULTS
-    found = read_results(path)
+    try:
+        with locked(out):
+            try:
+                # Another process may have written between the look above and the lock.
+                found = _finished(out, configuration, resume)
+                with _appended(path) as stream:
+                    os.ftruncate(stream, whole_length(path))
+                    storage.write_json(out / CONFIGURATION, configuration)
+                    yield SweepFolder(out, found, stream)
+            finally:
+                with suppress(OSError):
+                    (out / LOCK).unlink()
+    finally:
+        _leave_no_folder(made)
+
+
+def _finished(out: Path, configuration: Mapping[str, Any], resume: bool) -> list[TrialResult]:
+    """Return the finished trials of the sweep that is to be begun or taken up."""
+    found = read_results(out / RESULTS)
     if found and not resume:
         raise file_error(
             out, f"holds a sweep with {len(found)} finished trials", "add --resume, or choose another --out"
@@ -91,19 +126,7 @@ def sweep_folder(out: Path, configuration: Mapping[str, Any], resume: bool) -> I
         _check_same_sweep(out / CONFIGURATION, configuration)
     elif (out / TRIALS).exists() and not (out / CONFIGURATION).exists():
         raise file_error(out / TRIALS, "is there, and no sweep made it", "choose another --out")
-    made = [each for each in (out, *out.parents) if not each.exists()]
-    out.mkdir(parents=True, exist_ok=True)
-    stream = _locked(path)
-    try:
-        # Read anew: another process may have written between the look above and the lock.
-        found, length = read_results(path), whole_length(path)
-        os.ftruncate(stream, length)
-        storage.write_json(out / CONFIGURATION, configuration)
-        yield SweepFolder(out, found, stream)
-    finally:
-        if os.fstat(stream).st_size == 0:
-            _leave_nothing(out, made)
-        os.close(stream)
+    return found
 
 
 def _check_same_sweep(path: Path, configuration: Mapping[str, Any]) -> None:
@@ -118,26 +141,29 @@ def _check_same_sweep(path: Path, configuration: Mapping[str, Any]) -> None:
             )
 
 
-def _locked(path: Path) -> int:
-    """Open a file to append to, which no other process holds so; the system lets go of it when this one ends."""
-    stream = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+@contextmanager
+def _appended(path: Path) -> Iterator[int]:
+    """Open the results to append to; a sweep that comes to none leaves nothing."""
     try:
-        import fcntl
-
-        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except ImportError:  # Windows, where nothing keeps two drivers apart
-        pass
+        stream = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
     except OSError as error:
+        raise file_error(path, f"can't be written ({error.strerror})", "choose another --out") from error
+    try:
+        yield stream
+    finally:
+        if os.fstat(stream).st_size == 0:
+            _leave_no_sweep(path.parent)
         os.close(stream)
-        raise file_error(path.parent, "another process is at this sweep", "wait, or choose another --out") from error
-    return stream
 
 
-def _leave_nothing(out: Path, made: list[Path]) -> None:
+def _leave_no_sweep(out: Path) -> None:
     shutil.rmtree(out / TRIALS, ignore_errors=True)
     for name in (RESULTS, CONFIGURATION):
         (out / name).unlink(missing_ok=True)
+
+
+def _leave_no_folder(made: list[Path]) -> None:
     for folder in made:
-        if any(folder.iterdir()):
+        if not folder.is_dir() or any(folder.iterdir()):
             return
         folder.rmdir()
