@@ -6,14 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from archerfish.evaluation.paper_results import LearningCurves, StepResponse, TrainingRun
 from archerfish.evaluation.results import (
     SCHEMA,
     Cell,
     Comparison,
-    LearningCurves,
     Results,
-    StepResponse,
-    TrainingRun,
     new_results,
     read_results,
     results_json,

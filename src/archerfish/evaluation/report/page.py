@@ -9,6 +9,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from archerfish.evaluation.comparison import cells_of, shares
+from archerfish.evaluation.paper_results import LearningCurves
 from archerfish.evaluation.report.contents import TITLES, contents
 from archerfish.evaluation.report.headline import Headline, headline
 from archerfish.evaluation.report.rate_tables import Column, RateTable, printed_column, rate_column, rate_table
@@ -19,7 +20,7 @@ from archerfish.evaluation.report.robot_section import robot_section
 from archerfish.evaluation.report.sections import Section, limit_section
 from archerfish.evaluation.report.wording import CONTROLLERS, LIMITS, condition_rows, own_controllers
 from archerfish.evaluation.report.worlds import REAL, real_cells
-from archerfish.evaluation.results import LearningCurves, Results
+from archerfish.evaluation.results import Results
 from archerfish.figures.page import number, render_page
 from archerfish.figures.step_response import StepPanel, step_responses
 from archerfish.figures.style import svg_text
