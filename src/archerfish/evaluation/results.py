@@ -1,5 +1,6 @@
 """The file results.json: everything a run found, and all that its report is made from (docs/results.md)."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -13,13 +14,23 @@ from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.provenance import code_commit, library_versions
 
-SCHEMA = "archerfish.results/1"
+SCHEMA, _OLDER = "archerfish.results/2", "archerfish.results/1"
+"""In version 1 every decision counted, and nobody could say that one withheld its shot."""
 
 HIT_RATE_TABLES = ("II", "III", "IV", "V")
 """The paper's tables of hit rates: simulation static and dynamic, real robot static and dynamic."""
 
 TARGETS = ("static", "dynamic")
 """Kinds of target in the paper's tables."""
+
+COUNTS = ("decisions", "shots")
+"""What a hit rate is counted over: all decisions, of which one that withholds its shot is a miss, or fired shots."""
+
+
+def check_counts(counts: str) -> None:
+    """Raise InputError if this is not one of `COUNTS`."""
+    if counts not in COUNTS:
+        raise InputError(f"counts must be one of {', '.join(COUNTS)}, got {counts!r}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,8 +53,11 @@ class Label:
     """Seed that the policy was trained with; None for what is not trained."""
     motion: str | None = None
     """Name of a user's own motion that moving targets had in the place of eq (7); None for the paper's."""
+    counts: str = "decisions"
+    """What hit rates are counted over: `decisions`, as in the paper's tables, or `shots` that were fired."""
 
     def __post_init__(self) -> None:
+        check_counts(self.counts)
         for name, known in (("table", HIT_RATE_TABLES), ("target", TARGETS)):
             if getattr(self, name) not in known:
                 raise InputError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
@@ -53,14 +67,14 @@ class Label:
 
 @dataclass(frozen=True, kw_only=True)
 class Cell(Label):
-    """One hit rate: k hits of n shots."""
+    """One hit rate: k hits of the n shots that count."""
 
     hits: int
     """Shots that hit."""
     shots: int
     """Shots fired."""
     engagements: int
-    """Independent engagements that the shots fall into."""
+    """Independent engagements that the decisions fall into."""
     low: float
     """Lower end of the 95 % interval of the hit rate, 0 to 1."""
     high: float
@@ -71,21 +85,32 @@ class Cell(Label):
     """Misses afterwards."""
     paper: float | None = None
     """The paper's figure [%]; None where it prints none."""
+    withheld: int = 0
+    """Decisions that fired no shot."""
+    hits_per_s: float | None = None
+    """Hits per second of engagement [1/s]; None in files that were written before it was counted."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 0 <= self.hits <= self.shots or self.shots == 0:
-            raise InputError(f"hits must lie between 0 and shots > 0, got {self.hits} of {self.shots}")
-        if not 0 <= self.low <= self.rate <= self.high <= 1:
+        if not 0 <= self.hits <= self.shots or self.withheld < 0 or self.shots + self.withheld == 0:
+            found = f"{self.hits} of {self.shots}, {self.withheld} withheld"
+            raise InputError(f"hits must lie between 0 and shots, shots + withheld must be > 0, got {found}")
+        # Of no shots that count there is no rate, and nothing that the interval could miss.
+        if not 0 <= self.low <= (self.rate if self.counted else self.low) <= self.high <= 1:
             raise InputError(f"the interval {self.low} to {self.high} must hold hits/shots = {self.rate}")
-        if self.misses_slewing + self.misses_settled != self.shots - self.hits:
+        if self.misses_slewing + self.misses_settled != self.counted - self.hits:
             split = f"{self.misses_slewing} and {self.misses_settled}"
             raise InputError(f"misses_slewing and misses_settled must add up to shots − hits, got {split}")
 
     @property
+    def counted(self) -> int:
+        """What the rate is counted over: shots, and withheld ones too where decisions count."""
+        return self.shots + self.withheld * (self.counts == "decisions")
+
+    @property
     def rate(self) -> float:
-        """Hits per shot, 0 to 1."""
-        return self.hits / self.shots
+        """Hits per shot that counts, 0 to 1; NaN of none."""
+        return self.hits / self.counted if self.counted else math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,6 +197,16 @@ class Results:
     accelerations: tuple[Acceleration, ...] = ()
     """What the controllers asked of the yaw axis."""
 
+    def __post_init__(self) -> None:
+        counted: dict[tuple[str, str, str, tuple[float, float]], str] = {}
+        for cell in self.cells:
+            place = (cell.setting, cell.command_limit, cell.table, cell.range_m)
+            if counted.setdefault(place, cell.counts) != cell.counts:
+                raise InputError(
+                    f"cells of table {cell.table} at {cell.range_m[0]:g}–{cell.range_m[1]:g} m in {cell.setting}, "
+                    f"{cell.command_limit}, count decisions and shots, expected one of them; write two files"
+                )
+
 
 def new_results(
     *,
@@ -232,7 +267,7 @@ def read_results(path: Path) -> Results:
     Raises:
       InputError: if the file is no results record, or a field is missing, unknown, of another type or out of range.
     """
-    facts = storage.read_facts(path, SCHEMA)
+    facts = storage.read_facts(path, SCHEMA, _OLDER)
     try:
         return from_json(Results, facts)
     except InputError as error:

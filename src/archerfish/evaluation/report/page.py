@@ -12,7 +12,14 @@ from archerfish.evaluation.comparison import cells_of, shares
 from archerfish.evaluation.paper_results import LearningCurves
 from archerfish.evaluation.report.contents import TITLES, contents
 from archerfish.evaluation.report.headline import Headline, headline
-from archerfish.evaluation.report.rate_tables import Column, RateTable, printed_column, rate_column, rate_table
+from archerfish.evaluation.report.rate_tables import (
+    Column,
+    RateTable,
+    fired_shots_count,
+    printed_column,
+    rate_column,
+    rate_table,
+)
 from archerfish.evaluation.report.robot_drawings import steps_drawing
 from archerfish.evaluation.report.robot_facts import axes_table, facts_table, landing_view, steps_remark
 from archerfish.evaluation.report.robot_headline import robot_headline, robot_sentence
@@ -96,6 +103,7 @@ def _page(results: Results, gallery: _Gallery, path: Path) -> str:
                 for name in own_controllers(results.cells)
             ),
         ],
+        fired_shots=fired_shots_count(results.cells),
         **_reading(results.conditions),
         errata=Path(os.path.relpath(_ERRATA, path.parent)).as_posix() if _ERRATA.is_file() else None,
     )
