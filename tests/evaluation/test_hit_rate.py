@@ -187,7 +187,7 @@ def test_paired_interval_holds_the_difference_of_ratios_of_unequal_numbers_of_sh
     assert held >= 0.95 - THREE_SIGMA
 
 
-def test_engagements_without_a_shot_say_nothing() -> None:
+def test_engagements_without_a_shot_change_no_interval() -> None:
     hit, fired, _ = gated(np.random.default_rng(25), 0.8, 30)
     silent = np.zeros((70, SHOTS), bool)
     more, more_fired = np.concatenate([hit[0], silent]), np.concatenate([fired[0], silent])

@@ -1,4 +1,4 @@
-"""A decision without fire sends no pellet, in every world; what that does to the rates is the suite's to say."""
+"""A decision without fire sends no pellet, in every world; whether it is a miss depends on what the suite counts."""
 
 import dataclasses
 import io

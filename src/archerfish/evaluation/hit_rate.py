@@ -69,8 +69,8 @@ def hit_rate(hit: ArrayLike, fired: ArrayLike | None = None) -> HitRate:
     an engagement that missed throughout. With no miss at all the engagements alone count, as in the rule of three.
 
     Where the shots of an engagement vary in number, the rate is a ratio of two sums over engagements, and its variance
-    that of the linearised ratio estimator (Cochran 1977). Engagements without a shot say nothing of it; with shots in
-    fewer than two, the interval is 0 to 1.
+    that of the linearised ratio estimator (Cochran 1977). Engagements without a shot contribute nothing; with
+    shots in fewer than two, the interval is 0 to 1.
 
     Args:
       hit: whether each decision hit, shape (engagements, decisions).
@@ -140,10 +140,12 @@ def paired_difference(
     if a.shape != b.shape:
         raise InputError(f"hit_a and hit_b must be of the same engagements, got shapes {a.shape} and {b.shape}")
     counted_a, counted_b = _counted(a, fired_a), _counted(b, fired_b)
-    shots = min(int(counted_a.sum()), int(counted_b.sum()))
+    shots_a, shots_b = int(counted_a.sum()), int(counted_b.sum())
+    shots = min(shots_a, shots_b)
     if not shots:
         return Difference(math.nan, -1.0, 1.0)
-    difference = int(a.sum()) / int(counted_a.sum()) - int(b.sum()) / int(counted_b.sum())
+    # Over one denominator, so that equal rates differ by zero.
+    difference = (int(a.sum()) * shots_b - int(b.sum()) * shots_a) / (shots_a * shots_b)
     engagements = min(int(np.count_nonzero(each.any(axis=1))) for each in (counted_a, counted_b))
     if engagements < 2:
         return Difference(difference, -1.0, 1.0)

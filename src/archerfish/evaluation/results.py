@@ -15,7 +15,7 @@ from archerfish.records.errors import InputError, file_error
 from archerfish.records.provenance import code_commit, library_versions
 
 SCHEMA, _OLDER = "archerfish.results/2", "archerfish.results/1"
-"""In version 1 every decision counted, and nobody could say that one withheld its shot."""
+"""In version 1 every decision counted, and withheld shots were not recorded."""
 
 HIT_RATE_TABLES = ("II", "III", "IV", "V")
 """The paper's tables of hit rates: simulation static and dynamic, real robot static and dynamic."""
