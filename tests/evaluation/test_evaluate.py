@@ -59,6 +59,8 @@ def test_every_entrant_has_one_cell_per_suite_under_its_own_name(ground: Ground,
     }
     for cell in found:
         assert (cell.shots, cell.engagements) == (ENGAGEMENTS * CONDITIONS.decisions, ENGAGEMENTS)
+        assert (cell.withheld, cell.counts) == (0, "decisions")
+        assert cell.hits_per_s == pytest.approx(cell.hits / (ENGAGEMENTS * CONDITIONS.engagement_s))
         assert cell.low <= cell.hits / cell.shots <= cell.high
         assert cell.hits + cell.misses_slewing + cell.misses_settled == cell.shots
         assert cell.paper is None

@@ -5,8 +5,9 @@ from xml.etree import ElementTree
 
 import pytest
 
+from archerfish.evaluation.paper_results import PaperFigures
 from archerfish.evaluation.report import write_report
-from archerfish.evaluation.results import PaperFigures, Results, read_results, write_results
+from archerfish.evaluation.results import Results, read_results, write_results
 from archerfish.figures.page import count, duration, number, percent, points
 from archerfish.paper.tables import hit_rate_table
 from archerfish.records.errors import InputError

@@ -309,6 +309,7 @@ def _export(path: Path, subject: "Subject", choice: "Choice") -> dict[str, Any]:
     from dataclasses import asdict
 
     from archerfish.viewer.export import film_pictures, write_film
+    from archerfish.viewer.score import count_words
     from archerfish.viewer.trial import run_trial
 
     if path.suffix != ".html":
@@ -319,5 +320,6 @@ def _export(path: Path, subject: "Subject", choice: "Choice") -> dict[str, Any]:
     trial = run_trial(subject, choice)
     with progress_bar("drawing", film_pictures(trial), "pictures") as advance:
         write_film(path, choice, trial, advance)
-    note(f"wrote {path}: {choice.controller}, {int(trial.hit.sum())} of {trial.hit.size} hit")
-    return {**asdict(choice), "setting": subject.name, "hits": int(trial.hit.sum()), "shots": int(trial.hit.size)}
+    note(f"wrote {path}: {choice.controller}, {count_words(trial)}")
+    counts = {"hits": int(trial.hit.sum()), "shots": int(trial.fired.sum()), "withheld": int((~trial.fired).sum())}
+    return {**asdict(choice), "setting": subject.name, **counts}
