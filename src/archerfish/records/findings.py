@@ -20,6 +20,8 @@ class Finding(NamedTuple):
     """What was found, and what was done about it."""
     remedy: str
     """What the user can do."""
+    samples: int = 0
+    """Samples of the log that were left out because of it."""
 
 
 def refusal(finding: Finding) -> InputError:
