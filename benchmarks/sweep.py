@@ -26,6 +26,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from archerfish.cli.outputs import make_writer
 from archerfish.cli.sweep import Sweep, run_sweep, write_sweep
 from archerfish.cli.sweeping.folder import sweep_folder
 from archerfish.cli.sweeping.preparation import prepare
@@ -126,7 +127,7 @@ def fault(folder: Path) -> dict[str, Any]:
         prepared = prepare(command)
         with sweep_folder(out, prepared.told, resume=False) as kept:
             total = run_rounds(prepared.plan, prepared.proposer, kept, executor)
-            write_sweep(kept, total, prepared.learning)
+            write_sweep(kept, total, prepared.learning, make_writer(command))
     wall = time.perf_counter() - begun
     cluster.shutdown()
     sweep_quietly(replace(command, workers=2, out=folder / "one"))

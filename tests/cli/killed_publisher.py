@@ -17,6 +17,7 @@ from archerfish.cli import training_run
 from archerfish.cli.interrupts import StopRequests
 from archerfish.cli.live_run import CONFIGURATION, LiveRun
 from archerfish.cli.training_run import TrainingResult, write_run
+from archerfish.cli.writer import Writer
 from archerfish.learning.ppo import Metrics
 from archerfish.learning.training import Curve
 from archerfish.records import storage
@@ -47,8 +48,8 @@ def result(number: int) -> TrainingResult:
 def publish(out: Path, number: int) -> None:
     """Do what `archerfish train` does when a training has ended."""
     run = LiveRun(out, StopRequests(), 1.0, 32, tensorboard=False)
-    write_run(out, result(number), {"number": number})
-    run.end()
+    write_run(run.results, result(number), {"number": number})
+    run.publish(Writer("train"))
 
 
 def check(out: Path) -> int:
@@ -67,10 +68,11 @@ def survive(folder: Path) -> int:
     while True:
         step += 1
         out = folder / f"run{step}"
-        write_run(out, result(1), {"number": 1})
-        for each, name in ((out / "unfinished", "new"), (out, "old")):
-            storage.write_text(each / "tensorboard" / name, "events")
-        storage.write_json(out / "unfinished" / CONFIGURATION, {"number": 2})
+        for number, name in ((1, "events.old"), (2, "events.new")):
+            storage.write_text(out / "unfinished" / "tensorboard" / name, "events")
+            storage.write_json(out / "unfinished" / CONFIGURATION, {"number": number})
+            if number == 1:
+                publish(out, 1)
         was_killed = killed_at(step, lambda out=out: publish(out, 2))
         found = check(out)
         if (out / "unfinished" / CONFIGURATION).exists():
@@ -82,7 +84,7 @@ def survive(folder: Path) -> int:
             shutil.rmtree(out / "unfinished", ignore_errors=True)
         assert check(out) == 2
         assert (out / "log.jsonl").read_text().count("\n") == 3
-        assert [path.name for path in (out / "tensorboard").iterdir()] == ["new"]
+        assert [path.name for path in (out / "tensorboard").iterdir()] == ["events.new"]
         if not was_killed:
             return step
 

@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("jax")
 
 from archerfish.cli.live_run import LiveRun
+from archerfish.cli.writer import Writer
 from archerfish.evaluation.results import read_results
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -73,13 +74,13 @@ def test_a_policy_is_trained_for_own_motion_and_plant_and_its_plant_is_kept(
     command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept: list[str] = []
-    end = LiveRun.end
+    publish = LiveRun.publish
 
-    def look(live: LiveRun) -> None:
+    def look(live: LiveRun, writer: Writer) -> None:
         kept.extend(sorted(f"{each.parent.name}/{each.name}" for each in (live.folder / "inputs").rglob("*.json")))
-        end(live)
+        publish(live, writer)
 
-    monkeypatch.setattr(LiveRun, "end", look)
+    monkeypatch.setattr(LiveRun, "publish", look)
     small = ["--ppo.steps", "80", "--ppo.environments", "8", "--ppo.rollout", "6", "--ppo.hidden", "4"]
     small += ["--no-tensorboard"]
     status, _, err = command(

@@ -16,7 +16,7 @@ def test_it_writes_what_to_play_and_foretells_the_outcome(command, tmp_path):
     assert (status, err) == (0, "")
     names = ["yaw_sweep_command.csv", "yaw_step_command.csv", "yaw_validation_command.csv"]
     assert sorted(path.name for path in (tmp_path / "plan").iterdir()) == sorted(
-        [*names, "yaw_excitation.svg", "yaw_excitation.png"]
+        [*names, "yaw_excitation.svg", "yaw_excitation.png", ".archerfish.json"]
     )
     facts = json.loads((tmp_path / "facts.json").read_text())
     for name, told in zip(names, facts["commands"], strict=True):

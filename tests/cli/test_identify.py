@@ -30,7 +30,7 @@ def test_gimbal_writes_record_picture_and_summary(tmp_path, logs, console):
     assert (summary["order"], summary["delay_samples"]) == (2, 1)
     assert summary["poles"][0]["real"] == pytest.approx(0.9, abs=0.01)
     endings = ("json", "safetensors", "html", "svg", "png")
-    assert {path.name for path in out.iterdir()} == {f"pitch.{ending}" for ending in endings}
+    assert {path.name for path in out.iterdir()} == {".archerfish.json", *(f"pitch.{ending}" for ending in endings)}
     plant = read_plant(out / "pitch.json")
     assert plant.axis == "pitch"
     assert plant.provenance["seed"] == 5

@@ -55,7 +55,13 @@ def hits(tmp_path):
 def test_it_writes_record_picture_and_summary(tmp_path, shots, console):
     out = tmp_path / "out"
     summary = run_muzzle(parsed(shots, "--height-m", "0.4", "--out", out), console)
-    assert {path.name for path in out.iterdir()} == {"muzzle.json", "muzzle.html", "muzzle.svg", "muzzle.png"}
+    assert {path.name for path in out.iterdir()} == {
+        ".archerfish.json",
+        "muzzle.json",
+        "muzzle.html",
+        "muzzle.svg",
+        "muzzle.png",
+    }
     muzzle = read_muzzle(out / "muzzle.json")
     assert muzzle.speed == pytest.approx(18.0, abs=0.2)
     assert muzzle.height == 0.4

@@ -26,7 +26,12 @@ def test_it_writes_record_picture_and_summary(command, yaw_log, tmp_path):
     words = [yaw_log, "--torque", "current", "--torque-per-unit", 0.5, "--axis", "yaw", "--out", "out"]
     status, out, err = command("identify", "rigid", *words, "--json", "facts.json", "--seed", 4)
     assert (status, err) == (0, "")
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"yaw_rigid.json", "yaw_rigid.svg", "yaw_rigid.png"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        ".archerfish.json",
+        "yaw_rigid.json",
+        "yaw_rigid.svg",
+        "yaw_rigid.png",
+    }
     record = read_rigid_axis(tmp_path / "out" / "yaw_rigid.json")
     assert (record.axis_kind, record.provenance["seed"]) == ("yaw", 4)
     assert set(record.provenance["inputs"]) == {"yaw.csv"}

@@ -34,7 +34,13 @@ def test_two_recordings_give_record_picture_and_summary(command, files, tmp_path
     options = ["--out", str(out), "--name", "eyes", "--json", str(tmp_path / "told.json"), "--seed", "3"]
     status, text, err = command("identify", "sensing", *paths, *options)
     assert (status, err) == (0, "")
-    assert {path.name for path in out.iterdir()} == {"eyes.json", "eyes.html", "eyes.svg", "eyes.png"}
+    assert {path.name for path in out.iterdir()} == {
+        ".archerfish.json",
+        "eyes.json",
+        "eyes.html",
+        "eyes.svg",
+        "eyes.png",
+    }
     record = read_sensing(out / "eyes.json")
     assert record.camera.time_offset == pytest.approx(0.003 - 0.137, abs=2e-3)
     assert record.camera.latency == pytest.approx(0.035, abs=5e-3)

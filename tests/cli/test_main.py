@@ -211,7 +211,7 @@ def test_identify_writes_files_and_json(command, logs, tmp_path):
     )  # fmt: skip
     assert (status, err) == (0, "")
     assert {path.name for path in (tmp_path / "made/here").iterdir()} == {
-        "pitch.json", "pitch.safetensors", "pitch.html", "pitch.svg", "pitch.png",
+        "pitch.json", "pitch.safetensors", "pitch.html", "pitch.svg", "pitch.png", ".archerfish.json",
     }  # fmt: skip
     facts = json.loads((tmp_path / "facts/pitch.json").read_text())
     assert facts["files"][0] == "made/here/pitch.json"

@@ -27,7 +27,7 @@ def fired(out: Path, *words: str) -> dict[str, Any]:
 
 def test_plates_are_shot_at_singly_and_in_bursts(tmp_path: Path) -> None:
     summary = fired(tmp_path, "--distances-m", "2", "4", "--shots", "3", "--burst", "40")
-    assert {path.name for path in tmp_path.iterdir()} == {"shots.csv", "limits.json"}
+    assert {path.name for path in tmp_path.iterdir()} == {".archerfish.json", "shots.csv", "limits.json"}
     shots = read_shots_csv(tmp_path / "shots.csv")
     assert shots.on_plane
     assert len(shots) == summary["shots"] == 86

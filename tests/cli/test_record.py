@@ -33,6 +33,7 @@ def recorded(out: Path, console: Console, *words: str) -> dict[str, Any]:
 def test_a_sweep_is_logged_with_the_commands_in_force(tmp_path: Path, console: Console) -> None:
     summary = recorded(tmp_path, console, "sweep", "--axis", "pitch", "--centre-deg", "-5", *SHORT)
     assert {path.name for path in tmp_path.iterdir()} == {
+        ".archerfish.json",
         "pitch_sweep.csv",
         "pitch_sweep_validation.csv",
         "limits.json",
@@ -56,7 +57,11 @@ def test_the_same_seed_gives_the_same_log_and_another_one_another(tmp_path: Path
     texts = []
     for name, seed in (("a", "1"), ("b", "1"), ("c", "2")):
         recorded(tmp_path / name, console, "step", "--hold-s", "0.2", "--seed", seed, "--no-validation", *SHORT)
-        assert {path.name for path in (tmp_path / name).iterdir()} == {"yaw_step.csv", "limits.json"}
+        assert {path.name for path in (tmp_path / name).iterdir()} == {
+            ".archerfish.json",
+            "yaw_step.csv",
+            "limits.json",
+        }
         texts.append((tmp_path / name / "yaw_step.csv").read_text())
     assert texts[0] == texts[1] != texts[2]
 

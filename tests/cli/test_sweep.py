@@ -15,7 +15,7 @@ def test_a_sweep_trains_scores_and_ranks(command, tmp_path):
     status, out, _ = command(*words)
     assert status == 0
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        *("results.csv", "results.jsonl", "summary.json", "sweep.json", "sweep.svg", "trials")
+        *("results.csv", "results.jsonl", "summary.json", "sweep.json", "sweep.svg", "trials", ".archerfish.json")
     }
     assert read_policy(tmp_path / "out" / "trials" / "0001" / "policy.json").training["ppo"]["clip"] == 0.2
     summary = json.loads((tmp_path / "sweep.json").read_text())

@@ -30,8 +30,8 @@ def test_a_policy_is_trained_evaluated_and_reported(command, tmp_path, robot):
     assert status == 0
     lacking = "identified-sentry is not all of your robot: it has the assumed muzzle (--muzzle) and the paper's limits"
     assert lacking in err
-    written = {path.name for path in (tmp_path / "train").iterdir()}
-    assert {name for name in written if not name.startswith("events.")} == {*TRAINING, "config.json"}
+    written = {path.name for path in (tmp_path / "train").iterdir() if not path.name.startswith("events.")}
+    assert written == {*TRAINING, "config.json", ".archerfish.json"}
     told = json.loads((tmp_path / "train.json").read_text())
     assert told["policy"] == "train/policy.json"
     assert np.isfinite(told["mean_return"])
@@ -69,7 +69,7 @@ def test_a_policy_trained_by_gradients_is_evaluated_like_any_other(command, tmp_
     small += ["--gradient.hidden", "4", "--observation", "paper", "--command-limit", "box", "--seed", "3"]
     small += ["--no-tensorboard"]
     assert command("train", "--trainer", "gradient", *small, "--out", "train")[0] == 0
-    assert {path.name for path in (tmp_path / "train").iterdir()} == {*TRAINING, "config.json"}
+    assert {path.name for path in (tmp_path / "train").iterdir()} == {*TRAINING, "config.json", ".archerfish.json"}
     record = json.loads((tmp_path / "train" / "policy.json").read_text())
     assert record["training"]["gradient"]["window"] == 3
     few = ["--command-limit", "box", "--controllers", "no-lead", "--engagements", "2"]

@@ -105,13 +105,13 @@ def _limits(made: Path, here: Path) -> None:
         path.write_text(text)
 
 
-def _records(*names: str) -> Callable[[Path, Path], None]:
+def _records(*names: str, axes: tuple[str, ...] = ("pitch", "yaw")) -> Callable[[Path, Path], None]:
     """Give axes where a page takes them as known: the paper's, whose compiled programs other pages need too."""
 
     def lay(_: Path, here: Path) -> None:
         for name in names:
-            for axis, plant in printed_plants().items():
-                write_plant(here / "runs" / name / f"{axis}.json", plant)
+            for axis in axes:
+                write_plant(here / "runs" / name / f"{axis}.json", printed_plants()[axis])
 
     return lay
 
@@ -159,7 +159,7 @@ def _exported(made: Path, here: Path) -> None:
 
 
 GIVEN: dict[str, tuple[Callable[[Path, Path], None], ...]] = {
-    "README.md": (_pitch_as_plain_names, _landings, _records("infantry")),
+    "README.md": (_pitch_as_plain_names, _landings, _records("infantry", axes=("yaw",))),
     "robots.md": (_axes, _plates, _limits, _timing),
     "excitation.md": (_records("infantry"), _limits),
     "identification.md": (_axes, _landings),

@@ -10,6 +10,7 @@ import tyro
 from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.hit_rate_table import print_hit_rates, print_where
 from archerfish.cli.options import Folder, JsonFile, OwnMotionName
+from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.policy_check import check_policy
 from archerfish.cli.progress import note, progress_bar, require_jax
 from archerfish.cli.run_folder import run_folder
@@ -69,8 +70,15 @@ class Evaluate:
     """Folder for the results."""
     seed: int = 0
     """Of engagements and dispersion; never that of a tuning."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write what is printed to this file."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes."""
+        files = tuple(self.out / name for name in ("config.json", "results.json", "report.html"))
+        return Outputs(files, (self.out / "figures",))
 
 
 def run_evaluate(command: Evaluate) -> dict[str, Any]:
@@ -111,7 +119,7 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     else:
         task = replace(task, controllers=("perfect", *command.controllers))
     try_own_code(task)
-    with run_folder(command.out) as folder:
+    with run_folder(command.out, make_writer(command)) as folder:
         begun = time.monotonic()
         if setting.sensing is not None:
             with progress_bar("tuning", len(set(command.controllers) & set(GRIDS)), "controllers") as advance:
@@ -122,7 +130,7 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
         results = _results(task, outcomes, time.monotonic() - begun)
         storage.write_json(folder / "config.json", configuration(command, setting, _read(command)))
         write_results(folder / "results.json", results)
-    write_report(results, command.out / "report.html")
+        write_report(results, folder / "report.html", command.out)
     print_hit_rates(results.cells)
     print_where(command.out, results.durations)
     return asdict(results)

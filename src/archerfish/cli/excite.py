@@ -10,6 +10,7 @@ from rich.console import Console
 
 from archerfish.cli.excite_summary import Summary, excite_summary, print_excite
 from archerfish.cli.options import Folder, JsonFile, Switch
+from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
 from archerfish.figures.excitation import CommandRun, ResponseBand, excitation_figure
@@ -106,8 +107,16 @@ class Excite:
     """Folder for the commands and the pictures."""
     seed: int = 0
     """Of the multisine's phases and the PRBS' start."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write what is printed, and the expected frequency response, to this file."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes."""
+        kinds = (*dict.fromkeys(self.kinds), *(("validation",) if self.validation else ()))
+        names = (*(f"{kind}_command.csv" for kind in kinds), f"{_PICTURE}.svg", f"{_PICTURE}.png")
+        return Outputs(tuple(self.out / f"{self.axis}_{name}" for name in names))
 
 
 def run_excite(command: Excite, console: Console | None = None) -> Summary:
@@ -128,7 +137,7 @@ def run_excite(command: Excite, console: Console | None = None) -> Summary:
     prediction = predict_experiment(fitted, plant, noise_sd, band)
     names = [f"{command.axis}_{log.name}_command.csv" for log in logs]
     pictures = [f"{command.axis}_{_PICTURE}{ending}" for ending in (".svg", ".png")]
-    with run_folder(command.out) as folder:
+    with run_folder(command.out, make_writer(command)) as folder:
         for name, log in zip(names, logs, strict=True):
             _write_command(folder / name, log, settings.sample_period_s)
         figure = excitation_figure(

@@ -8,6 +8,7 @@ import tyro
 from rich.console import Console
 
 from archerfish.cli.options import JsonFile, Switch
+from archerfish.cli.outputs import Outputs
 from archerfish.cli.progress import note
 from archerfish.deployment.export import export_policy
 from archerfish.deployment.onnx_model import OPSET
@@ -41,8 +42,14 @@ class Export:
     """Leave out the comparison of the file, run by ONNX Runtime where that is installed, with the policy."""
     seed: int = 0
     """Not used; nothing is random."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write the metadata to this file."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes."""
+        return Outputs(named=(self.out or _policy_file(self).with_suffix(".onnx"),))
 
 
 def run_export(command: Export) -> dict[str, Any]:
@@ -51,10 +58,10 @@ def run_export(command: Export) -> dict[str, Any]:
     Raises:
       InputError: if the policy can't be used, the file can't be written, or onnx is missing.
     """
-    policy = command.policy / "policy.json" if command.policy.is_dir() else command.policy
+    policy = _policy_file(command)
     if not policy.is_file() and policy != command.policy:
         raise file_error(command.policy, "is a folder without policy.json", "name a run folder of archerfish train")
-    out = command.out or policy.with_suffix(".onnx")
+    (out,) = command.outputs().named
     storage.check_writable(out.parent)
     facts = export_policy(policy, out, command.check)
     console = Console(highlight=False, soft_wrap=True)
@@ -72,3 +79,7 @@ def run_export(command: Export) -> dict[str, Any]:
     elif command.check:
         note("the file was not run, since onnxruntime is not installed; pip install 'archerfish[export]'")
     return {"file": str(out), **facts}
+
+
+def _policy_file(command: Export) -> Path:
+    return command.policy / "policy.json" if command.policy.is_dir() else command.policy

@@ -14,6 +14,7 @@ from archerfish.cli.axis_summary import Summary, axis_summary, print_axis
 from archerfish.cli.axis_verdict import Verdict, judged_fit, verdict
 from archerfish.cli.gimbal_logs import GimbalLogs, LogReading, read_gimbal_logs
 from archerfish.cli.options import Folder, JsonFile, Switch
+from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
 from archerfish.figures.style import save_figure
@@ -87,8 +88,14 @@ class IdentifyGimbal:
     """Folder for the record and the pictures."""
     seed: int = 0
     """Of the posterior draws in the record."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write what is printed to this file."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes."""
+        return Outputs(tuple(self.out / f"{self.axis}{ending}" for ending in AXIS_ENDINGS))
 
 
 def run_gimbal(command: IdentifyGimbal, console: Console | None = None) -> Summary:
@@ -103,7 +110,7 @@ def run_gimbal(command: IdentifyGimbal, console: Console | None = None) -> Summa
     check_file_name("--axis", command.axis)
     held_back = _flat(command.validate)
     logs = read_gimbal_logs(command.logs, held_back, _reading(command))
-    with run_folder(command.out) as folder:
+    with run_folder(command.out, make_writer(command)) as folder:
         result, trials = _fitted(command, logs, console)
         free = _free_of_gain(command, logs, len(result.plant.A), console)
         origin = provenance(command.seed, [part for path in (*command.logs, *held_back) for part in log_parts(path)])

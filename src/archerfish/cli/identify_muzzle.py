@@ -12,6 +12,7 @@ from archerfish.cli.muzzle_page import muzzle_page, shot_groups
 from archerfish.cli.muzzle_summary import Summary, muzzle_summary, print_muzzle
 from archerfish.cli.muzzle_verdict import muzzle_verdict
 from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
 from archerfish.figures.shots import shots_figure
@@ -85,8 +86,14 @@ class IdentifyMuzzle:
     """Folder for the record and the pictures."""
     seed: int = 0
     """Recorded with the result; nothing in this command is random."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write what is printed to this file."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes."""
+        return Outputs(tuple(self.out / f"{self.name}{ending}" for ending in MUZZLE_ENDINGS))
 
 
 def run_muzzle(command: IdentifyMuzzle, console: Console | None = None) -> Summary:
@@ -101,7 +108,7 @@ def run_muzzle(command: IdentifyMuzzle, console: Console | None = None) -> Summa
         raise InputError("identify muzzle: no file of shots given; name at least one CSV file")
     check_file_name("--name", command.name)
     shots = merge_shots([read_shots_csv(path, _columns(command)) for path in command.shots])
-    with run_folder(command.out) as folder:
+    with run_folder(command.out, make_writer(command)) as folder:
         with console.status("maximising the likelihood …"):
             drag = None if command.estimate_drag else command.drag_per_m
             result = identify_muzzle(

@@ -9,6 +9,7 @@ import tyro
 from rich.console import Console
 
 from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.parsing import check_file_name
 from archerfish.cli.rigid_logs import RigidLog, read_rigid_log
 from archerfish.cli.rigid_summary import Summary, print_rigid, rigid_summary
@@ -71,8 +72,14 @@ class IdentifyRigid:
     """Folder for the record and the pictures."""
     seed: int = 0
     """Recorded with the result; nothing in this command is random."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write what is printed to this file."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes."""
+        return Outputs(tuple(self.out / f"{self.axis}{ending}" for ending in RIGID_ENDINGS))
 
 
 def run_rigid(command: IdentifyRigid, console: Console | None = None) -> Summary:
@@ -90,7 +97,7 @@ def run_rigid(command: IdentifyRigid, console: Console | None = None) -> Summary
     logs = [_read(path, command, findings) for path in command.logs]
     recordings = [recording for log in logs for recording in log.recordings]
     samples = count_samples(sum(log.samples for log in logs), findings)
-    with run_folder(command.out) as folder:
+    with run_folder(command.out, make_writer(command)) as folder:
         with console.status("fitting the rigid axis …"):
             result = identify_rigid_axis(
                 recordings,

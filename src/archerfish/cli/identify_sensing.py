@@ -8,6 +8,7 @@ import tyro
 from rich.console import Console
 
 from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
 from archerfish.cli.sensing_page import alignment_data, sensing_page
@@ -91,8 +92,14 @@ class IdentifySensing:
     """Folder for the record and the pictures."""
     seed: int = 0
     """Recorded with the result; nothing in this command is random."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write what is printed to this file."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes."""
+        return Outputs(tuple(self.out / f"{self.name}{ending}" for ending in SENSING_ENDINGS))
 
 
 def run_sensing(command: IdentifySensing, console: Console | None = None) -> Summary:
@@ -104,7 +111,7 @@ def run_sensing(command: IdentifySensing, console: Console | None = None) -> Sum
     """
     console = console or Console()
     _check(command)
-    with run_folder(command.out) as folder:
+    with run_folder(command.out, make_writer(command)) as folder:
         with console.status("aligning camera and gimbal …"):
             result = _identified(command)
         steps = [] if command.target_steps is None else [command.target_steps]

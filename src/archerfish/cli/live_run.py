@@ -15,8 +15,11 @@ from typing import Any
 
 from archerfish.cli.interrupts import Stopped, StopRequests, stop_requests, without_interrupts
 from archerfish.cli.progress import note
+from archerfish.cli.publication import files_below, publish
+from archerfish.cli.run_lock import NAME as LOCK
 from archerfish.cli.run_lock import locked
 from archerfish.cli.training_log import EVENTS, LOG, EventFile, append_log, log_rows, log_text
+from archerfish.cli.writer import Writer
 from archerfish.learning.checkpoint import restore_standing, standing_arrays
 from archerfish.learning.checkpoint_folder import add_checkpoint, checkpoint_files, newest_checkpoint
 from archerfish.learning.training import Standing
@@ -29,6 +32,13 @@ UNFINISHED = "unfinished"
 CONFIGURATION = "config.json"
 CHECKPOINTS = "checkpoints"
 INPUTS = "inputs"
+RESULTS = "results"
+"""What is finished and not yet in place."""
+REPLACED = "replaced"
+"""What results take the place of, until all of them are in place."""
+DIVERGED = "diverged"
+"""Folder in a run folder for a training that met a number that is not finite."""
+FAULT = "fault.json"
 
 
 def configuration_file(out: Path) -> Path:
@@ -74,7 +84,7 @@ class LiveRun:
     """A training in progress: its checkpoints, its log, and the wish that it ends."""
 
     def __init__(self, out: Path, requests: StopRequests, every_s: float, batch: int, tensorboard: bool) -> None:
-        self.out, self.folder = out, out / UNFINISHED
+        self.out, self.folder, self.results = out, out / UNFINISHED, out / UNFINISHED / RESULTS
         self._requests, self._every_s, self._batch, self._tensorboard = requests, every_s, batch, tensorboard
         self._events: EventFile | None = None
         self._written, self._saved = time.monotonic(), -1
@@ -158,23 +168,31 @@ class LiveRun:
             add_checkpoint(self.folder / CHECKPOINTS, standing.iterations, facts, standing_arrays(standing))
         self._saved, self._written = standing.iterations, time.monotonic()
 
-    def end(self) -> None:
-        """Move TensorBoard's files to the results, and remove what is no longer unfinished."""
+    def publish(self, writer: Writer) -> None:
+        """Put the results and TensorBoard's files in place; nothing is unfinished then.
+
+        Args:
+          writer: whose files they are, and what they may not replace.
+
+        Raises:
+          InputError: if something is in the way; the run is unfinished as before.
+        """
         with without_interrupts():
             self.close()
+            publish(files_below(self.results), self.out, writer, self.folder / REPLACED)
             if (self.folder / EVENTS).exists():
                 shutil.rmtree(self.out / EVENTS, ignore_errors=True)
                 (self.folder / EVENTS).replace(self.out / EVENTS)
             (self.folder / CONFIGURATION).unlink()
-            shutil.rmtree(self.folder)
+            _vanish(self.folder)
 
-    def set_aside(self, name: str) -> None:
-        """Rename the unfinished run, which is over for good, in the place of an earlier one of that name."""
+    def set_aside(self) -> None:
+        """Rename the unfinished run, which is over for good, in the place of an earlier one that diverged."""
         with without_interrupts():
             self.close()
-            if (self.out / name).exists():
-                shutil.rmtree(self.out / name)
-            self.folder.replace(self.out / name)
+            if (self.out / DIVERGED).exists():
+                shutil.rmtree(self.out / DIVERGED)
+            self.folder.replace(self.out / DIVERGED)
 
     def close(self) -> None:
         """Close TensorBoard's file."""
@@ -213,6 +231,7 @@ def live_run(out: Path, *, resumed: bool, every_s: float, batch: int, tensorboar
     """
     folder = out / UNFINISHED
     storage.check_writable(out)
+    _check_own(out)
     made = [each for each in (folder, *folder.parents) if not each.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -241,7 +260,7 @@ def _ended(run: LiveRun, *, discard: bool) -> Iterator[None]:
             elif isinstance(error, InputError) and run.under_way and run.folder.exists():
                 raise InputError(f"{error}; {goes_on}") from error
         else:
-            shutil.rmtree(run.folder, ignore_errors=True)
+            _vanish(run.folder)
             if isinstance(error, Stopped):
                 error.told = f"{error.told.partition(';')[0]} before the first checkpoint; nothing was kept"
         raise
@@ -249,6 +268,26 @@ def _ended(run: LiveRun, *, discard: bool) -> Iterator[None]:
         # The first fault is the one to hear of.
         with suppress(InputError):
             run.close()
+
+
+def _check_own(out: Path) -> None:
+    """Refuse to empty or replace folders that hold something else than a training leaves in them."""
+    unfinished = out / UNFINISHED
+    others = {
+        UNFINISHED: not any((unfinished / name).is_file() for name in (LOCK, CONFIGURATION)),
+        DIVERGED: not (out / DIVERGED / FAULT).is_file(),
+        EVENTS: any(not each.name.startswith("events.") for each in (out / EVENTS).glob("*")),
+    }
+    for name, is_other in others.items():
+        if is_other and any((out / name).glob("*")):
+            raise file_error(out / name, "holds files that no training left there", "choose another --out")
+
+
+def _vanish(folder: Path) -> None:
+    """Remove a folder that a killed process may not leave half removed under its name."""
+    with suppress(OSError):
+        folder = folder.replace(folder.with_name(storage.unfinished_name()))
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _refuse_unfinished(run: LiveRun) -> None:
@@ -266,5 +305,5 @@ def _empty(folder: Path) -> None:
     for path in folder.iterdir():
         if path.is_dir():
             shutil.rmtree(path)
-        elif path.name != ".lock":
+        elif path.name != LOCK:
             path.unlink()

@@ -10,14 +10,14 @@ import multiprocessing.util
 import os
 import sys
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 from archerfish import __version__
 from archerfish.cli.interrupts import Stopped
+from archerfish.cli.json_output import write_json_output
+from archerfish.cli.outputs import check_outputs
 from archerfish.cli.parsing import parse, summary
-from archerfish.records import storage
-from archerfish.records.errors import InputError, file_error
+from archerfish.records.errors import InputError
 
 INPUT_ERROR = 2
 INTERRUPTED = 130
@@ -60,7 +60,8 @@ examples:
 
 archerfish COMMAND --help tells the options of a command; archerfish --version the version.
 A fault ends in one line and status 2, Ctrl-C in status 130, but 0 where it is the way to end (view); neither leaves
-anything half-written. A training that was stopped goes on with archerfish train --resume FOLDER."""
+anything half-written. No command writes over what it reads, and without --overwrite over what it did not write itself.
+A training that was stopped goes on with archerfish train --resume FOLDER."""
 
 
 def program() -> None:
@@ -158,16 +159,12 @@ def run(command: Any, function: Callable[[Any], dict[str, Any]]) -> None:
     Raises:
       InputError: if an argument or a file can't be used.
     """
-    path: Path | None = command.json
     if command.seed not in range(2**32):
         raise InputError(f"--seed must be within 0…{2**32 - 1}, got {command.seed}")
-    if path is not None:
-        storage.check_writable(path.parent)
-        if path.is_dir():
-            raise file_error(path, "--json names a folder, expected a file", "name a file in it")
+    check_outputs(command)
     result = function(command)
-    if path is not None:
-        storage.write_json(path, result)
+    if command.json is not None:
+        write_json_output(command.json, result)
 
 
 def _fail(message: str, status: int) -> None:

@@ -4,9 +4,10 @@ import inspect
 import io
 import re
 import shutil
+import sys
 import textwrap
 from collections.abc import Sequence
-from contextlib import redirect_stderr
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -32,9 +33,9 @@ def parse(kind: type[Options], program: str, words: Sequence[str], default: Opti
     Raises:
       InputError: if an option is unknown or its value can't be used.
     """
-    told = io.StringIO()
+    told, shown = io.StringIO(), _Shown()
     try:
-        with redirect_stderr(told):
+        with redirect_stderr(told), redirect_stdout(shown):
             told_apart: dict[str, Any] = {} if default is None else {"default": default}
             options: Options = tyro.cli(
                 kind, prog=program, args=list(words), description=description(kind), config=_SETTINGS, **told_apart
@@ -42,8 +43,32 @@ def parse(kind: type[Options], program: str, words: Sequence[str], default: Opti
             return options
     except SystemExit as ended:
         if not ended.code:
+            print(_usage_wrapped(shown.getvalue()), end="")  # noqa: T201
             raise
         raise InputError(f"{one_line(told.getvalue())}; see {program} --help") from None
+
+
+class _Shown(io.StringIO):
+    """Standard output as it is, but kept: tyro never wraps its usage line."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._kept = sys.stdout
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        return self._kept.encoding
+
+    def isatty(self) -> bool:
+        return self._kept.isatty()
+
+
+def _usage_wrapped(shown: str) -> str:
+    usage, line_break, rest = shown.partition("\n")
+    words = [word.replace(" ", "\0") for word in re.findall(r"\[[^\]]*\]|\S+", usage)]
+    width = shutil.get_terminal_size().columns
+    wrapped = textwrap.fill(" ".join(words), width, subsequent_indent="  ", break_on_hyphens=False)
+    return wrapped.replace("\0", " ") + line_break + rest
 
 
 def summary(kind: type) -> str:

@@ -10,11 +10,13 @@ import tyro
 from rich.console import Console
 
 from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.progress import progress_bar
 from archerfish.cli.robot_options import (
     PhysicsChoice,
     RobotName,
     check_above_zero,
+    limits_to_write,
     one_robot,
     seeds_from,
     write_or_keep_limits,
@@ -66,8 +68,14 @@ class Range:
     """Folder for the shots."""
     seed: int = 0
     """Of dispersion and noise."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write what is printed to this file."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes; limits.json that is there is kept."""
+        return Outputs((self.out / _shots_name(self), *limits_to_write(self.out)))
 
 
 Summary = dict[str, Any]
@@ -83,8 +91,8 @@ def run_range(command: Range, console: Console | None = None) -> Summary:
     robot = load_robot(command.robot)
     _check(command, robot)
     noise, draws = seeds_from(command.seed, 2)
-    name = "landings.csv" if command.ground else "shots.csv"
-    with run_folder(command.out) as folder:
+    name = _shots_name(command)
+    with run_folder(command.out, make_writer(command)) as folder:
         virtual = one_robot(robot, noise, command.physics, console)
         fired = _fired(command, virtual, draws)
         write_shots(folder / name, fired)
@@ -98,6 +106,10 @@ def run_range(command: Range, console: Console | None = None) -> Summary:
     summary = {"robot": robot.schema.name, "shots": len(fired), "mean_speed_m_s": float(speeds.mean()), "files": files}
     tape = {"muzzle_height_m": _muzzle_height(robot), "muzzle_length_m": robot.muzzle.forward_m}
     return {**summary, **tape} if command.ground else summary
+
+
+def _shots_name(command: Range) -> str:
+    return "landings.csv" if command.ground else "shots.csv"
 
 
 def _muzzle_height(robot: RobotDescription) -> float:

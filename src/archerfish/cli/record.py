@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from archerfish.cli.options import Folder, JsonFile, Switch
+from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.progress import progress_bar
 from archerfish.cli.robot_options import (
     PhysicsChoice,
     RobotName,
     check_above_zero,
+    limits_to_write,
     one_robot,
     seeds_from,
     write_or_keep_limits,
@@ -102,8 +104,15 @@ class Record:
     """Folder for the logs."""
     seed: int = 0
     """Of the robot's noise."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write what is printed to this file."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes; limits.json that is there is kept."""
+        names = _timing_names(self) if self.kind == "timing" else _axis_names(self)
+        return Outputs((*(self.out / name for name in names), *limits_to_write(self.out)))
 
 
 Summary = dict[str, Any]
@@ -119,7 +128,7 @@ def run_record(command: Record, console: Console | None = None) -> Summary:
     robot = load_robot(command.robot)
     _check(command)
     work = _timing if command.kind == "timing" else _axis
-    with run_folder(command.out) as folder:
+    with run_folder(command.out, make_writer(command)) as folder:
         names = work(command, robot, folder, console)
         names += write_or_keep_limits(folder, command.out, robot, console)
     files = [str(command.out / name) for name in names]
@@ -158,17 +167,21 @@ def _advance_from(advance: Callable[[float, str], None], before: float, played: 
     advance(before + played, "")
 
 
+def _axis_names(command: Record) -> list[str]:
+    """Return the names of the logs of a sweep or of steps; the second, if there is one, is held back."""
+    if command.commands is not None:
+        return [f"{command.commands.stem.removesuffix('_command')}.csv"]
+    name = f"{command.axis}_{command.kind}"
+    return [f"{name}.csv", f"{name}_validation.csv"] if command.validation else [f"{name}.csv"]
+
+
 def _excitations(command: Record) -> dict[str, Array]:
     """Return what to play, by the name of its log."""
+    names = _axis_names(command)
     if command.commands is not None:
-        return {f"{command.commands.stem.removesuffix('_command')}.csv": _read_commands(command.commands)}
+        return {names[0]: _read_commands(command.commands)}
     centre = float(np.radians(command.centre_deg))
-    names = {f"{command.axis}_{command.kind}.csv": False, f"{command.axis}_{command.kind}_validation.csv": True}
-    return {
-        name: centre + _signal(command, held_back=held_back)
-        for name, held_back in names.items()
-        if command.validation or not held_back
-    }
+    return {name: centre + _signal(command, held_back=number == 1) for number, name in enumerate(names)}
 
 
 def _signal(command: Record, *, held_back: bool) -> Array:
@@ -224,9 +237,12 @@ def _timing(command: Record, robot: RobotDescription, folder: Path, console: Con
     write_detections(folder / "timing_plate.csv", logs.plate)
     write_detections(folder / "timing_target.csv", logs.target)
     write_columns(folder / "timing_moments.csv", {"time_s": logs.moments})
-    names = ["sweep", "steps", "plate", "target", "moments"]
     if command.stamps == "robot":
         for name, (sent, received) in (("commands", logs.commands), ("reports", logs.reports)):
             write_columns(folder / f"timing_{name}.csv", {"sent_s": sent, "received_s": received})
-            names.append(name)
-    return [f"timing_{name}.csv" for name in names]
+    return _timing_names(command)
+
+
+def _timing_names(command: Record) -> list[str]:
+    stamped = ("commands", "reports") if command.stamps == "robot" else ()
+    return [f"timing_{name}.csv" for name in ("sweep", "steps", "plate", "target", "moments", *stamped)]

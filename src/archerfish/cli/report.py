@@ -8,8 +8,13 @@ import tyro
 from rich.console import Console
 
 from archerfish.cli.options import JsonFile
+from archerfish.cli.outputs import Outputs, make_writer
+from archerfish.cli.run_folder import run_folder
+from archerfish.cli.written_files import find_written
 from archerfish.evaluation.report import write_report
 from archerfish.evaluation.results import read_results
+
+RESULTS = "results.json"
 
 
 @dataclass(frozen=True)
@@ -31,8 +36,14 @@ class Report:
     """File to write."""
     seed: int = 0
     """Not used; the seed of the run is in its results."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write what is printed to this file."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes."""
+        return Outputs((_page(self),), owner=_owner(self))
 
 
 def run_report(command: Report) -> dict[str, Any]:
@@ -41,7 +52,21 @@ def run_report(command: Report) -> dict[str, Any]:
     Raises:
       InputError: if the folder holds no results or the page can't be written.
     """
-    path = command.out or command.run / "report.html"
-    write_report(read_results(command.run / "results.json"), path)
+    path, results = _page(command), read_results(command.run / RESULTS)
+    with run_folder(path.parent, make_writer(command)) as folder:
+        write_report(results, folder / path.name, path.parent)
     Console().print(f"report: {path}")
     return {"report": str(path)}
+
+
+def _page(command: Report) -> Path:
+    return command.out or command.run / "report.html"
+
+
+def _owner(command: Report) -> str:
+    """Return the command whose run the page belongs to; none where the page is put elsewhere, or nobody knows."""
+    results = command.run / RESULTS
+    if not results.is_file() or _page(command).parent.resolve() != command.run.resolve():
+        return ""
+    written = find_written(results)
+    return written.command if written else ""

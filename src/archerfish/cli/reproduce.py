@@ -13,6 +13,7 @@ import tyro
 from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.hit_rate_table import print_hit_rates, print_where
 from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.progress import require_jax
 from archerfish.cli.run_folder import run_folder
 from archerfish.cli.setting import Setting, SettingFiles, configuration, load_setting
@@ -64,8 +65,15 @@ class Reproduce:
     """Engagements per cell of Tables IV and V; archerfish transfer takes 400."""
     workers: Annotated[int, tyro.conf.arg(help_behavior_hint="(default: one per core, at most 4)")] = 0
     """Processes to use."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write what is printed to this file."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes."""
+        files = tuple(self.out / name for name in ("config.json", "results.json", "report.html"))
+        return Outputs(files, tuple(self.out / name for name in ("figures", "logs", "plants", "policies", "robot")))
 
 
 QUICK_STEPS = 200_000
@@ -90,7 +98,7 @@ def run_reproduce(command: Reproduce) -> dict[str, Any]:
 
     setting = load_setting(SettingFiles())
     durations: dict[str, float] = {}
-    with run_folder(command.out) as folder:
+    with run_folder(command.out, make_writer(command)) as folder:
         parts = _run_stages(command, setting, folder, durations)
         with _timed(durations, "robot"):
             parts = _joined(parts, _rehearsed(command, folder))
@@ -105,7 +113,7 @@ def run_reproduce(command: Reproduce) -> dict[str, Any]:
         )
         storage.write_json(folder / "config.json", configuration(command, setting))
         write_results(folder / "results.json", results)
-    write_report(results, command.out / "report.html")
+        write_report(results, folder / "report.html", command.out)
     print_hit_rates(results.cells)
     print_where(command.out, durations)
     return asdict(results)

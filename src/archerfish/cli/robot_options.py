@@ -32,8 +32,13 @@ def one_robot(
     return robot
 
 
+def limits_to_write(out: Path) -> tuple[Path, ...]:
+    """Return limits.json of an output folder, or nothing where it is there and is kept."""
+    return () if (out / LIMITS).is_file() else (out / LIMITS,)
+
+
 def write_or_keep_limits(folder: Path, out: Path, robot: RobotDescription, console: Console) -> list[str]:
-    """Write limits.json, unless the output folder has one of other content, which a person may have edited.
+    """Write limits.json, unless the output folder has one, which a person may have edited.
 
     Args:
       folder: to write to, whose files move to `out` later.
@@ -42,13 +47,16 @@ def write_or_keep_limits(folder: Path, out: Path, robot: RobotDescription, conso
       console: where it is said that a file is kept.
 
     Returns:
-      Names of what was written: limits.json, or nothing.
+      Names of what is there: limits.json, or nothing if one of other content was kept.
     """
     new, old = folder / LIMITS, out / LIMITS
     write_robot_limits(new, robot)
-    if not old.is_file() or old.read_bytes() == new.read_bytes():
+    if not old.is_file():
         return [LIMITS]
+    content = new.read_bytes()
     new.unlink()
+    if old.read_bytes() == content:
+        return [LIMITS]
     told = f"kept {old}, because it differs from the limits of {robot.schema.name}; remove it to have these written"
     console.print(f"• {told}", markup=False, highlight=False)
     return []

@@ -24,6 +24,9 @@ from archerfish.records.sensing import SensingRecord, read_sensing
 from archerfish.simulation.environment import PureWorld
 from archerfish.simulation.setting import make_world, paper_muzzle
 
+NOT_KEPT = ("out", "overwrite", "json")
+"""Options that a run folder does not hold: they say where a command writes, not what it finds."""
+
 
 def _file(default: str) -> Any:
     return tyro.conf.arg(metavar="FILE", help_behavior_hint=f"(default: {default})")
@@ -277,7 +280,7 @@ def configuration(command: Any, setting: Setting, inputs: Iterable[Path] = ()) -
       setting: what its files were resolved to.
       inputs: other files that were read.
     """
-    plain = {name: _plain(value) for name, value in asdict(command).items() if name not in ("json", "out")}
+    plain = {name: _plain(value) for name, value in asdict(command).items() if name not in NOT_KEPT}
     return {**plain, "setting_name": setting.name, "provenance": provenance(command.seed, (*setting.inputs, *inputs))}
 
 

@@ -11,7 +11,9 @@ import tyro
 
 from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.progress import progress_bar, require_jax
+from archerfish.cli.run_folder import run_folder
 from archerfish.cli.setting import RobotOptions, SettingFiles
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.gradient_config import GradientConfig
@@ -21,6 +23,10 @@ if TYPE_CHECKING:
     from archerfish.cli.sweeping.axes import Axis
     from archerfish.cli.sweeping.executor import Executor
     from archerfish.cli.sweeping.folder import SweepFolder
+    from archerfish.cli.writer import Writer
+
+TABLES = ("results.csv", "summary.json", "sweep.svg")
+"""What is made of the trials, each time that a sweep ends."""
 
 
 @dataclass(frozen=True)
@@ -104,8 +110,14 @@ class Sweep:
     """Folder for everything that it makes."""
     seed: int = 0
     """Of Optuna's sampler, and of the engagements that score."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write the summary to this file."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes."""
+        return Outputs(tuple(self.out / name for name in (*TABLES, "sweep.json")), (self.out / "trials",))
 
 
 def run_sweep(command: Sweep) -> dict[str, Any]:
@@ -125,7 +137,7 @@ def run_sweep(command: Sweep) -> dict[str, Any]:
         with progress_bar("sweep", prepared.trials, "trials") as advance, _executor(command) as executor:
             total = run_rounds(prepared.plan, prepared.proposer, folder, executor, advance)
             advance(prepared.trials, "")
-        return write_sweep(folder, total, prepared.learning)
+        return write_sweep(folder, total, prepared.learning, make_writer(command))
 
 
 @contextmanager
@@ -146,13 +158,14 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def write_sweep(folder: "SweepFolder", total: int, learning: "tuple[Axis, ...]") -> dict[str, Any]:
+def write_sweep(folder: "SweepFolder", total: int, learning: "tuple[Axis, ...]", writer: "Writer") -> dict[str, Any]:
     """Write results.csv, summary.json and the picture, print the ranking, and return the summary.
 
     Args:
       folder: with all trials.
       total: number of trials of the sweep.
       learning: what tells configurations apart.
+      writer: whose files they are, and what they may not replace.
     """
     from archerfish.cli.sweeping.axes import Values
     from archerfish.cli.sweeping.ranking import rank
@@ -166,10 +179,11 @@ def write_sweep(folder: "SweepFolder", total: int, learning: "tuple[Axis, ...]")
     standings = rank(results)
     summary = summarise(standings, results, str(folder.path))
     figure = draw_sweep(standings, results, varied)
-    storage.write_text(folder.path / "results.csv", results_table(results))
-    storage.write_json(folder.path / "summary.json", summary)
-    if figure is not None:
-        save_figure(folder.path / "sweep.svg", figure)
+    with run_folder(folder.path, writer) as unfinished:
+        storage.write_text(unfinished / "results.csv", results_table(results))
+        storage.write_json(unfinished / "summary.json", summary)
+        if figure is not None:
+            save_figure(unfinished / "sweep.svg", figure)
     print_standings(standings, varied)
     _print_end(folder.path, summary)
     return summary

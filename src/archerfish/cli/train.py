@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from archerfish.cli.compilation_cache import keep_compiled
-from archerfish.cli.interrupts import without_interrupts
 from archerfish.cli.options import Folder, JsonFile, OwnMotionName, Switch
+from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.progress import note, progress_bar, require_jax
 from archerfish.cli.restored_options import contradictions, restore_options, with_default_flags
 from archerfish.cli.setting import (
@@ -38,6 +38,17 @@ if TYPE_CHECKING:
 
 MOST_FRAMES = 64
 """More than a second of history at 20 ms; the observation grows with it."""
+
+RESULT_FILES = (
+    "policy.json",
+    "policy.safetensors",
+    "checkpoint.json",
+    "checkpoint.safetensors",
+    "log.jsonl",
+    "curve.svg",
+    "config.json",
+)
+"""What a finished training leaves in its run folder, beside the files for TensorBoard."""
 
 
 @dataclass(frozen=True)
@@ -102,8 +113,17 @@ class Train:
     """Leave out the files for TensorBoard."""
     seed: int = 0
     """Of everything random in the training."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write what is printed to this file."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes."""
+        return Outputs(
+            tuple(self.out / name for name in RESULT_FILES),
+            tuple(self.out / name for name in ("unfinished", "diverged", "tensorboard")),
+        )
 
     def resumed(self, read: Callable[[Any], Any]) -> "Train":
         """Take the settings of the run to go on with.
@@ -137,11 +157,12 @@ class Train:
             setting=_copies(begun.setting, self.resume),
             checkpoint_every=said.checkpoint_every,
             tensorboard=begun.tensorboard and said.tensorboard,
+            overwrite=said.overwrite,
             json=said.json,
         )
 
 
-MAY_CHANGE = frozenset({"checkpoint_every", "tensorboard", "json"})
+MAY_CHANGE = frozenset({"checkpoint_every", "tensorboard", "overwrite", "json"})
 """Options that a resumed training may be given anew."""
 
 
@@ -201,9 +222,8 @@ def run_train(command: Train) -> dict[str, Any]:
         )
         with progress_bar("training", task.decisions, "decisions") as advance:
             result = run_task(task, advance, live)
-        with without_interrupts():
-            write_run(command.out, result, read_configuration(command.out))
-            live.end()
+        write_run(live.results, result, read_configuration(command.out))
+        live.publish(make_writer(command))
     summary = {
         "policy": str(command.out / "policy.json"),
         "steps": int(result.curve.steps[-1]),

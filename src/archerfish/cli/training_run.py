@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.cli.early_stop import hit_rate_stop
-from archerfish.cli.live_run import LiveRun
+from archerfish.cli.live_run import DIVERGED, FAULT, LiveRun
 from archerfish.cli.setting import Setting, setting_world
 from archerfish.cli.training_log import LOG, log_rows, log_text
 from archerfish.controllers.policy import policy_to_record
@@ -47,10 +47,6 @@ TRAINERS: dict[str, Trainer] = {"ppo": PPO, "gradient": GRADIENT}
 """Name → way of training; its settings are the field of that name in a `TrainingTask`."""
 HIT_BONUS = {"history": 0.0, "paper": 0.0, "tracked": 0.1}
 """Kind of observation → what a hit adds to the reward of eq (8) [m]."""
-
-
-DIVERGED = "diverged"
-"""Folder in a run folder for a training that met a number that is not finite."""
 
 
 @dataclass(frozen=True)
@@ -209,8 +205,8 @@ def keep_diverged(live: LiveRun, error: DivergenceError, result: TrainingResult)
     configuration = storage.read_json(live.folder / "config.json")
     write_run(live.folder, result, configuration)
     fault = {"iteration": error.iteration, "first_not_finite": error.first, "message": str(error)}
-    storage.write_json(live.folder / "fault.json", fault)
-    live.set_aside(DIVERGED)
+    storage.write_json(live.folder / FAULT, fault)
+    live.set_aside()
     return InputError(f"{error}; {live.out / DIVERGED} holds the policy of before, and what reproduces it")
 
 

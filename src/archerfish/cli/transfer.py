@@ -11,6 +11,7 @@ import tyro
 from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.hit_rate_table import print_hit_rates, print_where
 from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.progress import require_jax
 from archerfish.cli.run_folder import run_folder
 from archerfish.cli.setting import configuration
@@ -62,8 +63,15 @@ class Transfer:
     """Folder for everything that it makes."""
     seed: int = 0
     """Added to every one of --seeds."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write what is printed to this file."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes."""
+        files = tuple(self.out / name for name in ("config.json", "results.json", "report.html"))
+        return Outputs(files, tuple(self.out / name for name in ("figures", "logs", "records", "policies")))
 
 
 def run_transfer(command: Transfer) -> dict[str, Any]:
@@ -82,7 +90,7 @@ def run_transfer(command: Transfer) -> dict[str, Any]:
     if command.quick:
         command = shortened(command)
     begun = time.monotonic()
-    with run_folder(command.out) as folder:
+    with run_folder(command.out, make_writer(command)) as folder:
         rehearsal = Rehearsal(
             robot=command.robot,
             changed=others(command.robot, command.changed),
@@ -102,7 +110,7 @@ def run_transfer(command: Transfer) -> dict[str, Any]:
         )
         storage.write_json(folder / "config.json", configuration(command, identified.setting))
         write_results(folder / "results.json", results)
-    write_report(results, command.out / "report.html")
+        write_report(results, folder / "report.html", command.out)
     print_hit_rates(results.cells)
     print_where(command.out, results.durations)
     return asdict(results)

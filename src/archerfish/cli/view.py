@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from archerfish.cli.options import JsonFile
+from archerfish.cli.outputs import Outputs
 from archerfish.cli.policy_check import check_policy
 from archerfish.cli.progress import note, progress_bar
 from archerfish.cli.setting import RobotOptions, SettingFiles, load_setting, trained_for
@@ -89,8 +90,14 @@ class View:
     """Write a trial as one animated page (.html) instead of serving one."""
     seed: int = 0
     """Of targets and dispersion."""
+    overwrite: bool = False
+    """Replace files that this command did not write; never what it reads."""
     json: JsonFile = None
     """Also write the trial's choice and hits to this file, with --export."""
+
+    def outputs(self) -> Outputs:
+        """Return what the command writes."""
+        return Outputs(named=() if self.export is None else (self.export,))
 
 
 def run_view(command: View) -> dict[str, Any]:

@@ -1,16 +1,18 @@
 """How records reach the disk: whole or not at all.
 
 Facts are JSON, arrays are safetensors, never pickle. A file is written beside its final name, synced and renamed, so
-that a crash leaves either the old file or the new one. A record with arrays is a pair `NAME.json` and
-`NAME.safetensors`; the JSON holds the hash of the arrays, so that a mixed pair is refused. While a record is written
-over another one, the old arrays stay beside it, so that a crash leaves one of the two.
+that a crash leaves either the old file or the new one; nothing but a regular file is ever replaced. A record with
+arrays is a pair `NAME.json` and `NAME.safetensors`; the JSON holds the hash of the arrays, so that a mixed pair is
+refused. While a record is written over another one, the old arrays stay beside it, so that a crash leaves one of the
+two.
 """
 
 import errno
 import hashlib
 import json
 import os
-import tempfile
+import secrets
+import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -26,30 +28,61 @@ from archerfish.records.errors import InputError, file_error
 Arrays = Mapping[str, NDArray[Any]]
 
 
+UNFINISHED = ".unfinished-"
+"""Beginning of the names of files and folders that are not yet in place."""
+_KINDS = (
+    (stat.S_ISDIR, "folder"),
+    (stat.S_ISLNK, "symbolic link"),
+    (stat.S_ISFIFO, "named pipe"),
+    (stat.S_ISCHR, "character device"),
+    (stat.S_ISBLK, "block device"),
+    (stat.S_ISSOCK, "socket"),
+)
+
+
+def unfinished_name() -> str:
+    """Return a hidden name that nothing else has."""
+    return f"{UNFINISHED}{secrets.token_hex(6)}"
+
+
+def check_regular(path: Path) -> None:
+    """Refuse to write where something other than a regular file is: renaming would replace devices, pipes and links.
+
+    Raises:
+      InputError: saying what is there.
+    """
+    try:
+        mode = path.lstat().st_mode
+    except OSError:  # nothing there, or a folder that can't be looked into: writing says so
+        return
+    if not stat.S_ISREG(mode):
+        kind = next((name for is_kind, name in _KINDS if is_kind(mode)), "special file")
+        raise file_error(
+            path, f"can't be written, since it is a {kind}", "name a regular file, or one that is not there"
+        )
+
+
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file whole: temporary file in the same folder, sync, rename.
 
     Raises:
-      InputError: if the folder can't be made or written.
+      InputError: if the folder can't be made or written, or something other than a regular file is in its place.
     """
+    check_regular(path)
+    temporary = path.with_name(unfinished_name())
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    except OSError as error:
-        raise _unwritable(path, error) from error
-    try:
-        with os.fdopen(handle, "wb") as stream:
+        with temporary.open("xb") as stream:
             stream.write(content)
             stream.flush()
             os.fsync(stream.fileno())
-        # mkstemp makes files private; a result is meant to be read by others.
-        Path(temporary).chmod(0o666 & ~_umask())
-        Path(temporary).replace(path)
+        temporary.replace(path)
         sync_folder(path.parent)
     except OSError as error:
         raise _unwritable(path, error) from error
     finally:
-        Path(temporary).unlink(missing_ok=True)
+        with suppress(OSError):  # the folder was never made
+            temporary.unlink(missing_ok=True)
 
 
 def sync_folder(folder: Path) -> None:
@@ -66,12 +99,6 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
 def _unwritable(path: Path, error: OSError) -> InputError:
     return file_error(path, f"can't be written ({error.strerror})", "choose another output folder or free the disk")
 
@@ -82,14 +109,15 @@ def check_writable(folder: Path) -> None:
     Raises:
       InputError: if the folder can't be made or written.
     """
-    probe = folder / ".archerfish-probe"
+    probe = folder / unfinished_name()
     made = [each for each in (folder, *folder.parents) if not each.exists()]
     try:
         write_bytes(probe, b"")
-        probe.unlink(missing_ok=True)  # another process may look at the same folder
     except InputError as error:
         raise InputError(str(error).replace(str(probe), str(folder), 1)) from error
     finally:
+        with suppress(OSError):  # never made, or another process has removed it with its folder
+            probe.unlink(missing_ok=True)
         for each in made:
             with suppress(OSError):  # never made, or another process has begun to use it
                 each.rmdir()
@@ -101,11 +129,12 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write JSON whole, indented; NaN and infinity are refused since JSON has neither."""
-    write_text(path, _json_text(content))
+    """Write JSON whole, as `json_text` returns it."""
+    write_text(path, json_text(content))
 
 
-def _json_text(content: Any) -> str:
+def json_text(content: Any) -> str:
+    """Return JSON, indented; NaN and infinity are refused since JSON has neither."""
     return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
 
@@ -146,7 +175,7 @@ def write_record(path: Path, schema: str, facts: Mapping[str, Any], arrays: Arra
     # ascontiguousarray turns a scalar into shape (1,); copy keeps shape ().
     content = save({name: np.array(array, order="C", copy=True) for name, array in arrays.items()})
     # Facts that JSON can't hold must fail before the old arrays are gone.
-    text = _json_text({"schema": schema, "arrays_sha256": hashlib.sha256(content).hexdigest(), **facts})
+    text = json_text({"schema": schema, "arrays_sha256": hashlib.sha256(content).hexdigest(), **facts})
     with overwriting(path):
         write_bytes(path.with_suffix(".safetensors"), content)
         write_text(path, text)

@@ -15,6 +15,7 @@ from archerfish.cli.interrupts import without_interrupts
 from archerfish.cli.run_lock import NAME as LOCK
 from archerfish.cli.run_lock import locked
 from archerfish.cli.sweeping.results import TrialResult, read_results, result_line, whole_length
+from archerfish.cli.written_files import add_to_list, read_list, write_list
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 
@@ -107,6 +108,7 @@ def sweep_folder(out: Path, configuration: Mapping[str, Any], resume: bool) -> I
                 with _appended(path) as stream:
                     os.ftruncate(stream, whole_length(path))
                     storage.write_json(out / CONFIGURATION, configuration)
+                    add_to_list(out, "sweep", {CONFIGURATION: [storage.file_hash(out / CONFIGURATION)]})
                     yield SweepFolder(out, found, stream)
             finally:
                 with suppress(OSError):
@@ -160,6 +162,7 @@ def _leave_no_sweep(out: Path) -> None:
     shutil.rmtree(out / TRIALS, ignore_errors=True)
     for name in (RESULTS, CONFIGURATION):
         (out / name).unlink(missing_ok=True)
+    write_list(out, {name: entry for name, entry in read_list(out).items() if name != CONFIGURATION})
 
 
 def _leave_no_folder(made: list[Path]) -> None:

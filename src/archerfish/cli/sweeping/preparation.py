@@ -18,7 +18,7 @@ from archerfish.records.errors import InputError
 if TYPE_CHECKING:
     from archerfish.cli.sweep import Sweep
 
-HOW_IT_RUNS = ("file", "workers", "address", "in_process", "resume", "out", "json")
+HOW_IT_RUNS = ("file", "workers", "address", "in_process", "resume", "out", "overwrite", "json")
 """Options that don't change what a sweep finds."""
 
 

@@ -55,22 +55,27 @@ class _Gallery:
         return self.figures[name]
 
 
-def write_report(results: Results, path: Path) -> None:
+def write_report(results: Results, path: Path, folder: Path | None = None) -> None:
     """Write the page, and its figures as SVG files into the folder `figures` beside it.
 
     What the results don't hold is said to be missing.
+
+    Args:
+      results: of a run.
+      path: of the page.
+      folder: that both are moved to later, for links that leave it; that of `path` if not given.
 
     Raises:
       InputError: if the folder can't be written.
     """
     gallery = _Gallery()
-    page = _page(results, gallery, path)
+    page = _page(results, gallery, folder or path.parent)
     for name, figure in gallery.figures.items():
         storage.write_text(path.parent / "figures" / f"{name}.svg", figure)
     storage.write_text(path, page)
 
 
-def _page(results: Results, gallery: _Gallery, path: Path) -> str:
+def _page(results: Results, gallery: _Gallery, folder: Path) -> str:
     settings = list(dict.fromkeys(cell.setting for cell in results.cells if cell.table in SIMULATED)) or ["paper"]
     main, paper = "paper" if "paper" in settings else settings[0], _paper_part(results)
     sections = [_drawn(each, gallery) for each in _sections(results, settings)] if paper else []
@@ -105,7 +110,7 @@ def _page(results: Results, gallery: _Gallery, path: Path) -> str:
         ],
         fired_shots=fired_shots_count(results.cells),
         **_reading(results.conditions),
-        errata=Path(os.path.relpath(_ERRATA, path.parent)).as_posix() if _ERRATA.is_file() else None,
+        errata=Path(os.path.relpath(_ERRATA, folder)).as_posix() if _ERRATA.is_file() else None,
     )
 
 

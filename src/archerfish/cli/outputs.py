@@ -1,0 +1,72 @@
+"""What a command is about to write, and the check before its work begins that nothing is lost by it."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from archerfish.cli.inputs import read_files
+from archerfish.cli.json_output import check_json_file, is_stream
+from archerfish.cli.writer import Writer
+from archerfish.cli.written_files import NAME
+from archerfish.records.errors import file_error
+
+
+class Outputs(NamedTuple):
+    """What a command writes."""
+
+    files: tuple[Path, ...] = ()
+    """Files whose names the command chooses."""
+    folders: tuple[Path, ...] = ()
+    """Folders that it fills, with names that depend on the work."""
+    named: tuple[Path, ...] = ()
+    """Files whose names the user gives."""
+    owner: str = ""
+    """Name of the command whose run the files belong to, where that is another one."""
+
+    def all(self) -> Iterator[Path]:
+        """Yield all of them, and the lists of what was written."""
+        yield from (*self.files, *self.folders, *self.named)
+        yield from {each.parent / NAME: None for each in (*self.files, *self.folders)}
+
+
+def command_name(kind: type) -> str:
+    """Return the name of a command, as typed, from the class of its options: IdentifyGimbal → identify gimbal."""
+    return re.sub(r"(?<!^)(?=[A-Z])", " ", kind.__name__).lower()
+
+
+def make_writer(command: Any) -> Writer:
+    """Return who writes, and what it may not replace.
+
+    Args:
+      command: its options, a dataclass.
+    """
+    name = command.outputs().owner or command_name(type(command))
+    return Writer(name, read_files(command), command.overwrite)
+
+
+def check_outputs(command: Any) -> None:
+    """Refuse a command that would write over what it reads, over no regular file, or over what another one wrote.
+
+    Args:
+      command: its options, a dataclass whose method `outputs` says what it writes.
+
+    Raises:
+      InputError: naming the file that is in the way.
+    """
+    writer, outputs = make_writer(command), command.outputs()
+    writer.check(outputs.files)
+    writer.check_folders(outputs.folders)
+    for path in outputs.named:
+        writer.check_named(path)
+    if command.json is not None and not is_stream(command.json):
+        check_json_file(command.json, writer._replace(option="--json"))
+        _check_apart(command.json, outputs)
+
+
+def _check_apart(path: Path, outputs: Outputs) -> None:
+    """Refuse a --json that is one of the other files, in a folder that the command fills, or in the place of one."""
+    place = path.resolve()
+    others = [each.resolve() for each in outputs.all()]
+    if any(place == each or place in each.parents or each in place.parents for each in others):
+        raise file_error(path, "is written by this command anyway, not as --json", "choose another --json")
