@@ -8,7 +8,7 @@ from archerfish.plugins import code_file_name, names_code, not_run, same_code_na
 
 
 @pytest.mark.parametrize("spec", ["./mine.py:Mine", "mine:Mine", "folder/notes.txt:Mine", "mine.py:a/b", ":Mine"])
-def test_code_in_a_file_or_module_is_told_from_an_entry_point(spec: str) -> None:
+def test_code_in_a_file_or_module_is_not_an_entry_point(spec: str) -> None:
     assert names_code(spec)
     assert not names_code("departure")
 
@@ -29,8 +29,8 @@ def test_the_file_of_code_is_named_as_provenance_names_it(spec: str, name: str) 
 
 def test_the_error_has_the_hash_and_what_to_type_as_the_shell_takes_it() -> None:
     spec = "a b.py:f; rm -rf ~"
-    told = str(not_run(Path("config.json"), {"--pitch": spec, "--yaw": "yaw.json"}, {"a b.py": "1a2b"}))
-    assert told.startswith(
+    message = str(not_run(Path("config.json"), {"--pitch": spec, "--yaw": "yaw.json"}, {"a b.py": "1a2b"}))
+    assert message.startswith(
         f"config.json: names code, {spec} (SHA-256 1a2b), and code that only a file names is not run"
     )
-    assert told.endswith("then add --pitch 'a b.py:f; rm -rf ~' --yaw yaw.json")
+    assert message.endswith("then add --pitch 'a b.py:f; rm -rf ~' --yaw yaw.json")

@@ -86,10 +86,10 @@ def test_a_run_folder_that_is_viewed_runs_no_code(
     inputs = {"notes.txt": digest, "notes.py": digest}
     facts = {"setting": {**named, "robot": "theirs"}, "provenance": {"inputs": inputs}}
     (received / "config.json").write_text(json.dumps(facts))
-    told = refused("view", "received", "--export", "film.html")
+    message = refused("view", "received", "--export", "film.html")
     spec = next(iter(named.values()))
-    assert f"received/config.json: names code, {spec} (SHA-256 {digest})" in told
-    assert told.endswith(f"then add {to_type}\n")
+    assert f"received/config.json: names code, {spec} (SHA-256 {digest})" in message
+    assert message.endswith(f"then add {to_type}\n")
     assert not marker.exists()
 
     typed = SettingFiles(plant=spec)
@@ -130,10 +130,10 @@ def test_a_training_that_goes_on_runs_no_code_that_its_folder_alone_names(
     refused: Refused, received: Path, marker: Path, digest: str | None
 ) -> None:
     unfinished(received, motion="received/notes.txt:Still", **({"motion_sha256": digest} if digest else {}))
-    told = refused("train", "--resume", "received")
+    message = refused("train", "--resume", "received")
     hashed = " (SHA-256 1a2b)" if digest else ""
-    assert f"received/unfinished/config.json: names code, received/notes.txt:Still{hashed}, and" in told
-    assert told.endswith("then add --motion received/notes.txt:Still\n")
+    assert f"received/unfinished/config.json: names code, received/notes.txt:Still{hashed}, and" in message
+    assert message.endswith("then add --motion received/notes.txt:Still\n")
     assert not marker.exists()
 
 
@@ -160,8 +160,8 @@ def test_a_motion_without_a_hash_in_the_record_is_refused_even_if_it_is_typed(
     shutil.copy(received / "notes.py", tmp_path / "mine.py")
     (tmp_path / "marker").write_text("run")
     unfinished(received, motion="./mine.py:Still")
-    told = refused("train", "--resume", "received", "--motion", "./mine.py:Still")
-    assert "mine.py: can't be compared: received holds no hash of the motion that it was begun with" in told
+    message = refused("train", "--resume", "received", "--motion", "./mine.py:Still")
+    assert "mine.py: can't be compared: received holds no hash of the motion that it was begun with" in message
 
 
 def test_a_motion_is_named_again_wherever_its_file_lies_but_by_its_own_name(received: Path) -> None:
@@ -187,9 +187,9 @@ def test_a_sweep_file_runs_no_code(refused: Refused, received: Path, marker: Pat
     spec = "received/notes.txt:gimbal"
     lines = [*(f'{option} = "{spec}"' for option in options), 'robot = "theirs"']
     (received / "sweep.toml").write_text("\n".join(lines))
-    told = refused("sweep", "received/sweep.toml", "--in-process")
-    assert f"received/sweep.toml: names code, {spec}, and" in told
-    assert told.endswith(f"then add {' '.join(f'--{option} {spec}' for option in options)}\n")
+    message = refused("sweep", "received/sweep.toml", "--in-process")
+    assert f"received/sweep.toml: names code, {spec}, and" in message
+    assert message.endswith(f"then add {' '.join(f'--{option} {spec}' for option in options)}\n")
     assert not marker.exists()
 
 

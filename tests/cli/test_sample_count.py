@@ -49,6 +49,8 @@ def test_every_line_of_the_logs_is_used_or_counted_with_its_reason(tmp_path):
     assert count.held == 560 + 600
     assert count.left_out == {"truncated": 1, "missing-values": 1, "time-duplicate": 1, "short-piece": 10}
     assert count.used == sum(len(log.recording) for log in [*logs.training, *logs.validation]) == 1147
+    (gap,) = [each for each in logs.findings if each.code == "gap"]
+    assert "2 gaps of up to 0.31 s, where the sampling period is 0.01 s: about 41 samples not logged" in gap.message
     assert used_sentence(count) == (
         "1147 of 1160 samples used; left out: 1 in a last line that breaks off, 1 in rows that lack a value, 1 that "
         "repeat the one before, 10 in pieces between gaps too short to use."

@@ -81,17 +81,18 @@ def left_out(result: SensingIdentification) -> list[str]:
     used, logged = detections_used(result)
     sentences = []
     if used < logged:
-        apart = result.alignment.inlier.size - used
-        sentences.append(
-            f"Of {logged} detections {used} were used: {apart} are not the plate at rest, and at {result.outside} the "
-            "gimbal's angle is not logged."
-        )
+        reasons = {
+            "not the plate at rest": result.alignment.inlier.size - used,
+            "at moments at which the gimbal's angle is not logged": result.outside,
+        }
+        words = ", ".join(f"{count} {reason}" for reason, count in reasons.items() if count)
+        sentences.append(f"{used} of {logged} detections used; left out: {words}.")
     for what, used, logged, why in (
         ("command", result.command_steps, result.command_steps_logged, "show no clear beginning of the motion"),
         ("target", result.target_steps, result.target_steps_logged, "do not show in the detections"),
     ):
         if used < logged:
-            sentences.append(f"Of {logged} steps of the {what} {used} were used: the others {why}.")
+            sentences.append(f"{used} of {logged} steps of the {what} used; the others {why}.")
     return sentences
 
 

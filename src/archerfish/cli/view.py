@@ -35,7 +35,7 @@ class View:
     It shows robot, pellets, armor, hits, misses and the hit rate with its interval. Choose controller, target motion,
     distance, speed, dispersion and latency; drag the target by hand; let another controller meet the same engagements.
 
-    A policy is played in the setting that it was trained for, as its run folder tells; a plant in code that the folder
+    A policy is played in the setting that it was trained for, as its run folder says; a plant in code that the folder
     names is not run unless --plant names it. A recording of a gimbal (CSV, npz, MATLAB, ROS bag, MCAP) is played as the
     angles that it holds: it has no target and no pellets.
 

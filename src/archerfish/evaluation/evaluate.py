@@ -120,7 +120,7 @@ def _cell(ground: Ground, suite: Suite, outcome: Outcome, index: int) -> Cell:
         misses_settled=misses.settled,
         paper=printed_rate(suite.table, suite.range_m, outcome.name) if printed else None,
         withheld=int((~fired).sum()),
-        hits_per_s=float(hit.sum() / (ground.world.period_s * hit.size)),
+        hits_per_s=float(hit.sum() / (ground.conditions.control_period_s * hit.size)),
     )
 
 

@@ -123,16 +123,16 @@ def _position(path: Path, table: TextTable, name: str) -> int:
 
 
 def _content(path: Path, table: TextTable, positions: dict[str, int]) -> _Content:
-    values, commas = _all_numbers(table, list(positions.values())), False
     lines = np.arange(table.first + 1, len(table.lines) + 1)
+    if not lines.size:
+        raise file_error(path, "has a first line but no data", "pass a log that holds samples", "no-data")
+    values, commas = _all_numbers(table, list(positions.values())), False
     empty = np.zeros(lines.size, dtype=np.bool_)
     if values is None:
         rows = list(whole_rows(path, table))
         lines = np.array([row.line for row in rows], dtype=np.int64)
         empty = np.array([not row.fields for row in rows], dtype=np.bool_)
         values, commas = _numbers(path, rows, positions)
-    if empty.all():
-        raise file_error(path, "has a first line but no data", "pass a log that holds samples", "no-data")
     columns = dict(zip(positions, values.T, strict=True))
     for name, column in columns.items():
         for index in np.flatnonzero(np.isinf(column))[:1]:

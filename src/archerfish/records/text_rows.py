@@ -111,6 +111,7 @@ def whole_rows(path: Path, table: TextTable) -> Iterator[Row]:
       InputError: if a quotation mark is open, a line has fewer or more fields than the first one names, or one names
         the columns again.
     """
+    fewest, most = table.fewest, len(table.names)
     for line, text in enumerate(table.lines[table.first :], start=table.first + 1):
         if not text.strip():
             continue
@@ -121,16 +122,20 @@ def whole_rows(path: Path, table: TextTable) -> Iterator[Row]:
         if [field.strip() for field in fields] == table.names:
             problem = f"line {line}: names the columns again: two logs in one file"
             raise file_error(path, problem, "cut it there into two files", "header-repeated")
-        _check_count(path, line, fields, table)
+        if not fewest <= len(fields) <= most:
+            _check_count(path, line, fields, fewest, most)
         yield Row(line, fields)
 
 
-def _check_count(path: Path, line: int, fields: list[str], table: TextTable) -> None:
+def _check_count(path: Path, line: int, fields: list[str], fewest: int, most: int) -> None:
+    more = any(field.strip() for field in fields[most:])
+    if not more and len(fields) >= fewest:
+        return  # separators without anything after them
+    remedy = (
+        "mend the line (decimal commas need another separator, semicolons for instance)"
+        if more
+        else "complete the line, with nothing between the separators of a missing value, or remove it"
+    )
     count = f"{len(fields)} field{'s' if len(fields) != 1 else ''}"
-    problem = f"line {line}: has {count}, where the first line has {len(table.names)}"
-    if any(field.strip() for field in fields[len(table.names) :]):
-        remedy = "mend the line (decimal commas need another separator, semicolons for instance)"
-        raise file_error(path, problem, remedy, "row-length")
-    if len(fields) < table.fewest:
-        remedy = "complete the line, with nothing between the separators of a missing value, or remove it"
-        raise file_error(path, problem, remedy, "row-length")
+    problem = f"line {line}: has {count}, where the first line has {most}"
+    raise file_error(path, problem, remedy, "row-length")

@@ -145,9 +145,10 @@ def equal_intervals(table: LogTable, rows: Rows, shortest: int, findings: list[F
     if gaps.size:
         longest = int(gaps[np.argmax(steps[gaps - 1])])
         place = f"{table.source}: {table.place_kind} {rows.places[longest]}"
+        lacking = round(float(steps[gaps - 1].sum()) / period) - gaps.size
         message = (
             f"{_many(gaps.size, 'gap')} of up to {steps[longest - 1]:.4g} s, where the sampling period is "
-            f"{period:.4g} s; the log was cut there into experiments"
+            f"{period:.4g} s: about {_many(lacking, 'sample')} not logged; the log was cut there into experiments"
         )
         findings.append(Finding("gap", "repaired", place, message, "log without interruptions"))
     stretches = list(_stretches(len(rows.time), np.union1d(gaps, rows.cuts)))
