@@ -20,7 +20,7 @@ from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.virtual_robot.description_file import load_robot
 
-ROBOT_STEPS = 6_000_000
+ROBOT_STEPS = 8_000_000
 """Decisions that a policy for a robot trains for."""
 SIX_NUMBERS_STEPS = 1_200_000
 """Decisions after which the six-number policy, which sees no speed, has learned what it can."""

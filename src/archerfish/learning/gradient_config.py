@@ -12,7 +12,7 @@ class GradientConfig:
 
     steps: int = 500_000
     """Decisions to train for, over all environments; rounded to whole windows, then up to calls of four."""
-    environments: int = 256
+    environments: int = 128
     """Engagements that run side by side."""
     window: int = 16
     """Decisions that a gradient reaches back over, and that lie between two updates."""
