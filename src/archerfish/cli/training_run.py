@@ -48,7 +48,7 @@ TRAINERS: dict[str, Trainer] = {"ppo": PPO, "gradient": GRADIENT}
 """Name → way of training; its settings are the field of that name in a `TrainingTask`."""
 HIT_WORTH = 0.1
 """What a hit adds to a reward [m], where it adds anything."""
-SMOOTH = Reward(*(np.float32(each) for each in (0.2, HIT_WORTH, 0.012)))
+SMOOTH = Reward(*(np.float32(each) for each in (0.1, HIT_WORTH, 0.012)))
 """For the gradient trainer: mostly a smooth hit, and enough of the distance to lead there from afar."""
 REWARDS: dict[str, dict[str, Reward]] = {
     "ppo": {"history": EQ_8, "paper": EQ_8, "tracked": Reward(hit=np.float32(HIT_WORTH))},
