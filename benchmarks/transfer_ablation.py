@@ -35,6 +35,7 @@ from archerfish.learning.config import PpoConfig
 from archerfish.records import storage
 from archerfish.records.policy import PolicyRecord
 from archerfish.sensing import tracked_observation
+from archerfish.simulation.reward import EQ_8
 from machine import describe_machine
 
 RESULT = Path(__file__).parent / "results" / "transfer_ablation.json"
@@ -117,7 +118,7 @@ def run_variant(task: Shoot, advance: Callable[[float, str], None] = lambda *_: 
     if not variant.history:
         tracked_observation.SIGHTS, tracked_observation.ORDER = 2, 1  # this process does nothing else
     if not variant.bonus:
-        training_run.HIT_BONUS["tracked"] = 0.0
+        training_run.REWARDS["ppo"]["tracked"] = EQ_8
     ppo = PpoConfig(steps=task.steps, discount=ROBOT_DISCOUNT)
     training = TrainingTask(
         changed_setting(task.setting, variant), 0.5, "tracked", 0, COMMAND_LIMIT, ppo, variant.seed, variant.asymmetric

@@ -7,6 +7,7 @@ from archerfish.paper.conditions import assumed_conditions
 from archerfish.sensing.interfaces import fire_always
 from archerfish.sensing.observation import begin_memory, make_observer, observation_size, observe
 from archerfish.simulation.environment import ShootingEnvironment
+from archerfish.simulation.reward import Reward
 from archerfish.simulation.scenario import draw_engagement
 from archerfish.simulation.setting import make_scenario
 
@@ -123,7 +124,7 @@ def test_numpy_and_jax_agree(environment, agree_in_jax) -> None:
 
 def test_a_hit_adds_its_bonus_to_the_reward_and_a_miss_nothing(environment) -> None:
     bonus, radius = np.asarray(0.1, np.float32), np.asarray(0.06, np.float32)
-    rewarded = environment._replace(hit_bonus=bonus, hit_radius=radius, length=np.asarray(10**6))
+    rewarded = environment._replace(reward=Reward(hit=bonus), hit_radius=radius, length=np.asarray(10**6))
     plain = environment._replace(length=np.asarray(10**6))
     state, _ = plain.begin(*draws(environment, 1))
     hits = 0
@@ -139,7 +140,7 @@ def test_a_hit_adds_its_bonus_to_the_reward_and_a_miss_nothing(environment) -> N
 
 
 def test_without_a_bonus_the_reward_is_eq_8(environment) -> None:
-    assert environment.hit_bonus == 0.0
+    assert environment.reward == Reward(distance=1.0, hit=0.0, width=0.0)
     state, _ = environment.begin(*draws(environment, 1))
     normals, uniforms = draws(environment, 2)
     command = environment.observer.decode(state.memory, still())

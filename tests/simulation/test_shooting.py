@@ -11,7 +11,7 @@ from archerfish.dynamics.muzzle import Muzzle
 from archerfish.dynamics.pellet import GRAVITY
 from archerfish.dynamics.target_motion import Line, Parabola, Static
 from archerfish.sensing.interfaces import Engagement, World, fire_always
-from archerfish.simulation.shooting import DRAWS, miss_at_armor, plant_of, reward
+from archerfish.simulation.shooting import DRAWS, miss_at_armor, plant_of
 
 PERIOD = 0.02
 
@@ -53,10 +53,6 @@ def test_the_armor_of_a_miss_is_the_one_that_the_pellet_meets() -> None:
     miss, time = miss_at_armor(gun, armor, np.asarray(0.0), np.zeros(3), np.array([18.0, 0.0, 0.0]))
     assert time == pytest.approx(4.0 / 20.0, rel=1e-3)  # they close at 20 m/s
     assert miss[0] == pytest.approx(-(0.3 + 0.2), abs=5e-4)
-
-
-def test_reward_is_eq_8() -> None:
-    assert_allclose(reward(np.array([[0.03, -0.04], [0.0, 0.0]])), [-0.05, 0.0])
 
 
 def test_a_gimbal_at_rest_on_target_hits_the_middle(build_world) -> None:

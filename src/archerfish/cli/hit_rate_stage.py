@@ -1,7 +1,7 @@
 """The training and shooting parts of `reproduce`: Figs 5 and 6, Tables II and III."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +14,17 @@ from archerfish.cli.workers import run_tasks
 from archerfish.evaluation.evaluate import Outcome, accelerations, cells, comparisons
 from archerfish.evaluation.paper_results import LearningCurves, TrainingRun
 from archerfish.learning.config import PpoConfig
+from archerfish.learning.gradient_config import GradientConfig
 from archerfish.records.policy import PolicyRecord
 from archerfish.sensing.observation import DEFAULT_FRAMES
 
-HEADLINE_STEPS = 3.0
-"""The `gate` policy, which the report leads with and whose task is the hardest, trains this much longer than others."""
 CURVE_STEPS = 0.5
 """The trainings of Figs 5 and 6 have converged after this share."""
 
+COMMAND_LIMITS = ("gate", "box", "los-2deg")
+"""Policies are trained under each."""
+TRAINERS = {"history": "gradient", "paper": "ppo"}
+"""Kind of observation → how its policies are trained: the paper's six numbers as the paper does."""
 CONTROLLERS = {
     ("oracle", "perfect"): ("gate", "box", "los-2deg"),
     ("kalman-lq",): ("gate", "box", "los-2deg"),
@@ -50,43 +53,48 @@ class TrainedPolicies:
 
 
 def train_all(
-    setting: Setting, ppo: PpoConfig, seed: int, curve_seeds: int, folder: Path, workers: int
+    setting: Setting,
+    gradient: GradientConfig,
+    ppo: PpoConfig,
+    seed: int,
+    curve_seeds: int,
+    folder: Path,
+    workers: int,
 ) -> TrainedPolicies:
     """Train the policies of the tables and the curves of the figures.
 
     Args:
       setting: the robot.
-      ppo: settings of PPO.
+      gradient: settings of training by gradients, for the history policies.
+      ppo: settings of PPO, for the six-number policies and the curves.
       seed: of the policies, and of the first curve.
       curve_seeds: curves per figure.
       folder: of the run; each training writes a folder below it.
       workers: processes.
     """
-    tasks = _training_tasks(setting, ppo, seed, curve_seeds)
+    tasks = _training_tasks(setting, gradient, ppo, seed, curve_seeds)
     jobs = [(run_task, task, float(task.decisions)) for task in tasks.values()]
     done = dict(zip(tasks, run_tasks("training", "decisions", jobs, workers), strict=True))
     for name, result in done.items():
-        write_run(folder / "policies" / name, result, _configuration(tasks[name]))
+        write_run(folder / "policies" / name, result, tasks[name].facts())
     return TrainedPolicies(
         policies={
-            "gate": (done["gate-history"].policy,),
-            "box": (done["box-history"].policy, done["box-paper"].policy),
-            "los-2deg": (done["los-2deg-history"].policy,),
+            limit: tuple(done[f"{limit}-{observation}"].policy for observation in TRAINERS) for limit in COMMAND_LIMITS
         },
         static_curves=_curves(done, "static"),
         dynamic_curves=_curves(done, "dynamic"),
     )
 
 
-def _training_tasks(setting: Setting, ppo: PpoConfig, seed: int, curve_seeds: int) -> dict[str, TrainingTask]:
-    both = TrainingTask(setting, 0.5, "history", DEFAULT_FRAMES, "gate", ppo, seed)
-    longer = replace(ppo, steps=round(HEADLINE_STEPS * ppo.steps))
+def _training_tasks(
+    setting: Setting, gradient: GradientConfig, ppo: PpoConfig, seed: int, curve_seeds: int
+) -> dict[str, TrainingTask]:
+    both = TrainingTask(setting, 0.5, "history", DEFAULT_FRAMES, "gate", ppo, seed, gradient=gradient)
     shorter = replace(ppo, steps=max(1, round(CURVE_STEPS * ppo.steps)))
     tasks = {
-        "gate-history": replace(both, ppo=longer),
-        "box-history": replace(both, command_limit="box"),
-        "box-paper": replace(both, command_limit="box", observation="paper"),
-        "los-2deg-history": replace(both, command_limit="los-2deg"),
+        f"{limit}-{observation}": replace(both, command_limit=limit, observation=observation, trainer=trainer)
+        for limit in COMMAND_LIMITS
+        for observation, trainer in TRAINERS.items()
     }
     for target, share in (("static", 1.0), ("dynamic", 0.0)):
         for curve in range(seed, seed + curve_seeds):
@@ -94,16 +102,6 @@ def _training_tasks(setting: Setting, ppo: PpoConfig, seed: int, curve_seeds: in
                 both, static_share=share, command_limit="box", ppo=shorter, seed=curve
             )
     return tasks
-
-
-def _configuration(task: TrainingTask) -> dict[str, Any]:
-    names = ("static_share", "observation", "frames", "command_limit", "seed")
-    return {
-        "setting": task.setting.name,
-        **{name: getattr(task, name) for name in names},
-        "ppo": asdict(task.ppo),
-        "conditions": asdict(task.setting.conditions),
-    }
 
 
 def _curves(done: dict[str, TrainingResult], target: str) -> LearningCurves:

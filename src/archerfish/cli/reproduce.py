@@ -17,12 +17,15 @@ from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.progress import require_jax
 from archerfish.cli.run_folder import run_folder
 from archerfish.cli.setting import Setting, SettingFiles, configuration, load_setting
-from archerfish.cli.transfer import ROBOT_DISCOUNT, ROBOT_STEPS, others
+from archerfish.cli.transfer import ROBOT_DISCOUNT, ROBOT_STEPS, SIX_NUMBERS_STEPS, others
 from archerfish.learning.config import PpoConfig
+from archerfish.learning.gradient_config import GradientConfig
 from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.provenance import code_commit, library_versions
 
+PAPER_STEPS = 4_000_000
+"""Decisions that a history policy for the paper's gimbal trains for."""
 CHANGED = ("worn",)
 """Robots that shoot with the policies of another one too."""
 
@@ -55,12 +58,16 @@ class Reproduce:
     """Engagements per cell, of 50 shots each."""
     curve_seeds: int = 3
     """Trainings per curve of Figs 5 and 6."""
+    gradient: GradientConfig = field(default_factory=lambda: GradientConfig(steps=PAPER_STEPS))
+    """Settings of training by gradients, for the history policies."""
     ppo: PpoConfig = field(default_factory=PpoConfig)
-    """Settings of PPO."""
+    """Settings of PPO, for the six-number policies and Figs 5 and 6."""
     robot: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "infantry"
     """Robot of Tables IV and V: infantry, worn, or a TOML file (docs/virtual_robot.md)."""
-    robot_ppo: PpoConfig = field(default_factory=lambda: PpoConfig(steps=ROBOT_STEPS, discount=ROBOT_DISCOUNT))
-    """Settings of PPO for the robot's policies."""
+    robot_gradient: GradientConfig = field(default_factory=lambda: GradientConfig(steps=ROBOT_STEPS))
+    """Settings of training by gradients for the robot's policies."""
+    robot_ppo: PpoConfig = field(default_factory=lambda: PpoConfig(steps=SIX_NUMBERS_STEPS, discount=ROBOT_DISCOUNT))
+    """Settings of PPO for the robot's six-number policy."""
     robot_engagements: int = 250
     """Engagements per cell of Tables IV and V; archerfish transfer takes 400."""
     workers: Annotated[int, tyro.conf.arg(help_behavior_hint="(default: one per core, at most 4)")] = 0
@@ -124,7 +131,9 @@ def _shortened(command: Reproduce) -> Reproduce:
         command,
         engagements=min(QUICK_ENGAGEMENTS, command.engagements),
         curve_seeds=1,
+        gradient=replace(command.gradient, steps=min(QUICK_STEPS, command.gradient.steps)),
         ppo=replace(command.ppo, steps=min(QUICK_STEPS, command.ppo.steps)),
+        robot_gradient=replace(command.robot_gradient, steps=min(QUICK_STEPS, command.robot_gradient.steps)),
         robot_ppo=replace(command.robot_ppo, steps=min(QUICK_STEPS, command.robot_ppo.steps)),
         robot_engagements=min(QUICK_ROBOT_ENGAGEMENTS, command.robot_engagements),
     )
@@ -148,7 +157,7 @@ def _run_stages(command: Reproduce, setting: Setting, folder: Path, durations: d
         plants = {"pitch": setting.pitch, "yaw": setting.yaw}
         identified = identify_all(plants, folder, command.seed, workers)
     with _timed(durations, "training"):
-        trained = train_all(setting, command.ppo, command.seed, command.curve_seeds, folder, workers)
+        trained = train_all(setting, command.gradient, command.ppo, command.seed, command.curve_seeds, folder, workers)
     with _timed(durations, "evaluation"):
         shot = evaluate_all(setting, trained.policies, command.engagements, command.seed, workers, quick=command.quick)
     return {
@@ -167,6 +176,7 @@ def _rehearsed(command: Reproduce, folder: Path) -> dict[str, Any]:
     rehearsal = Rehearsal(
         robot=command.robot,
         changed=others(command.robot, CHANGED),
+        gradient=command.robot_gradient,
         ppo=command.robot_ppo,
         seeds=(command.seed,),
         engagements=command.robot_engagements,

@@ -42,11 +42,19 @@ from archerfish.records.provenance import provenance
 from archerfish.simulation.assembly import environment_in, observer_in
 from archerfish.simulation.environment import ShootingEnvironment
 from archerfish.simulation.own_motion import find_motion
+from archerfish.simulation.reward import EQ_8, Reward
 
 TRAINERS: dict[str, Trainer] = {"ppo": PPO, "gradient": GRADIENT}
 """Name → way of training; its settings are the field of that name in a `TrainingTask`."""
-HIT_BONUS = {"history": 0.0, "paper": 0.0, "tracked": 0.1}
-"""Kind of observation → what a hit adds to the reward of eq (8) [m]."""
+HIT_WORTH = 0.1
+"""What a hit adds to a reward [m], where it adds anything."""
+SMOOTH = Reward(*(np.float32(each) for each in (0.1, HIT_WORTH, 0.012)))
+"""For the gradient trainer: mostly a smooth hit, and enough of the distance to lead there from afar."""
+REWARDS: dict[str, dict[str, Reward]] = {
+    "ppo": {"history": EQ_8, "paper": EQ_8, "tracked": Reward(hit=np.float32(HIT_WORTH))},
+    "gradient": {"history": SMOOTH, "paper": EQ_8, "tracked": SMOOTH},
+}
+"""Trainer → kind of observation → what a decision is worth; the paper's six numbers get the paper's eq (8)."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +95,22 @@ class TrainingTask:
     def decisions(self) -> int:
         """Decisions of the whole training."""
         return decisions(self.config)
+
+    @property
+    def reward(self) -> Reward:
+        """What a decision is worth."""
+        return REWARDS[self.trainer][self.observation]
+
+    def facts(self) -> dict[str, Any]:
+        """Return what a run folder's config.json holds of a training that is part of a larger run."""
+        names = ("static_share", "observation", "frames", "command_limit", "seed", "asymmetric", "trainer")
+        return {
+            "setting": self.setting.name,
+            **{name: getattr(self, name) for name in names},
+            self.trainer: asdict(self.config),
+            "reward": {name: float(value) for name, value in self.reward._asdict().items()},
+            "conditions": asdict(self.setting.conditions),
+        }
 
 
 @dataclass(frozen=True)
@@ -158,9 +182,8 @@ def _environment(task: TrainingTask) -> ShootingEnvironment:
     setting = task.setting
     world = setting_world(setting, task.command_limit)
     observer = observer_in(world, task.observation, task.frames, setting.muzzle, setting.sensing, task.command_limit)
-    bonus = HIT_BONUS[task.observation]
     motion = find_motion(task.motion) if task.motion else None
-    return environment_in(world, setting.conditions, observer, task.static_share, bonus, task.asymmetric, motion)
+    return environment_in(world, setting.conditions, observer, task.static_share, task.reward, task.asymmetric, motion)
 
 
 def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Trained, begun: float) -> TrainingResult:

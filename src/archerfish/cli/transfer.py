@@ -16,12 +16,15 @@ from archerfish.cli.progress import require_jax
 from archerfish.cli.run_folder import run_folder
 from archerfish.cli.setting import configuration
 from archerfish.learning.config import PpoConfig
+from archerfish.learning.gradient_config import GradientConfig
 from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.virtual_robot.description_file import load_robot
 
-ROBOT_STEPS = 3_000_000
+ROBOT_STEPS = 8_000_000
 """Decisions that a policy for a robot trains for."""
+SIX_NUMBERS_STEPS = 1_200_000
+"""Decisions after which the six-number policy, which sees no speed, has learned what it can."""
 ROBOT_DISCOUNT = 0.9
 """γ of the robot's policies: a shot is decided within a few tenths of a second."""
 QUICK_STEPS, QUICK_ENGAGEMENTS = 300_000, 20
@@ -53,8 +56,10 @@ class Transfer:
     """Engagements per cell, of 50 shots each."""
     seeds: tuple[int, ...] = (0,)
     """Of the trainings; the first one also that of the noise and of the engagements."""
-    ppo: PpoConfig = field(default_factory=lambda: PpoConfig(steps=ROBOT_STEPS, discount=ROBOT_DISCOUNT))
-    """Settings of PPO."""
+    gradient: GradientConfig = field(default_factory=lambda: GradientConfig(steps=ROBOT_STEPS))
+    """Settings of training by gradients, for the policies."""
+    ppo: PpoConfig = field(default_factory=lambda: PpoConfig(steps=SIX_NUMBERS_STEPS, discount=ROBOT_DISCOUNT))
+    """Settings of PPO, for the six-number policy."""
     quick: bool = False
     """A minute or two: short trainings, few engagements; its figures are not to be quoted."""
     workers: Annotated[int, tyro.conf.arg(help_behavior_hint="(default: one per core, at most 4)")] = 0
@@ -94,6 +99,7 @@ def run_transfer(command: Transfer) -> dict[str, Any]:
         rehearsal = Rehearsal(
             robot=command.robot,
             changed=others(command.robot, command.changed),
+            gradient=command.gradient,
             ppo=command.ppo,
             seeds=tuple(command.seed + each for each in command.seeds),
             engagements=command.engagements,
@@ -124,6 +130,7 @@ def shortened(command: Transfer) -> Transfer:
     """
     return replace(
         command,
+        gradient=replace(command.gradient, steps=min(QUICK_STEPS, command.gradient.steps)),
         ppo=replace(command.ppo, steps=min(QUICK_STEPS, command.ppo.steps)),
         engagements=min(QUICK_ENGAGEMENTS, command.engagements),
     )

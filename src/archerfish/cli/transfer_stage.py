@@ -1,7 +1,7 @@
 """The robot's part of `reproduce`, and all of `transfer`: record, identify, train, and shoot Tables IV and V."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from archerfish.cli.evaluation_run import (
 from archerfish.cli.lab_stage import LabTask, record_robot, run_recording
 from archerfish.cli.robot_identification import Identified, identify_robot, trimmed
 from archerfish.cli.setting import Setting
-from archerfish.cli.training_run import HIT_BONUS, TrainingTask, run_task, write_run
+from archerfish.cli.training_run import TrainingTask, run_task, write_run
 from archerfish.cli.workers import Task, run_tasks
 from archerfish.controllers.roster import Tuning
 from archerfish.evaluation.evaluate import Ground, Outcome, accelerations, cells, comparisons
@@ -23,6 +23,7 @@ from archerfish.evaluation.robot_results import RobotIdentification
 from archerfish.evaluation.transfer import drops
 from archerfish.evaluation.tuning import GRIDS
 from archerfish.learning.config import PpoConfig
+from archerfish.learning.gradient_config import GradientConfig
 from archerfish.records.policy import PolicyRecord
 from archerfish.virtual_robot.description_file import load_robot
 
@@ -30,10 +31,10 @@ COMMAND_LIMIT = "gate"
 TABLES = ("IV", "V")
 CONTROLLERS = ("oracle", "parabola-lq", "kalman-lq", "kalman")
 """Classical controllers, the one with the most work first."""
+STILL_SHARE = 0.35
+"""Share of the targets in training that stand still: where a moving one will be is what takes long to learn."""
 AGAINST = ("kalman", "kalman-lq", "parabola-lq", "oracle")
 """Whom the policies are compared with, paired."""
-SIX_NUMBERS_STEPS = 0.4
-"""The six-number policy, which sees no speed, has learned what it can after this share."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,10 @@ class Rehearsal:
     """Robot that is recorded and identified: name or file."""
     changed: tuple[str, ...]
     """Robots that the same policies shoot with as well, after first shots to trim by: names or files."""
+    gradient: GradientConfig
+    """Settings of training the history policies."""
     ppo: PpoConfig
-    """Settings of the trainings."""
+    """Settings of training the six-number policy."""
     seeds: tuple[int, ...]
     """Of the history policies; the first one's is that of everything else."""
     engagements: int
@@ -72,28 +75,19 @@ def record_and_identify(rehearsal: Rehearsal) -> Identified:
 
 def train_for_robot(rehearsal: Rehearsal, setting: Setting) -> tuple[PolicyRecord, ...]:
     """Train the policies in the identified simulator: history policies, then the one of six numbers."""
-    ppo, seed = rehearsal.ppo, rehearsal.seeds[0]
-    history = TrainingTask(setting, 0.5, "tracked", 0, COMMAND_LIMIT, ppo, seed, asymmetric=True)
-    shorter = replace(ppo, steps=max(1, round(SIX_NUMBERS_STEPS * ppo.steps)))
-    tasks = [replace(history, seed=seed) for seed in rehearsal.seeds]
-    tasks.append(replace(history, observation="paper", ppo=shorter))
+    six_numbers = TrainingTask(
+        setting, STILL_SHARE, "paper", 0, COMMAND_LIMIT, rehearsal.ppo, rehearsal.seeds[0], asymmetric=True
+    )
+    history = replace(
+        six_numbers, observation="tracked", trainer="gradient", gradient=rehearsal.gradient, asymmetric=False
+    )
+    tasks = [*(replace(history, seed=seed) for seed in rehearsal.seeds), six_numbers]
     jobs: list[Task] = [(run_task, task, float(task.decisions)) for task in tasks]
     done = run_tasks("training", "decisions", jobs, rehearsal.workers)
     for task, result in zip(tasks, done, strict=True):
         name = f"{setting.name}-{'history' if task.observation == 'tracked' else task.observation}-{task.seed}"
-        write_run(rehearsal.folder / "policies" / name, result, _configuration(task))
+        write_run(rehearsal.folder / "policies" / name, result, task.facts())
     return tuple(result.policy for result in done)
-
-
-def _configuration(task: TrainingTask) -> dict[str, Any]:
-    names = ("static_share", "observation", "command_limit", "seed", "asymmetric")
-    return {
-        "setting": task.setting.name,
-        "hit_bonus_m": HIT_BONUS[task.observation],
-        **{name: getattr(task, name) for name in names},
-        "ppo": asdict(task.ppo),
-        "conditions": asdict(task.setting.conditions),
-    }
 
 
 def tune_for_robot(rehearsal: Rehearsal, setting: Setting) -> dict[str, Tuning]:

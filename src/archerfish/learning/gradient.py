@@ -73,15 +73,15 @@ def begin_learner(environment: Environment, config: GradientConfig, key: Array, 
     Returns:
       A learner without a critic, and whose actor has no standard deviations: it always acts as its mean.
     """
-    learner: Learner = _begin(environment, key, config.environments, config.hidden, actions)
+    learner: Learner = _begin(environment, key, config.environments, config.widths, actions)
     return learner
 
 
 @partial(jax.jit, static_argnames=("batch", "hidden", "actions"))
-def _begin(environment: Environment, key: Array, batch: int, hidden: int, actions: int) -> Learner:
+def _begin(environment: Environment, key: Array, batch: int, hidden: tuple[int, ...], actions: int) -> Learner:
     key, weights, noise = jax.random.split(key, 3)
     state, observation = environment.begin(*jax.tree.map(lambda each: each[0].T, _draws(environment, 1, batch, noise)))
-    layers = orthogonal_layers(weights, (environment.observed, hidden, actions), last_gain=0.01)
+    layers = orthogonal_layers(weights, (environment.observed, *hidden, actions), last_gain=0.01)
     return Learner(
         networks=begin_networks(Actor(layers, jnp.zeros(0)), critic=()),
         normaliser=empty_normaliser(observation.shape[-1]),

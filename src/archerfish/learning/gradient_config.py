@@ -12,14 +12,16 @@ class GradientConfig:
 
     steps: int = 500_000
     """Decisions to train for, over all environments; rounded to whole windows, then up to calls of four."""
-    environments: int = 256
+    environments: int = 128
     """Engagements that run side by side."""
     window: int = 16
     """Decisions that a gradient reaches back over, and that lie between two updates."""
     shards: int = 2
     """Parts that the environments are split into, to keep as many processor cores busy."""
     hidden: int = 256
-    """Neurons of the hidden layer of the policy (paper)."""
+    """Neurons of the first hidden layer of the policy (paper)."""
+    layers: int = 2
+    """Hidden layers, each with half of the neurons of the one before; the paper has one."""
     learning_rate: float = 3e-3
     """Adam step."""
     anneal: bool = True
@@ -31,7 +33,7 @@ class GradientConfig:
     scaled to at most this norm at every decision; a million leaves it as it is."""
 
     def __post_init__(self) -> None:
-        for name in ("steps", "environments", "window", "shards", "hidden"):
+        for name in ("steps", "environments", "window", "shards", "hidden", "layers"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name} must be at least 1, got {getattr(self, name)}")
         if self.environments % self.shards:
@@ -39,6 +41,13 @@ class GradientConfig:
         for name in ("learning_rate", "gradient_norm", "engagement_norm"):
             if not 0 < getattr(self, name) < math.inf:
                 raise InputError(f"{name} must be finite and > 0, got {getattr(self, name)}")
+        if self.hidden >> (self.layers - 1) < 1:
+            raise InputError(f"layers = {self.layers} halve hidden = {self.hidden} neurons to none; give fewer layers")
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Neurons of each hidden layer."""
+        return tuple(self.hidden >> layer for layer in range(self.layers))
 
     @property
     def batch(self) -> int:

@@ -21,6 +21,7 @@ from archerfish.sensing.observers import AnyObserver
 from archerfish.sensing.tracked_observation import TRACKER_ACCELERATION, tracked_observer
 from archerfish.simulation.environment import HIDDEN, PureWorld, ShootingEnvironment
 from archerfish.simulation.own_motion import OwnMotion, check_paths, find_motion
+from archerfish.simulation.reward import EQ_8, Reward
 from archerfish.simulation.scenario import TARGETS, draw_engagement
 from archerfish.simulation.setting import make_scenario, make_world, paper_muzzle
 
@@ -76,7 +77,9 @@ def make_environment(
     kind = observation or ("history" if sensing is None else "tracked")
     observer = observer_in(world, kind, frames, muzzle, sensing, command_limit)
     own = find_motion(motion) if motion else None
-    environment = environment_in(world, conditions, observer, TARGETS[target], hit_bonus, motion=own)
+    environment = environment_in(
+        world, conditions, observer, TARGETS[target], Reward(hit=np.float32(hit_bonus)), motion=own
+    )
     return environment._replace(length=np.asarray(length, np.int32))
 
 
@@ -85,7 +88,7 @@ def environment_in(
     conditions: Conditions,
     observer: AnyObserver,
     static_share: float,
-    hit_bonus: float = 0.0,
+    reward: Reward = EQ_8,
     asymmetric: bool = False,
     motion: OwnMotion | None = None,
 ) -> ShootingEnvironment:
@@ -96,7 +99,7 @@ def environment_in(
       conditions: offsets, speeds, length of an engagement, and what counts as a hit.
       observer: seen how.
       static_share: share of the targets that stand still.
-      hit_bonus: what a hit adds to the reward of eq (8) [m].
+      reward: what a decision is worth.
       asymmetric: whether a critic gets to see where the target really is and will be.
       motion: how targets move, if not as eq (7) says.
 
@@ -113,7 +116,7 @@ def environment_in(
         scenario,
         single_precision(observer),
         np.asarray(conditions.decisions, np.int32),
-        hit_bonus=np.float32(hit_bonus),
+        reward=single_precision(reward),
         hit_radius=np.float32(conditions.hit_radius),
         hidden=np.ones(HIDDEN if asymmetric else 0, np.float32),
     )

@@ -13,8 +13,8 @@ from archerfish.dynamics.command_limits import CommandLimits
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.sensing.interfaces import Command, Engagement, Seen, Shot, World, fire_always
 from archerfish.sensing.observers import AnyObserver
+from archerfish.simulation.reward import EQ_8, Reward, reward
 from archerfish.simulation.scenario import Scenario, draw_engagement
-from archerfish.simulation.shooting import reward
 
 
 class PureWorld(World, Protocol):
@@ -72,7 +72,7 @@ class Outcome(NamedTuple):
     final_observation: Array
     """After this step, of this engagement, shape (B, n)."""
     reward: Array
-    """Eq (8), and the bonus of a hit [m]."""
+    """See `archerfish.simulation.reward` [m]."""
     terminated: Array
     """Whether nothing can follow this step; never so in shooting."""
     truncated: Array
@@ -87,7 +87,7 @@ class Advance(NamedTuple):
     observation: Array
     """After this step, shape (B, n)."""
     reward: Array
-    """Eq (8), and the bonus of a hit [m], shape (B,)."""
+    """See `archerfish.simulation.reward` [m], shape (B,)."""
     truncated: Array
     """Whether the engagement's time is up, shape (B,)."""
     miss: Array
@@ -107,8 +107,8 @@ class ShootingEnvironment(NamedTuple):
     """Seen how."""
     length: Array
     """Decisions per engagement, shape ()."""
-    hit_bonus: Array = np.float32(0.0)
-    """What a hit adds to the reward of eq (8) [m], shape (); zero in the paper."""
+    reward: Reward = EQ_8
+    """What a decision is worth."""
     hit_radius: Array = np.float32(0.0)
     """Largest miss that hits [m], shape ()."""
     hidden: Array = np.zeros(0, np.float32)
@@ -175,10 +175,7 @@ class ShootingEnvironment(NamedTuple):
         memory = self.observer.remember(state.memory, self.world.see(shooting))
         going_on = EnvironmentState(shooting, memory, state.step + 1)
         observation, ended = self._observation(shooting, memory), going_on.step >= self.length
-        plain = reward(shot.miss)
-        hit = plain >= -self.hit_radius
-        # Where a target may or may not turn back, the nearest place on average is one that neither hits.
-        gained = namespace(plain).where(hit, plain + self.hit_bonus, plain)
+        gained, hit = reward(self.reward, shot.miss, self.hit_radius)
         return going_on, Advance(observation, gained, ended, shot.miss, hit)
 
     def renew(

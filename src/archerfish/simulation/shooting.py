@@ -215,10 +215,10 @@ def miss_at_armor(
     return miss, crossing.time
 
 
-def reward(miss: Array) -> Array:
-    """Eq (8): the negative distance between pellet and armor [m], shape B + (2,) → B."""
+def miss_distance(miss: Array) -> Array:
+    """Distance between pellet and armor [m], shape B + (2,) → B; eq (8) is its negative."""
     xp = namespace(miss)
-    return -xp.sqrt(xp.sum(miss**2, axis=-1))
+    return xp.sqrt(xp.sum(miss**2, axis=-1))
 
 
 def _within_stops(world: ShootingWorld, angle: Array) -> Array:

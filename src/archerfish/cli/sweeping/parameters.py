@@ -8,7 +8,7 @@ from typing import Any, get_type_hints
 
 from archerfish.cli.setting import Setting, SettingFiles, load_setting
 from archerfish.cli.train import MOST_FRAMES
-from archerfish.cli.training_run import HIT_BONUS, TRAINERS, TrainingTask
+from archerfish.cli.training_run import REWARDS, TRAINERS, TrainingTask
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.gradient_config import GradientConfig
 from archerfish.records.errors import InputError
@@ -49,7 +49,7 @@ def _known() -> dict[str, Parameter]:
     found += [
         Parameter("trainer", str, tuple(TRAINERS)),
         Parameter("target", str, tuple(TARGETS)),
-        Parameter("observation", str, tuple(HIT_BONUS)),
+        Parameter("observation", str, tuple(REWARDS["ppo"])),
         Parameter("frames", int),
         Parameter("records", str, world=True),
         Parameter("command-limit", str, tuple(ACTION_SCALES), world=True),
