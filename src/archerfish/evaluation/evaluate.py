@@ -1,12 +1,13 @@
 """Suite × controller → trials → counts; no controller is known here by name."""
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from archerfish.evaluation.bounds.cell_bounds import CellBounds, cell_bounds
 from archerfish.evaluation.hit_rate import hit_rate, paired_difference, split_misses
 from archerfish.evaluation.results import Acceleration, Cell, Comparison, Label
 from archerfish.evaluation.suites import Suite, Trials
@@ -42,6 +43,8 @@ class Outcome:
     yaw_acceleration: float | None
     """Largest acceleration of the yaw axis, by command or by motion, mean over a decision period [rad/s²]; None
     where nothing moved the gimbal."""
+    needs_truth: bool = False
+    """Whether the controller is given the target's path beforehand."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,8 @@ def compete(
     outcomes = []
     for entrant in entrants:
         shots = fight(ground.world, entrant.controller, ground.trials)
-        outcomes.append(_outcome(ground, entrant.name, entrant.policy_seed, shots))
+        needs_truth = bool(getattr(entrant.controller, "needs_truth", False))
+        outcomes.append(replace(_outcome(ground, entrant.name, entrant.policy_seed, shots), needs_truth=needs_truth))
         progress(entrant.name)
     return outcomes
 
@@ -97,10 +101,27 @@ def _hits(ground: Ground, shots: Shots) -> NDArray[np.bool_]:
     return hit.reshape(len(ground.trials.suites), -1, hit.shape[-1])
 
 
-def cells(ground: Ground, outcomes: Iterable[Outcome]) -> list[Cell]:
-    """Count hits: one cell per suite and entrant."""
+def ground_bounds(ground: Ground, seed: int) -> list[CellBounds] | None:
+    """Bound what can be hit in every suite; None on a robot.
+
+    Args:
+      ground: where.
+      seed: of its engagements.
+    """
+    radius = ground.conditions.hit_radius
+    return cell_bounds(ground.world, ground.trials, radius, ground.setting, ground.command_limit, seed)
+
+
+def cells(ground: Ground, outcomes: Iterable[Outcome], bounds: Sequence[CellBounds] | None = None) -> list[Cell]:
+    """Count hits: one cell per suite and entrant.
+
+    Args:
+      ground: where.
+      outcomes: of all entrants.
+      bounds: one per suite, from `ground_bounds`; none where there are none.
+    """
     return [
-        _cell(ground, suite, outcome, outcome.hit[index])
+        _bounded(_cell(ground, suite, outcome, outcome.hit[index]), outcome, bounds[index] if bounds else None)
         for outcome in outcomes
         for index, suite in enumerate(ground.trials.suites)
     ]
@@ -116,6 +137,14 @@ def _cell(ground: Ground, suite: Suite, outcome: Outcome, hit: NDArray[np.bool_]
         misses_settled=misses.settled,
         paper=None if suite.motion else printed_rate(suite.table, suite.range_m, outcome.name),
     )
+
+
+def _bounded(cell: Cell, outcome: Outcome, bounds: CellBounds | None) -> Cell:
+    """Add the bound that holds of a controller; perfect aim moves no gimbal, so none does."""
+    if bounds is None or outcome.yaw_acceleration is None:
+        return cell
+    bound = bounds.hindsight if outcome.needs_truth else bounds.causal
+    return replace(cell, bound=bound.value, bound_error=bound.error, bound_kind=bound.kind)
 
 
 def _label(ground: Ground, suite: Suite, outcome: Outcome) -> Label:

@@ -17,6 +17,9 @@ SCHEMA = "archerfish.results/1"
 HIT_RATE_TABLES = ("II", "III", "IV", "V")
 """The paper's tables of hit rates: simulation static and dynamic, real robot static and dynamic."""
 
+BOUND_KINDS = ("reach", "hindsight", "combined")
+"""Kinds of bounds on hit rates, from the cheapest to the tightest (docs/bounds.md)."""
+
 TARGETS = ("static", "dynamic")
 """Kinds of target in the paper's tables."""
 
@@ -70,6 +73,12 @@ class Cell(Label):
     """Misses afterwards."""
     paper: float | None = None
     """The paper's figure [%]; None where it prints none."""
+    bound: float | None = None
+    """Proven bound on the hit rate, 0 to 1; None of perfect aim, and on a robot, whose axes are not linear."""
+    bound_error: float | None = None
+    """Standard error of the bound for the engagements of this cell, 0 to 1; 0 where chance has no part in it."""
+    bound_kind: str | None = None
+    """`reach`, `hindsight` or `combined`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -80,6 +89,11 @@ class Cell(Label):
         if self.misses_slewing + self.misses_settled != self.shots - self.hits:
             split = f"{self.misses_slewing} and {self.misses_settled}"
             raise InputError(f"misses_slewing and misses_settled must add up to shots − hits, got {split}")
+        given = [each is not None for each in (self.bound, self.bound_error, self.bound_kind)]
+        if any(given) != all(given):
+            raise InputError("bound, bound_error and bound_kind must be given together, or none of them")
+        if self.bound_kind not in (None, *BOUND_KINDS):
+            raise InputError(f"bound_kind must be one of {', '.join(BOUND_KINDS)}, got {self.bound_kind!r}")
 
     @property
     def rate(self) -> float:

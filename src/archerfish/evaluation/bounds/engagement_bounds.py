@@ -29,7 +29,7 @@ class EngagementBounds(NamedTuple):
     hindsight: Array
     """One trajectory for all shots, with the path known, shape (m,)."""
     information: Array
-    """Every shot by what is seen before it, shape (m,); NaN where the sights are of an unknown kind."""
+    """Every shot by what is seen before it, shape (m,); NaN where that is no bound of its own."""
     achieved: Array
     """What the aims behind `information` hit, a check of its filter, shape (m,)."""
     combined: Array
@@ -95,12 +95,14 @@ def engagement_bounds(
 def _known(
     world: PureWorld, suite: Suite, engagements: Engagement, draws: NDArray[np.float32]
 ) -> tuple[Sights, Prior] | None:
-    """Return what is seen and what is known beforehand; None where the filter of eq (7) doesn't apply."""
+    """Return what is seen and what is known beforehand; None where the filter of eq (7) says nothing more."""
     seen = sights(world, engagements, draws)
     # At another height than the pivot's, the elevation would show the distance too.
     if seen is None or not isinstance(engagements.motion, Parabola) or float(suite.scenario.height) != 0.0:
         return None
-    return seen, make_prior(suite.scenario)
+    prior = make_prior(suite.scenario)
+    # One exact sight of a target that stands still shows all there is to know.
+    return None if len(prior.speed) == 1 and seen.fresh.shape[1] == 1 else (seen, prior)
 
 
 def _informed(

@@ -26,6 +26,8 @@ SPEEDS, PHASES = 64, 256
 """Of the grid: a finer one changes the bounds by thousandths of a point."""
 AIMS = 512
 """Aims that are tried per shot."""
+_SAMPLES = 161
+"""Of the chance of a shot, linear between them."""
 _IMPLAUSIBLE = 40.0
 """Hypotheses whose log weight is this far below the best are dropped."""
 
@@ -202,6 +204,8 @@ def _chances(problem: AimProblem, shot: int, places: _Places) -> tuple[Array, Ar
     histogram = np.bincount(index, places.weight * (1.0 - share), AIMS)
     histogram += np.bincount(np.minimum(index + 1, AIMS - 1), places.weight * share, AIMS)
     reach = int(window / stride)
-    missed = x * (np.tan(bearing + stride * np.arange(-reach, reach + 1)) - np.tan(bearing))
-    kernel = hit_chance(np.stack([0.0 * missed, missed], axis=-1), sd, problem.radius)
+    sampled = np.linspace(-window, window, _SAMPLES)
+    missed = x * (np.tan(bearing + sampled) - np.tan(bearing))
+    chance = hit_chance(np.stack([0.0 * missed, missed], axis=-1), sd, problem.radius)
+    kernel = np.interp(stride * np.arange(-reach, reach + 1), sampled, chance)
     return offset, np.convolve(histogram, kernel)[reach : reach + AIMS]

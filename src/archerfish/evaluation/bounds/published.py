@@ -1,8 +1,8 @@
 """Bounds that took long to compute, published with the library for the engagements of `archerfish reproduce`.
 
 benchmarks/bounds.py --publish writes them. They apply to exactly those engagements: same setting, command limit, seed
-and number, and a world that is the same to four digits. Evidence is the reach bound of every cell, which plants,
-latencies, muzzle, limits and conditions all enter, and by what the camera does.
+and number, and a world that is the same to four digits: evidence is the reach bound of every cell, which depends on
+plants, latencies, muzzle, limits and conditions, and what the camera does.
 """
 
 from collections.abc import Sequence
