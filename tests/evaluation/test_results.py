@@ -39,6 +39,9 @@ CELL: dict[str, Any] = {
     "misses_slewing": 7,
     "misses_settled": 3,
     "paper": 88.35,
+    "bound": 0.93,
+    "bound_error": 0.001,
+    "bound_kind": "combined",
 }
 MINIMAL: dict[str, Any] = {"schema": SCHEMA, "seed": 1, "commit": "unknown", "versions": {}}
 
@@ -98,6 +101,8 @@ def test_what_a_robot_adds_to_the_file_is_documented_and_survives_it(tmp_path: P
         ({"cells": [{**CELL, "range_m": [2, 1]}]}, "range_m must be two distances, the smaller one first"),
         ({"cells": [{**CELL, "hits": 101}]}, "hits must lie between 0 and shots"),
         ({"cells": [{**CELL, "high": 0.85}]}, "interval 0.8 to 0.85 must hold hits/shots = 0.9"),
+        ({"cells": [{**CELL, "bound_error": None}]}, "bound, bound_error and bound_kind must be given together"),
+        ({"cells": [{**CELL, "bound_kind": "likely"}]}, "bound_kind must be one of reach, hindsight, combined"),
         ({"cells": [{**CELL, "misses_settled": 4}]}, "must add up to shots − hits, got 7 and 4"),
         ({"figures": {"fig5": {"steps": [1, 2], "runs": [{"policy_seed": 0, "mean_return": [1.0]}]}}}, "1 for 2 steps"),
         ({"conditions": {"drag": {"value": float("nan")}}}, "holds NaN, which JSON does not know"),

@@ -1,10 +1,10 @@
 """The oracle: knows the target's path and the plant, and plans the whole engagement at once.
 
-It is a strong heuristic, and so a lower bound on what a command limit allows; the upper ones are proven
-(docs/bounds.md). It looks for the commands, within the limits, that put the most shots on the armor: a sum of absolute
-angle errors, which gives up the shots that slewing costs anyway, is minimised by ADMM; shots that miss are then weighted
-down and the rest improved. It starts from several plans, among them the one that a causal preview controller flies that
-knows the path. Of all plans the one with the largest expected number of hits is flown.
+It is a strong heuristic, and so a lower bound on what a command limit allows; upper ones are proven (docs/bounds.md).
+It looks for the commands, within the limits, that put the most shots on the armor. A sum of absolute angle errors, that
+gives up the shots that slewing costs anyway, is minimised by ADMM; shots that miss are then weighted down and the rest
+improved. One of the plans that it begins with is what a causal preview controller would fly, were it given the path. Of
+all plans the one with the largest expected number of hits is flown.
 """
 
 from typing import NamedTuple

@@ -116,6 +116,11 @@ def shares(cells: Mapping[CellKey, Cell], oracle: Mapping[CellKey, Cell]) -> dic
     return {key: cell.rate / oracle[key].rate for key, cell in cells.items() if key in oracle and oracle[key].hits}
 
 
+def bound_shares(cells: Mapping[CellKey, Cell]) -> dict[CellKey, float]:
+    """Return each hit rate as a share of its bound; cells without one are left out."""
+    return {key: cell.rate / cell.bound for key, cell in cells.items() if cell.bound}
+
+
 def pooled_rate(cells: Iterable[Cell]) -> float | None:
     """Return the hits of all cells per shot of all cells, None without cells."""
     counts = [(cell.hits, cell.shots) for cell in cells]

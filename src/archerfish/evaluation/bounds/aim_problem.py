@@ -48,12 +48,16 @@ class AimProblem(NamedTuple):
     step: Array
     """Largest change of a command between two decisions [rad], infinite for no limit, shape (2,)."""
     bend: Array
-    """Largest change of that change [rad], likewise."""
+    """Largest change of that change [rad], likewise, shape (2,)."""
     radius: float
     """Largest miss that hits [m]."""
 
     def pick(self, chosen: NDArray[np.int64] | slice) -> "AimProblem":
-        """Return some of the engagements."""
+        """Return some of the engagements.
+
+        Args:
+          chosen: which of them, indices of shape (n,) or a slice.
+        """
         parts = {name: getattr(self, name)[chosen] for name in ("rest", "start", "low", "high")}
         return self._replace(
             geometry=ShotGeometry(*(each[chosen] for each in self.geometry)),

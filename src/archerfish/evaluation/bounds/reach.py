@@ -50,7 +50,7 @@ def best_chance(problem: AimProblem, off: Array) -> Array:
 
 
 def shrink(off: Array) -> Array:
-    """Bring aims nearer to the armor by `SLACK`."""
+    """Bring aims that are off by so much [rad] nearer to the armor by `SLACK`, shape B."""
     return np.sign(off) * np.maximum(np.abs(off) - SLACK, 0.0)
 
 
