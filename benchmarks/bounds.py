@@ -140,7 +140,9 @@ def _cell(ground: Ground, index: int, found: EngagementBounds) -> dict[str, Any]
     }
 
 
-def _part(task: EvaluationTask, options: Options, found: list[tuple[EngagementBounds, float]]) -> dict[str, Any]:
+def _part(
+    task: EvaluationTask, options: Options, found: list[tuple[EngagementBounds, float]], machine: dict[str, Any]
+) -> dict[str, Any]:
     ground = make_ground(task)
     return {
         "setting": ground.setting,
@@ -152,7 +154,7 @@ def _part(task: EvaluationTask, options: Options, found: list[tuple[EngagementBo
         "processor_s": round(sum(seconds for _, seconds in found), 1),
         "camera": camera_means(ground.world),
         "cells": [_cell(ground, index, each) for index, (each, _) in enumerate(found)],
-        **describe_machine(),
+        **machine,
     }
 
 
@@ -202,6 +204,7 @@ def _publish(parts: list[dict[str, Any]]) -> None:
 def main() -> None:
     """Bound the cells that the options name."""
     options = tyro.cli(Options, description=__doc__)
+    machine = describe_machine()  # before the long run, in which the code may change
     tasks = _tasks(options)
     if not tasks:
         sys.exit(f"nothing to bound; known are {', '.join(' '.join(each) for each in PARTS)}")
@@ -214,7 +217,7 @@ def main() -> None:
     found = run_tasks(
         "bounding", "engagements", [(_bound_cell, *each) for each in zip(jobs, work, strict=True)], options.workers
     )
-    parts = [_part(task, options, found[8 * index : 8 * index + 8]) for index, task in enumerate(tasks)]
+    parts = [_part(task, options, found[8 * index : 8 * index + 8], machine) for index, task in enumerate(tasks)]
     _print(parts)
     known = storage.read_json(RESULT)["parts"] if RESULT.exists() else []
     merged = {_key(part): part for part in (*known, *parts)}

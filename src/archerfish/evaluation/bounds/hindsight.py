@@ -7,7 +7,7 @@ from archerfish.evaluation.bounds.hit_chance import SLACK, hit_chance
 from archerfish.evaluation.bounds.reach import Interval, reach_chances
 from archerfish.evaluation.bounds.trajectory import Profile, profile, trajectory_bound
 
-SAMPLES = 161
+SAMPLES = 241
 """Of each chance along an axis: what lies between two of them is less than what `SLACK` adds."""
 
 

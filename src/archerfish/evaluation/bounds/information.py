@@ -26,7 +26,7 @@ SPEEDS, PHASES = 64, 256
 """Of the grid: a finer one changes the bounds by thousandths of a point."""
 AIMS = 512
 """Aims that are tried per shot."""
-_SAMPLES = 161
+_SAMPLES = 321
 """Of the chance of a shot, linear between them."""
 _IMPLAUSIBLE = 40.0
 """Hypotheses whose log weight is this far below the best are dropped."""
