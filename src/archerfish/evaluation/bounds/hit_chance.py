@@ -20,8 +20,8 @@ from archerfish.sensing.interfaces import Engagement
 Array = NDArray[np.float64]
 
 SLACK = 3e-4
-"""Every aim is taken to be this much nearer to the armor than it is [rad]. What `ShotGeometry` leaves out, the coupling of
-the axes above all, would else let the chance of one shot in some tens of thousands be a hundredth too small."""
+"""Every aim is taken to be this much nearer to the armor than it is [rad]. What `ShotGeometry` leaves out, the coupling
+of the axes above all, would else make the chance of one shot in some tens of thousands a hundredth too small."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 _TAILS = 8.0
 """Standard deviations beyond which nothing is integrated."""
