@@ -53,6 +53,7 @@ def test_logs_with_lost_reports_all_get_the_period_of_the_reports(tmp_path, loss
         (0.001 * np.arange(50), "50 samples"),
         (np.append(0.001 * np.arange(200), 0.1), "line 202: time does not increase"),
         (0.05 * np.arange(200), "samples every 0.05 s"),
+        (0.001 * np.delete(np.arange(600), np.arange(200, 290)), "line 202: 0.091 s since the sample before"),
     ],
 )
 def test_logs_that_cannot_be_used_are_refused(tmp_path, time, complaint) -> None:

@@ -167,7 +167,7 @@ def test_feedback_in_a_log_is_told():
     assert any("closed.csv the input follows the output" in each for each in found.next_steps)
 
 
-FINDING = Finding("jitter", "warning", "sweep.csv: line 7", "intervals differ by <12 %", "log at a fixed rate")
+FINDING = Finding("jitter", "warning", "sweep.csv: line 7", "intervals differ by <12 %", "log at a fixed rate", 12)
 
 
 class Inspector(HTMLParser):
@@ -223,8 +223,14 @@ def test_the_page_begins_with_the_verdict_and_holds_all_sections(page, evidence)
     headline = text.index(evidence[1].headline)
     places = [text.index(each) for each in (evidence[1].next_steps[0], "step_2.csv", "z plane", "commit")]
     assert all(headline < place for place in places)
-    for each in (*FINDING, "held back", "natural frequency", "rad"):
+    for each in (*map(str, FINDING), "held back", "natural frequency", "rad"):
         assert each in text
+
+
+def test_the_page_says_how_many_samples_were_used_and_why_others_were_not(page, evidence):
+    count = sum(len(log.recording) for log in evidence[0].logs)
+    assert f"; {count} of {count + 12} samples used" in evidence[1].headline
+    assert f"<li>{count} of {count + 12} samples used; left out: 12 (jitter).</li>" in page
 
 
 def test_a_log_too_short_to_test_is_said_to_be(page, evidence):

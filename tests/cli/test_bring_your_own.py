@@ -148,6 +148,8 @@ class Sudden(Still):
         return self.place + 1.0
 def one_number(place, speed, chance): return speed
 def wants_more(place, speed, chance, phase): return Still(place)
+class FiresANumber(Plain):
+    def step(self, state, seen): return state, fire_always(0.0 * seen.angle)._replace(fire=1.0 + 0.0 * seen.elapsed)
 """
 
 
@@ -162,6 +164,7 @@ def own(tmp_path: Path) -> None:
         ("Raises", "own:Raises: line 15: AttributeError: 'Raises' object has no attribute 'nothing'; mend it"),
         ("Branches", "own:Branches: line 18: TracerBoolConversionError; it runs compiled"),
         ("OneAngle", "own:OneAngle: step commands angle of shape (5,) for 5 engagements, expected (5, 2)"),
+        ("FiresANumber", "own:FiresANumber: step commands fire of type float32, expected true or false for each"),
         ("AngleAlone", "own:AngleAlone: step returns an array, expected (state, Command)"),
         ("OtherState", "own:OtherState: step returns another state than reset: float32[5, 2] after float32[5]"),
         ("kalman", "own:kalman: results already have a controller 'kalman'; call yours something else"),

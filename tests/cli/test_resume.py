@@ -235,11 +235,13 @@ def test_a_motion_whose_file_has_changed_is_refused_until_it_is_put_back(command
     motion = tmp_path / "own.py"
     motion.write_text(MOTION)
     stopped(f"{SHORT} --motion ./own.py:Still --out run", 4, RuntimeError("crash"))
+    message = refused("train", *SHORT.split(), "--motion", "./own.py:Still", "--out", "run")
+    assert "; archerfish train --resume run --motion ./own.py:Still goes on with it" in message
     motion.write_text(MOTION.replace("0.0 * time", "0.1 * time"))
-    told = refused("train", "--resume", "run")
+    told = refused("train", "--resume", "run", "--motion", "./own.py:Still")
     assert "own.py: has changed since run was begun with --motion ./own.py:Still; put the file back as it was" in told
     motion.write_text(MOTION)
-    assert command("train", "--resume", "run")[0] == 0
+    assert command("train", "--resume", "run", "--motion", "./own.py:Still")[0] == 0
     command("train", *SHORT.split(), "--motion", "./own.py:Still", "--out", "unbroken")
     assert_same_run(tmp_path / "run", tmp_path / "unbroken")
 

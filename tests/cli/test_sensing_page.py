@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from archerfish.cli.sensing_page import sensing_page
+from archerfish.cli.sensing_summary import sensing_summary
 from archerfish.cli.sensing_verdict import sensing_verdict
 from archerfish.identification.sensing.estimate import identify_sensing
 from archerfish.identification.sensing.motion_misfit import MotionMisfit
@@ -88,3 +89,25 @@ def test_few_steps_ask_for_more(recordings):
     fewer = type(steps)(steps.time[kept], steps.yaw[kept], steps.pitch[kept], steps.command[kept], steps.source)
     verdict = sensing_verdict(identify_sensing([gimbal, fewer], [plate, target], moments))
     assert any("some twenty steps of the command" in each for each in verdict.next_steps)
+
+
+def test_what_was_left_out_of_detections_and_steps_is_said_in_verdict_page_and_summary(recordings):
+    gimbal, plate, steps, target, moments = recordings
+    # A quarter of a second is missing in the sweep, and two moments are of steps that the target did not make.
+    kept = np.abs(gimbal.time - gimbal.time.mean()) > 0.125
+    gapped = type(gimbal)(gimbal.time[kept], gimbal.yaw[kept], gimbal.pitch[kept], gimbal.command[kept], gimbal.source)
+    result = identify_sensing([gapped, steps], [plate, target], np.append(moments, moments[-1] + [3.0, 5.0]))
+    verdict, page, facts = (
+        sensing_verdict(result),
+        page_of(result),
+        sensing_summary(result, sensing_verdict(result), []),
+    )
+    used, logged = facts["detections"]["used"], plate.time.size
+    assert facts["detections"]["logged"] == logged
+    assert facts["detections"]["angle_not_logged"] == result.outside >= 0.25 * 60
+    assert f"; {used} of {logged} detections used; command to motion" in verdict.headline
+    sentence = f"{result.outside} at moments at which the gimbal's angle is not logged."
+    assert any(sentence in each for each in verdict.known)
+    assert any(sentence in each for each in facts["remarks"])
+    assert f"{moments.size} of {moments.size + 2} steps of the target used" in " ".join(facts["remarks"])
+    assert "<th>steps of the target left out</th><td>2</td>" in page

@@ -83,6 +83,16 @@ def test_the_files_that_a_policy_was_trained_for_are_told_as_options(files: Sett
     assert told.endswith(f"; for the one it was trained for add --sensing {files.sensing} --robot infantry")
 
 
+def test_a_policy_that_was_trained_with_a_plant_in_code_is_named_with_what_to_type(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text("")
+    setting, path = load_setting(SettingFiles()), tmp_path / "run" / "policy.json"
+    policy = replace(POLICY, provenance=provenance(0, [tmp_path / "mine.py"]))
+    write_json(path.with_name("config.json"), {"setting": {"plant": "./my folder/mine.py:gimbal", "robot": "me"}})
+    (remark,) = policy_remarks(path, policy, setting)
+    assert "was trained with mine.py, which the evaluation has not" in remark
+    assert remark.endswith("trained for read its code, then add --plant './my folder/mine.py:gimbal' --robot me")
+
+
 def test_policies_of_unknown_making_and_those_made_from_logs_are_not_compared(files: SettingFiles) -> None:
     setting = load_setting(files)
     for origin in ({}, {"inputs": {"yaw_sweep.csv": "0" * 64}}):

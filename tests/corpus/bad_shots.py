@@ -142,6 +142,24 @@ def pellets_that_missed(folder):
     return csv(folder, pitch, distance, speed, missed, names=(*LANDING, "missed"))
 
 
+@fault("refused", "censored-misses")
+def pellets_that_missed_in_a_table_of_blanks(folder):
+    pitch, distance, _ = shots()
+    missed = np.arange(pitch.size) == 3
+    (path, *rest) = csv(folder, pitch, distance, missed, names=("pitch_deg", "distance_m", "missed"))
+    path.write_text(path.read_text().replace(",", " "))
+    return [path, *rest]
+
+
+@fault("refused", "open-quote")
+def an_open_quotation_mark(folder):
+    (path, *_) = csv(folder, *shots())
+    lines = path.read_text().splitlines()
+    lines[4] = lines[4].replace(",", ',"', 1)
+    path.write_text("\n".join(lines) + "\n")
+    return [path]
+
+
 @fault("refused", "mixed-columns")
 def landing_points_and_a_plane(folder):
     pitch, distance, speed = shots()

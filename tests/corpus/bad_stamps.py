@@ -138,6 +138,11 @@ def command_and_angle_in_two_topics(folder):
     return recorded_bags.two_topics(folder / "bag", *sound())
 
 
+@fault("repaired", "late-input")
+def commands_that_begin_later(folder):
+    return recorded_bags.two_topics(folder / "bag", *sound(count=900), commands_from=200)
+
+
 @fault("warning", "receive-time")
 def messages_without_stamps(folder):
     return recorded_bags.unstamped(folder / "bag", *sound())

@@ -16,6 +16,16 @@ def cut_off_in_the_last_number(folder):
     return [write(folder, table(*sound())[:-1].rsplit(",", 1)[0] + ",-")]
 
 
+@fault("repaired", "truncated")
+def cut_off_inside_the_last_number(folder):
+    return [write(folder, table(*sound())[:-8])]
+
+
+@fault("repaired", "truncated")
+def zero_bytes_after_half_a_line(folder):
+    return [write(folder, table(*sound())[:-8].encode() + bytes(4096))]
+
+
 @fault("repaired", "decimal-comma")
 def decimal_commas(folder):
     return [write(folder, table(*sound(), separator=";").replace(".", ","))]
@@ -26,6 +36,14 @@ def blank_fields(folder):
     rows = lines()
     rows[300] = rows[300].rsplit(",", 1)[0] + ","
     return [write(folder, joined(rows))]
+
+
+@fault("repaired", "missing-values")
+def lines_of_separators_alone(folder):
+    # Without stamps, nothing but the line says that a sample is missing.
+    rows = lines()
+    rows[300:303] = [",,"] * 3
+    return [write(folder, joined(rows)), "--sample-period-s", PERIOD]
 
 
 @fault("repaired", "missing-values")

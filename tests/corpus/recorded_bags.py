@@ -45,9 +45,10 @@ def joint_states(path, time, u, y, plugin=StoragePlugin.SQLITE3):
     return [path, "--input", "/joint_states/effort[1]", "--output", "/joint_states/yaw/position"]
 
 
-def two_topics(path, time, u, y):
+def two_topics(path, time, u, y, commands_from=0):
     """The command is sent a third of a period before the angle is sampled."""
     commands = [(t, joint_state(t - 0.003, (0.0, a), (0.0, 0.0))) for t, a in zip(time + 10, u, strict=True)]
+    commands = commands[commands_from:]
     write_bag(path, {"/joint_states": (JOINTS, states(time + 10, u, y)), "/command": (JOINTS, commands)})
     return [path, "--input", "/command/yaw/position", "--output", "/joint_states/yaw/position"]
 

@@ -4,10 +4,12 @@ import gzip
 import io
 import os
 import pickle
+import warnings
 import zipfile
 
 import numpy as np
 import scipy.io
+from rosbags.rosbag2 import StoragePlugin
 
 from . import recorded_bags
 from .faults import csv, fault, joined, lines
@@ -136,6 +138,61 @@ def decimal_commas_between_commas(folder):
     return [write(folder, "time_s,u,y\n" + joined(f"0,{k:03d},1,{k:03d},2,{k:03d}" for k in range(200)))]
 
 
+@fault("refused", "row-length")
+def an_index_without_a_name(folder):
+    rows = [f"{k},{row}" for k, row in enumerate(lines()[1:])]
+    return [write(folder, joined(["time_s,u,y", *rows]))]
+
+
+@fault("refused", "row-length")
+def a_separator_lost_on_the_wire(folder):
+    rows = [f"{row},{k}" for k, row in enumerate(lines()[1:])]
+    rows[300] = "3.0,0.250.24,300"
+    return [write(folder, joined(["time_s,u,y,count", *rows]))]
+
+
+@fault("refused", "row-length")
+def a_value_missing_between_blanks(folder):
+    rows = [f"{row} {k}".replace(",", " ") for k, row in enumerate(lines()[1:])]
+    rows[300] = "3.0  0.24 300"
+    return [write(folder, joined(["time_s u y count", *rows]))]
+
+
+@fault("refused", "open-quote")
+def an_open_quotation_mark(folder):
+    rows = lines()
+    rows[100] = rows[100].replace(",", ',"', 1)
+    return [write(folder, joined(rows))]
+
+
+@fault("refused", "open-quote")
+def an_open_quotation_mark_in_the_last_line(folder):
+    rows = lines()
+    rows[-1] = rows[-1].replace(",", ',"', 1)
+    return [write(folder, joined(rows))]
+
+
+@fault("refused", "open-quote")
+def an_open_quotation_mark_in_the_names(folder):
+    return csv(folder, *sound(), names=("time_s", "u", '"y'))
+
+
+@fault("refused", "open-quote")
+def a_note_that_ends_200_lines_later(folder):
+    # A value is missing as well, so that the lines are cut into fields one by one.
+    rows = [f"{row},ok" for row in lines()[1:]]
+    rows[50] = "0.5,,0.1,ok"
+    rows[100], rows[300] = rows[100].replace("ok", '"touched'), rows[300].replace("ok", 'twice"')
+    return [write(folder, joined(["time_s,u,y,note", *rows]))]
+
+
+@fault("refused", "open-quote")
+def a_quoted_note_of_140000_characters(folder):
+    rows = [f"{row},ok" for row in lines()[1:]]
+    rows[100] = rows[100].replace("ok", f'"{"a" * 140_000}"')
+    return [write(folder, joined(["time_s,u,y,note", *rows]))]
+
+
 @fault("refused", "header-repeated")
 def two_logs_in_one_file(folder):
     text = table(*sound())
@@ -195,6 +252,18 @@ def a_flipped_bit_in_an_archive(folder):
     return [write(folder, bytes(content), "log.npz")]
 
 
+@fault("refused", "column-twice")
+def arrays_appended_under_the_same_names(folder):
+    time, u, y = sound()
+    np.savez(folder / "log.npz", time_s=time, u=u, y=y)
+    with zipfile.ZipFile(folder / "log.npz", "a") as archive, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name, array in {"time_s": time, "u": u, "y": y}.items():
+            with archive.open(f"{name}.npy", "w") as member:
+                np.save(member, array[300:])
+    return [folder / "log.npz"]
+
+
 @fault("refused", "length")
 def arrays_of_different_length(folder):
     time, u, y = sound()
@@ -223,11 +292,27 @@ def a_matlab_cell(folder):
     return [folder / "log.mat"]
 
 
+@fault("refused", "not-a-number")
+def a_matlab_variable_with_an_imaginary_part(folder):
+    time, u, y = sound()
+    scipy.io.savemat(folder / "log.mat", {"time_s": time, "u": u, "y": y + 0.5j})
+    return [folder / "log.mat"]
+
+
 @fault("refused", "damaged")
 def half_a_bag(folder):
     words = recorded_bags.joint_states(folder / "bag", *sound())
     storage = next((folder / "bag").glob("*.db3"))
     storage.write_bytes(storage.read_bytes()[:20000])
+    return words
+
+
+@fault("refused", "damaged")
+def a_bag_with_a_page_of_zeros(folder):
+    words = recorded_bags.joint_states(folder / "bag", *sound(), plugin=StoragePlugin.MCAP)
+    storage = next((folder / "bag").glob("*.mcap"))
+    content = storage.read_bytes()
+    storage.write_bytes(content[:32768] + bytes(4096) + content[36864:])  # 219 messages come before
     return words
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import scipy.io
 
 from . import recorded_bags
-from .faults import csv, fault
+from .faults import csv, fault, joined, lines
 from .recorded_axis import sound, table, write
 
 
@@ -16,6 +16,13 @@ def byte_order_mark(folder):
 @fault("accepted")
 def carriage_returns(folder):
     return csv(folder, *sound(), end="\r\n")
+
+
+@fault("accepted")
+def a_form_feed_and_a_line_separator_inside_fields(folder):
+    rows = [f"{row},ok" for row in lines()[1:]]
+    rows[100], rows[200] = rows[100].replace(",", ",\f", 1), rows[200].replace("ok", "first\u2028second")
+    return [write(folder, joined(["time_s,u,y,note", *rows]))]
 
 
 @fault("accepted")

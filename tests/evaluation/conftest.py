@@ -5,19 +5,16 @@ import pytest
 from numpy.typing import NDArray
 
 from archerfish.evaluation.hit_rate import hit_rate, paired_difference, split_misses
-from archerfish.evaluation.results import (
-    Cell,
-    Comparison,
-    Drop,
+from archerfish.evaluation.paper_results import (
     LackOfFit,
     LearningCurves,
     PaperFigures,
-    Results,
     StepResponse,
     Table1,
     Table1Row,
     TrainingRun,
 )
+from archerfish.evaluation.results import Cell, Comparison, Drop, Results
 from archerfish.evaluation.robot_results import LandingRow, RobotIdentification, RobotStep
 from archerfish.paper.conditions import Calibration, CalibrationCell
 from archerfish.paper.tables import hit_rate_table, landing_table, printed_rate

@@ -70,6 +70,8 @@ def test_every_entrant_has_one_cell_per_suite_under_its_own_name(ground: Ground,
     }
     for cell in found:
         assert (cell.shots, cell.engagements) == (ENGAGEMENTS * CONDITIONS.decisions, ENGAGEMENTS)
+        assert (cell.withheld, cell.counts) == (0, "decisions")
+        assert cell.hits_per_s == pytest.approx(cell.hits / (ENGAGEMENTS * CONDITIONS.engagement_s))
         assert cell.low <= cell.hits / cell.shots <= cell.high
         assert cell.hits + cell.misses_slewing + cell.misses_settled == cell.shots
         assert cell.paper is None
@@ -88,6 +90,10 @@ def test_every_controller_has_the_bound_that_holds_of_it(ground: Ground, outcome
     assert [cell.bound for cell in found[8:16]] == [each.hindsight.value for each in bounds]
     # Perfect aim is a way of scoring: no gimbal moved.
     assert {cell.bound for cell in found[16:]} == {None}
+    # Who fires the easy shots alone may hit more of them.
+    suites = tuple(dataclasses.replace(each, counts="shots") for each in ground.trials.suites)
+    chosen = dataclasses.replace(ground, trials=dataclasses.replace(ground.trials, suites=suites))
+    assert {cell.bound for cell in cells(chosen, [athos], bounds)} == {None}
     assert {cell.bound for cell in cells(ground, outcomes)} == {None}
 
 

@@ -134,6 +134,91 @@ def test_a_miss_at_half_a_second_is_settled() -> None:
     assert split_misses(hit, np.broadcast_to(times, hit.shape), 0.5) == (3, 2)
 
 
+def gated(
+    generator: np.random.Generator, rate: float, engagements: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], float]:
+    """Hits and shots of a controller that fires the more, the better its chances in an engagement, and its true rate.
+
+    Chances are beta distributed with a correlation of 0.1, and one decision in ten to nine in ten fire, by chance.
+    """
+    chance = generator.beta(9 * rate, 9 * (1 - rate), (REPETITIONS, engagements, 1))
+    fired = generator.random((REPETITIONS, engagements, SHOTS)) < 0.1 + 0.8 * chance**2
+    a, b = 9 * rate, 9 * (1 - rate)
+    moments = np.cumprod([(a + k) / (a + b + k) for k in range(3)])
+    truth = (0.1 * moments[0] + 0.8 * moments[2]) / (0.1 + 0.8 * moments[1])
+    return fired & (generator.random(fired.shape) < chance), fired, float(truth)
+
+
+def test_if_every_decision_fires_nothing_changes() -> None:
+    a, b = beta_binomial(np.random.default_rng(21), 0.8, 0.1, 40)[:2]
+    all_of_them = np.ones(a.shape, bool)
+    assert hit_rate(a, all_of_them) == hit_rate(a)
+    assert paired_difference(a, b, all_of_them, all_of_them) == paired_difference(a, b)
+    times = 0.02 * np.arange(SHOTS)
+    assert split_misses(a, times, 0.5, all_of_them) == split_misses(a, times, 0.5)
+
+
+def test_a_decision_that_does_not_fire_is_no_shot() -> None:
+    fired = np.random.default_rng(22).random((4, SHOTS)) < 0.3
+    hit = fired & (np.arange(SHOTS) % 3 > 0)
+    found = hit_rate(hit, fired)
+    assert (found.hits, found.shots, found.engagements) == (hit.sum(), fired.sum(), 4)
+    assert sum(split_misses(hit, 0.02 * np.arange(SHOTS), 0.5, fired)) == fired.sum() - hit.sum()
+
+
+@pytest.mark.parametrize(("rate", "engagements"), [(0.5, 40), (0.8, 20)])
+def test_interval_holds_the_true_ratio_where_the_number_of_shots_goes_with_the_chances(
+    rate: float, engagements: int
+) -> None:
+    hit, fired, truth = gated(np.random.default_rng(23), rate, engagements)
+    found = [hit_rate(*each) for each in zip(hit, fired, strict=True)]
+    assert np.mean([each.low <= truth <= each.high for each in found]) >= 0.95 - THREE_SIGMA
+
+
+@pytest.mark.parametrize("engagements", [20, 60])
+def test_paired_interval_holds_the_difference_of_ratios_of_unequal_numbers_of_shots(engagements: int) -> None:
+    generator = np.random.default_rng(24)
+    hit, fired, truth = gated(generator, 0.7, engagements)
+    # The other one fires at half of these decisions, and misses one in five of those hits.
+    fired_b = fired & (generator.random(fired.shape) < 0.5)
+    hit_b = hit & fired_b & (generator.random(fired.shape) < 0.8)
+    found = [paired_difference(*each) for each in zip(hit, hit_b, fired, fired_b, strict=True)]
+    held = np.mean([each.low <= 0.2 * truth <= each.high for each in found])
+    assert held >= 0.95 - THREE_SIGMA
+
+
+def test_engagements_without_a_shot_change_no_interval() -> None:
+    hit, fired, _ = gated(np.random.default_rng(25), 0.8, 30)
+    silent = np.zeros((70, SHOTS), bool)
+    more, more_fired = np.concatenate([hit[0], silent]), np.concatenate([fired[0], silent])
+    assert hit_rate(more, more_fired)[3:] == hit_rate(hit[0], fired[0])[3:]
+    ours, theirs = (paired_difference(*each) for each in ((hit[0], hit[0], fired[0], fired[0]),
+                                                          (more, more, more_fired, more_fired)))  # fmt: skip
+    assert ours == pytest.approx(theirs)
+
+
+@pytest.mark.parametrize("shooting", [0, 1])
+def test_shots_in_fewer_than_two_engagements_leave_everything_open(shooting: int) -> None:
+    fired = np.zeros((5, SHOTS), bool)
+    fired[:shooting] = True
+    found = hit_rate(fired, fired)
+    assert (found.hits, found.shots, found.low, found.high) == (shooting * SHOTS, shooting * SHOTS, 0.0, 1.0)
+    assert math.isnan(found.rate) == (shooting == 0)
+    against = paired_difference(fired, np.zeros((5, SHOTS), bool), fired, np.ones((5, SHOTS), bool))
+    assert (against.low, against.high) == (-1.0, 1.0)
+    assert math.isnan(against.difference) == (shooting == 0)
+
+
+def test_hits_without_shots_are_refused() -> None:
+    hit = np.ones((3, SHOTS), bool)
+    with pytest.raises(InputError, match="150 decisions hit without firing"):
+        hit_rate(hit, ~hit)
+    with pytest.raises(InputError, match=r"fired must be booleans of shape \(3, 50\), got bool of shape \(2, 50\)"):
+        hit_rate(hit, hit[:2])
+    with pytest.raises(InputError, match=r"got float64 of shape \(3, 50\)"):
+        hit_rate(hit, np.ones((3, SHOTS)))
+
+
 @pytest.mark.parametrize(
     ("hit", "message"),
     [

@@ -5,8 +5,9 @@ from xml.etree import ElementTree
 
 import pytest
 
+from archerfish.evaluation.paper_results import PaperFigures
 from archerfish.evaluation.report import write_report
-from archerfish.evaluation.results import PaperFigures, Results, read_results, write_results
+from archerfish.evaluation.results import Results, read_results, write_results
 from archerfish.figures.page import count, duration, number, percent, points
 from archerfish.paper.tables import hit_rate_table
 from archerfish.records.errors import InputError
@@ -177,6 +178,16 @@ def test_text_from_the_file_is_escaped(tmp_path: Path, small: Results) -> None:
     hostile = dataclasses.replace(small, commit="<script>alert(1)</script>", cells=(), comparisons=())
     write_report(hostile, tmp_path / "report.html")
     assert "<script" not in (tmp_path / "report.html").read_text()
+
+
+@pytest.mark.parametrize("name", ['a"><script>alert(1)</script>', "a/../../../elsewhere/a"])
+def test_the_name_of_a_setting_leaves_neither_its_attribute_nor_the_folder(
+    tmp_path: Path, small: Results, name: str
+) -> None:
+    cells = tuple(dataclasses.replace(each, setting=name, paper=None) for each in small.cells)
+    write_report(dataclasses.replace(small, cells=cells, comparisons=()), tmp_path / "run" / "report.html")
+    assert "script" not in outline(tmp_path / "run" / "report.html").tags
+    assert {each.parent for each in tmp_path.rglob("*.svg")} == {tmp_path / "run" / "figures"}
 
 
 def test_a_page_that_can_t_be_written_is_one_clear_error(tmp_path: Path, small: Results) -> None:

@@ -6,14 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from archerfish.evaluation.paper_results import LearningCurves, StepResponse, TrainingRun
 from archerfish.evaluation.results import (
     SCHEMA,
     Cell,
     Comparison,
-    LearningCurves,
     Results,
-    StepResponse,
-    TrainingRun,
     new_results,
     read_results,
     results_json,
@@ -31,6 +29,7 @@ CELL: dict[str, Any] = {
     "controller": "history",
     "policy_seed": 0,
     "motion": None,
+    "counts": "decisions",
     "hits": 90,
     "shots": 100,
     "engagements": 2,
@@ -39,6 +38,8 @@ CELL: dict[str, Any] = {
     "misses_slewing": 7,
     "misses_settled": 3,
     "paper": 88.35,
+    "withheld": 0,
+    "hits_per_s": 45.0,
     "bound": 0.93,
     "bound_error": 0.001,
     "bound_kind": "combined",
@@ -100,6 +101,10 @@ def test_what_a_robot_adds_to_the_file_is_documented_and_survives_it(tmp_path: P
         ({"cells": [{**CELL, "target": "slow"}]}, "target must be one of static, dynamic"),
         ({"cells": [{**CELL, "range_m": [2, 1]}]}, "range_m must be two distances, the smaller one first"),
         ({"cells": [{**CELL, "hits": 101}]}, "hits must lie between 0 and shots"),
+        ({"cells": [{**CELL, "shots": 0, "hits": 0}]}, "shots \\+ withheld must be > 0, got 0 of 0, 0 withheld"),
+        ({"cells": [{**CELL, "counts": "pellets"}]}, "counts must be one of decisions, shots, got 'pellets'"),
+        ({"cells": [{**CELL, "withheld": 5}]}, "must add up to shots − hits, got 7 and 3"),
+        ({"cells": [CELL, {**CELL, "counts": "shots"}]}, "cells of table III at 1–2 m in paper, gate, count decisions"),
         ({"cells": [{**CELL, "high": 0.85}]}, "interval 0.8 to 0.85 must hold hits/shots = 0.9"),
         ({"cells": [{**CELL, "bound_error": None}]}, "bound, bound_error and bound_kind must be given together"),
         ({"cells": [{**CELL, "bound_kind": "likely"}]}, "bound_kind must be one of reach, hindsight, combined"),
@@ -118,8 +123,20 @@ def test_a_damaged_file_is_refused_by_the_name_of_the_field(tmp_path: Path, chan
 
 def test_another_schema_is_refused(tmp_path: Path) -> None:
     path = write_raw(tmp_path / "results.json", {**MINIMAL, "schema": "archerfish.results/9"})
-    with pytest.raises(InputError, match=r"expected 'archerfish.results/1'"):
+    with pytest.raises(InputError, match=r"expected 'archerfish.results/2'"):
         read_results(path)
+
+
+def test_a_file_from_before_shots_could_be_withheld_is_read_as_it_was_meant(tmp_path: Path) -> None:
+    old = {name: value for name, value in CELL.items() if name not in {"counts", "withheld", "hits_per_s"}}
+    path = write_raw(tmp_path / "results.json", {**MINIMAL, "schema": "archerfish.results/1", "cells": [old]})
+    (cell,) = read_results(path).cells
+    assert (cell.counts, cell.shots, cell.withheld, cell.counted) == ("decisions", 100, 0, 100)
+    assert (cell.rate, cell.hits_per_s) == (0.9, None)
+    # Written again, it is a file of today.
+    write_results(tmp_path / "again.json", read_results(path))
+    assert json.loads((tmp_path / "again.json").read_text())["schema"] == SCHEMA
+    assert read_results(tmp_path / "again.json").cells == (cell,)
 
 
 @pytest.mark.parametrize("value", [float("nan"), np.int64(3), "many"])

@@ -100,8 +100,10 @@ def trials() -> Trials:
 def test_a_world_compiled_is_the_world_stepped(build_controller: Callable[..., Any], trials: Trials) -> None:
     world, controller = build_world(), build_controller("kalman")
     compiled, stepped = fight(world, controller, trials), fight(Stepped(world), controller, trials)
-    for name in Shots._fields:
+    for name in ("miss", "command", "angle"):
         assert getattr(compiled, name).shape == getattr(stepped, name).shape == (48, CONDITIONS.decisions, 2)
+    assert np.all(compiled.fired & stepped.fired)
+    assert compiled.fired.shape == stepped.fired.shape == (48, CONDITIONS.decisions)
     # Filters and limits amplify single rounding differences; a wrong step would be off by a hundred times that.
     np.testing.assert_allclose(compiled.angle, stepped.angle, atol=2e-5)
     np.testing.assert_allclose(compiled.miss, stepped.miss, atol=1e-4)
@@ -115,7 +117,7 @@ def stepped_in_numpy(world: Any, controller: Any, trials: Trials) -> Shots:
     for _ in range(trials.draws.shape[1]):
         state, command = controller.step(state, seen)
         shooting, seen, shot = world.step(shooting, command)
-        shots.append((shot.miss, seen.command, shot.angle))
+        shots.append((shot.fired, shot.miss, seen.command, shot.angle))
     return Shots(*(np.stack(each, axis=1) for each in zip(*shots, strict=True)))
 
 
@@ -127,7 +129,8 @@ def test_a_controller_compiled_for_a_world_that_is_not_shoots_as_it_does_in_nump
     np.testing.assert_allclose(compiled.command, plain.command, atol=2e-4)
     np.testing.assert_allclose(compiled.angle, plain.angle, atol=2e-4)
     np.testing.assert_allclose(compiled.miss, plain.miss, atol=2e-3)
-    assert {each.dtype for each in compiled} == {np.dtype(np.float32)}
+    assert compiled.fired.dtype == bool
+    assert {each.dtype for each in compiled[1:]} == {np.dtype(np.float32)}
 
 
 @pytest.mark.parametrize("flip_every", [1.0, 7.0])
@@ -192,10 +195,11 @@ def test_the_largest_acceleration_by_hand() -> None:
     assert largest_acceleration(angles, 0.1, axis=0) == 0.0
 
 
-def test_a_hit_is_a_miss_distance_of_at_most_the_radius() -> None:
-    miss = np.array([[[0.06, 0.0], [0.036, 0.048], [0.05, 0.05], [0.0, -0.0601]]])
-    shots = Shots(miss, miss, miss)
-    assert shots.hits(0.06 + 1e-9).tolist() == [[True, True, False, False]]
+def test_a_hit_is_a_fired_shot_with_a_miss_distance_of_at_most_the_radius() -> None:
+    miss = np.array([[[0.06, 0.0], [0.036, 0.048], [0.05, 0.05], [0.0, -0.0601], [0.0, 0.0], [np.nan, np.nan]]])
+    fired = np.array([[True, True, True, True, False, False]])
+    shots = Shots(fired, miss, miss, miss)
+    assert shots.hits(0.06 + 1e-9).tolist() == [[True, True, False, False, False, False]]
 
 
 @pytest.mark.parametrize("name", ["kalman", "kalman-lq"])

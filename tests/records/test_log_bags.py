@@ -151,3 +151,27 @@ def test_a_minute_at_1_khz_is_read_whole(tmp_path):
     table = read_log(path, ["/joint_states/yaw/effort"], ["/joint_states/yaw/position"], time=None)
     np.testing.assert_array_equal(table.columns["/joint_states/yaw/position"], np.arange(60_000) + 0.1)
     np.testing.assert_allclose(table.stamps, 1e-3 * np.arange(60_000), atol=1e-9)
+
+
+def test_messages_before_the_first_of_an_input_are_left_out_and_counted(tmp_path):
+    path = tmp_path / "bag"
+    with Writer(path, version=9) as writer:
+        angle, command = (writer.add_connection(topic, JOINTS, typestore=TYPES) for topic in ("/angle", "/command"))
+        for index in range(40):
+            writer.write(angle, 10**9 + index, TYPES.serialize_cdr(joint_state(10 * index), JOINTS))
+            if index >= 15:
+                writer.write(command, 10**9 + index, TYPES.serialize_cdr(joint_state(10 * index - 1), JOINTS))
+    table = read_log(path, ["/command/position[0]"], ["/angle/position[0]"], time=None)
+    assert table.places[0] == 16
+    assert table.samples == 40
+    (late,) = [each for each in table.findings if each.code == "late-input"]
+    assert (late.samples, late.severity) == (15, "repaired")
+    assert "15 of the messages of /angle come before the first of /command" in late.message
+
+
+def test_a_bag_with_fewer_messages_than_it_states_is_refused(tmp_path):
+    path = write_bag(tmp_path / "bag", map(joint_state, range(50)))
+    metadata = path / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("message_count: 50", "message_count: 60"))
+    with pytest.raises(InputError, match="of the 60 messages of /joint_states that the bag states, 50 can be read"):
+        read_log(path, *SIGNALS, time=None)

@@ -74,6 +74,27 @@ def test_missing_columns_are_named(tmp_path, text, message):
         read_shots_csv(write(tmp_path / "shots.csv", text))
 
 
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        ("pitch_deg distance_m missed\n5 3 0\n5 4 1\n", "utf-8"),
+        ("\n\npitch_deg,distance_m,missed\n5,3,0\n5,4,1\n", "utf-8"),
+        ("pitch_deg,distance_m,missed\n5,3,0\n5,4,1\n", "utf-16"),
+    ],
+)
+def test_misses_are_found_in_every_kind_of_table(tmp_path, text, encoding):
+    path = tmp_path / "shots.csv"
+    path.write_text(text, encoding=encoding)
+    with pytest.raises(InputError, match="1 of 2 shots missed"):
+        read_shots_csv(path)
+
+
+def test_hits_on_a_plane_are_known_in_every_encoding(tmp_path):
+    path = tmp_path / "shots.csv"
+    path.write_text("pitch_deg;plane_distance_m;hit_height_m\n0;4;-0.23\n", encoding="utf-16")
+    assert read_shots_csv(path).on_plane
+
+
 def test_a_missing_file_is_told(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_shots_csv(tmp_path / "none.csv")

@@ -6,12 +6,13 @@ import pytest
 
 from archerfish.cli.setting import SettingFiles, load_setting, setting_world
 from archerfish.controllers.roster import find_controller
+from archerfish.evaluation.hit_rate import hit_rate
 from archerfish.records.errors import InputError
 from archerfish.simulation.own_motion import find_motion
 from archerfish.viewer.choice import RANGES, Choice, Subject, check_choice, chosen_controller, controller_names
 from archerfish.viewer.hand import HandRun
 from archerfish.viewer.motions import HAND, MOTIONS, meet
-from archerfish.viewer.score import compared, score
+from archerfish.viewer.score import compared, count_words, difference_words, rate_words, score
 from archerfish.viewer.trial import moment, run_trial
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -65,7 +66,7 @@ def test_another_controller_meets_the_same_targets_with_the_same_dispersion(subj
     exact = run_trial(subject, still), run_trial(subject, replace(still, controller="kalman-lq"))
     speeds = [np.linalg.norm(trial.velocity, axis=-1) for trial in (ours, theirs, *exact)]
     assert all(np.allclose(speeds[0], each, atol=1e-4) for each in speeds[1:])
-    assert compared(ours.hit, theirs.hit).low <= compared(ours.hit, theirs.hit).difference
+    assert compared(ours, theirs).low <= compared(ours, theirs).difference
 
 
 def test_latency_costs_hits_of_a_moving_target(subject: Subject, choice: Choice) -> None:
@@ -249,3 +250,69 @@ def test_a_motion_that_fails_beyond_the_engagement_is_named(subject: Subject, ch
     known = replace(subject, own_motions={"Failing": find_motion(f"{tmp_path}/own.py:Failing")})
     with pytest.raises(InputError, match=r"own.py:Failing: line \d+: ValueError: too late"):
         run_trial(known, replace(choice, motion="Failing"))
+
+
+WITHHOLDING = """
+from typing import NamedTuple
+from archerfish.dynamics.aiming import line_of_sight
+from archerfish.sensing.interfaces import fire_always
+class Half(NamedTuple):
+    every: float = 2.0
+    @classmethod
+    def build(cls, bench): return cls()
+    def reset(self, seen, truth=None): return 0.0 * seen.elapsed
+    def step(self, state, seen):
+        command = fire_always(line_of_sight(seen.plate[..., 0, :]))
+        return state + 1.0, command._replace(fire=state % self.every == 0.0)
+class Always(Half):
+    @classmethod
+    def build(cls, bench): return cls(1.0)
+class Never(Half):
+    @classmethod
+    def build(cls, bench): return cls(1e9)
+    def reset(self, seen, truth=None): return 1.0 + 0.0 * seen.elapsed
+"""
+
+
+@pytest.fixture
+def withholding(subject: Subject, tmp_path: Path) -> Subject:
+    (tmp_path / "own.py").write_text(WITHHOLDING)
+    names = ("Half", "Always", "Never")
+    return replace(subject, own_controllers={name: find_controller(f"{tmp_path}/own.py:{name}") for name in names})
+
+
+def test_a_pellet_that_was_not_fired_is_neither_drawn_nor_scored(withholding: Subject, choice: Choice) -> None:
+    half, always, never = (
+        run_trial(withholding, replace(choice, controller=name, motion="still")) for name in ("Half", "Always", "Never")
+    )
+    assert np.array_equal(half.hit, always.hit & half.fired)
+    end = half.shown_s
+    for time in (0.4, 0.7, end):
+        shown, whole = moment(half, 1, time), moment(always, 1, time)
+        assert len(shown.misses) == score(half, 1, time).landed == (len(whole.misses) + 1) // 2
+        assert len(shown.pellets) <= (len(whole.pellets) + 1) // 2
+        assert np.array_equal(shown.misses, whole.misses[::2])
+    assert score(half, 3, end).so_far == hit_rate(always.hit[:, ::2])
+    assert count_words(half) == f"{half.hit.sum()} of 100 hit, 100 withheld"
+    assert len(moment(never, 0, end).misses) == len(moment(never, 0, 0.5).pellets) == 0
+    assert rate_words(score(never, 3, end).so_far) == "no shot in 4 engagements"
+    assert difference_words("Half", "Never", compared(half, never)).endswith("one of them fired no shot")
+
+
+def test_a_dragged_target_is_shot_at_with_fired_pellets_alone(withholding: Subject, choice: Choice) -> None:
+    dragged = replace(choice, motion=HAND, dispersion=0.0)
+    half, always = (
+        HandRun(withholding, replace(dragged, controller=name), np.array([3.0, 0.0, 0.0]))
+        for name in ("Half", "Always")
+    )
+    for run in (half, always):
+        for _ in range(60):
+            run.step(np.array([3.0, 0.0, 0.0]))
+    ours, theirs = half.trial(), always.trial()
+    assert np.array_equal(ours.hit, theirs.hit & ours.fired)
+    assert np.array_equal(np.isfinite(ours.flight_time), np.isfinite(theirs.flight_time) & ours.fired)
+    shown, whole = moment(ours, 0, half.elapsed), moment(theirs, 0, half.elapsed)
+    assert np.array_equal(shown.misses, whole.misses[::2])
+    assert 0 < len(shown.pellets) < len(whole.pellets)
+    # The aim of every decision is judged, whether it fires or not.
+    assert np.array_equal(np.isfinite(ours.error), np.isfinite(theirs.error))

@@ -179,7 +179,7 @@ def test_a_target_is_seen_as_soon_as_the_gimbal_turns_to_it() -> None:
     assert sights[-1].plate_age < 0.06
 
 
-def test_a_shot_that_never_reaches_the_armor_or_was_not_fired_misses_by_far(infantry) -> None:
+def test_a_shot_that_never_reaches_the_armor_misses_by_far_and_one_that_is_withheld_flies_nowhere(infantry) -> None:
     behind = standing(1, place=(-3.0, 0.0, 0.0))
     robots = world(infantry)
     state, _ = robots.reset(behind, normals(1, 2))
@@ -189,7 +189,8 @@ def test_a_shot_that_never_reaches_the_armor_or_was_not_fired_misses_by_far(infa
     held = Command(np.zeros((1, 2)), np.zeros((1, 2)), np.array([False]), np.full(1, np.nan))
     _, _, shot = robots.step(state, held)
     assert not shot.fired.any()
-    assert np.all(np.linalg.norm(shot.miss, axis=-1) > 100.0)
+    assert np.isnan(shot.miss).all()
+    assert np.isnan(shot.flight_time).all()
 
 
 def test_aim_at_a_still_target_hits() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.cli.axis_picture import simulated_run
+from archerfish.cli.sample_count import SampleCount, count_samples
 from archerfish.figures.identification import SimulatedRun
 from archerfish.identification.axis.gimbal import AxisIdentification
 from archerfish.identification.axis.order_choice import OrderTrial
@@ -108,6 +109,8 @@ class AxisEvidence:
     """The identification."""
     logs: tuple[LogEvidence, ...]
     """The fitted recordings, then those held back."""
+    samples: SampleCount
+    """Samples that the logs hold, and those that were left out."""
     findings: tuple[Finding, ...] = ()
     """What the examination of the logs found."""
     trials: tuple[OrderTrial, ...] = ()
@@ -127,6 +130,7 @@ def gather_evidence(
     findings: Iterable[Finding] = (),
     trials: Sequence[OrderTrial] = (),
     free: AxisIdentification | None = None,
+    samples: int | None = None,
 ) -> AxisEvidence:
     """Simulate and test every recording.
 
@@ -137,13 +141,17 @@ def gather_evidence(
       findings: what the examination of the logs found.
       trials: orders that were tried.
       free: where the plant was held to steady gains, one that was not.
+      samples: that the logs hold, those included that findings left out; by default all in the recordings, and these.
 
     Raises:
       InputError: if a recording that was held back does not suit the plant.
     """
     logs = [_tested(result, log, kind) for kind, group in _groups(training, validation) for log in group]
     held = () if free is None else _held_gains(result, free, logs)
-    return AxisEvidence(result, tuple(logs), tuple(findings), tuple(trials), held)
+    found = tuple(findings)
+    if samples is None:
+        samples = sum(len(each.recording) for each in logs) + sum(each.samples for each in found)
+    return AxisEvidence(result, tuple(logs), count_samples(samples, found), found, tuple(trials), held)
 
 
 def _held_gains(

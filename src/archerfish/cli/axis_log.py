@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from archerfish.identification.doctor.time_stamps import GAP_PERIODS
 from archerfish.records.csv_table import read_csv_columns
 from archerfish.records.errors import file_error
 from archerfish.records.recording import Recording, make_recording
@@ -29,8 +30,8 @@ def read_axis_log(path: Path, decision_s: float) -> Recording:
       decision_s: decision period [s].
 
     Raises:
-      InputError: if a column or a number is missing or bad, there are too few samples, time does not increase, or the
-        samples are further apart than decisions.
+      InputError: if a column or a number is missing or bad, there are too few samples, time does not increase, the
+        samples are further apart than decisions, or there is a gap: what happened in it can't be interpolated.
     """
     table = read_csv_columns(path, ["time_s", "u", "y"])
     time, command, angle = (table.columns[name] for name in ("time_s", "u", "y"))
@@ -44,6 +45,10 @@ def read_axis_log(path: Path, decision_s: float) -> Recording:
         raise file_error(
             path, f"samples every {between:.4g} s", f"log at least every {decision_s} s, as often as it decides"
         )
+    for index in np.flatnonzero(np.diff(time) > max(decision_s, GAP_PERIODS * between))[:1]:
+        problem = f"line {table.lines[index + 1]}: {time[index + 1] - time[index]:.4g} s since the sample before"
+        remedy = f"cut the log there, or record it again without interruptions of more than {decision_s:g} s"
+        raise file_error(path, problem, remedy)
     period = decision_s / np.ceil(decision_s / between - _EVEN)
     even = np.abs(np.diff(time) - period).max() <= _EVEN * period
     if not even:

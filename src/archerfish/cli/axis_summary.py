@@ -16,6 +16,7 @@ from archerfish.cli.axis_evidence import (
     steady_gains,
 )
 from archerfish.cli.axis_verdict import Verdict, delay_words, gain_words
+from archerfish.cli.sample_count import sample_facts
 from archerfish.cli.summary_end import print_end
 from archerfish.identification.axis.order_choice import WORTH_A_STATE
 
@@ -55,6 +56,7 @@ def axis_summary(evidence: AxisEvidence, verdict: Verdict, files: Sequence[Path]
         "orders_tried": [each._asdict() for each in evidence.trials],
         "training": [_log(each) for each in evidence.of_kind("training")],
         "validation": [_log(each) for each in evidence.of_kind("validation")],
+        "samples": sample_facts(evidence.samples),
         "findings": [each._asdict() for each in evidence.findings],
         "remarks": [*result.remarks, *verdict.doubts],
         "next_steps": list(verdict.next_steps),

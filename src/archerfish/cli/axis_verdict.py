@@ -12,6 +12,7 @@ from archerfish.cli.axis_evidence import (
     LogEvidence,
     steady_gains,
 )
+from archerfish.cli.sample_count import used_sentence, used_words
 from archerfish.identification.validation.frequency import driven_band_hz
 from archerfish.records.plant import USABLE_FIT_PERCENT
 
@@ -51,7 +52,11 @@ def verdict(evidence: AxisEvidence) -> Verdict:
     """Judge an identified axis."""
     doubts = tuple(_doubts(evidence))
     gap = _unknown_below(evidence)
-    headline = _headline(evidence) + (f"; nothing is known below {gap:.3g} Hz: add a step log" if gap else "")
+    headline = _headline(evidence)
+    if evidence.samples.left_out:
+        headline += f"; {used_words(evidence.samples)}"
+    if gap:
+        headline += f"; nothing is known below {gap:.3g} Hz: add a step log"
     for held in evidence.held_gains:
         if held.contradicted:
             headline += (
@@ -124,6 +129,7 @@ def _known(evidence: AxisEvidence) -> Iterator[str]:
             f"The steady gain from {held.name} was held to {held.asked:.4g} (--dc-gain), not estimated; left free, the "
             f"logs say {gain_words(held.free, held.interval)}, 95 % interval."
         )
+    yield used_sentence(evidence.samples)
     known = result.determined
     if not known.all():
         yield f"Of {known.size} poles these recordings determine {int(known.sum())}."

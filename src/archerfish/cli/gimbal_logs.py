@@ -39,6 +39,8 @@ class GimbalLogs(NamedTuple):
     """Experiments that are held back."""
     findings: list[Finding]
     """What was repaired, and what may spoil the estimate."""
+    samples: int
+    """Samples that the logs hold, those included that findings left out."""
 
 
 def read_gimbal_logs(logs: Sequence[Path], held_back: Sequence[Path], reading: LogReading) -> GimbalLogs:
@@ -57,21 +59,22 @@ def read_gimbal_logs(logs: Sequence[Path], held_back: Sequence[Path], reading: L
         raise InputError(f"--sample-period-s must be above 0 s, got {period:g}", "sample-period")
     findings: list[Finding] = []
     examined: dict[str, Path] = {}
-    training = _experiments(logs, reading, examined, findings)
+    training, fitted_samples = _experiments(logs, reading, examined, findings)
     # A log that was fitted may be foretold too, but that is no validation.
     for path in held_back:
         if (first := examined.get(_content(path))) is not None:
             message = f"is the fitted log {first.name} again, so its fit validates nothing"
             findings.append(Finding("not-held-back", "warning", str(path), message, "hold another log back"))
-    validation = _experiments(held_back, reading, {}, findings)
+    validation, other_samples = _experiments(held_back, reading, {}, findings)
     findings += examine_together([each.recording for each in training], reading.order)
-    return GimbalLogs(training, validation, findings)
+    return GimbalLogs(training, validation, findings, fitted_samples + other_samples)
 
 
 def _experiments(
     paths: Sequence[Path], reading: LogReading, examined: dict[str, Path], findings: list[Finding]
-) -> list[Log]:
+) -> tuple[list[Log], int]:
     logs: list[Log] = []
+    samples = 0
     for path in paths:
         found = _examined(path, reading)
         content = _content(path)
@@ -82,10 +85,11 @@ def _experiments(
         examined[content] = path
         logs += found[0]
         findings += found[1]
-    return logs
+        samples += found[2]
+    return logs, samples
 
 
-def _examined(path: Path, reading: LogReading) -> tuple[list[Log], list[Finding]]:
+def _examined(path: Path, reading: LogReading) -> tuple[list[Log], list[Finding], int]:
     stamped = reading.sample_period_s is None
     table = read_log(path, reading.inputs, reading.outputs, time=reading.time if stamped else None)
     examination = examine_log(
@@ -97,7 +101,7 @@ def _examined(path: Path, reading: LogReading) -> tuple[list[Log], list[Finding]
         sample_period_s=reading.sample_period_s,
     )
     logs = [Log(path.parent / each.source, each) for each in examination.recordings]
-    return (logs if len(logs) > 1 else [Log(path, logs[0].recording)]), examination.findings
+    return (logs if len(logs) > 1 else [Log(path, logs[0].recording)]), examination.findings, table.samples
 
 
 def _content(path: Path) -> str:

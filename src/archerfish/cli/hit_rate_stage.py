@@ -12,7 +12,7 @@ from archerfish.cli.setting import Setting
 from archerfish.cli.training_run import TrainingResult, TrainingTask, run_task, write_run
 from archerfish.cli.workers import Task, run_tasks
 from archerfish.evaluation.evaluate import Outcome, accelerations, cells, comparisons
-from archerfish.evaluation.results import LearningCurves, TrainingRun
+from archerfish.evaluation.paper_results import LearningCurves, TrainingRun
 from archerfish.learning.config import PpoConfig
 from archerfish.records.policy import PolicyRecord
 from archerfish.sensing.observation import DEFAULT_FRAMES

@@ -1,6 +1,6 @@
 """Hit rates in the terminal: a table per world and command limit that fits 80 columns."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,12 +40,24 @@ def _table(where: str, cells: list["Cell"]) -> Table:
     for low, high in ranges:
         table.add_column(f"{low:g}–{high:g} m", justify="right", no_wrap=True)
     for target in dict.fromkeys(map(_target, cells)):
-        table.add_row(f"{target} targets", style="bold")
         shot = [cell for cell in cells if _target(cell) == target]
+        counted = ", per fired shot" if any(cell.counts == "shots" for cell in shot) else ""
+        table.add_row(f"{target} targets{counted}", style="bold")
         for entrant in dict.fromkeys(map(_entrant, shot)):
-            rates = {cell.range_m: _rate(cell) for cell in shot if _entrant(cell) == entrant}
-            table.add_row(entrant, *(rates.get(each, "") for each in ranges))
+            own = {cell.range_m: cell for cell in shot if _entrant(cell) == entrant}
+            table.add_row(entrant, *(_rate(own[each]) if each in own else "" for each in ranges))
+            # Beside a rate of fired shots stands how many these are.
+            for name, figure in _FIRED.items() if any(cell.counts == "shots" for cell in own.values()) else ():
+                table.add_row(f"  {name}", *(figure(own[each]) if each in own else "" for each in ranges))
     return table
+
+
+_FIRED: dict[str, Callable[["Cell"], str]] = {
+    "hits of shots": lambda cell: f"{cell.hits} of {cell.shots}",
+    "withheld shots": lambda cell: str(cell.withheld),
+    "hits/s": lambda cell: f"{cell.hits_per_s or 0.0:.1f}",
+}
+"""What stands below a rate of fired shots."""
 
 
 def _target(cell: "Cell") -> str:
@@ -58,4 +70,4 @@ def _entrant(cell: "Cell") -> str:
 
 def _rate(cell: "Cell") -> str:
     low, high = (f"{100 * each:.1f}".replace("100.0", "100") for each in (cell.low, cell.high))
-    return f"{100 * cell.hits / cell.shots:.1f} {low}–{high}"
+    return f"{100 * cell.rate:.1f} {low}–{high}" if cell.counted else "–"

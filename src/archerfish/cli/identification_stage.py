@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from archerfish.cli.axis_picture import axis_picture, simulated_run
 from archerfish.cli.workers import Task, run_tasks
-from archerfish.evaluation.results import LackOfFit, StepResponse, Table1, Table1Row
+from archerfish.evaluation.paper_results import LackOfFit, StepResponse, Table1, Table1Row
 from archerfish.figures.style import save_figure
 from archerfish.identification.axis.gimbal import AxisIdentification, identify_axis
 from archerfish.identification.axis.state_space import simulate

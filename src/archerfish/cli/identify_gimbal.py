@@ -108,7 +108,7 @@ def run_gimbal(command: IdentifyGimbal, console: Console | None = None) -> Summa
         free = _free_of_gain(command, logs, len(result.plant.A), console)
         origin = provenance(command.seed, [part for path in (*command.logs, *held_back) for part in log_parts(path)])
         result = replace(_said_once(result, logs), plant=replace(result.plant, provenance=origin))
-        evidence = gather_evidence(result, logs.training, logs.validation, logs.findings, trials, free)
+        evidence = gather_evidence(result, logs.training, logs.validation, logs.findings, trials, free, logs.samples)
         judgement = verdict(evidence)
         _write_axis(folder, command, evidence, judgement)
     files = [command.out / f"{command.axis}{ending}" for ending in AXIS_ENDINGS]

@@ -10,9 +10,10 @@ from rich.console import Console
 
 from archerfish.cli.options import Folder, JsonFile
 from archerfish.cli.parsing import check_file_name
-from archerfish.cli.rigid_logs import read_rigid_log
+from archerfish.cli.rigid_logs import RigidLog, read_rigid_log
 from archerfish.cli.rigid_summary import Summary, print_rigid, rigid_summary
 from archerfish.cli.run_folder import run_folder
+from archerfish.cli.sample_count import count_samples
 from archerfish.figures.rigid_axis import RigidRun, rigid_figure
 from archerfish.figures.style import save_figure
 from archerfish.identification.rigid.fit import Friction, RigidIdentification, identify_rigid_axis
@@ -86,7 +87,9 @@ def run_rigid(command: IdentifyRigid, console: Console | None = None) -> Summary
         raise InputError("identify rigid: no log given; name at least one file")
     check_file_name("--axis", command.axis)
     findings: list[Finding] = []
-    recordings = [recording for path in command.logs for recording in _read(path, command, findings)]
+    logs = [_read(path, command, findings) for path in command.logs]
+    recordings = [recording for log in logs for recording in log.recordings]
+    samples = count_samples(sum(log.samples for log in logs), findings)
     with run_folder(command.out) as folder:
         with console.status("fitting the rigid axis …"):
             result = identify_rigid_axis(
@@ -103,12 +106,12 @@ def run_rigid(command: IdentifyRigid, console: Console | None = None) -> Summary
         for ending in RIGID_ENDINGS[1:]:
             save_figure(folder / f"{command.axis}{ending}", figure)
     files = [command.out / f"{command.axis}{ending}" for ending in RIGID_ENDINGS]
-    summary = rigid_summary(result, recordings, findings, files)
+    summary = rigid_summary(result, recordings, findings, samples, files)
     print_rigid(console, summary)
     return summary
 
 
-def _read(path: Path, command: IdentifyRigid, findings: list[Finding]) -> list[Recording]:
+def _read(path: Path, command: IdentifyRigid, findings: list[Finding]) -> RigidLog:
     period = command.sample_period_s
     if period is not None and not 0 < period < np.inf:
         raise InputError(f"--sample-period-s must be above 0 s, got {period:g}")

@@ -20,6 +20,7 @@ from archerfish.cli.training_log import EVENTS, LOG, EventFile, append_log, log_
 from archerfish.learning.checkpoint import restore_standing, standing_arrays
 from archerfish.learning.checkpoint_folder import add_checkpoint, checkpoint_files, newest_checkpoint
 from archerfish.learning.training import Standing
+from archerfish.plugins import names_code, options_to_type
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.plant import PlantRecord, write_plant
@@ -30,13 +31,18 @@ CHECKPOINTS = "checkpoints"
 INPUTS = "inputs"
 
 
+def configuration_file(out: Path) -> Path:
+    """Return the file that holds the configuration of the unfinished run in a run folder."""
+    return out / UNFINISHED / CONFIGURATION
+
+
 def read_configuration(out: Path) -> dict[str, Any]:
     """Return the configuration of the unfinished run in a run folder.
 
     Raises:
       InputError: if it holds none.
     """
-    path = out / UNFINISHED / CONFIGURATION
+    path = configuration_file(out)
     if not path.is_file() and (out / CONFIGURATION).is_file():
         remedy = "for a longer training begin another, with more --ppo.steps and another --out"
         raise file_error(out, "holds a training that is finished: there is nothing left to resume", remedy)
@@ -44,6 +50,24 @@ def read_configuration(out: Path) -> dict[str, Any]:
         raise file_error(out, "holds no unfinished run", "begin one with archerfish train --out")
     facts: dict[str, Any] = storage.read_json(path)
     return facts
+
+
+def input_copy(out: Path, role: str) -> Path:
+    """Return the copy of a record that the unfinished run in a run folder reads.
+
+    Args:
+      out: run folder.
+      role: of the record, as `LiveRun.begin` has it.
+
+    Raises:
+      InputError: if there is none.
+    """
+    folder = out / UNFINISHED / INPUTS / role
+    # A file, not a link to what isn't there: its name might be taken for one of code.
+    files = sorted(each for each in folder.glob("*") if each.is_file() and each.suffix != ".safetensors")
+    if not files:
+        raise file_error(folder, f"holds no copy of the {role} record", "put it back, or begin another training")
+    return files[0]
 
 
 class LiveRun:
@@ -76,12 +100,15 @@ class LiveRun:
                     storage.write_bytes(self.folder / INPUTS / role / each.name, each.read_bytes())
         storage.write_json(self.folder / CONFIGURATION, dict(configuration))
 
-    def input_files(self) -> dict[str, Path]:
-        """Return the copies of the records that the run reads, by role."""
-        roles = sorted((self.folder / INPUTS).glob("*"))
-        return {
-            role.name: next(each for each in sorted(role.iterdir()) if each.suffix != ".safetensors") for role in roles
-        }
+    @property
+    def goes_on(self) -> str:
+        """How to go on with the run, as the end of a message."""
+        facts: Any = {}
+        with suppress(InputError):
+            facts = storage.read_json(self.folder / CONFIGURATION)
+        motion = str(facts.get("motion", "")) if isinstance(facts, dict) else ""
+        named = f" {options_to_type({'--motion': motion})}" if names_code(motion) else ""
+        return f"archerfish train --resume {self.out}{named} goes on with it"
 
     def resume(self, fresh: Standing) -> Standing:
         """Return where the training goes on: at the newest sound checkpoint, or at its beginning.
@@ -207,7 +234,7 @@ def _ended(run: LiveRun, *, discard: bool) -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        goes_on = f"archerfish train --resume {run.out} goes on with it"
+        goes_on = run.goes_on
         if run.resumable or not discard:
             if isinstance(error, Stopped):
                 error.told = f"{error.told.partition(';')[0]}; {goes_on}"
@@ -230,7 +257,7 @@ def _refuse_unfinished(run: LiveRun) -> None:
         raise file_error(
             run.out,
             f"holds an unfinished run, of {int(files[-1].stem)} iterations so far",
-            f"archerfish train --resume {run.out} goes on with it; delete {run.folder} to begin anew",
+            f"{run.goes_on}; delete {run.folder} to begin again",
         )
 
 

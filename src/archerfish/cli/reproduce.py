@@ -132,7 +132,7 @@ def _check(command: Reproduce) -> None:
 def _run_stages(command: Reproduce, setting: Setting, folder: Path, durations: dict[str, float]) -> dict[str, Any]:
     from archerfish.cli.hit_rate_stage import evaluate_all, train_all
     from archerfish.cli.identification_stage import identify_all
-    from archerfish.evaluation.results import PaperFigures
+    from archerfish.evaluation.paper_results import PaperFigures
     from archerfish.paper.conditions import calibration
 
     workers = command.workers or min(os.cpu_count() or 1, 4)

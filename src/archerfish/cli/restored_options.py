@@ -6,29 +6,34 @@ from dataclasses import MISSING, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
+from archerfish.records.errors import file_error
+
 Options = TypeVar("Options")
 
 
-def restore_options(kind: type[Options], plain: dict[str, Any]) -> Options:
+def restore_options(kind: type[Options], plain: dict[str, Any], source: Path) -> Options:
     """Build options from what `setting.configuration` wrote of them; what it does not hold has its default.
 
     Args:
       kind: dataclass whose fields are the options.
       plain: name → value, as JSON holds it.
+      source: the file that holds it, for messages.
 
     Raises:
-      InputError: if a value is out of range.
+      InputError: if a value is out of range, or of another type than a text or a path that the option takes.
     """
     hints = get_type_hints(kind)
     known = [each.name for each in fields(kind) if each.name in plain]  # type: ignore[arg-type]
-    return kind(**{name: _restored(hints[name], plain[name]) for name in known})
+    return kind(**{name: _restored(hints[name], name, plain[name], source) for name in known})
 
 
-def _restored(hint: Any, value: Any) -> Any:
+def _restored(hint: Any, name: str, value: Any, source: Path) -> Any:
     kinds = get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
     nested = next((each for each in kinds if is_dataclass(each)), None)
     if nested is not None and isinstance(value, dict):
-        return restore_options(nested, value)  # type: ignore[arg-type]
+        return restore_options(nested, value, source)  # type: ignore[arg-type]
+    if {str, Path} & set(kinds) and not isinstance(value, str) and not (value is None and types.NoneType in kinds):
+        raise file_error(source, f'"{name}" is {value!r}, expected a text', "put back what was changed")
     if isinstance(value, str) and Path in kinds:
         return Path(value)
     return tuple(value) if isinstance(value, list) else value

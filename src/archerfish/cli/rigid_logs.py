@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,15 @@ from archerfish.records.recording import Recording
 Array = NDArray[np.float64]
 
 
+class RigidLog(NamedTuple):
+    """What was read of a log of torque and angle."""
+
+    recordings: list[Recording]
+    """Its uninterrupted stretches."""
+    samples: int
+    """Samples that the log holds, those included that findings left out."""
+
+
 def read_rigid_log(
     path: Path,
     torque: str,
@@ -25,7 +35,7 @@ def read_rigid_log(
     time: str,
     sample_period_s: float | None,
     findings: list[Finding],
-) -> list[Recording]:
+) -> RigidLog:
     """Read a log of torque and angle; one with gaps gives several recordings.
 
     The relation of input and output is not examined as for a position loop: an axis under torque drifts away, and a
@@ -55,7 +65,8 @@ def read_rigid_log(
         message = f'"{outputs[0]}" jumps by a whole turn {jumps} times and was unwrapped'
         findings.append(Finding("angle-wrap", "repaired", str(path), message, "log the angle over many turns"))
     pieces = equal_intervals(table, rows._replace(signals=signals), FEWEST_SAMPLES, findings)
-    return [_recording(path, piece, torque, outputs, len(pieces)) for piece in pieces]
+    recordings = [_recording(path, piece, torque, outputs, len(pieces)) for piece in pieces]
+    return RigidLog(recordings, table.samples)
 
 
 def _radians(path: Path, name: str, signal: Array, findings: list[Finding]) -> Array:

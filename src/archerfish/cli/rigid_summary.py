@@ -8,6 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from archerfish.cli.sample_count import SampleCount, sample_facts, used_sentence
 from archerfish.cli.summary_end import print_end
 from archerfish.identification.rigid.fit import RigidIdentification
 from archerfish.records.findings import Finding
@@ -29,6 +30,7 @@ def rigid_summary(
     result: RigidIdentification,
     recordings: Sequence[Recording],
     findings: Sequence[Finding],
+    samples: SampleCount,
     files: Sequence[Path],
 ) -> Summary:
     """Return the facts of a rigid axis that --json writes.
@@ -37,6 +39,7 @@ def rigid_summary(
       result: the axis.
       recordings: what was fitted.
       findings: what was repaired in the logs.
+      samples: that the logs hold, and that were left out.
       files: what was written.
     """
     record = result.record
@@ -51,7 +54,9 @@ def rigid_summary(
             {"file": recording.source, "fit_percent": fit}
             for recording, fit in zip(recordings, result.fit_percent, strict=True)
         ],
+        "samples": sample_facts(samples),
         "remarks": [
+            used_sentence(samples),
             *(f"{each.place}: {each.message} ({each.code}); {each.remedy}." for each in findings),
             *result.remarks,
         ],

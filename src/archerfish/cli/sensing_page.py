@@ -103,14 +103,18 @@ def _rows(result: SensingIdentification) -> list[dict[str, str]]:
 def _used(result: SensingIdentification) -> list[dict[str, str]]:
     """Return what the recordings held, what of it was used, and why the rest was not."""
     frames, inlier = result.frames, result.alignment.inlier
+    commands, targets = result.command_steps, result.target_steps
+    more_commands, more_targets = result.command_steps_logged - commands, result.target_steps_logged - targets
     return [
         _row("detections used", int(inlier.sum()), ""),
         _row("detections left out", int((~inlier).sum()), "off by more than five standard deviations: not the plate"),
-        _row("detections left out", result.outside, "the gimbal's log does not cover them"),
+        _row("detections left out", result.outside, "outside the gimbal's log, or in a gap of it"),
         _row("frames without a detection", frames.missed, "count as missed"),
         _row("times out of view", frames.out_of_view, "longer than 0.25 s, so not counted as missed"),
-        _row("steps of the command used", result.command_steps, "each held still before and after"),
-        _row("steps of the target used", result.target_steps, "six times the noise and more"),
+        _row("steps of the command used", commands, "each held still before and after"),
+        _row("steps of the command left out", more_commands, "no clear beginning of the motion"),
+        _row("steps of the target used", targets, "six times the noise and more"),
+        _row("steps of the target left out", more_targets, "not seen in the detections"),
     ]
 
 

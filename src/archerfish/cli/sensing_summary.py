@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from archerfish.cli.interval_words import ends, with_digits
-from archerfish.cli.sensing_verdict import LABELS, SensingVerdict
+from archerfish.cli.sensing_verdict import LABELS, SensingVerdict, detections_used, left_out
 from archerfish.cli.summary_end import print_end
 from archerfish.identification.sensing.estimate import SensingIdentification
 
@@ -26,19 +26,23 @@ def sensing_summary(result: SensingIdentification, verdict: SensingVerdict, file
       files: what was written.
     """
     alignment, frames = result.alignment, result.frames
+    used, logged = detections_used(result)
     return {
         "headline": verdict.headline,
         "camera": asdict(result.sensing.camera),
         "link": asdict(result.sensing.link),
         "intervals_95": {name: list(ends) for name, ends in result.sensing.intervals.items()},
         "frames": {"seen": frames.seen, "missed": frames.missed, "out_of_view": frames.out_of_view},
+        "detections": {"logged": logged, "used": used, "angle_not_logged": result.outside},
         "outliers": int(np.sum(~alignment.inlier)),
         "left_by_motion": {"share": result.misfit.share, "p_value": result.misfit.p_value},
         "clock_drift_ppm": 1e6 * alignment.drift,
         "command_steps": result.command_steps,
+        "command_steps_logged": result.command_steps_logged,
         "target_steps": result.target_steps,
+        "target_steps_logged": result.target_steps_logged,
         "missing": list(result.missing),
-        "remarks": [*verdict.doubts, *result.remarks],
+        "remarks": [*verdict.doubts, *left_out(result), *result.remarks],
         "next_steps": list(verdict.next_steps),
         "files": [str(path) for path in files],
     }

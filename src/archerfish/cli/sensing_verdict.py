@@ -70,17 +70,46 @@ def latency_label(result: SensingIdentification) -> str:
     return f"camera latency{less}"
 
 
+def detections_used(result: SensingIdentification) -> tuple[int, int]:
+    """Return how many detections of the plate at rest were used, and how many there are."""
+    inlier = result.alignment.inlier
+    return int(inlier.sum()), inlier.size + result.outside
+
+
+def left_out(result: SensingIdentification) -> list[str]:
+    """Say what of the recordings was left out and why, each a sentence."""
+    used, logged = detections_used(result)
+    sentences = []
+    if used < logged:
+        reasons = {
+            "not the plate at rest": result.alignment.inlier.size - used,
+            "at moments at which the gimbal's angle is not logged": result.outside,
+        }
+        words = ", ".join(f"{count} {reason}" for reason, count in reasons.items() if count)
+        sentences.append(f"{used} of {logged} detections used; left out: {words}.")
+    for what, used, logged, why in (
+        ("command", result.command_steps, result.command_steps_logged, "show no clear beginning of the motion"),
+        ("target", result.target_steps, result.target_steps_logged, "do not show in the detections"),
+    ):
+        if used < logged:
+            sentences.append(f"{used} of {logged} steps of the {what} used; the others {why}.")
+    return sentences
+
+
 def _headline(result: SensingIdentification) -> str:
     camera = result.sensing.camera
     across = 1e3 * camera.bearing_sd * camera.noise_range
+    used, logged = detections_used(result)
+    count = f"; {used} of {logged} detections used" if used < logged else ""
     return (
         f"sensing: camera {told(result, 'camera.rate_hz')}, {latency_label(result).removeprefix('camera ')} "
         f"{told(result, 'camera.latency')}, time offset {told(result, 'camera.time_offset')}, noise {across:.2g} mm "
-        f"across at {camera.noise_range:.2g} m; command to motion {told(result, 'link.command_delay')}"
+        f"across at {camera.noise_range:.2g} m{count}; command to motion {told(result, 'link.command_delay')}"
     )
 
 
 def _known(result: SensingIdentification) -> Iterator[str]:
+    yield from left_out(result)
     camera, link = result.sensing.camera, result.sensing.link
     yield (
         f"The camera sends {told(result, 'camera.rate_hz')} and misses the plate in "

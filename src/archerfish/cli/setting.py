@@ -11,6 +11,7 @@ import tyro
 from archerfish.cli.restored_options import restore_options
 from archerfish.paper.conditions import Conditions, assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_plants
+from archerfish.plugins import names_code, not_run
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.extensions import FORMS, is_extension
@@ -52,6 +53,8 @@ class SettingFiles:
     """Name of the robot, required with any of these files; results call the setting identified-NAME."""
 
 
+PLANTS = ("plant", "pitch", "yaw")
+"""Options that name plants, which may be code."""
 RobotOptions = Annotated[SettingFiles, tyro.conf.arg(name="")]
 """The files of a robot as options without a prefix: --pitch, not --setting.pitch."""
 
@@ -116,21 +119,60 @@ def load_setting(files: SettingFiles) -> Setting:
     )
 
 
-def trained_for(policy: Path) -> SettingFiles:
-    """Return the robot's files that the run folder of a policy names; the paper's gimbal where it has no config.json.
+def trained_for(policy: Path, given: SettingFiles | None = None) -> SettingFiles:
+    """Return the robot's files that the run folder of a policy names, and in their place those that were given.
+
+    Args:
+      policy: its record.
+      given: as typed; what has its default counts as not given.
+
+    Raises:
+      InputError: if config.json can't be used, or names code for a plant and no plant was given.
+    """
+    given = given or SettingFiles()
+    recorded = recorded_files(policy)
+    if plant_code(recorded) and not _typed(given).keys() & set(PLANTS):
+        # An axis that is data goes along: what is typed for one axis takes the place of both.
+        named = {f"--{name}": str(getattr(recorded, name)) for name in PLANTS if getattr(recorded, name)}
+        source, facts = _recorded(policy)
+        raise not_run(source, named, _hashes(facts))
+    return overlaid(given, recorded)
+
+
+def recorded_files(policy: Path) -> SettingFiles:
+    """Return what the run folder of a policy names as the robot's files; the paper's gimbal without a config.json.
+
+    It may name code, which must not be run for that: `trained_for` refuses it.
 
     Args:
       policy: its record.
 
     Raises:
-      InputError: if config.json is not JSON.
+      InputError: if config.json can't be used.
     """
-    configuration = policy.with_name("config.json")
-    if not configuration.is_file():
-        return SettingFiles()
-    plain = storage.read_json(configuration)
-    setting = plain.get("setting") if isinstance(plain, dict) else None
-    return restore_options(SettingFiles, setting) if isinstance(setting, dict) else SettingFiles()
+    source, facts = _recorded(policy)
+    setting = facts.get("setting")
+    return restore_options(SettingFiles, setting, source) if isinstance(setting, dict) else SettingFiles()
+
+
+def _recorded(policy: Path) -> tuple[Path, dict[str, Any]]:
+    """Return the config.json beside a policy, and what it holds; nothing where there is none."""
+    source = policy.with_name("config.json")
+    plain = storage.read_json(source) if source.is_file() else None
+    return source, plain if isinstance(plain, dict) else {}
+
+
+def _hashes(facts: dict[str, Any]) -> dict[str, str]:
+    """Return what a config.json holds of its inputs: name of a file → SHA-256."""
+    origin = facts.get("provenance")
+    inputs = origin.get("inputs") if isinstance(origin, dict) else None
+    return {name: str(digest) for name, digest in inputs.items()} if isinstance(inputs, dict) else {}
+
+
+def plant_code(files: SettingFiles) -> dict[str, str]:
+    """Return the options of a robot's files that name code for a plant, and what they say: option → name."""
+    said = {name: str(getattr(files, name)) for name in PLANTS if getattr(files, name)}
+    return {name: spec for name, spec in said.items() if is_own_plant(Path(spec)) and names_code(spec)}
 
 
 def overlaid(given: SettingFiles, others: SettingFiles) -> SettingFiles:
@@ -140,10 +182,14 @@ def overlaid(given: SettingFiles, others: SettingFiles) -> SettingFiles:
       given: as typed; what has its default counts as not given.
       others: such as a policy was trained for.
     """
-    typed = {name: value for name, value in vars(given).items() if value != getattr(SettingFiles(), name)}
-    if typed.keys() & {"plant", "pitch", "yaw"}:
+    typed = _typed(given)
+    if typed.keys() & set(PLANTS):
         others = replace(others, plant="", pitch=None, yaw=None)
     return replace(others, **typed)
+
+
+def _typed(given: SettingFiles) -> dict[str, Any]:
+    return {name: value for name, value in vars(given).items() if value != getattr(SettingFiles(), name)}
 
 
 def both_axes(files: SettingFiles) -> SettingFiles:

@@ -5,7 +5,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from archerfish.cli.setting import Setting, SettingFiles, both_axes, trained_for
+from archerfish.cli.setting import Setting, SettingFiles, both_axes, plant_code, recorded_files
+from archerfish.plugins import options_to_type
 from archerfish.records.policy import PolicyRecord
 from archerfish.records.storage import file_hash
 
@@ -43,8 +44,9 @@ def policy_remarks(path: Path, policy: PolicyRecord, setting: Setting) -> Iterat
       setting: that of the evaluation.
     """
     inputs: Any = policy.provenance.get("inputs")
-    # Without inputs in its record, a policy is of unknown making; one of a rehearsal was made from logs, not records.
-    if not isinstance(inputs, dict) or any(not str(name).endswith(".json") for name in inputs):
+    # Without inputs in its record, a policy is of unknown making; one of a rehearsal was made from logs, not from
+    # records or code.
+    if not isinstance(inputs, dict) or any(not str(name).endswith((".json", ".py")) for name in inputs):
         return
     trained = {str(digest): str(name) for name, digest in inputs.items()}
     given = {file_hash(each): str(each) for each in setting.inputs}
@@ -59,14 +61,15 @@ def policy_remarks(path: Path, policy: PolicyRecord, setting: Setting) -> Iterat
     told = (
         f"{path}: was trained {' and '.join(filter(None, (there, here)))}; its hit rates are those of another setting"
     )
-    options = _options(trained_for(path))
-    yield f"{told}; for the one it was trained for add {options}" if options else told
+    files = recorded_files(path)
+    options, first = _options(files), "read its code, then " if plant_code(files) else ""
+    yield f"{told}; for the one it was trained for {first}add {options}" if options else told
 
 
 def _options(files: SettingFiles) -> str:
     """Return what to type for the files of a robot; nothing where none is given."""
     given = [(each.name, getattr(files, each.name)) for each in fields(files)]
-    return " ".join(f"--{name} {value}" for name, value in given if value and not isinstance(value, bool))
+    return options_to_type({f"--{name}": str(value) for name, value in given if value and not isinstance(value, bool)})
 
 
 def _joined(words: list[str]) -> str:

@@ -58,7 +58,8 @@ class Sweep:
     file: Annotated[
         tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: none)")
     ] = None
-    """TOML file with the options that say what is swept (docs/sweep.md); beside it only those that say how."""
+    """TOML file with the options that say what is swept (docs/sweep.md); beside it only those that say how, and --plant
+    for code of your own, which is not run if only a file names it."""
     seeds: Annotated[tuple[int, ...], tyro.conf.arg(metavar="SEED…")] = (0,)
     """Seeds that every configuration is trained with."""
     vary: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUES…", help_behavior_hint="")] = ()

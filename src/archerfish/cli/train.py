@@ -14,6 +14,7 @@ from archerfish.cli.options import Folder, JsonFile, OwnMotionName, Switch
 from archerfish.cli.progress import note, progress_bar, require_jax
 from archerfish.cli.restored_options import contradictions, restore_options, with_default_flags
 from archerfish.cli.setting import (
+    PLANTS,
     RobotOptions,
     Setting,
     SettingFiles,
@@ -25,6 +26,7 @@ from archerfish.cli.setting import (
 from archerfish.cli.setting_remarks import setting_remarks
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.gradient_config import GradientConfig
+from archerfish.plugins import code_file_name, names_code, not_run, same_code_name
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.plant import PlantRecord
 from archerfish.records.provenance import code_commit, library_versions
@@ -58,6 +60,7 @@ class Train:
       archerfish train --target dynamic --command-limit box --ppo.steps 4000000
       archerfish train --trainer gradient --seed 1
       archerfish train --resume runs/train
+      archerfish train --resume runs/train --motion ./departure.py:Departure
     """
 
     setting: RobotOptions = field(default_factory=SettingFiles)
@@ -88,7 +91,7 @@ class Train:
     """Folder for the policy and everything about its training."""
     resume: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
     """Go on with the unfinished training of this run folder, with its settings; no other option is needed, and one that
-    contradicts them is refused."""
+    contradicts them is refused. A --motion of your own must be given again: code that only a file names is not run."""
     checkpoint_every: float = 30.0
     """Seconds between two checkpoints; at most so much is lost when the process is killed."""
     stop_at_hit_rate: Annotated[float | None, tyro.conf.arg(metavar="RATE", help_behavior_hint="")] = None
@@ -109,21 +112,29 @@ class Train:
           read: reads the words of the command line anew, with other defaults.
 
         Raises:
-          InputError: if there is no unfinished run, or an option contradicts its settings.
+          InputError: if there is no unfinished run, a copy of its records is missing, an option contradicts its
+            settings, or it was begun with code that no option names.
         """
         if self.resume is None:
             return self
-        from archerfish.cli.live_run import read_configuration
+        from archerfish.cli.live_run import configuration_file, read_configuration
 
-        begun = replace(restore_options(Train, read_configuration(self.resume)), out=self.resume, resume=self.resume)
-        said = read(with_default_flags(begun))
-        for option, ours, theirs in contradictions(said, begun, MAY_CHANGE):
+        plain, source = read_configuration(self.resume), configuration_file(self.resume)
+        # Where results go is this command line's to say: the folder may be somebody else's.
+        begun = replace(restore_options(Train, plain, source), out=self.resume, resume=self.resume, json=None)
+        said = read(with_default_flags(replace(begun, motion="")))
+        motion = said.motion or _recorded_motion(begun.motion, source, plain)
+        # The file may lie elsewhere by now; that it is the same, its hash says.
+        if same_code_name(motion, begun.motion):
+            begun = replace(begun, motion=motion)
+        for option, ours, theirs in contradictions(replace(said, motion=motion), begun, MAY_CHANGE):
             raise InputError(
                 f"{option} {ours} contradicts {self.resume}, which was begun with {theirs}; leave the option out, or "
                 "begin another training"
             )
         return replace(
             begun,
+            setting=_copies(begun.setting, self.resume),
             checkpoint_every=said.checkpoint_every,
             tensorboard=begun.tensorboard and said.tensorboard,
             json=said.json,
@@ -168,8 +179,7 @@ def run_train(command: Train) -> dict[str, Any]:
         tensorboard=tensorboard,
     ) as live:
         if setting is None:
-            copies: dict[str, Any] = dict(live.input_files())
-            setting = load_setting(replace(command.setting, plant="", **copies))
+            setting = load_setting(command.setting)
             _note_changes(read_configuration(command.out), devices)
         else:
             live.begin(
@@ -228,6 +238,32 @@ def _files(files: SettingFiles, setting: Setting) -> tuple[dict[str, Path], dict
     return {name: path for name, path in paths.items() if name not in own}, own
 
 
+def _copies(files: SettingFiles, out: Path) -> SettingFiles:
+    """Return an unfinished run's copies of the records that it names, plants that came from code among them.
+
+    Raises:
+      InputError: if one is missing.
+    """
+    from archerfish.cli.live_run import input_copy
+
+    plants = ("pitch", "yaw") if any(getattr(files, name) for name in PLANTS) else ()
+    others = (name for name in ("muzzle", "sensing", "limits") if getattr(files, name))
+    copies: dict[str, Any] = {name: input_copy(out, name) for name in (*plants, *others)}
+    return replace(files, plant="", **copies)
+
+
+def _recorded_motion(motion: str, source: Path, begun: dict[str, Any]) -> str:
+    """Return the motion that an unfinished run names.
+
+    Raises:
+      InputError: if that is code, which the command line must name.
+    """
+    if names_code(motion):
+        digest = begun.get("motion_sha256")
+        raise not_run(source, {"--motion": motion}, {code_file_name(motion): str(digest)} if digest else {})
+    return motion
+
+
 def _code(motion: "OwnMotion") -> dict[str, str]:
     """Return what tells whether a file of code that is read anew by a resumed training is still the same."""
     file = motion.extension.file
@@ -236,13 +272,15 @@ def _code(motion: "OwnMotion") -> dict[str, str]:
 
 def _check_code(command: Train, code: dict[str, str], begun: dict[str, Any]) -> None:
     """Refuse to go on with other motions: half of such a training would be for neither."""
-    was = begun.get("motion_sha256")  # none in a run of an earlier version
-    if was is not None and was != code.get("motion_sha256"):
-        raise file_error(
-            Path(command.motion.rpartition(":")[0] or command.motion),
-            f"has changed since {command.resume} was begun with --motion {command.motion}",
-            "put the file back as it was, or begin another training with another --out",
-        )
+    was, now = begun.get("motion_sha256"), code.get("motion_sha256")
+    if was == now:
+        return
+    problem = f"has changed since {command.resume} was begun with --motion {command.motion}"
+    remedy = "put the file back as it was, or begin another training with another --out"
+    if was is None:
+        problem = f"can't be compared: {command.resume} holds no hash of the motion that it was begun with"
+        remedy = "begin another training with another --out"
+    raise file_error(Path(command.motion.rpartition(":")[0] or command.motion), problem, remedy)
 
 
 def _note_changes(begun: dict[str, Any], devices: int) -> None:

@@ -12,7 +12,7 @@ import tyro
 from archerfish.cli.options import JsonFile
 from archerfish.cli.policy_check import check_policy
 from archerfish.cli.progress import note, progress_bar
-from archerfish.cli.setting import RobotOptions, SettingFiles, load_setting, overlaid, trained_for
+from archerfish.cli.setting import RobotOptions, SettingFiles, load_setting, trained_for
 from archerfish.cli.setting_remarks import policy_remarks, setting_remarks
 from archerfish.controllers.roster import CONTROLLERS, Listed, find_controller
 from archerfish.records import storage
@@ -35,8 +35,9 @@ class View:
     It shows robot, pellets, armor, hits, misses and the hit rate with its interval. Choose controller, target motion,
     distance, speed, dispersion and latency; drag the target by hand; let another controller meet the same engagements.
 
-    A policy is played in the setting that it was trained for, as its run folder tells. A recording of a gimbal (CSV,
-    npz, MATLAB, ROS bag, MCAP) is played as the angles that it holds: it has no target and no pellets.
+    A policy is played in the setting that it was trained for, as its run folder says; a plant in code that the folder
+    names is not run unless --plant names it. A recording of a gimbal (CSV, npz, MATLAB, ROS bag, MCAP) is played as the
+    angles that it holds: it has no target and no pellets.
 
     The page is for this machine alone, unless --host says otherwise, and changes no file. --export writes a trial as
     one animated page that needs no server, and ends.
@@ -145,7 +146,7 @@ def _subject(command: View, path: Path | None) -> "Subject":
     from archerfish.viewer.choice import Subject
 
     policy = None if path is None else read_policy(path)
-    files = command.setting if path is None else overlaid(command.setting, trained_for(path))
+    files = command.setting if path is None else trained_for(path, command.setting)
     setting = load_setting(files)
     for remark in setting_remarks(files, setting):
         note(remark)
@@ -309,6 +310,7 @@ def _export(path: Path, subject: "Subject", choice: "Choice") -> dict[str, Any]:
     from dataclasses import asdict
 
     from archerfish.viewer.export import film_pictures, write_film
+    from archerfish.viewer.score import count_words
     from archerfish.viewer.trial import run_trial
 
     if path.suffix != ".html":
@@ -319,5 +321,6 @@ def _export(path: Path, subject: "Subject", choice: "Choice") -> dict[str, Any]:
     trial = run_trial(subject, choice)
     with progress_bar("drawing", film_pictures(trial), "pictures") as advance:
         write_film(path, choice, trial, advance)
-    note(f"wrote {path}: {choice.controller}, {int(trial.hit.sum())} of {trial.hit.size} hit")
-    return {**asdict(choice), "setting": subject.name, "hits": int(trial.hit.sum()), "shots": int(trial.hit.size)}
+    note(f"wrote {path}: {choice.controller}, {count_words(trial)}")
+    counts = {"hits": int(trial.hit.sum()), "shots": int(trial.fired.sum()), "withheld": int((~trial.fired).sum())}
+    return {**asdict(choice), "setting": subject.name, **counts}

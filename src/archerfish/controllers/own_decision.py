@@ -21,7 +21,7 @@ def decide(controller: Controller, state: Any, seen: Seen) -> tuple[Any, Command
       seen: of n engagements; JAX's tracers will do.
 
     Raises:
-      InputError: if what it returns is no state and command, or the command has other shapes than it must.
+      InputError: if what it returns is no state and command, or the command has other shapes or types than it must.
     """
     answer: Any = controller.step(state, seen)
     if not isinstance(answer, tuple) or len(answer) != 2 or not isinstance(answer[1], Command):
@@ -37,6 +37,11 @@ def decide(controller: Controller, state: Any, seen: Seen) -> tuple[Any, Command
             raise InputError(
                 f"step commands {name} of shape {told} for {count} engagements, expected {(*batch, *trailing)}"
             )
+    if answer[1].fire.dtype != bool:
+        raise InputError(
+            f"step commands fire of type {answer[1].fire.dtype}, expected true or false for each engagement; compare, "
+            "as in hit_probability > 0.5"
+        )
     return answer
 
 

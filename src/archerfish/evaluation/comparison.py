@@ -107,13 +107,16 @@ def rmse_to_paper(cells: Iterable[Cell]) -> float | None:
 
 
 def shares(cells: Mapping[CellKey, Cell], oracle: Mapping[CellKey, Cell]) -> dict[CellKey, float]:
-    """Return each hit rate as a share of the oracle's in the same cell; cells without an oracle that hits are left out.
+    """Return each hit rate as a share of the oracle's in the same cell.
+
+    Cells without a shot, or without an oracle that hits, are left out.
 
     Args:
       cells: of one controller, by table and range.
       oracle: of the oracle under the same command limit.
     """
-    return {key: cell.rate / oracle[key].rate for key, cell in cells.items() if key in oracle and oracle[key].hits}
+    hitting = {key: cell for key, cell in oracle.items() if cell.hits}
+    return {key: cell.rate / hitting[key].rate for key, cell in cells.items() if cell.counted and key in hitting}
 
 
 def bound_shares(cells: Mapping[CellKey, Cell]) -> dict[CellKey, float]:
@@ -122,9 +125,10 @@ def bound_shares(cells: Mapping[CellKey, Cell]) -> dict[CellKey, float]:
 
 
 def pooled_rate(cells: Iterable[Cell]) -> float | None:
-    """Return the hits of all cells per shot of all cells, None without cells."""
-    counts = [(cell.hits, cell.shots) for cell in cells]
-    return sum(hits for hits, _ in counts) / sum(shots for _, shots in counts) if counts else None
+    """Return the hits of all cells per shot of all cells that counts, None without any."""
+    counts = [(cell.hits, cell.counted) for cell in cells]
+    shots = sum(shots for _, shots in counts)
+    return sum(hits for hits, _ in counts) / shots if shots else None
 
 
 def clearly_above(comparisons: Iterable[Comparison]) -> int:

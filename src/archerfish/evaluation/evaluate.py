@@ -1,5 +1,6 @@
 """Suite × controller → trials → counts; no controller is known here by name."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.evaluation.bounds.cell_bounds import CellBounds, cell_bounds
-from archerfish.evaluation.hit_rate import hit_rate, paired_difference, split_misses
+from archerfish.evaluation.hit_rate import Difference, hit_rate, paired_difference, split_misses
 from archerfish.evaluation.results import Acceleration, Cell, Comparison, Label
 from archerfish.evaluation.suites import Suite, Trials
 from archerfish.evaluation.trial import Shots, check_finite, fight, largest_acceleration, perfect_shots
@@ -39,7 +40,9 @@ class Outcome:
     policy_seed: int | None
     """Seed of its training, if it was trained."""
     hit: NDArray[np.bool_]
-    """Whether each shot hit, shape (suites, engagements, decisions)."""
+    """Whether each decision hit, shape (suites, engagements, decisions)."""
+    fired: NDArray[np.bool_]
+    """Whether each decision fired a shot, shape (suites, engagements, decisions)."""
     yaw_acceleration: float | None
     """Largest acceleration of the yaw axis, by command or by motion, mean over a decision period [rad/s²]; None
     where nothing moved the gimbal."""
@@ -86,19 +89,20 @@ def perfect_aim(ground: Ground) -> Outcome:
     """Score perfect aim, "perfect": what the dispersion alone leaves."""
     world = cast(PureWorld, ground.world)  # a robot knows no perfect aim
     shots = perfect_shots(world, ground.trials)
-    return Outcome("perfect", None, _hits(ground, shots), None)
+    return Outcome("perfect", None, *_by_suite(ground, shots), None)
 
 
 def _outcome(ground: Ground, name: str, policy_seed: int | None, shots: Shots) -> Outcome:
     check_finite(name, shots.command)
     period = ground.world.period_s
     asked = max(largest_acceleration(angles, period, axis=1) for angles in (shots.command, shots.angle))
-    return Outcome(name, policy_seed, _hits(ground, shots), asked)
+    return Outcome(name, policy_seed, *_by_suite(ground, shots), asked)
 
 
-def _hits(ground: Ground, shots: Shots) -> NDArray[np.bool_]:
-    hit = shots.hits(ground.conditions.hit_radius)
-    return hit.reshape(len(ground.trials.suites), -1, hit.shape[-1])
+def _by_suite(ground: Ground, shots: Shots) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which decisions hit, and which fired."""
+    shape = (len(ground.trials.suites), -1, shots.fired.shape[-1])
+    return shots.hits(ground.conditions.hit_radius).reshape(shape), shots.fired.reshape(shape)
 
 
 def ground_bounds(ground: Ground, seed: int) -> list[CellBounds] | None:
@@ -121,33 +125,41 @@ def cells(ground: Ground, outcomes: Iterable[Outcome], bounds: Sequence[CellBoun
       bounds: one per suite, from `ground_bounds`; none where there are none.
     """
     return [
-        _bounded(_cell(ground, suite, outcome, outcome.hit[index]), outcome, bounds[index] if bounds else None)
+        _bounded(_cell(ground, suite, outcome, index), outcome, bounds[index] if bounds else None)
         for outcome in outcomes
         for index, suite in enumerate(ground.trials.suites)
     ]
 
 
-def _cell(ground: Ground, suite: Suite, outcome: Outcome, hit: NDArray[np.bool_]) -> Cell:
-    fired = ground.world.period_s * np.arange(1, hit.shape[-1] + 1)
-    misses = split_misses(hit, fired, ground.conditions.settled_after_s)
+def _cell(ground: Ground, suite: Suite, outcome: Outcome, index: int) -> Cell:
+    hit, fired = outcome.hit[index], outcome.fired[index]
+    fired_at = ground.world.period_s * np.arange(1, hit.shape[-1] + 1)
+    misses = split_misses(hit, fired_at, ground.conditions.settled_after_s, suite.counted(fired))
+    printed = suite.motion is None and suite.counts == "decisions"
     return Cell(
-        **vars(_label(ground, suite, outcome)),
-        **hit_rate(hit)._asdict(),
+        **vars(suite_label(ground, suite, outcome)),
+        **hit_rate(hit, suite.counted(fired))._asdict() | {"shots": int(fired.sum())},
         misses_slewing=misses.slewing,
         misses_settled=misses.settled,
-        paper=None if suite.motion else printed_rate(suite.table, suite.range_m, outcome.name),
+        paper=printed_rate(suite.table, suite.range_m, outcome.name) if printed else None,
+        withheld=int((~fired).sum()),
+        hits_per_s=float(hit.sum() / (ground.conditions.control_period_s * hit.size)),
     )
 
 
 def _bounded(cell: Cell, outcome: Outcome, bounds: CellBounds | None) -> Cell:
-    """Add the bound that holds of a controller; perfect aim moves no gimbal, so none does."""
-    if bounds is None or outcome.yaw_acceleration is None:
+    """Add the bound that holds of a controller.
+
+    None does of perfect aim, which moves no gimbal, nor of a rate of fired shots alone.
+    """
+    if bounds is None or outcome.yaw_acceleration is None or cell.counts != "decisions":
         return cell
     bound = bounds.hindsight if outcome.needs_truth else bounds.causal
     return replace(cell, bound=bound.value, bound_error=bound.error, bound_kind=bound.kind)
 
 
-def _label(ground: Ground, suite: Suite, outcome: Outcome) -> Label:
+def suite_label(ground: Ground, suite: Suite, outcome: Outcome) -> Label:
+    """Return which controller met which targets where."""
     return Label(
         table=suite.table,
         setting=ground.setting,
@@ -157,6 +169,7 @@ def _label(ground: Ground, suite: Suite, outcome: Outcome) -> Label:
         controller=outcome.name,
         policy_seed=outcome.policy_seed,
         motion=suite.motion,
+        counts=suite.counts,
     )
 
 
@@ -172,20 +185,41 @@ def accelerations(ground: Ground, outcomes: Iterable[Outcome]) -> list[Accelerat
 def comparisons(ground: Ground, outcomes: list[Outcome], against: str) -> list[Comparison]:
     """Compare every trained entrant with another one, paired by engagement and dispersion draw.
 
+    Where fired shots count and either fired none, there is nothing to compare.
+
     Args:
       ground: where it took place.
       outcomes: of all entrants.
       against: name of the other.
     """
     others = [outcome for outcome in outcomes if outcome.name == against]
-    return [
-        Comparison(
-            **vars(_label(ground, suite, outcome)),
-            against=against,
-            **paired_difference(outcome.hit[index], other.hit[index])._asdict(),
-        )
+    found = [
+        (suite_label(ground, suite, outcome), suite_difference(suite, outcome, other, index))
         for other in others
         for outcome in outcomes
         if outcome.policy_seed is not None
         for index, suite in enumerate(ground.trials.suites)
     ]
+    return [
+        Comparison(**vars(label), against=against, **difference._asdict())
+        for label, difference in found
+        if math.isfinite(difference.difference)
+    ]
+
+
+def suite_difference(
+    suite: Suite, outcome: Outcome, other: Outcome, index: int, decisions: slice = slice(None)
+) -> Difference:
+    """Compare two outcomes in one suite, by what it counts.
+
+    Args:
+      suite: which.
+      outcome: of the one.
+      other: of the other, in the same engagements.
+      index: of the suite in both.
+      decisions: those of each engagement that are looked at; all if not given.
+    """
+    (hit, fired), (theirs, fired_theirs) = (
+        (each.hit[index][:, decisions], each.fired[index][:, decisions]) for each in (outcome, other)
+    )
+    return paired_difference(hit, theirs, suite.counted(fired), suite.counted(fired_theirs))

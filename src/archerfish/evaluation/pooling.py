@@ -19,9 +19,9 @@ class Estimate(NamedTuple):
 
 
 def pooled_cells(cells: Iterable[Cell]) -> Estimate | None:
-    """Return hits per shot over several cells of one controller; None without cells."""
-    cells = list(cells)
-    return weighted_mean([Estimate(cell.rate, cell.low, cell.high) for cell in cells], [cell.shots for cell in cells])
+    """Return hits per shot that counts over several cells of one controller; None without any."""
+    shot = [cell for cell in cells if cell.counted]
+    return weighted_mean([Estimate(cell.rate, cell.low, cell.high) for cell in shot], [cell.counted for cell in shot])
 
 
 def pooled_differences(differences: Iterable[Comparison | Drop]) -> Estimate | None:

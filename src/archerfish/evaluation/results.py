@@ -1,10 +1,12 @@
 """The file results.json: everything a run found, and all that its report is made from (docs/results.md)."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from archerfish.evaluation.paper_results import PaperFigures, Table1
 from archerfish.evaluation.robot_results import RobotIdentification
 from archerfish.evaluation.typed_json import from_json
 from archerfish.paper.conditions import Calibration, Conditions, assumed_conditions, calibration
@@ -12,7 +14,8 @@ from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.provenance import code_commit, library_versions
 
-SCHEMA = "archerfish.results/1"
+SCHEMA, _OLDER = "archerfish.results/2", "archerfish.results/1"
+"""In version 1 every decision counted, and withheld shots were not recorded."""
 
 HIT_RATE_TABLES = ("II", "III", "IV", "V")
 """The paper's tables of hit rates: simulation static and dynamic, real robot static and dynamic."""
@@ -22,6 +25,15 @@ BOUND_KINDS = ("reach", "hindsight", "combined")
 
 TARGETS = ("static", "dynamic")
 """Kinds of target in the paper's tables."""
+
+COUNTS = ("decisions", "shots")
+"""What a hit rate is counted over: all decisions, of which one that withholds its shot is a miss, or fired shots."""
+
+
+def check_counts(counts: str) -> None:
+    """Raise InputError if this is not one of `COUNTS`."""
+    if counts not in COUNTS:
+        raise InputError(f"counts must be one of {', '.join(COUNTS)}, got {counts!r}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,8 +56,11 @@ class Label:
     """Seed that the policy was trained with; None for what is not trained."""
     motion: str | None = None
     """Name of a user's own motion that moving targets had in the place of eq (7); None for the paper's."""
+    counts: str = "decisions"
+    """What hit rates are counted over: `decisions`, as in the paper's tables, or `shots` that were fired."""
 
     def __post_init__(self) -> None:
+        check_counts(self.counts)
         for name, known in (("table", HIT_RATE_TABLES), ("target", TARGETS)):
             if getattr(self, name) not in known:
                 raise InputError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
@@ -55,14 +70,14 @@ class Label:
 
 @dataclass(frozen=True, kw_only=True)
 class Cell(Label):
-    """One hit rate: k hits of n shots."""
+    """One hit rate: k hits of the n shots that count."""
 
     hits: int
     """Shots that hit."""
     shots: int
     """Shots fired."""
     engagements: int
-    """Independent engagements that the shots fall into."""
+    """Independent engagements that the decisions fall into."""
     low: float
     """Lower end of the 95 % interval of the hit rate, 0 to 1."""
     high: float
@@ -73,6 +88,10 @@ class Cell(Label):
     """Misses afterwards."""
     paper: float | None = None
     """The paper's figure [%]; None where it prints none."""
+    withheld: int = 0
+    """Decisions that fired no shot."""
+    hits_per_s: float | None = None
+    """Hits per second of engagement [1/s]; None in files that were written before it was counted."""
     bound: float | None = None
     """Proven bound on the hit rate, 0 to 1; None of perfect aim, and on a robot, whose axes are not linear."""
     bound_error: float | None = None
@@ -82,11 +101,13 @@ class Cell(Label):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 0 <= self.hits <= self.shots or self.shots == 0:
-            raise InputError(f"hits must lie between 0 and shots > 0, got {self.hits} of {self.shots}")
-        if not 0 <= self.low <= self.rate <= self.high <= 1:
+        if not 0 <= self.hits <= self.shots or self.withheld < 0 or self.shots + self.withheld == 0:
+            found = f"{self.hits} of {self.shots}, {self.withheld} withheld"
+            raise InputError(f"hits must lie between 0 and shots, shots + withheld must be > 0, got {found}")
+        # Of no shots that count there is no rate, and nothing that the interval could miss.
+        if not 0 <= self.low <= (self.rate if self.counted else self.low) <= self.high <= 1:
             raise InputError(f"the interval {self.low} to {self.high} must hold hits/shots = {self.rate}")
-        if self.misses_slewing + self.misses_settled != self.shots - self.hits:
+        if self.misses_slewing + self.misses_settled != self.counted - self.hits:
             split = f"{self.misses_slewing} and {self.misses_settled}"
             raise InputError(f"misses_slewing and misses_settled must add up to shots − hits, got {split}")
         given = [each is not None for each in (self.bound, self.bound_error, self.bound_kind)]
@@ -96,9 +117,14 @@ class Cell(Label):
             raise InputError(f"bound_kind must be one of {', '.join(BOUND_KINDS)}, got {self.bound_kind!r}")
 
     @property
+    def counted(self) -> int:
+        """What the rate is counted over: shots, and withheld ones too where decisions count."""
+        return self.shots + self.withheld * (self.counts == "decisions")
+
+    @property
     def rate(self) -> float:
-        """Hits per shot, 0 to 1."""
-        return self.hits / self.shots
+        """Hits per shot that counts, 0 to 1; NaN of none."""
+        return self.hits / self.counted if self.counted else math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,67 +162,6 @@ class Acceleration:
     """Largest acceleration of command and motion, mean over a decision period [rad/s²]."""
 
 
-@dataclass(frozen=True)
-class Table1Row:
-    """One line of Table I with our fitted model beside it."""
-
-    alpha_deg: float
-    """Pitch angle α as printed [degrees]."""
-    beta_deg: float
-    """Yaw angle β as printed [degrees]."""
-    d1_m: float
-    """The paper's simulated distance [m]."""
-    d2_m: float
-    """The paper's measured distance [m]."""
-    model_m: float
-    """Distance by our fitted model [m]."""
-    error_percent: float
-    """(model − d2) / d2 [%]."""
-
-
-@dataclass(frozen=True)
-class LackOfFit:
-    """How badly the best model misses Table I."""
-
-    rms_percent: float
-    """Root mean square of the nine errors [%]."""
-    worst_percent: float
-    """Largest of them in size [%]."""
-    statement: str
-    """What that means, in a sentence."""
-
-
-@dataclass(frozen=True)
-class Table1:
-    """Table I: where pellets fall."""
-
-    rows: tuple[Table1Row, ...]
-    """Nine pairs of angles."""
-    parameters: dict[str, float]
-    """The fitted values; each name carries its unit."""
-    lack_of_fit: LackOfFit
-    """How far the model is from the measurements."""
-
-
-@dataclass(frozen=True)
-class StepResponse:
-    """One axis of Fig. 4: the identified plant against the true one."""
-
-    time_s: tuple[float, ...]
-    """Time since the step [s], shape (N,)."""
-    true_deg: tuple[float, ...]
-    """Angle of the true plant [degrees], shape (N,)."""
-    identified_deg: tuple[float, ...]
-    """Angle of the identified plant [degrees], shape (N,)."""
-    fit_percent: float
-    """NRMSE fit of the two [%]."""
-
-    def __post_init__(self) -> None:
-        if not len(self.time_s) == len(self.true_deg) == len(self.identified_deg) > 0:
-            lengths = f"{len(self.time_s)}, {len(self.true_deg)} and {len(self.identified_deg)}"
-            raise InputError(f"time_s, true_deg and identified_deg must be of one length, got {lengths}")
-
-
 @dataclass(frozen=True, kw_only=True)
 class Drop(Label):
     """How far a controller's hit rate falls from the identified simulator to the robot, in the same engagements."""
@@ -209,44 +174,6 @@ class Drop(Label):
     """Lower end of its 95 % interval, paired by engagement."""
     high: float
     """Upper end of its 95 % interval, paired by engagement."""
-
-
-@dataclass(frozen=True)
-class TrainingRun:
-    """The return of one policy while it learned."""
-
-    policy_seed: int
-    """Seed of the training."""
-    mean_return: tuple[float | None, ...]
-    """Mean return of the engagements that ended since the last entry; None where none ended."""
-
-
-@dataclass(frozen=True)
-class LearningCurves:
-    """Fig. 5 or 6: return against steps for several seeds."""
-
-    steps: tuple[int, ...]
-    """Environment steps so far, shape (N,)."""
-    runs: tuple[TrainingRun, ...]
-    """One curve per seed, each of length N."""
-
-    def __post_init__(self) -> None:
-        for run in self.runs:
-            if len(run.mean_return) != len(self.steps):
-                found = f"{len(run.mean_return)} for {len(self.steps)} steps"
-                raise InputError(f"mean_return of seed {run.policy_seed} must have one entry per step, got {found}")
-
-
-@dataclass(frozen=True)
-class PaperFigures:
-    """What the paper's figures show, recomputed."""
-
-    fig4: dict[str, StepResponse] = field(default_factory=dict)
-    """Step responses of "pitch" and "yaw"."""
-    fig5: LearningCurves | None = None
-    """Training against static targets."""
-    fig6: LearningCurves | None = None
-    """Training against dynamic targets."""
 
 
 @dataclass(frozen=True)
@@ -271,7 +198,7 @@ class Results:
     """Table I."""
     identification: dict[str, dict[str, Any]] = field(default_factory=dict)
     """Axis → facts about its identification."""
-    figures: PaperFigures = PaperFigures()
+    figures: PaperFigures = field(default_factory=PaperFigures)
     """Figs. 4–6."""
     cells: tuple[Cell, ...] = ()
     """Every hit rate of Tables II–V."""
@@ -283,6 +210,16 @@ class Results:
     """From the identified simulator to each robot."""
     accelerations: tuple[Acceleration, ...] = ()
     """What the controllers asked of the yaw axis."""
+
+    def __post_init__(self) -> None:
+        counted: dict[tuple[str, str, str, tuple[float, float]], str] = {}
+        for cell in self.cells:
+            place = (cell.setting, cell.command_limit, cell.table, cell.range_m)
+            if counted.setdefault(place, cell.counts) != cell.counts:
+                raise InputError(
+                    f"cells of table {cell.table} at {cell.range_m[0]:g}–{cell.range_m[1]:g} m in {cell.setting}, "
+                    f"{cell.command_limit}, count decisions and shots, expected one of them; write two files"
+                )
 
 
 def new_results(
@@ -344,7 +281,7 @@ def read_results(path: Path) -> Results:
     Raises:
       InputError: if the file is no results record, or a field is missing, unknown, of another type or out of range.
     """
-    facts = storage.read_facts(path, SCHEMA)
+    facts = storage.read_facts(path, SCHEMA, _OLDER)
     try:
         return from_json(Results, facts)
     except InputError as error:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.dynamics.array_namespace import map_arrays
+from archerfish.evaluation.results import check_counts
 from archerfish.paper.conditions import Conditions
 from archerfish.sensing.interfaces import Engagement
 from archerfish.simulation.own_motion import OwnMotion
@@ -32,6 +33,19 @@ class Suite:
     """How its engagements are drawn."""
     motion: str | None = None
     """Name of the user's own motion, of moving targets that have one."""
+    counts: str = "decisions"
+    """What the hit rate is counted over, one of `COUNTS`: a withheld shot is a miss, or is no shot."""
+
+    def __post_init__(self) -> None:
+        check_counts(self.counts)
+
+    def counted(self, fired: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+        """Return which decisions count, as `hit_rate` takes it: None for all.
+
+        Args:
+          fired: which of them fired, shape (engagements, decisions).
+        """
+        return fired if self.counts == "shots" else None
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
 """What the step from a simulator to a robot costs, in the same engagements with the same dispersion draws."""
 
+import math
 from collections.abc import Iterable
 
-from archerfish.evaluation.evaluate import Ground, Outcome
-from archerfish.evaluation.hit_rate import paired_difference
+from archerfish.evaluation.evaluate import Ground, Outcome, suite_difference, suite_label
 from archerfish.evaluation.results import Drop
 
 
@@ -24,18 +24,9 @@ def drops(ground: Ground, outcomes: Iterable[Outcome], simulated: Iterable[Outco
             continue
         for index, suite in enumerate(ground.trials.suites):
             for settled, shots in ((False, slice(None)), (True, slice(first, None))):
-                difference = paired_difference(other.hit[index][:, shots], outcome.hit[index][:, shots])
-                found.append(
-                    Drop(
-                        table=suite.table,
-                        setting=ground.setting,
-                        target=suite.target,
-                        range_m=suite.range_m,
-                        command_limit=ground.command_limit,
-                        controller=outcome.name,
-                        policy_seed=outcome.policy_seed,
-                        settled=settled,
-                        **difference._asdict(),
-                    )
-                )
+                difference = suite_difference(suite, other, outcome, index, shots)
+                label = vars(suite_label(ground, suite, outcome))
+                # Where fired shots count and either fired none, there is nothing to compare.
+                if math.isfinite(difference.difference):
+                    found.append(Drop(**label, settled=settled, **difference._asdict()))
     return found

@@ -21,16 +21,18 @@ from archerfish.simulation.shooting import miss_at_armor
 class Shots(NamedTuple):
     """What became of every decision of every engagement, shape (engagements, T) first."""
 
+    fired: NDArray[np.bool_]
+    """Whether a pellet left the muzzle, shape (...)."""
     miss: NDArray[np.float32]
-    """Pellet minus armor in y and z [m], shape (..., 2)."""
+    """Pellet minus armor in y and z [m], NaN without a pellet, shape (..., 2)."""
     command: NDArray[np.float32]
     """Pitch and yaw command after the limits [rad], shape (..., 2)."""
     angle: NDArray[np.float32]
-    """Pitch and yaw of the gimbal when it fired [rad], shape (..., 2)."""
+    """Pitch and yaw of the gimbal at the end of each decision's period [rad], shape (..., 2)."""
 
     def hits(self, radius: float) -> NDArray[np.bool_]:
-        """Whether each pellet hit: a miss distance of at most `radius` [m]."""
-        return np.asarray(np.linalg.norm(self.miss, axis=-1) <= radius)
+        """Whether each decision hit: a pellet was fired, with a miss distance of at most `radius` [m]."""
+        return np.asarray(self.fired & (np.linalg.norm(self.miss, axis=-1) <= radius))
 
 
 def fight(world: World, controller: Controller, trials: Trials) -> Shots:
@@ -56,7 +58,7 @@ def _fight_compiled(world: World, controller: Controller, engagements: Engagemen
         shooting, seen, state = carry
         state, command = controller.step(state, seen)
         shooting, seen, shot = world.step(shooting, command)
-        return (shooting, seen, state), Shots(shot.miss, seen.command, shot.angle)
+        return (shooting, seen, state), Shots(shot.fired, shot.miss, seen.command, shot.angle)
 
     _, shots = jax.lax.scan(step, (shooting, seen, state), length=draws.shape[-2])
     return shots
@@ -73,7 +75,8 @@ def _fight_stepping(world: World, controller: Controller, trials: Trials) -> Sho
         state, command = _step_compiled(decider, state, jax.tree.map(jnp.asarray, seen))
         check_finite(type(controller).__name__, np.asarray(command.angle)[:, None])
         shooting, seen, shot = world.step(shooting, jax.tree.map(np.asarray, command))
-        shots.append(Shots(*(np.asarray(each, np.float32) for each in (shot.miss, seen.command, shot.angle))))
+        measured = (np.asarray(each, np.float32) for each in (shot.miss, seen.command, shot.angle))
+        shots.append(Shots(np.asarray(shot.fired), *measured))
     return Shots(*(np.stack(each, axis=1) for each in zip(*shots, strict=True)))
 
 
@@ -113,7 +116,7 @@ def _truth(world: World, controller: Controller, engagements: Engagement) -> Tru
 
 
 def perfect_shots(world: PureWorld, trials: Trials) -> Shots:
-    """Score perfect aim: what the dispersion alone leaves, whatever moves the gimbal.
+    """Score perfect aim, which fires at every decision: what the dispersion alone leaves, whatever moves the gimbal.
 
     The gimbal is put at the intercept's angles for every shot, at rest.
     """
@@ -122,14 +125,14 @@ def perfect_shots(world: PureWorld, trials: Trials) -> Shots:
 
 
 @jax.jit
-def _perfect_compiled(world: PureWorld, engagements: Engagement, draws: Array) -> Shots:
+def _perfect_compiled(world: PureWorld, engagements: Engagement, draws: Array) -> tuple[Array, ...]:
     steps = draws.shape[-2]
     motion = map_arrays(lambda each: each[:, None], engagements.motion)
     fired = (jnp.arange(1, steps + 1) * world.period)[None, :] + jnp.zeros((draws.shape[0], 1))
     aim = intercept(motion.position, fired, world.muzzle).angle
     position, velocity = pellet_at_muzzle(world.muzzle, aim, jnp.zeros_like(aim), draws[..., :MUZZLE_DRAWS])
     miss, _ = miss_at_armor(world.muzzle, motion, fired, position, velocity)
-    return Shots(miss, aim, aim)
+    return jnp.ones(fired.shape, bool), miss, aim, aim
 
 
 def largest_acceleration(angles: NDArray[np.float32], period_s: float, axis: int) -> float:

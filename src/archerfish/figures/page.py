@@ -42,8 +42,8 @@ def _environment() -> jinja2.Environment:
 
 
 def percent(rate: float | None, digits: int = 1) -> str:
-    """Write a rate (0 to 1) in percent, without the sign."""
-    return MISSING if rate is None else f"{100 * rate:.{digits}f}"
+    """Write a rate (0 to 1) in percent, without the sign; NaN, as None, is no rate."""
+    return MISSING if rate is None or math.isnan(rate) else f"{100 * rate:.{digits}f}"
 
 
 def points(difference: float | None) -> str:

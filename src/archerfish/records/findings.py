@@ -1,5 +1,6 @@
 """Findings: what is wrong with a recording, in a form that a person and a program can act on."""
 
+from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 from archerfish.records.errors import InputError
@@ -20,6 +21,17 @@ class Finding(NamedTuple):
     """What was found, and what was done about it."""
     remedy: str
     """What the user can do."""
+    samples: int = 0
+    """Samples of the log that were left out because of it."""
+
+
+def left_out(findings: Iterable[Finding]) -> dict[str, int]:
+    """Return how many samples were left out, by the code of the finding; findings that cost none are not in it."""
+    counts: dict[str, int] = {}
+    for finding in findings:
+        if finding.samples:
+            counts[finding.code] = counts.get(finding.code, 0) + finding.samples
+    return counts
 
 
 def refusal(finding: Finding) -> InputError:

@@ -39,14 +39,12 @@ def read_npz(path: Path, wanted: Sequence[str]) -> LogTable:
     check_readable(path)
     try:
         with zipfile.ZipFile(path) as archive:
-            members = {name.removesuffix(".npy"): name for name in archive.namelist() if name.endswith(".npy")}
-            arrays = {
-                name: _npz_array(path, archive, members[name], name) for name in _variables(path, wanted, set(members))
-            }
+            there = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
+            arrays = {name: _npz_array(path, archive, f"{name}.npy", name) for name in _variables(path, wanted, there)}
     except (zipfile.BadZipFile, OSError, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
         if isinstance(error, InputError):
             raise
-        raise file_error(path, f"is damaged ({error})", "write the file anew", "damaged") from error
+        raise file_error(path, f"is damaged ({error})", "write the file again", "damaged") from error
     return _table(path, arrays, wanted)
 
 
@@ -59,7 +57,7 @@ def _npz_array(path: Path, archive: zipfile.ZipFile, member: str, name: str) -> 
         if dtype.kind not in _NUMERIC:
             raise _not_numeric(path, name, str(dtype))
         if math.prod(shape) * dtype.itemsize != size - stream.tell():
-            raise file_error(path, f'array "{name}" is not as long as it says', "write the file anew", "damaged")
+            raise file_error(path, f'array "{name}" is not as long as it says', "write the file again", "damaged")
         flat = np.frombuffer(stream.read(), dtype)
     return flat.reshape(shape, order="F" if fortran else "C")
 
@@ -80,8 +78,9 @@ def read_mat(path: Path, wanted: Sequence[str]) -> LogTable:
     """
     check_readable(path)
     try:
-        there = {name: (shape, kind) for name, shape, kind in whosmat(path)}
-        names = _variables(path, wanted, set(there))
+        listed = whosmat(path)
+        there = {name: (shape, kind) for name, shape, kind in listed}
+        names = _variables(path, wanted, [name for name, _, _ in listed])
         for name in names:
             shape, kind = there[name]
             if kind not in _MATLAB_NUMERIC:
@@ -94,21 +93,24 @@ def read_mat(path: Path, wanted: Sequence[str]) -> LogTable:
     except NotImplementedError as error:
         raise file_error(path, "is a MATLAB file of version 7.3", "save it with -v7", "unknown-format") from error
     except Exception as error:  # SciPy's reader raises whatever a damaged byte leads it to
-        raise file_error(path, f"is damaged ({error})", "write the file anew", "damaged") from error
+        raise file_error(path, f"is damaged ({error})", "write the file again", "damaged") from error
     return _table(path, {name: np.asarray(loaded[name]) for name in names}, wanted)
 
 
-def _variables(path: Path, wanted: Sequence[str], there: set[str]) -> list[str]:
-    """Return the variables that hold the wanted signals."""
+def _variables(path: Path, wanted: Sequence[str], there: Sequence[str]) -> list[str]:
+    """Return the variables that hold the wanted signals, each of which must be there once."""
     names = []
     for signal in wanted:
         element = _ELEMENT.fullmatch(signal)
         name = element[1] if signal not in there and element else signal
         if name not in there:
-            listed = ", ".join(f'"{each}"' for each in sorted(there)) or "none"
+            listed = ", ".join(f'"{each}"' for each in sorted(set(there))) or "none"
             raise file_error(
                 path, f'holds no array "{name}"', f"the arrays are {listed}; name one of them", "no-column"
             )
+        if (count := there.count(name)) > 1:
+            problem = f'holds {count} arrays "{name}", of which the last would hide the others'
+            raise file_error(path, problem, "write each log into a file of its own", "column-twice")
         names.append(name)
     return list(dict.fromkeys(names))
 
@@ -147,6 +149,8 @@ def _column(path: Path, arrays: dict[str, NDArray[Any]], signal: str) -> NDArray
 
 
 def _finite(path: Path, signal: str, values: NDArray[Any]) -> NDArray[np.float64]:
+    if values.dtype.kind not in _NUMERIC:  # MATLAB's doubles may be complex
+        raise _not_numeric(path, signal, str(values.dtype))
     numbers = values.astype(np.float64)
     for index in np.flatnonzero(np.isinf(numbers))[:1]:
         problem = f'row {index + 1}: "{signal}" is {numbers[index]}, expected a finite number'

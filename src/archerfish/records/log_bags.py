@@ -73,7 +73,7 @@ def read_bag(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> LogTa
         raise
     except Exception as error:  # SQLite, YAML, MCAP, type and file errors of the libraries below
         problem = f"can't be read as a bag ({' '.join(str(error).split()) or type(error).__name__})"
-        raise file_error(path, problem, "check it with `ros2 bag info`, record it anew", "damaged") from error
+        raise file_error(path, problem, "check it with `ros2 bag info`, record it again", "damaged") from error
     return _on_one_clock(path, series, inputs, outputs)
 
 
@@ -125,6 +125,11 @@ def _messages(path: Path, reader: Any, connections: list[Any], topic: str) -> _M
             raise file_error(path, problem, "cut the bag into shorter ones", "too-large")
     if not raw:
         raise file_error(path, f"topic {topic} has no messages", "pass a bag that has", "no-data")
+    # Libraries end the reading at a damaged record without a word.
+    if len(raw) < (stated := sum(each.msgcount for each in connections)):
+        problem = f"of the {stated} messages of {topic} that the bag states, {len(raw)} can be read"
+        remedy = "copy the bag again; if its recorder dropped messages, `ros2 bag reindex` counts those that are there"
+        raise file_error(path, problem, remedy, "damaged")
     return _Messages(np.array(received, dtype=np.int64), raw)
 
 
@@ -141,7 +146,7 @@ def _same_structure(
                 layout = message_layout(raw[left[0]], kind, reader.typestore.fielddefs, ros2=reader.is2)
             except (struct.error, KeyError, IndexError) as error:
                 problem = f"message {left[0] + 1} is no {kind} ({error})"
-                raise file_error(path, problem, "record the bag anew", "damaged") from error
+                raise file_error(path, problem, "record the bag again", "damaged") from error
             fixed = table[:, layout.structure]
             alike = (fixed == fixed[0]).all(axis=1)
             yield left[alike], table[alike], layout
@@ -180,7 +185,7 @@ def _on_one_clock(path: Path, series: dict[str, _Series], inputs: Sequence[str],
     clock = series[topics[0]]
     findings = [] if clock.stamped else [_received(path, topics[0])]
     time, columns = clock.nanoseconds, {}
-    first = np.zeros((), dtype=np.int64)
+    start, latest = 0, ""
     for topic, each in series.items():
         if each is clock:
             continue
@@ -189,19 +194,26 @@ def _on_one_clock(path: Path, series: dict[str, _Series], inputs: Sequence[str],
             raise file_error(path, problem, "record both with header.stamp, or both without", "clocks")
         order = np.argsort(each.nanoseconds, kind="stable")
         last = np.searchsorted(each.nanoseconds[order], time, side="right") - 1
-        first = np.maximum(first, np.searchsorted(time, each.nanoseconds[order][0]))
+        if (begin := int(np.searchsorted(time, each.nanoseconds[order][0]))) > start:
+            start, latest = begin, topic
         for name, values in each.columns.items():
             columns[name] = values[order][np.maximum(last, 0)]
         message = f"the signals of {topic} were brought to the times of {topics[0]}, each message held until the next"
         findings.append(Finding("held-input", "repaired", str(path), message, "nothing to do"))
-    start = int(first)
     if start >= time.size:
         raise file_error(path, "the topics do not overlap in time", "record them together", "no-data")
+    if start:
+        findings.append(_before_input(path, topics[0], latest, start))
     kept = {name: (columns | clock.columns)[name][start:] for name in [*inputs, *outputs]}
     stamps = (time[start:] - time[start]) * 1e-9
     clock_name = f"{topics[0]}/{'header.stamp' if clock.stamped else 'receive time'}"
     places = np.arange(start + 1, time.size + 1)
     return LogTable(kept, stamps, clock_name, places, "message", str(path), tuple(findings))
+
+
+def _before_input(path: Path, clock: str, topic: str, count: int) -> Finding:
+    message = f"{count} of the messages of {clock} come before the first of {topic} and were left out"
+    return Finding("late-input", "repaired", f"{path}: message 1", message, "start the recorder before the axis", count)
 
 
 def _received(path: Path, topic: str) -> Finding:

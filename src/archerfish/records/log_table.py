@@ -35,6 +35,11 @@ class LogTable(NamedTuple):
     findings: tuple[Finding, ...] = ()
     """What the reader repaired, in order of the file."""
 
+    @property
+    def samples(self) -> int:
+        """Samples that the source holds, those included that the reader left out."""
+        return int(self.places.size) + sum(finding.samples for finding in self.findings)
+
     def place(self, index: int) -> str:
         """Return the file and the place of a sample in it."""
         return f"{self.source}: {self.place_kind} {self.places[index]}"

@@ -1,6 +1,5 @@
 """Shots from CSV files: one shot per line, landing points or hits on a target plane (docs/shots.md)."""
 
-import csv
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -8,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from archerfish.records.csv_table import CsvTable, read_csv_columns
+from archerfish.records.csv_table import CsvTable, column_names, read_csv_columns
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.shots import Shots
 
@@ -56,7 +55,7 @@ def read_shots_csv(path: Path, columns: ShotColumns | None = None) -> Shots:
         above zero.
     """
     columns = columns or DEFAULT_COLUMNS
-    header = _header(path)
+    header = column_names(path)
     _check_units(path, header, columns)
     kind = _kind(path, header, columns)
     _check_misses(path, header, columns)
@@ -65,16 +64,6 @@ def read_shots_csv(path: Path, columns: ShotColumns | None = None) -> Shots:
     table = read_csv_columns(path, wanted, optional)
     _check_ranges(path, table, columns)
     return _shots(path, table, columns)
-
-
-def _header(path: Path) -> list[str]:
-    """Return the names in the first line; none where there is nothing to read, which the reader of the table tells."""
-    try:
-        with path.open(encoding="utf-8-sig", errors="replace") as file:
-            line = file.readline()
-    except OSError:
-        return []
-    return [name.strip() for name in next(csv.reader([line], delimiter=max(",;\t", key=line.count)), [])]
 
 
 def _renamed(columns: ShotColumns, names: Iterable[str]) -> list[str]:

@@ -226,14 +226,19 @@ def read_record(path: Path, schema: str, *older: str) -> tuple[dict[str, Any], d
         raise file_error(arrays_path, f"damaged ({error})", "write the record anew") from error
 
 
-def read_facts(path: Path, schema: str) -> dict[str, Any]:
+def read_facts(path: Path, schema: str, *older: str) -> dict[str, Any]:
     """Read a record that has no arrays, less its schema.
+
+    Args:
+      path: of the record.
+      schema: as it is written today.
+      older: schemas that can still be read.
 
     Raises:
       InputError: if the file is missing or damaged, or the schema is another.
     """
     facts = read_json(path)
-    _check_schema(path, facts, schema)
+    _check_schema(path, facts, schema, *older)
     return {name: value for name, value in facts.items() if name != "schema"}
 
 

@@ -7,6 +7,8 @@ from archerfish.records.errors import file_error
 from archerfish.records.log_table import MAX_BYTES
 
 _WIDE = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_PADDING = "\0\x1a"
+"""What is no text after the last line: zero bytes, and the end mark of DOS."""
 
 
 def check_readable(path: Path, limit: int = MAX_BYTES) -> None:
@@ -31,26 +33,37 @@ def check_readable(path: Path, limit: int = MAX_BYTES) -> None:
 def read_lines(path: Path) -> tuple[list[str], bool]:
     """Return the lines of a text file, and whether the last one is finished by a line break.
 
-    A byte order mark tells UTF-8 (spreadsheets) and UTF-16 (their "Unicode text"). Zero bytes at the end are what some
-    file systems leave after a power cut: nothing was written there.
+    A line ends with a line feed, a carriage return or both, and with nothing else: a form feed or a Unicode separator
+    inside a field is no end of a sample. A byte order mark shows UTF-8 (spreadsheets) and UTF-16 (their "Unicode
+    text"). Zero bytes at the end are what some file systems leave after a power cut, a substitute character is the end
+    mark of DOS: nothing was written there.
 
     Raises:
       InputError: if the file is missing, too large, empty, or not text.
     """
     check_readable(path)
     try:
-        content = path.read_bytes()
-        text = content.decode("utf-16" if content.startswith(_WIDE) else "utf-8-sig")
+        text = _decoded(path, path.read_bytes())
     except OSError as error:
         raise file_error(path, f"can't be read ({error.strerror})", "check its permissions", "unreadable") from error
-    except UnicodeDecodeError as error:
-        remedy = "save the log as UTF-8 text, or pass one of the formats in docs/logs.md"
-        raise file_error(path, f"can't be read as UTF-8 text (byte {error.start})", remedy, "encoding") from error
-    text = text.rstrip("\0")
+    text = text.rstrip(_PADDING).replace("\r\n", "\n").replace("\r", "\n")
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
         remedy = "save the log as UTF-8 text, or remove the damaged lines"
         raise file_error(path, f"line {line}: holds zero bytes, so it is not text", remedy, "zero-bytes")
     if not text.strip():
         raise file_error(path, "is empty", "pass a log whose first line names the columns", "empty")
-    return text.splitlines(), text.endswith(("\n", "\r"))
+    finished = text.endswith("\n")
+    return text.removesuffix("\n").split("\n"), finished
+
+
+def _decoded(path: Path, content: bytes) -> str:
+    encoding = "utf-16" if content.startswith(_WIDE) else "utf-8-sig"
+    try:
+        return content.decode(encoding)
+    except UnicodeDecodeError as error:
+        line = content[: error.start].decode(encoding, "ignore").count("\n") + 1
+        name = encoding.removesuffix("-sig").upper()
+        problem = f"line {line}: can't be read as {name} text (byte {error.start})"
+        remedy = "save the log as UTF-8 text, or pass one of the formats in docs/logs.md"
+        raise file_error(path, problem, remedy, "encoding") from error

@@ -6,7 +6,7 @@ same one runs batched inside a compiled simulator and one at a time on a robot.
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from archerfish.dynamics.array_namespace import Array
+from archerfish.dynamics.array_namespace import Array, namespace
 from archerfish.dynamics.linear_axis import GimbalModel
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.dynamics.target_motion import TargetMotion
@@ -49,7 +49,7 @@ class Command(NamedTuple):
     rate: Array
     """Feed-forward rates [rad/s], shape B + (2,); zero where the wire has none."""
     fire: Array
-    """Whether to fire, shape B."""
+    """Whether to fire, true or false, shape B; a decision without fire sends no pellet."""
     hit_probability: Array
     """The controller's own estimate, 0…1, shape B; NaN where it has none."""
 
@@ -60,11 +60,11 @@ class Shot(NamedTuple):
     fired: Array
     """Whether a pellet left the muzzle, shape B."""
     miss: Array
-    """Pellet minus armor in y and z where the pellet crosses the armor's x [m], shape B + (2,)."""
+    """Pellet minus armor in y and z where the pellet crosses the armor's x [m], NaN without one, shape B + (2,)."""
     flight_time: Array
-    """[s], shape B."""
+    """[s], NaN without one, shape B."""
     angle: Array
-    """Pitch and yaw at which it was fired [rad], shape B + (2,)."""
+    """Pitch and yaw at the moment of firing [rad], shape B + (2,)."""
 
 
 class Truth(NamedTuple):
@@ -118,7 +118,10 @@ class World(Protocol):
         """Begin engagements with the standard normals of all their steps, shape B + (T, K)."""
 
     def step(self, state: Any, command: Command) -> tuple[Any, Seen, Shot]:
-        """Hold a command for one decision period, then fire."""
+        """Hold a command for one decision period, then fire if it says so.
+
+        The draws of a decision are its own: a withheld shot leaves those of later ones as they are.
+        """
 
     def truth(self, engagements: Engagement) -> Truth:
         """Return what the oracle may know."""
@@ -132,3 +135,16 @@ def fire_always(angle: Array) -> Command:
     """
     zero = 0.0 * angle[..., 0]
     return Command(angle=angle, rate=0.0 * angle, fire=zero == 0.0, hit_probability=zero + float("nan"))
+
+
+def without_withheld(shot: Shot) -> Shot:
+    """Return a shot with no miss and no flight time where no pellet left the muzzle: every world reports it alike.
+
+    Args:
+      shot: as computed for every decision, shape B.
+    """
+    xp = namespace(shot.miss)
+    return shot._replace(
+        miss=xp.where(shot.fired[..., None], shot.miss, float("nan")),
+        flight_time=xp.where(shot.fired, shot.flight_time, float("nan")),
+    )

@@ -47,7 +47,7 @@ class PureWorld(World, Protocol):
         """Return what a controller gets to see now."""
 
     def shoot(self, state: Any, command: Command, draws: Array) -> tuple[Any, Shot]:
-        """Let a period pass under a command, then fire, with standard normals, shape B + (normals,)."""
+        """Let a period pass under a command, then fire if it says so, with standard normals, shape B + (normals,)."""
 
     def pellet(self, state: Any, draws: Array) -> tuple[Array, Array]:
         """Return position and velocity of a pellet fired now, with the normals of its shot, shape B + (3,) each."""

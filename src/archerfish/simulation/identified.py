@@ -22,7 +22,7 @@ from archerfish.dynamics.muzzle import DRAWS as MUZZLE_DRAWS
 from archerfish.dynamics.muzzle import Muzzle, pellet_at_muzzle
 from archerfish.sensing.camera import DRAWS as SENSING_DRAWS
 from archerfish.sensing.camera import Sensing, Sight, feedback_age, first_sight, jittered, next_sight, phase, quantised
-from archerfish.sensing.interfaces import Command, Engagement, Seen, Shot, Truth
+from archerfish.sensing.interfaces import Command, Engagement, Seen, Shot, Truth, without_withheld
 from archerfish.simulation.shooting import miss_at_armor
 
 DRAWS = MUZZLE_DRAWS + SENSING_DRAWS
@@ -116,7 +116,7 @@ class IdentifiedWorld(NamedTuple):
     def step(
         self, state: tuple[IdentifiedState, Array, Array], command: Command
     ) -> tuple[tuple[IdentifiedState, Array, Array], Seen, Shot]:
-        """Hold a command for one period, then fire, in engagements of any shape B."""
+        """Hold a command for one period, then fire if it says so, in engagements of any shape B."""
         engagement, draws, index = state
         engagement, shot = self.shoot(engagement, command, draws[..., index, :])
         return (engagement, draws, index + 1), self.see(engagement), shot
@@ -169,7 +169,7 @@ class IdentifiedWorld(NamedTuple):
         )
 
     def shoot(self, state: IdentifiedState, command: Command, draws: Array) -> tuple[IdentifiedState, Shot]:
-        """Send a command, let a period pass, then fire.
+        """Send a command, let a period pass, then fire if it says so.
 
         Args:
           state: running engagements.
@@ -237,7 +237,7 @@ class IdentifiedWorld(NamedTuple):
             self.muzzle_of(state.engagement), state.engagement.motion, state.time, position, velocity
         )
         angle, _ = angle_and_rate(self.gimbal, state.engagement.plant, state.gimbal)
-        return Shot(fired, miss, flight_time, self._within_stops(angle))
+        return without_withheld(Shot(fired, miss, flight_time, self._within_stops(angle)))
 
     def pellet(self, state: IdentifiedState, draws: Array) -> tuple[Array, Array]:
         """Return position [m] and velocity [m/s] of a pellet that is fired now, shape B + (3,) each.

@@ -1,7 +1,8 @@
 """The shooting world: gimbal, pellet and target as pure functions on batches of engagements.
 
 One decision: the command is limited and held for a period, then a pellet is fired at the gimbal's angles at its end,
-and scored where it crosses the armor's x. Array-generic, so one compiled program steps thousands of engagements.
+if the command says so, and scored where it crosses the armor's x. Array-generic, so one compiled program steps
+thousands of engagements.
 
 Camera and link are immediate here, as in the paper; `identified` has the world of a robot whose are not.
 """
@@ -16,7 +17,7 @@ from archerfish.dynamics.muzzle import DRAWS as MUZZLE_DRAWS
 from archerfish.dynamics.muzzle import Muzzle, pellet_at_muzzle
 from archerfish.dynamics.pellet import flat_fire_crossing
 from archerfish.dynamics.target_motion import TargetMotion
-from archerfish.sensing.interfaces import Command, Engagement, Seen, Shot, Truth
+from archerfish.sensing.interfaces import Command, Engagement, Seen, Shot, Truth, without_withheld
 
 DRAWS = MUZZLE_DRAWS + 3
 """Standard normals per step: the muzzle's, then three for the noise of the seen position in x, y and z."""
@@ -92,7 +93,7 @@ class ShootingWorld(NamedTuple):
     def step(
         self, state: tuple[ShootingState, Array, Array], command: Command
     ) -> tuple[tuple[ShootingState, Array, Array], Seen, Shot]:
-        """Hold a command for one period, then fire, in engagements of any shape B."""
+        """Hold a command for one period, then fire if it says so, in engagements of any shape B."""
         shooting, draws, index = state
         shooting, shot = self.shoot(shooting, command, draws[..., index, :])
         return (shooting, draws, index + 1), self.see(shooting), shot
@@ -137,7 +138,7 @@ class ShootingWorld(NamedTuple):
         )
 
     def shoot(self, state: ShootingState, command: Command, draws: Array) -> tuple[ShootingState, Shot]:
-        """Hold a command for one period, then fire.
+        """Hold a command for one period, then fire if it says so.
 
         Args:
           state: running engagements.
@@ -160,7 +161,8 @@ class ShootingWorld(NamedTuple):
         )
         position, velocity = self.pellet(following, draws)
         miss, flight_time = miss_at_armor(self.muzzle, motion, time, position, velocity)
-        return following, Shot(command.fire, miss, flight_time, _within_stops(self, gimbal_angle(plant, gimbal)))
+        pointing = _within_stops(self, gimbal_angle(plant, gimbal))
+        return following, without_withheld(Shot(command.fire, miss, flight_time, pointing))
 
     def pellet(self, state: ShootingState, draws: Array) -> tuple[Array, Array]:
         """Return position [m] and velocity [m/s] of a pellet that is fired now, shape B + (3,) each.

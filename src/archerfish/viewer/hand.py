@@ -91,8 +91,9 @@ class HandRun:
         self._seen = self._world.see(self._state)
         self._memory = self._controller.reset(self._seen)
         self._rows: list[tuple[Floats, ...]] = []
+        self._fired: list[bool] = []
         self._angles, self._commands = [start[0]], [start[0]]
-        self._landed = 0  # the pellets before this one are judged
+        self._landed = 0  # the decisions before this one are judged
         self._judged: list[tuple[Floats, float, Floats]] = []
 
     def _draw(self) -> Floats:
@@ -124,12 +125,16 @@ class HandRun:
         self._seen = self._world.see(self._state)
         position, velocity = self._world.pellet(self._state, draws)
         self._rows.append((position[0], velocity[0]))
+        self._fired.append(bool(shot.fired[0]))
         self._angles.append(shot.angle[0])
         self._commands.append(self._seen.command[0])
         self._judge()
 
     def _judge(self) -> None:
-        """Judge the pellets that have crossed the armor's plane by now, in order of firing."""
+        """Judge the pellets that have crossed the armor's plane by now, in order of firing.
+
+        Of a shot that was withheld, only the aim is judged, and at the time at which its pellet would have crossed.
+        """
         while self._landed < len(self._rows):
             position, velocity = (each[None] for each in self._rows[self._landed])
             fired = np.array([self._world.period_s * (self._landed + 1)])
@@ -138,7 +143,8 @@ class HandRun:
                 return
             aim = intercept(lambda time: self._path.position(time), fired, self._world.muzzle)
             error = self._angles[self._landed + 1] - aim.angle[0]
-            self._judged.append((miss[0], float(flight[0]), error))
+            landed = (miss[0], float(flight[0])) if self._fired[self._landed] else (np.full(2, np.nan), np.inf)
+            self._judged.append((*landed, error))
             self._landed += 1
 
     def trial(self) -> Trial:
@@ -156,6 +162,7 @@ class HandRun:
             angle=np.stack(self._angles)[None],
             command=np.stack(self._commands)[None],
             place=self._path.places[None].copy(),
+            fired=np.array(self._fired, bool)[None],
             position=pellets[None, :, 0],
             velocity=pellets[None, :, 1],
             flight_time=flight[None],

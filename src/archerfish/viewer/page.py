@@ -14,7 +14,7 @@ from archerfish.viewer.motions import HAND
 from archerfish.viewer.panel import TOLD_EVERY_S, Controls, Player, Wishes
 from archerfish.viewer.playback import Film, Playback, engagement_at
 from archerfish.viewer.scene import Scene, look_from
-from archerfish.viewer.score import Hits, blocks, compared, difference_words, rate_words, score
+from archerfish.viewer.score import blocks, compared, count_words, difference_words, rate_words, score
 from archerfish.viewer.trial import Floats, Trial, moment, run_trial
 from archerfish.viewer.wording import plain
 
@@ -41,7 +41,7 @@ class TrialPage:
         self._trial: Trial | None = None
         self._run: HandRun | None = None
         self._owed = 0.0
-        self._before: tuple[Choice, Hits] | None = None
+        self._before: tuple[Choice, Trial] | None = None
         self._compared = ""
         self._engagement, self._told_at = -1, -1.0
         look_from(server.initial_camera, "behind the robot", first.distance)
@@ -99,11 +99,11 @@ class TrialPage:
         trial = run_trial(self._subject, chosen)
         self._compared = ""
         if self._before is not None and replace(self._before[0], controller=chosen.controller) == chosen:
-            theirs, hits = self._before
+            theirs, before = self._before
             if theirs.controller != chosen.controller:
-                found = compared(trial.hit, hits)
+                found = compared(trial, before)
                 self._compared = difference_words(chosen.controller, theirs.controller, found)
-        self._before = (chosen, trial.hit)
+        self._before = (chosen, trial)
         self._trial, self._run = trial, None
         self._film.begin(trial.shown_s * len(trial.miss))
 
@@ -172,7 +172,7 @@ class TrialPage:
             f"{names} · {chosen.distance:.1f} m · {chosen.speed:.2f} m/s",
             f"Engagement {engagement + 1} of {len(trial.miss)}: **{now.hits} of {now.landed}** hit",
             f"So far: {rate_words(now.so_far)}",
-            f"Whole trial: {int(trial.hit.sum())} of {trial.hit.size} hit, 95 % intervals by engagement",
+            f"Whole trial: {count_words(trial)}, 95 % intervals by engagement",
         ]
         return "\n\n".join([*rows, *([f"*{plain(self._compared)}*"] if self._compared else [])])
 

@@ -1,5 +1,6 @@
 """Hits so far in words: of the engagement that is shown, of all with their interval, and beside another controller."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ def score(trial: Trial, engagement: int, time: float) -> Score:
     """Count the hits up to a time [s] of an engagement."""
     landed = trial.fired_at + trial.flight_time[engagement] <= time
     over = engagement + bool(time >= trial.shown_s - 1e-6)
-    so_far = hit_rate(trial.hit[:over]) if over >= 2 else None
+    so_far = hit_rate(trial.hit[:over], trial.fired[:over]) if over >= 2 else None
     return Score(int(np.sum(trial.hit[engagement] & landed)), int(np.sum(landed)), so_far)
 
 
@@ -45,19 +46,30 @@ def rate_words(rate: HitRate | None) -> str:
     """Put a rate with its interval into words."""
     if rate is None:
         return "interval after two engagements"
+    if not rate.shots:
+        return f"no shot in {rate.engagements} engagements"
     return (
         f"{100 * rate.rate:.1f} % ({100 * rate.low:.1f}–{100 * rate.high:.1f}), "
         f"{rate.hits} of {rate.shots} in {rate.engagements} engagements"
     )
 
 
-def compared(ours: Hits, theirs: Hits) -> Difference:
-    """Compare two controllers that met the same targets, shape (engagements, shots) each."""
-    return paired_difference(ours, theirs)
+def count_words(trial: Trial) -> str:
+    """Put the hits and the shots of all of a trial into words, and the shots that were withheld, if any."""
+    shots = int(trial.fired.sum())
+    withheld = trial.fired.size - shots
+    return f"{int(trial.hit.sum())} of {shots} hit" + (f", {withheld} withheld" if withheld else "")
+
+
+def compared(ours: Trial, theirs: Trial) -> Difference:
+    """Compare two controllers that met the same targets, by the shots that each fired."""
+    return paired_difference(ours.hit, theirs.hit, ours.fired, theirs.fired)
 
 
 def difference_words(ours: str, theirs: str, found: Difference) -> str:
     """Put a comparison into words."""
+    if not math.isfinite(found.difference):
+        return f"{ours} − {theirs}: nothing to compare, one of them fired no shot"
     low, high = 100 * found.low, 100 * found.high
     numbers = f"{100 * found.difference:+.1f} points ({low:+.1f} to {high:+.1f})".replace("-", "−")
     return f"{ours} − {theirs}: {numbers}, same engagements"

@@ -22,7 +22,7 @@ AFTERMATH_S = 0.3
 
 
 class Trial(NamedTuple):
-    """B engagements of N decisions; the pellet of decision i leaves at (i + 1) periods."""
+    """B engagements of N decisions; the pellet of decision i leaves at (i + 1) periods, if it fires one."""
 
     period_s: float
     """Between decisions [s]."""
@@ -38,21 +38,23 @@ class Trial(NamedTuple):
     """Command in force then [rad], shape (B, N + 1, 2)."""
     place: Floats
     """Armor at the same times and during the aftermath [m], shape (B, M, 3), M > N."""
+    fired: NDArray[np.bool_]
+    """Whether a pellet left the muzzle, shape (B, N)."""
     position: Floats
     """Pellets as they leave the muzzle [m], shape (B, N, 3)."""
     velocity: Floats
     """Their velocity then [m/s], shape (B, N, 3)."""
     flight_time: Floats
-    """Until they cross the armor's x [s], infinite for one that still flies, shape (B, N)."""
+    """Until they cross the armor's x [s], infinite for one that still flies or was not fired, shape (B, N)."""
     miss: Floats
-    """Pellet minus armor in y and z there [m], shape (B, N, 2)."""
+    """Pellet minus armor in y and z there [m], NaN for one that was not fired, shape (B, N, 2)."""
     error: Floats
     """Gimbal minus the angles that would have hit, pitch and yaw [rad], shape (B, N, 2)."""
 
     @property
     def hit(self) -> NDArray[np.bool_]:
-        """Whether each pellet hit, shape (B, N)."""
-        return np.asarray(np.linalg.norm(self.miss, axis=-1) <= self.hit_radius)
+        """Whether each decision fired a pellet that hit, shape (B, N)."""
+        return np.asarray(self.fired & (np.linalg.norm(self.miss, axis=-1) <= self.hit_radius))
 
     @property
     def fired_at(self) -> Floats:
@@ -121,8 +123,11 @@ def run_trial(subject: Subject, choice: Choice) -> Trial:
         memory, command = controller.step(memory, seen)
         state, shot = world.shoot(state, command, draws[:, step])
         seen = world.see(state)
-        rows.append((shot.angle, seen.command, *world.pellet(state, draws[:, step]), shot.flight_time, shot.miss))
-    angle, command, position, velocity, flight_time, miss = (np.stack(each, 1) for each in zip(*rows, strict=True))
+        pellet = world.pellet(state, draws[:, step])
+        rows.append((shot.angle, seen.command, *pellet, shot.flight_time, shot.miss, shot.fired))
+    angle, command, position, velocity, flight_time, miss, fired = (
+        np.stack(each, 1) for each in zip(*rows, strict=True)
+    )
     muzzle = world.muzzle
     return Trial(
         period_s=world.period_s,
@@ -132,6 +137,7 @@ def run_trial(subject: Subject, choice: Choice) -> Trial:
         angle=_from(engagements.start, angle),
         command=_from(engagements.start, command),
         place=place,
+        fired=fired,
         position=position,
         velocity=velocity,
         flight_time=np.where(np.isfinite(flight_time), flight_time, np.inf),
@@ -172,11 +178,11 @@ def _places(motion: Any, times: Floats) -> Floats:
 
 def moment(trial: Trial, engagement: int, time: float) -> Moment:
     """Return what is to be seen of an engagement at a time since its beginning [s]."""
-    fired, flight = trial.fired_at, trial.flight_time[engagement]
-    landed = fired + flight <= time
-    flying = (fired <= time) & ~landed
+    fired_at, flight = trial.fired_at, trial.flight_time[engagement]
+    landed = fired_at + flight <= time
+    flying = trial.fired[engagement] & (fired_at <= time) & ~landed
     velocity = trial.velocity[engagement][flying]
-    way = flat_fire_position(velocity, np.full(len(velocity), trial.drag), time - fired[flying])
+    way = flat_fire_position(velocity, np.full(len(velocity), trial.drag), time - fired_at[flying])
     return Moment(
         angle=_between(trial.angle[engagement], time / trial.period_s),
         command=trial.command[engagement][min(int(time / trial.period_s), trial.command.shape[1] - 1)],

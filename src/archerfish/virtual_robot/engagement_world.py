@@ -24,7 +24,7 @@ from archerfish.sensing.host import (
     with_frames,
     with_reports,
 )
-from archerfish.sensing.interfaces import Command, Engagement, Seen, Shot, Truth
+from archerfish.sensing.interfaces import Command, Engagement, Seen, Shot, Truth, without_withheld
 from archerfish.virtual_robot.description import TICK_S, RobotDescription
 from archerfish.virtual_robot.messages import Heard
 from archerfish.virtual_robot.robot import VirtualRobot
@@ -120,7 +120,7 @@ class RobotWorld:
         return running, self._seen(running)
 
     def step(self, state: RunningEngagement, command: Command) -> tuple[RunningEngagement, Seen, Shot]:
-        """Send a command, let a period pass, then fire."""
+        """Send a command, let a period pass, then fire if it says so."""
         limits = self._known.limits
         sight = line_of_sight(state.sighting.plate)
         asked = np.asarray(command.angle, np.float64)
@@ -132,7 +132,8 @@ class RobotWorld:
         state = self._listen(state, heard)
         # A pellet that never reaches the armor's plane misses by more than any hit radius.
         miss = np.nan_to_num(flight.miss, nan=1e3)
-        return state, self._seen(state), Shot(flight.fired, miss, flight.flight_time, flight.angle)
+        shot = without_withheld(Shot(flight.fired, miss, flight.flight_time, flight.angle))
+        return state, self._seen(state), shot
 
     def truth(self, engagements: Engagement) -> Truth:
         """Return what the oracle may know: the target's path, and the best estimates of the rest."""

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from archerfish.identification.sensing.gimbal_track import examine_feedback, gimbal_track
+from archerfish.identification.sensing.gimbal_track import examine_feedback, gimbal_track, is_logged
 from archerfish.records.errors import InputError
 from archerfish.records.sensing_logs import GimbalLog
 
@@ -51,3 +51,18 @@ def test_angles_between_samples_are_exact_to_a_tenth_of_a_step(period):
 def test_a_yaw_that_never_moves_is_refused():
     with pytest.raises(InputError, match=r"gimbal\.csv: the yaw is 0\.1 rad throughout"):
         examine_feedback(log(np.full(TIME.size, 0.1)))
+
+
+def test_angles_outside_the_log_and_in_its_gaps_are_not_logged():
+    kept = (TIME < 4.0) | (TIME > 4.3)
+    gapped = log(YAW[kept], TIME[kept])
+    track = gimbal_track(gapped, np.ones(gapped.time.size, dtype=bool))
+    moments = np.array([-0.1, 0.01, 0.1, 3.9, 4.01, 4.2, 4.29, 4.4, 9.9, 9.99, 11.0])
+    expected = [False, False, True, True, False, False, False, True, True, False, False]
+    assert is_logged(gapped, track, moments).tolist() == expected
+
+
+def test_a_slow_log_has_no_gaps_between_its_samples():
+    time = np.arange(0, 10, 0.1)
+    slow = log(np.sin(time), time)
+    assert is_logged(slow, gimbal_track(slow, np.ones(time.size, dtype=bool)), np.arange(1.0, 9.0, 0.03)).all()

@@ -1,15 +1,17 @@
 """From the options of a sweep to a sweep that may begin: files read, and found now what no training could do."""
 
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from archerfish.cli.setting import configuration, load_setting, setting_world
+from archerfish.cli.setting import SettingFiles, configuration, load_setting, plant_code, setting_world
 from archerfish.cli.sweeping.axes import Axis, Values, corners, grid, parse_vary, told
 from archerfish.cli.sweeping.parameters import PARAMETERS, Base, load_records, make_task
 from archerfish.cli.sweeping.proposals import Configuration, Proposer, proposed_grid, proposed_samples, require_optuna
 from archerfish.cli.sweeping.ray_executor import require_ray
 from archerfish.cli.sweeping.run import Plan
 from archerfish.cli.sweeping.sweep_file import read_sweep_file
+from archerfish.plugins import not_run, same_code_name
 from archerfish.records import storage
 from archerfish.records.errors import InputError
 
@@ -65,10 +67,37 @@ def _with_file(command: "Sweep") -> "Sweep":
     kind = type(command)
     untouched = kind()
     for each in fields(kind):
-        if each.name not in HOW_IT_RUNS and getattr(command, each.name) != getattr(untouched, each.name):
-            raise InputError(f"--{each.name.replace('_', '-')} stands beside {command.file}; write it into the file")
+        if each.name not in (*HOW_IT_RUNS, "setting") and getattr(command, each.name) != getattr(untouched, each.name):
+            raise _beside(each.name, command.file)
     said = read_sweep_file(command.file, kind)
-    return replace(said, **{name: getattr(command, name) for name in HOW_IT_RUNS})
+    kept = {name: getattr(command, name) for name in HOW_IT_RUNS}
+    return replace(said, setting=_with_code(command.file, said.setting, command.setting), **kept)
+
+
+def _with_code(path: Path, said: SettingFiles, typed: SettingFiles) -> SettingFiles:
+    """Return the files of a robot that a sweep file names, with the code that the command line names.
+
+    Args:
+      path: the sweep file.
+      said: what it names.
+      typed: what stands beside it.
+
+    Raises:
+      InputError: if the file names code that the command line does not, or the command line gives something else.
+    """
+    code = plant_code(typed)
+    for name in (each for each, value in vars(typed).items() if value != getattr(SettingFiles(), each)):
+        there = str(getattr(said, name) or "")
+        if name not in code or (there and not same_code_name(there, code[name])):
+            raise _beside(name, path)
+    unnamed = {f"--{name}": spec for name, spec in plant_code(said).items() if name not in code}
+    if unnamed:
+        raise not_run(path, unnamed, {})
+    return replace(said, **{name: getattr(typed, name) for name in code})
+
+
+def _beside(name: str, path: Path) -> InputError:
+    return InputError(f"--{name.replace('_', '-')} stands beside {path}; write it into the file")
 
 
 def _check(command: "Sweep") -> None:

@@ -29,6 +29,10 @@ def read_sweep_file(path: Path, kind: type[Options]) -> Options:
         raise file_error(path, "no such file", "check the path") from error
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise file_error(path, f"can't be read as TOML ({error})", "see docs/sweep.md for an example") from error
+    for name in content:
+        # Not an option of ours: the parser would write a file of completions wherever this one says.
+        if name.replace("_", "-").startswith("tyro-"):
+            raise InputError(f"{path}: --{name} is no option of a sweep; see archerfish sweep --help")
     try:
         return parse(kind, f"archerfish sweep {path}", words_of(content))
     except InputError as error:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from archerfish.evaluation.pooling import Estimate
 from archerfish.evaluation.results import Cell
-from archerfish.figures.page import MISSING, percent, points
+from archerfish.figures.page import MISSING, count, number, percent, points
 
 
 class Entry(NamedTuple):
@@ -78,3 +78,13 @@ def difference_entry(found: Estimate | None, style: str = "") -> Entry:
     if found is None:
         return NOTHING._replace(style=style)
     return Entry(points(found.value), f"{points(found.low)} to {points(found.high)}", style)
+
+
+def fired_entry(cells: Sequence[Cell]) -> Entry:
+    """Write hits, fired and withheld shots of several cells, and the hits per second of their engagements."""
+    if not cells:
+        return NOTHING
+    hits, shots, withheld = (sum(getattr(cell, name) for cell in cells) for name in ("hits", "shots", "withheld"))
+    engagements = sum(cell.engagements for cell in cells)
+    pace = sum((cell.hits_per_s or 0.0) * cell.engagements for cell in cells) / engagements
+    return Entry(f"{count(hits)} of {count(shots)}", f"{count(withheld)} withheld, {number(pace)} hits/s")

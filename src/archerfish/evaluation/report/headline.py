@@ -15,6 +15,7 @@ from archerfish.evaluation.comparison import (
     shares,
 )
 from archerfish.evaluation.report.rate_drawings import rates_drawing
+from archerfish.evaluation.report.rate_tables import fired_shots_count
 from archerfish.evaluation.report.wording import LIMITS, controller_words
 from archerfish.evaluation.results import Cell, Comparison, Results
 from archerfish.figures.page import percent, points
@@ -61,7 +62,8 @@ def headline(results: Results, setting: str) -> Headline | None:
         for name in ("kalman-lq", "parabola-lq")
     ]
     sentence = (
-        f"{LIMITS[limit].opening}, {_rates_sentence(picked)}{_margin_sentence(picked, differences)}"
+        f"{LIMITS[limit].opening}, {_rates_sentence(picked)}{withheld_sentence(picked)}"
+        f"{_margin_sentence(picked, differences)}"
         f"{''.join(_informed_sentence(name, pairs) for name, pairs in informed if pairs)}"
     )
     return Headline(
@@ -80,6 +82,22 @@ def _rates_sentence(picked: Mapping[str, Mapping[CellKey, Cell]]) -> str:
     rates = {name: pooled_rate(cells.values()) for name, cells in picked.items()}
     said = [phrases[name].format(percent(rate)) for name, rate in rates.items() if rate is not None]
     return ", ".join(said) + f" (all {len(picked['history'])} cells together)."
+
+
+def withheld_sentence(picked: Mapping[str, Mapping[CellKey, Cell]]) -> str:
+    """Say how many decisions stand behind rates of fired shots; nothing where every decision counts.
+
+    Args:
+      picked: controller → its cells.
+    """
+    if not any(fired_shots_count(cells.values()) for cells in picked.values()):
+        return ""
+    said = []
+    for name, cells in picked.items():
+        shots, withheld = (sum(getattr(cell, each) for cell in cells.values()) for each in ("shots", "withheld"))
+        if shots + withheld:
+            said.append(f"{controller_words(name).name} {percent(withheld / (shots + withheld))} %")
+    return f" Withheld were, of all decisions: {', '.join(said)}."
 
 
 def _informed_sentence(against: str, differences: Mapping[CellKey, Comparison]) -> str:

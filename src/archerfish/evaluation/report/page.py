@@ -9,9 +9,17 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from archerfish.evaluation.comparison import cells_of, shares
+from archerfish.evaluation.paper_results import LearningCurves
 from archerfish.evaluation.report.contents import TITLES, contents
 from archerfish.evaluation.report.headline import Headline, headline
-from archerfish.evaluation.report.rate_tables import Column, RateTable, printed_column, rate_column, rate_table
+from archerfish.evaluation.report.rate_tables import (
+    Column,
+    RateTable,
+    fired_shots_count,
+    printed_column,
+    rate_column,
+    rate_table,
+)
 from archerfish.evaluation.report.robot_drawings import steps_drawing
 from archerfish.evaluation.report.robot_facts import axes_table, facts_table, landing_view, steps_remark
 from archerfish.evaluation.report.robot_headline import robot_headline, robot_sentence
@@ -19,7 +27,7 @@ from archerfish.evaluation.report.robot_section import robot_section
 from archerfish.evaluation.report.sections import Section, limit_section
 from archerfish.evaluation.report.wording import CONTROLLERS, LIMITS, condition_rows, own_controllers
 from archerfish.evaluation.report.worlds import REAL, real_cells
-from archerfish.evaluation.results import LearningCurves, Results
+from archerfish.evaluation.results import Results
 from archerfish.figures.page import number, render_page
 from archerfish.figures.step_response import StepPanel, step_responses
 from archerfish.figures.style import svg_text
@@ -95,6 +103,7 @@ def _page(results: Results, gallery: _Gallery, path: Path) -> str:
                 for name in own_controllers(results.cells)
             ),
         ],
+        fired_shots=fired_shots_count(results.cells),
         **_reading(results.conditions),
         errata=Path(os.path.relpath(_ERRATA, path.parent)).as_posix() if _ERRATA.is_file() else None,
     )

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from archerfish.evaluation.comparison import cells_of
+from archerfish.evaluation.report.rate_tables import fired_shots_count
 from archerfish.evaluation.report.wording import controller_words
 from archerfish.evaluation.results import TARGETS, Cell
 from archerfish.figures.hit_rates import RateCurve, RatePanel, hit_rate_figure
@@ -47,7 +48,8 @@ def _panel(cells: Sequence[Cell], controllers: Sequence[str], printed: bool, tar
         if papers:
             values = [papers.get(each, math.nan) for each in ranges]
             curves.append(RateCurve(name, controller_words(controller).style, values))
-    return RatePanel(f"{target} targets", [bins(each) for each in ranges], curves)
+    counted = ", per fired shot" if fired_shots_count(cells) else ""
+    return RatePanel(f"{target} targets{counted}", [bins(each) for each in ranges], curves)
 
 
 def _curve(controller: str, cells: Sequence[Cell | None]) -> RateCurve:

@@ -82,16 +82,25 @@ def target_of(table: str) -> str:
 
 
 def title_of(table: str, found: Iterable[Any]) -> str:
-    """Return the heading of what was found for one of the paper's tables; it names a user's own motion.
+    """Return the heading of what was found for one of the paper's tables.
+
+    It names a user's own motion, and fired shots where these count.
 
     Args:
       table: "II" to "V".
       found: cells or differences of that table; what has no motion is passed over.
     """
+    found = list(found)
     motion = next((each.motion for each in found if getattr(each, "motion", None)), None)
-    return (
+    targets = (
         f"{motion} targets, at the ranges of Table {table}" if motion else f"Table {table}, {target_of(table)} targets"
     )
+    return targets + (": hits per fired shot" if fired_shots_count(found) else "")
+
+
+def fired_shots_count(found: Iterable[Any]) -> bool:
+    """Return whether fired shots alone count for any of some cells or differences."""
+    return any(getattr(each, "counts", "") == "shots" for each in found)
 
 
 def rate_column(cells: Mapping[CellKey, Cell], controller: str, *, ours: bool = False) -> Column:

@@ -1,13 +1,13 @@
 """What the report says first about the robot: the policy beside Kalman and the oracle there, and the drop to it."""
 
-from archerfish.evaluation.comparison import cells_of, comparisons_of
+from archerfish.evaluation.comparison import CellKey, cells_of, comparisons_of
 from archerfish.evaluation.pooling import Estimate, pooled_cells, pooled_differences
 from archerfish.evaluation.report.drop_tables import pooled_drop
-from archerfish.evaluation.report.headline import Headline
+from archerfish.evaluation.report.headline import Headline, withheld_sentence
 from archerfish.evaluation.report.rate_drawings import rates_drawing
 from archerfish.evaluation.report.wording import LIMITS, controller_words
 from archerfish.evaluation.report.worlds import World, real_cells, shown_limit, worlds
-from archerfish.evaluation.results import Results
+from archerfish.evaluation.results import Cell, Results
 from archerfish.figures.page import percent, points
 
 _NAMES = {
@@ -27,7 +27,8 @@ def robot_headline(results: Results) -> Headline | None:
     opening = LIMITS[limit].opening if limit in LIMITS else f"Under the limit {limit}"
     sentence = (
         f"{opening}, {_rates(results, world, limit)} (95 % intervals; all {_count(results, world, limit)} cells "
-        f"together).{_differences(results, world, limit)}{_drops(results, limit)} "
+        f"together).{withheld_sentence(_picked(results, world, limit))}{_differences(results, world, limit)}"
+        f"{_drops(results, limit)} "
         "The robot is a virtual one, which stands in for a real one."
     )
     return Headline(
@@ -46,7 +47,7 @@ def robot_sentence(results: Results) -> str:
     world, limit = found
     return _unbroken(
         f"Known by its logs alone, a virtual robot stands in for the real one: {_rates(results, world, limit)}."
-        f"{_drops(results, limit)}"
+        f"{withheld_sentence(_picked(results, world, limit))}{_drops(results, limit)}"
     )
 
 
@@ -65,13 +66,19 @@ def _count(results: Results, world: World, limit: str) -> int:
 
 def _rates(results: Results, world: World, limit: str) -> str:
     said = []
-    for name, words in _NAMES.items():
-        picked = cells_of(real_cells(results), setting=world.setting, command_limit=limit, controller=name)
+    for name, picked in _picked(results, world, limit).items():
         rate = pooled_cells(picked.values())
         if rate is not None:
             hits = f"{percent(rate.value)} % ({percent(rate.low)}–{percent(rate.high)})"
-            said.append(words.format(hits, world.setting))
+            said.append(_NAMES[name].format(hits, world.setting))
     return ", ".join(said)
+
+
+def _picked(results: Results, world: World, limit: str) -> dict[str, dict[CellKey, Cell]]:
+    return {
+        name: cells_of(real_cells(results), setting=world.setting, command_limit=limit, controller=name)
+        for name in _NAMES
+    }
 
 
 def _differences(results: Results, world: World, limit: str) -> str:

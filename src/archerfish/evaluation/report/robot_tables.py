@@ -12,12 +12,14 @@ from archerfish.evaluation.report.entry_tables import (
     EntryTable,
     Heading,
     difference_entry,
+    fired_entry,
     rate_entry,
 )
 from archerfish.evaluation.report.rate_tables import (
     Column,
     RateTable,
     bound_columns,
+    fired_shots_count,
     printed_column,
     rate_column,
     rate_table,
@@ -60,6 +62,7 @@ def overview_table(
     ]
     groups = [
         EntryGroup("Hit rates, %", [*printed, *rates]),
+        EntryGroup("Hits of fired shots, and withheld ones", _fired(cells, tables, worlds, limit)),
         EntryGroup("Paired differences of the history policy, points", _differences(pairs, tables, worlds, limit)),
     ]
     return EntryTable(
@@ -69,6 +72,19 @@ def overview_table(
         [group for group in groups if group.rows],
         spans(tables, len(worlds), cells),
     )
+
+
+def _fired(cells: Sequence[Cell], tables: Sequence[str], worlds: Sequence[World], limit: str) -> list[EntryRow]:
+    """Say how many shots stand behind the rates; nothing where no cell counts fired shots alone."""
+    if not fired_shots_count(cells):
+        return []
+    return [
+        EntryRow(
+            controller_words(name).name,
+            [fired_entry(each) for each in _by_table_and_world(cells, tables, worlds, limit, name)],
+        )
+        for name in present(cells)
+    ]
 
 
 def _tables(cells: Iterable[Cell]) -> list[str]:
@@ -141,7 +157,7 @@ def _printed_mean(table: str, column: str, world: World) -> Entry:
 
 
 def _misses(cells: Sequence[Cell]) -> Entry:
-    shots = sum(cell.shots for cell in cells)
+    shots = sum(cell.counted for cell in cells)
     if not shots:
         return NOTHING
     slewing, settled = (sum(getattr(cell, f"misses_{name}") for cell in cells) for name in ("slewing", "settled"))

@@ -1,5 +1,7 @@
 """One section of the report for each setting and command limit."""
 
+import hashlib
+import re
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -73,7 +75,7 @@ def limit_section(results: Results, setting: str, limit: str, tables: Sequence[s
     where = "" if setting == "paper" else f" on {setting}"
     name = f"Tables {' and '.join(tables)}{where}, limit {limit}"
     return Section(
-        anchor=f"{setting}-{limit}-{'-'.join(tables)}",
+        anchor=_anchor(f"{setting}-{limit}-{'-'.join(tables)}"),
         title=f"{name}: {LIMITS[limit].title}",
         note=LIMITS[limit].note,
         drawing=rates_drawing(cells, (*PLOTTED, *own_controllers(cells))) if cells else None,
@@ -81,6 +83,12 @@ def limit_section(results: Results, setting: str, limit: str, tables: Sequence[s
         remarks=_remarks(cells, setting, limit) + asked(results.accelerations, setting, limit),
         groups=every_controller(cells, pairs),
     )
+
+
+def _anchor(name: str) -> str:
+    """Return a name that is safe in names of files and ids of the page: results may hold any text for a setting."""
+    safe = re.sub(r"[^\w.-]", "_", name)
+    return safe if safe == name else f"{safe}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
 def under(labels: Iterable[AnyLabel], setting: str, limit: str, tables: Sequence[str]) -> list[AnyLabel]:

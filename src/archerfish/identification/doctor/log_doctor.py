@@ -145,8 +145,8 @@ def _moving(recordings: list[Recording], findings: list[Finding]) -> list[Record
     for recording in recordings:
         if id(recording) in still:
             reason = still[id(recording)]
-            message = f"{reason.message}; this piece was left out"
-            findings.append(reason._replace(severity="repaired", message=message))
+            message = f"{reason.message}; this piece of {len(recording)} samples was left out"
+            findings.append(reason._replace(severity="repaired", message=message, samples=len(recording)))
     return [each for each in recordings if id(each) not in still]
 
 

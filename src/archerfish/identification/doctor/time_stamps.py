@@ -79,9 +79,10 @@ def usable_rows(
     stamps = stamps if table.stamps is None else _in_seconds(table, stamps, findings)
     repeated = np.flatnonzero((np.diff(stamps[kept]) == 0) & (np.diff(signals[kept], axis=0) == 0).all(axis=1)) + 1
     if repeated.size:
-        message = f"{repeated.size} samples repeat the one before with its stamp and were left out"
+        message = f"{_many(repeated.size, 'sample')} repeated with the stamp of the one before, and left out"
+        place = table.place(kept[repeated[0]])
         findings.append(
-            Finding("time-duplicate", "repaired", table.place(kept[repeated[0]]), message, "log each sample once")
+            Finding("time-duplicate", "repaired", place, message, "log each sample once", int(repeated.size))
         )
         kept = np.delete(kept, repeated)
     _check_order(table, stamps, kept)
@@ -95,8 +96,9 @@ def _missing_values(table: LogTable, missing: NDArray[np.bool_]) -> Finding:
         raise refusal(
             Finding("missing-values", "refused", table.place(first), "no row holds all signals", "log them together")
         )
-    message = f"{int(missing.sum())} rows lack a value; the log was cut there into experiments"
-    return Finding("missing-values", "repaired", table.place(first), message, "log a value in every row")
+    count = int(missing.sum())
+    message = f"{_many(count, 'row')} without all values left out; the log was cut there into experiments"
+    return Finding("missing-values", "repaired", table.place(first), message, "log a value in every row", count)
 
 
 def _in_seconds(table: LogTable, stamps: Array, findings: list[Finding]) -> Array:
@@ -143,9 +145,10 @@ def equal_intervals(table: LogTable, rows: Rows, shortest: int, findings: list[F
     if gaps.size:
         longest = int(gaps[np.argmax(steps[gaps - 1])])
         place = f"{table.source}: {table.place_kind} {rows.places[longest]}"
+        lacking = round(float(steps[gaps - 1].sum()) / period) - gaps.size
         message = (
             f"{_many(gaps.size, 'gap')} of up to {steps[longest - 1]:.4g} s, where the sampling period is "
-            f"{period:.4g} s; the log was cut there into experiments"
+            f"{period:.4g} s: about {_many(lacking, 'sample')} not logged; the log was cut there into experiments"
         )
         findings.append(Finding("gap", "repaired", place, message, "log without interruptions"))
     stretches = list(_stretches(len(rows.time), np.union1d(gaps, rows.cuts)))
@@ -179,7 +182,7 @@ def _check_pieces(
         raise refusal(Finding("too-short", "refused", table.source, message, "record longer or lower the order"))
     if lost:
         message = f"{_many(lost, 'sample')} in pieces shorter than {shortest} were left out"
-        findings.append(Finding("short-piece", "repaired", table.source, message, "log without interruptions"))
+        findings.append(Finding("short-piece", "repaired", table.source, message, "log without interruptions", lost))
 
 
 def _pieces(table: LogTable, rows: Rows, stretches: list[slice], period: float, findings: list[Finding]) -> list[Piece]:

@@ -78,18 +78,23 @@ def scatter_interval(delays: Array) -> Interval:
 
 def step_delays(log: GimbalLog) -> list[float]:
     """Return the delay of each usable command step of a log [s]."""
+    delays = (_onset(log, change, end) for change, end in _held_changes(log))
+    return [delay for delay in delays if delay is not None]
+
+
+def held_steps(log: GimbalLog) -> int:
+    """Return how many command steps a log holds, the command still before and after each."""
+    return len(_held_changes(log))
+
+
+def _held_changes(log: GimbalLog) -> list[tuple[int, float]]:
+    """Return the sample of each change of the command between two rests, and when the second rest ends [s]."""
     if log.command is None:
         return []
     changes = np.flatnonzero(np.diff(log.command) != 0) + 1
-    moments = log.time[changes]
-    edges = np.concatenate([[log.time[0]], moments, [log.time[-1]]])
-    found = []
-    for index, change in enumerate(changes):
-        before, moment, after = edges[index], edges[index + 1], edges[index + 2]
-        if min(moment - before, after - moment) >= _REST:
-            delay = _onset(log, int(change), float(after))
-            found += [] if delay is None else [delay]
-    return found
+    edges = np.concatenate([[log.time[0]], log.time[changes], [log.time[-1]]])
+    still = np.diff(edges) >= _REST
+    return [(int(changes[index]), float(edges[index + 2])) for index in np.flatnonzero(still[:-1] & still[1:])]
 
 
 def _onset(log: GimbalLog, change: int, end: float) -> float | None:

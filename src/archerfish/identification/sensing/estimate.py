@@ -10,8 +10,20 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.identification.sensing.command_delay import FEWEST, CommandDelay, command_delay, scatter_interval
-from archerfish.identification.sensing.gimbal_track import Feedback, GimbalTrack, examine_feedback, gimbal_track
+from archerfish.identification.sensing.command_delay import (
+    FEWEST,
+    CommandDelay,
+    command_delay,
+    held_steps,
+    scatter_interval,
+)
+from archerfish.identification.sensing.gimbal_track import (
+    Feedback,
+    GimbalTrack,
+    examine_feedback,
+    gimbal_track,
+    is_logged,
+)
 from archerfish.identification.sensing.link_timing import link_timing
 from archerfish.identification.sensing.motion_misfit import MotionMisfit, motion_misfit
 from archerfish.identification.sensing.offset_search import OffsetScan, search_offset
@@ -60,10 +72,14 @@ class SensingIdentification:
     """Detections that were left out because the gimbal's angle at their moment is not logged."""
     command_steps: int
     """Command steps from which the delay was estimated."""
+    command_steps_logged: int
+    """Command steps in the logs, the command still before and after each."""
     command_delays: tuple[float, ...]
     """Delay of each of them [s]."""
     target_steps: int
     """Target steps from which the latency was estimated."""
+    target_steps_logged: int
+    """Target steps whose moments were given."""
     missing: tuple[str, ...]
     """What was not estimated, each a sentence that names the measurement that it takes."""
     remarks: tuple[str, ...]
@@ -112,7 +128,7 @@ def identify_sensing(
     track, frames = gimbal_track(sweep, reported.fresh), frame_timing(seen.time, seen.source)
     start, scan = search_offset(track, seen.time, np.arctan2(seen.position[:, 1], seen.position[:, 0]), max_offset)
     detected = seen.time.size
-    seen = _covered(track, seen, start)
+    seen = _covered(sweep, track, seen, start)
     alignment = align_plate(track, seen.time, seen.position, start)
     by_steps = None if target_steps is None else step_latency(detections[1], target_steps, frames.period)
     camera = _camera(frames, seen, alignment, by_steps, gimbal_clock)
@@ -129,8 +145,10 @@ def identify_sensing(
         receipt_delay=_receipt_delay(seen, alignment, gimbal_clock),
         outside=detected - seen.time.size,
         command_steps=0 if delay is None else delay.steps,
+        command_steps_logged=sum(held_steps(each) for each in gimbal),
         command_delays=() if delay is None else delay.each,
         target_steps=0 if by_steps is None else by_steps.steps,
+        target_steps_logged=0 if target_steps is None else int(target_steps.size),
         missing=(*_missing(camera.record, delay, gimbal_clock, seen.receive is not None), *_unstamped(link)),
         remarks=tuple(doubts(Doubts(sweep, reported, track, frames, alignment, camera.record, link))),
     )
@@ -152,10 +170,9 @@ def _check_logs(gimbal: Sequence[GimbalLog], detections: Sequence[Detections], t
         raise InputError(f"got {len(detections)} logs of detections, expected {expected}: those of {kinds}{told}")
 
 
-def _covered(track: GimbalTrack, seen: Detections, start: float) -> Detections:
-    """Keep the detections for which the gimbal's angle is known."""
-    moments, margin = seen.time + start, 0.05
-    kept = (moments > track.time[0] + margin) & (moments < track.time[-1] - margin)
+def _covered(log: GimbalLog, track: GimbalTrack, seen: Detections, start: float) -> Detections:
+    """Keep the detections for which the gimbal's angle is logged."""
+    kept = is_logged(log, track, seen.time + start)
     if kept.sum() < 20:
         raise InputError(f"{seen.source}: {kept.sum()} detections lie inside the gimbal log, expected at least 20")
     receive = None if seen.receive is None else seen.receive[kept]

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import savgol_filter
 
+from archerfish.identification.doctor.time_stamps import GAP_PERIODS
 from archerfish.records.errors import InputError
 from archerfish.records.sensing_logs import GimbalLog
 
@@ -15,6 +16,8 @@ Array = NDArray[np.float64]
 _SMOOTHED = 0.025
 """Span of the local cubics [s]: a gimbal moves at some 10 Hz and below, where they are exact to 0.1 %."""
 _HELD_SHARE = 0.2
+_MARGIN = 0.05
+"""Time to the ends of a log within which its angles count as not logged, and the shortest gap in it [s]."""
 
 
 class GimbalTrack(NamedTuple):
@@ -93,3 +96,21 @@ def gimbal_track(log: GimbalLog, fresh: NDArray[np.bool_]) -> GimbalTrack:
         resampled = np.column_stack([np.interp(even, time, angle) for angle in angles.T])
         time, angles = even, savgol_filter(resampled, count, 3, axis=0)
     return GimbalTrack(time, angles[:, 0], CubicSpline(time, angles))
+
+
+def is_logged(log: GimbalLog, track: GimbalTrack, moments: Array) -> NDArray[np.bool_]:
+    """Return at which moments the gimbal's angle is logged: not outside the log, nor in a gap of it.
+
+    Args:
+      log: the log.
+      track: its angles.
+      moments: on the log's clock [s], shape (K,).
+
+    Returns:
+      Shape (K,).
+    """
+    intervals = np.diff(log.time)
+    gaps = intervals > max(_MARGIN, GAP_PERIODS * float(np.median(intervals)))
+    interval = np.clip(np.searchsorted(log.time, moments) - 1, 0, intervals.size - 1)
+    inside = (moments > track.time[0] + _MARGIN) & (moments < track.time[-1] - _MARGIN)
+    return np.asarray(inside & ~gaps[interval])

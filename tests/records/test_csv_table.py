@@ -1,0 +1,163 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from archerfish.records.csv_table import column_names, read_csv_columns, read_text_table
+from archerfish.records.errors import InputError
+
+NAMES = ["time_s", "u", "y"]
+ROWS = [f"{k / 100:.2f},{k % 7}.5,{k / 8:.3f}" for k in range(20)]
+
+
+def lines(changed=None, rows=ROWS, names="time_s,u,y"):
+    """Lines of a table, some of them changed, by line number."""
+    table = [names, *rows]
+    for number, text in (changed or {}).items():
+        table[number - 1] = text
+    return table
+
+
+def write(folder, table, end="\n"):
+    path = folder / "log.csv"
+    path.write_bytes((table if isinstance(table, str) else "\n".join(table) + end).encode())
+    return path
+
+
+def with_notes(changed=None):
+    return lines(changed, rows=[f"{row},ok" for row in ROWS], names="time_s,u,y,note")
+
+
+@pytest.mark.parametrize(
+    ("table", "line"),
+    [
+        (lines({5: '0.03,"3.5,0.375'}), 5),
+        (lines({2: '"0.00,0.5,0.000'}), 2),
+        (lines({21: '0.19,"5.5,2.375'}), 21),
+        (lines({1: 'time_s,u,"y'}), 1),
+        (lines({5: '0.03,3.5,"0.375"1'}), 5),
+        # A value is missing in line 3; the note that begins in line 5 would end in line 15 and hide ten samples.
+        (with_notes({3: "0.01,,0.125,ok", 5: '0.03,3.5,0.375,"a', 15: '0.13,6.5,1.625,b"'}), 5),
+        (with_notes({5: '0.03,3.5,0.375,"two\nlines"'}), 5),
+        (with_notes({5: f'0.03,3.5,0.375,"{"a" * 140_000}"'}), 5),
+    ],
+)
+@pytest.mark.parametrize("read", [read_text_table, read_csv_columns])
+def test_a_quotation_mark_that_is_not_closed_on_its_line_is_refused(tmp_path, table, line, read) -> None:
+    with pytest.raises(InputError, match=rf"log\.csv: line {line}: a quotation mark") as refused:
+        read(write(tmp_path, table), NAMES)
+    assert refused.value.code == "open-quote"
+
+
+def test_quotation_marks_that_hide_no_line_are_read(tmp_path) -> None:
+    table = with_notes({4: '0.02,2.5,0.250,"a, ""b"""', 6: '"0.04",4.5,0.500,5" plate'})
+    read = read_text_table(write(tmp_path, table), NAMES)
+    assert_array_equal(read.columns["time_s"], np.arange(20) / 100)
+    assert_array_equal(read.columns["y"], np.arange(20) / 8)
+
+
+@pytest.mark.parametrize(
+    ("table", "line", "count"),
+    [
+        (lines({9: "0.07,0.875"}), 9, "2 fields"),
+        (lines({9: "0.07"}), 9, "1 field"),
+        (lines(rows=[f"{k},{row}" for k, row in enumerate(ROWS)]), 2, "4 fields"),  # R's row names
+        (lines(names="id,time_s,u,y"), 2, "3 fields"),
+        # Nothing between blanks: what follows would be taken for the missing value.
+        ([line.replace(",", " ") for line in with_notes({9: "0.07,0.875,0"})], 9, "3 fields"),
+        ([line.replace(",", "  ") for line in lines(rows=[f"{row},7" for row in ROWS])], 2, "4 fields"),
+    ],
+)
+def test_a_line_with_other_fields_than_the_first_line_names_is_refused(tmp_path, table, line, count) -> None:
+    with pytest.raises(InputError, match=rf"line {line}: has {count}, where the first line has") as refused:
+        read_text_table(write(tmp_path, table), NAMES)
+    assert refused.value.code == "row-length"
+
+
+@pytest.mark.parametrize("separator", [",", " "])
+@pytest.mark.parametrize("ending", ["\r", "\r\n"])
+def test_every_line_ending_separates_lines_and_nothing_else_does(tmp_path, separator, ending) -> None:
+    table = [line.replace(",", separator) for line in with_notes()]
+    if separator == ",":
+        table[4] = "0.03,3.5,\f0.375,a\x85b\u2028c\x1cd\ve"
+    path = write(tmp_path, table[0] + "\n" + ending.join(table[1:]) + "\n")
+    read = read_text_table(path, NAMES)
+    assert_array_equal(read.columns["y"], np.arange(20) / 8)
+    assert_array_equal(read.places, np.arange(2, 22))
+
+
+@pytest.mark.parametrize(
+    ("last", "end", "where"),
+    [
+        ("0.19,5.5", "\n", "after 2 of 3 fields"),
+        ("0.19,5.5", "", "after 2 of 3 fields"),
+        ("0.19,5.5,", "", "before its last field"),
+        ("0.19,5.5,-", "", "in its last field"),
+        ("0.19,5.5,2.", "", "inside its last number"),
+        ("0.19,5.5,2.37", "", "inside its last number"),
+        ("0.19,5.5,2.375e-0", "", "inside its last number"),
+        ("0.19,5.5,2.37", "\0" * 512, "inside its last number"),
+        ('0.19,"5.5,2.37', "", "inside a quotation mark"),
+    ],
+)
+def test_a_last_line_that_breaks_off_is_left_out_counted_and_said(tmp_path, last, end, where) -> None:
+    path = write(tmp_path, lines({21: last}), end)
+    read = read_text_table(path, NAMES)
+    assert_array_equal(read.columns["y"], np.arange(19) / 8)
+    (found,) = read.findings
+    assert (found.code, found.severity, found.samples) == ("truncated", "repaired", 1)
+    assert found.place == f"{path}: line 21"
+    assert where in found.message
+    # A reader that repairs nothing refuses it.
+    with pytest.raises(InputError, match=f"line 21: the last line breaks off {where}.*; complete it") as refused:
+        read_csv_columns(path, NAMES)
+    assert refused.value.code == "truncated"
+
+
+@pytest.mark.parametrize(
+    ("table", "wanted"),
+    [
+        (lines(), NAMES),
+        (lines({21: "0.19,5.5,12.375"}), NAMES),
+        (lines({21: "0.19,5.5,2.3"}), NAMES[:2]),
+        (with_notes({21: "0.19,5.5,2.375,o"}), NAMES),
+        (with_notes({21: "0.19,5.5,2.375,"}), NAMES),
+        (lines({4: "0.02,2.5,0.25", 21: "0.19,5.5,2.37"}), NAMES),
+        (lines(rows=[f"{k},{k},{k * k}" for k in range(20)]), NAMES),
+        (lines(rows=[f"{k},{k},{k:.3e}" for k in range(20)]), NAMES),
+    ],
+)
+def test_a_last_line_without_line_break_is_whole_where_its_number_is_as_long_as_others(tmp_path, table, wanted) -> None:
+    assert len(read_csv_columns(write(tmp_path, table, end=""), wanted).lines) == 20
+
+
+def test_a_line_of_separators_alone_is_a_row_without_values(tmp_path) -> None:
+    path = write(tmp_path, [*lines({9: ",,"}), ",,", ",,,,"])
+    read = read_text_table(path, ["u", "y"])
+    assert len(read.places) == 20  # those at the end are a spreadsheet's, and no rows
+    assert_array_equal(np.flatnonzero(np.isnan(read.columns["y"])), [7])
+    # A list of records has no record there, and its lines are known.
+    assert_array_equal(read_csv_columns(path, NAMES).lines, [*range(2, 9), *range(10, 22)])
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_text_that_cannot_be_decoded_is_refused_with_its_line(tmp_path, encoding) -> None:
+    path = tmp_path / "log.csv"
+    content = ("\n".join(with_notes()) + "\n").encode(encoding)
+    path.write_bytes(content[:-1] if encoding == "utf-16" else content[:-2] + b"\xff\n")
+    with pytest.raises(InputError, match=rf"line 21: can't be read as {encoding.upper()} text") as refused:
+        read_text_table(path, NAMES)
+    assert refused.value.code == "encoding"
+
+
+def test_a_message_shows_the_beginning_of_a_long_field_only(tmp_path) -> None:
+    path = write(tmp_path, lines({9: f"0.07,0.5,{'x' * 5000}"}))
+    with pytest.raises(InputError, match="line 9") as refused:
+        read_text_table(path, NAMES)
+    assert len(str(refused.value)) < 300
+
+
+def test_names_are_found_whatever_the_encoding_and_the_separator(tmp_path) -> None:
+    for content in ("\n\n# a b missed\n1 2 0\n", "a;b;missed\n1;2;0\n"):
+        path = tmp_path / "log.csv"
+        path.write_bytes(content.encode("utf-16"))
+        assert column_names(path) == ["a", "b", "missed"]
