@@ -2,6 +2,9 @@ import numpy as np
 import pytest
 
 from archerfish.controllers.roster import make_controller
+from archerfish.dynamics.target_motion import Static
+from archerfish.evaluation.bounds.hit_chance import hit_chance, shot_geometry
+from archerfish.sensing.interfaces import Engagement
 
 HIT_RADIUS = 0.06
 PERIOD = 0.02
@@ -42,6 +45,23 @@ def test_the_gate_costs_the_slew_alone(duels, static_share) -> None:
 def test_it_is_nowhere_worse_than_the_strong_baseline(duels, bench, fight, limit) -> None:
     baseline = fight(make_controller("parabola-lq", bench(limit)), limit, static_share=0.0)
     assert np.all(hits(duels(limit, 0.0)) >= hits(baseline) - 1)
+
+
+@pytest.mark.parametrize("range_m", [(1.0, 2.0)])
+def test_its_expected_hits_on_still_targets_are_no_fewer_than_a_causal_controller_s(bench, fight, range_m) -> None:
+    # Near the line of sight the causal ones lose nothing but the slew: a plan that is not fully converged lost more.
+    def expected(name: str) -> float:
+        duel = fight(make_controller(name, bench("los-2deg")), "los-2deg", 1.0, batch=100, range_m=range_m)
+        muzzle, fired = bench("los-2deg").muzzle, PERIOD * np.arange(1, len(duel.miss) + 1)
+        place = duel.truth.motion.position(np.zeros(100, np.float32))
+        geometry = shot_geometry(Engagement(Static(place), np.zeros((100, 2)), np.zeros(100)), muzzle, fired)
+        offset = np.moveaxis(duel.miss[..., ::-1], 0, 1)
+        return float(hit_chance(offset, geometry.sd, HIT_RADIUS).sum())
+
+    oracle = expected("oracle")
+    # Both predictors are right about a target that stands still.
+    for name in ("kalman-lq", "parabola-lq"):
+        assert oracle >= expected(name) - 0.5
 
 
 @pytest.mark.parametrize("limit", ["box", "gate", "los-2deg"])

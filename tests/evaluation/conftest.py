@@ -87,7 +87,19 @@ def make_cell(label: dict[str, object], controller: str, seed: int | None, hit: 
         misses_slewing=slewing,
         misses_settled=settled,
         paper=printed_rate(str(label["table"]), label["range_m"], controller),
+        **make_bound(str(label["command_limit"]), controller),
     )
+
+
+def make_bound(limit: str, controller: str) -> dict[str, object]:
+    """A bound on the rate of every cell but those of perfect aim."""
+    if controller == "perfect":
+        return {}
+    if limit == "los-2deg":
+        return {"bound": 0.951, "bound_error": 0.0, "bound_kind": "reach"}
+    known = controller == "oracle"
+    value = (0.9987 if known else 0.9965) - 0.03 * (limit == "gate")
+    return {"bound": value, "bound_error": 0.0 if known else 0.002, "bound_kind": "hindsight" if known else "combined"}
 
 
 def make_table1() -> Table1:

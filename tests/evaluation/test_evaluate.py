@@ -1,12 +1,23 @@
 """Evaluation with controllers that it has never heard of."""
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from archerfish.dynamics.aiming import line_of_sight
-from archerfish.evaluation.evaluate import Entrant, Ground, Outcome, cells, comparisons, compete, perfect_aim
+from archerfish.evaluation.bounds.cell_bounds import Bound, CellBounds
+from archerfish.evaluation.evaluate import (
+    Entrant,
+    Ground,
+    Outcome,
+    cells,
+    comparisons,
+    compete,
+    ground_bounds,
+    perfect_aim,
+)
 from archerfish.evaluation.suites import draw_trials, table_suites
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_plants
@@ -66,6 +77,42 @@ def test_every_entrant_has_one_cell_per_suite_under_its_own_name(ground: Ground,
         assert cell.paper is None
         assert (cell.setting, cell.command_limit) == ("paper", "box")
     assert {cell.policy_seed for cell in found[16:24]} == {4}
+
+
+def test_every_controller_has_the_bound_that_holds_of_it(ground: Ground, outcomes: list[Outcome]) -> None:
+    bounds = [
+        CellBounds(Bound(0.9 + index / 100, 0.0, "hindsight"), Bound(0.8, 0.002, "combined")) for index in range(8)
+    ]
+    athos, _, _, perfect = outcomes
+    seer = dataclasses.replace(athos, name="seer", needs_truth=True)
+    found = cells(ground, [athos, seer, perfect], bounds)
+    assert {(cell.bound, cell.bound_error, cell.bound_kind) for cell in found[:8]} == {(0.8, 0.002, "combined")}
+    assert [cell.bound for cell in found[8:16]] == [each.hindsight.value for each in bounds]
+    # Perfect aim is a way of scoring: no gimbal moved.
+    assert {cell.bound for cell in found[16:]} == {None}
+    # Who fires the easy shots alone may hit more of them.
+    suites = tuple(dataclasses.replace(each, counts="shots") for each in ground.trials.suites)
+    chosen = dataclasses.replace(ground, trials=dataclasses.replace(ground.trials, suites=suites))
+    assert {cell.bound for cell in cells(chosen, [athos], bounds)} == {None}
+    assert {cell.bound for cell in cells(ground, outcomes)} == {None}
+
+
+def test_who_needs_the_truth_is_known_by_it(ground: Ground) -> None:
+    class Seer(Musketeer):
+        @property
+        def needs_truth(self) -> bool:
+            return True
+
+    entrants = [Entrant("athos", Musketeer(np.zeros(2, np.float32))), Entrant("seer", Seer(np.zeros(2, np.float32)))]
+    assert [each.needs_truth for each in compete(ground, entrants)] == [False, True]
+
+
+def test_bounds_of_a_ground_lie_above_what_is_hit(ground: Ground, outcomes: list[Outcome]) -> None:
+    bounds = ground_bounds(ground, seed=0)
+    assert bounds is not None
+    for cell in cells(ground, outcomes[:1], bounds):
+        assert cell.bound is not None
+        assert cell.rate < cell.bound <= 1.0
 
 
 def test_counts_are_those_of_the_shots(ground: Ground, outcomes: list[Outcome]) -> None:

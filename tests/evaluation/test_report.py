@@ -82,6 +82,29 @@ def test_every_cell_stands_on_the_page_with_its_counts(page: Outline, synthetic_
         assert re.sub(r"\s+", " ", counts) in page.text
 
 
+def test_the_bounds_stand_beside_the_oracle_with_kind_and_error(page: Outline) -> None:
+    gate, box, near = (page.text.rindex(f"Tables II and III, limit {limit}") for limit in ("gate", "box", "los-2deg"))
+    for first, last, known, unknown in ((gate, box, "96.9", "96.7"), (box, near, "99.9", "99.7")):
+        section = page.text[first:last]
+        assert "bound, path known" in section
+        assert "policy, share of bound" in section
+        assert re.search(rf"{known} ?hindsight", section)
+        assert re.search(rf"{unknown} ?combined, ± 0\.2", section)
+    # Where one bound holds of all, there is one column.
+    assert "bound, path known" not in page.text[near:]
+    assert re.search(r"95\.1 ?reach", page.text[near:])
+
+
+def test_the_headline_gives_the_least_share_of_what_is_possible(page: Outline, synthetic_results: Results) -> None:
+    rates = [
+        each.hits / each.shots
+        for each in synthetic_results.cells
+        if (each.command_limit, each.controller) == ("gate", "history")
+    ]
+    share = f"{100 * min(rates) / 0.9665:.1f} % of what is proven possible"
+    assert share in page.text[: page.text.index("How to read")].replace("\u00a0", " ")
+
+
 def test_the_robot_s_tables_say_what_they_wait_for(page: Outline) -> None:
     assert "needs the virtual robot" in page.text
     assert "behind the Kalman filter at 4 of 4 ranges" in page.text

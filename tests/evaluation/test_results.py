@@ -40,6 +40,9 @@ CELL: dict[str, Any] = {
     "paper": 88.35,
     "withheld": 0,
     "hits_per_s": 45.0,
+    "bound": 0.93,
+    "bound_error": 0.001,
+    "bound_kind": "combined",
 }
 MINIMAL: dict[str, Any] = {"schema": SCHEMA, "seed": 1, "commit": "unknown", "versions": {}}
 
@@ -103,6 +106,8 @@ def test_what_a_robot_adds_to_the_file_is_documented_and_survives_it(tmp_path: P
         ({"cells": [{**CELL, "withheld": 5}]}, "must add up to shots − hits, got 7 and 3"),
         ({"cells": [CELL, {**CELL, "counts": "shots"}]}, "cells of table III at 1–2 m in paper, gate, count decisions"),
         ({"cells": [{**CELL, "high": 0.85}]}, "interval 0.8 to 0.85 must hold hits/shots = 0.9"),
+        ({"cells": [{**CELL, "bound_error": None}]}, "bound, bound_error and bound_kind must be given together"),
+        ({"cells": [{**CELL, "bound_kind": "likely"}]}, "bound_kind must be one of reach, hindsight, combined"),
         ({"cells": [{**CELL, "misses_settled": 4}]}, "must add up to shots − hits, got 7 and 4"),
         ({"figures": {"fig5": {"steps": [1, 2], "runs": [{"policy_seed": 0, "mean_return": [1.0]}]}}}, "1 for 2 steps"),
         ({"conditions": {"drag": {"value": float("nan")}}}, "holds NaN, which JSON does not know"),

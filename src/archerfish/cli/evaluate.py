@@ -168,7 +168,7 @@ def _check(command: Evaluate) -> None:
 
 def _results(task: "EvaluationTask", outcomes: "list[Outcome]", seconds: float) -> "Results":
     from archerfish.cli.evaluation_run import make_ground
-    from archerfish.evaluation.evaluate import accelerations, cells, comparisons
+    from archerfish.evaluation.evaluate import accelerations, cells, comparisons, ground_bounds
     from archerfish.evaluation.results import Results
 
     ground = make_ground(task)
@@ -179,7 +179,7 @@ def _results(task: "EvaluationTask", outcomes: "list[Outcome]", seconds: float) 
         versions=library_versions(),
         durations={"evaluation": round(seconds, 2)},
         conditions=asdict(task.setting.conditions),
-        cells=tuple(cells(ground, outcomes)),
+        cells=tuple(cells(ground, outcomes, ground_bounds(ground, task.seed))),
         accelerations=tuple(accelerations(ground, outcomes)),
         comparisons=tuple(each for name in against for each in comparisons(ground, outcomes, name)),
     )

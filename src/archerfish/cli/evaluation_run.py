@@ -10,7 +10,8 @@ from archerfish.controllers.roster import Tuning, Workbench, find_controller, ma
 from archerfish.dynamics.command_limits import named_limits
 from archerfish.dynamics.linear_axis import gimbal_model
 from archerfish.dynamics.muzzle import muzzle_from_record
-from archerfish.evaluation.evaluate import Entrant, Ground, Outcome, compete, perfect_aim
+from archerfish.evaluation.bounds.cell_bounds import CellBounds
+from archerfish.evaluation.evaluate import Entrant, Ground, Outcome, compete, ground_bounds, perfect_aim
 from archerfish.evaluation.rehearsal import rehearse
 from archerfish.evaluation.suites import draw_trials, table_suites
 from archerfish.evaluation.tuning import GRIDS, Tuned, tune
@@ -159,6 +160,20 @@ def run_evaluations(
         before = sum(len(each) for each in outcomes)
         outcomes.append(run_evaluation(task, _after(before, advance)))
     return outcomes
+
+
+def run_bounds(
+    task: EvaluationTask, advance: Callable[[float, str], None] = lambda *_: None
+) -> list[CellBounds] | None:
+    """Bound what can be hit in the cells of a task.
+
+    Args:
+      task: where; its controllers don't matter.
+      advance: receives that it is done.
+    """
+    found = ground_bounds(make_ground(task), task.seed)
+    advance(1.0, f"{task.command_limit} bounds")
+    return found
 
 
 def _after(before: float, advance: Callable[[float, str], None]) -> Callable[[float, str], None]:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from archerfish.cli.evaluation_run import EvaluationTask, make_ground, run_evaluations
+from archerfish.cli.evaluation_run import EvaluationTask, make_ground, run_bounds, run_evaluations
 from archerfish.cli.setting import Setting
 from archerfish.cli.training_run import TrainingResult, TrainingTask, run_task, write_run
-from archerfish.cli.workers import run_tasks
+from archerfish.cli.workers import Task, run_tasks
 from archerfish.evaluation.evaluate import Outcome, accelerations, cells, comparisons
 from archerfish.evaluation.paper_results import LearningCurves, TrainingRun
 from archerfish.learning.config import PpoConfig
@@ -139,14 +139,17 @@ def evaluate_all(
     """
     shown = {names: limits for names, limits in CONTROLLERS.items() if not (quick and names in NOT_QUICK)}
     groups = _evaluation_tasks(setting, policies, engagements, seed, shown)
-    jobs = [(run_evaluations, group, _work(group)) for group in groups]
+    jobs: list[Task] = [(run_evaluations, group, _work(group)) for group in groups]
+    jobs += [(run_bounds, EvaluationTask(setting, limit, engagements, seed), 1.0) for limit in policies]
+    done = run_tasks("evaluating", "controllers", jobs, workers)
+    bounds = dict(zip(policies, done[len(groups) :], strict=True))
     outcomes: dict[str, list[Outcome]] = {limit: [] for limit in policies}
-    for group, found in zip(groups, run_tasks("evaluating", "controllers", jobs, workers), strict=True):
+    for group, found in zip(groups, done[: len(groups)], strict=True):
         for task, shot in zip(group, found, strict=True):
             outcomes[task.command_limit] += shot
     grounds = {limit: make_ground(EvaluationTask(setting, limit, 2, seed)) for limit in outcomes}
     return {
-        "cells": tuple(each for limit in outcomes for each in cells(grounds[limit], outcomes[limit])),
+        "cells": tuple(each for limit in outcomes for each in cells(grounds[limit], outcomes[limit], bounds[limit])),
         "comparisons": tuple(
             each
             for limit in outcomes

@@ -18,7 +18,7 @@ from archerfish.cli.setting import Setting
 from archerfish.cli.training_run import TrainingTask, run_task, write_run
 from archerfish.cli.workers import Task, run_tasks
 from archerfish.controllers.roster import Tuning
-from archerfish.evaluation.evaluate import Ground, Outcome, accelerations, cells, comparisons
+from archerfish.evaluation.evaluate import Ground, Outcome, accelerations, cells, comparisons, ground_bounds
 from archerfish.evaluation.robot_results import RobotIdentification
 from archerfish.evaluation.transfer import drops
 from archerfish.evaluation.tuning import GRIDS
@@ -117,7 +117,7 @@ def shoot_tables(
     outcomes: list[list[Outcome]] = [
         list(chain.from_iterable(found[first : first + len(entrants)])) for first in range(0, len(found), len(entrants))
     ]
-    return _parts([make_ground(task) for task in grounds], outcomes)
+    return _parts([make_ground(task) for task in grounds], outcomes, rehearsal.seeds[0])
 
 
 def _grounds(rehearsal: Rehearsal, setting: Setting, tuning: Mapping[str, Tuning]) -> list[EvaluationTask]:
@@ -141,11 +141,11 @@ def _with_muzzle_of(setting: Setting, policies: Iterable[PolicyRecord]) -> list[
     return [replace(policy, muzzle=muzzle) for policy in policies]
 
 
-def _parts(grounds: Sequence[Ground], outcomes: Sequence[list[Outcome]]) -> dict[str, Any]:
+def _parts(grounds: Sequence[Ground], outcomes: Sequence[list[Outcome]], seed: int) -> dict[str, Any]:
     pairs = list(zip(grounds, outcomes, strict=True))
     simulated = outcomes[0]
     return {
-        "cells": tuple(each for ground, shot in pairs for each in cells(ground, shot)),
+        "cells": tuple(each for ground, shot in pairs for each in cells(ground, shot, ground_bounds(ground, seed))),
         "comparisons": tuple(
             each for ground, shot in pairs for name in AGAINST for each in comparisons(ground, shot, name)
         ),

@@ -1,9 +1,10 @@
 """The oracle: knows the target's path and the plant, and plans the whole engagement at once.
 
-It is the yardstick of what a command limit allows, a strong heuristic rather than a proven bound. It looks for the
-commands, within the limits, that put the most shots on the armor: a sum of absolute angle errors, which gives up the
-shots that slewing costs anyway, is minimised by ADMM; shots that miss are then weighted down and the rest improved.
-Of all plans the one with the largest expected number of hits is flown.
+It is a strong heuristic, and so a lower bound on what a command limit allows; upper ones are proven (docs/bounds.md).
+It looks for the commands, within the limits, that put the most shots on the armor. A sum of absolute angle errors, that
+gives up the shots that slewing costs anyway, is minimised by ADMM; shots that miss are then weighted down and the rest
+improved. One of the plans that it begins with is what a causal preview controller would fly, were it given the path. Of
+all plans the one with the largest expected number of hits is flown.
 """
 
 from typing import NamedTuple
@@ -19,10 +20,11 @@ from archerfish.controllers.preview import (
     rows_to_commands,
     track_path,
 )
+from archerfish.controllers.preview_aim import HORIZON, SMOOTHING
 from archerfish.dynamics.aiming import line_of_sight
 from archerfish.dynamics.array_namespace import Array, lift, map_arrays, namespace, repeat
-from archerfish.dynamics.command_limits import CommandLimits
-from archerfish.dynamics.linear_axis import GimbalModel, rest_state
+from archerfish.dynamics.command_limits import CommandLimits, limit_command
+from archerfish.dynamics.linear_axis import GimbalModel, advance, rest_state
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.sensing.interfaces import Command, Seen, Truth, fire_always
 
@@ -54,6 +56,8 @@ class Oracle(NamedTuple):
 
     preview: Preview
     """Bounds and responses over the whole engagement."""
+    tracking: Preview
+    """The programme of a preview controller, over its horizon."""
     solve: Array
     """(MᵀM + Lᵀ ρ L)⁻¹ of the absolute errors' programme, shape (2, T, T)."""
     muzzle: Muzzle
@@ -82,14 +86,17 @@ class Oracle(NamedTuple):
 
     def _plan(self, seen: Seen, truth: Truth) -> Array:
         xp = namespace(seen.angle)
-        path, sight, distance = self._wanted(seen, truth)
+        count = self.preview.response.shape[-1]
+        all_path, all_sight, all_distance = self._wanted(seen, truth)
+        path, sight, distance = all_path[..., :count, :], all_sight[..., :count, :], all_distance[..., :count]
         state = rest_state(truth.gimbal, seen.command)
         least_squares = track_path(
             self.preview, state, seen.command, 0.0 * seen.command, path, sight, LEAST_SQUARES_ITERATIONS, RELAXATION
         )
+        tracked = self._track(seen, truth, all_path, all_sight)
         best, best_hits = least_squares, -1.0 + 0.0 * distance[..., 0]
         # Far slews converge better from no plan at all, near ones from least squares.
-        for start in (least_squares, 0.0 * least_squares):
+        for start in (least_squares, 0.0 * least_squares, tracked):
             plans = [_AxisPlan.begin(self, axis, start, path, sight, state, seen.command) for axis in range(2)]
             commands, hits, weight = self._judge(plans, distance)
             for _ in range(ROUNDS):
@@ -101,6 +108,26 @@ class Oracle(NamedTuple):
             best_hits = xp.maximum(hits, best_hits)
         return best
 
+    def _track(self, seen: Seen, truth: Truth, path: Array, sight: Array) -> Array:
+        """Return the commands of a preview controller that knows the path, B + (T, 2)."""
+        xp = namespace(path)
+        count, horizon = self.preview.response.shape[-1], self.tracking.response.shape[-1]
+
+        def step(flown: tuple[Array, ...]) -> tuple[Array, ...]:
+            state, command, rate, path, sight, commands = flown
+            wanted = track_path(self.tracking, state, command, rate, path[..., :horizon, :], sight[..., :horizon, :])[
+                ..., 0, :
+            ]
+            limits, period = self.tracking.limits, self.tracking.period
+            allowed = limit_command(limits, wanted, command, rate, sight[..., 0, :], period)
+            state, rate = advance(truth.gimbal, state, allowed), (allowed - command) / period
+            path, sight = (xp.concat([each[..., 1:, :], each[..., :1, :]], axis=-2) for each in (path, sight))
+            return state, allowed, rate, path, sight, xp.concat([commands[..., 1:, :], allowed[..., None, :]], axis=-2)
+
+        begun = rest_state(truth.gimbal, seen.command), seen.command, 0.0 * seen.command, path, sight
+        flown: tuple[Array, ...] = repeat(step, count, (*begun, 0.0 * path[..., :count, :]))
+        return flown[-1]
+
     def _judge(self, plans: list["_AxisPlan"], distance: Array) -> tuple[Array, Array, Array]:
         """Commands, expected hits, and weights that give up what misses by far."""
         xp = namespace(distance)
@@ -111,9 +138,12 @@ class Oracle(NamedTuple):
         return commands, self._expected_hits(miss, distance), weight / xp.max(weight, axis=-1, keepdims=True)
 
     def _wanted(self, seen: Seen, truth: Truth) -> tuple[Array, Array, Array]:
-        """Angles at the shots, line of sight at the decisions, B + (T, 2) each, and range at the shots, B + (T,)."""
+        """Angles at the shots, line of sight at the decisions, and range at the shots.
+
+        Shapes B + (N, 2), B + (N, 2) and B + (N,), with the horizon of the preview controller after the T decisions.
+        """
         xp = namespace(seen.angle)
-        steps = self.preview.response.shape[-1]
+        steps = self.preview.response.shape[-1] + self.tracking.response.shape[-1] - 1
         count = xp.reshape(xp.arange(steps, dtype=seen.angle.dtype), (-1,) + (1,) * seen.elapsed.ndim)
         starts = count * self.preview.period + 0.0 * seen.elapsed[None]
         motion = map_arrays(lambda each: each[None], truth.motion)
@@ -205,11 +235,12 @@ def make_oracle(
     """
     planned = limits._replace(max_acceleration=limits.max_acceleration * MARGIN)
     preview = make_preview(model, planned, period_s, decisions, smoothing=1e-6)
+    tracking = make_preview(model, limits, period_s, HORIZON, SMOOTHING)
     solve = [
         np.linalg.inv(preview.response[axis].T @ preview.response[axis] + _bounding(preview, axis, decisions))
         for axis in range(2)
     ]
-    return Oracle(preview, np.array(solve), muzzle, np.asarray(hit_radius))
+    return Oracle(preview, tracking, np.array(solve), muzzle, np.asarray(hit_radius))
 
 
 def _bounding(preview: Preview, axis: int, size: int) -> Array:

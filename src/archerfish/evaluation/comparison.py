@@ -119,6 +119,11 @@ def shares(cells: Mapping[CellKey, Cell], oracle: Mapping[CellKey, Cell]) -> dic
     return {key: cell.rate / hitting[key].rate for key, cell in cells.items() if cell.counted and key in hitting}
 
 
+def bound_shares(cells: Mapping[CellKey, Cell]) -> dict[CellKey, float]:
+    """Return each hit rate as a share of its bound; cells without one are left out."""
+    return {key: cell.rate / cell.bound for key, cell in cells.items() if cell.bound}
+
+
 def pooled_rate(cells: Iterable[Cell]) -> float | None:
     """Return the hits of all cells per shot of all cells that counts, None without any."""
     counts = [(cell.hits, cell.counted) for cell in cells]

@@ -1,13 +1,14 @@
 """Suite × controller → trials → counts; no controller is known here by name."""
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from archerfish.evaluation.bounds.cell_bounds import CellBounds, cell_bounds
 from archerfish.evaluation.hit_rate import Difference, hit_rate, paired_difference, split_misses
 from archerfish.evaluation.results import Acceleration, Cell, Comparison, Label
 from archerfish.evaluation.suites import Suite, Trials
@@ -45,6 +46,8 @@ class Outcome:
     yaw_acceleration: float | None
     """Largest acceleration of the yaw axis, by command or by motion, mean over a decision period [rad/s²]; None
     where nothing moved the gimbal."""
+    needs_truth: bool = False
+    """Whether the controller is given the target's path beforehand."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,8 @@ def compete(
     outcomes = []
     for entrant in entrants:
         shots = fight(ground.world, entrant.controller, ground.trials)
-        outcomes.append(_outcome(ground, entrant.name, entrant.policy_seed, shots))
+        needs_truth = bool(getattr(entrant.controller, "needs_truth", False))
+        outcomes.append(replace(_outcome(ground, entrant.name, entrant.policy_seed, shots), needs_truth=needs_truth))
         progress(entrant.name)
     return outcomes
 
@@ -101,10 +105,29 @@ def _by_suite(ground: Ground, shots: Shots) -> tuple[NDArray[np.bool_], NDArray[
     return shots.hits(ground.conditions.hit_radius).reshape(shape), shots.fired.reshape(shape)
 
 
-def cells(ground: Ground, outcomes: Iterable[Outcome]) -> list[Cell]:
-    """Count hits: one cell per suite and entrant."""
+def ground_bounds(ground: Ground, seed: int) -> list[CellBounds] | None:
+    """Bound what can be hit in every suite; None on a robot.
+
+    Args:
+      ground: where.
+      seed: of its engagements.
+    """
+    radius = ground.conditions.hit_radius
+    return cell_bounds(ground.world, ground.trials, radius, ground.setting, ground.command_limit, seed)
+
+
+def cells(ground: Ground, outcomes: Iterable[Outcome], bounds: Sequence[CellBounds] | None = None) -> list[Cell]:
+    """Count hits: one cell per suite and entrant.
+
+    Args:
+      ground: where.
+      outcomes: of all entrants.
+      bounds: one per suite, from `ground_bounds`; none where there are none.
+    """
     return [
-        _cell(ground, suite, outcome, index) for outcome in outcomes for index, suite in enumerate(ground.trials.suites)
+        _bounded(_cell(ground, suite, outcome, index), outcome, bounds[index] if bounds else None)
+        for outcome in outcomes
+        for index, suite in enumerate(ground.trials.suites)
     ]
 
 
@@ -122,6 +145,17 @@ def _cell(ground: Ground, suite: Suite, outcome: Outcome, index: int) -> Cell:
         withheld=int((~fired).sum()),
         hits_per_s=float(hit.sum() / (ground.conditions.control_period_s * hit.size)),
     )
+
+
+def _bounded(cell: Cell, outcome: Outcome, bounds: CellBounds | None) -> Cell:
+    """Add the bound that holds of a controller.
+
+    None does of perfect aim, which moves no gimbal, nor of a rate of fired shots alone.
+    """
+    if bounds is None or outcome.yaw_acceleration is None or cell.counts != "decisions":
+        return cell
+    bound = bounds.hindsight if outcome.needs_truth else bounds.causal
+    return replace(cell, bound=bound.value, bound_error=bound.error, bound_kind=bound.kind)
 
 
 def suite_label(ground: Ground, suite: Suite, outcome: Outcome) -> Label:

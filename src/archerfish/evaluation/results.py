@@ -20,6 +20,9 @@ SCHEMA, _OLDER = "archerfish.results/2", "archerfish.results/1"
 HIT_RATE_TABLES = ("II", "III", "IV", "V")
 """The paper's tables of hit rates: simulation static and dynamic, real robot static and dynamic."""
 
+BOUND_KINDS = ("reach", "hindsight", "combined")
+"""Kinds of bounds on hit rates, from the cheapest to the tightest (docs/bounds.md)."""
+
 TARGETS = ("static", "dynamic")
 """Kinds of target in the paper's tables."""
 
@@ -89,6 +92,12 @@ class Cell(Label):
     """Decisions that fired no shot."""
     hits_per_s: float | None = None
     """Hits per second of engagement [1/s]; None in files that were written before it was counted."""
+    bound: float | None = None
+    """Proven bound on the hit rate, 0 to 1; None of perfect aim, and on a robot, whose axes are not linear."""
+    bound_error: float | None = None
+    """Standard error of the bound for the engagements of this cell, 0 to 1; 0 where chance has no part in it."""
+    bound_kind: str | None = None
+    """`reach`, `hindsight` or `combined`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -101,6 +110,11 @@ class Cell(Label):
         if self.misses_slewing + self.misses_settled != self.counted - self.hits:
             split = f"{self.misses_slewing} and {self.misses_settled}"
             raise InputError(f"misses_slewing and misses_settled must add up to shots − hits, got {split}")
+        given = [each is not None for each in (self.bound, self.bound_error, self.bound_kind)]
+        if any(given) != all(given):
+            raise InputError("bound, bound_error and bound_kind must be given together, or none of them")
+        if self.bound_kind not in (None, *BOUND_KINDS):
+            raise InputError(f"bound_kind must be one of {', '.join(BOUND_KINDS)}, got {self.bound_kind!r}")
 
     @property
     def counted(self) -> int:

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from archerfish.evaluation.comparison import (
     CellKey,
+    bound_shares,
     cells_of,
     clearly_above,
     comparisons_of,
@@ -120,5 +121,7 @@ def _margin_sentence(picked: Mapping[str, Mapping[CellKey, Cell]], differences: 
         )
     portions = shares(picked["history"], picked["oracle"])
     if portions:
-        sentence += f" In every cell it reaches at least {percent(min(portions.values()))} % of the oracle’s rate."
+        sentence += f" In every cell it reaches at least {percent(min(portions.values()))} % of the oracle’s rate"
+        of_bound = bound_shares(picked["history"])
+        sentence += f", and {percent(min(of_bound.values()))} % of what is proven possible." if of_bound else "."
     return sentence

@@ -15,7 +15,7 @@ class Column(NamedTuple):
     title: str
     """Heading."""
     kind: str
-    """"rate" (Cell), "difference" (Comparison), "share" (0 to 1) or "printed" (percent)."""
+    """"rate" (Cell), "bound" (Cell), "difference" (Comparison), "share" (0 to 1) or "printed" (percent)."""
     values: Mapping[CellKey, Any]
     """Table and range → value; where there is none, the table shows a dash."""
     ours: bool = False
@@ -106,6 +106,19 @@ def fired_shots_count(found: Iterable[Any]) -> bool:
 def rate_column(cells: Mapping[CellKey, Cell], controller: str, *, ours: bool = False) -> Column:
     """Make the column of a controller's hit rates."""
     return Column(controller_words(controller).name, "rate", cells, ours)
+
+
+def bound_columns(oracle: Mapping[CellKey, Cell], others: Mapping[CellKey, Cell]) -> list[Column]:
+    """Make the columns of the bounds: that of the oracle where it differs from the others', and theirs.
+
+    Args:
+      oracle: cells of the controller that is given the path.
+      others: cells of any controller that is not.
+    """
+    known, unknown = ({key: cell for key, cell in each.items() if cell.bound} for each in (oracle, others))
+    apart = any(key not in unknown or cell.bound != unknown[key].bound for key, cell in known.items())
+    columns = [Column("bound, path known", "bound", known)] if apart else []
+    return [*columns, Column("bound", "bound", unknown)]
 
 
 def printed_column(cells: Mapping[CellKey, Cell], title: str) -> Column:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from archerfish.evaluation.comparison import CellKey, cells_of, comparisons_of
+from archerfish.evaluation.comparison import CellKey, bound_shares, cells_of, comparisons_of
 from archerfish.evaluation.pooling import pooled_cells, pooled_differences
 from archerfish.evaluation.report.entry_tables import (
     NOTHING,
@@ -18,6 +18,7 @@ from archerfish.evaluation.report.entry_tables import (
 from archerfish.evaluation.report.rate_tables import (
     Column,
     RateTable,
+    bound_columns,
     fired_shots_count,
     printed_column,
     rate_column,
@@ -171,6 +172,8 @@ def world_rates(cells: Sequence[Cell], setting: str, limit: str) -> RateTable:
 
     columns = [printed_column(of("history"), "paper, PPO"), printed_column(of("kalman"), "paper, Kalman")]
     columns += [rate_column(of(name), name, ours=name == "history") for name in present(cells)]
+    columns += bound_columns(of("oracle"), of("history") or of("kalman") or of("kalman-lq"))
+    columns += [Column("policy, share of bound", "share", bound_shares(of("history")))]
     return rate_table(columns, "Hit rates in percent with 95 % intervals.")
 
 

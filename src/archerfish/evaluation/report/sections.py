@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from archerfish.evaluation.comparison import (
     AnyLabel,
     CellKey,
+    bound_shares,
     cells_of,
     comparisons_of,
     policy_seeds,
@@ -22,6 +23,7 @@ from archerfish.evaluation.report.rate_tables import (
     Column,
     Group,
     RateTable,
+    bound_columns,
     cell_order,
     printed_column,
     rate_column,
@@ -112,7 +114,9 @@ def _main_table(cells: list[Cell], pairs: list[Comparison], setting: str, limit:
         less("kalman-lq"),
         rate_column(of("oracle"), "oracle"),
         *(rate_column(of(name), name) for name in own_controllers(cells)),
+        *bound_columns(of("oracle"), of("history") or of("kalman") or of("kalman-lq")),
         Column("policy, share of oracle", "share", shares(of("history"), of("oracle"))),
+        Column("policy, share of bound", "share", bound_shares(of("history"))),
     ]
     return rate_table(columns, "Hit rates in percent, differences in points, with 95 % intervals.")
 

@@ -47,7 +47,7 @@ CONTROLLERS = {
     "oracle": ControllerWords(
         "Oracle",
         "Knows the target’s path and the plant, and plans within the command limit. A strong yardstick, "
-        "not a proven bound.",
+        "not a proven bound: the bounds stand beside it.",
         2,
     ),
     "perfect": ControllerWords("Perfect aim", "A way of scoring: the gimbal is always at the right angles.", 6),
