@@ -92,8 +92,8 @@ class Train:
     """What the gimbal may be asked: angle ranges (box), also rate and acceleration (gate), or at most 2° ahead of the
     target."""
     trainer: Literal["ppo", "gradient"] = "ppo"
-    """How: by trials, as the paper does (ppo), or along the simulator's own gradients (gradient), which is faster and
-    sees no bonus for hits."""
+    """How: by trials, as the paper does (ppo), or along the simulator's own gradients and for hits that count gradually
+    (gradient), which is faster and hits more."""
     ppo: PpoConfig = field(default_factory=PpoConfig)
     """Settings of PPO."""
     gradient: GradientConfig = field(default_factory=GradientConfig)
