@@ -1,73 +1,88 @@
-"""Tune the classical baselines on draws that no evaluation uses: the tracker's noise and the lead, by grid.
+"""Tune the classical controllers in the simulator of the printed gimbal, on draws that no evaluation uses.
 
-Every controller gets about the same number of trials as the policy's settings had. The best settings are in
-src/archerfish/paper/conditions.json; this prints how they compare, and writes benchmarks/results/tuning.json.
+    python benchmarks/tuning.py
+
+Writes src/archerfish/paper/tuning.json, which every evaluation in that simulator takes its settings from, and every
+setting that was tried to benchmarks/results/tuning.json.
 """
 
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
-from archerfish.controllers.roster import Workbench, make_controller
-from archerfish.dynamics.command_limits import named_limits
-from archerfish.dynamics.linear_axis import gimbal_model
-from archerfish.dynamics.muzzle import muzzle_from_record
-from archerfish.evaluation.suites import draw_trials, table_suites
-from archerfish.evaluation.trial import fight
-from archerfish.paper.conditions import Conditions, assumed_conditions
-from archerfish.paper.gimbal import gate_limits, printed_plants
+from archerfish.cli.compilation_cache import keep_compiled
+from archerfish.cli.evaluation_run import EvaluationTask, tune_controllers, tuned_rate, tuning_ground
+from archerfish.cli.setting import SettingFiles, load_setting
+from archerfish.controllers.roster import Tuning
+from archerfish.evaluation.tuning import GRIDS, Neighbours, Tuned
+from archerfish.paper import tuning as paper_tuning
 from archerfish.records import storage
-from archerfish.simulation.setting import make_world, paper_muzzle
+from archerfish.records.provenance import provenance
 from machine import describe_machine
 
 RESULT = Path(__file__).parent / "results" / "tuning.json"
-SEED = 0
-ENGAGEMENTS = 300
-ACCELERATIONS = (1.0, 3.0, 10.0, 30.0, 100.0)
-LEADS_S = (0.0, 0.02, 0.04, 0.08, 0.14)
-
-
-def rates(conditions: Conditions, name: str, command_limit: str = "box") -> list[float]:
-    """Hit rates [%] of a classical controller in the eight cells, on the tuning's own draws."""
-    plants, limits = printed_plants(), gate_limits()
-    muzzle = paper_muzzle(conditions)
-    world = make_world(plants["pitch"], plants["yaw"], muzzle, limits, command_limit, conditions)
-    model = gimbal_model(plants["pitch"], plants["yaw"], conditions.control_period_s)
-    named = named_limits(command_limit, limits, conditions.line_of_sight_lead)
-    controller = make_controller(name, Workbench(model, muzzle_from_record(muzzle), named, conditions))
-    suites = table_suites(conditions)
-    trials = draw_trials(suites, ENGAGEMENTS, conditions.decisions, SEED, "tuning")
-    hit = fight(world, controller, trials).hits(conditions.hit_radius)
-    return [float(100 * each) for each in hit.reshape(len(suites), -1).mean(axis=1)]
+SETTINGS = Path(paper_tuning.__file__).with_name("tuning.json")
+SEED, ENGAGEMENTS, PROBE = 0, 200, 4
+CONTROLLERS = ("kalman-tuned", "kalman-lq", "imm-lq", "parabola-lq")
+LIMITS = ("gate", "box", "los-2deg")
 
 
 def main() -> None:
-    """Run the grid."""
-    base, rows = assumed_conditions(), []
-    for acceleration in ACCELERATIONS:
-        for name, leads in (("kalman", LEADS_S), ("kalman-lq", (0.0,))):
-            for lead in leads:
-                tried = replace(base, kalman_acceleration_sd=acceleration, kalman_extra_lead_s=lead)
-                cells = rates(tried, name)
-                rows.append(
-                    {"controller": name, "acceleration_sd": acceleration, "extra_lead_s": lead, "cells_percent": cells}
-                )
-    rows.sort(key=lambda row: (row["controller"], -sum(row["cells_percent"])))
-    table = Table("controller", "q m/s²", "extra lead s", "mean %", "cells %", title="tuning, box")
-    for row in rows:
-        cells = row["cells_percent"]
-        table.add_row(
-            row["controller"],
-            f"{row['acceleration_sd']:g}",
-            f"{row['extra_lead_s']:g}",
-            f"{sum(cells) / len(cells):.2f}",
-            " ".join(f"{each:.1f}" for each in cells),
-        )
+    """Tune every controller under every command limit."""
+    keep_compiled()
+    setting, stored, trials = load_setting(SettingFiles()), [], []
+    for limit in LIMITS:
+        task = EvaluationTask(setting, limit, 2, SEED, CONTROLLERS)
+        probe = tuning_ground(task, PROBE)
+        for tuned in tune_controllers(task, engagements=ENGAGEMENTS):
+            rate = tuned_rate(task, probe, tuned.controller, tuned.tuning)
+            stored.append({"command_limit": limit, **_settings(tuned), "probe_hit_rate": round(rate, 6)})
+            trials += [
+                {"command_limit": limit, "controller": tuned.controller, **_values(tuned, tuning), "hit_rate": rate}
+                for tuning, rate in tuned.tried
+            ]
+    facts = {"stream": "tuning", "engagements": ENGAGEMENTS, "probe_engagements": PROBE}
+    storage.write_json(SETTINGS, {**facts, "controllers": stored, "provenance": provenance(SEED)})
+    storage.write_json(RESULT, {"machine": describe_machine(), "conditions": {"seed": SEED, **facts}, "trials": trials})
+    _show(stored)
+
+
+def _settings(tuned: Tuned) -> dict[str, Any]:
+    return {
+        "controller": tuned.controller,
+        "settings": _values(tuned, tuned.tuning),
+        "neighbours": {name: _sides(each) for name, each in tuned.neighbours.items()},
+        "hit_rate": tuned.hit_rate,
+        "tried": len(tuned.tried),
+    }
+
+
+def _values(tuned: Tuned, tuning: Tuning) -> dict[str, float]:
+    # The first setting of a controller without a process noise is none of its own.
+    return {name: getattr(tuning, name) for name in ("acceleration_sd", *GRIDS[tuned.controller])}
+
+
+def _sides(neighbours: Neighbours) -> dict[str, dict[str, float] | None]:
+    sides = {"below": neighbours.below, "above": neighbours.above}
+    return {side: None if each is None else {"value": each[0], "hit_rate": each[1]} for side, each in sides.items()}
+
+
+def _show(stored: list[dict[str, Any]]) -> None:
+    table = Table("limit", "controller", "%", "tried", "settings (neighbours, points less)", title="tuned")
+    for each in stored:
+        words = [f"{name} {each['settings'][name]:g} ({_beside(each, name)})" for name in each["neighbours"]]
+        rate = f"{100 * each['hit_rate']:.2f}"
+        table.add_row(each["command_limit"], each["controller"], rate, str(each["tried"]), "\n".join(words))
     Console(width=140).print(table)
-    conditions = {"seed": SEED, "stream": "tuning", "engagements": ENGAGEMENTS, "command_limit": "box"}
-    storage.write_json(RESULT, {"machine": describe_machine(), "conditions": conditions, "trials": rows})
+
+
+def _beside(stored: dict[str, Any], name: str) -> str:
+    return ", ".join(
+        "bound" if side is None else f"{side['value']:g}: {100 * (stored['hit_rate'] - side['hit_rate']):.2f}"
+        for side in stored["neighbours"][name].values()
+    )
 
 
 if __name__ == "__main__":

@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 from archerfish.cli import lab_stage
-from archerfish.cli.evaluation_run import EvaluationTask, make_ground, run_evaluation, tune_controllers
+from archerfish.cli.evaluation_run import (
+    EvaluationTask,
+    make_ground,
+    run_evaluation,
+    tune_controllers,
+    with_tuning,
+)
 from archerfish.cli.lab_stage import LabTask, run_recording
 from archerfish.cli.robot_identification import (
     IdentifyTask,
@@ -21,7 +27,9 @@ from archerfish.cli.robot_identification import (
 from archerfish.cli.setting import Setting, with_muzzle
 from archerfish.cli.training_run import TrainingTask, run_task
 from archerfish.cli.transfer import QUICK_ENGAGEMENTS, QUICK_STEPS, Transfer, others, shortened
+from archerfish.controllers.roster import Tuning
 from archerfish.evaluation.transfer import drops
+from archerfish.evaluation.tuning import BUDGET
 from archerfish.identification.axis import order_choice
 from archerfish.learning.config import PpoConfig
 from archerfish.paper.conditions import assumed_conditions
@@ -136,10 +144,17 @@ def test_the_stages_between_recording_and_shooting_do_not_import_the_robot() -> 
         assert not [module for module in modules if "virtual_robot" in module or "lab_stage" in module], name
 
 
-def test_a_policy_for_the_robot_trains_and_shoots_with_it(setting, tmp_path) -> None:
+def test_a_policy_for_the_robot_trains_and_shoots_with_it(setting, monkeypatch) -> None:
+    monkeypatch.setattr("archerfish.cli.evaluation_run.TUNING_ENGAGEMENTS", 2)
     policy = run_task(TrainingTask(setting, 0.5, "tracked", 0, "gate", TINY, 0)).policy
-    task = EvaluationTask(setting, "gate", 2, 0, ("kalman",), (policy,), tables=("IV", "V"))
+    untuned = EvaluationTask(setting, "gate", 2, 0, ("kalman",), (policy,), tables=("IV", "V"))
+    task = with_tuning(untuned)
+    (tuned,) = tune_controllers(untuned)
+    assert task.tuning == {"kalman": tuned.tuning}
     simulated = run_evaluation(task)
+    # A call without settings finds them itself, as the command line does.
+    for ours, theirs in zip(run_evaluation(untuned), simulated, strict=True):
+        assert np.array_equal(ours.hit, theirs.hit)
     on_robot = replace(task, robot="infantry")
     shot = run_evaluation(on_robot)
     ground = make_ground(on_robot)
@@ -174,8 +189,14 @@ def test_trackers_are_tuned_on_draws_of_their_own(setting, monkeypatch) -> None:
     monkeypatch.setattr("archerfish.cli.evaluation_run.TUNING_ENGAGEMENTS", 2)
     (tuned,) = tune_controllers(EvaluationTask(setting, "gate", 2, 0, ("parabola-lq", "oracle")))
     assert tuned.controller == "parabola-lq"
-    assert tuned.tried == 5
+    assert set(tuned.neighbours) == {"smoothing", "extra_lead_s"}
+    assert 5 <= len(tuned.tried) <= BUDGET
     assert 0 < tuned.hit_rate < 1
+
+
+def test_settings_that_were_given_are_kept(setting) -> None:
+    given = {"kalman": Tuning(3.0, -0.04)}
+    assert with_tuning(EvaluationTask(setting, "gate", 2, 0, ("kalman", "oracle"), tuning=given)).tuning == given
 
 
 def test_a_tracked_policy_needs_to_know_camera_and_link(setting) -> None:

@@ -1,84 +1,114 @@
-from typing import Any, NamedTuple
+import math
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from archerfish.controllers.roster import Tuning
-from archerfish.dynamics.aiming import line_of_sight
-from archerfish.dynamics.array_namespace import namespace
-from archerfish.evaluation.suites import Trials, draw_trials, table_suites
-from archerfish.evaluation.trial import fight
-from archerfish.evaluation.tuning import ACCELERATIONS, GRIDS, LEADS, tune
+from archerfish.evaluation.suites import draw_trials, table_suites
+from archerfish.evaluation.tuning import BUDGET, GRIDS, LEAST_GAIN, Grid, starting_point, tune
 from archerfish.paper.conditions import assumed_conditions
-from archerfish.paper.gimbal import gate_limits, printed_plants
-from archerfish.sensing.interfaces import Command, Seen, Truth, fire_always
-from archerfish.simulation.setting import make_world, paper_muzzle
-from archerfish.simulation.shooting import ShootingWorld
 
 CONDITIONS = assumed_conditions()
 
 
-class Aside(NamedTuple):
-    """Points to the left of the target by an angle."""
+class Hill(NamedTuple):
+    """A hit rate that falls off on either side of the best settings, in octaves of a ratio and in seconds."""
 
-    angle: Any
-    """[rad], shape ()."""
+    acceleration_sd: float = 4.0
+    extra_lead_s: float = 0.0
+    velocity_decay: float = 1.0
 
-    def reset(self, seen: Seen, truth: Truth | None = None) -> Any:
-        return 0.0 * seen.elapsed
-
-    def step(self, state: Any, seen: Seen) -> tuple[Any, Command]:
-        sight = line_of_sight(seen.plate[..., 0, :])
-        drop, left = 0.01 + 0.0 * sight[..., 0], self.angle + 0.0 * sight[..., 0]
-        return state, fire_always(sight + namespace(sight).stack([drop, left], axis=-1))
-
-
-def aside(tuning: Tuning) -> Aside:
-    """The nearer to 4 m/s² and 0.04 s, the nearer to straight ahead."""
-    return Aside(np.float32(abs(np.log2(tuning.acceleration_sd / 4.0)) * 0.02 + abs(tuning.extra_lead_s - 0.04)))
+    def __call__(self, tuning: Tuning) -> float:
+        away = math.log2(tuning.acceleration_sd / self.acceleration_sd)
+        late = (tuning.extra_lead_s - self.extra_lead_s) / 0.02
+        fast = math.log2(tuning.velocity_decay / self.velocity_decay)
+        # One setting makes up for another, as lead and decay do.
+        return 0.9 - 0.01 * (away**2 + late**2 + (3.0 * fast) ** 2 + 0.5 * late * away)
 
 
-@pytest.fixture(scope="module")
-def world() -> ShootingWorld:
-    plants = printed_plants()
-    return make_world(**plants, muzzle=paper_muzzle(CONDITIONS), limits=gate_limits(), command_limit="box",
-                      conditions=CONDITIONS)  # fmt: skip
+@pytest.mark.parametrize("lead", [-0.14, -0.02, 0.0, 0.1])
+@pytest.mark.parametrize("acceleration", [0.25, 4.0, 128.0])
+def test_the_best_settings_are_found_wherever_they_lie(lead, acceleration) -> None:
+    hill = Hill(acceleration, lead, 0.64)
+    tuned = tune("kalman", hill)
+    assert tuned.hit_rate == pytest.approx(0.9, abs=0.003)
+    assert tuned.tuning.extra_lead_s == pytest.approx(lead, abs=0.021)
+    assert abs(math.log2(tuned.tuning.acceleration_sd / acceleration)) <= 1.0
+    assert len(tuned.tried) <= BUDGET
+    assert tuned.hit_rate >= max(rate for _, rate in tuned.tried) - LEAST_GAIN
 
 
-@pytest.fixture(scope="module")
-def trials() -> Trials:
-    return draw_trials(table_suites(CONDITIONS)[:4], engagements=20, decisions=30, seed=0, purpose="tuning")
+@pytest.mark.parametrize("name", GRIDS)
+def test_a_chosen_value_lies_between_two_that_were_tried_or_at_a_natural_bound(name) -> None:
+    # Hit rates as rough as those of few engagements, with a slope that leads far from the start.
+    rng = np.random.default_rng(7)
+
+    def rate(tuning: Tuning) -> float:
+        slope = math.log2(tuning.initial_speed) + 10.0 * tuning.extra_lead_s - math.log2(tuning.smoothing)
+        return 0.8 + 0.01 * math.tanh(0.1 * slope) + 0.002 * rng.standard_normal()
+
+    tuned = tune(name, rate)
+    assert len(tuned.tried) <= BUDGET
+    assert set(tuned.neighbours) == set(GRIDS[name])
+    rates = dict(tuned.tried)
+    for setting, beside in tuned.neighbours.items():
+        assert beside.value == getattr(tuned.tuning, setting)
+        for side, sign in ((beside.below, -1), (beside.above, 1)):
+            if side is None:
+                assert setting == "velocity_decay"
+                assert (sign, beside.value) == (1, 1.0)
+            else:
+                value, found = side
+                assert sign * (value - beside.value) > 0.0
+                assert rates[tuned.tuning._replace(**{setting: value})] == found
 
 
-def test_a_lead_that_is_best_at_the_end_of_the_grid_is_sought_beyond_it(world, trials) -> None:
-    def far(tuning: Tuning) -> Aside:
-        return Aside(np.float32(2.0 * abs(tuning.extra_lead_s - 0.12)))
-
-    grid = [Tuning(4.0, extra_lead_s=lead) for lead in LEADS]
-    tuned = tune(world, trials, "aside", far, CONDITIONS.hit_radius, grid)
-    assert tuned.tuning.extra_lead_s == pytest.approx(0.12)
-    assert tuned.tried == len(LEADS) + 3  # 0.10 and 0.12 s are better, 0.14 s is not
+def test_a_velocity_never_grows() -> None:
+    tuned = tune("kalman", lambda tuning: 0.5 + 0.1 * tuning.velocity_decay)
+    assert tuned.tuning.velocity_decay == 1.0
+    assert max(tuning.velocity_decay for tuning, _ in tuned.tried) == 1.0
+    assert tuned.neighbours["velocity_decay"].above is None
 
 
-def test_the_settings_that_hit_most_are_chosen_of_the_whole_grid(world, trials) -> None:
-    grid = GRIDS["kalman"]
-    tuned = tune(world, trials, "aside", aside, CONDITIONS.hit_radius, grid)
-    rates = [fight(world, aside(each), trials).hits(CONDITIONS.hit_radius).mean() for each in grid]
-    assert (tuned.controller, tuned.tried) == ("aside", len(ACCELERATIONS) * len(LEADS))
-    assert tuned.hit_rate == pytest.approx(max(rates))
-    assert rates[grid.index(tuned.tuning)] == max(rates)
-    assert (tuned.tuning.acceleration_sd, tuned.tuning.extra_lead_s) == (4.0, 0.04)
-    assert max(rates) > 1.5 * np.mean(rates)
+def test_no_setting_is_tried_twice() -> None:
+    asked = []
+
+    def rate(tuning: Tuning) -> float:
+        asked.append(tuning)
+        return Hill(16.0, -0.06, 0.8)(tuning)
+
+    tuned = tune("kalman-lq", rate)
+    assert len(asked) == len(set(asked)) == len(tuned.tried)
 
 
-def test_trackers_are_tuned_by_grids_of_one_size() -> None:
-    assert len(GRIDS["kalman"]) == len(GRIDS["kalman-lq"]) == 30
-    assert len({*GRIDS["kalman"], *GRIDS["kalman-lq"]}) > 50
-    # The filter of the rule has nothing to be told of the target.
-    assert {each.acceleration_sd for each in GRIDS["parabola-lq"]} == {0.0}
+def test_steps_grow_on_the_way_to_a_far_optimum() -> None:
+    grids = {"acceleration_sd": Grid(1.0, 2.0)}
+    tuned = tune("far", lambda tuning: -0.01 * abs(math.log2(tuning.acceleration_sd) - 20.0), grids)
+    assert tuned.tuning.acceleration_sd == 2.0**20
+    assert len(tuned.tried) < 15
 
 
-def test_tuning_has_draws_that_no_evaluation_has(trials) -> None:
-    judged = draw_trials(table_suites(CONDITIONS)[:4], engagements=20, decisions=30, seed=0)
+def test_every_controller_that_tracks_has_all_its_settings_tuned() -> None:
+    lead = {"extra_lead_s"}
+    tracker = lead | {"acceleration_sd", "initial_speed", "velocity_decay"}
+    assert set(GRIDS["kalman"]) == set(GRIDS["kalman-tuned"]) == tracker
+    assert set(GRIDS["kalman-lq"]) == tracker | {"smoothing"}
+    assert set(GRIDS["imm-lq"]) == tracker - {"velocity_decay"} | {"smoothing", "turn_rate"}
+    # The filter of the rule needs no belief about the target.
+    assert set(GRIDS["parabola-lq"]) == lead | {"smoothing"}
+
+
+def test_a_search_begins_at_its_starting_point() -> None:
+    for name in GRIDS:
+        tuned = tune(name, lambda _: 0.5)
+        assert tuned.tried[0][0] == tuned.tuning == starting_point(name)
+    assert starting_point("oracle") is None
+
+
+def test_tuning_has_draws_that_no_evaluation_has() -> None:
+    suites = table_suites(CONDITIONS)[:4]
+    trials = draw_trials(suites, engagements=20, decisions=30, seed=0, purpose="tuning")
+    judged = draw_trials(suites, engagements=20, decisions=30, seed=0)
     assert not np.intersect1d(trials.draws, judged.draws).size > trials.draws.size // 1000
     assert not np.any(trials.engagements.motion.vertex[:, 1] == judged.engagements.motion.vertex[:, 1])

@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.stats import multivariate_normal
 
 from archerfish.records.sensing import CameraRecord, LinkRecord, SensingRecord
 from archerfish.sensing.kalman_filter import (
@@ -10,6 +11,7 @@ from archerfish.sensing.kalman_filter import (
     INITIAL_SPEED,
     TrackerNoise,
     begin_track,
+    log_likelihood,
     measurement_covariance,
     noise_from_record,
     position_after,
@@ -81,14 +83,14 @@ def test_a_guess_of_the_place_is_forgotten_at_the_first_sight() -> None:
 
 def test_without_acceleration_the_filter_is_batch_least_squares() -> None:
     plates = measurements(30)
-    noise = NOISE._replace(acceleration=np.asarray(0.0))
+    noise = NOISE._replace(acceleration=np.asarray(0.0), initial_speed=np.asarray(0.3))
     # Unknown: position and velocity at the last moment; the filter's prior holds at the first.
     information, right = np.zeros((4, 4)), np.zeros(4)
     for index, plate in enumerate(plates):
         row = np.hstack([np.eye(2), DT * (index - 29) * np.eye(2)])
         weight = np.linalg.inv(rotated(plate))
         information, right = information + row.T @ weight @ row, right + row.T @ weight @ plate[:2]
-    information[2:, 2:] += np.eye(2) / INITIAL_SPEED**2
+    information[2:, 2:] += np.eye(2) / 0.3**2
     track = track_of(plates, noise)
     assert_allclose(track.mean, np.linalg.solve(information, right), rtol=1e-8)
     assert_allclose(track.covariance, np.linalg.inv(information), rtol=1e-6, atol=1e-14)
@@ -130,7 +132,7 @@ def test_a_record_tells_noise_as_angle_and_as_share_of_the_distance() -> None:
         outlier_share=0.0,
     )
     noise = noise_from_record(SensingRecord(camera, LinkRecord(feedback_rate_hz=1000.0)), 2.5)
-    assert_allclose(noise, [2.5, 1e-3, 1e-3, 0.015, 0.0017])
+    assert_allclose(noise, [2.5, 1e-3, 1e-3, 0.015, 0.0017, INITIAL_SPEED])
 
 
 def test_the_height_is_a_filter_of_its_own() -> None:
@@ -187,6 +189,22 @@ def test_a_steady_target_is_predicted_where_it_will_be() -> None:
     time = DT * np.arange(60)[:, None]
     track = track_of(np.array([3.0, -1.0, 0.2]) + time * [0.2, 0.5, 0.0])
     assert_allclose(position_after(track, np.asarray(0.3)), [3.0 + 0.2 * 1.48, -1.0 + 0.5 * 1.48, 0.2], atol=2e-3)
+
+
+def test_a_decayed_velocity_carries_a_target_less_far() -> None:
+    time = DT * np.arange(60)[:, None]
+    track = track_of(np.array([3.0, -1.0, 0.2]) + time * [0.2, 0.5, 0.0])
+    whole, none, part = (position_after(track, np.asarray(0.3), np.asarray(share)) for share in (1.0, 0.0, 0.6))
+    assert_allclose(none[:2], track.mean[:2])
+    assert_allclose(part, 0.6 * whole + 0.4 * none)
+
+
+def test_the_likelihood_of_a_sight_is_the_normal_density() -> None:
+    plates = measurements(6)
+    track = predict(NOISE, track_of(plates[:-1]), np.asarray(DT))
+    density = multivariate_normal(track.mean[:2], track.covariance[:2, :2] + rotated(plates[-1]))
+    expected = density.logpdf(plates[-1, :2]) + math.log(2.0 * math.pi)
+    assert log_likelihood(NOISE, track, plates[-1]) == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_longer_silence_leaves_more_doubt() -> None:

@@ -52,8 +52,8 @@ class Evaluate:
     ] = ()
     """Policy records (policy.json), as train writes them; none evaluates the classical controllers alone."""
     controllers: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME…")] = ("kalman", "kalman-lq", "oracle")
-    """Controllers beside them: kalman, kalman-lq, parabola-lq, no-lead, vertex, oracle, or your own, ./FILE.py:NAME or
-    MODULE:NAME (docs/adding.md)."""
+    """Controllers beside them: kalman, kalman-tuned, kalman-lq, imm-lq, parabola-lq, no-lead, vertex, oracle, or your
+    own, ./FILE.py:NAME or MODULE:NAME (docs/adding.md)."""
     motion: OwnMotionName = ""
     """How moving targets move, in the place of eq (7): your own as ./FILE.py:NAME or MODULE:NAME."""
     setting: RobotOptions = field(default_factory=SettingFiles)
@@ -92,13 +92,14 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     keep_compiled()
     from archerfish.cli.evaluation_run import (  # needs JAX
         EvaluationTask,
+        is_stored,
         run_evaluation,
         try_own_code,
-        tune_controllers,
+        untuned,
+        with_tuning,
     )
     from archerfish.evaluation.report import write_report
     from archerfish.evaluation.results import write_results
-    from archerfish.evaluation.tuning import GRIDS
 
     setting = load_setting(command.setting)
     period_s = setting.conditions.control_period_s
@@ -121,10 +122,9 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     try_own_code(task)
     with run_folder(command.out, make_writer(command)) as folder:
         begun = time.monotonic()
-        if setting.sensing is not None:
-            with progress_bar("tuning", len(set(command.controllers) & set(GRIDS)), "controllers") as advance:
-                tuned = tune_controllers(task, advance)
-            task = replace(task, tuning={each.controller: each.tuning for each in tuned})
+        if untuned(task) and not is_stored(task):
+            with progress_bar("tuning", len(untuned(task)), "controllers") as advance:
+                task = with_tuning(task, advance)
         with progress_bar("evaluating", len(command.controllers) + len(policies), "controllers") as advance:
             outcomes = run_evaluation(task, advance)
         results = _results(task, outcomes, time.monotonic() - begun)

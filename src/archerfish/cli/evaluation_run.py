@@ -1,8 +1,8 @@
 """One evaluation as a task: some controllers in one world on the same engagements as all others."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 from archerfish.cli.setting import Setting, setting_world
 from archerfish.controllers.policy import policy_from_record
@@ -14,7 +14,9 @@ from archerfish.evaluation.bounds.cell_bounds import CellBounds
 from archerfish.evaluation.evaluate import Entrant, Ground, Outcome, compete, ground_bounds, perfect_aim
 from archerfish.evaluation.rehearsal import rehearse
 from archerfish.evaluation.suites import draw_trials, table_suites
+from archerfish.evaluation.trial import fight
 from archerfish.evaluation.tuning import GRIDS, Tuned, tune
+from archerfish.paper.tuning import paper_settings
 from archerfish.records.errors import InputError
 from archerfish.records.extensions import own_code
 from archerfish.records.policy import PolicyRecord
@@ -50,7 +52,7 @@ class EvaluationTask:
     tables: tuple[str, str] = ("II", "III")
     """The paper's tables that the cells stand beside."""
     tuning: Mapping[str, Tuning] = field(default_factory=dict)
-    """Controller → its settings, from `tune_controllers`; the paper's conditions hold the others'."""
+    """Controller → its settings; `with_tuning` finds those that are missing."""
     motion: str = ""
     """How moving targets move, as `find_motion` takes it; as eq (7) says if empty."""
 
@@ -92,36 +94,86 @@ def _bench(task: EvaluationTask, tuning: Tuning | None) -> Workbench:
     )
 
 
-def tune_controllers(task: EvaluationTask, advance: Callable[[float, str], None] = lambda *_: None) -> list[Tuned]:
-    """Tune the tracking controllers of a task in its setting's simulator, all on the same draws.
+def with_tuning(task: EvaluationTask, advance: Callable[[float, str], None] = lambda *_: None) -> EvaluationTask:
+    """Return a task with settings for all its controllers that are tuned, those that it has included.
+
+    In the simulator of the printed gimbal they are stored, since it never changes; for any other robot, and for targets
+    that don't move as eq (7) says, the controllers are tuned now, which takes seconds each.
+
+    Args:
+      task: the task.
+      advance: gets how many are done, and the latest.
+    """
+    names = untuned(task)
+    if is_stored(task):
+        stored = paper_settings(task.command_limit)
+        found = {name: Tuning(**stored[name]) for name in names if name in stored}
+    else:
+        tuned = tune_controllers(replace(task, controllers=names), advance)
+        found = {each.controller: each.tuning for each in tuned}
+    return replace(task, tuning={**found, **task.tuning})
+
+
+def untuned(task: EvaluationTask) -> tuple[str, ...]:
+    """Return the controllers of a task that are to be tuned yet.
+
+    With the printed gimbal, `kalman` is the one that the assumed conditions were calibrated with, and never tuned.
+    """
+    fixed = {"kalman"} if task.setting.name == "paper" else set()
+    return tuple(each for each in task.controllers if each in GRIDS and each not in {*task.tuning, *fixed})
+
+
+def is_stored(task: EvaluationTask) -> bool:
+    """Whether the settings of a task's controllers are stored: in the simulator of the printed gimbal."""
+    return task.setting.name == "paper" and not task.motion
+
+
+def tune_controllers(
+    task: EvaluationTask, advance: Callable[[float, str], None] = lambda *_: None, engagements: int | None = None
+) -> list[Tuned]:
+    """Tune the controllers of a task that can be, in its setting's simulator, all on the same draws.
 
     Args:
       task: which controllers, for which robot.
-      advance: hears how many are done, and of the latest.
+      advance: gets how many are done, and the latest.
+      engagements: number per cell; `TUNING_ENGAGEMENTS` if not given.
     """
-    setting, conditions = task.setting, task.setting.conditions
-    world = setting_world(setting, task.command_limit)
-    trials = draw_trials(
-        table_suites(conditions, world.plants, motion=find_motion(task.motion) if task.motion else None),
-        TUNING_ENGAGEMENTS,
-        conditions.decisions,
-        task.seed,
-        "tuning",
-        world.normals,
-    )
-    found = []
+    ground, found = tuning_ground(task, engagements or TUNING_ENGAGEMENTS), []
     for name in (each for each in task.controllers if each in GRIDS):
-
-        def build(tuning: Tuning, name: str = name) -> Any:
-            return make_controller(name, _bench(task, tuning))
-
-        found.append(tune(world, trials, name, build, conditions.hit_radius))
+        found.append(tune(name, partial(tuned_rate, task, ground, name)))
         advance(len(found), name)
     return found
 
 
+def tuning_ground(task: EvaluationTask, engagements: int) -> Ground:
+    """Build the simulator of a task's setting with engagements that no evaluation has.
+
+    Args:
+      task: for which robot.
+      engagements: number per cell.
+    """
+    conditions = task.setting.conditions
+    world = setting_world(task.setting, task.command_limit)
+    suites = table_suites(conditions, world.plants, motion=find_motion(task.motion) if task.motion else None)
+    trials = draw_trials(suites, engagements, conditions.decisions, task.seed, "tuning", world.normals)
+    return Ground(world, trials, task.command_limit, task.setting.name, conditions)
+
+
+def tuned_rate(task: EvaluationTask, ground: Ground, name: str, tuning: Tuning) -> float:
+    """Return the hit rate of a controller with some settings, 0…1.
+
+    Args:
+      task: for which robot.
+      ground: from `tuning_ground`.
+      name: of the controller.
+      tuning: its settings.
+    """
+    shots = fight(ground.world, make_controller(name, _bench(task, tuning)), ground.trials)
+    return float(shots.hits(ground.conditions.hit_radius).mean())
+
+
 def run_evaluation(task: EvaluationTask, advance: Callable[[float, str], None] = lambda *_: None) -> list[Outcome]:
-    """Let the controllers of a task fight.
+    """Let the controllers of a task fight, after tuning those that have no settings yet.
 
     Args:
       task: who, where.
@@ -130,6 +182,7 @@ def run_evaluation(task: EvaluationTask, advance: Callable[[float, str], None] =
     Raises:
       InputError: if a controller is unknown.
     """
+    task = with_tuning(task)
     ground, done = make_ground(task), []
     classical = [spec for spec in task.controllers if spec != "perfect"]
     entrants = [

@@ -27,16 +27,17 @@ TRAINERS = {"history": "gradient", "paper": "ppo"}
 """Kind of observation → how its policies are trained: the paper's six numbers as the paper does."""
 CONTROLLERS = {
     ("oracle", "perfect"): ("gate", "box", "los-2deg"),
+    ("imm-lq",): ("gate", "box", "los-2deg"),
     ("kalman-lq",): ("gate", "box", "los-2deg"),
     ("parabola-lq",): ("gate", "box"),
     ("vertex",): ("gate", "box"),
     ("no-lead",): ("gate", "box"),
-    ("kalman",): ("gate", "box", "los-2deg"),
+    ("kalman", "kalman-tuned"): ("gate", "box", "los-2deg"),
 }
 """Classical controllers → command limits; a group is one task, the one with the most work first."""
 NOT_QUICK = (("vertex",), ("no-lead",))
 """Groups that a quick run leaves out: each costs seconds of compiling."""
-AGAINST = ("kalman", "kalman-lq", "parabola-lq", "oracle")
+AGAINST = ("kalman", "kalman-tuned", "kalman-lq", "imm-lq", "parabola-lq", "oracle")
 """Whom the policies are compared with, paired."""
 
 

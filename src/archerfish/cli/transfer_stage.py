@@ -29,11 +29,11 @@ from archerfish.virtual_robot.description_file import load_robot
 
 COMMAND_LIMIT = "gate"
 TABLES = ("IV", "V")
-CONTROLLERS = ("oracle", "parabola-lq", "kalman-lq", "kalman")
+CONTROLLERS = ("oracle", "parabola-lq", "imm-lq", "kalman-lq", "kalman")
 """Classical controllers, the one with the most work first."""
 STILL_SHARE = 0.35
 """Share of the targets in training that stand still: where a moving one will be is what takes long to learn."""
-AGAINST = ("kalman", "kalman-lq", "parabola-lq", "oracle")
+AGAINST = ("kalman", "kalman-lq", "imm-lq", "parabola-lq", "oracle")
 """Whom the policies are compared with, paired."""
 
 
@@ -92,7 +92,9 @@ def train_for_robot(rehearsal: Rehearsal, setting: Setting) -> tuple[PolicyRecor
 
 def tune_for_robot(rehearsal: Rehearsal, setting: Setting) -> dict[str, Tuning]:
     """Tune the trackers of the classical controllers in the identified simulator, on draws of their own."""
-    tasks = [EvaluationTask(setting, COMMAND_LIMIT, 2, rehearsal.seeds[0], (name,)) for name in GRIDS]
+    tasks = [
+        EvaluationTask(setting, COMMAND_LIMIT, 2, rehearsal.seeds[0], (name,)) for name in CONTROLLERS if name in GRIDS
+    ]
     jobs: list[Task] = [(tune_controllers, task, 1.0) for task in tasks]
     found = run_tasks("tuning", "controllers", jobs, rehearsal.workers)
     return {each.controller: each.tuning for tuned in found for each in tuned}
@@ -165,15 +167,15 @@ def rehearse(rehearsal: Rehearsal) -> tuple[Identified, dict[str, Any]]:
     tuning = tune_for_robot(rehearsal, identified.setting)
     report: RobotIdentification = replace(
         identified.report,
-        facts=identified.report.facts | {name: _tuned_values(each) for name, each in tuning.items()},
+        facts=identified.report.facts | {name: _tuned_values(name, each) for name, each in tuning.items()},
     )
     return identified, {"robot": report, **shoot_tables(rehearsal, identified, policies, tuning)}
 
 
-def _tuned_values(tuning: Tuning) -> dict[str, float]:
-    """Return the settings of a tracker by name."""
-    return {
-        "acceleration_sd_m_s2": tuning.acceleration_sd,
-        "extra_lead_s": tuning.extra_lead_s,
-        "smoothing": tuning.smoothing,
-    }
+_UNITS = {"acceleration_sd": "_m_s2", "initial_speed": "_m_s", "turn_rate": "_1_s"}
+"""Setting → unit that its name doesn't carry."""
+
+
+def _tuned_values(controller: str, tuning: Tuning) -> dict[str, float]:
+    """Return what was tuned of a controller by name."""
+    return {f"{name}{_UNITS.get(name, '')}": getattr(tuning, name) for name in GRIDS[controller]}

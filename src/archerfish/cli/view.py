@@ -62,8 +62,8 @@ class View:
             metavar="NAME…", help_behavior_hint="(default: policy kalman-lq; kalman-lq kalman without a policy)"
         ),
     ] = ()
-    """Who steers first, and who meets the same engagements after it: policy, kalman, kalman-lq, parabola-lq, no-lead,
-    vertex, oracle, or one of your own (./FILE.py:NAME, docs/adding.md)."""
+    """Who steers first, and who meets the same engagements after it: policy, kalman, kalman-tuned, kalman-lq, imm-lq,
+    parabola-lq, no-lead, vertex, oracle, or one of your own (./FILE.py:NAME, docs/adding.md)."""
     target: Annotated[str, tyro.conf.arg(metavar="NAME")] = "parabola"
     """How the target moves at first: parabola, still, straight, circle, swing, hand, or one of your own."""
     distance_m: float = 3.0

@@ -1,141 +1,258 @@
 """Where a target of eq (7) will be, from noisy sights: a Bayes filter over speeds and phases.
 
-The rule is known (the width within which the target goes to and fro, its largest speed), speed, phase and middle are
-not. Speeds and phases form a grid of hypotheses; the middle is Gaussian under each and marginalised in closed form. So
-each hypothesis keeps three sums over the frames. The prediction is the place that most likely lies within the armor's
-reach of the pellet, not the mean: a target that may or may not turn back is in one of two places, never between them.
+The rule is known (the curve, the width within which the target goes to and fro, its largest speed, where the middles
+lie), speed, phase and middle are not. Speeds and phases form a grid of hypotheses. Given both, where the target is
+against the middle is known at any time, so the middle is Gaussian, and one Kalman gain serves all hypotheses. Both
+coordinates of a sight count: the depth says how far from the middle the target is.
+
+A prediction needs the place that most likely lies within the armor's reach of the pellet, not the mean: a target that
+may or may not turn back is in one of two places, never between them. It takes a systematic draw of the hypotheses,
+which stands for all of them.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from archerfish.controllers.hit_window import across_sight, distribution, most_hits
 from archerfish.dynamics.array_namespace import Array, lift, namespace
 from archerfish.dynamics.target_motion import triangle_wave
+from archerfish.paper.conditions import Conditions
 from archerfish.sensing.interfaces import Seen
-from archerfish.sensing.kalman_filter import TrackerNoise
+from archerfish.sensing.kalman_filter import (
+    UNSEEN_SD,
+    TrackerNoise,
+    height_noise,
+    inverse_and_determinant,
+    matrix_product,
+    measurement_covariance,
+    symmetric,
+)
 
-SPEEDS, PHASES, PLACES = 12, 24, 17
-"""Hypotheses, and candidates of the aim over the width."""
+SPEEDS, PHASES, DRAWN = 48, 160, 96
+"""Hypotheses of either kind, and how many are drawn to predict from. Finer ones change no hit rate by 0.1 points."""
+STANDING = 0.5
+"""Probability that a target stands still, which the tables' targets do half of the time."""
+
+
+class Drawn(NamedTuple):
+    """Hypotheses that stand for all, each with the same probability; shape B + (K,) each."""
+
+    speed: Array
+    """[m/s]."""
+    phase: Array
+    """Part of the cycle gone at the first sight."""
+    depth: Array
+    """X₀, mean given the other two [m]."""
+    lateral: Array
+    """Y₀, mean given the other two [m]."""
 
 
 class Hypotheses(NamedTuple):
-    """Evidence of one target; H hypotheses."""
+    """What is known of one target; V speeds and P phases."""
 
-    weight: Array
-    """Sum of the precisions of the frames [1/m²], shape B."""
-    residual: Array
-    """Precision-weighted sum of lateral position less the hypothesis' swing [1/m], shape B + (H,)."""
-    square: Array
-    """The same of its square, shape B + (H,)."""
     depth: Array
-    """Weighted mean of x [m], shape B."""
-    depth_weight: Array
-    """Sum of its precisions [1/m²], shape B."""
+    """Mean of X₀ under each hypothesis [m], shape B + (V, P)."""
+    lateral: Array
+    """Mean of Y₀ under each [m], shape B + (V, P)."""
+    evidence: Array
+    """Log likelihood of each with its prior, the largest zero, shape B + (V, P)."""
+    covariance: Array
+    """Of X₀ and Y₀, the same under all [m²], shape B + (2, 2)."""
     height: Array
     """Mean of z [m], shape B."""
+    height_variance: Array
+    """Its variance [m²], shape B."""
     clock: Array
     """Since the first sight's exposure [s], shape B."""
     age: Array
     """Of the latest sight [s], shape B."""
+    drawn: Drawn
+    """Hypotheses to predict from."""
 
 
 class ParabolaFilter(NamedTuple):
     """A predictor that knows the rule of eq (7), but not speed, phase and middle."""
 
     speed: Array
-    """Of each hypothesis [m/s], shape (H,)."""
+    """Hypotheses of the speed [m/s], shape (V,)."""
     phase: Array
-    """Part of the cycle gone at the first sight, shape (H,)."""
+    """Hypotheses of the part of the cycle gone at the first sight, shape (P,)."""
+    log_prior: Array
+    """Log probability of each speed, shape (V,)."""
     half_width: Array
     """Distance from the middle at which the target turns back [m]."""
+    curvature: Array
+    """c [1/m]."""
+    low: Array
+    """Smallest X₀ and Y₀ [m], shape (2,)."""
+    high: Array
+    """Largest X₀ and Y₀ [m], shape (2,)."""
     reach: Array
     """Hit radius [m]."""
+    scatter: Array
+    """Standard deviation of the pellets' azimuth [rad]."""
+    draws: Array
+    """Ones for each hypothesis that is drawn, shape (K,)."""
     noise: TrackerNoise
-    """Of the camera; its acceleration is unused."""
+    """Of the camera; what it says of the target is unused."""
 
     def reset(self, seen: Seen) -> Hypotheses:
         """Begin at the first sight."""
-        plate = seen.plate[..., 0, :]
+        xp = namespace(seen.plate)
+        plate, shown = seen.plate[..., 0, :], seen.fresh[..., 0]
         zero = 0.0 * plate[..., 0]
-        flat = zero[..., None] + 0.0 * lift(self.speed, zero[..., None])
-        empty = Hypotheses(zero, flat, flat, plate[..., 0], zero, plate[..., 2], zero, seen.plate_age[..., 0])
-        begun = self._taken(empty, plate, zero == 0.0)
+        depth, lateral = self._swing(zero)
+        covariance = measurement_covariance(self.noise, plate)
         # A place that no frame has shown is a guess: it weighs next to nothing against the first sight.
-        xp, shown = namespace(plate), seen.fresh[..., 0]
-        sums = {name: getattr(begun, name) for name in ("weight", "residual", "square", "depth_weight")}
-        flags = {name: xp.reshape(shown, shown.shape + (1,) * (each.ndim - zero.ndim)) for name, each in sums.items()}
-        return begun._replace(**{name: xp.where(flags[name], each, 1e-6 * each) for name, each in sums.items()})
+        guess = UNSEEN_SD**2 * lift(xp.eye(2, dtype=plate.dtype), covariance)
+        return self._with_draw(
+            depth=plate[..., 0, None, None] - depth,
+            lateral=plate[..., 1, None, None] - lateral,
+            evidence=0.0 * depth + lift(self.log_prior[:, None], depth),
+            covariance=xp.where(shown[..., None, None], covariance, guess + 0.0 * covariance),
+            height=plate[..., 2],
+            height_variance=xp.where(shown, height_noise(self.noise, plate), UNSEEN_SD**2 + zero),
+            clock=zero,
+            age=seen.plate_age[..., 0],
+        )
 
     def step(self, state: Hypotheses, seen: Seen) -> Hypotheses:
         """Take in what is seen now."""
-        age = seen.plate_age[..., 0]
-        later = state._replace(clock=state.clock + state.age + seen.elapsed - age, age=age)
-        return self._taken(later, seen.plate[..., 0, :], seen.fresh[..., 0] & (seen.elapsed > 0.0))
+        xp = namespace(state.depth)
+        plate, age = seen.plate[..., 0, :], seen.plate_age[..., 0]
+        fresh = seen.fresh[..., 0] & (seen.elapsed > 0.0)
+        clock = state.clock + state.age + seen.elapsed - age
+        measured = measurement_covariance(self.noise, plate)
+        precision, _ = inverse_and_determinant(state.covariance + measured)
+        gain = matrix_product(state.covariance, precision)
+        depth, lateral = self._swing(clock)
+        # The innovations under each hypothesis; a sight that is not fresh brings none.
+        grid = fresh[..., None, None]
+        ahead = xp.where(grid, plate[..., 0, None, None] - depth - state.depth, 0.0)
+        aside = xp.where(grid, plate[..., 1, None, None] - lateral - state.lateral, 0.0)
+        square = _entry(precision, 0, 0) * ahead**2 + _entry(precision, 1, 1) * aside**2
+        evidence = state.evidence - 0.5 * square - _entry(precision, 0, 1) * ahead * aside
+        noise = height_noise(self.noise, plate)
+        share = xp.where(fresh, state.height_variance / (state.height_variance + noise), 0.0)
+        return self._with_draw(
+            depth=state.depth + _entry(gain, 0, 0) * ahead + _entry(gain, 0, 1) * aside,
+            lateral=state.lateral + _entry(gain, 1, 0) * ahead + _entry(gain, 1, 1) * aside,
+            evidence=evidence - xp.max(evidence, axis=(-2, -1), keepdims=True),
+            covariance=xp.where(grid, symmetric(matrix_product(gain, measured)), state.covariance),
+            height=state.height + share * (plate[..., 2] - state.height),
+            height_variance=(1.0 - share) * state.height_variance,
+            clock=clock,
+            age=age,
+        )
+
+    def mean_after(self, state: Hypotheses, time: Array) -> Array:
+        """Return the mean of all places where the target may be, shape B + (3,)."""
+        xp = namespace(state.age, time)
+        level = xp.mean(self._places(state, time), axis=-2)
+        return xp.concat([level, state.height[..., None] + 0.0 * level[..., :1]], axis=-1)
 
     def position_after(self, state: Hypotheses, time: Array) -> Array:
         """Return the place that a pellet most likely meets, shape B + (3,)."""
-        xp = namespace(state.residual, time)
-        middle = state.residual / state.weight[..., None]
-        evidence = -0.5 * (state.square - state.residual * middle)
-        chance = xp.exp(evidence - xp.max(evidence, axis=-1, keepdims=True))
-        chance = chance / xp.sum(chance, axis=-1, keepdims=True)
-        swing = self._swing(state.clock + state.age + time)
-        lateral = middle + swing
-        mean = xp.sum(chance * lateral, axis=-1)
-        places = mean[..., None] + lift(self._places(), mean[..., None])
-        spread = xp.sqrt(1.0 / state.weight)[..., None, None]
-        width = lift(self.reach, spread)
-        off = xp.abs(lateral[..., None, :] - places[..., :, None])
-        # Smooth count of hypotheses within reach; the mean breaks ties.
-        within = 1.0 / (1.0 + xp.exp(xp.clip((off - width) / (0.3 * width + spread), -30.0, 30.0)))
-        score = xp.sum(chance[..., None, :] * within, axis=-1)
-        sharp = xp.exp(60.0 * (score - xp.max(score, axis=-1, keepdims=True)))
-        best = xp.sum(sharp * places, axis=-1) / xp.sum(sharp, axis=-1)
-        return xp.stack([state.depth + 0.0 * best, best, state.height + 0.0 * best], axis=-1)
+        xp = namespace(state.age, time)
+        places = self._places(state, time)
+        center = xp.mean(places, axis=-2)
+        left, distance = across_sight(center)
+        lateral = xp.sum((places - center[..., None, :]) * left[..., None, :], axis=-1)
+        outer = left[..., :, None] * left[..., None, :]
+        variance = xp.sum(outer * state.covariance, axis=(-2, -1)) + (self.scatter * distance) ** 2
+        aim = most_hits(lateral, xp.sqrt(variance)[..., None], self.reach)
+        level = center + aim[..., None] * left
+        return xp.concat([level, state.height[..., None] + 0.0 * level[..., :1]], axis=-1)
 
-    def _places(self) -> Array:
-        return namespace(self.half_width).linspace(-1.0, 1.0, PLACES, dtype=self.half_width.dtype) * self.half_width
+    def _places(self, state: Hypotheses, time: Array) -> Array:
+        """Place under each hypothesis that was drawn, x and y [m], shape B + (K, 2)."""
+        drawn, when = state.drawn, (state.clock + state.age + time)[..., None]
+        depth, lateral = self._against_middle(drawn.phase, drawn.speed, when)
+        return namespace(depth).stack([drawn.depth + depth, drawn.lateral + lateral], axis=-1)
 
-    def _swing(self, time: Array) -> Array:
-        """Lateral position against the middle under each hypothesis [m], shape B + (H,)."""
-        time = namespace(time).asarray(time)[..., None]
-        cycles = lift(self.phase, time) + lift(self.speed, time) * time / (4.0 * self.half_width)
-        return self.half_width * triangle_wave(cycles)
+    def _against_middle(self, phase: Array, speed: Array, time: Array) -> tuple[Array, Array]:
+        """Where eq (7) puts the target against the middle, x and y [m]."""
+        lateral = self.half_width * triangle_wave(phase + speed * time / (4.0 * self.half_width))
+        return self.curvature * lateral**2, lateral
 
-    def _taken(self, state: Hypotheses, plate: Array, fresh: Array) -> Hypotheses:
-        xp = namespace(plate)
-        x, y, z = (plate[..., index] for index in range(3))
-        distance = xp.sqrt(x**2 + y**2)
-        across = self.noise.across**2 + self.noise.across_angle**2 * distance**2
-        along = self.noise.along**2 + self.noise.along_share**2 * distance**2
-        # A sight off to the side has some of the error of the distance in its y, and of the bearing in its x.
-        side, front = (y / distance) ** 2, (x / distance) ** 2
-        precision = xp.where(fresh, 1.0 / (across * front + along * side), 0.0 * x)
-        depth_precision = xp.where(fresh, 1.0 / (along * front + across * side), 0.0 * x)
-        residual = y[..., None] - self._swing(state.clock)
-        weight = state.weight + precision
-        depth_weight = state.depth_weight + depth_precision
-        share = depth_precision / xp.maximum(depth_weight, 1e-9)
-        height_share = precision / xp.maximum(weight, 1e-9)
-        return state._replace(
-            weight=weight,
-            residual=state.residual + precision[..., None] * residual,
-            square=state.square + precision[..., None] * residual**2,
-            depth=state.depth + share * (x - state.depth),
-            depth_weight=depth_weight,
-            height=state.height + height_share * (z - state.height),
-        )
+    def _swing(self, time: Array) -> tuple[Array, Array]:
+        """Return the same under all hypotheses, shape B → B + (V, P) each."""
+        time = namespace(time).asarray(time)[..., None, None]
+        return self._against_middle(lift(self.phase[None, :], time), lift(self.speed[:, None], time), time)
+
+    def _with_draw(self, **known: Array) -> Hypotheses:
+        xp = namespace(known["depth"])
+        weight = xp.exp(known["evidence"]) * self._within(known["depth"], known["lateral"], known["covariance"])
+        row, column = systematic_draw(weight, self.draws)
+        index, flat = row * self.phase.shape[0] + column, (*weight.shape[:-2], -1)
+        means = (xp.take_along_axis(xp.reshape(known[name], flat), index, axis=-1) for name in ("depth", "lateral"))
+        drawn = Drawn(xp.take(self.speed, row), xp.take(self.phase, column), *means)
+        return Hypotheses(**known, drawn=drawn)
+
+    def _within(self, depth: Array, lateral: Array, covariance: Array) -> Array:
+        """Share of the middle's density, under each hypothesis, that lies where middles may lie."""
+        share = 1.0
+        for axis, mean in enumerate((depth, lateral)):
+            scale = _entry(covariance, axis, axis) ** -0.5
+            below, above = (distribution((end[axis] - mean) * scale) for end in (self.low, self.high))
+            share = share * (above - below)
+        # A target from elsewhere is none that can't be.
+        return share + 1e-9
 
 
-def parabola_filter(half_width: float, max_speed: float, reach: float, noise: TrackerNoise) -> ParabolaFilter:
+def systematic_draw(weight: Array, draws: Array) -> tuple[Array, Array]:
+    """Draw hypotheses systematically: those at equal steps of the distribution function, column by column.
+
+    Args:
+      weight: not normalised, shape B + (V, P).
+      draws: ones, shape (K,).
+
+    Returns:
+      Row and column of each, shape B + (K,).
+    """
+    xp = namespace(weight)
+    columns = xp.sum(weight, axis=-2)
+    upto = xp.cumulative_sum(columns, axis=-1)
+    share = (xp.arange(draws.shape[0], dtype=weight.dtype) + 0.5) / draws.shape[0]
+    mark = upto[..., -1:] * lift(share, upto)
+    column = xp.sum(upto[..., :-1, None] < mark[..., None, :], axis=-2)
+    before = xp.take_along_axis(upto - columns, column, axis=-1)
+    within = xp.cumulative_sum(xp.take_along_axis(weight, column[..., None, :], axis=-1), axis=-2)
+    row = xp.sum(within[..., :-1, :] < (mark - before)[..., None, :], axis=-2)
+    return row, column
+
+
+def _entry(matrix: Array, row: int, column: int) -> Array:
+    """Return an entry of 2×2 matrices, to meet a grid: shape B + (2, 2) → B + (1, 1)."""
+    return matrix[..., row, column, None, None]
+
+
+def parabola_filter(
+    conditions: Conditions, scatter: float, noise: TrackerNoise, speeds: int = SPEEDS, phases: int = PHASES
+) -> ParabolaFilter:
     """Build the filter.
 
     Args:
-      half_width: distance from the middle at which the target turns back [m].
-      max_speed: largest lateral speed [m/s]; speeds are as likely everywhere up to it.
-      reach: hit radius [m].
+      conditions: the rule: curve, width, largest speed, where the middles lie; and the hit radius.
+      scatter: standard deviation of the pellets' azimuth [rad].
       noise: of the camera.
+      speeds: number of hypotheses, evenly from zero to the largest; all but zero are as likely as each other.
+      phases: number of hypotheses.
     """
-    speed, phase = np.meshgrid(max_speed * np.arange(SPEEDS) / (SPEEDS - 1), np.arange(PHASES) / PHASES, indexing="ij")
-    return ParabolaFilter(speed.ravel(), phase.ravel(), np.asarray(half_width), np.asarray(reach), noise)
+    prior = np.full(speeds, (1.0 - STANDING) / (speeds - 1))
+    prior[0] = STANDING
+    side, bins = conditions.max_lateral_offset, conditions.range_bins
+    return ParabolaFilter(
+        speed=conditions.max_lateral_speed * np.arange(speeds) / (speeds - 1),
+        phase=np.arange(phases) / phases,
+        log_prior=np.log(prior),
+        half_width=np.asarray(conditions.reversal_half_width),
+        curvature=np.asarray(conditions.parabola_curvature),
+        low=np.array([bins[0][0], -side]),
+        high=np.array([bins[-1][1], side]),
+        reach=np.asarray(conditions.hit_radius),
+        scatter=np.asarray(scatter),
+        draws=np.ones(DRAWN),
+        noise=noise,
+    )

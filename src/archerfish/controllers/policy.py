@@ -68,7 +68,7 @@ def observer_from_record(record: PolicyRecord) -> AnyObserver:
     facts = {name: np.asarray(np.float32(record.muzzle[name])) for name in _MUZZLE_FACTS}
     muzzle = Muzzle(**facts, offset=offset, **_NO_SPREAD)
     if record.observation == "tracked":
-        noise = TrackerNoise(*(np.asarray(record.tracker[name], np.float32) for name in TrackerNoise._fields))
+        noise = TrackerNoise(**{name: np.asarray(each, np.float32) for name, each in record.tracker.items()})
         observer = tracked_observer(muzzle, noise, record.period_s, (0.0, 0.0), record.braking)
         tracked: AnyObserver = single_precision(observer._replace(action_scale=record.action_scale))
         return tracked

@@ -55,6 +55,8 @@ class ConstantVelocity(NamedTuple):
 
     noise: TrackerNoise
     """What the filter believes of the target and the camera."""
+    velocity_decay: Array = 1.0
+    """Share of the estimated velocity at which the target is predicted to go on, 0…1, shape ()."""
 
     def reset(self, seen: Seen) -> AgedTrack:
         """Begin at the first sight."""
@@ -69,8 +71,8 @@ class ConstantVelocity(NamedTuple):
         return AgedTrack(update(self.noise, track, seen.plate[..., 0, :], fresh), age)
 
     def position_after(self, state: AgedTrack, time: Array) -> Array:
-        """Go on at the estimated velocity, shape B + (3,)."""
-        return position_after(state.track, state.age + time)
+        """Go on at a share of the estimated velocity, shape B + (3,)."""
+        return position_after(state.track, state.age + time, self.velocity_decay)
 
 
 class ParabolaTrack(NamedTuple):

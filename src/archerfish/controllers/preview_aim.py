@@ -54,6 +54,8 @@ class PreviewAim(NamedTuple):
     """Of the state observer: angle error to state, shape (2, m)."""
     preview: Preview
     """The programme of the horizon."""
+    lead: Array = 0.0
+    """How much later than the model says the pellets are taken to leave the muzzle [s], shape ()."""
 
     def reset(self, seen: Seen, truth: Truth | None = None) -> PreviewState:  # noqa: ARG002
         """Begin tracking, with the gimbal at rest."""
@@ -90,9 +92,15 @@ class PreviewAim(NamedTuple):
         count = xp.arange(horizon, dtype=seen.angle.dtype)
         starts = xp.reshape(count, (-1,) + (1,) * seen.elapsed.ndim) * self.preview.period + 0.0 * seen.elapsed[None]
         lifted = map_arrays(lambda each: each[None], track)
-        shots = starts + self.preview.period
-        aim = intercept(lambda time: self.predictor.position_after(lifted, time), shots, self.muzzle)
-        sight = line_of_sight(self.predictor.position_after(lifted, starts))
+        shots = starts + self.preview.period + self.lead
+        mean_after = getattr(self.predictor, "mean_after", self.predictor.position_after)
+        aim = intercept(
+            lambda time: self.predictor.position_after(lifted, time),
+            shots,
+            self.muzzle,
+            lambda time: mean_after(lifted, time),
+        )
+        sight = line_of_sight(mean_after(lifted, starts))
         return xp.moveaxis(aim.angle, 0, -2), xp.moveaxis(sight, 0, -2)
 
 
@@ -125,6 +133,7 @@ def make_preview_aim(
     limits: CommandLimits,
     period_s: float,
     smoothing: float = SMOOTHING,
+    lead_s: float = 0.0,
 ) -> PreviewAim:
     """Build the controller.
 
@@ -135,9 +144,11 @@ def make_preview_aim(
       limits: what may be asked.
       period_s: decision period [s].
       smoothing: weight of the changes of the command against squared angle errors.
+      lead_s: how much later than the model says the pellets are taken to leave the muzzle [s].
     """
     gain = np.array([observer_gain(model, axis) for axis in range(2)])
-    return PreviewAim(predictor, muzzle, model, gain, make_preview(model, limits, period_s, HORIZON, smoothing))
+    preview = make_preview(model, limits, period_s, HORIZON, smoothing)
+    return PreviewAim(predictor, muzzle, model, gain, preview, np.asarray(lead_s))
 
 
 def observer_gain(model: GimbalModel, axis: int) -> Array:

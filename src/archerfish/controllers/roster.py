@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from archerfish.controllers.direct_aim import DirectAim
+from archerfish.controllers.manoeuvring import Manoeuvring
 from archerfish.controllers.oracle import make_oracle
 from archerfish.controllers.parabola_filter import parabola_filter
 from archerfish.controllers.predictors import ConstantVelocity, Hold, ParabolaAware, Predictor, Vertex
@@ -18,8 +19,14 @@ from archerfish.dynamics.muzzle import Muzzle
 from archerfish.paper.conditions import Conditions
 from archerfish.records.errors import InputError
 from archerfish.records.extensions import FORMS, Extension, find_extension, is_extension, own_code
+from archerfish.sensing.interacting_models import ModelRates
 from archerfish.sensing.interfaces import Controller
-from archerfish.sensing.kalman_filter import TrackerNoise
+from archerfish.sensing.kalman_filter import INITIAL_SPEED, TrackerNoise
+
+TURN_RATE, STOP_RATE, STANDING = 1.0, 0.1, 0.5
+"""What interacting models suppose of targets: turns back and stops in a second, and the share that stands at first."""
+EXACT_SD = 2e-4
+"""What they suppose of a camera without noise [m]: a larger value, which does a Kalman filter good, hides turns."""
 
 
 class Tuning(NamedTuple):
@@ -28,9 +35,16 @@ class Tuning(NamedTuple):
     acceleration_sd: float
     """Process noise of the Kalman filter, as a standard deviation of the target's acceleration [m/s²]."""
     extra_lead_s: float = 0.0
-    """What a controller that doesn't know the gimbal leads for its lag [s]."""
+    """What a controller leads beyond what it knows of, as for the lag of a gimbal that it doesn't know; negative where
+    targets turn back before pellets arrive [s]."""
     smoothing: float = SMOOTHING
     """Weight of the changes of the command in a preview, against squared angle errors."""
+    initial_speed: float = INITIAL_SPEED
+    """Standard deviation of the target's speed at first sight, as the filter supposes [m/s]."""
+    velocity_decay: float = 1.0
+    """Share of the estimated velocity at which the target is predicted to go on, 0…1."""
+    turn_rate: float = TURN_RATE
+    """How often a target is taken to turn back [1/s]."""
 
 
 class Workbench(NamedTuple):
@@ -53,7 +67,10 @@ class Workbench(NamedTuple):
 def _noise(bench: Workbench) -> TrackerNoise:
     position = np.asarray(bench.conditions.kalman_position_sd)
     noise = TrackerNoise(np.asarray(0.0), position, position) if bench.noise is None else bench.noise
-    return noise._replace(acceleration=np.asarray(_tuning(bench).acceleration_sd))
+    tuning = _tuning(bench)
+    return noise._replace(
+        acceleration=np.asarray(tuning.acceleration_sd), initial_speed=np.asarray(tuning.initial_speed)
+    )
 
 
 def _tuning(bench: Workbench) -> Tuning:
@@ -62,7 +79,7 @@ def _tuning(bench: Workbench) -> Tuning:
 
 
 def _tracker(bench: Workbench) -> Predictor:
-    return ConstantVelocity(_noise(bench))
+    return ConstantVelocity(_noise(bench), np.asarray(_tuning(bench).velocity_decay))
 
 
 def _rule(bench: Workbench) -> ParabolaAware:
@@ -75,9 +92,20 @@ def _parabola(bench: Workbench) -> Predictor:
     if bench.noise is None:
         return _rule(bench)
     # With noise in what is seen, the rule is worth something to a filter alone.
-    return parabola_filter(
-        conditions.reversal_half_width, conditions.max_lateral_speed, conditions.hit_radius, bench.noise
-    )
+    return parabola_filter(conditions, _scatter(bench), bench.noise)
+
+
+def _manoeuvring(bench: Workbench) -> Predictor:
+    noise, exact = _noise(bench), np.asarray(EXACT_SD)
+    if bench.noise is None:
+        noise = noise._replace(along=exact, across=exact)
+    rates = ModelRates(*(np.asarray(each) for each in (_tuning(bench).turn_rate, STOP_RATE, STANDING)))
+    return Manoeuvring(noise, rates, np.asarray(bench.conditions.hit_radius), np.asarray(_scatter(bench)))
+
+
+def _scatter(bench: Workbench) -> float:
+    """Return the standard deviation of the pellets' azimuth [rad]."""
+    return float(np.asarray(bench.muzzle.sd)[..., 1])
 
 
 def _kalman(bench: Workbench) -> Controller:
@@ -89,8 +117,10 @@ def _kalman(bench: Workbench) -> Controller:
 def _preview(predictor: Callable[[Workbench], Predictor]) -> Callable[[Workbench], Controller]:
     def build(bench: Workbench) -> Controller:
         period = bench.conditions.control_period_s
-        smoothing = _tuning(bench).smoothing
-        return make_preview_aim(predictor(bench), bench.muzzle, bench.model, bench.limits, period, smoothing)
+        tuning = bench.tuning or Tuning(bench.conditions.kalman_acceleration_sd)
+        return make_preview_aim(
+            predictor(bench), bench.muzzle, bench.model, bench.limits, period, tuning.smoothing, tuning.extra_lead_s
+        )
 
     return build
 
@@ -109,7 +139,9 @@ def _oracle(bench: Workbench) -> Controller:
 
 CONTROLLERS: dict[str, Callable[[Workbench], Controller]] = {
     "kalman": _kalman,
+    "kalman-tuned": _kalman,
     "kalman-lq": _preview(_tracker),
+    "imm-lq": _preview(_manoeuvring),
     "parabola-lq": _preview(_parabola),
     "no-lead": _preview(lambda bench: Hold()),  # noqa: ARG005
     "vertex": _preview(lambda bench: Vertex(_rule(bench))),

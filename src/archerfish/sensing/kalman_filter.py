@@ -13,6 +13,9 @@ import numpy as np
 from archerfish.dynamics.array_namespace import Array, lift, namespace
 from archerfish.records.sensing import SensingRecord
 
+INITIAL_SPEED = 1.0
+"""Default standard deviation of the speed at first sight [m/s]."""
+
 
 class TrackerNoise(NamedTuple):
     """What the filter believes of its world; shape () each."""
@@ -27,6 +30,8 @@ class TrackerNoise(NamedTuple):
     """What is added to `along` in proportion to the distance (their squares add)."""
     across_angle: Array = 0.0
     """What is added to `across` as an angle [rad] (the squares add)."""
+    initial_speed: Array = INITIAL_SPEED
+    """Standard deviation of the speed at first sight, in x and y each [m/s]."""
 
 
 def noise_from_record(record: SensingRecord, acceleration: float) -> TrackerNoise:
@@ -54,8 +59,6 @@ class Track(NamedTuple):
     """Its variance [m²], shape B."""
 
 
-INITIAL_SPEED = 1.0
-"""Standard deviation of the speed at first sight [m/s]."""
 UNSEEN_SD = 3.0
 """Standard deviation of a place that no frame has shown yet [m]; the way from there to the first sight is no speed."""
 HEIGHT_DRIFT = 0.02
@@ -71,13 +74,13 @@ def begin_track(noise: TrackerNoise, plate: Array, shown: Array | None = None) -
       shown: whether a frame shows it, shape B; a place that none has shown yet is a guess. All are shown if not given.
     """
     xp = namespace(plate)
-    position, height = measurement_covariance(noise, plate), _height_noise(noise, plate)
+    position, height = measurement_covariance(noise, plate), height_noise(noise, plate)
     if shown is not None:
         guess = UNSEEN_SD**2 * lift(xp.eye(2, dtype=plate.dtype), position) + 0.0 * position
         position = xp.where(shown[..., None, None], position, guess)
         height = xp.where(shown, height, UNSEEN_SD**2 + 0.0 * height)
-    speed = INITIAL_SPEED**2 * lift(xp.eye(2, dtype=plate.dtype), position) + 0.0 * position
-    covariance = _blocks(position, 0.0 * position, speed)
+    speed = noise.initial_speed**2 * lift(xp.eye(2, dtype=plate.dtype), position) + 0.0 * position
+    covariance = covariance_blocks(position, 0.0 * position, speed)
     mean = xp.concat([plate[..., :2], 0.0 * plate[..., :2]], axis=-1)
     return Track(mean, covariance, plate[..., 2], height)
 
@@ -93,7 +96,7 @@ def predict(noise: TrackerNoise, track: Track, elapsed: Array) -> Track:
     upper = p[..., :2, :2] + step * (corner + xp.matrix_transpose(p[..., :2, 2:]))
     q = noise.acceleration**2 * lift(xp.eye(2, dtype=p.dtype), upper)
     corner = corner + q * step**3 / 2.0
-    covariance = _blocks(upper + q * step**4 / 4.0, corner, p[..., 2:, 2:] + q * step**2)
+    covariance = covariance_blocks(upper + q * step**4 / 4.0, corner, p[..., 2:, 2:] + q * step**2)
     return Track(mean, covariance, track.height, track.height_variance + HEIGHT_DRIFT**2 * elapsed[..., 0])
 
 
@@ -110,19 +113,18 @@ def update(noise: TrackerNoise, track: Track, plate: Array, fresh: Array) -> Tra
     p = track.covariance
     measured = measurement_covariance(noise, plate)
     spread = p[..., :2, :2] + measured
-    a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
-    inverse = xp.stack([xp.stack([c, -b], axis=-1), xp.stack([-b, a], axis=-1)], axis=-2)
-    inverse = inverse / (a * c - b * b)[..., None, None]
-    gain = _product(p[..., :, :2], inverse)
+    gain = matrix_product(p[..., :, :2], inverse_and_determinant(spread)[0])
     innovation = plate[..., :2] - track.mean[..., :2]
     mean = track.mean + xp.sum(gain * innovation[..., None, :], axis=-1)
     # P − K (P + R) Kᵀ is K R in the columns of the place: no difference of large numbers there, which in float32 would
     # leave nothing of a small variance after a long silence.
-    known = _product(gain, measured)
-    speed = p[..., 2:, 2:] - _product(gain[..., 2:, :], p[..., :2, 2:])
-    covariance = _blocks(_even(known[..., :2, :]), xp.matrix_transpose(known[..., 2:, :]), _even(speed))
-    height_noise = _height_noise(noise, plate)
-    sum_of_both = track.height_variance + height_noise
+    known = matrix_product(gain, measured)
+    speed = p[..., 2:, 2:] - matrix_product(gain[..., 2:, :], p[..., :2, 2:])
+    covariance = covariance_blocks(
+        symmetric(known[..., :2, :]), xp.matrix_transpose(known[..., 2:, :]), symmetric(speed)
+    )
+    measured_height = height_noise(noise, plate)
+    sum_of_both = track.height_variance + measured_height
     share = xp.where(fresh, track.height_variance / sum_of_both, 0.0 * sum_of_both)
     seen = fresh[..., None]
     return Track(
@@ -130,18 +132,46 @@ def update(noise: TrackerNoise, track: Track, plate: Array, fresh: Array) -> Tra
         xp.where(seen[..., None], covariance, p),
         track.height + share * (plate[..., 2] - track.height),
         # (1 − share) of the variance, again without the difference.
-        xp.where(fresh, track.height_variance * height_noise / sum_of_both, track.height_variance),
+        xp.where(fresh, track.height_variance * measured_height / sum_of_both, track.height_variance),
     )
 
 
-def _height_noise(noise: TrackerNoise, plate: Array) -> Array:
-    """Variance of a measured height [m²], shape B."""
+def log_likelihood(noise: TrackerNoise, track: Track, plate: Array) -> Array:
+    """Return the log density of a measurement under a track that was predicted to its time, less a constant.
+
+    Args:
+      noise: what the filter believes.
+      track: predicted to the time of the measurement.
+      plate: position [m], shape B + (3,); x and y count.
+
+    Returns:
+      Shape B.
+    """
+    xp = namespace(track.mean, plate)
+    spread = track.covariance[..., :2, :2] + measurement_covariance(noise, plate)
+    inverse, determinant = inverse_and_determinant(spread)
+    innovation = plate[..., :2] - track.mean[..., :2]
+    distance = xp.sum(innovation * xp.sum(inverse * innovation[..., None, :], axis=-1), axis=-1)
+    return -0.5 * (distance + xp.log(determinant))
+
+
+def inverse_and_determinant(spread: Array) -> tuple[Array, Array]:
+    """Return inverse and determinant of 2×2 matrices, shape B + (2, 2) and B."""
+    xp = namespace(spread)
+    a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+    determinant = a * c - b * b
+    inverse = xp.stack([xp.stack([c, -b], axis=-1), xp.stack([-b, a], axis=-1)], axis=-2)
+    return inverse / determinant[..., None, None], determinant
+
+
+def height_noise(noise: TrackerNoise, plate: Array) -> Array:
+    """Return the variance of a measured height [m²], shape B."""
     level = namespace(plate).sum(plate[..., :2] ** 2, axis=-1)
     return noise.across**2 + noise.across_angle**2 * level
 
 
 def measurement_covariance(noise: TrackerNoise, plate: Array) -> Array:
-    """Covariance of x and y with the noise along and across the line of sight [m²], shape B + (2, 2)."""
+    """Return the covariance of x and y with the noise along and across the line of sight [m²], shape B + (2, 2)."""
     xp = namespace(plate)
     level = plate[..., :2]
     distance = xp.sqrt(xp.sum(level**2, axis=-1, keepdims=True))
@@ -153,24 +183,40 @@ def measurement_covariance(noise: TrackerNoise, plate: Array) -> Array:
     return along_variance * along + (noise.across**2 + noise.across_angle**2 * square) * across
 
 
-def position_after(track: Track, time: Array) -> Array:
-    """Predicted position after a time [s], shape B → B + (3,)."""
+def position_after(track: Track, time: Array, velocity_decay: Array = 1.0) -> Array:
+    """Predict the position after a time, at a share of the estimated velocity.
+
+    Args:
+      track: estimate now.
+      time: from now [s], shape B.
+      velocity_decay: share of the velocity that the target is taken to keep on average, 0…1, shape (): less than 1
+        where it may stop or turn back.
+
+    Returns:
+      Position [m], shape B + (3,).
+    """
     xp = namespace(track.mean, time)
-    level = track.mean[..., :2] + xp.asarray(time)[..., None] * track.mean[..., 2:]
+    level = track.mean[..., :2] + xp.asarray(time)[..., None] * (velocity_decay * track.mean[..., 2:])
     return xp.concat([level, track.height[..., None] + 0.0 * level[..., :1]], axis=-1)
 
 
-def _product(left: Array, right: Array) -> Array:
-    """Matrix product as a sum, which fuses where a batched product of tiny matrices crawls."""
+def matrix_product(left: Array, right: Array) -> Array:
+    """Return a matrix product as a sum, which fuses where a batched product of tiny matrices crawls.
+
+    Args:
+      left: shape B + (n, m).
+      right: shape B + (m, k).
+    """
     return namespace(left, right).sum(left[..., :, :, None] * right[..., None, :, :], axis=-2)
 
 
-def _even(matrix: Array) -> Array:
-    """Make a matrix symmetric to the last bit."""
+def symmetric(matrix: Array) -> Array:
+    """Return a square matrix, shape B + (n, n), made symmetric to the last bit."""
     return 0.5 * (matrix + namespace(matrix).matrix_transpose(matrix))
 
 
-def _blocks(upper: Array, corner: Array, lower: Array) -> Array:
+def covariance_blocks(upper: Array, corner: Array, lower: Array) -> Array:
+    """Return a symmetric matrix from its blocks, shape B + (2, 2) each → B + (4, 4)."""
     xp = namespace(upper)
     top = xp.concat([upper, corner], axis=-1)
     return xp.concat([top, xp.concat([xp.matrix_transpose(corner), lower], axis=-1)], axis=-2)

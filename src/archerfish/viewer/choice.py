@@ -6,11 +6,13 @@ from typing import Any
 
 from archerfish.controllers.own_decision import WatchedController
 from archerfish.controllers.policy import policy_from_record
-from archerfish.controllers.roster import CONTROLLERS, Listed, Workbench, build_controller
+from archerfish.controllers.roster import CONTROLLERS, Listed, Tuning, Workbench, build_controller
 from archerfish.dynamics.command_limits import named_limits
 from archerfish.dynamics.linear_axis import gimbal_model
 from archerfish.dynamics.muzzle import muzzle_from_record
+from archerfish.evaluation.tuning import starting_point
 from archerfish.paper.conditions import Conditions
+from archerfish.paper.tuning import paper_settings
 from archerfish.records.errors import InputError
 from archerfish.records.limits import LimitsRecord
 from archerfish.records.muzzle import MuzzleRecord
@@ -198,6 +200,7 @@ def chosen_controller(subject: Subject, choice: Choice) -> Any:
         # The stand-in camera has no noise; a filter that believed so would not filter.
         noise=noise_from_record(subject.sensing, 0.0) if subject.sensing else None,
     )
+    bench = bench._replace(tuning=_tuning(subject, choice.controller))
     own = subject.own_controllers.get(choice.controller)
     if own is not None and own.extension is not None:
         return WatchedController(build_controller(own, bench), own.extension)
@@ -205,3 +208,14 @@ def chosen_controller(subject: Subject, choice: Choice) -> Any:
     if choice.controller not in CONTROLLERS:
         raise InputError(f"controller must be one of {', '.join(controller_names(subject))}, got {choice.controller!r}")
     return build_controller(Listed(choice.controller, CONTROLLERS[choice.controller], None), bench)
+
+
+def _tuning(subject: Subject, controller: str) -> Tuning | None:
+    """Return the settings of a classical controller: tuned for the printed gimbal, typical for any other robot.
+
+    Nobody waits for a page to tune.
+    """
+    if subject.name != "paper":
+        return starting_point(controller)
+    settings = paper_settings(subject.command_limit).get(controller)
+    return None if settings is None else Tuning(**settings)

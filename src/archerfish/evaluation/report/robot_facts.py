@@ -40,6 +40,10 @@ _FACTS = {
     "yaw_sd_deg": _Fact("Scatter in yaw, standard deviation", "°"),
     "acceleration_sd_m_s2": _Fact("process noise, as acceleration", "m/s²"),
     "extra_lead_s": _Fact("lead beyond period and flight", "ms", 1e3),
+    "initial_speed_m_s": _Fact("speed at first sight, standard deviation", "m/s"),
+    "velocity_decay": _Fact("share of the velocity that is predicted", ""),
+    "turn_rate_1_s": _Fact("turns back, per second", "1/s"),
+    "smoothing": _Fact("weight of the command’s changes", ""),
 }
 
 _PARTS = {"sensing": "Camera and link", "muzzle": "Muzzle"}
@@ -106,16 +110,11 @@ def _fact_entry(facts: dict[str, Any], name: str) -> Entry:
 def _grouped(robot: RobotIdentification) -> list[tuple[str, dict[str, Any]]]:
     measured = [(title, robot.facts.get(part, {})) for part, title in _PARTS.items()]
     tuned = [
-        (f"Tracker of {controller_words(name).name}, tuned in the simulator", _used(name, facts))
+        (f"{controller_words(name).name}, tuned in the simulator", facts)
         for name, facts in robot.facts.items()
         if name not in _PARTS
     ]
     return measured + tuned
-
-
-def _used(controller: str, facts: dict[str, Any]) -> dict[str, Any]:
-    """Leave out the lead of those that know the gimbal and so have none."""
-    return {name: each for name, each in facts.items() if name != "extra_lead_s" or controller == "kalman"}
 
 
 def _label(known: dict[str, _Fact], name: str) -> str:

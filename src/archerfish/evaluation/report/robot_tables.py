@@ -31,7 +31,7 @@ from archerfish.evaluation.results import Cell, Comparison, Drop
 from archerfish.figures.page import percent
 from archerfish.paper.tables import hit_rate_table
 
-AGAINST = ("kalman", "kalman-lq", "parabola-lq", "oracle")
+AGAINST = ("kalman", "kalman-lq", "imm-lq", "parabola-lq", "oracle")
 """Whom the policies are compared with."""
 
 

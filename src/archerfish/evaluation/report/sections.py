@@ -112,6 +112,8 @@ def _main_table(cells: list[Cell], pairs: list[Comparison], setting: str, limit:
         less("kalman"),
         rate_column(of("kalman-lq"), "kalman-lq"),
         less("kalman-lq"),
+        rate_column(of("imm-lq"), "imm-lq"),
+        less("imm-lq"),
         rate_column(of("oracle"), "oracle"),
         *(rate_column(of(name), name) for name in own_controllers(cells)),
         *bound_columns(of("oracle"), of("history") or of("kalman") or of("kalman-lq")),

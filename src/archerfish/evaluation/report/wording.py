@@ -33,14 +33,26 @@ CONTROLLERS = {
         "and commands the angles that would meet it as if the gimbal followed at once.",
         1,
     ),
+    "kalman-tuned": ControllerWords(
+        "Kalman, tuned",
+        "The same, but tuned for this gimbal and limit; the paper’s baseline has the settings that the assumed "
+        "conditions were calibrated with.",
+        1,
+    ),
     "kalman-lq": ControllerWords(
         "Kalman + preview LQ",
-        "The same filter, and commands that account for the gimbal’s identified dynamics: a strong classical baseline. "
-        "What it gains over the Kalman filter, knowing the plant gains.",
+        "The same filter, tuned, and commands that account for the gimbal’s identified dynamics: a strong classical "
+        "baseline. What it gains over the Kalman filter, knowing the plant gains.",
+        3,
+    ),
+    "imm-lq": ControllerWords(
+        "Manoeuvring + preview LQ",
+        "Interacting models, of a target that stands, drives on or turns back, in the place of the filter: the "
+        "strongest classical controller that knows no rule of the target’s.",
         3,
     ),
     "parabola-lq": ControllerWords(
-        "Parabola + preview LQ", "As before, but its prediction knows that targets move on eq (7).", 5
+        "Parabola + preview LQ", "As before, but it knows the rule: that targets move on eq (7).", 5
     ),
     "no-lead": ControllerWords("No lead", "Preview LQ that aims at where the target is, not where it will be.", 6),
     "vertex": ControllerWords("Vertex aim", "Aims at the vertex of the target’s path and waits.", 6),
