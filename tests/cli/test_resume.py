@@ -137,6 +137,17 @@ def test_a_signal_writes_a_checkpoint_and_says_how_to_go_on(begun, tmp_path, num
     assert int(last.stem) == logged(tmp_path / "runs" / "x")
 
 
+def test_a_signal_after_the_last_iteration_is_not_lost(command, tmp_path, monkeypatch):
+    def results(*_: Any) -> None:
+        signal.raise_signal(signal.SIGTERM)
+        raise AssertionError("the signal was lost")
+
+    monkeypatch.setattr("archerfish.cli.training_run._result", results)
+    status, _, err = command("train", *SHORT.split(), "--out", "run")
+    assert status == 143
+    assert "archerfish: terminated; archerfish train --resume run goes on with it" in err
+
+
 def test_a_full_disk_stops_in_one_line_and_keeps_what_there_was(begun, tmp_path):
     # The log outgrows the limit; compiled programs would, too, and JAX warn of them.
     no_large_files = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))"

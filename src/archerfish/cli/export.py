@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import tyro
 from rich.console import Console
 
+from archerfish.cli.interrupts import without_interrupts
 from archerfish.cli.options import JsonFile, Switch
 from archerfish.cli.outputs import Outputs
 from archerfish.cli.progress import note
@@ -62,7 +63,8 @@ def run_export(command: Export) -> dict[str, Any]:
     if not policy.is_file() and policy != command.policy:
         raise file_error(command.policy, "is a folder without policy.json", "name a run folder of archerfish train")
     (out,) = command.outputs().named
-    storage.check_writable(out.parent)
+    with without_interrupts():
+        storage.check_writable(out.parent)
     facts = export_policy(policy, out, command.check)
     console = Console(highlight=False, soft_wrap=True)
     kind, period = facts["observation"]["kind"], facts["decision_period_s"]

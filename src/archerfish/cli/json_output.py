@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from archerfish.cli.interrupts import without_interrupts
 from archerfish.cli.writer import Writer
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
@@ -28,7 +29,8 @@ def check_json_file(path: Path, writer: Writer) -> None:
     """
     if path.is_dir():
         raise file_error(path, "--json names a folder, expected a file", "name a file in it")
-    storage.check_writable(path.parent)
+    with without_interrupts():
+        storage.check_writable(path.parent)
     writer.check_named(path)
     if path.is_file() and path.stat().st_size and not writer.overwrite and not _is_json(path):
         raise file_error(path, "holds no JSON, so it is no earlier --json", writer.remedy)
@@ -41,7 +43,8 @@ def write_json_output(path: Path, result: Any) -> None:
       InputError: if it can't be written.
     """
     if not is_stream(path):
-        storage.write_json(path, result)
+        with without_interrupts():
+            storage.write_json(path, result)
         return
     descriptor, text = _descriptor(path), storage.json_text(result)
     if descriptor in _DESCRIPTORS.values():

@@ -13,9 +13,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from archerfish.cli.interrupts import Stopped, StopRequests, stop_requests, without_interrupts
+from archerfish.cli.interrupts import Stopped, StopRequests, at_last, stop_requests, without_interrupts
 from archerfish.cli.progress import note
 from archerfish.cli.publication import files_below, publish
+from archerfish.cli.run_folder import remove_empty
 from archerfish.cli.run_lock import NAME as LOCK
 from archerfish.cli.run_lock import locked
 from archerfish.cli.training_log import EVENTS, LOG, EventFile, append_log, log_rows, log_text
@@ -27,6 +28,7 @@ from archerfish.plugins import names_code, options_to_type
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.plant import PlantRecord, write_plant
+from archerfish.records.unfinished import remove_abandoned, unfinished_name
 
 UNFINISHED = "unfinished"
 CONFIGURATION = "config.json"
@@ -88,6 +90,10 @@ class LiveRun:
         self._requests, self._every_s, self._batch, self._tensorboard = requests, every_s, batch, tensorboard
         self._events: EventFile | None = None
         self._written, self._saved = time.monotonic(), -1
+        self.under_way = False
+        """Whether this process has trained."""
+        self.is_published = False
+        """Whether the results are in place."""
 
     def begin(
         self,
@@ -155,11 +161,22 @@ class LiveRun:
             # Not before there is something to write: a run that was killed at its very end has moved its own already.
             self._events = self._events or EventFile(self.folder / EVENTS, before * self._batch)
             self._events.add(rows)
-        self._requests.patient = True
+        self._requests.patient = self.under_way = True
         if self._requests.number is not None or time.monotonic() - self._written >= self._every_s:
             self.save(standing)
         if self._requests.number is not None:
-            raise Stopped(self._requests.number)
+            self._requests.stop()
+
+    def finish(self, standing: Standing) -> None:
+        """Write the checkpoint of the last iteration; nothing looks for requests after that.
+
+        Raises:
+          Stopped: if a signal came.
+          InputError: if the disk is full or the folder can't be written.
+        """
+        self.save(standing)
+        self._requests.patient = False
+        self._requests.stop_if_due()
 
     def save(self, standing: Standing) -> None:
         """Write a checkpoint, unless the last one is of this iteration."""
@@ -184,6 +201,7 @@ class LiveRun:
                 shutil.rmtree(self.out / EVENTS, ignore_errors=True)
                 (self.folder / EVENTS).replace(self.out / EVENTS)
             (self.folder / CONFIGURATION).unlink()
+            self.is_published = True
             _vanish(self.folder)
 
     def set_aside(self) -> None:
@@ -194,6 +212,19 @@ class LiveRun:
                 shutil.rmtree(self.out / DIVERGED)
             self.folder.replace(self.out / DIVERGED)
 
+    def leave(self, *, discard: bool) -> None:
+        """Close what is open, and remove the folder if it is to be discarded and holds no checkpoint."""
+        with suppress(InputError):  # the first fault is the one to report
+            self.close()
+        if discard and not self.resumable:
+            _vanish(self.folder)
+
+    def stopped(self, error: BaseException) -> Stopped | None:
+        """Return what ended the run if that was a signal; a library may have made another error of it."""
+        if isinstance(error, Stopped):
+            return error
+        return Stopped(self._requests.came) if self._requests.came else None
+
     def close(self) -> None:
         """Close TensorBoard's file."""
         if self._events is not None:
@@ -202,11 +233,6 @@ class LiveRun:
 
     def _configuration(self) -> str:
         return storage.file_hash(self.folder / CONFIGURATION)
-
-    @property
-    def under_way(self) -> bool:
-        """Whether this process has trained."""
-        return self._requests.patient
 
     @property
     def resumable(self) -> bool:
@@ -230,44 +256,40 @@ def live_run(out: Path, *, resumed: bool, every_s: float, batch: int, tensorboar
         not be lost.
     """
     folder = out / UNFINISHED
-    storage.check_writable(out)
+    with without_interrupts():
+        storage.check_writable(out)
+        made = [each for each in (folder, *folder.parents) if not each.exists()]
     _check_own(out)
-    made = [each for each in (folder, *folder.parents) if not each.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
-    try:
-        with locked(folder), stop_requests() as requests:
+    with stop_requests() as requests, at_last(lambda: remove_empty(made)):
+        folder.mkdir(parents=True, exist_ok=True)
+        remove_abandoned(out)
+        with locked(folder):
             run = LiveRun(out, requests, every_s, batch, tensorboard)
             if not resumed:
                 _refuse_unfinished(run)
-                _empty(folder)
-            with _ended(run, discard=not resumed):
+            with at_last(lambda: run.leave(discard=not resumed)), _explained(run, discard=not resumed):
+                if not resumed:
+                    _empty(folder)
                 yield run
-    finally:
-        for each in made:
-            if each.is_dir() and not any(each.iterdir()):
-                each.rmdir()
 
 
 @contextmanager
-def _ended(run: LiveRun, *, discard: bool) -> Iterator[None]:
+def _explained(run: LiveRun, *, discard: bool) -> Iterator[None]:
+    """Say in the error that ends a training what is left of it."""
+    goes_on = f"archerfish train --resume {run.out} goes on with it"
     try:
         yield
     except BaseException as error:
         goes_on = run.goes_on
-        if run.resumable or not discard:
-            if isinstance(error, Stopped):
-                error.told = f"{error.told.partition(';')[0]}; {goes_on}"
-            elif isinstance(error, InputError) and run.under_way and run.folder.exists():
-                raise InputError(f"{error}; {goes_on}") from error
-        else:
-            _vanish(run.folder)
-            if isinstance(error, Stopped):
-                error.told = f"{error.told.partition(';')[0]} before the first checkpoint; nothing was kept"
+        is_kept = run.resumable or not discard
+        stopped = run.stopped(error)
+        if stopped is not None:
+            left = f"; {goes_on}" if is_kept else " before the first checkpoint; nothing was kept"
+            stopped.told = stopped.word + (f"; the results are in {run.out}" if run.is_published else left)
+            raise stopped from (None if stopped is error else error)
+        if is_kept and isinstance(error, InputError) and run.under_way and run.folder.exists():
+            raise InputError(f"{error}; {goes_on}") from error
         raise
-    finally:
-        # The first fault is the one to hear of.
-        with suppress(InputError):
-            run.close()
 
 
 def _check_own(out: Path) -> None:
@@ -286,7 +308,7 @@ def _check_own(out: Path) -> None:
 def _vanish(folder: Path) -> None:
     """Remove a folder that a killed process may not leave half removed under its name."""
     with suppress(OSError):
-        folder = folder.replace(folder.with_name(storage.unfinished_name()))
+        folder = folder.replace(folder.with_name(unfinished_name()))
     shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -1,22 +1,21 @@
 """The command line: `archerfish COMMAND`, one short file per command.
 
 A command is a frozen dataclass, whose fields are its options, and a function that runs it and returns what --json
-writes.
+writes. This module imports nothing that takes long: signals are answered from the first moment on.
 """
 
 import difflib
 import importlib
 import multiprocessing.util
 import os
+import signal
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any
+from contextlib import suppress
+from typing import Any, NoReturn
 
 from archerfish import __version__
-from archerfish.cli.interrupts import Stopped
-from archerfish.cli.json_output import write_json_output
-from archerfish.cli.outputs import check_outputs
-from archerfish.cli.parsing import parse, summary
+from archerfish.cli.interrupts import Stopped, stop_requests
 from archerfish.records.errors import InputError
 
 INPUT_ERROR = 2
@@ -69,36 +68,72 @@ def program() -> None:
 
     The usual way out of the interpreter takes down what a compiler's threads still use, and crashes.
     """
-    try:
-        main()
-    except SystemExit as ended:
-        if ended.code in (INTERRUPTED, TERMINATED):
-            sys.stdout.flush()
-            sys.stderr.flush()
-            # What it shared with workers is given back, else Python complains.
-            multiprocessing.util._exit_function()  # type: ignore[attr-defined]
-            os._exit(ended.code)
-        raise
+    with stop_requests(may_exit=True) as requests:
+        try:
+            main()
+        except SystemExit as ended:
+            if ended.code in (INTERRUPTED, TERMINATED):
+                _exit(ended.code)
+            raise
+        requests.at_once = True
+        if requests.came:
+            _exit(128 + requests.came)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        # The interpreter, on its way out, would drop a KeyboardInterrupt.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def _exit(status: int) -> NoReturn:
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError):  # the reader has gone
+            stream.flush()
+    # What it shared with workers is given back, else Python complains.
+    multiprocessing.util._exit_function()  # type: ignore[attr-defined]
+    os._exit(status)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command; a wrong argument or file ends in one line and exit status 2, Ctrl-C in 130.
+    """Run a command; a wrong argument or file ends in one line and exit status 2, Ctrl-C in 130, SIGTERM in 143.
 
     Args:
       arguments: without the program's name; those of the process if not given.
     """
-    try:
-        _answer(list(sys.argv[1:] if arguments is None else arguments))
-    except InputError as error:
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    error: BaseException | None = None
+    with stop_requests() as requests:
+        try:
+            try:
+                _answer(words)
+                sys.stdout.flush()
+            except BaseException as raised:
+                error = raised
+            requests.settle()
+        except Stopped as late:
+            error = late
+            requests.settle()
+        if requests.came and not isinstance(error, Stopped):
+            # Dropped or made into another error by a library, or too late for the command to notice.
+            error = Stopped(requests.came)
+        try:
+            _end(error)
+        finally:
+            del error  # it holds this frame, which holds it
+
+
+def _end(error: BaseException | None) -> None:
+    """Exit with what a command ended by, if that was an error."""
+    if isinstance(error, InputError):
         _fail(f"error: {error}" + (f" ({error.code})" if error.code else ""), INPUT_ERROR)
-    except Stopped as stopped:
-        _fail(stopped.told, stopped.status)
-    except KeyboardInterrupt:
+    if isinstance(error, Stopped):
+        _fail(error.told, error.status)
+    if isinstance(error, KeyboardInterrupt):
         _fail("interrupted; what was unfinished is discarded", INTERRUPTED)
-    except BrokenPipeError:
+    if isinstance(error, BrokenPipeError):
         # The reader of our output has gone; Python would complain once more when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+    if error is not None:
+        raise error
 
 
 def _answer(words: list[str]) -> None:
@@ -129,6 +164,8 @@ def _meant(words: Sequence[str]) -> str:
 
 
 def _read(kind: type, program: str, words: Sequence[str]) -> Any:
+    from archerfish.cli.parsing import parse
+
     command: Any = parse(kind, program, words)
     # A command that goes on with an earlier one takes the options of that one where the words give none.
     if hasattr(command, "resumed"):
@@ -145,6 +182,8 @@ def load(name: str) -> tuple[type, Callable[[Any], dict[str, Any]]]:
 
 def overview(beginning: str = "") -> str:
     """Return what `archerfish --help` prints, with the commands whose names have a beginning."""
+    from archerfish.cli.parsing import summary
+
     rows = [f"  {name:<17}{summary(load(name)[0])}" for name in COMMANDS if name.startswith(beginning)]
     return _OVERVIEW.format(version=__version__, commands="\n".join(rows))
 
@@ -159,6 +198,9 @@ def run(command: Any, function: Callable[[Any], dict[str, Any]]) -> None:
     Raises:
       InputError: if an argument or a file can't be used.
     """
+    from archerfish.cli.json_output import write_json_output
+    from archerfish.cli.outputs import check_outputs
+
     if command.seed not in range(2**32):
         raise InputError(f"--seed must be within 0…{2**32 - 1}, got {command.seed}")
     check_outputs(command)

@@ -10,6 +10,7 @@ from archerfish.cli.json_output import check_json_file, is_stream
 from archerfish.cli.writer import Writer
 from archerfish.cli.written_files import NAME
 from archerfish.records.errors import file_error
+from archerfish.records.unfinished import remove_abandoned
 
 
 class Outputs(NamedTuple):
@@ -59,7 +60,10 @@ def check_outputs(command: Any) -> None:
     writer.check_folders(outputs.folders)
     for path in outputs.named:
         writer.check_named(path)
+    for folder in {path.parent for path in outputs.named}:
+        remove_abandoned(folder)
     if command.json is not None and not is_stream(command.json):
+        remove_abandoned(command.json.parent)
         check_json_file(command.json, writer._replace(option="--json"))
         _check_apart(command.json, outputs)
 

@@ -33,6 +33,8 @@ def publish(files: Mapping[str, Path], out: Path, writer: Writer, aside: Path) -
     shutil.rmtree(aside, ignore_errors=True)  # of a process that was killed here
     with _alone(out):
         _check(files, out, writer)
+        for folder in {(out / name).parent for name in files}:
+            storage.settle_records(folder)
         before = read_list(out)
         hashes = {name: [storage.file_hash(path)] for name, path in files.items()}
         # Killed from here on, the old and the new content are both the command's own.

@@ -5,10 +5,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from archerfish.cli.interrupts import without_interrupts
+from archerfish.cli.interrupts import at_last, without_interrupts
 from archerfish.cli.publication import files_below, publish
 from archerfish.cli.writer import Writer
 from archerfish.records import storage
+from archerfish.records.unfinished import remove_abandoned, unfinished_folder
 
 
 @contextmanager
@@ -25,22 +26,22 @@ def run_folder(out: Path, writer: Writer) -> Iterator[Path]:
     Raises:
       InputError: if `out` can't be made or written, or something in it may not be replaced.
     """
-    storage.check_writable(out)
-    made = [each for each in (out, *out.parents) if not each.exists()]
-    unfinished = out / storage.unfinished_name()
-    try:
-        finished = unfinished / "new"
-        finished.mkdir(parents=True)
-        yield finished
-        with without_interrupts():
-            publish(files_below(finished), out, writer, unfinished / "old")
-    finally:
-        shutil.rmtree(unfinished, ignore_errors=True)
-        _remove_empty(made)
+    with without_interrupts():
+        storage.check_writable(out)
+        made = [each for each in (out, *out.parents) if not each.exists()]
+    with at_last(lambda: remove_empty(made)):
+        out.mkdir(parents=True, exist_ok=True)
+        remove_abandoned(out)
+        with unfinished_folder(out) as unfinished, at_last(lambda: shutil.rmtree(unfinished, ignore_errors=True)):
+            finished = unfinished / "new"
+            finished.mkdir()
+            yield finished
+            with without_interrupts():
+                publish(files_below(finished), out, writer, unfinished / "old")
 
 
-def _remove_empty(folders: list[Path]) -> None:
+def remove_empty(folders: list[Path]) -> None:
     """Remove folders, innermost first, up to one that is in use."""
     with suppress(OSError):
-        for folder in folders:
+        for folder in filter(Path.exists, folders):
             folder.rmdir()

@@ -174,7 +174,7 @@ def run_task(
         before = Trained(error.standing.learner, curve(error.standing, batch))
         raise keep_diverged(live, error, _result(task, environment, before, begun)) from error
     if live is not None:
-        live.save(Standing(trained.learner, (trained.curve.metrics,)))
+        live.finish(Standing(trained.learner, (trained.curve.metrics,)))
     return _result(task, environment, trained, begun)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from archerfish.cli.interrupts import end_by_ctrl_c, without_interrupts
 from archerfish.cli.options import JsonFile
 from archerfish.cli.outputs import Outputs
 from archerfish.cli.policy_check import check_policy
@@ -305,8 +306,8 @@ def _serve(command: View, page: Any) -> dict[str, Any]:
             note(f"port {command.port} is taken")
         shown = f"[{command.host}]" if ":" in command.host else command.host
         note(f"until Ctrl-C, the page is at http://{shown}:{server.get_port()}")
-        keep_turning(server, built, threading.Event())
-    except KeyboardInterrupt:
+        with end_by_ctrl_c():
+            keep_turning(server, built, threading.Event())
         note("closed")
     finally:
         close_server(server)
@@ -324,7 +325,8 @@ def _export(path: Path, subject: "Subject", choice: "Choice") -> dict[str, Any]:
         raise file_error(path, "is to hold a page, but does not end in .html", "give a name that does")
     if path.is_dir():
         raise file_error(path, "--export names a folder, expected a file", "name a file in it")
-    storage.check_writable(path.parent)
+    with without_interrupts():
+        storage.check_writable(path.parent)
     trial = run_trial(subject, choice)
     with progress_bar("drawing", film_pictures(trial), "pictures") as advance:
         write_film(path, choice, trial, advance)

@@ -6,6 +6,7 @@ their own; several trainings share the cores as well as one has them to itself.
 
 import multiprocessing
 import os
+import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -50,8 +51,7 @@ def run_tasks(what: str, unit: str, tasks: Sequence[Task], workers: int) -> list
     reports = context.Queue()
     pool = ProcessPoolExecutor(workers, context, _begin_worker, (reports,))
     try:
-        # Ctrl-C reaches the whole group of processes; the parent alone answers it.
-        with _single_threaded(), without_interrupts():
+        with _single_threaded(), without_interrupts(), _blocked_ctrl_c():
             futures = [pool.submit(_run, index, task[0], task[1]) for index, task in enumerate(tasks)]
         _watch(what, unit, [task[2] for task in tasks], futures, reports)
         return [future.result() for future in futures]
@@ -78,6 +78,19 @@ def _single_threaded() -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
+
+
+@contextmanager
+def _blocked_ctrl_c() -> Iterator[None]:
+    """Let processes that start in the block never see Ctrl-C: it reaches the whole group, the parent alone answers."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _begin_worker(reports: Any) -> None:

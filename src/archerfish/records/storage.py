@@ -11,7 +11,6 @@ import errno
 import hashlib
 import json
 import os
-import secrets
 import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -24,12 +23,13 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from archerfish.records.errors import InputError, file_error
+from archerfish.records.unfinished import unfinished_file, unfinished_name
 
 Arrays = Mapping[str, NDArray[Any]]
 
 
-UNFINISHED = ".unfinished-"
-"""Beginning of the names of files and folders that are not yet in place."""
+_KEPT = ".safetensors.before"
+"""End of the names of arrays that are being replaced."""
 _KINDS = (
     (stat.S_ISDIR, "folder"),
     (stat.S_ISLNK, "symbolic link"),
@@ -38,11 +38,6 @@ _KINDS = (
     (stat.S_ISBLK, "block device"),
     (stat.S_ISSOCK, "socket"),
 )
-
-
-def unfinished_name() -> str:
-    """Return a hidden name that nothing else has."""
-    return f"{UNFINISHED}{secrets.token_hex(6)}"
 
 
 def check_regular(path: Path) -> None:
@@ -69,20 +64,18 @@ def write_bytes(path: Path, content: bytes) -> None:
       InputError: if the folder can't be made or written, or something other than a regular file is in its place.
     """
     check_regular(path)
-    temporary = path.with_name(unfinished_name())
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("xb") as stream:
+        with unfinished_file(path.parent) as (temporary, stream):
             stream.write(content)
             stream.flush()
             os.fsync(stream.fileno())
-        temporary.replace(path)
+            if os.name != "posix":  # elsewhere an open file can't be renamed
+                stream.close()
+            temporary.replace(path)
         sync_folder(path.parent)
     except OSError as error:
         raise _unwritable(path, error) from error
-    finally:
-        with suppress(OSError):  # the folder was never made
-            temporary.unlink(missing_ok=True)
 
 
 def sync_folder(folder: Path) -> None:
@@ -200,6 +193,12 @@ def overwriting(path: Path) -> Iterator[None]:
         _settle(path)
 
 
+def settle_records(folder: Path) -> None:
+    """End what a process that was killed was about to replace in a folder, while nobody else writes there."""
+    for kept in folder.glob(f".*{_KEPT}"):
+        _settle(folder / f"{kept.name.removeprefix('.').removesuffix(_KEPT)}.json")
+
+
 def _settle(path: Path) -> None:
     """Put the kept arrays back if the facts are still theirs, else remove them."""
     arrays, kept = path.with_suffix(".safetensors"), _kept_arrays(path)
@@ -212,7 +211,7 @@ def _settle(path: Path) -> None:
 
 
 def _kept_arrays(path: Path) -> Path:
-    return path.with_name(f".{path.stem}.safetensors.before")
+    return path.with_name(f".{path.stem}{_KEPT}")
 
 
 def _arrays_hash(path: Path) -> str | None:

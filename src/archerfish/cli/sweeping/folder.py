@@ -18,6 +18,7 @@ from archerfish.cli.sweeping.results import TrialResult, read_results, result_li
 from archerfish.cli.written_files import add_to_list, read_list, write_list
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
+from archerfish.records.unfinished import remove_abandoned
 
 RESULTS, CONFIGURATION, TRIALS = "results.jsonl", "sweep.json", "trials"
 MAY_CHANGE = ("trials", "provenance")
@@ -95,7 +96,9 @@ def sweep_folder(out: Path, configuration: Mapping[str, Any], resume: bool) -> I
       InputError: if the folder holds a sweep and `resume` is not given, or another sweep than this, or another process
         is at it, or it can't be written.
     """
-    storage.check_writable(out)
+    with without_interrupts():
+        storage.check_writable(out)
+    remove_abandoned(out)
     _finished(out, configuration, resume)
     made = [each for each in (out, *out.parents) if not each.exists()]
     out.mkdir(parents=True, exist_ok=True)
@@ -103,6 +106,8 @@ def sweep_folder(out: Path, configuration: Mapping[str, Any], resume: bool) -> I
     try:
         with locked(out):
             try:
+                for each in (out / TRIALS).glob(".unfinished-[0-9]*"):
+                    shutil.rmtree(each, ignore_errors=True)  # of a driver that was killed
                 # Another process may have written between the look above and the lock.
                 found = _finished(out, configuration, resume)
                 with _appended(path) as stream:
