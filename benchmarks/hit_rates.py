@@ -6,6 +6,7 @@ Runs `archerfish reproduce` first where there is no such file. Prints one line p
 benchmarks/results/hit_rates.json; the exit status is 1 if one does not hold.
 """
 
+import math
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -70,6 +71,19 @@ def _above_kalman(results: Results, limit: str) -> Promise:
     return _at_least(f"{limit}: history above kalman, lower bound of the paired interval > 0", lows, [1e-9] * 8)
 
 
+def _of_bound(results: Results, controller: str, limit: str) -> list[float]:
+    return [100 * cell.rate / cell.bound for cell in _cells(results, controller, limit) if cell.bound]
+
+
+def _above_bound(results: Results) -> list[float]:
+    """By how many standard errors of the difference each rate lies above its bound."""
+    bounded = [cell for cell in results.cells if cell.bound is not None]
+    return [
+        (cell.rate - (cell.bound or 0.0)) / math.hypot(cell.bound_error or 0.0, (cell.high - cell.low) / (2 * 1.97))
+        for cell in bounded
+    ]
+
+
 def promises(results: Results) -> Iterator[Promise]:
     """Every promise on hit rates."""
     yield _at_least("box: oracle", _rates(results, "oracle", "box"), ORACLE)
@@ -87,6 +101,9 @@ def promises(results: Results) -> Iterator[Promise]:
     yield Promise("every cell: shots ≥ 25,000", shots >= 25_000, f"{shots}")
     yield _at_least("gate: history, % of the oracle", _share(results, "history", "gate"), [97.0] * 8)
     yield _above_kalman(results, "gate")
+    yield _at_least("gate: oracle, % of the hindsight bound", _of_bound(results, "oracle", "gate"), [99.0] * 8)
+    most = max(_above_bound(results))
+    yield Promise("every rate at most 3 standard errors above its bound", most <= 3.0, f"{most:.2f}")
     asked = max(each.yaw_rad_s2 for each in results.accelerations if each.command_limit == "gate")
     yield Promise("gate: asked of the yaw axis ≤ 67 rad/s², by any controller", asked <= 67.0, f"{asked:.4f}")
     rmse = rmse_to_paper(_cells(results, "history", "los-2deg"))

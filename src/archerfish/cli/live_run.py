@@ -276,7 +276,6 @@ def live_run(out: Path, *, resumed: bool, every_s: float, batch: int, tensorboar
 @contextmanager
 def _explained(run: LiveRun, *, discard: bool) -> Iterator[None]:
     """Say in the error that ends a training what is left of it."""
-    goes_on = f"archerfish train --resume {run.out} goes on with it"
     try:
         yield
     except BaseException as error:

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from archerfish.dynamics.array_namespace import map_arrays
-from archerfish.evaluation.bounds.aim_problem import aim_problem
+from archerfish.evaluation.bounds.aim_problem import aim_problem, suite_parts
 from archerfish.evaluation.bounds.combined import combined_bound
-from archerfish.evaluation.bounds.engagement_bounds import engagement_bounds, suite_parts
+from archerfish.evaluation.bounds.engagement_bounds import engagement_bounds
 from archerfish.evaluation.bounds.hit_chance import hit_chance
 from archerfish.evaluation.bounds.information import aim_chances, make_prior
 from archerfish.evaluation.bounds.reach import Interval, best_chance

@@ -18,6 +18,7 @@ from archerfish.dynamics.command_limits import NEVER
 from archerfish.dynamics.delayed_gimbal import DelayedGimbal
 from archerfish.dynamics.muzzle import DRAWS as MUZZLE_DRAWS
 from archerfish.evaluation.bounds.hit_chance import ShotGeometry, shot_geometry
+from archerfish.evaluation.suites import Trials
 from archerfish.sensing.camera import jittered
 from archerfish.sensing.interfaces import Engagement
 from archerfish.simulation.environment import PureWorld
@@ -69,6 +70,13 @@ class AimProblem(NamedTuple):
     def wanted(self) -> Array:
         """Change of the aim against the start that meets the armor's centre [rad], shape (E, 2, T)."""
         return np.asarray(np.moveaxis(self.geometry.aim, -1, 1) - self.rest[..., None])
+
+
+def suite_parts(trials: Trials, index: int) -> tuple[Engagement, NDArray[np.float32]]:
+    """Return engagements and draws of one suite."""
+    count = len(trials.draws) // len(trials.suites)
+    own = slice(index * count, (index + 1) * count)
+    return map_arrays(lambda each: each[own], trials.engagements), trials.draws[own]
 
 
 def aim_problem(world: PureWorld, engagements: Engagement, draws: NDArray[np.float32], radius: float) -> AimProblem:

@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from archerfish.evaluation.bounds.aim_problem import Array, aim_problem
-from archerfish.evaluation.bounds.engagement_bounds import suite_parts
+from archerfish.evaluation.bounds.aim_problem import Array, aim_problem, suite_parts
 from archerfish.evaluation.bounds.published import PublishedBounds, applies, read_published
 from archerfish.evaluation.bounds.reach import reach, reach_chances
 from archerfish.evaluation.suites import Trials

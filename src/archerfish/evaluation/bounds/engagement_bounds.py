@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.dynamics.array_namespace import map_arrays
 from archerfish.dynamics.target_motion import Parabola
-from archerfish.evaluation.bounds.aim_problem import AimProblem, Array, aim_problem
+from archerfish.evaluation.bounds.aim_problem import AimProblem, Array, aim_problem, suite_parts
 from archerfish.evaluation.bounds.combined import combined_bound
 from archerfish.evaluation.bounds.hindsight import hindsight_bound
 from archerfish.evaluation.bounds.information import Prior, aim_chances, make_prior
@@ -36,13 +35,6 @@ class EngagementBounds(NamedTuple):
     """One trajectory for all shots, by what is seen before each, shape (m,); NaN likewise."""
     unsolved: int
     """Programmes without a dual bound, where the sum of the largest chances stands in."""
-
-
-def suite_parts(trials: Trials, index: int) -> tuple[Engagement, NDArray[np.float32]]:
-    """Return engagements and draws of one suite."""
-    count = len(trials.draws) // len(trials.suites)
-    own = slice(index * count, (index + 1) * count)
-    return map_arrays(lambda each: each[own], trials.engagements), trials.draws[own]
 
 
 def engagement_bounds(
