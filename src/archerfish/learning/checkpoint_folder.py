@@ -115,5 +115,5 @@ def _remove_remains(folder: Path) -> None:
     for path in folder.glob("[0-9]*.safetensors"):
         if not path.with_suffix(".json").exists():
             path.unlink()
-    for path in folder.glob(".[0-9]*"):
+    for path in folder.glob(".unfinished-*"):
         path.unlink()
