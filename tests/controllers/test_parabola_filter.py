@@ -99,13 +99,14 @@ def test_a_sight_that_is_not_new_changes_nothing() -> None:
 
 
 def test_a_place_that_no_frame_has_shown_is_forgotten_at_the_first_sight() -> None:
-    plates, filter_ = np.tile([2.0, 2.0, 0.1], (10, 1)), built(0.015, 0.0017)
+    # The guess's frame comes a second earlier, which shifts the grid of phases: only many draws agree closely.
+    plates, filter_ = np.tile([2.0, 2.0, 0.1], (10, 1)), built(0.015, 0.0017)._replace(draws=np.ones(8192))
     guess = sight(np.array([3.0, 0.0, 0.0]), elapsed=0.0, age=1.0, fresh=False)
     state = filter_.step(filter_.reset(guess), guess)
     for plate in plates:
         state = filter_.step(state, sight(plate))
     expected = filter_.position_after(follow(filter_, plates), np.asarray(0.2))
-    assert_allclose(filter_.position_after(state, np.asarray(0.2)), expected, atol=5e-3)
+    assert_allclose(filter_.position_after(state, np.asarray(0.2)), expected, atol=5e-4)
 
 
 def test_an_age_is_the_time_that_the_prediction_begins_earlier() -> None:

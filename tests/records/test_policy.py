@@ -58,6 +58,15 @@ def test_what_a_tracker_believes_is_read_back_exactly(tmp_path: Path) -> None:
     assert read_policy(tmp_path / "policy.json").tracker == TRACKER
 
 
+def test_a_tracker_from_before_its_initial_speed_could_be_set_has_that_of_then(tmp_path: Path) -> None:
+    path = tmp_path / "policy.json"
+    write_policy(path, replace(POLICY, observation="tracked", tracker=TRACKER))
+    facts = json.loads(path.read_text())
+    facts["tracker"].pop("initial_speed")
+    path.write_text(json.dumps(facts))
+    assert read_policy(path).tracker == TRACKER | {"initial_speed": 1.0}
+
+
 def test_a_policy_from_before_there_were_trackers_has_none(tmp_path: Path) -> None:
     path = tmp_path / "policy.json"
     write_policy(path, POLICY)

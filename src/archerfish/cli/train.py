@@ -120,10 +120,9 @@ class Train:
 
     def outputs(self) -> Outputs:
         """Return what the command writes."""
-        return Outputs(
-            tuple(self.out / name for name in RESULT_FILES),
-            tuple(self.out / name for name in ("unfinished", "diverged", "tensorboard")),
-        )
+        # A resumed training reads the copies of its records in "unfinished", and replaces none of them.
+        folders = ("diverged", "tensorboard") if self.resume else ("unfinished", "diverged", "tensorboard")
+        return Outputs(tuple(self.out / name for name in RESULT_FILES), tuple(self.out / name for name in folders))
 
     def resumed(self, read: Callable[[Any], Any]) -> "Train":
         """Take the settings of the run to go on with.

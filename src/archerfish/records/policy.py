@@ -14,8 +14,10 @@ SCHEMA = "archerfish.policy/1"
 Floats = NDArray[np.float32]
 MUZZLE_FACTS = ("speed", "drag", "length", "pitch_offset", "yaw_offset")
 """Numbers that `PolicyRecord.muzzle` holds."""
-TRACKER_FACTS = ("acceleration", "along", "across", "along_share", "across_angle")
+TRACKER_FACTS = ("acceleration", "along", "across", "along_share", "across_angle", "initial_speed")
 """Numbers that `PolicyRecord.tracker` of a tracked observation holds."""
+EARLIER_INITIAL_SPEED = 1.0
+"""`initial_speed` [m/s] of trackers in records from before it could be set."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,9 @@ def read_policy(path: Path) -> PolicyRecord:
     layers = sum(name.startswith("weight_") for name in arrays)
     kinds = {"observation": str, "frames": int, "muzzle": dict, "period_s": float, "command_limit": str}
     kinds |= {"training": dict, "provenance": dict}
+    tracker = storage.field(path, facts, "tracker", dict) if "tracker" in facts else {}
+    if tracker:
+        tracker = {"initial_speed": EARLIER_INITIAL_SPEED} | tracker
     try:
         return PolicyRecord(
             weights=tuple(arrays[f"weight_{index}"] for index in range(layers)),
@@ -109,7 +114,7 @@ def read_policy(path: Path) -> PolicyRecord:
             variance=arrays["variance"],
             action_scale=arrays["action_scale"],
             braking=arrays["braking"],
-            tracker=storage.field(path, facts, "tracker", dict) if "tracker" in facts else {},
+            tracker=tracker,
             **{name: storage.field(path, facts, name, kind) for name, kind in kinds.items()},
         )
     except KeyError as error:
