@@ -99,8 +99,9 @@ def _infantry(options: Options) -> Setting:
         limits = options.robot / "logs" / "limits.json"
         return load_setting(SettingFiles(plant=str(records), limits=limits, robot="infantry", **files))
     with tempfile.TemporaryDirectory() as folder:
-        ppo = Reproduce().robot_ppo
-        rehearsal = Rehearsal("infantry", (), ppo, (options.seed,), 2, Path(folder), options.workers)
+        command, folders = Reproduce(), Path(folder)
+        trainings = (command.robot_gradient, command.robot_ppo)
+        rehearsal = Rehearsal("infantry", (), *trainings, (options.seed,), 2, folders, options.workers)
         return record_and_identify(rehearsal).setting
 
 
