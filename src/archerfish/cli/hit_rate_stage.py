@@ -29,7 +29,7 @@ CONTROLLERS = {
     ("oracle", "perfect"): ("gate", "box", "los-2deg"),
     ("imm-lq",): ("gate", "box", "los-2deg"),
     ("kalman-lq",): ("gate", "box", "los-2deg"),
-    ("parabola-lq",): ("gate", "box"),
+    ("parabola-lq",): ("gate", "box", "los-2deg"),
     ("vertex",): ("gate", "box"),
     ("no-lead",): ("gate", "box"),
     ("kalman", "kalman-tuned"): ("gate", "box", "los-2deg"),
