@@ -1,0 +1,308 @@
+"""The tables of hit rates in README and docs, written from the committed results of two runs.
+
+    python benchmarks/tables.py runs/reproduce runs/transfer   # take the results of runs, and write the tables
+    python benchmarks/tables.py                                # write the tables from what was taken before
+
+Takes what the tables need of `archerfish reproduce` and `archerfish transfer --seeds 0 1 2` into
+benchmarks/results/reproduce.json and transfer.json; of a run whose code was changed and not committed, or that was cut
+short, nothing is taken. Beside the first it keeps a probe: hits of classical controllers in the first engagements of
+each cell, which a test repeats. A table stands between `<!-- table NAME -->` and `<!-- /table -->`; a test compares.
+"""
+
+import re
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from archerfish.cli.evaluation_run import EvaluationTask, make_ground, run_evaluation
+from archerfish.cli.setting import SettingFiles, load_setting
+from archerfish.evaluation.evaluate import cells
+from archerfish.records import storage
+from machine import describe_machine
+
+ROOT = Path(__file__).parents[1]
+RESULTS = Path(__file__).parent / "results"
+REPRODUCE, TRANSFER = "reproduce", "transfer"
+"""Runs that are taken, by the names of their files."""
+IDENTIFICATION = "identification"
+"""Benchmark whose figures are written too."""
+LOGS = ("robot arm", "CD player arm", "hair dryer", "Silverbox", "quarter drone, steps")
+"""Logs that its table shows."""
+PAGES = ("README.md", "docs/transfer.md", "docs/baselines.md", "docs/gradients.md", "docs/identification.md")
+"""Pages that may hold such tables."""
+PROBE = ("kalman", "kalman-lq")
+"""Controllers of the probe: what moves the one with a model of the gimbal or without moves the others too."""
+PROBE_ENGAGEMENTS = 20
+COLUMNS = {
+    "history": "policy",
+    "paper": "six numbers",
+    "kalman": "Kalman",
+    "kalman-tuned": "Kalman, tuned",
+    "kalman-lq": "Kalman + preview LQ",
+    "imm-lq": "IMM + preview LQ",
+    "parabola-lq": "parabola + preview LQ (told the rule)",
+    "oracle": "oracle (told the path)",
+}
+"""Controller → heading, in the order of the columns."""
+PRINTED = {"history": "paper's PPO", "kalman": "paper's Kalman"}
+"""Controller → heading of the paper's own column, which stands before it."""
+CELL = ("hits", "shots", "withheld", "low", "high", "paper", "bound", "bound_error", "bound_kind")
+DIFFERENCE = ("difference", "low", "high")
+LABEL = ("setting", "command_limit", "controller", "policy_seed", "target", "range_m")
+"""Fields that are kept."""
+Rows = Sequence[Sequence[str]]
+_MARKED = re.compile(r"(<!-- table ([\w-]+) -->\n)(.*?)(<!-- /table -->)", re.DOTALL)
+
+
+def rates(results: dict[str, Any], setting: str, limit: str) -> str:
+    """Write the hit rates of a setting in percent: a row per target and range, a column per controller.
+
+    Args:
+      results: as `take` writes them.
+      setting: of the cells.
+      limit: command limit.
+    """
+    found = [cell for cell in results["cells"] if (cell["setting"], cell["command_limit"]) == (setting, limit)]
+    shot = {(cell["controller"], cell["policy_seed"], *_place(cell)): cell for cell in found}
+    seeds = {cell["controller"]: cell["policy_seed"] for cell in reversed(found)}
+    places = list(dict.fromkeys(_place(cell) for cell in found))
+    controllers = [each for each in COLUMNS if each in seeds]
+    headings, columns = ["target, range"], [[_place_words(place) for place in places]]
+    for name in controllers:
+        column = [shot[name, seeds[name], *place] for place in places]
+        if name in PRINTED:
+            headings.append(PRINTED[name])
+            columns.append([_number(cell["paper"]) for cell in column])
+        headings.append(COLUMNS[name])
+        columns.append([_rate(cell, with_interval=name == "history") for cell in column])
+    if any(cell.get("bound") is not None for cell in found):
+        headings.append("proven bound")
+        columns.append([_bound([cell for cell in found if _place(cell) == place]) for place in places])
+    return _markdown(headings, list(zip(*columns, strict=True)))
+
+
+def differences(results: dict[str, Any], setting: str, limit: str) -> str:
+    """Write by how many points the policy is above each controller, paired, with 95 % intervals.
+
+    Args:
+      results: as `take` writes them.
+      setting: of the comparisons.
+      limit: command limit.
+    """
+    found = [
+        each
+        for each in results["comparisons"]
+        if (each["setting"], each["command_limit"], each["controller"]) == (setting, limit, "history")
+    ]
+    seed = min((each["policy_seed"] for each in found), default=0)
+    found = [each for each in found if each["policy_seed"] == seed]
+    places = list(dict.fromkeys(_place(each) for each in found))
+    against = [name for name in COLUMNS if any(each["against"] == name for each in found)]
+    points = {(each["against"], *_place(each)): each for each in found}
+    rows = [[_place_words(place), *(_points(points[name, *place]) for name in against)] for place in places]
+    return _markdown(["policy less", *(COLUMNS[name] for name in against)], rows)
+
+
+def trainings(results: dict[str, Any], setting: str, limit: str) -> str:
+    """Write the policy's hit rate and its paired differences for each training, eight cells in a row.
+
+    Args:
+      results: as `take` writes them.
+      setting: of the cells.
+      limit: command limit.
+    """
+    where = (setting, limit, "history")
+    mine = [each for each in results["cells"] if _where(each) == where]
+    pairs = [each for each in results["comparisons"] if _where(each) == where]
+    against = [name for name in COLUMNS if any(each["against"] == name for each in pairs)]
+    rows = []
+    for seed in sorted({each["policy_seed"] for each in mine}):
+        lower = [
+            " ".join(
+                f"{100 * each['low']:+.1f}".replace("-", "−")
+                for each in pairs
+                if each["policy_seed"] == seed and each["against"] == name
+            )
+            for name in against
+        ]
+        rates = " ".join(_rate(each, with_interval=False) for each in mine if each["policy_seed"] == seed)
+        rows.append([str(seed), rates, *lower])
+    return _markdown(["seed", "policy, %", *(f"less {COLUMNS[name]}" for name in against)], rows)
+
+
+def drops(results: dict[str, Any], setting: str, limit: str) -> str:
+    """Write how far hit rates fall from the simulator to a robot, in points: eight cells in a row.
+
+    Args:
+      results: as `take` writes them.
+      setting: the robot.
+      limit: command limit.
+    """
+    found = [each for each in results["drops"] if _where(each)[:2] == (setting, limit)]
+    rows = []
+    for name in COLUMNS:
+        mine = [each for each in found if each["controller"] == name]
+        seed = min((each["policy_seed"] for each in mine if each["policy_seed"] is not None), default=None)
+        for settled in (False, True):
+            values = [each for each in mine if each["policy_seed"] == seed and each["settled"] is settled]
+            if values:
+                points = " ".join(f"{100 * each['difference']:.1f}".replace("-", "−") for each in values)
+                rows.append([COLUMNS[name], "settled" if settled else "all", points])
+    return _markdown(["controller", "shots", "points lost"], rows)
+
+
+def fits(results: dict[str, Any], cases: Sequence[str]) -> str:
+    """Write test and training fits in percent: a row per tool and setting, a column per log.
+
+    Args:
+      results: of benchmarks/identification.py.
+      cases: logs.
+    """
+    found = {(each["tool"], each["setting"], each["case"]): each for each in results["rows"]}
+    rows = [
+        [f"{tool}, {setting}", *(_fit(found[tool, setting, case]) for case in cases)]
+        for tool, setting in dict.fromkeys((each["tool"], each["setting"]) for each in results["rows"])
+    ]
+    return _markdown(["test / training fit, %", *cases], rows)
+
+
+TABLES: dict[str, tuple[str, Callable[[dict[str, Any]], str]]] = {
+    f"{kind}-{name}": (run, lambda results, write=write, place=place: write(results, *place))
+    for name, (run, *place) in {
+        "paper-gate": (REPRODUCE, "paper", "gate"),
+        "paper-box": (REPRODUCE, "paper", "box"),
+        "paper-los-2deg": (REPRODUCE, "paper", "los-2deg"),
+        "identified-infantry": (TRANSFER, "identified-infantry", "gate"),
+        "infantry": (TRANSFER, "infantry", "gate"),
+        "worn": (TRANSFER, "worn", "gate"),
+    }.items()
+    for kind, write in (
+        ("rates", rates),
+        ("differences", differences),
+        ("trainings", trainings),
+        ("drops", drops),
+    )
+} | {"fits": (IDENTIFICATION, lambda results: fits(results, LOGS))}
+"""Name between the markers → run that it is of, and what writes the table."""
+
+
+def rendered(page: str, results: Mapping[str, dict[str, Any]]) -> str:
+    """Return the text of a page with its tables written again.
+
+    Args:
+      page: its text.
+      results: run → its results, as `take` writes them.
+    """
+
+    def written(found: re.Match[str]) -> str:
+        run, write = TABLES[found[2]]
+        return f"{found[1]}\n{write(results[run])}\n\n{found[4]}"
+
+    return _MARKED.sub(written, page)
+
+
+def committed() -> dict[str, dict[str, Any]]:
+    """Return the results that were taken, by run."""
+    return {run: storage.read_json(RESULTS / f"{run}.json") for run in (REPRODUCE, TRANSFER, IDENTIFICATION)}
+
+
+def probe() -> list[dict[str, Any]]:
+    """Count the hits of the classical controllers in the first engagements of each cell of the paper's setting."""
+    setting = load_setting(SettingFiles())
+    task = EvaluationTask(setting, "gate", PROBE_ENGAGEMENTS, 0, PROBE)
+    counted = cells(make_ground(task), run_evaluation(task))
+    names = ("controller", "table", "range_m", "hits", "shots")
+    return [{name: _plain(getattr(cell, name)) for name in names} for cell in counted]
+
+
+def take(path: Path) -> None:
+    """Take what the tables need from the results of a run.
+
+    Args:
+      path: its folder.
+    """
+    facts = storage.read_json(path / "results.json")
+    if facts["commit"].endswith("-dirty") or facts["quick"]:
+        raise SystemExit(f"{path}: made by changed code or a quick run; commit, and run it again")
+    run = REPRODUCE if any(each["setting"] == "paper" for each in facts["cells"]) else TRANSFER
+    kept = {name: facts[name] for name in ("seed", "commit", "versions", "durations")} | {
+        "machine": describe_machine(),
+        "cells": [_kept(each, CELL) for each in facts["cells"]],
+        "comparisons": [_kept(each, ("against", *DIFFERENCE)) for each in facts["comparisons"]],
+        "drops": [_kept(each, ("settled", *DIFFERENCE)) for each in facts["drops"]],
+    }
+    storage.write_json(RESULTS / f"{run}.json", kept | ({"probe": probe()} if run == REPRODUCE else {}))
+
+
+def _kept(facts: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    return {name: facts[name] for name in (*LABEL, *names)}
+
+
+def main() -> None:
+    """Take the results of the runs that are named, if any, and write the tables of all pages."""
+    for folder in sys.argv[1:]:
+        take(Path(folder))
+    results = committed()
+    for name in PAGES:
+        path = ROOT / name
+        before = path.read_text()
+        after = rendered(before, results)
+        if after != before:
+            storage.write_text(path, after)
+        Console().print(f"{name}: {'written' if after != before else 'as it was'}")
+
+
+def _where(cell: dict[str, Any]) -> tuple[str, str, str]:
+    return cell["setting"], cell["command_limit"], cell["controller"]
+
+
+def _place(cell: dict[str, Any]) -> tuple[Any, ...]:
+    return cell["target"], *cell["range_m"]
+
+
+def _place_words(place: Sequence[Any]) -> str:
+    target, low, high = place
+    return f"{'still' if target == 'static' else 'moving'}, {low:g}–{high:g} m"
+
+
+def _rate(cell: dict[str, Any], *, with_interval: bool) -> str:
+    shots = cell["shots"] + cell.get("withheld", 0)
+    value = f"{100 * cell['hits'] / shots:.1f}"
+    return f"**{value} ({100 * cell['low']:.1f}–{100 * cell['high']:.1f})**" if with_interval else value
+
+
+def _fit(row: dict[str, Any]) -> str:
+    test, training = row["test_fit_percent"], row["training_fit_percent"]
+    return "unstable" if test is None else f"{test:.2f} / {training:.2f}".replace("-", "−")
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.1f}"
+
+
+def _bound(cell: Iterable[dict[str, Any]]) -> str:
+    """Return the bound that holds for everyone but the oracle."""
+    found = [each["bound"] for each in cell if each.get("bound") is not None and each["controller"] != "oracle"]
+    return f"{100 * min(found):.1f}" if found else ""
+
+
+def _points(each: dict[str, Any]) -> str:
+    low, middle, high = (f"{100 * each[name]:+.1f}".replace("-", "−") for name in ("low", "difference", "high"))
+    return f"{middle} ({low} to {high})"
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _markdown(headings: Sequence[str], rows: Rows) -> str:
+    rule = f"|{'---|' * len(headings)}"
+    first, *others = (f"| {' | '.join(line)} |" for line in (headings, *rows))
+    return "\n".join((first, rule, *others))
+
+
+if __name__ == "__main__":
+    main()
