@@ -1,5 +1,4 @@
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -9,10 +8,11 @@ from archerfish.controllers.manoeuvring import Manoeuvring
 from archerfish.controllers.predictors import ConstantVelocity
 from archerfish.dynamics.target_motion import Parabola
 from archerfish.sensing.interacting_models import ModelRates
-from archerfish.sensing.interfaces import Seen
 from archerfish.sensing.kalman_filter import TrackerNoise
 
-DT, AGE, REACH, SCATTER = 0.02, 0.04, 0.06, 0.003
+from .sights import AGE, DT, follow, sight
+
+REACH, SCATTER = 0.06, 0.003
 
 
 def noise(acceleration: float = 0.5, along: float = 0.0, across: float = 0.0) -> TrackerNoise:
@@ -22,32 +22,6 @@ def noise(acceleration: float = 0.5, along: float = 0.0, across: float = 0.0) ->
 def built(turn: float = 1.5, stop: float = 0.1, still: float = 0.5, **noises: float) -> Manoeuvring:
     rates = ModelRates(*(np.asarray(each) for each in (turn, stop, still)))
     return Manoeuvring(noise(**noises), rates, np.asarray(REACH), np.asarray(SCATTER))
-
-
-def sight(plate: np.ndarray, elapsed: float = DT, age: float = AGE, fresh: bool = True) -> Seen:
-    zero, pair = 0.0 * plate[..., 0], 0.0 * plate[..., :2]
-    return Seen(
-        elapsed=zero + elapsed,
-        angle=pair,
-        rate=pair,
-        gimbal_age=zero,
-        command=pair,
-        plate=plate[..., None, :],
-        normal_yaw=zero[..., None],
-        plate_age=zero[..., None] + age,
-        fresh=(zero[..., None] == 0.0) & fresh,
-        base=0.0 * plate[..., np.array([0, 1, 0, 1])],
-        muzzle_speed=zero,
-        heat_left=zero,
-    )
-
-
-def follow(predictor: Any, plates: np.ndarray) -> Any:
-    """State after sights, shape (T,) + B + (3,), each AGE old; the first is seen twice, as by a controller."""
-    state = predictor.step(predictor.reset(sight(plates[0])), sight(plates[0], elapsed=0.0))
-    for plate in plates[1:]:
-        state = predictor.step(state, sight(plate))
-    return state
 
 
 def driving(count: int, speed: float) -> np.ndarray:

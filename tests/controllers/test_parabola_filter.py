@@ -10,10 +10,10 @@ from archerfish.controllers.predictors import ConstantVelocity
 from archerfish.dynamics.array_namespace import map_arrays
 from archerfish.dynamics.target_motion import Parabola
 from archerfish.paper.conditions import assumed_conditions
-from archerfish.sensing.interfaces import Seen
 from archerfish.sensing.kalman_filter import TrackerNoise
 
-DT, AGE = 0.02, 0.04
+from .sights import AGE, DT, follow, sight
+
 HALF_WIDTH, MAX_SPEED, REACH, SCATTER = math.sqrt(0.04 / 3.0), 0.35, 0.06, 0.003
 CONDITIONS = assumed_conditions()
 
@@ -31,32 +31,6 @@ def parabola(speed: Any, phase: Any, vertex: Any = (4.0, -0.5, 0.1)) -> Parabola
     vertex, speed, phase = (np.asarray(each, float) for each in (vertex, speed, phase))
     vertex = np.broadcast_to(vertex, (*speed.shape, 3))
     return Parabola(vertex, speed, phase, np.full(speed.shape, HALF_WIDTH), np.full(speed.shape, 3.0))
-
-
-def sight(plate: np.ndarray, elapsed: float = DT, age: float = AGE, fresh: bool = True) -> Seen:
-    zero, pair = 0.0 * plate[..., 0], 0.0 * plate[..., :2]
-    return Seen(
-        elapsed=zero + elapsed,
-        angle=pair,
-        rate=pair,
-        gimbal_age=zero,
-        command=pair,
-        plate=plate[..., None, :],
-        normal_yaw=zero[..., None],
-        plate_age=zero[..., None] + age,
-        fresh=(zero[..., None] == 0.0) & fresh,
-        base=0.0 * plate[..., np.array([0, 1, 0, 1])],
-        muzzle_speed=zero,
-        heat_left=zero,
-    )
-
-
-def follow(predictor: Any, plates: np.ndarray) -> Any:
-    """State after sights, shape (T,) + B + (3,), each AGE old; the first is seen twice, as by a controller."""
-    state = predictor.step(predictor.reset(sight(plates[0])), sight(plates[0], elapsed=0.0))
-    for plate in plates[1:]:
-        state = predictor.step(state, sight(plate))
-    return state
 
 
 def sights(motion: Parabola, count: int) -> np.ndarray:

@@ -1,5 +1,5 @@
 import math
-from typing import Any
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,7 +10,12 @@ from archerfish.dynamics.target_motion import Line, Parabola
 from archerfish.sensing.interfaces import Seen
 from archerfish.sensing.kalman_filter import TrackerNoise
 
-DT = 0.02
+from . import sights
+from .sights import DT
+
+sight, follow = partial(sights.sight, age=0.0), partial(sights.follow, age=0.0)
+"""Sights that are not old."""
+
 HALF_WIDTH = math.sqrt(0.04 / 3.0)
 PARABOLA = ParabolaAware(np.asarray(3.0), np.asarray(HALF_WIDTH))
 CYCLE = 4.0 * HALF_WIDTH
@@ -19,32 +24,6 @@ CYCLE = 4.0 * HALF_WIDTH
 def parabola(speed: float = 0.3, phase: float = 0.1) -> Parabola:
     values = (np.array([4.0, -0.5, 0.1]), speed, phase, HALF_WIDTH, 3.0)
     return Parabola(*(np.asarray(each) for each in values))
-
-
-def sight(plate: Any, elapsed: float = DT) -> Seen:
-    zero, pair = 0.0 * plate[..., 0], 0.0 * plate[..., :2]
-    return Seen(
-        elapsed=zero + elapsed,
-        angle=pair,
-        rate=pair,
-        gimbal_age=zero,
-        command=pair,
-        plate=plate[..., None, :],
-        normal_yaw=zero[..., None],
-        plate_age=zero[..., None],
-        fresh=zero[..., None] == 0.0,
-        base=0.0 * plate[..., np.array([0, 1, 0, 1])],
-        muzzle_speed=zero,
-        heat_left=zero,
-    )
-
-
-def follow(predictor: Any, path: np.ndarray) -> Any:
-    """State after a path, shape (T,) + B + (3,); its first point is seen twice, at reset and at the first decision."""
-    state = predictor.step(predictor.reset(sight(path[0])), sight(path[0], elapsed=0.0))
-    for plate in path[1:]:
-        state = predictor.step(state, sight(plate))
-    return state
 
 
 def test_hold_expects_the_target_where_it_is_seen() -> None:
