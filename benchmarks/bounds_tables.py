@@ -40,7 +40,7 @@ def rendered(page: str, published: Sequence[PublishedBounds]) -> str:
     parts = {(each.setting, each.command_limit): each for each in published}
 
     def written(found: re.Match[str]) -> str:
-        return f"{found[1]}\n{table(parts[found[2], found[3]])}\n\n{found[4]}"
+        return f"{found[1]}\n{table(parts[found[2], found[3]])}\n\n{found[5]}"
 
     return _MARKED.sub(written, page)
 
