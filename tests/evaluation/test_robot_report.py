@@ -112,7 +112,7 @@ def test_the_headline_is_of_the_robot(page: Outline, robot_results: Results) -> 
 
 def test_a_reproduction_says_how_it_went_on_the_robot_after_its_own_figures(both: Outline) -> None:
     text = both.text[: both.text.index("How to read")]
-    assert text.index("of its shots, the Kalman filter") < text.index("with the robot “sentry”")
+    assert text.index("of its shots, the policy of the paper’s six numbers") < text.index("with the robot “sentry”")
     assert "drops by" in text
     assert "Tables II and III, limit gate" in both.text
     assert "needs the virtual robot" not in both.text

@@ -1,4 +1,4 @@
-"""What the report opens with: the policy beside the Kalman filter and the oracle."""
+"""What the report opens with: the policies, the classical controllers and what is possible."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -33,7 +33,7 @@ class Headline(NamedTuple):
 
 
 def headline(results: Results, setting: str) -> Headline | None:
-    """Say in a sentence how the policy does beside the Kalman filter and the oracle, under `gate` if it was shot there.
+    """Say how the policy does beside the other controllers and the bound, under `gate` if it was shot there.
 
     Returns:
       None if no history policy was evaluated.
@@ -47,7 +47,7 @@ def headline(results: Results, setting: str) -> Headline | None:
     cells = [each for each in simulated if each.command_limit == limit]
     picked = {
         name: cells_of(cells, setting=setting, command_limit=limit, controller=name)
-        for name in ("history", "kalman", "oracle")
+        for name in ("history", "paper", "kalman", "oracle")
     }
     differences = comparisons_of(
         results.comparisons, setting=setting, command_limit=limit, controller="history", against="kalman"
@@ -59,7 +59,7 @@ def headline(results: Results, setting: str) -> Headline | None:
                 results.comparisons, setting=setting, command_limit=limit, controller="history", against=name
             ),
         )
-        for name in ("kalman-lq", "parabola-lq")
+        for name in ("kalman-tuned", "kalman-lq", "imm-lq", "parabola-lq")
     ]
     sentence = (
         f"{LIMITS[limit].opening}, {_rates_sentence(picked)}{withheld_sentence(picked)}"
@@ -76,6 +76,7 @@ def headline(results: Results, setting: str) -> Headline | None:
 def _rates_sentence(picked: Mapping[str, Mapping[CellKey, Cell]]) -> str:
     phrases = {
         "history": "the trained policy hits {} % of its shots",
+        "paper": "the policy of the paper’s six numbers {} %",
         "kalman": "the Kalman filter {} %",
         "oracle": "an oracle that knows path and plant {} %",
     }
@@ -101,7 +102,7 @@ def withheld_sentence(picked: Mapping[str, Mapping[CellKey, Cell]]) -> str:
 
 
 def _informed_sentence(against: str, differences: Mapping[CellKey, Comparison]) -> str:
-    """Say how the policy does beside a classical controller that was told the plant, or the target's rule as well."""
+    """Say how the policy does against one of the stronger classical controllers."""
     ahead, behind = clearly_above(differences.values()), sum(each.high < 0 for each in differences.values())
     ends = sorted(each.difference for each in differences.values())
     return (

@@ -12,6 +12,7 @@ from archerfish.figures.page import percent, points
 
 _NAMES = {
     "history": "the trained policy hits {} of its shots with the robot “{}”",
+    "paper": "the policy of the paper’s six numbers {}",
     "kalman": "the Kalman filter {}",
     "oracle": "an oracle that knows the target’s path {}",
 }
@@ -83,7 +84,7 @@ def _picked(results: Results, world: World, limit: str) -> dict[str, dict[CellKe
 
 def _differences(results: Results, world: World, limit: str) -> str:
     said = []
-    for against in ("kalman", "kalman-lq", "parabola-lq"):
+    for against in ("kalman", "kalman-lq", "imm-lq", "parabola-lq"):
         picked = comparisons_of(
             results.comparisons, setting=world.setting, command_limit=limit, controller="history", against=against
         )
@@ -100,7 +101,7 @@ def _against(controller: str) -> str:
 def _verdict(found: Estimate) -> str:
     if found.low > 0:
         return "ahead of"
-    return "behind" if found.high < 0 else "not to be told from"
+    return "behind" if found.high < 0 else "not to be distinguished from"
 
 
 def _drops(results: Results, limit: str) -> str:

@@ -22,8 +22,8 @@ class ControllerWords(NamedTuple):
 CONTROLLERS = {
     "history": ControllerWords(
         "History policy",
-        "Trained by PPO; sees more than one moment of target and gimbal, so it can tell velocities: in Tables II and "
-        "III several frames, in Tables IV and V a tracker’s estimate and a long memory.",
+        "Trained in the simulator; sees more than one moment of target and gimbal, so it can tell velocities: in "
+        "Tables II and III several frames, in Tables IV and V a tracker’s estimate and a long memory.",
         0,
     ),
     "paper": ControllerWords("Six-number policy", "Trained by PPO; sees the paper’s six numbers.", 4),
