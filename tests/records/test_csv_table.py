@@ -113,6 +113,25 @@ def test_a_last_line_that_breaks_off_is_left_out_counted_and_said(tmp_path, last
     assert refused.value.code == "truncated"
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_zero_bytes_after_the_last_line_are_counted_and_said(tmp_path, encoding) -> None:
+    path = write(tmp_path, "")
+    path.write_bytes(("\n".join(lines()) + "\n").encode(encoding) + bytes(512))
+    read = read_text_table(path, NAMES)
+    assert_array_equal(read.columns["y"], np.arange(20) / 8)
+    (found,) = read.findings
+    assert (found.code, found.severity, found.place) == ("zero-bytes", "repaired", f"{path}: line 21")
+    assert "512 zero bytes after the last line" in found.message
+    with pytest.raises(InputError, match=r"line 21: 512 zero bytes after the last line.*; remove them if") as refused:
+        read_csv_columns(path, NAMES)
+    assert refused.value.code == "zero-bytes"
+
+
+def test_zero_bytes_after_a_line_that_breaks_off_are_counted_with_it(tmp_path) -> None:
+    (found,) = read_text_table(write(tmp_path, lines({21: "0.19,5.5"}), "\0" * 512), NAMES).findings
+    assert "after 2 of 3 fields, with 512 zero bytes after it" in found.message
+
+
 @pytest.mark.parametrize(
     ("table", "wanted"),
     [

@@ -56,13 +56,22 @@ def read_csv_columns(path: Path, wanted: Sequence[str], optional: Sequence[str] 
       optional: names of columns that are read if they are there.
 
     Raises:
-      InputError: as `read_text_table`, and if a field is missing, has a decimal comma, or the last line breaks off.
+      InputError: as `read_text_table`, and if a field is missing, has a decimal comma, or the last line breaks off or
+        has zero bytes after it.
     """
     table = read_table_lines(path)
     positions = _positions(path, table, wanted, optional)
     if (torn := torn_end(table, list(positions.values()))) is not None:
         remedy = "complete it and end it with a line break, or remove it"
         raise file_error(path, f"line {len(table.lines)}: the last line breaks off {torn}", remedy, "truncated")
+    if table.zero_bytes:
+        remedy = "remove them if no line is missing, else complete the file"
+        raise file_error(
+            path,
+            f"line {len(table.lines)}: {_zeros(table)} after the last line: samples can have stood there",
+            remedy,
+            "zero-bytes",
+        )
     content = _content(path, table, positions)
     if content.commas:
         raise file_error(path, "holds decimal commas", "write decimal points", "decimal-comma")
@@ -82,7 +91,8 @@ def read_text_table(path: Path, wanted: Sequence[str], optional: Sequence[str] =
     The first line names the columns; where it holds numbers only, columns are called by their number: "1", "2", ….
     Fields are separated by commas, semicolons, tabs or blanks, whichever the first line has. Blank lines are passed
     over; a line of separators alone is a row without values. Decimal commas are read where they can be nothing else,
-    and a last line that breaks off is left out; findings say both. Every other line is read whole.
+    and a last line that breaks off and zero bytes after the last line are left out; findings say so. Every other line
+    is read whole.
 
     Args:
       path: the file.
@@ -95,15 +105,25 @@ def read_text_table(path: Path, wanted: Sequence[str], optional: Sequence[str] =
     """
     table, findings = read_table_lines(path), []
     positions = _positions(path, table, wanted, optional)
-    if (torn := torn_end(table, list(positions.values()))) is not None:
-        place, message = f"{path}: line {len(table.lines)}", f"the last line breaks off {torn}; it was left out"
+    place, torn = f"{path}: line {len(table.lines)}", torn_end(table, list(positions.values()))
+    if torn is not None:
+        zeros = f", with {_zeros(table)} after it" if table.zero_bytes else ""
+        message = f"the last line breaks off {torn}{zeros}; it was left out"
         findings.append(Finding("truncated", "repaired", place, message, "stop the recorder before copying its log", 1))
         table = table._replace(lines=table.lines[:-1], finished=True)
+    elif table.zero_bytes:
+        message = f"{_zeros(table)} after the last line were left out: samples that were to stand there are lost"
+        remedy = "stop the recorder before its power is cut"
+        findings.append(Finding("zero-bytes", "repaired", place, message, remedy))
     content = _content(path, table, positions)
     if content.commas:
         message = "decimal commas were read as decimal points"
         findings.append(Finding("decimal-comma", "repaired", str(path), message, "write decimal points"))
     return LogTable(content.columns, None, "", content.lines, "line", str(path), tuple(findings))
+
+
+def _zeros(table: TextTable) -> str:
+    return f"{table.zero_bytes} zero byte{'s' if table.zero_bytes > 1 else ''}"
 
 
 def _positions(path: Path, table: TextTable, wanted: Sequence[str], optional: Sequence[str]) -> dict[str, int]:

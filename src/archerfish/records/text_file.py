@@ -2,6 +2,7 @@
 
 import codecs
 from pathlib import Path
+from typing import NamedTuple
 
 from archerfish.records.errors import file_error
 from archerfish.records.log_table import MAX_BYTES
@@ -9,6 +10,17 @@ from archerfish.records.log_table import MAX_BYTES
 _WIDE = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _PADDING = "\0\x1a"
 """What is no text after the last line: zero bytes, and the end mark of DOS."""
+
+
+class TextLines(NamedTuple):
+    """What a text file holds."""
+
+    lines: list[str]
+    """Its lines, without what ends them."""
+    finished: bool
+    """Whether a line break ends the last one."""
+    zero_bytes: int
+    """Zero bytes after the last line: samples can have stood there."""
 
 
 def check_readable(path: Path, limit: int = MAX_BYTES) -> None:
@@ -30,23 +42,26 @@ def check_readable(path: Path, limit: int = MAX_BYTES) -> None:
         raise file_error(path, problem, "cut the log into shorter ones", "too-large")
 
 
-def read_lines(path: Path) -> tuple[list[str], bool]:
-    """Return the lines of a text file, and whether the last one is finished by a line break.
+def read_lines(path: Path) -> TextLines:
+    """Return the lines of a text file, and how it ends.
 
     A line ends with a line feed, a carriage return or both, and with nothing else: a form feed or a Unicode separator
     inside a field is no end of a sample. A byte order mark shows UTF-8 (spreadsheets) and UTF-16 (their "Unicode
-    text"). Zero bytes at the end are what some file systems leave after a power cut, a substitute character is the end
-    mark of DOS: nothing was written there.
+    text"). Zero bytes at the end are what some file systems leave after a power cut, in place of what was written last.
+    A substitute character is the end mark of DOS.
 
     Raises:
       InputError: if the file is missing, too large, empty, or not text.
     """
     check_readable(path)
     try:
-        text = _decoded(path, path.read_bytes())
+        content = path.read_bytes()
     except OSError as error:
         raise file_error(path, f"can't be read ({error.strerror})", "check its permissions", "unreadable") from error
-    text = text.rstrip(_PADDING).replace("\r\n", "\n").replace("\r", "\n")
+    decoded = _decoded(path, content)
+    text = decoded.rstrip(_PADDING)
+    zeros = decoded.count("\0", len(text)) * (2 if content.startswith(_WIDE) else 1)
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
         remedy = "save the log as UTF-8 text, or remove the damaged lines"
@@ -54,7 +69,7 @@ def read_lines(path: Path) -> tuple[list[str], bool]:
     if not text.strip():
         raise file_error(path, "is empty", "pass a log whose first line names the columns", "empty")
     finished = text.endswith("\n")
-    return text.removesuffix("\n").split("\n"), finished
+    return TextLines(text.removesuffix("\n").split("\n"), finished, zeros)
 
 
 def _decoded(path: Path, content: bytes) -> str:

@@ -29,6 +29,8 @@ class TextTable(NamedTuple):
     """All lines of the file up to the last one that holds a value."""
     finished: bool
     """Whether a line break ends the last of them."""
+    zero_bytes: int
+    """Zero bytes after the last line."""
 
     @property
     def fewest(self) -> int:
@@ -51,7 +53,7 @@ def read_table_lines(path: Path) -> TextTable:
     Raises:
       InputError: if the file can't be read as text, or the first line has an open quotation mark.
     """
-    lines, finished = read_lines(path)
+    lines, finished, zeros = read_lines(path)
     first = next(index for index, line in enumerate(lines) if line.strip())
     line = lines[first].lstrip("#% ") if lines[first].lstrip().startswith(("#", "%")) else lines[first]
     most = max(",;\t", key=line.count)
@@ -62,8 +64,8 @@ def read_table_lines(path: Path) -> TextTable:
         finished = True
     filled = fields[: max((i + 1 for i, field in enumerate(fields) if field), default=0)]
     if all(is_number(field, delimiter) for field in filled):
-        return TextTable([str(index + 1) for index in range(len(filled))], delimiter, first, lines, finished)
-    return TextTable(fields, delimiter, first + 1, lines, finished)
+        return TextTable([str(index + 1) for index in range(len(filled))], delimiter, first, lines, finished, zeros)
+    return TextTable(fields, delimiter, first + 1, lines, finished, zeros)
 
 
 def is_number(text: str, delimiter: str | None) -> bool:
