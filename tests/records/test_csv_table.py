@@ -27,6 +27,15 @@ def with_notes(changed=None):
     return lines(changed, rows=[f"{row},ok" for row in ROWS], names="time_s,u,y,note")
 
 
+SHORTEST = ["0.0", *(repr(float(np.sin(k / 7))) for k in range(1, 19))]
+"""Numbers with as many digits as they need."""
+
+
+def ends_with(values):
+    """Lines whose last column has other values."""
+    return lines(rows=[f"{k / 100:.2f},{k % 7}.5,{value}" for k, value in enumerate(values)])
+
+
 @pytest.mark.parametrize(
     ("table", "line"),
     [
@@ -140,13 +149,58 @@ def test_zero_bytes_after_a_line_that_breaks_off_are_counted_with_it(tmp_path) -
         (lines({21: "0.19,5.5,2.3"}), NAMES[:2]),
         (with_notes({21: "0.19,5.5,2.375,o"}), NAMES),
         (with_notes({21: "0.19,5.5,2.375,"}), NAMES),
-        (lines({4: "0.02,2.5,0.25", 21: "0.19,5.5,2.37"}), NAMES),
         (lines(rows=[f"{k},{k},{k * k}" for k in range(20)]), NAMES),
         (lines(rows=[f"{k},{k},{k:.3e}" for k in range(20)]), NAMES),
+        (ends_with([f"{k % 2}" for k in range(20)]), NAMES),
+        (ends_with([f"{k + 995:04d}" for k in range(20)]), NAMES),
+        (ends_with([f"{k / 10:.1f}" for k in range(20)]), NAMES),
+        (ends_with([f"{np.sin(k):.4g}" for k in range(20)]), NAMES),
+        (ends_with([*SHORTEST, '"0.6"']), NAMES),
+        ([line.replace(",", " ") for line in ends_with([*SHORTEST, "0.6 "])], NAMES),
     ],
 )
 def test_a_last_line_without_line_break_is_whole_where_its_number_is_as_long_as_others(tmp_path, table, wanted) -> None:
     assert len(read_csv_columns(write(tmp_path, table, end=""), wanted).lines) == 20
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        [*(f"{1000 + 13 * k}" for k in range(50)), "16"],
+        [*(f"{k}" for k in range(990, 1000)), "100"],  # of 1000
+        [*(f"{k}" for k in range(-40, 40)), "4"],
+        ["0"] * 20 + ["1"],
+        [*(f"{k:04d}" for k in range(20)), "002"],
+        [*SHORTEST, "0.6"],
+        ["0.0"] * 2000 + ["0.6"],
+        ["0.0", "0.5"] * 10 + ["0.6"],
+        [*SHORTEST, "1.0", "0.12345678901234"],
+        [*(f"{k / 8:.3f}" for k in range(20)), "0.25", "2.37"],
+        [*(f"{k / 8}" for k in range(100)), "12.37"],
+        ["1e-05", *SHORTEST, "5.1234567890123455"],
+        [f"{k:.3e}" for k in range(20)] + ["1.900"],
+        ["nan"] * 20 + ["0.6"],
+        ["0.6"],
+        [f"{k}," for k in range(50, 70)] + ["7"],
+    ],
+)
+def test_a_last_number_that_can_be_the_beginning_of_a_longer_one_is_left_out_and_counted(tmp_path, values) -> None:
+    table = ends_with(values)
+    path = write(tmp_path, table, end="")
+    with pytest.raises(InputError, match=f'line {len(table)}: .* its last number, or lacks only.*: "{values[-1]}"'):
+        read_csv_columns(path, NAMES)
+    if len(values) > 1:
+        read = read_text_table(path, NAMES)
+        assert [each.samples for each in read.findings if each.code == "truncated"] == [1]
+        assert len(read.places) == len(values) - 1
+    # A line break is all that a whole line lacks.
+    assert len(read_csv_columns(write(tmp_path, table), NAMES[:2]).lines) == len(values)
+
+
+def test_a_missing_value_at_the_end_is_whole(tmp_path) -> None:
+    read = read_text_table(write(tmp_path, ends_with([*SHORTEST, "nan"]), end=""), NAMES)
+    assert not read.findings
+    assert_array_equal(np.flatnonzero(np.isnan(read.columns["y"])), [19])
 
 
 def test_a_line_of_separators_alone_is_a_row_without_values(tmp_path) -> None:

@@ -109,7 +109,8 @@ def read_text_table(path: Path, wanted: Sequence[str], optional: Sequence[str] =
     if torn is not None:
         zeros = f", with {_zeros(table)} after it" if table.zero_bytes else ""
         message = f"the last line breaks off {torn}{zeros}; it was left out"
-        findings.append(Finding("truncated", "repaired", place, message, "stop the recorder before copying its log", 1))
+        remedy = "stop the recorder before copying its log, or end a last line that is whole with a line break"
+        findings.append(Finding("truncated", "repaired", place, message, remedy, 1))
         table = table._replace(lines=table.lines[:-1], finished=True)
     elif table.zero_bytes:
         message = f"{_zeros(table)} after the last line were left out: samples that were to stand there are lost"
