@@ -93,12 +93,12 @@ def _is_whole_integer(last: str, above: Sequence[str]) -> bool:
 
 
 def _are_rounded(decimals: Sequence[str]) -> bool:
-    """Return whether a writer cuts decimals to one length: few different numbers can share a length by chance.
+    """Return whether a writer cuts decimals to one length.
 
-    One that writes what is needed and no more writes 0.0, 0.5 and then 0.625, and no zero at the end but that of 0.0.
+    One that writes what a binary number needs and no more writes 0.0, 0.5 and then 0.625: it ends short numbers with
+    a five, and with a zero that of 0.0 alone.
     """
-    ends = {each[-1:] for each in decimals}
-    return len(ends) > 2 or ("0" in ends and len(decimals[0]) > 1)
+    return bool({each[-1:] for each in decimals} - {"", "5", "0" if len(decimals[0]) == 1 else ""})
 
 
 def _number(text: str) -> _Number | None:
