@@ -82,6 +82,31 @@ def test_a_line_with_other_fields_than_the_first_line_names_is_refused(tmp_path,
     assert refused.value.code == "row-length"
 
 
+@pytest.mark.parametrize("first", ["1,,2", ",1,2", "nan,,2", "\n1,,2"])
+def test_a_first_line_of_numbers_and_gaps_is_refused_since_it_can_be_a_sample(tmp_path, first) -> None:
+    line = first.count("\n") + 1
+    with pytest.raises(InputError, match=rf"log\.csv: line {line}: numbers and empty .*; put a line above") as refused:
+        read_text_table(write(tmp_path, [first, "5,6,7", "6,7,8"]), ["1", "2"])
+    assert refused.value.code == "unclear-names"
+
+
+@pytest.mark.parametrize("word", ["NA", "null", "None", "n/a", "nan"])
+def test_a_first_line_that_lacks_a_value_by_a_word_is_a_sample(tmp_path, word) -> None:
+    read = read_text_table(write(tmp_path, [f"1,{word},2", "5,6,7", "6,7,8"]), ["2", "3"])
+    assert_array_equal(read.columns["2"], [np.nan, 6, 7])
+    assert_array_equal(read.columns["3"], [2, 7, 8])
+
+
+@pytest.mark.parametrize("read", [read_text_table, read_csv_columns])
+@pytest.mark.parametrize(("mark", "separator"), [("#", ","), ("%", ";"), ("  # ", "\t"), ("#", " ")])
+def test_a_sample_that_a_mark_takes_out_is_refused(tmp_path, read, mark, separator) -> None:
+    rows = [f"{k},{row}" for k, row in enumerate(ROWS)]
+    table = lines({9: mark + rows[7]}, rows, "#count,time_s,u,y")
+    with pytest.raises(InputError, match=f'line 9: begins with "{mark.strip()}".*; remove the line, or') as refused:
+        read(write(tmp_path, [line.replace(",", separator) for line in table]), NAMES)
+    assert refused.value.code == "comment"
+
+
 @pytest.mark.parametrize("separator", [",", " "])
 @pytest.mark.parametrize("ending", ["\r", "\r\n"])
 def test_every_line_ending_separates_lines_and_nothing_else_does(tmp_path, separator, ending) -> None:

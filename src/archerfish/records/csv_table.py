@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.findings import Finding
 from archerfish.records.log_table import LogTable
-from archerfish.records.text_rows import COMMA_NUMBER, MISSING, Row, TextTable, read_table_lines, whole_rows
+from archerfish.records.text_rows import (
+    COMMA_NUMBER,
+    MISSING,
+    Row,
+    TextTable,
+    check_comments,
+    read_table_lines,
+    whole_rows,
+)
 from archerfish.records.torn_line import torn_end
 
 Values = NDArray[np.float64]
@@ -147,6 +155,7 @@ def _content(path: Path, table: TextTable, positions: dict[str, int]) -> _Conten
     lines = np.arange(table.first + 1, len(table.lines) + 1)
     if not lines.size:
         raise file_error(path, "has a first line but no data", "pass a log that holds samples", "no-data")
+    check_comments(path, table)
     values, commas = _all_numbers(table, list(positions.values())), False
     empty = np.zeros(lines.size, dtype=np.bool_)
     if values is None:
