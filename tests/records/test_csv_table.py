@@ -1,3 +1,7 @@
+import bz2
+import gzip
+import lzma
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -48,6 +52,7 @@ def ends_with(values):
         (with_notes({3: "0.01,,0.125,ok", 5: '0.03,3.5,0.375,"a', 15: '0.13,6.5,1.625,b"'}), 5),
         (with_notes({5: '0.03,3.5,0.375,"two\nlines"'}), 5),
         (with_notes({5: f'0.03,3.5,0.375,"{"a" * 140_000}"'}), 5),
+        (lines({1: f'time_s,u,y,"{"a" * 140_000}"'}), 1),
     ],
 )
 @pytest.mark.parametrize("read", [read_text_table, read_csv_columns])
@@ -245,6 +250,31 @@ def test_text_that_cannot_be_decoded_is_refused_with_its_line(tmp_path, encoding
     with pytest.raises(InputError, match=rf"line 21: can't be read as {encoding.upper()} text") as refused:
         read_text_table(path, NAMES)
     assert refused.value.code == "encoding"
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (gzip.compress(b"time_s,u,y\n"), "is compressed; unpack it first"),
+        (bz2.compress(b"time_s,u,y\n"), "is compressed; unpack it first"),
+        (lzma.compress(b"time_s,u,y\n"), "is compressed; unpack it first"),
+        (b"\x89HDF\r\n\x1a\n" + bytes(100), "is an HDF5 file"),
+        (b"PK\x03\x04" + bytes(100), "is an archive"),
+    ],
+)
+@pytest.mark.parametrize("read", [read_text_table, read_csv_columns])
+def test_what_is_no_text_is_refused_by_its_format(tmp_path, content, problem, read) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=problem) as refused:
+        read(path, NAMES)
+    assert refused.value.code == "unknown-format"
+
+
+def test_a_field_that_is_too_long_is_not_called_an_open_quotation_mark(tmp_path) -> None:
+    path = write(tmp_path, with_notes({5: f'0.03,3.5,0.375,"{"a" * 140_000}"'}))
+    with pytest.raises(InputError, match=r"line 5: a quotation mark encloses more than 131072 characters; shorten"):
+        read_text_table(path, NAMES)
 
 
 def test_a_message_shows_the_beginning_of_a_long_field_only(tmp_path) -> None:

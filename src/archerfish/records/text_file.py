@@ -8,6 +8,16 @@ from archerfish.records.errors import file_error
 from archerfish.records.log_table import MAX_BYTES
 
 _WIDE = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_UNREAD = {
+    b"\x1f\x8b": ("is compressed", "unpack it first"),
+    b"\x28\xb5\x2f\xfd": ("is compressed", "unpack it first"),
+    b"\xfd7zXZ\0": ("is compressed", "unpack it first"),
+    **{b"BZh%d1AY&SY" % level: ("is compressed", "unpack it first") for level in range(1, 10)},
+    b"\x89HDF": ("is an HDF5 file (MATLAB 7.3)", "save it with -v7, or as CSV"),
+    b"\x93NUMPY": ("is a single NumPy array", "store the signals by name with numpy.savez"),
+}
+"""First bytes of files that no reader of logs understands."""
+_ARCHIVE = b"PK\x03\x04"
 _PADDING = "\0\x1a"
 """What is no text after the last line: zero bytes, and the end mark of DOS."""
 
@@ -42,6 +52,21 @@ def check_readable(path: Path, limit: int = MAX_BYTES) -> None:
         raise file_error(path, problem, "cut the log into shorter ones", "too-large")
 
 
+def check_format(path: Path, start: bytes) -> None:
+    """Fail on what no reader of logs understands.
+
+    Args:
+      path: the file.
+      start: its first bytes.
+
+    Raises:
+      InputError: if it is compressed, HDF5, or a single array.
+    """
+    for magic, (problem, remedy) in _UNREAD.items():
+        if start.startswith(magic):
+            raise file_error(path, problem, remedy, "unknown-format")
+
+
 def read_lines(path: Path) -> TextLines:
     """Return the lines of a text file, and how it ends.
 
@@ -58,6 +83,10 @@ def read_lines(path: Path) -> TextLines:
         content = path.read_bytes()
     except OSError as error:
         raise file_error(path, f"can't be read ({error.strerror})", "check its permissions", "unreadable") from error
+    check_format(path, content)
+    if content.startswith(_ARCHIVE):
+        problem = "is an archive (.npz, .zip, or a spreadsheet), expected text"
+        raise file_error(path, problem, "save the table as CSV", "unknown-format")
     decoded = _decoded(path, content)
     text = decoded.rstrip(_PADDING)
     zeros = decoded.count("\0", len(text)) * (2 if content.startswith(_WIDE) else 1)

@@ -113,6 +113,11 @@ def _fields(path: Path, line: int, text: str, delimiter: str | None) -> list[str
     try:
         return cut_fields(text, delimiter)
     except csv.Error as error:
+        if len(text) > csv.field_size_limit() and str(error).startswith("field larger"):
+            problem = f"line {line}: a quotation mark encloses more than {csv.field_size_limit()} characters"
+            raise file_error(
+                path, problem, "shorten the field, or export the table without it", "open-quote"
+            ) from error
         problem = f"line {line}: a quotation mark is not closed on its line, or not at the end of its field ({error})"
         remedy = "close or remove it, and keep line breaks out of fields"
         raise file_error(path, problem, remedy, "open-quote") from error
