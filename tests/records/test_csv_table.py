@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from archerfish.records.csv_table import column_names, read_csv_columns, read_text_table
+from archerfish.records.csv_table import read_csv_columns, read_header, read_text_table
 from archerfish.records.errors import InputError
 
 NAMES = ["time_s", "u", "y"]
@@ -285,7 +285,7 @@ def test_a_message_shows_the_beginning_of_a_long_field_only(tmp_path) -> None:
 
 
 def test_names_are_found_whatever_the_encoding_and_the_separator(tmp_path) -> None:
-    for content in ("\n\n# a b missed\n1 2 0\n", "a;b;missed\n1;2;0\n"):
+    for line, content in ((3, "\n\n# a b missed\n1 2 0\n"), (1, "a;b;missed\n1;2;0\n")):
         path = tmp_path / "log.csv"
         path.write_bytes(content.encode("utf-16"))
-        assert column_names(path) == ["a", "b", "missed"]
+        assert read_header(path) == (["a", "b", "missed"], line)

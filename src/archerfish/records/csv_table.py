@@ -46,13 +46,23 @@ class _Content(NamedTuple):
     commas: bool  # decimal commas were read as points
 
 
-def column_names(path: Path) -> list[str]:
-    """Return the names in the first line of a text table, or the columns' numbers where it holds numbers only.
+class Header(NamedTuple):
+    """What names the columns of a text table."""
+
+    names: list[str]
+    """Names of the columns, or their numbers where the first line holds numbers only."""
+    line: int
+    """Line of the file that holds them, counted from 1."""
+
+
+def read_header(path: Path) -> Header:
+    """Return what names the columns of a text table.
 
     Raises:
       InputError: if the file can't be read as text.
     """
-    return read_table_lines(path).names
+    table = read_table_lines(path)
+    return Header(table.names, max(table.first, 1))
 
 
 def read_csv_columns(path: Path, wanted: Sequence[str], optional: Sequence[str] = ()) -> CsvTable:
