@@ -185,6 +185,7 @@ def test_zero_bytes_after_a_line_that_breaks_off_are_counted_with_it(tmp_path) -
         (ends_with([f"{k + 995:04d}" for k in range(20)]), NAMES),
         (ends_with([f"{k / 10:.1f}" for k in range(20)]), NAMES),
         (ends_with([f"{np.sin(k):.4g}" for k in range(20)]), NAMES),
+        (ends_with([*SHORTEST, "-0.123456789012345"]), NAMES),
         (ends_with([*SHORTEST, '"0.6"']), NAMES),
         ([line.replace(",", " ") for line in ends_with([*SHORTEST, "0.6 "])], NAMES),
     ],

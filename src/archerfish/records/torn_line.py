@@ -6,6 +6,9 @@ from typing import NamedTuple
 
 from archerfish.records.text_rows import TextTable, cut_fields, is_number
 
+_PRECISE = 15
+"""Significant digits after which a further one changes a number of 64 bits by little more than its rounding."""
+
 
 class _Number(NamedTuple):
     """How a number is written."""
@@ -74,8 +77,11 @@ def _is_whole(text: str, above: Sequence[str]) -> bool:
     if last.exponent:
         # Two digits, by most writers: "1e-0" was 1e-05.
         return last.exponent >= max(2, *exponents)
-    if all(exponents) or (any(exponents) and len(last.whole) == 1 and last.whole != "0"):
+    scientific = len(last.whole) == 1 and last.whole != "0"
+    if all(exponents) or (any(exponents) and scientific):
         return False  # "1.234" was 1.234e-05
+    if last.places > 0 and last.significant >= _PRECISE and not scientific:
+        return True
     places = max(each.places for each in known)
     if places < 0:
         return last.places < 0 and _is_whole_integer(last.whole, [each.whole for each in known])
