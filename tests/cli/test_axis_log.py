@@ -10,7 +10,7 @@ from archerfish.records.recording import make_recording
 
 def write(path, time, command, angle):
     rows = [f"{t!r},{u!r},{y!r}" for t, u, y in zip(*(each.tolist() for each in (time, command, angle)), strict=True)]
-    path.write_text("\n".join(["time_s,u,y", *rows]))
+    path.write_text("\n".join(["time_s,u,y", *rows, ""]))
     return path
 
 

@@ -26,6 +26,11 @@ def zero_bytes_after_half_a_line(folder):
     return [write(folder, table(*sound())[:-8].encode() + bytes(4096))]
 
 
+@fault("repaired", "zero-bytes")
+def zero_bytes_after_a_power_cut(folder):
+    return [write(folder, table(*sound()).encode() + bytes(4096))]
+
+
 @fault("repaired", "decimal-comma")
 def decimal_commas(folder):
     return [write(folder, table(*sound(), separator=";").replace(".", ","))]

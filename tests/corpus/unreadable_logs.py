@@ -108,6 +108,20 @@ def a_number_beyond_the_columns(folder):
     return [write(folder, text, "log.dat"), "--time", "1", "--input", "2", "--output", "4"]
 
 
+@fault("refused", "unclear-names")
+def a_value_missing_in_the_first_line_without_names(folder):
+    rows = lines()[1:]
+    rows[0] = rows[0].split(",")[0] + ",," + rows[0].split(",")[2]
+    return [write(folder, joined(rows), "log.dat"), "--time", "1", "--input", "2", "--output", "3"]
+
+
+@fault("refused", "comment")
+def samples_taken_out_by_a_mark(folder):
+    rows = [f"{k},{row}" for k, row in enumerate(lines()[1:])]
+    rows[300:305] = [f"#{row}" for row in rows[300:305]]
+    return [write(folder, joined(["count,time_s,u,y", *rows]))]
+
+
 @fault("refused", "column-twice")
 def two_columns_of_one_name(folder):
     return csv(folder, *sound(), names=("time_s", "u", "u"))

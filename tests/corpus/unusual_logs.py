@@ -62,11 +62,6 @@ def no_line_break_at_the_end(folder):
 
 
 @fault("accepted")
-def zero_bytes_after_a_power_cut(folder):
-    return [write(folder, table(*sound()).encode() + bytes(4096))]
-
-
-@fault("accepted")
 def a_symbolic_link(folder):
     (folder / "link.csv").symlink_to(write(folder, table(*sound())))
     return [folder / "link.csv"]

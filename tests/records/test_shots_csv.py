@@ -54,6 +54,8 @@ def test_columns_can_have_other_names(tmp_path):
             "unknown-unit",
         ),
         ("pitch_rad,distance_m\n0.1,3\n", 'column "pitch_rad" has the unit "rad", expected pitch_deg', "unknown-unit"),
+        ("\n\npitch_rad,distance_m\n0.1,3\n", 'line 3: column "pitch_rad"', "unknown-unit"),
+        ("\npitch_deg,distance_m,hit_height_m\n5,3,0.1\n", "line 2: columns of landing points", "mixed-columns"),
         ("pitch_deg,distance_m,hit_height_m\n5,3,0.1\n", "landing points and of hits on a plane", "mixed-columns"),
         ("pitch_deg,distance_m,missed\n5,3,0\n5,,1\n", "line 3: 1 of 2 shots missed", "censored-misses"),
     ],

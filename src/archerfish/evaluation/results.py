@@ -70,12 +70,12 @@ class Label:
 
 @dataclass(frozen=True, kw_only=True)
 class Cell(Label):
-    """One hit rate: k hits of the n shots that count."""
+    """One hit rate: k hits of the n shots or decisions that count, `counted`."""
 
     hits: int
     """Shots that hit."""
     shots: int
-    """Shots fired."""
+    """Shots fired; where decisions count, n is these and `withheld`."""
     engagements: int
     """Independent engagements that the decisions fall into."""
     low: float
@@ -106,10 +106,11 @@ class Cell(Label):
             raise InputError(f"hits must lie between 0 and shots, shots + withheld must be > 0, got {found}")
         # Of no shots that count there is no rate, and nothing that the interval could miss.
         if not 0 <= self.low <= (self.rate if self.counted else self.low) <= self.high <= 1:
-            raise InputError(f"the interval {self.low} to {self.high} must hold hits/shots = {self.rate}")
+            raise InputError(f"the interval {self.low} to {self.high} must hold hits/counted = {self.rate}")
         if self.misses_slewing + self.misses_settled != self.counted - self.hits:
             split = f"{self.misses_slewing} and {self.misses_settled}"
-            raise InputError(f"misses_slewing and misses_settled must add up to shots − hits, got {split}")
+            missed = f"the misses, {self.counted} {self.counts} − {self.hits} hits"
+            raise InputError(f"misses_slewing and misses_settled must add up to {missed}, got {split}")
         given = [each is not None for each in (self.bound, self.bound_error, self.bound_kind)]
         if any(given) != all(given):
             raise InputError("bound, bound_error and bound_kind must be given together, or none of them")
@@ -123,7 +124,7 @@ class Cell(Label):
 
     @property
     def rate(self) -> float:
-        """Hits per shot that counts, 0 to 1; NaN of none."""
+        """Hits per shot or decision that counts, 0 to 1; NaN of none."""
         return self.hits / self.counted if self.counted else math.nan
 
 

@@ -57,8 +57,8 @@ def pooled_trainings(hits: NDArray[np.int64], shots: int, spread: SeedSpread | N
         raise InputError(f"hits must be 0…{shots} of shape (trainings, cells, engagements), got shape {hits.shape}")
     trainings, cells, _ = hits.shape
     # An interval by engagement takes no notice of which of its shots hit.
-    fired = np.arange(shots) < hits[..., None]
-    counted = [hit_rate(np.concatenate(list(fired[:, cell]), axis=-1)) for cell in range(cells)]
+    hit = np.arange(shots) < hits[..., None]
+    counted = [hit_rate(np.concatenate(list(hit[:, cell]), axis=-1)) for cell in range(cells)]
     met = weighted_mean([Estimate(each.rate, each.low, each.high) for each in counted], [1.0] * cells)
     assert met is not None
     if spread is None:

@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.findings import Finding
 from archerfish.records.log_table import LogTable
-from archerfish.records.text_rows import COMMA_NUMBER, MISSING, Row, TextTable, read_table_lines, whole_rows
+from archerfish.records.text_rows import (
+    COMMA_NUMBER,
+    MISSING,
+    Row,
+    TextTable,
+    check_comments,
+    read_table_lines,
+    whole_rows,
+)
 from archerfish.records.torn_line import torn_end
 
 Values = NDArray[np.float64]
@@ -38,13 +46,23 @@ class _Content(NamedTuple):
     commas: bool  # decimal commas were read as points
 
 
-def column_names(path: Path) -> list[str]:
-    """Return the names in the first line of a text table, or the columns' numbers where it holds numbers only.
+class Header(NamedTuple):
+    """What names the columns of a text table."""
+
+    names: list[str]
+    """Names of the columns, or their numbers where the first line holds numbers only."""
+    line: int
+    """Line of the file that holds them, counted from 1."""
+
+
+def read_header(path: Path) -> Header:
+    """Return what names the columns of a text table.
 
     Raises:
       InputError: if the file can't be read as text.
     """
-    return read_table_lines(path).names
+    table = read_table_lines(path)
+    return Header(table.names, max(table.first, 1))
 
 
 def read_csv_columns(path: Path, wanted: Sequence[str], optional: Sequence[str] = ()) -> CsvTable:
@@ -56,13 +74,22 @@ def read_csv_columns(path: Path, wanted: Sequence[str], optional: Sequence[str] 
       optional: names of columns that are read if they are there.
 
     Raises:
-      InputError: as `read_text_table`, and if a field is missing, has a decimal comma, or the last line breaks off.
+      InputError: as `read_text_table`, and if a field is missing, has a decimal comma, or the last line breaks off or
+        has zero bytes after it.
     """
     table = read_table_lines(path)
     positions = _positions(path, table, wanted, optional)
     if (torn := torn_end(table, list(positions.values()))) is not None:
         remedy = "complete it and end it with a line break, or remove it"
         raise file_error(path, f"line {len(table.lines)}: the last line breaks off {torn}", remedy, "truncated")
+    if table.zero_bytes:
+        remedy = "remove them if no line is missing, else complete the file"
+        raise file_error(
+            path,
+            f"line {len(table.lines)}: {_zeros(table)} after the last line: samples can have stood there",
+            remedy,
+            "zero-bytes",
+        )
     content = _content(path, table, positions)
     if content.commas:
         raise file_error(path, "holds decimal commas", "write decimal points", "decimal-comma")
@@ -82,7 +109,8 @@ def read_text_table(path: Path, wanted: Sequence[str], optional: Sequence[str] =
     The first line names the columns; where it holds numbers only, columns are called by their number: "1", "2", ….
     Fields are separated by commas, semicolons, tabs or blanks, whichever the first line has. Blank lines are passed
     over; a line of separators alone is a row without values. Decimal commas are read where they can be nothing else,
-    and a last line that breaks off is left out; findings say both. Every other line is read whole.
+    and a last line that breaks off and zero bytes after the last line are left out; findings say so. Every other line
+    is read whole.
 
     Args:
       path: the file.
@@ -95,15 +123,26 @@ def read_text_table(path: Path, wanted: Sequence[str], optional: Sequence[str] =
     """
     table, findings = read_table_lines(path), []
     positions = _positions(path, table, wanted, optional)
-    if (torn := torn_end(table, list(positions.values()))) is not None:
-        place, message = f"{path}: line {len(table.lines)}", f"the last line breaks off {torn}; it was left out"
-        findings.append(Finding("truncated", "repaired", place, message, "stop the recorder before copying its log", 1))
+    place, torn = f"{path}: line {len(table.lines)}", torn_end(table, list(positions.values()))
+    if torn is not None:
+        zeros = f", with {_zeros(table)} after it" if table.zero_bytes else ""
+        message = f"the last line breaks off {torn}{zeros}; it was left out"
+        remedy = "stop the recorder before copying its log, or end a last line that is whole with a line break"
+        findings.append(Finding("truncated", "repaired", place, message, remedy, 1))
         table = table._replace(lines=table.lines[:-1], finished=True)
+    elif table.zero_bytes:
+        message = f"{_zeros(table)} after the last line were left out: samples that were to stand there are lost"
+        remedy = "stop the recorder before its power is cut"
+        findings.append(Finding("zero-bytes", "repaired", place, message, remedy))
     content = _content(path, table, positions)
     if content.commas:
         message = "decimal commas were read as decimal points"
         findings.append(Finding("decimal-comma", "repaired", str(path), message, "write decimal points"))
     return LogTable(content.columns, None, "", content.lines, "line", str(path), tuple(findings))
+
+
+def _zeros(table: TextTable) -> str:
+    return f"{table.zero_bytes} zero byte{'s' if table.zero_bytes > 1 else ''}"
 
 
 def _positions(path: Path, table: TextTable, wanted: Sequence[str], optional: Sequence[str]) -> dict[str, int]:
@@ -126,6 +165,7 @@ def _content(path: Path, table: TextTable, positions: dict[str, int]) -> _Conten
     lines = np.arange(table.first + 1, len(table.lines) + 1)
     if not lines.size:
         raise file_error(path, "has a first line but no data", "pass a log that holds samples", "no-data")
+    check_comments(path, table)
     values, commas = _all_numbers(table, list(positions.values())), False
     empty = np.zeros(lines.size, dtype=np.bool_)
     if values is None:

@@ -10,15 +10,9 @@ from archerfish.records.errors import file_error
 from archerfish.records.log_arrays import read_mat, read_npz
 from archerfish.records.log_bags import bag_files, read_bag
 from archerfish.records.log_table import LogTable
-from archerfish.records.text_file import check_readable
+from archerfish.records.text_file import check_format, check_readable
 
 _BAGS = (b"#ROSBAG V2", b"SQLite format 3\0", b"\x89MCAP")
-_UNREAD = {
-    b"\x1f\x8b": ("is compressed", "unpack it first"),
-    b"\x28\xb5\x2f\xfd": ("is compressed", "unpack it first"),
-    b"\x89HDF": ("is an HDF5 file (MATLAB 7.3)", "save it with -v7, or as CSV"),
-    b"\x93NUMPY": ("is a single NumPy array", "store the signals by name with numpy.savez"),
-}
 
 
 def read_log(path: Path, inputs: Sequence[str], outputs: Sequence[str], *, time: str | None) -> LogTable:
@@ -41,9 +35,7 @@ def read_log(path: Path, inputs: Sequence[str], outputs: Sequence[str], *, time:
     check_readable(path)
     with path.open("rb") as stream:
         start = stream.read(128)
-    for magic, (problem, remedy) in _UNREAD.items():
-        if start.startswith(magic):
-            raise file_error(path, problem, remedy, "unknown-format")
+    check_format(path, start)
     if start.startswith(_BAGS) or path.suffix in (".bag", ".db3", ".mcap"):
         return read_bag(path, inputs, outputs)
     wanted = list(dict.fromkeys([*([] if time is None else [time]), *inputs, *outputs]))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from archerfish.records.csv_table import CsvTable, column_names, read_csv_columns
+from archerfish.records.csv_table import CsvTable, Header, read_csv_columns, read_header
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.shots import Shots
 
@@ -55,7 +55,7 @@ def read_shots_csv(path: Path, columns: ShotColumns | None = None) -> Shots:
         above zero.
     """
     columns = columns or DEFAULT_COLUMNS
-    header = column_names(path)
+    header = read_header(path)
     _check_units(path, header, columns)
     kind = _kind(path, header, columns)
     _check_misses(path, header, columns)
@@ -70,32 +70,34 @@ def _renamed(columns: ShotColumns, names: Iterable[str]) -> list[str]:
     return [name for name in names if getattr(columns, name) != getattr(DEFAULT_COLUMNS, name)]
 
 
-def _check_units(path: Path, header: list[str], columns: ShotColumns) -> None:
+def _check_units(path: Path, header: Header, columns: ShotColumns) -> None:
     """Refuse a column such as distance_mm: what it measures is known, but not in this unit."""
     named = [getattr(columns, name) for name in vars(columns)]
-    for name in header:
+    for name in header.names:
         found = _UNIT.match(name)
         expected = [known for known in vars(DEFAULT_COLUMNS) if found and known.startswith(f"{found[1]}_")]
-        if expected and name not in (*named, *vars(DEFAULT_COLUMNS)) and getattr(columns, expected[0]) not in header:
-            problem = f'line 1: column "{name}" has the unit "{name.removeprefix(found[1] + "_") if found else ""}"'
+        if not found or not expected or name in (*named, *vars(DEFAULT_COLUMNS)):
+            continue
+        if getattr(columns, expected[0]) not in header.names:
+            problem = f'line {header.line}: column "{name}" has the unit "{name.removeprefix(found[1] + "_")}"'
             remedy = f"convert the values and name the column {expected[0]}"
             raise file_error(path, f"{problem}, expected {expected[0]}", remedy, "unknown-unit")
 
 
-def _kind(path: Path, header: list[str], columns: ShotColumns) -> tuple[str, ...]:
+def _kind(path: Path, header: Header, columns: ShotColumns) -> tuple[str, ...]:
     """Return the fields that say where the pellets went: those of landing points, or of hits on a plane."""
-    landing = getattr(columns, _LANDING[0]) in header or bool(_renamed(columns, _LANDING))
-    plane = any(getattr(columns, name) in header for name in _PLANE) or bool(_renamed(columns, _PLANE))
+    landing = getattr(columns, _LANDING[0]) in header.names or bool(_renamed(columns, _LANDING))
+    plane = any(getattr(columns, name) in header.names for name in _PLANE) or bool(_renamed(columns, _PLANE))
     if landing and plane:
         names = ", ".join(getattr(columns, name) for name in (*_LANDING, *_PLANE))
-        problem = f"line 1: columns of landing points and of hits on a plane in one file ({names})"
+        problem = f"line {header.line}: columns of landing points and of hits on a plane in one file ({names})"
         raise file_error(path, problem, "write them into two files and identify from one of them", "mixed-columns")
     return _PLANE if plane else _LANDING
 
 
-def _check_misses(path: Path, header: list[str], columns: ShotColumns) -> None:
+def _check_misses(path: Path, header: Header, columns: ShotColumns) -> None:
     """Refuse a set with misses: the remaining shots alone would make the dispersion too small."""
-    if columns.missed not in header:
+    if columns.missed not in header.names:
         return
     table = read_csv_columns(path, [columns.missed])
     missed = table.lines[table.columns[columns.missed] != 0]

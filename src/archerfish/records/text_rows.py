@@ -12,6 +12,9 @@ from archerfish.records.text_file import read_lines
 MISSING = {"", "nan", "na", "n/a", "null", "none"}
 """How loggers write a value that they did not have, in lower case."""
 
+_MARKS = ("#", "%")
+"""What begins the line of names in some files, and a comment."""
+
 COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+(e[+-]?\d+)?", re.IGNORECASE)
 """A number with a decimal comma."""
 
@@ -29,6 +32,8 @@ class TextTable(NamedTuple):
     """All lines of the file up to the last one that holds a value."""
     finished: bool
     """Whether a line break ends the last of them."""
+    zero_bytes: int
+    """Zero bytes after the last line."""
 
     @property
     def fewest(self) -> int:
@@ -49,11 +54,12 @@ def read_table_lines(path: Path) -> TextTable:
     """Read a text table as lines, and find names and separator in the first one.
 
     Raises:
-      InputError: if the file can't be read as text, or the first line has an open quotation mark.
+      InputError: if the file can't be read as text, or the first line has an open quotation mark, or both numbers and
+        empty fields and nothing else: they can be names or a sample that lacks a value.
     """
-    lines, finished = read_lines(path)
+    lines, finished, zeros = read_lines(path)
     first = next(index for index, line in enumerate(lines) if line.strip())
-    line = lines[first].lstrip("#% ") if lines[first].lstrip().startswith(("#", "%")) else lines[first]
+    line = lines[first].lstrip("#% ") if lines[first].lstrip().startswith(_MARKS) else lines[first]
     most = max(",;\t", key=line.count)
     delimiter = most if most in line else None
     fields = [field.strip() for field in _fields(path, first + 1, line, delimiter)]
@@ -61,9 +67,17 @@ def read_table_lines(path: Path) -> TextTable:
         lines.pop()  # blank lines, and the rows of separators that spreadsheets leave at the end
         finished = True
     filled = fields[: max((i + 1 for i, field in enumerate(fields) if field), default=0)]
-    if all(is_number(field, delimiter) for field in filled):
-        return TextTable([str(index + 1) for index in range(len(filled))], delimiter, first, lines, finished)
-    return TextTable(fields, delimiter, first + 1, lines, finished)
+    numbers = [is_number(field, delimiter) for field in filled]
+    if (
+        any(numbers)
+        and "" in filled
+        and all(number or not field for number, field in zip(numbers, filled, strict=True))
+    ):
+        problem = f"line {first + 1}: numbers and empty fields can be names of columns, or a sample that lacks a value"
+        raise file_error(path, problem, "put a line above that names the columns", "unclear-names")
+    if any(numbers) and all(number or field.lower() in MISSING for number, field in zip(numbers, filled, strict=True)):
+        return TextTable([str(index + 1) for index in range(len(filled))], delimiter, first, lines, finished, zeros)
+    return TextTable(fields, delimiter, first + 1, lines, finished, zeros)
 
 
 def is_number(text: str, delimiter: str | None) -> bool:
@@ -99,9 +113,26 @@ def _fields(path: Path, line: int, text: str, delimiter: str | None) -> list[str
     try:
         return cut_fields(text, delimiter)
     except csv.Error as error:
+        if len(text) > csv.field_size_limit() and str(error).startswith("field larger"):
+            problem = f"line {line}: a quotation mark encloses more than {csv.field_size_limit()} characters"
+            raise file_error(
+                path, problem, "shorten the field, or export the table without it", "open-quote"
+            ) from error
         problem = f"line {line}: a quotation mark is not closed on its line, or not at the end of its field ({error})"
         remedy = "close or remove it, and keep line breaks out of fields"
         raise file_error(path, problem, remedy, "open-quote") from error
+
+
+def check_comments(path: Path, table: TextTable) -> None:
+    """Refuse lines of data that a mark takes out: a sample that somebody removed is none.
+
+    Raises:
+      InputError: if a line of data begins with # or %.
+    """
+    for line, text in enumerate(table.lines[table.first :], start=table.first + 1):
+        if ("#" in text or "%" in text) and text.lstrip().startswith(_MARKS):
+            problem = f'line {line}: begins with "{text.lstrip()[0]}", as a comment or a sample that was taken out'
+            raise file_error(path, problem, "remove the line, or the mark if it is a sample", "comment")
 
 
 def whole_rows(path: Path, table: TextTable) -> Iterator[Row]:

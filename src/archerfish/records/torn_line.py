@@ -2,25 +2,44 @@
 
 import csv
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from archerfish.records.text_rows import TextTable, cut_fields, is_number
 
-_COMPARED = 1000
-"""Numbers before the last one that its digits are compared with."""
+_PRECISE = 15
+"""Significant digits after which a further one changes a number of 64 bits by little more than its rounding."""
+
+
+class _Number(NamedTuple):
+    """How a number is written."""
+
+    whole: str  # digits before the decimal point
+    decimals: str | None  # those after it; None without one
+    exponent: int  # digits of the exponent, 0 without one
+
+    @property
+    def places(self) -> int:
+        return -1 if self.decimals is None else len(self.decimals)
+
+    @property
+    def significant(self) -> int:
+        return len((self.whole + (self.decimals or "")).lstrip("0"))
 
 
 def torn_end(table: TextTable, wanted: Sequence[int]) -> str | None:
     """Return where the last line breaks off, in words; None where it is whole.
 
-    A line with too few fields breaks off. So does one without a line break at its end whose last field is wanted and
-    is no number, or has fewer digits than any number above it in its column: "1.2" was 1.234 where all others have
-    three decimals. A field that a separator ends is whole.
+    A line with too few fields breaks off. One without a line break at its end does if its last field is wanted and is
+    no number, or can be the beginning of a longer one: "1.2" was 1.234 where others have three decimals, and "16" was
+    1650 where others lie between 1000 and 1637. What the numbers above it do not show to be whole counts as torn. A
+    field that a separator, a blank or a quotation mark ends is whole.
 
     Args:
       table: the lines.
       wanted: positions of the columns that are read.
     """
-    if len(table.lines) - table.first < 2:
+    above = table.lines[table.first : -1]
+    if len(table.lines) <= table.first or (table.finished and not above):
         return None
     last = table.lines[-1]
     fields = _fields(last, table.delimiter)
@@ -28,15 +47,18 @@ def torn_end(table: TextTable, wanted: Sequence[int]) -> str | None:
         return None if table.finished else "inside a quotation mark"
     if len(fields) < table.fewest:
         return f"after {len(fields)} of {table.fewest} fields"
-    if table.finished or len(fields) - 1 not in wanted:
+    at = len(fields) - 1
+    if table.finished or at not in wanted:
         return None
     text = fields[-1].strip()
     if not is_number(text, table.delimiter):
         return "in its last field" if text else "before its last field"
-    above = (_fields(line, table.delimiter) or [""] for line in table.lines[table.first : -1][-_COMPARED:])
-    if _is_cut(text, [each[-1].strip() for each in above if is_number(each[-1].strip(), table.delimiter)]):
-        return f'inside its last number: "{text}" has fewer digits than any above it'
-    return None
+    if last[-1].isspace() or last[-1] == '"':
+        return None
+    rows = ((_fields(line, table.delimiter) or [])[at : at + 1] for line in above)
+    if _is_whole(text, [row[0].strip() for row in rows if row and is_number(row[0].strip(), table.delimiter)]):
+        return None
+    return f'inside its last number, or lacks only its line break: "{text}" can be the beginning of a longer number'
 
 
 def _fields(line: str, delimiter: str | None) -> list[str] | None:
@@ -46,21 +68,49 @@ def _fields(line: str, delimiter: str | None) -> list[str] | None:
         return None
 
 
-def _is_cut(text: str, above: Sequence[str]) -> bool:
-    if not above:
-        return False
-    decimals, exponent = _digits(text)
-    known = [_digits(each) for each in above]
-    all_decimals, all_exponents = {each for each, _ in known}, {each for _, each in known}
-    if decimals < max(all_decimals) and decimals not in all_decimals:
+def _is_whole(text: str, above: Sequence[str]) -> bool:
+    """Return whether numbers above one show that it has all its digits."""
+    last, known = _number(text), [number for each in above if (number := _number(each)) is not None]
+    if last is None or not known:
+        return last is None  # "nan" is no number with more digits to come
+    exponents = [each.exponent for each in known]
+    if last.exponent:
+        # Two digits, by most writers: "1e-0" was 1e-05.
+        return last.exponent >= max(2, *exponents)
+    scientific = len(last.whole) == 1 and last.whole != "0"
+    if all(exponents) or (any(exponents) and scientific):
+        return False  # "1.234" was 1.234e-05
+    if last.places > 0 and last.significant >= _PRECISE and not scientific:
         return True
-    # Exponents are written with two digits, by most writers: "1e-0" was 1e-05.
-    usual = max(2 if exponent else 0, *all_exponents)
-    return exponent < usual and exponent not in all_exponents
+    places = max(each.places for each in known)
+    if places < 0:
+        return last.places < 0 and _is_whole_integer(last.whole, [each.whole for each in known])
+    significant = max(each.significant for each in known)
+    if any(each.significant == significant and each.places < places for each in known):
+        return last.significant >= significant  # rounded to significant digits
+    return last.places >= places and _are_rounded([each.decimals or "" for each in known if each.places == places])
 
 
-def _digits(number: str) -> tuple[int, int]:
-    """Return the count of decimals, -1 without a decimal point, and that of the exponent's digits."""
-    mantissa, _, exponent = number.lower().partition("e")
-    point = max(mantissa.rfind("."), mantissa.rfind(","))
-    return (len(mantissa) - point - 1 if point >= 0 else -1), len(exponent.lstrip("+-"))
+def _is_whole_integer(last: str, above: Sequence[str]) -> bool:
+    """Return whether a further digit would take an integer far beyond all above it."""
+    if any(len(each) > 1 and each.startswith("0") for each in above):
+        return {len(each) for each in above} == {len(last)}  # padded with zeros
+    return last == "0" or 10 * int(last) > 2 * max(int(each) for each in above) > 0
+
+
+def _are_rounded(decimals: Sequence[str]) -> bool:
+    """Return whether a writer cuts decimals to one length.
+
+    One that writes what a binary number needs and no more writes 0.0, 0.5 and then 0.625: it ends short numbers with
+    a five, and with a zero that of 0.0 alone.
+    """
+    return bool({each[-1:] for each in decimals} - {"", "5", "0" if len(decimals[0]) == 1 else ""})
+
+
+def _number(text: str) -> _Number | None:
+    """Return how a number is written; None for "nan" and "inf"."""
+    mantissa, _, exponent = text.lower().lstrip("+-").replace(",", ".").partition("e")
+    whole, point, decimals = mantissa.partition(".")
+    if not (whole + decimals).isdecimal():
+        return None
+    return _Number(whole, decimals if point else None, len(exponent.lstrip("+-")))

@@ -118,7 +118,7 @@ class ShootingWorld(NamedTuple):
         )
 
     def see(self, state: ShootingState) -> Seen:
-        """Return what a controller sees now; feedback and camera are immediate in this self."""
+        """Return what a controller sees now; feedback and camera are immediate in this world."""
         xp = namespace(state.gimbal)
         plant = plant_of(self, state.engagement)
         zero = xp.zeros_like(state.time)

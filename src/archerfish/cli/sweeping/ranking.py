@@ -29,9 +29,9 @@ class Standing:
     hits: int
     """Shots that hit, all its trainings together."""
     shots: int
-    """Shots fired."""
+    """Decisions; one that withholds its shot counts as a miss."""
     rate: float
-    """Hits per shot, 0 to 1."""
+    """Hits per decision, 0 to 1."""
     low: float
     """Lower end of the 95 % interval, by which configurations are ranked; engagements, and seeds where several were
     trained."""

@@ -34,7 +34,7 @@ class TrialResult:
     hits: int
     """Shots that hit, over all cells."""
     shots: int
-    """Shots fired, over all cells."""
+    """Decisions, over all cells; one that withholds its shot counts as a miss."""
     low: float | None
     """Lower end of the 95 % interval of the hit rate over all cells, 0 to 1; None where nothing was shot."""
     high: float | None
@@ -52,7 +52,7 @@ class TrialResult:
 
     @property
     def rate(self) -> float:
-        """Hits per shot, 0 to 1; 0 for a trial that came to nothing, which is what it hits."""
+        """Hits per decision, 0 to 1; 0 for a trial that came to nothing, which is what it hits."""
         return self.hits / self.shots if self.shots else 0.0
 
 
@@ -81,7 +81,7 @@ def make_result(
 
 
 def over_cells(cells: Sequence[CellHits]) -> Estimate | None:
-    """Return hits per shot over all cells with an interval made from theirs; None without cells."""
+    """Return hits per decision over all cells with an interval made from theirs; None without cells."""
     rates = [Estimate(cell.hits / cell.shots, cell.low, cell.high) for cell in cells]
     return weighted_mean(rates, [cell.shots for cell in cells])
 

@@ -41,7 +41,7 @@ class TrialJob:
 
 @dataclass(frozen=True)
 class CellHits:
-    """One cell of the tables: k hits of n shots."""
+    """One cell of the tables: k hits of n decisions."""
 
     target: str
     """"static" or "dynamic"."""
@@ -50,7 +50,7 @@ class CellHits:
     hits: int
     """Shots that hit, k."""
     shots: int
-    """Shots fired, n."""
+    """Decisions, n; one that withholds its shot counts as a miss."""
     low: float
     """Lower end of the 95 % interval of the hit rate by engagement, 0 to 1."""
     high: float
