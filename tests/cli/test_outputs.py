@@ -152,6 +152,35 @@ def test_a_training_empties_no_folder_that_is_not_its_own(refused, tmp_path, nam
     assert f"run/{name}: holds files that no training left there" in refused("train", "--out", "run")
 
 
+@pytest.mark.parametrize(
+    ("words", "path"),
+    [
+        ("train --out run", "run/tensorboard"),
+        ("train --resume run", "run/unfinished"),
+        ("evaluate --out run", "run/figures"),
+        ("reproduce --quick --out run", "run/policies/gate-history"),
+        ("sweep --in-process --out run", "run/trials"),
+        ("sweep --in-process --out run --resume", "run/trials"),
+        ("sweep --in-process --out run", "run/results.jsonl"),
+    ],
+)
+def test_a_link_in_the_place_of_a_folder_or_file_is_not_followed(refused, tmp_path, words, path):
+    pytest.importorskip("jax")
+    storage.write_text(tmp_path / "elsewhere" / "config.json", "{}")
+    (tmp_path / path).parent.mkdir(parents=True)
+    (tmp_path / path).symlink_to(tmp_path / "elsewhere")
+    told = refused(*words.split())
+    assert path in told
+    assert "symbolic link" in told
+
+
+@pytest.mark.parametrize("path", ["run/results.jsonl", "run/.lock", "run/trials/0000/x.json"])
+@pytest.mark.parametrize("words", ["", "--resume"])
+def test_json_is_none_of_what_a_sweep_goes_on_with(refused, path, words):
+    told = refused("sweep", "--in-process", *words.split(), "--out", "run", "--json", path, "--overwrite")
+    assert "is written by this command anyway" in told
+
+
 def test_a_folder_in_the_place_of_one_result_keeps_all_from_being_written(refused, logs, tmp_path):
     (tmp_path / "runs" / "pitch.svg").mkdir(parents=True)
     told = refused(*IDENTIFY, "--axis", "pitch", "--out", "runs", "--overwrite")

@@ -22,12 +22,14 @@ class Outputs(NamedTuple):
     """Folders that it fills, with names that depend on the work."""
     named: tuple[Path, ...] = ()
     """Files whose names the user gives."""
+    kept: tuple[Path, ...] = ()
+    """Files and folders of its own that it goes on with, after a look at what they hold."""
     owner: str = ""
     """Name of the command whose run the files belong to, where that is another one."""
 
     def all(self) -> Iterator[Path]:
         """Yield all of them, and the lists of what was written."""
-        yield from (*self.files, *self.folders, *self.named)
+        yield from (*self.files, *self.folders, *self.named, *self.kept)
         yield from {each.parent / NAME: None for each in (*self.files, *self.folders)}
 
 
@@ -58,6 +60,7 @@ def check_outputs(command: Any) -> None:
     writer, outputs = make_writer(command), command.outputs()
     writer.check(outputs.files)
     writer.check_folders(outputs.folders)
+    writer.check_kept(outputs.kept)
     for path in outputs.named:
         writer.check_named(path)
     for folder in {path.parent for path in outputs.named}:

@@ -70,7 +70,7 @@ def _alone(folder: Path) -> Iterator[None]:
 def _check(files: Mapping[str, Path], out: Path, writer: Writer) -> None:
     targets = [out / name for name in files]
     for folder in dict.fromkeys(each for target in targets for each in target.parents if out in each.parents):
-        if os.path.lexists(folder) and not folder.is_dir():
+        if os.path.lexists(folder) and (folder.is_symlink() or not folder.is_dir()):
             problem = "can't be written, since it is in the place of a folder"
             raise file_error(folder, problem, "choose another output folder")
     writer.check(targets)

@@ -120,9 +120,10 @@ class Train:
 
     def outputs(self) -> Outputs:
         """Return what the command writes."""
+        files, unfinished = tuple(self.out / name for name in RESULT_FILES), (self.out / "unfinished",)
+        folders = (self.out / "diverged", self.out / "tensorboard")
         # A resumed training reads the copies of its records in "unfinished", and replaces none of them.
-        folders = ("diverged", "tensorboard") if self.resume else ("unfinished", "diverged", "tensorboard")
-        return Outputs(tuple(self.out / name for name in RESULT_FILES), tuple(self.out / name for name in folders))
+        return Outputs(files, folders, kept=unfinished) if self.resume else Outputs(files, (*unfinished, *folders))
 
     def resumed(self, read: Callable[[Any], Any]) -> "Train":
         """Take the settings of the run to go on with.

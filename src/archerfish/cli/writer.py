@@ -58,7 +58,7 @@ class Writer(NamedTuple):
                 raise file_error(path, "is a record of Archerfish", self.remedy)
 
     def check_folders(self, folders: Iterable[Path]) -> None:
-        """Refuse to write into folders where a file is in their place, what is read, or what another command wrote.
+        """Refuse to write into folders where a file or a link is in their place, what is read, or what others wrote.
 
         Files that no command wrote are left to `check`: their names may be others than those that are to be written.
 
@@ -68,8 +68,23 @@ class Writer(NamedTuple):
         for folder in folders:
             if os.path.lexists(folder) and not folder.is_dir():
                 raise file_error(folder, "is in the place of a folder", f"choose another {self.option}")
-            within = [each for each in folder.rglob("*") if each.is_file() and not each.is_symlink()]
+            paths = list(folder.rglob("*"))
+            for each in (folder, *paths):
+                if each.is_symlink() and each.is_dir():
+                    problem = "is a symbolic link in the place of a folder"
+                    raise file_error(each, problem, f"choose another {self.option}, or put a folder there")
+            within = [each for each in paths if each.is_file() and not each.is_symlink()]
             self.check(each for each in within if self._is_read(each) or find_written(each) is not None)
+
+    def check_kept(self, paths: Iterable[Path]) -> None:
+        """Refuse links, devices and the like in the place of what a command goes on with; it looks at the rest itself.
+
+        Raises:
+          InputError: naming the first path that is in the way.
+        """
+        for path in paths:
+            if path.is_symlink() or not path.is_dir():
+                storage.check_regular(path)
 
     @property
     def remedy(self) -> str:
