@@ -15,6 +15,7 @@ from archerfish.cli.main import COMMANDS, load, main, run
 from archerfish.cli.outputs import Outputs, command_name
 from archerfish.cli.parsing import parse
 from archerfish.cli.run_folder import run_folder
+from archerfish.cli.training_folders import remove_training
 from archerfish.cli.writer import Writer
 from archerfish.figures import style
 from archerfish.records import storage
@@ -179,6 +180,47 @@ def test_a_link_in_the_place_of_a_folder_or_file_is_not_followed(refused, tmp_pa
 def test_json_is_none_of_what_a_sweep_goes_on_with(refused, path, words):
     told = refused("sweep", "--in-process", *words.split(), "--out", "run", "--json", path, "--overwrite")
     assert "is written by this command anyway" in told
+
+
+BEGUN = json.dumps({"setting": {}, "ppo": {}, "provenance": {}})
+FAULT = json.dumps({"iteration": 3, "first_not_finite": "reward", "message": "training diverged"})
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"unfinished/config.json": "{}", "unfinished/notes.txt": "mine", "unfinished/chapters/1.txt": "mine"},
+        {"unfinished/config.json": "{}"},
+        {"unfinished/config.json": BEGUN, "unfinished/notes.txt": "mine"},
+        {"unfinished/config.json": BEGUN, "unfinished/inputs/notes.txt": "mine"},
+        {"unfinished/.lock": "mine"},
+        {"unfinished/.lock": "", "unfinished/chapters/1.txt": "mine"},
+        {"unfinished/log.jsonl": "mine"},
+        {"diverged/fault.json": "{}"},
+        {"diverged/fault.json": FAULT, "diverged/notes.txt": "mine"},
+        {"tensorboard/events.out.tfevents.1700000000.host.0": "of another program"},
+        {"tensorboard/events.out.tfevents.1700000000.host.0/notes.txt": "mine"},
+    ],
+)
+def test_a_training_takes_no_folder_for_its_own_that_only_looks_like_it(refused, tmp_path, files):
+    pytest.importorskip("jax")
+    for name, content in files.items():
+        storage.write_text(tmp_path / "run" / name, content)
+    told = refused("train", "--out", "run")
+    assert f"run/{next(iter(files)).partition('/')[0]}" in told
+    assert "holds files that no training left there" in told or "is not the configuration of a training" in told
+
+
+def test_of_a_training_s_folder_only_its_own_files_are_removed(tmp_path):
+    for name in ("config.json", ".lock", "checkpoints/000000004.json", "inputs/yaw/mine.json", "results/curve.svg"):
+        storage.write_text(tmp_path / "run" / name, "{}")
+        storage.write_text(tmp_path / "other" / name, "{}")
+    for name in ("notes.txt", "checkpoints/chapter.txt"):
+        storage.write_text(tmp_path / "run" / name, "mine")
+    assert not remove_training(tmp_path / "run")
+    assert [path.name for path in sorted((tmp_path / "run").rglob("*"))] == ["checkpoints", "chapter.txt", "notes.txt"]
+    assert remove_training(tmp_path / "other")
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
 def test_a_folder_in_the_place_of_one_result_keeps_all_from_being_written(refused, logs, tmp_path):

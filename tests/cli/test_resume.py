@@ -338,3 +338,27 @@ def test_event_files_stand_in_the_run_folder(command, tmp_path):
     assert b"mean_reward" in events.read_bytes()
     assert command("train", *words.split(), "--out", "run")[0] == 0
     assert len(list((tmp_path / "run" / "tensorboard").glob("events.out.tfevents.*"))) == 1
+    # Files of others are neither removed nor mixed with.
+    other = tmp_path / "run" / "tensorboard" / "events.out.tfevents.1700000000.host.0"
+    other.write_text("of another program")
+    status, _, err = command("train", *words.split(), "--out", "run")
+    assert status == 2
+    assert "run/tensorboard: holds files that no training left there, such as events.out.tfevents.1700000000" in err
+    assert len(list((tmp_path / "run" / "tensorboard").iterdir())) == 2
+    assert command("train", *words.split(), "--out", "run", "--overwrite")[0] == 0
+    assert not other.exists()
+
+
+def test_what_others_put_into_the_folder_of_a_training_in_progress_stays(command, stopped, tmp_path):
+    stopped(f"{SHORT} --out run", 4, RuntimeError("crash"))
+    (tmp_path / "run" / "unfinished" / "notes.txt").write_text("mine")
+    assert command("train", "--resume", "run")[0] == 0
+    assert [path.name for path in (tmp_path / "run" / "unfinished").iterdir()] == ["notes.txt"]
+
+
+def test_json_is_not_put_where_a_resumed_training_is_in_progress(command, stopped, tmp_path):
+    stopped(f"{SHORT} --out run", 4, RuntimeError("crash"))
+    for name in ("unfinished/facts.json", "unfinished"):
+        status, _, err = command("train", "--resume", "run", "--json", f"run/{name}")
+        assert status == 2
+        assert "is written by this command anyway" in err or "names a folder" in err

@@ -9,7 +9,7 @@ from pathlib import Path
 from archerfish.cli.writer import Writer
 from archerfish.cli.written_files import add_to_list, read_list, write_list
 from archerfish.records import storage
-from archerfish.records.errors import file_error
+from archerfish.records.errors import InputError, file_error
 
 try:
     import fcntl
@@ -47,9 +47,26 @@ def publish(files: Mapping[str, Path], out: Path, writer: Writer, aside: Path) -
         add_to_list(out, writer.command, hashes)
 
 
-def files_below(folder: Path) -> dict[str, Path]:
-    """Return the files of a folder by their path in it."""
-    return {each.relative_to(folder).as_posix(): each for each in sorted(folder.rglob("*")) if each.is_file()}
+def files_below(folder: Path, within: str = "") -> dict[str, Path]:
+    """Return the files of a folder, or of one within it, by their path in the folder."""
+    paths = sorted((folder / within).rglob("*"))
+    return {each.relative_to(folder).as_posix(): each for each in paths if each.is_file()}
+
+
+def remove_written(out: Path, files: Mapping[str, Path], writer: Writer) -> None:
+    """Remove those of some files that may be replaced, and have the list of their folder name none that is gone.
+
+    Args:
+      out: folder whose list names them.
+      files: path in the folder → the file.
+      writer: whose files they are.
+    """
+    with _alone(out):
+        for path in files.values():
+            with suppress(InputError):  # of somebody else: it is not in the way
+                writer.check([path])
+                path.unlink()
+        write_list(out, {name: entry for name, entry in read_list(out).items() if os.path.lexists(out / name)})
 
 
 @contextmanager

@@ -17,6 +17,7 @@ except ImportError:  # no such locks on Windows
 
 NAME = ".lock"
 _ALONE = sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_NOFOLLOW", "O_NONBLOCK"))
+_CONTENT = re.compile(rb"\d{,31}")
 
 
 @contextmanager
@@ -39,6 +40,14 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
+def is_lock(path: Path) -> bool:
+    """Tell whether a file is a lock, whether a process holds it or not: empty, or the number of a process."""
+    try:
+        return stat.S_ISREG(path.lstat().st_mode) and _CONTENT.fullmatch(path.read_bytes()) is not None
+    except OSError:
+        return False
+
+
 def _open(folder: Path) -> int:
     path = folder / NAME
     while True:
@@ -57,7 +66,7 @@ def _open(folder: Path) -> int:
 
 def _check_lock(handle: int, path: Path) -> None:
     """Refuse a file that is no lock of ours: they are empty, or hold the number of a process."""
-    if not (stat.S_ISREG(os.fstat(handle).st_mode) and re.fullmatch(rb"\d{,31}", os.pread(handle, 32, 0))):
+    if not (stat.S_ISREG(os.fstat(handle).st_mode) and _CONTENT.fullmatch(os.pread(handle, 32, 0))):
         os.close(handle)
         raise file_error(path, "is no lock of Archerfish", "choose another output folder, or move the file away")
 

@@ -192,12 +192,14 @@ def run_train(command: Train) -> dict[str, Any]:
     for remark in setting_remarks(command.setting, setting) if setting else ():
         note(remark)
     tensorboard = command.tensorboard and has_tensorboard()
+    writer = make_writer(command)
     with live_run(
         command.out,
         resumed=command.resume is not None,
         every_s=command.checkpoint_every,
         batch=settings.batch,
         tensorboard=tensorboard,
+        writer=writer,
     ) as live:
         if setting is None:
             setting = load_setting(command.setting)
@@ -223,7 +225,7 @@ def run_train(command: Train) -> dict[str, Any]:
         with progress_bar("training", task.decisions, "decisions") as advance:
             result = run_task(task, advance, live)
         write_run(live.results, result, read_configuration(command.out))
-        live.publish(make_writer(command))
+        live.publish(writer)
     summary = {
         "policy": str(command.out / "policy.json"),
         "steps": int(result.curve.steps[-1]),
