@@ -85,10 +85,43 @@ def test_json_replaces_an_earlier_one_and_else_only_what_it_may(tmp_path, refuse
     assert told in refused(*IDENTIFY, "--json", name)
     run(Stub(tmp_path / name, overwrite=True), answer)
     assert json.loads((tmp_path / name).read_text()) == {"fit": 99.5}
-    for earlier in ("", '{"fit": 1.0}'):
-        (tmp_path / "facts.json").write_text(earlier)
-        run(Stub(tmp_path / "facts.json"), answer)
+    (tmp_path / "facts.json").write_text("")
+    run(Stub(tmp_path / "facts.json"), lambda _: {"fit": 1.0})
+    run(Stub(tmp_path / "facts.json"), answer)
     assert json.loads((tmp_path / "facts.json").read_text()) == {"fit": 99.5}
+
+
+@pytest.mark.parametrize("content", ['{"cells": [], "nbformat": 4}', '{"fit": 1.0}', "[]"])
+def test_json_replaces_no_json_of_others_and_no_edited_one(tmp_path, refused, logs, content):
+    (tmp_path / "nb.ipynb").write_text(content)
+    told = refused(*IDENTIFY, "--json", "nb.ipynb")
+    assert "nb.ipynb: is there, and no earlier --json wrote it; choose another --json, or pass --overwrite" in told
+    run(Stub(tmp_path / "facts.json"), lambda _: {"fit": 99.5})
+    (tmp_path / "facts.json").write_text(content)
+    told = refused(*IDENTIFY, "--json", "facts.json")
+    assert "facts.json: was edited since --json wrote it; choose another --json" in told
+
+
+def test_json_to_a_dash_is_all_that_is_on_standard_output(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run(Stub(Path("-")), answer)
+    told = capsys.readouterr()
+    assert json.loads(told.out) == {"fit": 99.5}
+    assert told.err == "a table\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ["link", "folder"])
+@pytest.mark.parametrize("words", ["evaluate --out run", "train --out run", "train --json run/told.json"])
+def test_an_unusable_list_is_named_before_the_work(refused, tmp_path, words, kind):
+    pytest.importorskip("jax")
+    (tmp_path / "run").mkdir()
+    if kind == "folder":
+        (tmp_path / "run" / ".archerfish.json").mkdir()
+    else:
+        (tmp_path / "run" / ".archerfish.json").symlink_to("other.json")
+    told = refused(*words.split())
+    assert "run/.archerfish.json: can't be written, since it is a " in told
 
 
 def test_json_to_a_named_pipe_is_read_at_its_other_end(tmp_path):
@@ -262,7 +295,33 @@ def test_a_page_is_made_again_over_the_one_of_its_run(tmp_path, monkeypatch):
     monkeypatch.setattr(report, "read_results", lambda _: Results)
     monkeypatch.setattr(report, "write_report", lambda results, path, folder: storage.write_text(path, "again"))
     finished_run(tmp_path / "run", "evaluate", "results.json", "report.html")
+    (tmp_path / "old.html").write_text("a page of another program")
     for _ in range(2):
-        main(["report", "run"])
-    assert (tmp_path / "run" / "report.html").read_text() == "again"
+        for words in ([], ["--out", "old.html"], ["--out", "run/other.html"]):
+            main(["report", "run", *words])
+    assert (tmp_path / "run" / "report.html").read_text() == (tmp_path / "old.html").read_text() == "again"
     finished_run(tmp_path / "run", "evaluate", "results.json", "report.html")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (
+            "view run/policy.json --export run/page.html",
+            "run/page.html: belongs to a run of archerfish evaluate; choose",
+        ),
+        ("view run/policy.json --export run/policy.json", "run/policy.json: is read by this command, which never"),
+    ],
+)
+def test_an_export_that_is_in_the_way_is_put_right_by_another_export(refused, tmp_path, words, told):
+    finished_run(tmp_path / "run", "evaluate", "page.html", "policy.json")
+    message = refused(*words.split())
+    assert told in message
+    assert "choose another --export" in message
+
+
+def test_figures_of_others_are_named_before_a_page_is_made_from_results(refused, tmp_path):
+    finished_run(tmp_path / "run", "evaluate", "results.json")
+    finished_run(tmp_path / "shots", "transfer", "figures/a.svg")
+    told = refused("report", "run", "--out", "shots/page.html")
+    assert "shots/figures/a.svg: belongs to a run of archerfish transfer" in told

@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, redirect_stdout, suppress
 from typing import Any, NoReturn
 
 from archerfish import __version__
@@ -198,13 +198,15 @@ def run(command: Any, function: Callable[[Any], dict[str, Any]]) -> None:
     Raises:
       InputError: if an argument or a file can't be used.
     """
-    from archerfish.cli.json_output import write_json_output
+    from archerfish.cli.json_output import STDOUT, write_json_output
     from archerfish.cli.outputs import check_outputs
 
     if command.seed not in range(2**32):
         raise InputError(f"--seed must be within 0…{2**32 - 1}, got {command.seed}")
     check_outputs(command)
-    result = function(command)
+    # What is printed goes elsewhere, where standard output is to hold JSON and nothing else.
+    with redirect_stdout(sys.stderr) if command.json == STDOUT else nullcontext():
+        result = function(command)
     if command.json is not None:
         write_json_output(command.json, result)
 

@@ -1,5 +1,6 @@
 """Finished files into an output folder: all of them or none, and nothing that others wrote is replaced."""
 
+import hashlib
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
@@ -51,6 +52,32 @@ def files_below(folder: Path, within: str = "") -> dict[str, Path]:
     """Return the files of a folder, or of one within it, by their path in the folder."""
     paths = sorted((folder / within).rglob("*"))
     return {each.relative_to(folder).as_posix(): each for each in paths if each.is_file()}
+
+
+def publish_text(path: Path, text: str, command: str) -> None:
+    """Write a text file and list it in its folder.
+
+    Args:
+      path: of the file; its folder is made if missing.
+      text: what it is to hold.
+      command: who writes it.
+
+    Raises:
+      InputError: if it can't be written; the list is as it was.
+    """
+    out, name = path.parent, path.name
+    storage.check_writable(out)
+    out.mkdir(parents=True, exist_ok=True)
+    with _alone(out):
+        before, digest = read_list(out), hashlib.sha256(text.encode()).hexdigest()
+        # Killed from here on, the old and the new content are both the command's own.
+        add_to_list(out, command, {name: [digest, *before.get(name, [""])[1:]]})
+        try:
+            storage.write_text(path, text)
+        except BaseException:
+            write_list(out, before)
+            raise
+        add_to_list(out, command, {name: [digest]})
 
 
 def remove_written(out: Path, files: Mapping[str, Path], writer: Writer) -> None:

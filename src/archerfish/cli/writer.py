@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from archerfish.cli.written_files import find_written
+from archerfish.cli.written_files import JSON, find_written
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 
@@ -22,12 +22,14 @@ class Writer(NamedTuple):
     """Whether it may replace regular files that it did not write itself."""
     option: str = "--out"
     """Option that says where it writes, for messages."""
+    named: tuple[Path, ...] = ()
+    """Files whose names the user gave: they are replaced if they belong to no run."""
 
     def check(self, paths: Iterable[Path]) -> None:
         """Refuse to write files over what is there, unless this command wrote it and it has not been changed since.
 
         Args:
-          paths: of files whose names the command chooses.
+          paths: of files; one whose name the user gave may also be there without having been written by a command.
 
         Raises:
           InputError: naming the first file that may not be written, and why.
@@ -36,26 +38,21 @@ class Writer(NamedTuple):
             written = find_written(path)
             if self.overwrite or written == (self.command, True):
                 continue
-            if written is None:
+            if written is None and path in self.named:
+                if not is_record(path):
+                    continue
+                problem = "is a record of Archerfish"
+            elif written is None:
                 problem = f"is there, and archerfish {self.command} did not write it"
+            elif written.command == JSON:
+                problem = (
+                    "was written by an earlier --json" if written.is_unchanged else "was edited since --json wrote it"
+                )
             elif written.is_unchanged:
                 problem = f"belongs to a run of archerfish {written.command}"
             else:
                 problem = f"has been changed since archerfish {written.command} wrote it"
             raise file_error(path, problem, self.remedy)
-
-    def check_named(self, path: Path) -> None:
-        """Refuse to write a file whose name the user gave over what it reads, a part of a run, or no regular file.
-
-        Raises:
-          InputError: saying what is there.
-        """
-        for _ in self._existing([path]):
-            written = find_written(path)
-            if written is not None and not self.overwrite:
-                raise file_error(path, f"belongs to a run of archerfish {written.command}", self.remedy)
-            if is_record(path) and not self.overwrite:
-                raise file_error(path, "is a record of Archerfish", self.remedy)
 
     def check_folders(self, folders: Iterable[Path]) -> None:
         """Refuse to write into folders where a file or a link is in their place, what is read, or what others wrote.
