@@ -14,6 +14,7 @@ from archerfish.cli.inputs import read_files
 from archerfish.cli.main import COMMANDS, load, main, run
 from archerfish.cli.outputs import Outputs, command_name
 from archerfish.cli.parsing import parse
+from archerfish.cli.progress import note
 from archerfish.cli.run_folder import run_folder
 from archerfish.cli.training_folders import remove_training
 from archerfish.cli.writer import Writer
@@ -273,7 +274,7 @@ def test_axes_go_into_one_folder_and_are_identified_again_over_their_own_records
 def test_files_are_found_wherever_options_name_them(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = ("a.csv", "b.csv", "run/policy.json", "run/config.json", "run/policy.safetensors", "mine.py", "me.toml")
-    for name in (*names, "plants/pitch.json", "plants/policy.json", "infantry"):
+    for name in (*names, "a=b,c.py", "plants/pitch.json", "plants/policy.json", "infantry"):
         storage.write_text(tmp_path / name, "")
 
     def read(name: str, words: str) -> set[str]:
@@ -283,6 +284,8 @@ def test_files_are_found_wherever_options_name_them(tmp_path, monkeypatch):
     assert read("export", "run") == {"run/policy.json", "run/policy.safetensors", "run/config.json"}
     assert read("train", "--plant plants --motion ./mine.py:Still") == {"plants/pitch.json", "mine.py"}
     assert read("sweep", "--vary records=paper,plants ppo.clip=0.1") == {"plants/pitch.json"}
+    assert read("train", "--plant a=b,c.py:Gimbal") == {"a=b,c.py"}
+    assert "a=b,c.py" in read("evaluate", "--controllers kalman ./a=b,c.py:Mine")
     assert "me.toml" in read("evaluate", "run/policy.json --on me.toml")
     assert "plants/policy.json" not in read("train", "--plant plants --robot infantry")
 
@@ -325,3 +328,9 @@ def test_figures_of_others_are_named_before_a_page_is_made_from_results(refused,
     finished_run(tmp_path / "shots", "transfer", "figures/a.svg")
     told = refused("report", "run", "--out", "shots/page.html")
     assert "shots/figures/a.svg: belongs to a run of archerfish transfer" in told
+
+
+def test_what_a_name_or_a_file_holds_reaches_the_terminal_only_as_print(refused, tmp_path, capsys):
+    assert "/a\\x1b[31mb\\x07\\u202ec.json: no such file" in refused("export", tmp_path / "a\x1b[31mb\x07\u202ec.json")
+    note("red \x1b[31m\nand\x9b µ")
+    assert capsys.readouterr().err == "archerfish: red \\x1b[31m and\\x9b µ\n"

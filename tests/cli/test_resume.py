@@ -271,6 +271,27 @@ def test_a_damaged_last_checkpoint_is_told_in_one_line_and_costs_nothing_but_tim
     assert_same_run(tmp_path / "run", tmp_path / "unbroken")
 
 
+def test_a_damaged_configuration_is_named_with_its_field(command, refused, stopped, tmp_path):
+    stopped(f"{SHORT} --out run", 4, RuntimeError("crash"))
+    path = tmp_path / "run" / "unfinished" / "config.json"
+    whole = json.loads(path.read_text())
+    for damage, told in (
+        ([], "is list, expected an object"),
+        (whole | {"frames": "4"}, "\"frames\" is '4', expected a whole number"),
+        (whole | {"frames": True}, '"frames" is True, expected a whole number'),
+        (whole | {"trainer": "none"}, "\"trainer\" is 'none', expected one of ppo, gradient"),
+        (whole | {"ppo": whole["ppo"] | {"clip": "x"}}, "\"ppo.clip\" is 'x', expected a number"),
+        (whole | {"ppo": whole["ppo"] | {"clip": -1}}, '"ppo": clip must be finite and > 0, got -1'),
+        (whole | {"ppo": 3}, '"ppo" is 3, expected an object'),
+        (whole | {"setting": None}, '"setting" is None, expected an object'),
+        ({name: each for name, each in whole.items() if name != "provenance"}, 'field "provenance" is None'),
+        (whole | {"provenance": {"versions": []}}, 'field "versions" is [], expected dict'),
+        (whole | {"provenance": {"versions": {}}}, 'field "commit" is None, expected str'),
+    ):
+        path.write_text(json.dumps(damage))
+        assert f"run/unfinished/config.json: {told}" in refused("train", "--resume", "run")
+
+
 def test_a_changed_configuration_is_refused(command, stopped, tmp_path):
     stopped(f"{SHORT} --out run", 4, RuntimeError("crash"))
     path = tmp_path / "run" / "unfinished" / "config.json"

@@ -61,7 +61,9 @@ def read_configuration(out: Path) -> dict[str, Any]:
         raise file_error(out, "holds a training that is finished: there is nothing left to resume", remedy)
     if not path.is_file():
         raise file_error(out, "holds no unfinished run", "begin one with archerfish train --out")
-    facts: dict[str, Any] = storage.read_json(path)
+    facts: Any = storage.read_json(path)
+    if not isinstance(facts, dict):
+        raise file_error(path, f"is {type(facts).__name__}, expected an object", "put back what was changed")
     return facts
 
 

@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 
 from archerfish import __version__
 from archerfish.cli.interrupts import Stopped, stop_requests
-from archerfish.records.errors import InputError
+from archerfish.records.errors import InputError, one_line
 
 INPUT_ERROR = 2
 INTERRUPTED = 130
@@ -212,6 +212,5 @@ def run(command: Any, function: Callable[[Any], dict[str, Any]]) -> None:
 
 
 def _fail(message: str, status: int) -> None:
-    # A file name may hold anything, a line break too.
-    print(f"archerfish: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201
+    print(f"archerfish: {one_line(message)}", file=sys.stderr)  # noqa: T201
     sys.exit(status)

@@ -30,6 +30,7 @@ from archerfish.plugins import code_file_name, names_code, not_run, same_code_na
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.plant import PlantRecord
 from archerfish.records.provenance import code_commit, library_versions
+from archerfish.records.storage import field as field_of
 from archerfish.records.storage import file_hash
 from archerfish.simulation.scenario import TARGETS
 
@@ -176,7 +177,7 @@ def run_train(command: Train) -> dict[str, Any]:
     _check(command, observation)
     require_jax("train")
     keep_compiled()
-    from archerfish.cli.live_run import live_run, read_configuration
+    from archerfish.cli.live_run import configuration_file, live_run, read_configuration
     from archerfish.cli.training_log import has_tensorboard
     from archerfish.cli.training_run import TrainingTask, run_task, write_run
     from archerfish.learning.shards import claim_devices
@@ -188,7 +189,9 @@ def run_train(command: Train) -> dict[str, Any]:
     setting = None if command.resume else load_setting(command.setting)
     code = _code(find_motion(command.motion)) if command.motion else {}
     if command.resume is not None:
-        _check_code(command, code, read_configuration(command.resume))
+        begun = read_configuration(command.resume)
+        _check_code(command, code, begun)
+        _versions(begun, configuration_file(command.resume))  # refused now, if they are damaged, not in its folder
     for remark in setting_remarks(command.setting, setting) if setting else ():
         note(remark)
     tensorboard = command.tensorboard and has_tensorboard()
@@ -203,7 +206,7 @@ def run_train(command: Train) -> dict[str, Any]:
     ) as live:
         if setting is None:
             setting = load_setting(command.setting)
-            _note_changes(read_configuration(command.out), devices)
+            _note_changes(read_configuration(command.out), configuration_file(command.out), devices)
         else:
             live.begin(
                 {**configuration(command, setting), "devices": devices, **code}, *_files(command.setting, setting)
@@ -305,10 +308,19 @@ def _check_code(command: Train, code: dict[str, str], begun: dict[str, Any]) -> 
     raise file_error(Path(command.motion.rpartition(":")[0] or command.motion), problem, remedy)
 
 
-def _note_changes(begun: dict[str, Any], devices: int) -> None:
+def _versions(begun: dict[str, Any], source: Path) -> dict[str, Any]:
+    """Return the versions of code and libraries that an unfinished run was begun with: name → version.
+
+    Raises:
+      InputError: if its configuration does not say.
+    """
+    told = field_of(source, begun, "provenance", dict)
+    return {**field_of(source, told, "versions", dict), "commit": field_of(source, told, "commit", str)}
+
+
+def _note_changes(begun: dict[str, Any], source: Path, devices: int) -> None:
     """Say where other code, libraries or devices may give other weights than those that the training began with."""
-    told = begun["provenance"]
-    was = {**told["versions"], "commit": told["commit"], "devices": begun.get("devices", devices)}
+    was = {**_versions(begun, source), "devices": begun.get("devices", devices)}
     now = {**library_versions(), "commit": code_commit(), "devices": devices}
     changed = [f"{name} {was.get(name)} → {now.get(name)}" for name in now if was.get(name) != now.get(name)]
     if changed:
