@@ -124,6 +124,13 @@ def test_a_setting_of_another_type_is_refused_with_its_file(received: Path, sett
         trained_for(received / "policy.json")
 
 
+@pytest.mark.parametrize("setting", [["x"], 5, True])
+def test_a_setting_that_is_none_is_not_taken_for_the_paper_s(received: Path, setting: Any) -> None:
+    (received / "config.json").write_text(json.dumps({"setting": setting}))
+    with pytest.raises(InputError, match=r'config\.json: "setting" is .*, expected an object'):
+        trained_for(received / "policy.json")
+
+
 @needs_jax
 @pytest.mark.parametrize("digest", [None, "1a2b"])
 def test_a_training_that_goes_on_runs_no_code_that_its_folder_alone_names(

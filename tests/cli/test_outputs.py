@@ -14,7 +14,9 @@ from archerfish.cli.inputs import read_files
 from archerfish.cli.main import COMMANDS, load, main, run
 from archerfish.cli.outputs import Outputs, command_name
 from archerfish.cli.parsing import parse
+from archerfish.cli.progress import note
 from archerfish.cli.run_folder import run_folder
+from archerfish.cli.training_folders import remove_training
 from archerfish.cli.writer import Writer
 from archerfish.figures import style
 from archerfish.records import storage
@@ -84,10 +86,43 @@ def test_json_replaces_an_earlier_one_and_else_only_what_it_may(tmp_path, refuse
     assert told in refused(*IDENTIFY, "--json", name)
     run(Stub(tmp_path / name, overwrite=True), answer)
     assert json.loads((tmp_path / name).read_text()) == {"fit": 99.5}
-    for earlier in ("", '{"fit": 1.0}'):
-        (tmp_path / "facts.json").write_text(earlier)
-        run(Stub(tmp_path / "facts.json"), answer)
+    (tmp_path / "facts.json").write_text("")
+    run(Stub(tmp_path / "facts.json"), lambda _: {"fit": 1.0})
+    run(Stub(tmp_path / "facts.json"), answer)
     assert json.loads((tmp_path / "facts.json").read_text()) == {"fit": 99.5}
+
+
+@pytest.mark.parametrize("content", ['{"cells": [], "nbformat": 4}', '{"fit": 1.0}', "[]"])
+def test_json_replaces_no_json_of_others_and_no_edited_one(tmp_path, refused, logs, content):
+    (tmp_path / "nb.ipynb").write_text(content)
+    told = refused(*IDENTIFY, "--json", "nb.ipynb")
+    assert "nb.ipynb: is there, and no earlier --json wrote it; choose another --json, or pass --overwrite" in told
+    run(Stub(tmp_path / "facts.json"), lambda _: {"fit": 99.5})
+    (tmp_path / "facts.json").write_text(content)
+    told = refused(*IDENTIFY, "--json", "facts.json")
+    assert "facts.json: was edited since --json wrote it; choose another --json" in told
+
+
+def test_json_to_a_dash_is_all_that_is_on_standard_output(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run(Stub(Path("-")), answer)
+    told = capsys.readouterr()
+    assert json.loads(told.out) == {"fit": 99.5}
+    assert told.err == "a table\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ["link", "folder"])
+@pytest.mark.parametrize("words", ["evaluate --out run", "train --out run", "train --json run/told.json"])
+def test_an_unusable_list_is_named_before_the_work(refused, tmp_path, words, kind):
+    pytest.importorskip("jax")
+    (tmp_path / "run").mkdir()
+    if kind == "folder":
+        (tmp_path / "run" / ".archerfish.json").mkdir()
+    else:
+        (tmp_path / "run" / ".archerfish.json").symlink_to("other.json")
+    told = refused(*words.split())
+    assert "run/.archerfish.json: can't be written, since it is a " in told
 
 
 def test_json_to_a_named_pipe_is_read_at_its_other_end(tmp_path):
@@ -152,6 +187,76 @@ def test_a_training_empties_no_folder_that_is_not_its_own(refused, tmp_path, nam
     assert f"run/{name}: holds files that no training left there" in refused("train", "--out", "run")
 
 
+@pytest.mark.parametrize(
+    ("words", "path"),
+    [
+        ("train --out run", "run/tensorboard"),
+        ("train --resume run", "run/unfinished"),
+        ("evaluate --out run", "run/figures"),
+        ("reproduce --quick --out run", "run/policies/gate-history"),
+        ("sweep --in-process --out run", "run/trials"),
+        ("sweep --in-process --out run --resume", "run/trials"),
+        ("sweep --in-process --out run", "run/results.jsonl"),
+    ],
+)
+def test_a_link_in_the_place_of_a_folder_or_file_is_not_followed(refused, tmp_path, words, path):
+    pytest.importorskip("jax")
+    storage.write_text(tmp_path / "elsewhere" / "config.json", "{}")
+    (tmp_path / path).parent.mkdir(parents=True)
+    (tmp_path / path).symlink_to(tmp_path / "elsewhere")
+    told = refused(*words.split())
+    assert path in told
+    assert "symbolic link" in told
+
+
+@pytest.mark.parametrize("path", ["run/results.jsonl", "run/.lock", "run/trials/0000/x.json"])
+@pytest.mark.parametrize("words", ["", "--resume"])
+def test_json_is_none_of_what_a_sweep_goes_on_with(refused, path, words):
+    told = refused("sweep", "--in-process", *words.split(), "--out", "run", "--json", path, "--overwrite")
+    assert "is written by this command anyway" in told
+
+
+BEGUN = json.dumps({"setting": {}, "ppo": {}, "provenance": {}})
+FAULT = json.dumps({"iteration": 3, "first_not_finite": "reward", "message": "training diverged"})
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"unfinished/config.json": "{}", "unfinished/notes.txt": "mine", "unfinished/chapters/1.txt": "mine"},
+        {"unfinished/config.json": "{}"},
+        {"unfinished/config.json": BEGUN, "unfinished/notes.txt": "mine"},
+        {"unfinished/config.json": BEGUN, "unfinished/inputs/notes.txt": "mine"},
+        {"unfinished/.lock": "mine"},
+        {"unfinished/.lock": "", "unfinished/chapters/1.txt": "mine"},
+        {"unfinished/log.jsonl": "mine"},
+        {"diverged/fault.json": "{}"},
+        {"diverged/fault.json": FAULT, "diverged/notes.txt": "mine"},
+        {"tensorboard/events.out.tfevents.1700000000.host.0": "of another program"},
+        {"tensorboard/events.out.tfevents.1700000000.host.0/notes.txt": "mine"},
+    ],
+)
+def test_a_training_takes_no_folder_for_its_own_that_only_looks_like_it(refused, tmp_path, files):
+    pytest.importorskip("jax")
+    for name, content in files.items():
+        storage.write_text(tmp_path / "run" / name, content)
+    told = refused("train", "--out", "run")
+    assert f"run/{next(iter(files)).partition('/')[0]}" in told
+    assert "holds files that no training left there" in told or "is not the configuration of a training" in told
+
+
+def test_of_a_training_s_folder_only_its_own_files_are_removed(tmp_path):
+    for name in ("config.json", ".lock", "checkpoints/000000004.json", "inputs/yaw/mine.json", "results/curve.svg"):
+        storage.write_text(tmp_path / "run" / name, "{}")
+        storage.write_text(tmp_path / "other" / name, "{}")
+    for name in ("notes.txt", "checkpoints/chapter.txt"):
+        storage.write_text(tmp_path / "run" / name, "mine")
+    assert not remove_training(tmp_path / "run")
+    assert [path.name for path in sorted((tmp_path / "run").rglob("*"))] == ["checkpoints", "chapter.txt", "notes.txt"]
+    assert remove_training(tmp_path / "other")
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
 def test_a_folder_in_the_place_of_one_result_keeps_all_from_being_written(refused, logs, tmp_path):
     (tmp_path / "runs" / "pitch.svg").mkdir(parents=True)
     told = refused(*IDENTIFY, "--axis", "pitch", "--out", "runs", "--overwrite")
@@ -169,7 +274,7 @@ def test_axes_go_into_one_folder_and_are_identified_again_over_their_own_records
 def test_files_are_found_wherever_options_name_them(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = ("a.csv", "b.csv", "run/policy.json", "run/config.json", "run/policy.safetensors", "mine.py", "me.toml")
-    for name in (*names, "plants/pitch.json", "plants/policy.json", "infantry"):
+    for name in (*names, "a=b,c.py", "plants/pitch.json", "plants/policy.json", "infantry"):
         storage.write_text(tmp_path / name, "")
 
     def read(name: str, words: str) -> set[str]:
@@ -179,6 +284,8 @@ def test_files_are_found_wherever_options_name_them(tmp_path, monkeypatch):
     assert read("export", "run") == {"run/policy.json", "run/policy.safetensors", "run/config.json"}
     assert read("train", "--plant plants --motion ./mine.py:Still") == {"plants/pitch.json", "mine.py"}
     assert read("sweep", "--vary records=paper,plants ppo.clip=0.1") == {"plants/pitch.json"}
+    assert read("train", "--plant a=b,c.py:Gimbal") == {"a=b,c.py"}
+    assert "a=b,c.py" in read("evaluate", "--controllers kalman ./a=b,c.py:Mine")
     assert "me.toml" in read("evaluate", "run/policy.json --on me.toml")
     assert "plants/policy.json" not in read("train", "--plant plants --robot infantry")
 
@@ -191,7 +298,39 @@ def test_a_page_is_made_again_over_the_one_of_its_run(tmp_path, monkeypatch):
     monkeypatch.setattr(report, "read_results", lambda _: Results)
     monkeypatch.setattr(report, "write_report", lambda results, path, folder: storage.write_text(path, "again"))
     finished_run(tmp_path / "run", "evaluate", "results.json", "report.html")
+    (tmp_path / "old.html").write_text("a page of another program")
     for _ in range(2):
-        main(["report", "run"])
-    assert (tmp_path / "run" / "report.html").read_text() == "again"
+        for words in ([], ["--out", "old.html"], ["--out", "run/other.html"]):
+            main(["report", "run", *words])
+    assert (tmp_path / "run" / "report.html").read_text() == (tmp_path / "old.html").read_text() == "again"
     finished_run(tmp_path / "run", "evaluate", "results.json", "report.html")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (
+            "view run/policy.json --export run/page.html",
+            "run/page.html: belongs to a run of archerfish evaluate; choose",
+        ),
+        ("view run/policy.json --export run/policy.json", "run/policy.json: is read by this command, which never"),
+    ],
+)
+def test_an_export_that_is_in_the_way_is_put_right_by_another_export(refused, tmp_path, words, told):
+    finished_run(tmp_path / "run", "evaluate", "page.html", "policy.json")
+    message = refused(*words.split())
+    assert told in message
+    assert "choose another --export" in message
+
+
+def test_figures_of_others_are_named_before_a_page_is_made_from_results(refused, tmp_path):
+    finished_run(tmp_path / "run", "evaluate", "results.json")
+    finished_run(tmp_path / "shots", "transfer", "figures/a.svg")
+    told = refused("report", "run", "--out", "shots/page.html")
+    assert "shots/figures/a.svg: belongs to a run of archerfish transfer" in told
+
+
+def test_what_a_name_or_a_file_holds_reaches_the_terminal_only_as_print(refused, tmp_path, capsys):
+    assert "/a\\x1b[31mb\\x07\\u202ec.json: no such file" in refused("export", tmp_path / "a\x1b[31mb\x07\u202ec.json")
+    note("red \x1b[31m\nand\x9b µ")
+    assert capsys.readouterr().err == "archerfish: red \\x1b[31m and\\x9b µ\n"

@@ -271,6 +271,27 @@ def test_a_damaged_last_checkpoint_is_told_in_one_line_and_costs_nothing_but_tim
     assert_same_run(tmp_path / "run", tmp_path / "unbroken")
 
 
+def test_a_damaged_configuration_is_named_with_its_field(command, refused, stopped, tmp_path):
+    stopped(f"{SHORT} --out run", 4, RuntimeError("crash"))
+    path = tmp_path / "run" / "unfinished" / "config.json"
+    whole = json.loads(path.read_text())
+    for damage, told in (
+        ([], "is list, expected an object"),
+        (whole | {"frames": "4"}, "\"frames\" is '4', expected a whole number"),
+        (whole | {"frames": True}, '"frames" is True, expected a whole number'),
+        (whole | {"trainer": "none"}, "\"trainer\" is 'none', expected one of ppo, gradient"),
+        (whole | {"ppo": whole["ppo"] | {"clip": "x"}}, "\"ppo.clip\" is 'x', expected a number"),
+        (whole | {"ppo": whole["ppo"] | {"clip": -1}}, '"ppo": clip must be finite and > 0, got -1'),
+        (whole | {"ppo": 3}, '"ppo" is 3, expected an object'),
+        (whole | {"setting": None}, '"setting" is None, expected an object'),
+        ({name: each for name, each in whole.items() if name != "provenance"}, 'field "provenance" is None'),
+        (whole | {"provenance": {"versions": []}}, 'field "versions" is [], expected dict'),
+        (whole | {"provenance": {"versions": {}}}, 'field "commit" is None, expected str'),
+    ):
+        path.write_text(json.dumps(damage))
+        assert f"run/unfinished/config.json: {told}" in refused("train", "--resume", "run")
+
+
 def test_a_changed_configuration_is_refused(command, stopped, tmp_path):
     stopped(f"{SHORT} --out run", 4, RuntimeError("crash"))
     path = tmp_path / "run" / "unfinished" / "config.json"
@@ -338,3 +359,27 @@ def test_event_files_stand_in_the_run_folder(command, tmp_path):
     assert b"mean_reward" in events.read_bytes()
     assert command("train", *words.split(), "--out", "run")[0] == 0
     assert len(list((tmp_path / "run" / "tensorboard").glob("events.out.tfevents.*"))) == 1
+    # Files of others are neither removed nor mixed with.
+    other = tmp_path / "run" / "tensorboard" / "events.out.tfevents.1700000000.host.0"
+    other.write_text("of another program")
+    status, _, err = command("train", *words.split(), "--out", "run")
+    assert status == 2
+    assert "run/tensorboard: holds files that no training left there, such as events.out.tfevents.1700000000" in err
+    assert len(list((tmp_path / "run" / "tensorboard").iterdir())) == 2
+    assert command("train", *words.split(), "--out", "run", "--overwrite")[0] == 0
+    assert not other.exists()
+
+
+def test_what_others_put_into_the_folder_of_a_training_in_progress_stays(command, stopped, tmp_path):
+    stopped(f"{SHORT} --out run", 4, RuntimeError("crash"))
+    (tmp_path / "run" / "unfinished" / "notes.txt").write_text("mine")
+    assert command("train", "--resume", "run")[0] == 0
+    assert [path.name for path in (tmp_path / "run" / "unfinished").iterdir()] == ["notes.txt"]
+
+
+def test_json_is_not_put_where_a_resumed_training_is_in_progress(command, stopped, tmp_path):
+    stopped(f"{SHORT} --out run", 4, RuntimeError("crash"))
+    for name in ("unfinished/facts.json", "unfinished"):
+        status, _, err = command("train", "--resume", "run", "--json", f"run/{name}")
+        assert status == 2
+        assert "is written by this command anyway" in err or "names a folder" in err

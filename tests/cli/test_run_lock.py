@@ -42,6 +42,27 @@ def test_a_lock_whose_file_was_removed_does_not_keep_a_new_one_from_counting(tmp
             pass
 
 
+@pytest.mark.parametrize("kind", ["file", "link", "dangling link", "pipe", "folder"])
+def test_what_is_no_lock_stays(tmp_path: Path, kind: str) -> None:
+    folder, other = tmp_path / "run", tmp_path / "other.txt"
+    folder.mkdir()
+    if kind == "file":
+        (folder / NAME).write_text("lock of another program")
+    elif kind == "pipe":
+        os.mkfifo(folder / NAME)
+    elif kind == "folder":
+        (folder / NAME).mkdir()
+    else:
+        (folder / NAME).symlink_to(other)
+    if kind == "link":
+        other.write_text("12")
+    with pytest.raises(InputError, match=r"\.lock: (is no lock of Archerfish|can't be written)"), locked(folder):
+        pass
+    assert other.exists() == (kind == "link")
+    assert not other.exists() or other.read_text() == "12"
+    assert kind != "file" or (folder / NAME).read_text() == "lock of another program"
+
+
 def test_a_folder_that_can_t_be_written_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def read_only(*_: object) -> int:
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))

@@ -152,4 +152,4 @@ def test_a_trial_of_a_run_folder_is_exported_whole_as_one_page(command: Command,
     assert "__VISER_EMBED_DATA__" in page
     result = json.loads((records / "trial.json").read_text())
     assert (result["controller"], result["shots"]) == ("policy", 100)
-    assert [path.name for path in records.glob(".*")] == []
+    assert [path.name for path in records.glob(".*")] == [".archerfish.json"]

@@ -41,7 +41,8 @@ def _named(value: Any, name: str = "") -> Iterator[Path]:
     elif isinstance(value, Path):
         yield from _log_or_run(value) if value.is_dir() else _record(value)
     elif isinstance(value, str) and name in FILE_WORDS:
-        for word in filter(None, re.split("[=,]", value)):
+        # Only --vary takes lists, NAME=VALUE,VALUE; elsewhere a path may hold both signs.
+        for word in filter(None, re.split("[=,]", value) if name == "vary" else [value]):
             yield from _of_word(Path(word), name)
             yield from _record(Path(word.rpartition(":")[0]))
 

@@ -9,10 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from archerfish.cli.interrupts import without_interrupts
+from archerfish.cli.publication import publish_text
 from archerfish.cli.writer import Writer
+from archerfish.cli.written_files import JSON, NAME, find_written
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 
+STDOUT = Path("-")
+"""Stands for standard output, with nothing else on it."""
 _DESCRIPTORS = {"/dev/stdout": 1, "/dev/stderr": 2}
 
 
@@ -31,9 +35,14 @@ def check_json_file(path: Path, writer: Writer) -> None:
         raise file_error(path, "--json names a folder, expected a file", "name a file in it")
     with without_interrupts():
         storage.check_writable(path.parent)
-    writer.check_named(path)
-    if path.is_file() and path.stat().st_size and not writer.overwrite and not _is_json(path):
-        raise file_error(path, "holds no JSON, so it is no earlier --json", writer.remedy)
+    storage.check_regular(path.parent / NAME)
+    writer = writer._replace(command=JSON, option="--json", named=(path,))
+    writer.check([path])
+    if path.is_file() and path.stat().st_size and not writer.overwrite and find_written(path) is None:
+        problem = "is there, and no earlier --json wrote it"
+        if not _is_json(path):
+            problem = "holds no JSON, so it is no earlier --json"
+        raise file_error(path, problem, writer.remedy)
 
 
 def write_json_output(path: Path, result: Any) -> None:
@@ -44,7 +53,7 @@ def write_json_output(path: Path, result: Any) -> None:
     """
     if not is_stream(path):
         with without_interrupts():
-            storage.write_json(path, result)
+            publish_text(path, storage.json_text(result), JSON)
         return
     descriptor, text = _descriptor(path), storage.json_text(result)
     if descriptor in _DESCRIPTORS.values():
@@ -63,6 +72,8 @@ def write_json_output(path: Path, result: Any) -> None:
 
 def _descriptor(path: Path) -> int | None:
     """Return which of the open files of this process a path stands for."""
+    if path == STDOUT:
+        return _DESCRIPTORS["/dev/stdout"]
     name = os.path.abspath(path)  # noqa: PTH100 (what /dev/stdout links to is no name)
     found = re.fullmatch(r"/(?:dev|proc/self)/fd/(\d+)", name)
     if found or name in _DESCRIPTORS:

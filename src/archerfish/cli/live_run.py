@@ -5,7 +5,6 @@ what makes it a run that can be resumed: it is written last when a run begins, a
 place. So a process may be killed at any moment.
 """
 
-import shutil
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -15,10 +14,24 @@ from typing import Any
 
 from archerfish.cli.interrupts import Stopped, StopRequests, at_last, stop_requests, without_interrupts
 from archerfish.cli.progress import note
-from archerfish.cli.publication import files_below, publish
+from archerfish.cli.publication import files_below, publish, remove_written
 from archerfish.cli.run_folder import remove_empty
 from archerfish.cli.run_lock import NAME as LOCK
 from archerfish.cli.run_lock import locked
+from archerfish.cli.training_folders import (
+    CHECKPOINTS,
+    CONFIGURATION,
+    DIVERGED,
+    INPUTS,
+    REPLACED,
+    RESULTS,
+    UNFINISHED,
+    check_diverged,
+    check_events,
+    check_unfinished,
+    remove_files,
+    remove_training,
+)
 from archerfish.cli.training_log import EVENTS, LOG, EventFile, append_log, log_rows, log_text
 from archerfish.cli.writer import Writer
 from archerfish.learning.checkpoint import restore_standing, standing_arrays
@@ -28,19 +41,7 @@ from archerfish.plugins import names_code, options_to_type
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.plant import PlantRecord, write_plant
-from archerfish.records.unfinished import remove_abandoned, unfinished_name
-
-UNFINISHED = "unfinished"
-CONFIGURATION = "config.json"
-CHECKPOINTS = "checkpoints"
-INPUTS = "inputs"
-RESULTS = "results"
-"""What is finished and not yet in place."""
-REPLACED = "replaced"
-"""What results take the place of, until all of them are in place."""
-DIVERGED = "diverged"
-"""Folder in a run folder for a training that met a number that is not finite."""
-FAULT = "fault.json"
+from archerfish.records.unfinished import remove_abandoned
 
 
 def configuration_file(out: Path) -> Path:
@@ -60,7 +61,9 @@ def read_configuration(out: Path) -> dict[str, Any]:
         raise file_error(out, "holds a training that is finished: there is nothing left to resume", remedy)
     if not path.is_file():
         raise file_error(out, "holds no unfinished run", "begin one with archerfish train --out")
-    facts: dict[str, Any] = storage.read_json(path)
+    facts: Any = storage.read_json(path)
+    if not isinstance(facts, dict):
+        raise file_error(path, f"is {type(facts).__name__}, expected an object", "put back what was changed")
     return facts
 
 
@@ -196,20 +199,36 @@ class LiveRun:
         """
         with without_interrupts():
             self.close()
+            writer.check(self.out / name for name in files_below(self.results))
+            self._finish_events(writer)
             publish(files_below(self.results), self.out, writer, self.folder / REPLACED)
-            if (self.folder / EVENTS).exists():
-                shutil.rmtree(self.out / EVENTS, ignore_errors=True)
-                (self.folder / EVENTS).replace(self.out / EVENTS)
             (self.folder / CONFIGURATION).unlink()
             self.is_published = True
-            _vanish(self.folder)
+            remove_training(self.folder)
+
+    def _finish_events(self, writer: Writer) -> None:
+        """Make TensorBoard's files part of the results, and remove those of an earlier run.
+
+        They are removed first: once new ones are in place, a process that goes on with this can't tell them apart.
+        """
+        if (self.folder / EVENTS).exists():
+            remove_written(self.out, files_below(self.out, EVENTS), writer)
+            (self.results / EVENTS).mkdir(parents=True, exist_ok=True)
+            for path in (self.folder / EVENTS).iterdir():
+                path.replace(self.results / EVENTS / path.name)
+            (self.folder / EVENTS).rmdir()
 
     def set_aside(self) -> None:
-        """Rename the unfinished run, which is over for good, in the place of an earlier one that diverged."""
+        """Rename the unfinished run, which is over for good, in the place of an earlier one that diverged.
+
+        Raises:
+          InputError: if others have put files there meanwhile.
+        """
         with without_interrupts():
             self.close()
-            if (self.out / DIVERGED).exists():
-                shutil.rmtree(self.out / DIVERGED)
+            if (self.out / DIVERGED).exists() and not remove_training(self.out / DIVERGED):
+                problem = f"holds files that no training left there, so {self.folder} is left as it is"
+                raise file_error(self.out / DIVERGED, problem, "move them away")
             self.folder.replace(self.out / DIVERGED)
 
     def leave(self, *, discard: bool) -> None:
@@ -217,7 +236,7 @@ class LiveRun:
         with suppress(InputError):  # the first fault is the one to report
             self.close()
         if discard and not self.resumable:
-            _vanish(self.folder)
+            remove_training(self.folder)
 
     def stopped(self, error: BaseException) -> Stopped | None:
         """Return what ended the run if that was a signal; a library may have made another error of it."""
@@ -241,7 +260,9 @@ class LiveRun:
 
 
 @contextmanager
-def live_run(out: Path, *, resumed: bool, every_s: float, batch: int, tensorboard: bool) -> Iterator[LiveRun]:
+def live_run(
+    out: Path, *, resumed: bool, every_s: float, batch: int, tensorboard: bool, writer: Writer
+) -> Iterator[LiveRun]:
     """Hold the run folder of a training while a block runs; what was begun and has no checkpoint vanishes if it fails.
 
     Args:
@@ -250,16 +271,20 @@ def live_run(out: Path, *, resumed: bool, every_s: float, batch: int, tensorboar
       every_s: time between checkpoints [s].
       batch: decisions of an iteration.
       tensorboard: whether to write its files.
+      writer: what it may not replace.
 
     Raises:
-      InputError: if the folder can't be written, another process writes it, or it holds an unfinished run that should
-        not be lost.
+      InputError: if the folder can't be written, another process writes it, or it holds an unfinished run, or files
+        that no training left, which should not be lost.
     """
     folder = out / UNFINISHED
     with without_interrupts():
         storage.check_writable(out)
         made = [each for each in (folder, *folder.parents) if not each.exists()]
-    _check_own(out)
+    if not resumed:
+        check_unfinished(folder)
+    check_diverged(out / DIVERGED)
+    check_events(out / EVENTS, writer)
     with stop_requests() as requests, at_last(lambda: remove_empty(made)):
         folder.mkdir(parents=True, exist_ok=True)
         remove_abandoned(out)
@@ -269,7 +294,8 @@ def live_run(out: Path, *, resumed: bool, every_s: float, batch: int, tensorboar
                 _refuse_unfinished(run)
             with at_last(lambda: run.leave(discard=not resumed)), _explained(run, discard=not resumed):
                 if not resumed:
-                    _empty(folder)
+                    # Of a run that was killed before its first checkpoint, or after its results were in place.
+                    remove_files(folder, but=LOCK)
                 yield run
 
 
@@ -291,26 +317,6 @@ def _explained(run: LiveRun, *, discard: bool) -> Iterator[None]:
         raise
 
 
-def _check_own(out: Path) -> None:
-    """Refuse to empty or replace folders that hold something else than a training leaves in them."""
-    unfinished = out / UNFINISHED
-    others = {
-        UNFINISHED: not any((unfinished / name).is_file() for name in (LOCK, CONFIGURATION)),
-        DIVERGED: not (out / DIVERGED / FAULT).is_file(),
-        EVENTS: any(not each.name.startswith("events.") for each in (out / EVENTS).glob("*")),
-    }
-    for name, is_other in others.items():
-        if is_other and any((out / name).glob("*")):
-            raise file_error(out / name, "holds files that no training left there", "choose another --out")
-
-
-def _vanish(folder: Path) -> None:
-    """Remove a folder that a killed process may not leave half removed under its name."""
-    with suppress(OSError):
-        folder = folder.replace(folder.with_name(unfinished_name()))
-    shutil.rmtree(folder, ignore_errors=True)
-
-
 def _refuse_unfinished(run: LiveRun) -> None:
     files = checkpoint_files(run.folder / CHECKPOINTS)
     if files and (run.folder / CONFIGURATION).is_file():
@@ -319,12 +325,3 @@ def _refuse_unfinished(run: LiveRun) -> None:
             f"holds an unfinished run, of {int(files[-1].stem)} iterations so far",
             f"{run.goes_on}; delete {run.folder} to begin again",
         )
-
-
-def _empty(folder: Path) -> None:
-    """Remove what a run left that was killed before its first checkpoint, or after its results were in place."""
-    for path in folder.iterdir():
-        if path.is_dir():
-            shutil.rmtree(path)
-        elif path.name != LOCK:
-            path.unlink()

@@ -11,12 +11,12 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, redirect_stdout, suppress
 from typing import Any, NoReturn
 
 from archerfish import __version__
 from archerfish.cli.interrupts import Stopped, stop_requests
-from archerfish.records.errors import InputError
+from archerfish.records.errors import InputError, one_line
 
 INPUT_ERROR = 2
 INTERRUPTED = 130
@@ -198,18 +198,19 @@ def run(command: Any, function: Callable[[Any], dict[str, Any]]) -> None:
     Raises:
       InputError: if an argument or a file can't be used.
     """
-    from archerfish.cli.json_output import write_json_output
+    from archerfish.cli.json_output import STDOUT, write_json_output
     from archerfish.cli.outputs import check_outputs
 
     if command.seed not in range(2**32):
         raise InputError(f"--seed must be within 0…{2**32 - 1}, got {command.seed}")
     check_outputs(command)
-    result = function(command)
+    # What is printed goes elsewhere, where standard output is to hold JSON and nothing else.
+    with redirect_stdout(sys.stderr) if command.json == STDOUT else nullcontext():
+        result = function(command)
     if command.json is not None:
         write_json_output(command.json, result)
 
 
 def _fail(message: str, status: int) -> None:
-    # A file name may hold anything, a line break too.
-    print(f"archerfish: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201
+    print(f"archerfish: {one_line(message)}", file=sys.stderr)  # noqa: T201
     sys.exit(status)

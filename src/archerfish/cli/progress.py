@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from archerfish.records.errors import InputError
+from archerfish.records.errors import InputError, one_line
 
 NARROW = 100
 """Terminals of fewer columns leave out the unit, and have a short bar."""
@@ -52,7 +52,7 @@ def progress_bar(what: str, total: float, unit: str) -> Iterator[Callable[[float
 
 def note(told: str) -> None:
     """Tell the user something that is no fault, in one line on standard error."""
-    print(f"archerfish: {' '.join(told.split())}", file=sys.stderr)  # noqa: T201
+    print(f"archerfish: {one_line(told)}", file=sys.stderr)  # noqa: T201
 
 
 def require_jax(command: str) -> None:

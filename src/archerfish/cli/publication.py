@@ -1,5 +1,6 @@
 """Finished files into an output folder: all of them or none, and nothing that others wrote is replaced."""
 
+import hashlib
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
@@ -9,7 +10,7 @@ from pathlib import Path
 from archerfish.cli.writer import Writer
 from archerfish.cli.written_files import add_to_list, read_list, write_list
 from archerfish.records import storage
-from archerfish.records.errors import file_error
+from archerfish.records.errors import InputError, file_error
 
 try:
     import fcntl
@@ -47,9 +48,52 @@ def publish(files: Mapping[str, Path], out: Path, writer: Writer, aside: Path) -
         add_to_list(out, writer.command, hashes)
 
 
-def files_below(folder: Path) -> dict[str, Path]:
-    """Return the files of a folder by their path in it."""
-    return {each.relative_to(folder).as_posix(): each for each in sorted(folder.rglob("*")) if each.is_file()}
+def files_below(folder: Path, within: str = "") -> dict[str, Path]:
+    """Return the files of a folder, or of one within it, by their path in the folder."""
+    paths = sorted((folder / within).rglob("*"))
+    return {each.relative_to(folder).as_posix(): each for each in paths if each.is_file()}
+
+
+def publish_text(path: Path, text: str, command: str) -> None:
+    """Write a text file and list it in its folder.
+
+    Args:
+      path: of the file; its folder is made if missing.
+      text: what it is to hold.
+      command: who writes it.
+
+    Raises:
+      InputError: if it can't be written; the list is as it was.
+    """
+    out, name = path.parent, path.name
+    storage.check_writable(out)
+    out.mkdir(parents=True, exist_ok=True)
+    with _alone(out):
+        before, digest = read_list(out), hashlib.sha256(text.encode()).hexdigest()
+        # Killed from here on, the old and the new content are both the command's own.
+        add_to_list(out, command, {name: [digest, *before.get(name, [""])[1:]]})
+        try:
+            storage.write_text(path, text)
+        except BaseException:
+            write_list(out, before)
+            raise
+        add_to_list(out, command, {name: [digest]})
+
+
+def remove_written(out: Path, files: Mapping[str, Path], writer: Writer) -> None:
+    """Remove those of some files that may be replaced, and have the list of their folder name none that is gone.
+
+    Args:
+      out: folder whose list names them.
+      files: path in the folder → the file.
+      writer: whose files they are.
+    """
+    with _alone(out):
+        for path in files.values():
+            with suppress(InputError):  # of somebody else: it is not in the way
+                writer.check([path])
+                path.unlink()
+        write_list(out, {name: entry for name, entry in read_list(out).items() if os.path.lexists(out / name)})
 
 
 @contextmanager
@@ -70,7 +114,7 @@ def _alone(folder: Path) -> Iterator[None]:
 def _check(files: Mapping[str, Path], out: Path, writer: Writer) -> None:
     targets = [out / name for name in files]
     for folder in dict.fromkeys(each for target in targets for each in target.parents if out in each.parents):
-        if os.path.lexists(folder) and not folder.is_dir():
+        if os.path.lexists(folder) and (folder.is_symlink() or not folder.is_dir()):
             problem = "can't be written, since it is in the place of a folder"
             raise file_error(folder, problem, "choose another output folder")
     writer.check(targets)

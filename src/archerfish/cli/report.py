@@ -43,7 +43,9 @@ class Report:
 
     def outputs(self) -> Outputs:
         """Return what the command writes."""
-        return Outputs((_page(self),), owner=_owner(self))
+        page = _page(self)
+        files, named = ((page,), ()) if self.out is None else ((), (page,))
+        return Outputs(files, (page.parent / "figures",), named, owner=_owner(self))
 
 
 def run_report(command: Report) -> dict[str, Any]:

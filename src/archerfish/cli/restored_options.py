@@ -4,39 +4,75 @@ import types
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from archerfish.records.errors import file_error
+from archerfish.records.errors import InputError, file_error
 
 Options = TypeVar("Options")
 
+REMEDY = "put back what was changed"
+_PLAIN: dict[Any, Any] = {
+    bool: bool,
+    int: int,
+    float: (int, float),
+    str: str,
+    Path: str,
+    types.NoneType: types.NoneType,
+}
+"""Type of an option → type of what JSON holds of it."""
+_WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", Path: "a text"}
 
-def restore_options(kind: type[Options], plain: dict[str, Any], source: Path) -> Options:
+
+def restore_options(kind: type[Options], plain: dict[str, Any], source: Path, prefix: str = "") -> Options:
     """Build options from what `setting.configuration` wrote of them; what it does not hold has its default.
 
     Args:
       kind: dataclass whose fields are the options.
       plain: name → value, as JSON holds it.
       source: the file that holds it, for messages.
+      prefix: of the names in that file, for messages.
 
     Raises:
-      InputError: if a value is out of range, or of another type than a text or a path that the option takes.
+      InputError: naming file and field, if a value is out of range, or of another type than the option.
     """
     hints = get_type_hints(kind)
     known = [each.name for each in fields(kind) if each.name in plain]  # type: ignore[arg-type]
-    return kind(**{name: _restored(hints[name], name, plain[name], source) for name in known})
+    values = {name: _restored(hints[name], f"{prefix}{name}", plain[name], source) for name in known}
+    try:
+        return kind(**values)
+    except InputError as error:
+        where = f'"{prefix[:-1]}": ' if prefix else ""
+        raise file_error(source, f"{where}{error}", REMEDY) from error
 
 
 def _restored(hint: Any, name: str, value: Any, source: Path) -> Any:
-    kinds = get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    kinds = get_args(hint) if get_origin(hint) in (types.UnionType, Union) else (hint,)
+    if not any(_fits(each, value) for each in kinds):
+        words = dict.fromkeys(_words(each) for each in kinds if each is not types.NoneType)
+        raise file_error(source, f'"{name}" is {value!r}, expected {" or ".join(words)}', REMEDY)
     nested = next((each for each in kinds if is_dataclass(each)), None)
     if nested is not None and isinstance(value, dict):
-        return restore_options(nested, value, source)  # type: ignore[arg-type]
-    if {str, Path} & set(kinds) and not isinstance(value, str) and not (value is None and types.NoneType in kinds):
-        raise file_error(source, f'"{name}" is {value!r}, expected a text', "put back what was changed")
+        return restore_options(nested, value, source, f"{name}.")  # type: ignore[arg-type]
     if isinstance(value, str) and Path in kinds:
         return Path(value)
     return tuple(value) if isinstance(value, list) else value
+
+
+def _fits(kind: Any, value: Any) -> bool:
+    """Tell whether a value of JSON can be that of an option of a type."""
+    if get_origin(kind) is Literal:
+        return isinstance(value, str) and value in get_args(kind)
+    if get_origin(kind) is tuple:
+        return isinstance(value, list) and all(_fits(get_args(kind)[0], each) for each in value)
+    if isinstance(value, bool):
+        return kind is bool
+    return isinstance(value, dict if is_dataclass(kind) else _PLAIN[kind])
+
+
+def _words(kind: Any) -> str:
+    if get_origin(kind) is Literal:
+        return f"one of {', '.join(get_args(kind))}"
+    return "a list" if get_origin(kind) is tuple else _WORDS.get(kind, "an object")
 
 
 def with_default_flags(options: Options) -> Options:

@@ -1,10 +1,13 @@
 """One writer per run folder: a lock that the system takes back however its holder ends."""
 
 import os
+import re
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 
 try:
@@ -13,6 +16,8 @@ except ImportError:  # no such locks on Windows
     fcntl = None  # type: ignore[assignment]
 
 NAME = ".lock"
+_ALONE = sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_NOFOLLOW", "O_NONBLOCK"))
+_CONTENT = re.compile(rb"\d{,31}")
 
 
 @contextmanager
@@ -23,7 +28,7 @@ def locked(folder: Path) -> Iterator[None]:
       folder: exists; the file stays in it, and one that a killed process left is no lock.
 
     Raises:
-      InputError: if another process holds it, or the folder can't be written.
+      InputError: if another process holds it, the folder can't be written, or it holds another file of that name.
     """
     handle = _open(folder)
     try:
@@ -35,17 +40,35 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
+def is_lock(path: Path) -> bool:
+    """Tell whether a file is a lock, whether a process holds it or not: empty, or the number of a process."""
+    try:
+        return stat.S_ISREG(path.lstat().st_mode) and _CONTENT.fullmatch(path.read_bytes()) is not None
+    except OSError:
+        return False
+
+
 def _open(folder: Path) -> int:
     path = folder / NAME
     while True:
+        storage.check_regular(path)
         try:
-            handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            # A link or a pipe that comes in between is not followed, and not waited for.
+            handle = os.open(path, os.O_RDWR | os.O_CREAT | _ALONE, 0o666)
         except OSError as error:
             problem = f"can't be written ({error.strerror})"
             raise file_error(folder, problem, "choose another output folder") from error
+        _check_lock(handle, path)
         if _lock(handle, path):
             return handle
         os.close(handle)
+
+
+def _check_lock(handle: int, path: Path) -> None:
+    """Refuse a file that is no lock of ours: they are empty, or hold the number of a process."""
+    if not (stat.S_ISREG(os.fstat(handle).st_mode) and _CONTENT.fullmatch(os.pread(handle, 32, 0))):
+        os.close(handle)
+        raise file_error(path, "is no lock of Archerfish", "choose another output folder, or move the file away")
 
 
 def _lock(handle: int, path: Path) -> bool:

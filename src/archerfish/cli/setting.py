@@ -155,6 +155,10 @@ def recorded_files(policy: Path) -> SettingFiles:
     """
     source, facts = _recorded(policy)
     setting = facts.get("setting")
+    # A trial of a sweep and a part of a larger run have a name there.
+    if not isinstance(setting, dict | str | None):
+        problem = f'"setting" is {setting!r}, expected an object'
+        raise file_error(source, problem, "put back what was changed, or train anew")
     return restore_options(SettingFiles, setting, source) if isinstance(setting, dict) else SettingFiles()
 
 

@@ -117,7 +117,10 @@ class Sweep:
 
     def outputs(self) -> Outputs:
         """Return what the command writes."""
-        return Outputs(tuple(self.out / name for name in (*TABLES, "sweep.json")), (self.out / "trials",))
+        files, trials = tuple(self.out / name for name in (*TABLES, "sweep.json")), self.out / "trials"
+        kept = (self.out / "results.jsonl", self.out / ".lock")
+        # A sweep that is resumed writes only the folders of trials that are not done: it looks at them one by one.
+        return Outputs(files, kept=(*kept, trials)) if self.resume else Outputs(files, (trials,), kept=kept)
 
 
 def run_sweep(command: Sweep) -> dict[str, Any]:
@@ -133,11 +136,12 @@ def run_sweep(command: Sweep) -> dict[str, Any]:
     from archerfish.cli.sweeping.run import run_rounds
 
     prepared = prepare(command)
-    with sweep_folder(command.out, prepared.told, command.resume) as folder:
+    writer = make_writer(command)
+    with sweep_folder(command.out, prepared.told, command.resume, writer) as folder:
         with progress_bar("sweep", prepared.trials, "trials") as advance, _executor(command) as executor:
             total = run_rounds(prepared.plan, prepared.proposer, folder, executor, advance)
             advance(prepared.trials, "")
-        return write_sweep(folder, total, prepared.learning, make_writer(command))
+        return write_sweep(folder, total, prepared.learning, writer)
 
 
 @contextmanager

@@ -30,6 +30,7 @@ from archerfish.plugins import code_file_name, names_code, not_run, same_code_na
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.plant import PlantRecord
 from archerfish.records.provenance import code_commit, library_versions
+from archerfish.records.storage import field as field_of
 from archerfish.records.storage import file_hash
 from archerfish.simulation.scenario import TARGETS
 
@@ -120,9 +121,10 @@ class Train:
 
     def outputs(self) -> Outputs:
         """Return what the command writes."""
+        files, unfinished = tuple(self.out / name for name in RESULT_FILES), (self.out / "unfinished",)
+        folders = (self.out / "diverged", self.out / "tensorboard")
         # A resumed training reads the copies of its records in "unfinished", and replaces none of them.
-        folders = ("diverged", "tensorboard") if self.resume else ("unfinished", "diverged", "tensorboard")
-        return Outputs(tuple(self.out / name for name in RESULT_FILES), tuple(self.out / name for name in folders))
+        return Outputs(files, folders, kept=unfinished) if self.resume else Outputs(files, (*unfinished, *folders))
 
     def resumed(self, read: Callable[[Any], Any]) -> "Train":
         """Take the settings of the run to go on with.
@@ -175,7 +177,7 @@ def run_train(command: Train) -> dict[str, Any]:
     _check(command, observation)
     require_jax("train")
     keep_compiled()
-    from archerfish.cli.live_run import live_run, read_configuration
+    from archerfish.cli.live_run import configuration_file, live_run, read_configuration
     from archerfish.cli.training_log import has_tensorboard
     from archerfish.cli.training_run import TrainingTask, run_task, write_run
     from archerfish.learning.shards import claim_devices
@@ -187,20 +189,24 @@ def run_train(command: Train) -> dict[str, Any]:
     setting = None if command.resume else load_setting(command.setting)
     code = _code(find_motion(command.motion)) if command.motion else {}
     if command.resume is not None:
-        _check_code(command, code, read_configuration(command.resume))
+        begun = read_configuration(command.resume)
+        _check_code(command, code, begun)
+        _versions(begun, configuration_file(command.resume))  # refused now, if they are damaged, not in its folder
     for remark in setting_remarks(command.setting, setting) if setting else ():
         note(remark)
     tensorboard = command.tensorboard and has_tensorboard()
+    writer = make_writer(command)
     with live_run(
         command.out,
         resumed=command.resume is not None,
         every_s=command.checkpoint_every,
         batch=settings.batch,
         tensorboard=tensorboard,
+        writer=writer,
     ) as live:
         if setting is None:
             setting = load_setting(command.setting)
-            _note_changes(read_configuration(command.out), devices)
+            _note_changes(read_configuration(command.out), configuration_file(command.out), devices)
         else:
             live.begin(
                 {**configuration(command, setting), "devices": devices, **code}, *_files(command.setting, setting)
@@ -222,7 +228,7 @@ def run_train(command: Train) -> dict[str, Any]:
         with progress_bar("training", task.decisions, "decisions") as advance:
             result = run_task(task, advance, live)
         write_run(live.results, result, read_configuration(command.out))
-        live.publish(make_writer(command))
+        live.publish(writer)
     summary = {
         "policy": str(command.out / "policy.json"),
         "steps": int(result.curve.steps[-1]),
@@ -302,10 +308,19 @@ def _check_code(command: Train, code: dict[str, str], begun: dict[str, Any]) -> 
     raise file_error(Path(command.motion.rpartition(":")[0] or command.motion), problem, remedy)
 
 
-def _note_changes(begun: dict[str, Any], devices: int) -> None:
+def _versions(begun: dict[str, Any], source: Path) -> dict[str, Any]:
+    """Return the versions of code and libraries that an unfinished run was begun with: name → version.
+
+    Raises:
+      InputError: if its configuration does not say.
+    """
+    told = field_of(source, begun, "provenance", dict)
+    return {**field_of(source, told, "versions", dict), "commit": field_of(source, told, "commit", str)}
+
+
+def _note_changes(begun: dict[str, Any], source: Path, devices: int) -> None:
     """Say where other code, libraries or devices may give other weights than those that the training began with."""
-    told = begun["provenance"]
-    was = {**told["versions"], "commit": told["commit"], "devices": begun.get("devices", devices)}
+    was = {**_versions(begun, source), "devices": begun.get("devices", devices)}
     now = {**library_versions(), "commit": code_commit(), "devices": devices}
     changed = [f"{name} {was.get(name)} → {now.get(name)}" for name in now if was.get(name) != now.get(name)]
     if changed:

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.cli.early_stop import hit_rate_stop
-from archerfish.cli.live_run import DIVERGED, FAULT, LiveRun
+from archerfish.cli.live_run import LiveRun
 from archerfish.cli.setting import Setting, setting_world
+from archerfish.cli.training_folders import DIVERGED, FAULT
 from archerfish.cli.training_log import LOG, log_rows, log_text
 from archerfish.controllers.policy import policy_to_record
 from archerfish.figures.style import save_figure

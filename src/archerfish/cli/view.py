@@ -98,7 +98,7 @@ class View:
 
     def outputs(self) -> Outputs:
         """Return what the command writes."""
-        return Outputs(named=() if self.export is None else (self.export,))
+        return Outputs(named=() if self.export is None else (self.export,), option="--export")
 
 
 def run_view(command: View) -> dict[str, Any]:
@@ -323,8 +323,6 @@ def _export(path: Path, subject: "Subject", choice: "Choice") -> dict[str, Any]:
 
     if path.suffix != ".html":
         raise file_error(path, "is to hold a page, but does not end in .html", "give a name that does")
-    if path.is_dir():
-        raise file_error(path, "--export names a folder, expected a file", "name a file in it")
     with without_interrupts():
         storage.check_writable(path.parent)
     trial = run_trial(subject, choice)

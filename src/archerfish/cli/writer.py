@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from archerfish.cli.written_files import find_written
+from archerfish.cli.written_files import JSON, find_written
 from archerfish.records import storage
 from archerfish.records.errors import InputError, file_error
 
@@ -22,12 +22,14 @@ class Writer(NamedTuple):
     """Whether it may replace regular files that it did not write itself."""
     option: str = "--out"
     """Option that says where it writes, for messages."""
+    named: tuple[Path, ...] = ()
+    """Files whose names the user gave: they are replaced if they belong to no run."""
 
     def check(self, paths: Iterable[Path]) -> None:
         """Refuse to write files over what is there, unless this command wrote it and it has not been changed since.
 
         Args:
-          paths: of files whose names the command chooses.
+          paths: of files; one whose name the user gave may also be there without having been written by a command.
 
         Raises:
           InputError: naming the first file that may not be written, and why.
@@ -36,29 +38,24 @@ class Writer(NamedTuple):
             written = find_written(path)
             if self.overwrite or written == (self.command, True):
                 continue
-            if written is None:
+            if written is None and path in self.named:
+                if not is_record(path):
+                    continue
+                problem = "is a record of Archerfish"
+            elif written is None:
                 problem = f"is there, and archerfish {self.command} did not write it"
+            elif written.command == JSON:
+                problem = (
+                    "was written by an earlier --json" if written.is_unchanged else "was edited since --json wrote it"
+                )
             elif written.is_unchanged:
                 problem = f"belongs to a run of archerfish {written.command}"
             else:
                 problem = f"has been changed since archerfish {written.command} wrote it"
             raise file_error(path, problem, self.remedy)
 
-    def check_named(self, path: Path) -> None:
-        """Refuse to write a file whose name the user gave over what it reads, a part of a run, or no regular file.
-
-        Raises:
-          InputError: saying what is there.
-        """
-        for _ in self._existing([path]):
-            written = find_written(path)
-            if written is not None and not self.overwrite:
-                raise file_error(path, f"belongs to a run of archerfish {written.command}", self.remedy)
-            if is_record(path) and not self.overwrite:
-                raise file_error(path, "is a record of Archerfish", self.remedy)
-
     def check_folders(self, folders: Iterable[Path]) -> None:
-        """Refuse to write into folders where a file is in their place, what is read, or what another command wrote.
+        """Refuse to write into folders where a file or a link is in their place, what is read, or what others wrote.
 
         Files that no command wrote are left to `check`: their names may be others than those that are to be written.
 
@@ -68,8 +65,23 @@ class Writer(NamedTuple):
         for folder in folders:
             if os.path.lexists(folder) and not folder.is_dir():
                 raise file_error(folder, "is in the place of a folder", f"choose another {self.option}")
-            within = [each for each in folder.rglob("*") if each.is_file() and not each.is_symlink()]
+            paths = list(folder.rglob("*"))
+            for each in (folder, *paths):
+                if each.is_symlink() and each.is_dir():
+                    problem = "is a symbolic link in the place of a folder"
+                    raise file_error(each, problem, f"choose another {self.option}, or put a folder there")
+            within = [each for each in paths if each.is_file() and not each.is_symlink()]
             self.check(each for each in within if self._is_read(each) or find_written(each) is not None)
+
+    def check_kept(self, paths: Iterable[Path]) -> None:
+        """Refuse links, devices and the like in the place of what a command goes on with; it looks at the rest itself.
+
+        Raises:
+          InputError: naming the first path that is in the way.
+        """
+        for path in paths:
+            if path.is_symlink() or not path.is_dir():
+                storage.check_regular(path)
 
     @property
     def remedy(self) -> str:

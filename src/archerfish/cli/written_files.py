@@ -13,6 +13,8 @@ from archerfish.records.errors import InputError
 
 NAME = ".archerfish.json"
 SCHEMA = "archerfish.written/1"
+JSON = "--json"
+"""Who wrote a file that --json named, whichever command it was given to."""
 
 
 class Written(NamedTuple):

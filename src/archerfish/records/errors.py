@@ -26,3 +26,8 @@ def file_error(path: str | Path, problem: str, remedy: str, code: str | None = N
       code: short, stable name of the fault.
     """
     return InputError(f"{path}: {problem}; {remedy}", code)
+
+
+def one_line(text: str) -> str:
+    """Return a text in one line, what can't be printed escaped: names and contents of files may hold anything."""
+    return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in " ".join(text.split()))

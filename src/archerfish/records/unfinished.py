@@ -54,7 +54,7 @@ def unfinished_folder(folder: Path) -> Iterator[Path]:
         try:
             path.mkdir()
             with _open(path) as handle:
-                is_held = _lock(handle, path)
+                is_held = handle is not None and _lock(handle, path)
                 if is_held:
                     yield path
         finally:
@@ -62,9 +62,13 @@ def unfinished_folder(folder: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def _open(folder: Path) -> Iterator[int]:
-    """Open a folder, to lock it; nothing where there are no such locks."""
-    handle = -1 if fcntl is None else os.open(folder, os.O_RDONLY)
+def _open(folder: Path) -> Iterator[int | None]:
+    """Open a folder, to lock it, if it is still there: without the lock it looks abandoned."""
+    try:
+        handle = -1 if fcntl is None else os.open(folder, os.O_RDONLY)
+    except FileNotFoundError:
+        yield None
+        return
     try:
         yield handle
     finally:

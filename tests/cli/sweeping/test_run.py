@@ -8,12 +8,16 @@ import pytest
 pytest.importorskip("jax")
 
 import archerfish.cli.sweeping.folder as sweep_module
+from archerfish.cli.outputs import check_outputs
+from archerfish.cli.run_folder import run_folder
+from archerfish.cli.sweep import Sweep
 from archerfish.cli.sweeping.axes import parse_vary
 from archerfish.cli.sweeping.executor import in_process
 from archerfish.cli.sweeping.folder import RESULTS, sweep_folder
 from archerfish.cli.sweeping.proposals import proposed_grid
 from archerfish.cli.sweeping.results import read_results, results_table
 from archerfish.cli.sweeping.run import planned_trials, run_rounds
+from archerfish.cli.writer import Writer
 from archerfish.records.errors import InputError
 
 from .made_trials import backwards, ending_after, made_up_hits
@@ -196,6 +200,82 @@ def test_a_sweep_that_ends_before_its_first_trial_leaves_nothing(make_plan, tmp_
     with pytest.raises(KeyboardInterrupt):
         sweep(tmp_path / "deep" / "out", make_plan(), ending_after(0))
     assert list(tmp_path.iterdir()) == []
+
+
+FOREIGN = ["mine", '{"a": 1}', '{"trial": 0, "conf', "\n"]
+
+
+@pytest.mark.parametrize("content", FOREIGN)
+@pytest.mark.parametrize("resume", [False, True])
+def test_results_that_no_sweep_wrote_stay(make_plan, tmp_path, content, resume):
+    (tmp_path / RESULTS).write_text(content)
+    with pytest.raises(InputError, match=r"results\.jsonl: .*(no sweep wrote it|none that a sweep wrote|not a trial)"):
+        sweep(tmp_path, make_plan(), in_process, resume=resume)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(RESULTS, content)]
+
+
+@pytest.mark.parametrize("kind", ["pipe", "link", "dangling link"])
+def test_results_are_no_link_and_no_pipe(make_plan, tmp_path, kind):
+    out, other = tmp_path / "out", tmp_path / "other.txt"
+    out.mkdir()
+    if kind == "pipe":
+        os.mkfifo(out / RESULTS)
+    else:
+        (out / RESULTS).symlink_to(other)
+    if kind == "link":
+        other.write_text("mine")
+    with pytest.raises(InputError, match=r"results\.jsonl: can't be written, since it is a (named pipe|symbolic link)"):
+        sweep(out, make_plan(), in_process)
+    assert [path.name for path in out.iterdir()] == [RESULTS]
+    assert other.exists() == (kind == "link")
+
+
+def test_what_follows_the_last_line_of_a_sweep_is_lost_only_if_it_is_part_of_a_line(make_plan, tmp_path):
+    sweep(tmp_path, make_plan(), in_process)
+    with (tmp_path / RESULTS).open("a") as stream:
+        stream.write("a note")
+    with pytest.raises(InputError, match="its last line is none that a sweep wrote"):
+        sweep(tmp_path, make_plan(), in_process, resume=True)
+    assert (tmp_path / RESULTS).read_text().endswith("\na note")
+
+
+def test_finished_trials_without_their_line_are_not_trained_again_unless_that_is_said(make_plan, tmp_path):
+    table = sweep(tmp_path, make_plan(), in_process)
+    (tmp_path / RESULTS).unlink()
+    own = tmp_path / "trials" / "0001" / "notes.txt"
+    own.write_text("mine")
+    for resume in (False, True):
+        with pytest.raises(InputError, match=r"trials/0000: holds files, and results\.jsonl has no line of that trial"):
+            sweep(tmp_path, make_plan(), in_process, resume=resume)
+    assert (tmp_path / "trials" / "0003" / "policy.json").exists()
+    with sweep_folder(tmp_path, TOLD, True, Writer("sweep", overwrite=True)) as folder:
+        run_rounds(make_plan(), proposed_grid(AXES), folder, in_process, work=made_up_hits)
+        assert results_table(folder.results.values()) == table
+    assert own.read_text() == "mine"
+
+
+def test_files_of_a_trial_that_is_done_are_put_in_place_after_a_kill(make_plan, tmp_path, monkeypatch):
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(sweep_module, "_put_in_place", killed)
+        with pytest.raises(KeyboardInterrupt):
+            sweep(tmp_path, make_plan(), in_process)
+    assert [path.name for path in (tmp_path / "trials").iterdir()] == [".unfinished-0000"]
+    sweep(tmp_path, make_plan(), in_process, resume=True)
+    assert sorted(path.name for path in (tmp_path / "trials").iterdir()) == ["0000", "0001", "0002", "0003"]
+    assert (tmp_path / "trials" / "0000" / "log.jsonl").read_text() == "0.1 0\n"
+
+
+def test_a_resumed_sweep_leaves_what_lies_in_the_folders_of_finished_trials(make_plan, tmp_path):
+    sweep(tmp_path, make_plan(), in_process)
+    evaluated = tmp_path / "trials" / "0000" / "ev" / "results.json"
+    with run_folder(evaluated.parent, Writer("evaluate")) as folder:
+        (folder / "results.json").write_text("{}")
+    check_outputs(Sweep(out=tmp_path, resume=True))
+    sweep(tmp_path, make_plan(), in_process, resume=True)
+    assert evaluated.exists()
 
 
 def test_folders_of_others_are_left_alone(make_plan, tmp_path):

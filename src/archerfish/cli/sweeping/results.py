@@ -4,7 +4,7 @@ import csv
 import io
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +89,11 @@ def over_cells(cells: Sequence[CellHits]) -> Estimate | None:
 def result_line(result: TrialResult) -> bytes:
     """Return the line of a trial in results.jsonl."""
     return json.dumps(asdict(result), allow_nan=False).encode() + b"\n"
+
+
+def result_line_beginning() -> bytes:
+    """Return what the line of every trial begins with."""
+    return f'{{"{fields(TrialResult)[0].name}": '.encode()
 
 
 def read_results(path: Path) -> list[TrialResult]:
