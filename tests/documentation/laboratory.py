@@ -147,7 +147,14 @@ def _policy(_: Path, here: Path) -> None:
         muzzle={"speed": 18.0, "drag": 0.019, "length": 0.16, "pitch_offset": 0.0, "yaw_offset": 0.0},
         period_s=0.02,
         command_limit="gate",
-        tracker={"acceleration": 3.0, "along": 0.001, "across": 0.001, "along_share": 0.015, "across_angle": 0.002},
+        tracker={
+            "acceleration": 3.0,
+            "along": 0.001,
+            "across": 0.001,
+            "along_share": 0.015,
+            "across_angle": 0.002,
+            "initial_speed": 0.25,
+        },
     )
     for folder in ("runs/train", "runs/infantry/policy"):
         write_policy(here / folder / "policy.json", record)
