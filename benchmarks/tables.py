@@ -27,8 +27,12 @@ ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results"
 REPRODUCE, TRANSFER = "reproduce", "transfer"
 """Runs that are taken, by the names of their files."""
-IDENTIFICATION = "identification"
-"""Benchmark whose figures are written too."""
+IDENTIFICATION, ROBOTS = "identification", "other_robots"
+"""Benchmarks whose figures are written too."""
+WITHOUT_RULE, WITH_RULE = ("kalman", "kalman-lq", "imm-lq"), "parabola-lq"
+MOVING_FROM_2_M = (5, 6, 7)
+"""Cells of moving targets at 2–5 m."""
+DROPS = ("drop_settled_at_most", "drop_at_most")
 LOGS = ("robot arm", "CD player arm", "hair dryer", "Silverbox", "quarter drone, steps")
 """Logs that its table shows."""
 PAGES = ("README.md", "docs/transfer.md", "docs/baselines.md", "docs/gradients.md", "docs/identification.md")
@@ -79,7 +83,7 @@ def rates(results: dict[str, Any], setting: str, limit: str) -> str:
         headings.append(COLUMNS[name])
         columns.append([_rate(cell, with_interval=name == "history") for cell in column])
     if any(cell.get("bound") is not None for cell in found):
-        headings.append("proven bound")
+        headings.append("proven bound (without the path)")
         columns.append([_bound([cell for cell in found if _place(cell) == place]) for place in places])
     return _markdown(headings, list(zip(*columns, strict=True)))
 
@@ -169,6 +173,40 @@ def fits(results: dict[str, Any], cases: Sequence[str]) -> str:
     return _markdown(["test / training fit, %", *cases], rows)
 
 
+def robots(results: dict[str, Any]) -> str:
+    """Write how the policy does on other robots, in points, the least of three trainings: a row per robot.
+
+    Args:
+      results: of benchmarks/other_robots.py.
+    """
+    rows = []
+    for robot in results["robots"]:
+        places = [each for each in robot["places"] if each["setting"] == robot["robot"]]
+        moving = [
+            min(each["points_above_at_least"][name][cell] for each in places for cell in MOVING_FROM_2_M)
+            for name in WITHOUT_RULE
+        ]
+        elsewhere = min(
+            each["points_above"][name][cell]
+            for each in places
+            for name in WITHOUT_RULE
+            for cell in range(MOVING_FROM_2_M[0])
+        )
+        rule = min(min(each["points_above"][WITH_RULE]) for each in places)
+        drops = (f"{robot[name]['history']:.1f} / {robot[name]['kalman']:.1f}" for name in DROPS)
+        points = (f"{each:+.1f}".replace("-", "−") for each in (*moving, elsewhere, rule))
+        rows.append([f"`{robot['robot']}`", *drops, *points])
+    headings = (
+        "robot",
+        "policy / Kalman lose at most, settled",
+        "whole",
+        *(f"less {COLUMNS[name]}, moving 2–5 m ≥" for name in WITHOUT_RULE),
+        "less any of them elsewhere ≥",
+        f"less {COLUMNS[WITH_RULE]} ≥",
+    )
+    return _markdown(headings, rows)
+
+
 TABLES: dict[str, tuple[str, Callable[[dict[str, Any]], str]]] = {
     f"{kind}-{name}": (run, lambda results, write=write, place=place: write(results, *place))
     for name, (run, *place) in {
@@ -185,7 +223,7 @@ TABLES: dict[str, tuple[str, Callable[[dict[str, Any]], str]]] = {
         ("trainings", trainings),
         ("drops", drops),
     )
-} | {"fits": (IDENTIFICATION, lambda results: fits(results, LOGS))}
+} | {"fits": (IDENTIFICATION, lambda results: fits(results, LOGS)), "robots": (ROBOTS, robots)}
 """Name between the markers → run that it is of, and what writes the table."""
 
 
@@ -206,7 +244,7 @@ def rendered(page: str, results: Mapping[str, dict[str, Any]]) -> str:
 
 def committed() -> dict[str, dict[str, Any]]:
     """Return the results that were taken, by run."""
-    return {run: storage.read_json(RESULTS / f"{run}.json") for run in (REPRODUCE, TRANSFER, IDENTIFICATION)}
+    return {run: storage.read_json(RESULTS / f"{run}.json") for run in (REPRODUCE, TRANSFER, IDENTIFICATION, ROBOTS)}
 
 
 def probe() -> list[dict[str, Any]]:
