@@ -53,10 +53,15 @@ COLUMNS = {
 """Controller → heading, in the order of the columns."""
 PRINTED = {"history": "paper's PPO", "kalman": "paper's Kalman"}
 """Controller → heading of the paper's own column, which stands before it."""
-CELL = ("hits", "shots", "withheld", "low", "high", "paper", "bound", "bound_error", "bound_kind")
-DIFFERENCE = ("difference", "low", "high")
-LABEL = ("setting", "command_limit", "controller", "policy_seed", "target", "range_m")
-"""Fields that are kept."""
+CELL = ("target", "range_m")
+_WHO = ("setting", "command_limit", "controller", "policy_seed")
+_DIFFERENCE = ("difference", "low", "high")
+KEPT = {
+    "cells": (_WHO, ("hits", "shots", "withheld", "low", "high", "paper", "bound", "bound_error", "bound_kind")),
+    "comparisons": ((*_WHO, "against"), _DIFFERENCE),
+    "drops": ((*_WHO, "settled"), _DIFFERENCE),
+}
+"""Part of the results → its fields that are the same for all cells, and those that are kept of every cell."""
 Rows = Sequence[Sequence[str]]
 _MARKED = re.compile(r"(<!-- table ([\w-]+) -->\n)(.*?)(<!-- /table -->)", re.DOTALL)
 
@@ -244,7 +249,10 @@ def rendered(page: str, results: Mapping[str, dict[str, Any]]) -> str:
 
 def committed() -> dict[str, dict[str, Any]]:
     """Return the results that were taken, by run."""
-    return {run: storage.read_json(RESULTS / f"{run}.json") for run in (REPRODUCE, TRANSFER, IDENTIFICATION, ROBOTS)}
+    found = {run: storage.read_json(RESULTS / f"{run}.json") for run in (REPRODUCE, TRANSFER, IDENTIFICATION, ROBOTS)}
+    for run in (REPRODUCE, TRANSFER):
+        found[run] |= {name: _rows(found[run][name], *fields) for name, fields in KEPT.items()}
+    return found
 
 
 def probe() -> list[dict[str, Any]]:
@@ -267,16 +275,32 @@ def take(path: Path) -> None:
         raise SystemExit(f"{path}: made by changed code or a quick run; commit, and run it again")
     run = REPRODUCE if any(each["setting"] == "paper" for each in facts["cells"]) else TRANSFER
     kept = {name: facts[name] for name in ("seed", "commit", "versions", "durations")} | {
-        "machine": describe_machine(),
-        "cells": [_kept(each, CELL) for each in facts["cells"]],
-        "comparisons": [_kept(each, ("against", *DIFFERENCE)) for each in facts["comparisons"]],
-        "drops": [_kept(each, ("settled", *DIFFERENCE)) for each in facts["drops"]],
+        # The commit is that of the run, not the one that its tables are written at.
+        "machine": {name: value for name, value in describe_machine().items() if name not in facts},
+        **{name: _columns(facts[name], *fields) for name, fields in KEPT.items()},
     }
     storage.write_json(RESULTS / f"{run}.json", kept | ({"probe": probe()} if run == REPRODUCE else {}))
 
 
-def _kept(facts: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    return {name: facts[name] for name in (*LABEL, *names)}
+def _columns(rows: Sequence[dict[str, Any]], of: Sequence[str], values: Sequence[str]) -> list[dict[str, Any]]:
+    """Gather rows that differ in their cell alone: a list per value, in the order of the cells."""
+    found: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
+    for row in rows:
+        found.setdefault(tuple(row[name] for name in of), []).append(row)
+    return [
+        dict(zip(of, key, strict=True)) | {name: [row[name] for row in same] for name in (*CELL, *values)}
+        for key, same in found.items()
+    ]
+
+
+def _rows(columns: Sequence[dict[str, Any]], of: Sequence[str], values: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the rows that `_columns` gathered."""
+    names = (*CELL, *values)
+    return [
+        {name: group[name] for name in of} | dict(zip(names, cell, strict=True))
+        for group in columns
+        for cell in zip(*(group[name] for name in names), strict=True)
+    ]
 
 
 def main() -> None:
