@@ -5,7 +5,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
-BENCHMARKS := $(shell grep -l __main__ benchmarks/*.py 2>/dev/null)
+# Those that write the library's settings or pages are run by hand.
+BENCHMARKS := $(filter-out benchmarks/tables.py benchmarks/tuning.py,$(shell grep -l __main__ benchmarks/*.py 2>/dev/null))
 
 # A stamp is the last thing that an installation writes: a half-made one has none, and is started anew.
 INSTALLED := $(VENV)/.installed

@@ -144,6 +144,7 @@ def main() -> None:
     if not quick:
         conditions = {**describe_machine(), "seeds": SEEDS, "engagements_per_cell": ENGAGEMENTS}
         storage.write_json(RESULT, {"conditions": conditions, "changes": ROBOTS, "robots": rows})
+        sys.exit(any(place["missed"] for row in rows for place in row["places"]))
 
 
 if __name__ == "__main__":

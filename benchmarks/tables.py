@@ -1,4 +1,4 @@
-"""The tables of hit rates in README and docs, written from the committed results of two runs.
+"""The tables of README and docs, written from committed results.
 
     python benchmarks/tables.py runs/reproduce runs/transfer   # take the results of runs, and write the tables
     python benchmarks/tables.py                                # write the tables from what was taken before

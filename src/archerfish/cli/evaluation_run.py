@@ -98,7 +98,7 @@ def with_tuning(task: EvaluationTask, advance: Callable[[float, str], None] = la
     """Return a task with settings for all its controllers that are tuned, those that it has included.
 
     In the simulator of the printed gimbal they are stored, since it never changes; for any other robot, and for targets
-    that don't move as eq (7) says, the controllers are tuned now, which takes seconds each.
+    that don't move as eq (7) says, they are tuned now, which takes seconds each.
 
     Args:
       task: the task.
@@ -177,7 +177,7 @@ def run_evaluation(task: EvaluationTask, advance: Callable[[float, str], None] =
 
     Args:
       task: who, where.
-      advance: hears how many controllers are done, and of the latest one.
+      advance: receives how many controllers are done, and of the latest one.
 
     Raises:
       InputError: if a controller is unknown.
@@ -206,7 +206,7 @@ def run_evaluations(
 
     Args:
       tasks: the same controllers under several command limits, say.
-      advance: hears how many controllers are done in all, and of the latest one.
+      advance: receives how many controllers are done in all, and of the latest one.
     """
     outcomes: list[list[Outcome]] = []
     for task in tasks:

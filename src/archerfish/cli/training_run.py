@@ -139,7 +139,7 @@ def run_task(
 
     Args:
       task: what.
-      advance: hears of the decisions trained for.
+      advance: receives the decisions trained for.
       live: folder of the training in progress; without, nothing is written.
 
     Raises:

@@ -26,7 +26,7 @@ ROBOT_STEPS = 8_000_000
 SIX_NUMBERS_STEPS = 1_200_000
 """Decisions after which the six-number policy, which sees no speed, has learned what it can."""
 ROBOT_DISCOUNT = 0.9
-"""γ of the robot's policies: a shot is decided within a few tenths of a second."""
+"""γ of the robot's six-number policy: a shot is decided within a few tenths of a second."""
 QUICK_STEPS, QUICK_ENGAGEMENTS = 300_000, 20
 
 

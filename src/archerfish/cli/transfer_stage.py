@@ -1,6 +1,6 @@
 """The robot's part of `reproduce`, and all of `transfer`: record, identify, train, and shoot Tables IV and V."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -21,7 +21,7 @@ from archerfish.controllers.roster import Tuning
 from archerfish.evaluation.evaluate import Ground, Outcome, accelerations, cells, comparisons, ground_bounds
 from archerfish.evaluation.robot_results import RobotIdentification
 from archerfish.evaluation.transfer import drops
-from archerfish.evaluation.tuning import GRIDS
+from archerfish.evaluation.tuning import GRIDS, Tuned
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.gradient_config import GradientConfig
 from archerfish.records.policy import PolicyRecord
@@ -33,6 +33,8 @@ CONTROLLERS = ("oracle", "parabola-lq", "imm-lq", "kalman-lq", "kalman")
 """Classical controllers, the one with the most work first."""
 STILL_SHARE = 0.35
 """Share of the targets in training that stand still: where a moving one will be is what takes long to learn."""
+TUNED_DECISIONS = 600_000.0
+"""About so many decisions does it take to tune a controller: some two dozen settings, 512 engagements each."""
 AGAINST = ("kalman", "kalman-lq", "imm-lq", "parabola-lq", "oracle")
 """Whom the policies are compared with, paired."""
 
@@ -73,31 +75,37 @@ def record_and_identify(rehearsal: Rehearsal) -> Identified:
     )
 
 
-def train_for_robot(rehearsal: Rehearsal, setting: Setting) -> tuple[PolicyRecord, ...]:
-    """Train the policies in the identified simulator: history policies, then the one of six numbers."""
+def train_and_tune(rehearsal: Rehearsal, setting: Setting) -> tuple[tuple[PolicyRecord, ...], dict[str, Tuning]]:
+    """Train policies and tune the classical controllers in the identified simulator, each on draws of its own.
+
+    Returns:
+      The policies, history first and the one of six numbers last; controller → its settings.
+    """
     six_numbers = TrainingTask(
         setting, STILL_SHARE, "paper", 0, COMMAND_LIMIT, rehearsal.ppo, rehearsal.seeds[0], asymmetric=True
     )
     history = replace(
         six_numbers, observation="tracked", trainer="gradient", gradient=rehearsal.gradient, asymmetric=False
     )
-    tasks = [*(replace(history, seed=seed) for seed in rehearsal.seeds), six_numbers]
-    jobs: list[Task] = [(run_task, task, float(task.decisions)) for task in tasks]
-    done = run_tasks("training", "decisions", jobs, rehearsal.workers)
-    for task, result in zip(tasks, done, strict=True):
-        name = f"{setting.name}-{'history' if task.observation == 'tracked' else task.observation}-{task.seed}"
-        write_run(rehearsal.folder / "policies" / name, result, task.facts())
-    return tuple(result.policy for result in done)
-
-
-def tune_for_robot(rehearsal: Rehearsal, setting: Setting) -> dict[str, Tuning]:
-    """Tune the trackers of the classical controllers in the identified simulator, on draws of their own."""
-    tasks = [
+    trainings = [*(replace(history, seed=seed) for seed in rehearsal.seeds), six_numbers]
+    tunings = [
         EvaluationTask(setting, COMMAND_LIMIT, 2, rehearsal.seeds[0], (name,)) for name in CONTROLLERS if name in GRIDS
     ]
-    jobs: list[Task] = [(tune_controllers, task, 1.0) for task in tasks]
-    found = run_tasks("tuning", "controllers", jobs, rehearsal.workers)
-    return {each.controller: each.tuning for tuned in found for each in tuned}
+    # The trainings come first: a process that has computed anything has no more say in its number of devices.
+    jobs: list[Task] = [(run_task, task, float(task.decisions)) for task in trainings]
+    jobs += [(_tune, task, TUNED_DECISIONS) for task in tunings]
+    done = run_tasks("training, tuning", "decisions", jobs, rehearsal.workers)
+    trained, tuned = done[: len(trainings)], done[len(trainings) :]
+    for task, result in zip(trainings, trained, strict=True):
+        name = f"{setting.name}-{'history' if task.observation == 'tracked' else task.observation}-{task.seed}"
+        write_run(rehearsal.folder / "policies" / name, result, task.facts())
+    policies = tuple(result.policy for result in trained)
+    return policies, {each.controller: each.tuning for found in tuned for each in found}
+
+
+def _tune(task: EvaluationTask, advance: Callable[[float, str], None]) -> list[Tuned]:
+    advance(0.0, f"tuning {task.controllers[0]}")
+    return tune_controllers(task)
 
 
 def shoot_tables(
@@ -163,8 +171,7 @@ def rehearse(rehearsal: Rehearsal) -> tuple[Identified, dict[str, Any]]:
       What the logs told, and the parts of the results.
     """
     identified = record_and_identify(rehearsal)
-    policies = train_for_robot(rehearsal, identified.setting)
-    tuning = tune_for_robot(rehearsal, identified.setting)
+    policies, tuning = train_and_tune(rehearsal, identified.setting)
     report: RobotIdentification = replace(
         identified.report,
         facts=identified.report.facts | {name: _tuned_values(name, each) for name, each in tuning.items()},

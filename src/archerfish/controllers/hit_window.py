@@ -17,6 +17,9 @@ _WIDTH = 4.25
 def most_hits(place: Array, sd: Array, reach: Array, chance: Array | None = None) -> Array:
     """Return the aim whose pellet most likely hits, on a line across the line of sight.
 
+    Where two places far apart are as likely as each other to within a percent or so, that is a place between them; to
+    decide for either of them hits no more (measured with `imm-lq` and `parabola-lq`, over 1,600 engagements).
+
     Args:
       place: where the target may be [m], shape B + (H,).
       sd: standard deviation of target and pellet about it [m], shape B + (H,).

@@ -24,7 +24,7 @@ from archerfish.sensing.interfaces import Controller
 from archerfish.sensing.kalman_filter import INITIAL_SPEED, TrackerNoise
 
 TURN_RATE, STOP_RATE, STANDING = 1.0, 0.1, 0.5
-"""What interacting models suppose of targets: turns back and stops in a second, and the share that stands at first."""
+"""What interacting models suppose of targets: rates of turning back and stopping [1/s], share that stands at first."""
 EXACT_SD = 2e-4
 """What they suppose of a camera without noise [m]: a larger value, which does a Kalman filter good, hides turns."""
 

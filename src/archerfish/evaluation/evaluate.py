@@ -74,7 +74,7 @@ def compete(
     Args:
       ground: where.
       entrants: who.
-      progress: hears the name of each entrant that is done.
+      progress: receives the name of each entrant that is done.
     """
     outcomes = []
     for entrant in entrants:

@@ -4,7 +4,8 @@ The simulator is differentiable, so the mean reward of a short window of decisio
 like any other: the window is played, and the gradient comes back through all its steps of environment and network.
 Adam follows it. The states go on from window to window, the gradient does not.
 
-What it can't see: anything that jumps, such as a bonus for hits, and what comes of a window's decisions after its end.
+What it can't see: anything that jumps, such as a hit that is not smoothed, and what comes of a window's decisions after
+its end.
 """
 
 from functools import partial

@@ -2,8 +2,7 @@
 
 Where a target may or may not turn back, the nearest place on average is one that neither hits, so a hit is worth
 something in itself. A step at the armor's edge has no slope, though: for a trainer that follows the simulator's
-gradient the hit is smoothed, as a logistic function of the margin, which is also what little spread of the pellets that
-the simulator does not have would do.
+gradient the hit is smoothed, as a logistic function of the margin, as a little more spread of the pellets would do.
 """
 
 from typing import NamedTuple
