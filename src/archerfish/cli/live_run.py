@@ -57,7 +57,7 @@ def read_configuration(out: Path) -> dict[str, Any]:
     """
     path = configuration_file(out)
     if not path.is_file() and (out / CONFIGURATION).is_file():
-        remedy = "for a longer training begin another, with more --ppo.steps and another --out"
+        remedy = "for a longer training begin another, with more --ppo.steps or --gradient.steps and another --out"
         raise file_error(out, "holds a training that is finished: there is nothing left to resume", remedy)
     if not path.is_file():
         raise file_error(out, "holds no unfinished run", "begin one with archerfish train --out")
