@@ -46,7 +46,7 @@ CONTROLLERS = {
         3,
     ),
     "imm-lq": ControllerWords(
-        "Manoeuvring + preview LQ",
+        "IMM + preview LQ",
         "Interacting models, of a target that stands, drives on or turns back, in the place of the filter: the "
         "strongest classical controller that knows no rule of the target’s.",
         3,
