@@ -50,9 +50,9 @@ def progress_bar(what: str, total: float, unit: str) -> Iterator[Callable[[float
         yield advance
 
 
-def note(told: str) -> None:
+def note(remark: str) -> None:
     """Tell the user something that is no fault, in one line on standard error."""
-    print(f"archerfish: {one_line(told)}", file=sys.stderr)  # noqa: T201
+    print(f"archerfish: {one_line(remark)}", file=sys.stderr)  # noqa: T201
 
 
 def require_jax(command: str) -> None:

@@ -158,7 +158,7 @@ def recorded_files(policy: Path) -> SettingFiles:
     # A trial of a sweep and a part of a larger run have a name there.
     if not isinstance(setting, dict | str | None):
         problem = f'"setting" is {setting!r}, expected an object'
-        raise file_error(source, problem, "put back what was changed, or train anew")
+        raise file_error(source, problem, "put back what was changed, or train again")
     return restore_options(SettingFiles, setting, source) if isinstance(setting, dict) else SettingFiles()
 
 

@@ -314,8 +314,8 @@ def _versions(begun: dict[str, Any], source: Path) -> dict[str, Any]:
     Raises:
       InputError: if its configuration does not say.
     """
-    told = field_of(source, begun, "provenance", dict)
-    return {**field_of(source, told, "versions", dict), "commit": field_of(source, told, "commit", str)}
+    made = field_of(source, begun, "provenance", dict)
+    return {**field_of(source, made, "versions", dict), "commit": field_of(source, made, "commit", str)}
 
 
 def _note_changes(begun: dict[str, Any], source: Path, devices: int) -> None:

@@ -1,4 +1,4 @@
-"""What trainings leave in the folders of a run, told from what others put there: only their own files are removed."""
+"""What trainings leave in the folders of a run; only files that a training makes are removed."""
 
 import re
 import shutil
