@@ -55,9 +55,15 @@ class Player:
                 aspect=1.5,
             )
         self._button.on_click(lambda _: wishes.toggle())
-        self._slider.on_update(lambda event: wishes.scrub(_number(self._slider)) if event.client is not None else None)
+        self._scrub, self._handled = wishes.scrub, 0.0
+        self._slider.on_update(lambda event: self._scrubbed() if event.client is not None else None)
         pace.on_update(lambda _: wishes.pace(PACES.get(pace.value, 1.0)))
         view.on_click(lambda event: wishes.look(event.client, view.value) if view.value in VIEWPOINTS else None)
+
+    def _scrubbed(self) -> None:
+        """Go to the time that a client has put the slider to."""
+        self._handled = _number(self._slider)
+        self._scrub(self._handled)
 
     def tell(self, time: float, duration: float, playing: bool) -> None:
         """Show where the film stands.
@@ -70,15 +76,18 @@ class Player:
         label = "Pause" if playing else "Play"
         if self._button.label != label:
             self._button.label = label
+        # A client's value is there before its callback runs: written over now, it would be lost.
+        if math.isfinite(_number(self._slider)) and _number(self._slider) != self._handled:
+            return
         # The slider's range must hold its value at every moment.
         longest = round(max(duration, 0.02), 2)
         if self._slider.max != longest:
             if not _number(self._slider) <= longest:
-                self._slider.value = 0.0
+                self._handled = self._slider.value = 0.0
             self._slider.max = longest
         value = round(min(time, longest), 2)
         if not abs(_number(self._slider) - value) < 0.01:
-            self._slider.value = value
+            self._handled = self._slider.value = value
 
     def plot(self, time: Floats, curves: Sequence[Floats]) -> None:
         """Plot curves over time [s], shape (N,) each."""
