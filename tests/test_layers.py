@@ -13,6 +13,7 @@ LAYERS = (
     {"paper"},
     {"figures"},
     {"dynamics"},
+    {"targets"},
     {"sensing"},
     {"identification", "simulation", "virtual_robot", "controllers"},
     {"learning"},

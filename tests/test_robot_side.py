@@ -7,7 +7,17 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src"
-PACKAGES = ("records", "paper", "figures", "dynamics", "sensing", "identification", "controllers", "deployment")
+PACKAGES = (
+    "records",
+    "paper",
+    "figures",
+    "dynamics",
+    "targets",
+    "sensing",
+    "identification",
+    "controllers",
+    "deployment",
+)
 EXTRAS = ("jax", "jaxlib", "optax", "gymnasium", "mujoco", "optuna", "ray", "viser", "onnx", "onnxruntime")
 
 IMPORT_WITHOUT = """

@@ -6,7 +6,7 @@ from archerfish.controllers.intercept import intercept
 from archerfish.dynamics.aiming import aim_at
 from archerfish.dynamics.muzzle import Muzzle, pellet_at_muzzle
 from archerfish.dynamics.pellet import flat_fire_crossing
-from archerfish.dynamics.target_motion import Line
+from archerfish.targets.passing import Line
 
 MUZZLE = Muzzle(*(np.asarray(each) for each in (18.0, 0.2, (0.0, 0.0), (0.0035, 0.0035), 0.019, 0.0)))
 DELAY = np.asarray(0.05)

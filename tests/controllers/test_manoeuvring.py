@@ -6,9 +6,9 @@ from numpy.testing import assert_allclose
 
 from archerfish.controllers.manoeuvring import Manoeuvring
 from archerfish.controllers.predictors import ConstantVelocity
-from archerfish.dynamics.target_motion import Parabola
 from archerfish.sensing.interacting_models import ModelRates
 from archerfish.sensing.kalman_filter import TrackerNoise
+from archerfish.targets.parabola import Parabola
 
 from .sights import AGE, DT, follow, sight
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from archerfish.controllers.roster import make_controller
-from archerfish.dynamics.target_motion import Static
 from archerfish.evaluation.bounds.hit_chance import hit_chance, shot_geometry
 from archerfish.sensing.interfaces import Engagement
+from archerfish.targets.still import Static
 
 HIT_RADIUS = 0.06
 PERIOD = 0.02

@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 from archerfish.controllers.parabola_filter import STANDING, ParabolaFilter, parabola_filter, systematic_draw
 from archerfish.controllers.predictors import ConstantVelocity
 from archerfish.dynamics.array_namespace import map_arrays
-from archerfish.dynamics.target_motion import Parabola
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.sensing.kalman_filter import TrackerNoise
+from archerfish.targets.parabola import Parabola
 
 from .sights import AGE, DT, follow, sight
 

@@ -6,9 +6,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from archerfish.controllers.predictors import ConstantVelocity, Hold, ParabolaAware, Vertex
-from archerfish.dynamics.target_motion import Line, Parabola
 from archerfish.sensing.interfaces import Seen
 from archerfish.sensing.kalman_filter import TrackerNoise
+from archerfish.targets.parabola import Parabola
+from archerfish.targets.passing import Line
 
 from . import sights
 from .sights import DT

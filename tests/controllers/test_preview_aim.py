@@ -8,9 +8,9 @@ from archerfish.controllers.preview_aim import angle_then, make_preview_aim, obs
 from archerfish.controllers.roster import make_controller
 from archerfish.dynamics.delayed_gimbal import angle_and_rate, delayed_gimbal, rest_under, run, send
 from archerfish.dynamics.linear_axis import gimbal_angle
-from archerfish.dynamics.target_motion import Line
 from archerfish.paper.gimbal import printed_plants
 from archerfish.sensing.interfaces import Seen
+from archerfish.targets.passing import Line
 
 PERIOD = 0.02
 

@@ -6,7 +6,6 @@ from numpy.testing import assert_allclose
 from scipy.stats import kstest, norm
 
 from archerfish.dynamics.aiming import line_of_sight
-from archerfish.dynamics.target_motion import Line, Static
 from archerfish.records.sensing import CameraRecord, LinkRecord, SensingRecord
 from archerfish.sensing.camera import (
     DRAWS,
@@ -19,6 +18,8 @@ from archerfish.sensing.camera import (
     quantised,
     sensing_from_record,
 )
+from archerfish.targets.passing import Line
+from archerfish.targets.still import Static
 
 PERIOD = 0.02
 PLACE = np.array([3.0, -2.0, 0.4])

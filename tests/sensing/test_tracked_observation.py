@@ -5,11 +5,11 @@ from numpy.testing import assert_allclose
 from archerfish.dynamics.aiming import aim_at
 from archerfish.dynamics.array_namespace import map_arrays
 from archerfish.dynamics.muzzle import Muzzle
-from archerfish.dynamics.target_motion import Line
 from archerfish.sensing.interfaces import Seen
 from archerfish.sensing.kalman_filter import TrackerNoise
 from archerfish.sensing.stopping_way import on_the_way
 from archerfish.sensing.tracked_observation import TrackedObserver, tracked_observer
+from archerfish.targets.passing import Line
 
 MUZZLE = Muzzle(*(np.asarray(each) for each in (18.0, 0.2, (0.01, 0.0), (0.0035, 0.0035), 0.019, 0.0)))
 NOISE = TrackerNoise(*(np.asarray(each) for each in (3.0, 1e-3, 1e-3, 0.005, 0.001)))

@@ -9,7 +9,6 @@ from archerfish.dynamics.aiming import line_of_sight
 from archerfish.dynamics.array_namespace import map_arrays, single_precision
 from archerfish.dynamics.command_limits import CommandLimits
 from archerfish.dynamics.linear_axis import gimbal_model
-from archerfish.dynamics.target_motion import Parabola, Static
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.paper.gimbal import gate_limits, printed_plants
 from archerfish.records.errors import InputError
@@ -19,6 +18,8 @@ from archerfish.records.sensing import CameraRecord, LinkRecord, SensingRecord
 from archerfish.sensing.interfaces import Engagement, World, fire_always
 from archerfish.simulation.identified import DRAWS, IdentifiedWorld
 from archerfish.simulation.setting import make_world, muzzle_draws, paper_muzzle
+from archerfish.targets.parabola import Parabola
+from archerfish.targets.still import Static
 
 CONDITIONS = assumed_conditions()
 PERIOD = CONDITIONS.control_period_s

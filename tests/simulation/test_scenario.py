@@ -6,9 +6,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from archerfish.paper.conditions import assumed_conditions
-from archerfish.simulation.own_motion import find_motion
 from archerfish.simulation.scenario import UNIFORMS, draw_engagement
 from archerfish.simulation.setting import make_scenario
+from archerfish.targets.own_motion import find_motion
 
 CONDITIONS = assumed_conditions()
 

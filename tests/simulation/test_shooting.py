@@ -9,9 +9,11 @@ from archerfish.dynamics.array_namespace import map_arrays, single_precision
 from archerfish.dynamics.linear_axis import rest_state
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.dynamics.pellet import GRAVITY
-from archerfish.dynamics.target_motion import Line, Parabola, Static
 from archerfish.sensing.interfaces import Engagement, World, fire_always
 from archerfish.simulation.shooting import DRAWS, miss_at_armor, plant_of
+from archerfish.targets.parabola import Parabola
+from archerfish.targets.passing import Line
+from archerfish.targets.still import Static
 
 PERIOD = 0.02
 

@@ -8,7 +8,7 @@ from archerfish.cli.setting import SettingFiles, load_setting, setting_world
 from archerfish.controllers.roster import find_controller
 from archerfish.evaluation.hit_rate import hit_rate
 from archerfish.records.errors import InputError
-from archerfish.simulation.own_motion import find_motion
+from archerfish.targets.own_motion import find_motion
 from archerfish.viewer.choice import RANGES, Choice, Subject, check_choice, chosen_controller, controller_names
 from archerfish.viewer.hand import HandRun
 from archerfish.viewer.motions import HAND, MOTIONS, meet

@@ -9,12 +9,14 @@ from archerfish.dynamics.array_namespace import map_arrays
 from archerfish.dynamics.command_limits import gate_limits
 from archerfish.dynamics.linear_axis import gimbal_model
 from archerfish.dynamics.muzzle import direction, muzzle_from_record
-from archerfish.dynamics.target_motion import Line, Static, TargetMotion
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.paper.gimbal import gate_limits as limits_record
 from archerfish.paper.gimbal import printed_plants
 from archerfish.sensing.interfaces import Command, Engagement, World, fire_always
 from archerfish.simulation.setting import paper_muzzle
+from archerfish.targets.motion import TargetMotion
+from archerfish.targets.passing import Line
+from archerfish.targets.still import Static
 from archerfish.virtual_robot.description import RobotDescription
 from archerfish.virtual_robot.engagement_world import UNSEEN_M, Known, RobotWorld
 

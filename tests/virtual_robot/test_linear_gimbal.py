@@ -135,7 +135,7 @@ class Absent:
             raise ModuleNotFoundError(f"{name} is not installed", name=name)
 
 sys.meta_path.insert(0, Absent())
-from archerfish.dynamics.target_motion import Static
+from archerfish.targets.still import Static
 from archerfish.virtual_robot.description_file import load_robot
 from archerfish.virtual_robot.robot import VirtualRobot
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from archerfish.dynamics.target_motion import Parabola
 from archerfish.records.errors import InputError
+from archerfish.targets.parabola import Parabola
 from archerfish.virtual_robot.description import RobotDescription
 from archerfish.virtual_robot.robot import VirtualRobot
 

@@ -8,7 +8,7 @@ from archerfish.evaluation.suites import draw_trials, table_suites
 from archerfish.evaluation.trial import fight
 from archerfish.learning.training import Standing, trained_policy
 from archerfish.simulation.environment import ShootingEnvironment
-from archerfish.simulation.own_motion import find_motion
+from archerfish.targets.own_motion import find_motion
 
 EVERY = 20
 """Iterations between two trials; of a whole number of compiled calls."""

@@ -187,7 +187,7 @@ def _results(task: "EvaluationTask", outcomes: "list[Outcome]", seconds: float) 
 
 def _read(command: Evaluate) -> list[Path]:
     """Return the files that the evaluation was made with, beside those of the setting."""
-    from archerfish.simulation.own_motion import find_motion  # needs JAX
+    from archerfish.targets.own_motion import find_motion  # needs JAX
 
     own = [find_controller(each).extension for each in command.controllers]
     own += [find_motion(command.motion).extension] if command.motion else []

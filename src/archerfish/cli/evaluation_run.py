@@ -21,7 +21,7 @@ from archerfish.records.errors import InputError
 from archerfish.records.extensions import own_code
 from archerfish.records.policy import PolicyRecord
 from archerfish.sensing.kalman_filter import noise_from_record
-from archerfish.simulation.own_motion import check_paths, find_motion
+from archerfish.targets.own_motion import check_paths, find_motion
 from archerfish.virtual_robot.description_file import load_robot
 from archerfish.virtual_robot.engagement_world import Known, RobotWorld
 

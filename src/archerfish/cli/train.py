@@ -35,7 +35,7 @@ from archerfish.records.storage import file_hash
 from archerfish.simulation.scenario import TARGETS
 
 if TYPE_CHECKING:
-    from archerfish.simulation.own_motion import OwnMotion
+    from archerfish.targets.own_motion import OwnMotion
 
 MOST_FRAMES = 64
 """More than a second of history at 20 ms; the observation grows with it."""
@@ -184,7 +184,7 @@ def run_train(command: Train) -> dict[str, Any]:
 
     settings = command.gradient if command.trainer == "gradient" else command.ppo
     devices = claim_devices(settings.shards)
-    from archerfish.simulation.own_motion import find_motion
+    from archerfish.targets.own_motion import find_motion
 
     setting = None if command.resume else load_setting(command.setting)
     code = _code(find_motion(command.motion)) if command.motion else {}

@@ -42,8 +42,8 @@ from archerfish.records.policy import PolicyRecord, write_policy
 from archerfish.records.provenance import provenance
 from archerfish.simulation.assembly import environment_in, observer_in
 from archerfish.simulation.environment import ShootingEnvironment
-from archerfish.simulation.own_motion import find_motion
 from archerfish.simulation.reward import EQ_8, Reward
+from archerfish.targets.own_motion import find_motion
 
 TRAINERS: dict[str, Trainer] = {"ppo": PPO, "gradient": GRADIENT}
 """Name → way of training; its settings are the field of that name in a `TrainingTask`."""

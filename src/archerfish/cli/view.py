@@ -23,7 +23,7 @@ from archerfish.records.extensions import is_extension
 from archerfish.records.policy import read_policy
 
 if TYPE_CHECKING:
-    from archerfish.simulation.own_motion import OwnMotion
+    from archerfish.targets.own_motion import OwnMotion
     from archerfish.viewer.choice import Choice, Subject
 
 POLICY = "policy"
@@ -203,7 +203,7 @@ def _own_motions(spec: str) -> "dict[str, OwnMotion]":
     Raises:
       InputError: if it can't be found, its code fails, or it has the name of another.
     """
-    from archerfish.simulation.own_motion import find_motion
+    from archerfish.targets.own_motion import find_motion
     from archerfish.viewer.motions import HAND, MOTIONS
 
     if spec in _built_in_targets() or not is_extension(spec, "motion"):

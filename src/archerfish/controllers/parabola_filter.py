@@ -16,7 +16,6 @@ import numpy as np
 
 from archerfish.controllers.hit_window import across_sight, distribution, most_hits
 from archerfish.dynamics.array_namespace import Array, lift, namespace
-from archerfish.dynamics.target_motion import triangle_wave
 from archerfish.paper.conditions import Conditions
 from archerfish.sensing.interfaces import Seen
 from archerfish.sensing.kalman_filter import (
@@ -28,6 +27,7 @@ from archerfish.sensing.kalman_filter import (
     measurement_covariance,
     symmetric,
 )
+from archerfish.targets.parabola import triangle_wave
 
 SPEEDS, PHASES, DRAWN = 48, 160, 96
 """Hypotheses of either kind, and how many are drawn to predict from. Finer ones change no hit rate by 0.1 points."""

@@ -7,9 +7,9 @@ them can serve any aiming controller.
 from typing import Any, NamedTuple, Protocol
 
 from archerfish.dynamics.array_namespace import Array, namespace
-from archerfish.dynamics.target_motion import triangle_wave
 from archerfish.sensing.interfaces import Seen
 from archerfish.sensing.kalman_filter import Track, TrackerNoise, begin_track, position_after, predict, update
+from archerfish.targets.parabola import triangle_wave
 
 
 class Predictor(Protocol):

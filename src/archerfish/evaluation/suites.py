@@ -1,6 +1,6 @@
-"""Who shoots at what: the cells of the paper's tables as suites of engagements."""
+"""Who is shot at: the cells of the paper's tables, and of targets that move in other ways, as suites of engagements."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,13 +10,18 @@ from archerfish.dynamics.array_namespace import map_arrays
 from archerfish.evaluation.results import check_counts
 from archerfish.paper.conditions import Conditions
 from archerfish.sensing.interfaces import Engagement
-from archerfish.simulation.own_motion import OwnMotion
 from archerfish.simulation.scenario import UNIFORMS, Scenario, draw_engagement
 from archerfish.simulation.setting import make_scenario
 from archerfish.simulation.shooting import DRAWS
+from archerfish.targets.drawn import WAYS, drawn_motion
+from archerfish.targets.own_motion import OwnMotion
 
 PURPOSES = {"evaluation": 0, "tuning": 1, "calibration": 2, "stopping": 3}
 """Streams of random numbers that never meet: what is tuned or calibrated is judged on draws it has not seen."""
+
+
+MOTION_TABLES = {1.0: "motions, 1 s", 3.0: "motions, 3 s"}
+"""Length of an engagement [s] → name of the table: as short as the paper's, and so long that habits can be learned."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +29,7 @@ class Suite:
     """One cell: engagements of one kind at one range."""
 
     table: str
-    """Table of the paper: "II" or "IV" for static targets, "III" or "V" for dynamic ones."""
+    """Table of the paper: "II" or "IV" for static targets, "III" or "V" for dynamic ones; else one of `MOTION_TABLES`."""
     target: str
     """"static" or "dynamic"."""
     range_m: tuple[float, float]
@@ -32,7 +37,7 @@ class Suite:
     scenario: Scenario
     """How its engagements are drawn."""
     motion: str | None = None
-    """Name of the user's own motion, of moving targets that have one."""
+    """Name of the motion, where it is not eq (7) as the paper has it."""
     counts: str = "decisions"
     """What the hit rate is counted over, one of `COUNTS`: a withheld shot is a miss, or is no shot."""
 
@@ -84,6 +89,28 @@ def table_suites(
             name if target == "dynamic" else None,
         )
         for table, target, share in ((tables[0], "static", 1.0), (tables[1], "dynamic", 0.0))
+        for range_m in conditions.range_bins
+    )
+
+
+def motion_suites(conditions: Conditions, seconds: float, plants: int = 1) -> tuple[Suite, ...]:
+    """Return the cells of all motions of `archerfish.targets`, each at the tables' ranges.
+
+    Args:
+      conditions: ranges and offsets.
+      seconds: length of the engagements [s], one of `MOTION_TABLES`.
+      plants: number of posterior draws of the world's plant.
+    """
+    lasting = replace(conditions, engagement_s=seconds)
+    return tuple(
+        Suite(
+            MOTION_TABLES[seconds],
+            "static" if name == "still" else "dynamic",
+            range_m,
+            make_scenario(lasting, range_m, plants=plants, motion=drawn_motion(name)),
+            name,
+        )
+        for name in WAYS
         for range_m in conditions.range_bins
     )
 

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from archerfish.dynamics.array_namespace import Array, lift, namespace
-from archerfish.dynamics.target_motion import TargetMotion
 from archerfish.records.sensing import SensingRecord
+from archerfish.targets.motion import TargetMotion
 
 DRAWS = 8
 """Standard normals per decision: command latency, camera latency, miss, stamp, three of the position, feedback."""

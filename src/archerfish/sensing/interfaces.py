@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 from archerfish.dynamics.array_namespace import Array, namespace
 from archerfish.dynamics.linear_axis import GimbalModel
 from archerfish.dynamics.muzzle import Muzzle
-from archerfish.dynamics.target_motion import TargetMotion
+from archerfish.targets.motion import TargetMotion
 
 
 class Seen(NamedTuple):

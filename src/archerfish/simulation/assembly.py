@@ -20,10 +20,10 @@ from archerfish.sensing.observation import ACTION_SCALES, make_observer
 from archerfish.sensing.observers import AnyObserver
 from archerfish.sensing.tracked_observation import TRACKER_ACCELERATION, tracked_observer
 from archerfish.simulation.environment import HIDDEN, PureWorld, ShootingEnvironment
-from archerfish.simulation.own_motion import OwnMotion, check_paths, find_motion
 from archerfish.simulation.reward import EQ_8, Reward
 from archerfish.simulation.scenario import TARGETS, draw_engagement
 from archerfish.simulation.setting import make_scenario, make_world, paper_muzzle
+from archerfish.targets.own_motion import OwnMotion, check_paths, find_motion
 
 PAPER = "paper"
 _CHECKED = 400

@@ -14,7 +14,7 @@ from archerfish.dynamics.muzzle import Muzzle
 from archerfish.sensing.interfaces import Command, Engagement, Seen, Shot, World, fire_always
 from archerfish.sensing.observers import AnyObserver
 from archerfish.simulation.reward import EQ_8, Reward, reward
-from archerfish.simulation.scenario import Scenario, draw_engagement
+from archerfish.simulation.scenario import Scenario, draw_engagement, engagement_length
 
 
 class PureWorld(World, Protocol):
@@ -61,7 +61,7 @@ class EnvironmentState(NamedTuple):
     memory: Any
     """What the policy remembers."""
     step: Array
-    """Steps since the engagement began, shape (B,)."""
+    """Steps since the engagement began, or since a longer one would have begun, shape (B,)."""
 
 
 class Outcome(NamedTuple):
@@ -203,7 +203,10 @@ class ShootingEnvironment(NamedTuple):
         engagement: Engagement = draw_engagement(self.scenario, uniforms)
         shooting = self.world.begin(engagement, normals)
         memory = self.observer.begin(self.world.see(shooting))
-        step = namespace(normals).zeros(normals.shape[0], dtype=int)
+        xp = namespace(normals)
+        # A short engagement is one that has its last decisions alone.
+        missing = self.scenario.lengths[..., 1] - engagement_length(self.scenario, uniforms)
+        step = xp.astype(xp.round(missing / self.world.period), int)
         return EnvironmentState(shooting, memory, step), self._observation(shooting, memory)
 
     def _observation(self, shooting: Any, memory: Any) -> Array:

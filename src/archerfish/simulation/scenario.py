@@ -1,15 +1,16 @@
-"""How engagements are drawn: targets of eq (7), standing still or moving, at the ranges of Tables II–V."""
+"""How engagements are drawn: targets at the ranges of Tables II–V, of eq (7) or of any other motion."""
 
 from typing import Any, NamedTuple
 
 from archerfish.dynamics.array_namespace import Array, lift, namespace
-from archerfish.dynamics.target_motion import Parabola, StillOrMoving, TargetMotion
 from archerfish.sensing.interfaces import Engagement
+from archerfish.targets.motion import StillOrMoving, TargetMotion
+from archerfish.targets.parabola import Parabola
 
 UNIFORMS = 6
-"""Uniform draws per engagement: range, lateral offset, speed, phase, whether it stands still, plant."""
-CHANCES = 4
-"""Uniform draws more that a motion of a user's own is handed."""
+"""Uniform draws per engagement: range, lateral offset, speed, phase, whether it stands still or is short, plant."""
+_STILL = 4
+"""Index of the draw that says whether a target stands still, or, where every motion has its own, how long it is met."""
 TARGETS = {"static": 1.0, "dynamic": 0.0, "both": 0.5}
 """What moves → share of the targets that stand still."""
 
@@ -37,13 +38,18 @@ class Scenario(NamedTuple):
     """Pitch and yaw of the resting gimbal [rad], shape B + (2,)."""
     plants: Array
     """Number of posterior draws of the plant to choose from, shape B."""
+    lengths: Array
+    """Length of short and of long engagements [s], shape B + (2,)."""
+    short_share: Array
+    """Share of the engagements that are short, 0…1, shape B."""
     motion: Any = ()
-    """How targets move: as eq (7) says, if empty; else a user's own, see `archerfish.simulation.own_motion`."""
+    """How targets move: as eq (7) says, if empty; else one of `archerfish.targets.drawn`, or a user's own of
+    `archerfish.targets.own_motion`."""
 
     @property
     def uniforms(self) -> int:
         """Uniform draws per engagement."""
-        return UNIFORMS + CHANCES * hasattr(self.motion, "draw")
+        return UNIFORMS + int(getattr(self.motion, "chances", 0))
 
 
 def draw_engagement(scenario: Scenario, uniforms: Array) -> Engagement:
@@ -60,7 +66,9 @@ def draw_engagement(scenario: Scenario, uniforms: Array) -> Engagement:
     moving = still >= scenario.static_share
     vertex = xp.stack([distance, lateral, scenario.height + 0.0 * place], axis=-1)
     motion: TargetMotion
-    if hasattr(scenario.motion, "draw"):
+    if hasattr(scenario.motion, "path"):
+        motion = scenario.motion.path(vertex, uniforms[..., UNIFORMS:], engagement_length(scenario, uniforms))
+    elif hasattr(scenario.motion, "draw"):
         # The paper's draws come first, so that places, speeds and plants are those of eq (7)'s targets.
         own = scenario.motion.draw(vertex, scenario.max_speed * speed, uniforms[..., UNIFORMS:])
         motion = StillOrMoving(vertex, moving, own)
@@ -69,6 +77,17 @@ def draw_engagement(scenario: Scenario, uniforms: Array) -> Engagement:
     start = xp.zeros_like(uniforms[..., :2])
     start = start + lift(scenario.start, start)
     return Engagement(motion, start, xp.astype(xp.floor(plant * scenario.plants), xp.int32))
+
+
+def engagement_length(scenario: Scenario, uniforms: Array) -> Array:
+    """Return how long engagements last [s], shape B.
+
+    Args:
+      scenario: the distribution.
+      uniforms: as for `draw_engagement`.
+    """
+    short = uniforms[..., _STILL] < scenario.short_share
+    return namespace(uniforms).where(short, scenario.lengths[..., 0], scenario.lengths[..., 1])
 
 
 def _parabola(scenario: Scenario, vertex: Array, speed: Array, phase: Array, moving: Array) -> Parabola:

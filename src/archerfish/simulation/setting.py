@@ -147,6 +147,7 @@ def make_scenario(
     static_share: float = 0.0,
     plants: int = 1,
     motion: Any = (),
+    short: tuple[float, float] | None = None,
 ) -> Scenario:
     """Build the distribution of engagements of Tables II–V in float32.
 
@@ -156,6 +157,7 @@ def make_scenario(
       static_share: share of the targets that stand still, 0…1.
       plants: number of posterior draws of the world's plant.
       motion: how targets move, as in `Scenario`.
+      short: share of the engagements that are shorter than the conditions', and their length [s]; none if not given.
     """
     bins = conditions.range_bins
     low, high = range_m or (min(low for low, _ in bins), max(high for _, high in bins))
@@ -170,6 +172,8 @@ def make_scenario(
         static_share=static_share,
         start=np.array([conditions.start_pitch, conditions.start_yaw]),
         plants=float(plants),
+        lengths=np.array([short[1] if short else conditions.engagement_s, conditions.engagement_s]),
+        short_share=np.asarray(short[0] if short else 0.0),
         motion=motion,
     )
     built: Scenario = single_precision(scenario)

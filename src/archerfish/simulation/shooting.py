@@ -16,8 +16,8 @@ from archerfish.dynamics.linear_axis import GimbalModel, advance, gimbal_angle, 
 from archerfish.dynamics.muzzle import DRAWS as MUZZLE_DRAWS
 from archerfish.dynamics.muzzle import Muzzle, pellet_at_muzzle
 from archerfish.dynamics.pellet import flat_fire_crossing
-from archerfish.dynamics.target_motion import TargetMotion
 from archerfish.sensing.interfaces import Command, Engagement, Seen, Shot, Truth, without_withheld
+from archerfish.targets.motion import TargetMotion
 
 DRAWS = MUZZLE_DRAWS + 3
 """Standard normals per step: the muzzle's, then three for the noise of the seen position in x, y and z."""

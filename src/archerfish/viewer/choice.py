@@ -21,8 +21,8 @@ from archerfish.records.policy import PolicyRecord
 from archerfish.records.sensing import CameraRecord, LinkRecord, SensingRecord
 from archerfish.sensing.kalman_filter import noise_from_record
 from archerfish.simulation.environment import PureWorld
-from archerfish.simulation.own_motion import OwnMotion
 from archerfish.simulation.setting import make_world
+from archerfish.targets.own_motion import OwnMotion
 from archerfish.viewer.motions import HAND, MOTIONS
 
 SHORTEST_SHOWN_S = 1e-4

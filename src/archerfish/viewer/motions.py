@@ -8,12 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.dynamics.array_namespace import single_precision
-from archerfish.dynamics.target_motion import Circle, Line, Parabola, Sinusoid, Static, TargetMotion
 from archerfish.paper.conditions import Conditions
 from archerfish.records.errors import InputError
 from archerfish.sensing.interfaces import Engagement
-from archerfish.simulation.own_motion import OwnMotion, check_paths
-from archerfish.simulation.scenario import CHANCES
+from archerfish.targets.circle import Circle
+from archerfish.targets.motion import TargetMotion
+from archerfish.targets.own_motion import CHANCES, OwnMotion, check_paths
+from archerfish.targets.parabola import Parabola
+from archerfish.targets.passing import Line
+from archerfish.targets.sinusoid import Sinusoid
+from archerfish.targets.still import Static
 
 Floats = NDArray[np.float64]
 

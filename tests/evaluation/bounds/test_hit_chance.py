@@ -4,10 +4,10 @@ from scipy.stats import ncx2
 
 from archerfish.dynamics.array_namespace import map_arrays
 from archerfish.dynamics.muzzle import Muzzle, pellet_at_muzzle
-from archerfish.dynamics.target_motion import Parabola
 from archerfish.evaluation.bounds.hit_chance import hit_chance, shot_geometry
 from archerfish.sensing.interfaces import Engagement
 from archerfish.simulation.shooting import miss_at_armor
+from archerfish.targets.parabola import Parabola
 
 RADIUS = 0.06
 FIRED = np.array([0.02, 0.3, 1.0])

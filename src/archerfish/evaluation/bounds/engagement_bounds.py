@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.dynamics.target_motion import Parabola
 from archerfish.evaluation.bounds.aim_problem import AimProblem, Array, aim_problem, suite_parts
 from archerfish.evaluation.bounds.combined import combined_bound
 from archerfish.evaluation.bounds.hindsight import hindsight_bound
@@ -16,6 +15,7 @@ from archerfish.evaluation.bounds.sights import Sights, sights
 from archerfish.evaluation.suites import Suite, Trials
 from archerfish.sensing.interfaces import Engagement
 from archerfish.simulation.environment import PureWorld
+from archerfish.targets.parabola import Parabola
 
 
 class EngagementBounds(NamedTuple):

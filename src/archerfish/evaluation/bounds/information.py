@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
-from archerfish.dynamics.target_motion import triangle_wave
 from archerfish.evaluation.bounds.aim_problem import AimProblem, Array
 from archerfish.evaluation.bounds.hit_chance import hit_chance
 from archerfish.evaluation.bounds.sights import Sights
 from archerfish.simulation.scenario import Scenario
+from archerfish.targets.parabola import triangle_wave
 
 SPEEDS, PHASES = 64, 256
 """Of the grid: a finer one changes the bounds by thousandths of a point."""

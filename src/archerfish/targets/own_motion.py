@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from archerfish.dynamics.array_namespace import Array, map_arrays
-from archerfish.dynamics.target_motion import TargetMotion
 from archerfish.records.errors import InputError
 from archerfish.records.extensions import Extension, find_extension, own_code
-from archerfish.simulation.scenario import CHANCES
+from archerfish.targets.motion import TargetMotion
 
+CHANCES = 4
+"""Uniform draws that a motion of a user's own is given."""
 _FEW = 5
 """Unlike the number of coordinates, so that shapes can't be mistaken for each other."""
 
@@ -65,7 +66,7 @@ def _drawer(draw: Callable[..., Any], extension: Extension) -> Any:
             _check_record(motion, place.shape[:-1])
         return motion
 
-    return type("Drawer", (_Empty,), {"draw": staticmethod(drawn)})()
+    return type("Drawer", (_Empty,), {"draw": staticmethod(drawn), "chances": CHANCES})()
 
 
 def _check_record(motion: Any, batch: tuple[int, ...]) -> None:

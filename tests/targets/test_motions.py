@@ -5,7 +5,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from archerfish.dynamics.array_namespace import map_arrays
-from archerfish.dynamics.target_motion import Circle, Line, Parabola, Sinusoid, Static, Track, triangle_wave
+from archerfish.targets.circle import Circle
+from archerfish.targets.parabola import Parabola, triangle_wave
+from archerfish.targets.passing import Line
+from archerfish.targets.sinusoid import Sinusoid
+from archerfish.targets.still import Static
+from archerfish.targets.track import Track
 
 HALF_WIDTH = math.sqrt(0.04 / 3.0)
 

@@ -1,0 +1,62 @@
+"""Motions with parameters of their own: drawn per engagement from one table, one motion alone or all of them mixed."""
+
+import functools
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from archerfish.dynamics.array_namespace import Array, namespace
+from archerfish.targets.circle import circle_way
+from archerfish.targets.parabola import parabola_way
+from archerfish.targets.passing import pass_way
+from archerfish.targets.path import Path, path_about
+from archerfish.targets.singer import KNOTS, singer_way
+from archerfish.targets.sinusoid import sinusoid_way
+from archerfish.targets.still import still_way
+from archerfish.targets.stop_and_go import stop_and_go_way
+from archerfish.targets.strafe import strafe_way
+
+WAYS: Mapping[str, Callable[[Array, Array], Array]] = MappingProxyType(
+    {
+        "still": still_way,
+        "parabola": parabola_way,
+        "pass": pass_way,
+        "strafe": strafe_way,
+        "stop-and-go": stop_and_go_way,
+        "sinusoid": sinusoid_way,
+        "circle": circle_way,
+        "singer": singer_way,
+    }
+)
+"""Motion → its level way at `path.TIMES`, of uniform draws, shape B + (n,), and the engagement's length [s]."""
+ANY = "any"
+"""All of them, each as likely as the others."""
+CHANCES = 5 + 2 * KNOTS
+"""Uniform draws per engagement: which motion, then as many as the motion with the most needs."""
+
+
+class _Empty(NamedTuple):
+    """No arrays."""
+
+
+@functools.cache
+def drawn_motion(name: str) -> Any:
+    """Return a motion for `Scenario.motion`: an empty NamedTuple, so that a compiled program can be given it.
+
+    It has a function `path(place, chance, duration)` that returns a `Path`, and `chances`, the uniform draws that this
+    takes. Always the same one of a name, so that nothing is compiled twice.
+
+    Args:
+      name: one of `WAYS`, or `ANY`.
+    """
+    names = tuple(WAYS) if name == ANY else (name,)
+
+    def path(place: Array, chance: Array, duration: Array) -> Path:
+        xp = namespace(place, chance)
+        way = WAYS[names[0]](chance[..., 1:], duration)
+        kind = chance[..., 0] * len(names)
+        for index, each in enumerate(names[1:], 1):
+            way = xp.where((kind >= index)[..., None, None], WAYS[each](chance[..., 1:], duration), way)
+        return path_about(place, way, duration)
+
+    return type("DrawnMotion", (_Empty,), {"path": staticmethod(path), "chances": CHANCES})()
