@@ -29,7 +29,7 @@ class Suite:
     """One cell: engagements of one kind at one range."""
 
     table: str
-    """Table of the paper: "II" or "IV" for static targets, "III" or "V" for dynamic ones; else one of `MOTION_TABLES`."""
+    """Of the paper: "II" or "IV" for static targets, "III" or "V" for dynamic ones; else one of `MOTION_TABLES`."""
     target: str
     """"static" or "dynamic"."""
     range_m: tuple[float, float]
