@@ -78,18 +78,12 @@ def _joint(axis: GimbalAxis) -> str:
 class MujocoGimbal:
     """B gimbals in MuJoCo."""
 
-    def __init__(self, gimbal: Gimbal, batch: int, threads: int = 1) -> None:
-        """Build the gimbals.
-
-        Args:
-          gimbal: of each.
-          batch: number of gimbals B.
-          threads: that step them, each some of the models.
-        """
+    def __init__(self, gimbal: Gimbal, batch: int) -> None:
         models = math.ceil(batch / _PER_MODEL)
         # Equal shares; the last models may hold a gimbal that nobody looks at.
         count = math.ceil(batch / models)
-        self._models = Batch(mujoco.MjModel.from_xml_string(gimbal_model(gimbal, count)), models, threads)
+        # One thread: the robots of several processes share the cores.
+        self._models = Batch(mujoco.MjModel.from_xml_string(gimbal_model(gimbal, count)), models, 1)
         self._position, self._velocity = self._models.bind("qpos"), self._models.bind("qvel")
         self._applied, self._bias = self._models.bind("qfrc_applied"), self._models.bind("qfrc_bias")
         self._spare = np.zeros((models * count - batch, 2))
