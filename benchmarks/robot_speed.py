@@ -68,9 +68,7 @@ def _setting() -> Any:
     link = LinkRecord(
         feedback_rate_hz=1000.0, command_latency=0.01, command_latency_jitter=0.003, feedback_latency=0.002
     )
-    setting = load_setting(SettingFiles())
-    object.__setattr__(setting, "sensing", SensingRecord(camera, link))
-    return setting
+    return replace(load_setting(SettingFiles()), sensing=SensingRecord(camera, link))
 
 
 def _controller(name: str, conditions: Any) -> Any:
