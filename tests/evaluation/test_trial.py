@@ -121,6 +121,20 @@ def stepped_in_numpy(world: Any, controller: Any, trials: Trials) -> Shots:
     return Shots(*(np.stack(each, axis=1) for each in zip(*shots, strict=True)))
 
 
+@pytest.mark.parametrize("name", ["kalman", "oracle"])
+def test_a_controller_that_decides_for_some_at_a_time_decides_as_for_all_at_once(
+    build_controller: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    few = draw_trials(table_suites(CONDITIONS), engagements=2, decisions=8, seed=4)
+    world, controller = Stepped(build_world()), build_controller(name)
+    at_once = fight(world, controller, few)
+    monkeypatch.setattr("archerfish.evaluation.trial._DECIDED_TOGETHER", range(3, 6))
+    in_fours = fight(world, controller, few)
+    np.testing.assert_array_equal(at_once.fired, in_fours.fired)
+    np.testing.assert_allclose(at_once.command, in_fours.command, atol=1e-5)
+    np.testing.assert_allclose(at_once.miss, in_fours.miss, atol=1e-4)
+
+
 @pytest.mark.parametrize("name", ["kalman", "told"])
 def test_a_controller_compiled_for_a_world_that_is_not_shoots_as_it_does_in_numpy(build_controller, name) -> None:
     few = draw_trials(table_suites(CONDITIONS), engagements=1, decisions=8, seed=4)

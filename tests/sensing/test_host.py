@@ -79,6 +79,32 @@ def test_reports_that_come_in_disorder_are_sorted() -> None:
     assert_allclose(angle_at(reports, np.array([[0.015, 0.025]])), [[[1.5, 1.5], [2.5, 2.5]]])
 
 
+def test_reports_that_overtake_those_of_an_earlier_call_are_sorted_too() -> None:
+    reports = reported([0.01, 0.03], [[1, 1], [3, 3]])
+    late = np.array([[NAN, 0.02, 0.04]]), np.array([[[NAN, NAN], [2.0, 2.0], [4.0, 4.0]]])
+    reports = with_reports(reports, *late, 10.0 * late[1], now=0.04)
+    assert_allclose(angle_at(reports, np.array([[0.015, 0.025, 0.035]]))[0, :, 0], [1.5, 2.5, 3.5])
+    assert_allclose(reports.rate[:, -1], [[40.0, 40.0]])
+
+
+def test_what_reports_say_does_not_depend_on_how_many_places_are_empty() -> None:
+    rng = np.random.default_rng(72)
+    full, sparse = no_reports(2), no_reports(2)
+    for call in range(30):
+        stamps = 0.02 * call + np.sort(rng.uniform(0.0, 0.02, (2, 4)), axis=1)
+        angles = rng.uniform(-1.0, 1.0, (2, 4, 2))
+        now = 0.02 * (call + 1)
+        full = with_reports(full, stamps, angles, -angles, now)
+        empty = np.full((2, 3), NAN)
+        stamps = np.concatenate([stamps[:, :2], empty, stamps[:, 2:], empty], axis=1)
+        angles = np.concatenate([angles[:, :2], empty[..., None] + [0, 0], angles[:, 2:], empty[..., None] + [0, 0]], 1)
+        sparse = with_reports(sparse, stamps, angles, -angles, now)
+        moments = now - rng.uniform(0.0, min(now, 0.2), (2, 6))
+        np.testing.assert_array_equal(angle_at(full, moments), angle_at(sparse, moments))
+        np.testing.assert_array_equal(full.rate[:, -1], sparse.rate[:, -1])
+    assert np.unique(sparse.stamp[0]).size <= 60
+
+
 def test_of_several_frames_the_one_exposed_last_that_shows_the_plate_counts() -> None:
     reports = reported([0.0, 0.1], np.zeros((2, 2)))
     exposed = np.array([[0.03, 0.05, 0.04, NAN]])

@@ -3,9 +3,11 @@ import pytest
 
 pytest.importorskip("mujoco.batch")
 
+import mujoco
+
 from archerfish.virtual_robot.description import TICK_S, Gimbal
 from archerfish.virtual_robot.linear_gimbal import axis_inertias
-from archerfish.virtual_robot.mujoco_gimbal import GRAVITY, MujocoGimbal
+from archerfish.virtual_robot.mujoco_gimbal import GRAVITY, MujocoGimbal, gimbal_model
 
 from .made_robots import changed
 
@@ -19,8 +21,7 @@ FREE = {
 def swinging(gimbal: Gimbal, count: int, pitch: float, rates: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Let a gimbal move on without torque; return its angles and rates, shape (count, 2) each."""
     physics = MujocoGimbal(gimbal, 1)
-    physics.reset(np.array([[pitch, 0.0]]))
-    physics.rate[:] = rates
+    physics.reset(np.array([[pitch, 0.0]]), np.array([rates]))
     angles, speeds = [], []
     for _ in range(count):
         physics.step(np.zeros((1, 2)))
@@ -133,3 +134,42 @@ def test_an_axis_without_gravity_follows_newton(axis: int) -> None:
     for _ in range(100):
         physics.step(torque)
     np.testing.assert_allclose(physics.rate[0], 0.1 * torque[0] / axis_inertias(gimbal), rtol=1e-9, atol=1e-12)
+
+
+def driven(gimbal: Gimbal, starts: np.ndarray, torques: np.ndarray) -> np.ndarray:
+    """Drive gimbals from rest; return their angles after each tick, shape (count, B, 2)."""
+    physics = MujocoGimbal(gimbal, len(starts))
+    physics.reset(starts)
+    angles = []
+    for torque in torques:
+        physics.step(torque)
+        angles.append(physics.angle)
+    return np.array(angles)
+
+
+def test_a_gimbal_moves_the_same_to_the_last_bit_however_many_are_in_its_model() -> None:
+    """With a load beside the axes, which couples them, and torques that reach the stops."""
+    gimbal = changed(gimbal__pitch_body__left_m=0.01).gimbal
+    generator = np.random.default_rng(0)
+    starts, torques = generator.normal(0.0, 0.1, (150, 2)), 0.6 * generator.standard_normal((1, 150, 2)).repeat(300, 0)
+    together = driven(gimbal, starts, torques)
+    for size in (1, 2, 5, 40, 64, 65):
+        np.testing.assert_array_equal(together[:, :size], driven(gimbal, starts[:size], torques[:, :size]))
+
+
+def test_many_gimbals_in_a_model_move_as_one_alone_under_newtons_solver() -> None:
+    gimbal = changed(gimbal__pitch_body__left_m=0.01).gimbal
+    generator = np.random.default_rng(1)
+    starts, torques = generator.normal(0.0, 0.1, (70, 2)), 0.6 * generator.standard_normal((1, 70, 2)).repeat(300, 0)
+    model = mujoco.MjModel.from_xml_string(gimbal_model(gimbal))
+    model.opt.solver, model.opt.jacobian = mujoco.mjtSolver.mjSOL_NEWTON, mujoco.mjtJacobian.mjJAC_DENSE
+    model.opt.tolerance = 0.0
+    alone = np.empty_like(torques)
+    for member, start in enumerate(starts):
+        data = mujoco.MjData(model)
+        data.qpos[:] = start[::-1]
+        for tick, torque in enumerate(torques[:, member]):
+            data.qfrc_applied[:] = torque[::-1]
+            mujoco.mj_step(model, data)
+            alone[tick, member] = data.qpos[::-1]
+    np.testing.assert_allclose(driven(gimbal, starts, torques), alone, rtol=0.0, atol=1e-10)

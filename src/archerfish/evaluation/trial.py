@@ -35,6 +35,11 @@ class Shots(NamedTuple):
         return np.asarray(self.fired & (np.linalg.norm(self.miss, axis=-1) <= radius))
 
 
+_DECIDED_TOGETHER = range(64, 257)
+"""Engagements that a controller decides for at once where the world is stepped, if such a number divides them all: the
+state of a filter with many hypotheses then stays in the processor's cache. One size, since each is compiled."""
+
+
 def fight(world: World, controller: Controller, trials: Trials) -> Shots:
     """Let a controller fight engagements.
 
@@ -67,17 +72,31 @@ def _fight_compiled(world: World, controller: Controller, engagements: Engagemen
 def _fight_stepping(world: World, controller: Controller, trials: Trials) -> Shots:
     # The world can't be compiled, but the controller can: in NumPy its programmes would take most of the time.
     decider = jax.tree.map(jnp.asarray, controller)
+    count = len(trials.draws)
+    size = max((each for each in _DECIDED_TOGETHER if count % each == 0), default=count)
     shooting, seen = world.reset(trials.engagements, trials.draws)
-    truth = _truth(world, controller, trials.engagements)
-    state = _reset_compiled(decider, *jax.tree.map(jnp.asarray, (seen, truth)))
+    truths = (_truth(world, controller, few) for few in _split(trials.engagements, size))
+    states = [_reset_compiled(decider, *each) for each in zip(_split(seen, size), truths, strict=True)]
     shots = []
     for _ in range(trials.draws.shape[-2]):
-        state, command = _step_compiled(decider, state, jax.tree.map(jnp.asarray, seen))
-        check_finite(type(controller).__name__, np.asarray(command.angle)[:, None])
-        shooting, seen, shot = world.step(shooting, jax.tree.map(np.asarray, command))
+        decided = [_step_compiled(decider, *each) for each in zip(states, _split(seen, size), strict=True)]
+        states = [state for state, _ in decided]
+        command = map_arrays(lambda *parts: np.concatenate(parts), *(command for _, command in decided))
+        check_finite(type(controller).__name__, command.angle[:, None])
+        shooting, seen, shot = world.step(shooting, command)
         measured = (np.asarray(each, np.float32) for each in (shot.miss, seen.command, shot.angle))
         shots.append(Shots(np.asarray(shot.fired), *measured))
     return Shots(*(np.stack(each, axis=1) for each in zip(*shots, strict=True)))
+
+
+def _split(tree: Any, size: int) -> list[Any]:
+    """Cut arrays of engagements into parts of a size, shape (n, ...) each."""
+    arrays: list[Array] = []
+    map_arrays(arrays.append, tree)
+    return [
+        map_arrays(lambda each, start=start: each[start : start + size], tree)
+        for start in range(0, len(arrays[0]), size)
+    ]
 
 
 @jax.jit

@@ -18,7 +18,10 @@ REMEMBERED_S = 0.25
 
 
 class Reports(NamedTuple):
-    """What the gimbal reported of late, oldest first; places without a report have a stamp of −∞."""
+    """What the gimbal reported of late, oldest first.
+
+    A place that no report has taken repeats the one before, or has a stamp of −∞ where there is none.
+    """
 
     stamp: Array
     """When its sensors were read [s], rising, shape (B, L)."""
@@ -85,16 +88,25 @@ def with_reports(reports: Reports, stamp: Array, angle: Array, rate: Array, now:
       rate: shape (B, F, 2).
       now: the present [s].
     """
-    missing = np.isnan(stamp)
-    stamps = np.concatenate([reports.stamp, np.where(missing, -np.inf, stamp)], axis=1)
-    angles = np.concatenate([reports.angle, np.where(missing[..., None], 0.0, angle)], axis=1)
-    rates = np.concatenate([reports.rate, np.where(missing[..., None], 0.0, rate)], axis=1)
-    order = _of_late(stamps, now)
-    return Reports(
-        np.take_along_axis(stamps, order, axis=1),
-        np.take_along_axis(angles, order[..., None], axis=1),
-        np.take_along_axis(rates, order[..., None], axis=1),
+    unsorted = Reports(np.where(np.isnan(stamp), -np.inf, stamp), angle, rate)
+    new = _taken(unsorted, np.argsort(unsorted.stamp, axis=1, kind="stable"))
+    # With the latest report in the place of each that is missing, those of before need not move: there are hundreds.
+    latest, missing = Reports(*(each[:, -1:] for each in reports)), np.isinf(new.stamp)
+    new = Reports(
+        np.where(missing, latest.stamp, new.stamp),
+        *(np.where(missing[..., None], old, each) for old, each in zip(latest[1:], new[1:], strict=True)),
     )
+    joined = Reports(*(np.concatenate(each, axis=1) for each in zip(reports, new, strict=True)))
+    if np.any(new.stamp < latest.stamp):
+        joined = _taken(joined, np.argsort(joined.stamp, axis=1, kind="stable"))
+    kept = _kept(joined.stamp, now)
+    return Reports(*(each[:, -kept:] for each in joined))
+
+
+def _taken(reports: Reports, order: NDArray[np.int64]) -> Reports:
+    """Return the reports in another order, shape (B, L)."""
+    trial = np.arange(len(order))[:, None]
+    return Reports(*(each[trial, order] for each in reports))
 
 
 def angle_at(reports: Reports, moment: Array) -> Array:
@@ -126,8 +138,12 @@ def into_base(position: Array, angle: Array) -> Array:
 
 def _of_late(stamps: Array, now: float) -> NDArray[np.int64]:
     """Return the order of the stamps by time, shape (B, L) → (B, kept), without those that no trial needs any more."""
-    kept = int(np.max(np.sum(stamps > now - REMEMBERED_S, axis=1), initial=1))
-    return np.argsort(stamps, axis=1, kind="stable")[:, -max(kept, 1) :]
+    return np.argsort(stamps, axis=1, kind="stable")[:, -_kept(stamps, now) :]
+
+
+def _kept(stamps: Array, now: float) -> int:
+    """Return how many of the latest stamps some trial still needs, at least one, shape (B, L)."""
+    return int(np.max(np.sum(stamps > now - REMEMBERED_S, axis=1), initial=1))
 
 
 def latest_sighting(sighting: Sighting, reports: Reports, frames: Frames) -> Sighting:

@@ -36,14 +36,16 @@ def fly(position: Array, velocity: Array, drag: float, event: Event) -> Arrival:
       drag: k [1/m].
       event: what ends a flight; it must begin below zero.
     """
-    state = np.stack([position, velocity], axis=1)
+    # Coordinates first, trials last: loops over trials are long, loops over three coordinates are not.
+    state = np.stack([position.T, velocity.T])
     start, end, begun = state.copy(), state.copy(), np.full(len(position), np.nan)
     flying = event(np.zeros(len(position)), position) < 0.0
     for index in range(round(_LONGEST_S / _STEP_S)):
         following = _step(state, drag)
         time = np.full(len(position), (index + 1) * _STEP_S)
-        now = flying & (event(time, following[:, 0]) >= 0.0)
-        start[now], end[now], begun[now] = state[now], following[now], index * _STEP_S
+        now = flying & (event(time, following[0].T) >= 0.0)
+        start, end = np.where(now, state, start), np.where(now, following, end)
+        begun[now] = index * _STEP_S
         flying &= ~now
         if not flying.any():
             break
@@ -76,11 +78,13 @@ def landing(position: Array, velocity: Array, drag: float, ground: float) -> Arr
 
 
 def _slope(state: Array, drag: float) -> Array:
-    velocity = state[:, 1]
-    speed = np.sqrt(np.sum(velocity**2, axis=-1, keepdims=True))
-    acceleration = -drag * speed * velocity
-    acceleration[:, 2] -= GRAVITY
-    return np.stack([velocity, acceleration], axis=1)
+    """Return the rates of positions and velocities, shape (2, 3, B)."""
+    x, y, z = state[1]
+    slope = np.empty_like(state)
+    slope[0] = state[1]
+    slope[1] = -drag * np.sqrt(x**2 + y**2 + z**2) * state[1]
+    slope[1, 2] -= GRAVITY
+    return slope
 
 
 def _step(state: Array, drag: float) -> Array:
@@ -93,7 +97,7 @@ def _step(state: Array, drag: float) -> Array:
 
 def _refined(start: Array, end: Array, begun: Array, event: Event) -> Arrival:
     """Halve the step of the event on the cubic through its ends; the plate may turn within it, so nothing faster."""
-    low, high = np.zeros(len(start)), np.ones(len(start))
+    low, high = np.zeros(len(begun)), np.ones(len(begun))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         before = event(begun + middle * _STEP_S, _between(start, end, middle)) < 0.0
@@ -103,8 +107,7 @@ def _refined(start: Array, end: Array, begun: Array, event: Event) -> Arrival:
 
 
 def _between(start: Array, end: Array, share: Array) -> Array:
-    """Return positions at a share of a step by the cubic that has both ends' positions and velocities."""
-    s = share[:, None]
-    rest = 1.0 - s
-    from_start = rest**2 * ((1.0 + 2.0 * s) * start[:, 0] + s * _STEP_S * start[:, 1])
-    return np.asarray(from_start + s**2 * ((1.0 + 2.0 * rest) * end[:, 0] - rest * _STEP_S * end[:, 1]))
+    """Return positions at a share of a step by the cubic that has both ends' positions and velocities, shape (B, 3)."""
+    rest = 1.0 - share
+    from_start = rest**2 * ((1.0 + 2.0 * share) * start[0] + share * _STEP_S * start[1])
+    return np.asarray(from_start + share**2 * ((1.0 + 2.0 * rest) * end[0] - rest * _STEP_S * end[1])).T

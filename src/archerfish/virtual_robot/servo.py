@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 from archerfish.virtual_robot.description import TICK_S, RobotDescription
 from archerfish.virtual_robot.firmware import (
     FirmwareState,
+    Gains,
     encoder_angle,
     filtered_rate,
     firmware_torque,
     make_gains,
 )
 from archerfish.virtual_robot.gimbal_physics import GimbalPhysics
-from archerfish.virtual_robot.motor import make_motor, motor_torque
+from archerfish.virtual_robot.motor import Motor, make_motor, motor_torque
 from archerfish.virtual_robot.noise import NoiseStream
 
 Array = NDArray[np.float64]
@@ -33,9 +34,10 @@ class Servo:
     """The closed loop of B gimbals."""
 
     def __init__(self, robot: RobotDescription, physics: GimbalPhysics, seeds: NDArray[np.int64]) -> None:
-        self.gains = make_gains(robot.firmware, robot.gimbal)
+        # Of the shape of all gimbals: NumPy's loops over two axes would take most of the firmware's time.
+        self.gains = Gains(*(np.tile(each, (len(seeds), 1)) for each in make_gains(robot.firmware, robot.gimbal)))
         self.physics = physics
-        self._motor = make_motor(robot.gimbal)
+        self._motor = Motor(*(np.tile(each, (len(seeds), 1)) for each in make_motor(robot.gimbal)))
         self._recoil_per_shot = np.array([robot.gimbal.pitch.recoil_n_m_s, robot.gimbal.yaw.recoil_n_m_s])
         self._bus_ticks = robot.firmware.bus_delay_ms
         self._seeds = seeds
