@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from archerfish.controllers.intercept import intercept
 from archerfish.controllers.roster import Workbench
 from archerfish.dynamics.array_namespace import Array, namespace
+from archerfish.dynamics.intercept import intercept
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.sensing.interfaces import Command, Seen, Truth, fire_always
 

@@ -13,21 +13,23 @@ from archerfish.dynamics.muzzle import muzzle_from_record
 from archerfish.evaluation.bounds.cell_bounds import CellBounds
 from archerfish.evaluation.evaluate import Entrant, Ground, Outcome, compete, ground_bounds, perfect_aim
 from archerfish.evaluation.rehearsal import rehearse
-from archerfish.evaluation.suites import draw_trials, table_suites
+from archerfish.evaluation.suites import Suite, draw_trials, motion_suites, table_suites
 from archerfish.evaluation.trial import fight
 from archerfish.evaluation.tuning import GRIDS, Tuned, tune
+from archerfish.paper.conditions import Conditions
 from archerfish.paper.tuning import paper_settings
 from archerfish.records.errors import InputError
 from archerfish.records.extensions import own_code
 from archerfish.records.policy import PolicyRecord
 from archerfish.sensing.kalman_filter import noise_from_record
+from archerfish.targets.drawn import ANY, WAYS
 from archerfish.targets.own_motion import check_paths, find_motion
 from archerfish.virtual_robot.description_file import load_robot
 from archerfish.virtual_robot.engagement_world import Known, RobotWorld
 
 TUNING_ENGAGEMENTS = 64
 """Engagements per cell of the tuning stream."""
-CONTROLLER_NAMES = {"tracked": "history"}
+CONTROLLER_NAMES = {"tracked": "history", "multimodel": "policy"}
 """Kind of a policy's observation → name in the results, where they differ: on a robot, `history` tracks."""
 
 
@@ -55,14 +57,35 @@ class EvaluationTask:
     """Controller → its settings; `with_tuning` finds those that are missing."""
     motion: str = ""
     """How moving targets move, as `find_motion` takes it; as eq (7) says if empty."""
+    target: str = "paper"
+    """The paper's targets, or one of `targets.drawn`: then the tables and the motion above don't count."""
+    seconds: float = 1.0
+    """Length of an engagement [s] where the targets are not the paper's, one of `MOTION_TABLES`."""
+
+    @property
+    def conditions(self) -> Conditions:
+        """Conditions of the engagements."""
+        conditions = self.setting.conditions
+        return conditions if self.target == "paper" else replace(conditions, engagement_s=self.seconds)
+
+    def suites(self, plants: int) -> tuple[Suite, ...]:
+        """Return the cells.
+
+        Args:
+          plants: number of posterior draws of the world's plant.
+        """
+        if self.target != "paper":
+            names = tuple(WAYS) if self.target == ANY else (self.target,)
+            return motion_suites(self.conditions, self.seconds, plants, names)
+        return table_suites(self.conditions, plants, self.tables, find_motion(self.motion) if self.motion else None)
 
 
 def make_ground(task: EvaluationTask) -> Ground:
     """Build the world and draw the engagements; equal tasks give equal draws, in any process."""
-    setting, conditions = task.setting, task.setting.conditions
+    setting, conditions = task.setting, task.conditions
     simulator = setting_world(setting, task.command_limit)
     motion = find_motion(task.motion) if task.motion else None
-    suites = table_suites(conditions, simulator.plants, task.tables, motion)
+    suites = task.suites(simulator.plants)
     trials = draw_trials(suites, task.engagements, conditions.decisions, task.seed, normals=simulator.normals)
     if motion:
         check_paths(motion, trials.engagements.motion, conditions.engagement_s)
@@ -81,7 +104,7 @@ def _known(task: EvaluationTask) -> Known:
 
 
 def _bench(task: EvaluationTask, tuning: Tuning | None) -> Workbench:
-    setting, conditions = task.setting, task.setting.conditions
+    setting, conditions = task.setting, task.conditions
     sensing = setting.sensing
     latency = (sensing.link.command_latency or 0.0) if sensing else 0.0
     return Workbench(
@@ -125,7 +148,7 @@ def untuned(task: EvaluationTask) -> tuple[str, ...]:
 
 def is_stored(task: EvaluationTask) -> bool:
     """Whether the settings of a task's controllers are stored: in the simulator of the printed gimbal."""
-    return task.setting.name == "paper" and not task.motion
+    return task.setting.name == "paper" and not task.motion and task.target == "paper"
 
 
 def tune_controllers(
@@ -152,9 +175,9 @@ def tuning_ground(task: EvaluationTask, engagements: int) -> Ground:
       task: for which robot.
       engagements: number per cell.
     """
-    conditions = task.setting.conditions
+    conditions = task.conditions
     world = setting_world(task.setting, task.command_limit)
-    suites = table_suites(conditions, world.plants, motion=find_motion(task.motion) if task.motion else None)
+    suites = replace(task, tables=("II", "III")).suites(world.plants)
     trials = draw_trials(suites, engagements, conditions.decisions, task.seed, "tuning", world.normals)
     return Ground(world, trials, task.command_limit, task.setting.name, conditions)
 

@@ -79,7 +79,7 @@ class Sweep:
     """How Optuna chooses: from what hit well so far, or blindly."""
     setting: RobotOptions = field(default_factory=SettingFiles)
     """The robot."""
-    target: Literal["static", "dynamic", "both"] = "both"
+    target: Literal["paper", "static", "dynamic"] = "paper"
     """What moves in training: nothing, every target, or half of them."""
     observation: Annotated[
         Literal["history", "paper", "tracked"] | None,

@@ -77,7 +77,7 @@ class Train:
 
     setting: RobotOptions = field(default_factory=SettingFiles)
     """The robot."""
-    target: Literal["static", "dynamic", "both"] = "both"
+    target: Literal["paper", "static", "dynamic"] = "paper"
     """What moves: nothing, every target, or half of them."""
     observation: Annotated[
         Literal["history", "paper", "tracked"] | None,

@@ -51,9 +51,11 @@ HIT_WORTH = 0.1
 """What a hit adds to a reward [m], where it adds anything."""
 SMOOTH = Reward(*(np.float32(each) for each in (0.1, HIT_WORTH, 0.012)))
 """For the gradient trainer: mostly a smooth hit, and enough of the distance to lead there from afar."""
+COUNTED = Reward(hit=np.float32(HIT_WORTH))
+"""For PPO, where targets may turn back: a hit counts in itself."""
 REWARDS: dict[str, dict[str, Reward]] = {
-    "ppo": {"history": EQ_8, "paper": EQ_8, "tracked": Reward(hit=np.float32(HIT_WORTH))},
-    "gradient": {"history": SMOOTH, "paper": EQ_8, "tracked": SMOOTH},
+    "ppo": {"history": EQ_8, "paper": EQ_8, "tracked": COUNTED, "multimodel": COUNTED},
+    "gradient": {"history": SMOOTH, "paper": EQ_8, "tracked": SMOOTH, "multimodel": SMOOTH},
 }
 """Trainer → kind of observation → what a decision is worth; the paper's six numbers get the paper's eq (8)."""
 
@@ -67,7 +69,7 @@ class TrainingTask:
     static_share: float
     """Share of the targets that stand still."""
     observation: str
-    """"history", "paper" or "tracked"."""
+    """"history", "paper", "tracked" or "multimodel"."""
     frames: int
     """Frames that a history observation remembers."""
     command_limit: str
@@ -86,6 +88,8 @@ class TrainingTask:
     """Settings, for the trainer of that name."""
     motion: str = ""
     """How moving targets move, as `find_motion` takes it; as eq (7) says if empty."""
+    target: str = ""
+    """One of `targets.drawn`, in the place of the paper's targets; then share and motion above don't count."""
 
     @property
     def config(self) -> PpoConfig | GradientConfig:
@@ -184,7 +188,9 @@ def _environment(task: TrainingTask) -> ShootingEnvironment:
     world = setting_world(setting, task.command_limit)
     observer = observer_in(world, task.observation, task.frames, setting.muzzle, setting.sensing, task.command_limit)
     motion = find_motion(task.motion) if task.motion else None
-    return environment_in(world, setting.conditions, observer, task.static_share, task.reward, task.asymmetric, motion)
+    return environment_in(
+        world, setting.conditions, observer, task.static_share, task.reward, task.asymmetric, motion, task.target
+    )
 
 
 def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Trained, begun: float) -> TrainingResult:
@@ -198,6 +204,7 @@ def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Train
             **{name: getattr(task, name) for name in ("static_share", "seed")},
             "setting": setting.name,
             **({"motion": task.motion} if task.motion else {}),
+            **({"target": task.target} if task.target else {}),
             task.trainer: asdict(task.config),
             "mean_return": float(mean_return[-1]) if len(mean_return) else None,
         },

@@ -2,10 +2,10 @@
 
 from typing import Any, NamedTuple
 
-from archerfish.controllers.intercept import intercept
 from archerfish.controllers.predictors import Predictor
 from archerfish.dynamics.array_namespace import Array, lift, namespace
 from archerfish.dynamics.command_limits import CommandLimits, fastest_approach
+from archerfish.dynamics.intercept import intercept
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.sensing.interfaces import Command, Seen, Truth, fire_always
 

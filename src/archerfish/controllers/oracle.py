@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from archerfish.controllers.intercept import intercept
 from archerfish.controllers.preview import (
     Preview,
     command_bounds,
@@ -24,6 +23,7 @@ from archerfish.controllers.preview_aim import HORIZON, SMOOTHING
 from archerfish.dynamics.aiming import line_of_sight
 from archerfish.dynamics.array_namespace import Array, lift, map_arrays, namespace, repeat
 from archerfish.dynamics.command_limits import CommandLimits, limit_command
+from archerfish.dynamics.intercept import intercept
 from archerfish.dynamics.linear_axis import GimbalModel, advance, rest_state
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.sensing.interfaces import Command, Seen, Truth, fire_always

@@ -1,5 +1,6 @@
 """The trained policy as a controller: what it sees, its network, its action; deterministic."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,10 +12,13 @@ from archerfish.records.errors import InputError
 from archerfish.records.policy import PolicyRecord
 from archerfish.sensing.interfaces import Command, Seen, Truth, fire_always
 from archerfish.sensing.kalman_filter import TrackerNoise
+from archerfish.sensing.multimodel_observation import MultimodelObserver, multimodel_observer
 from archerfish.sensing.observation import Observer, make_observer
 from archerfish.sensing.observers import AnyObserver
 from archerfish.sensing.tracked_observation import TrackedObserver, tracked_observer
 
+TRACKING: dict[str, Callable[..., Any]] = {"tracked": tracked_observer, "multimodel": multimodel_observer}
+"""Kind of observation that tracks the target → builder of its observer."""
 _MUZZLE_FACTS = ("speed", "drag", "length")
 
 
@@ -67,9 +71,10 @@ def observer_from_record(record: PolicyRecord) -> AnyObserver:
     offset = np.array([record.muzzle["pitch_offset"], record.muzzle["yaw_offset"]], np.float32)
     facts = {name: np.asarray(np.float32(record.muzzle[name])) for name in _MUZZLE_FACTS}
     muzzle = Muzzle(**facts, offset=offset, **_NO_SPREAD)
-    if record.observation == "tracked":
+    if record.observation in TRACKING:
         noise = TrackerNoise(**{name: np.asarray(each, np.float32) for name, each in record.tracker.items()})
-        observer = tracked_observer(muzzle, noise, record.period_s, (0.0, 0.0), record.braking)
+        build = TRACKING[record.observation]
+        observer = build(muzzle, noise, record.period_s, (0.0, 0.0), record.braking)
         tracked: AnyObserver = single_precision(observer._replace(action_scale=record.action_scale))
         return tracked
     plain = make_observer(record.observation, muzzle, record.frames, braking=record.braking)
@@ -88,9 +93,10 @@ def policy_to_record(controller: PolicyController, **facts: Any) -> PolicyRecord
     """
     observer = controller.observer
     muzzle, offset = observer.muzzle, np.asarray(observer.muzzle.offset)
-    if isinstance(observer, TrackedObserver):
+    if isinstance(observer, TrackedObserver | MultimodelObserver):
         tracker = {name: float(value) for name, value in observer.noise._asdict().items()}
-        kind, frames = "tracked", observer.frames.shape[0]
+        kind = "tracked" if isinstance(observer, TrackedObserver) else "multimodel"
+        frames = observer.frames.shape[0]
     elif isinstance(observer, Observer):
         tracker, frames = {}, observer.history.shape[0]
         kind = "history" if frames else "paper"

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from archerfish.controllers.intercept import intercept
 from archerfish.controllers.predictors import Predictor
 from archerfish.controllers.preview import Preview, make_preview, track_path
 from archerfish.dynamics.aiming import line_of_sight
 from archerfish.dynamics.array_namespace import Array, lift, map_arrays, namespace
 from archerfish.dynamics.command_limits import CommandLimits
+from archerfish.dynamics.intercept import intercept
 from archerfish.dynamics.linear_axis import GimbalModel, advance, gimbal_angle, gimbal_rate, rest_state
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.sensing.interfaces import Command, Seen, Truth, fire_always

@@ -85,6 +85,15 @@ def if_any(condition: Array, then: Callable[[], Any], otherwise: Callable[[], An
     return jax.lax.cond(condition.any(), then, otherwise)
 
 
+def without_gradient(array: Array) -> Array:
+    """Return an array as it is, through which no gradient goes back under JAX."""
+    if not getattr(namespace(array), "__name__", "").startswith("jax"):
+        return array
+    import jax  # only where the array is JAX's already: the robot has none
+
+    return jax.lax.stop_gradient(array)
+
+
 def _check_jax(what: str, *arrays: Array) -> None:
     found = namespace(*arrays)
     if not getattr(found, "__name__", "").startswith("jax"):

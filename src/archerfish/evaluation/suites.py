@@ -1,5 +1,6 @@
 """Who is shot at: the cells of the paper's tables, and of targets that move in other ways, as suites of engagements."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -93,13 +94,16 @@ def table_suites(
     )
 
 
-def motion_suites(conditions: Conditions, seconds: float, plants: int = 1) -> tuple[Suite, ...]:
-    """Return the cells of all motions of `archerfish.targets`, each at the tables' ranges.
+def motion_suites(
+    conditions: Conditions, seconds: float, plants: int = 1, names: Sequence[str] = tuple(WAYS)
+) -> tuple[Suite, ...]:
+    """Return the cells of motions of `archerfish.targets`, each at the tables' ranges.
 
     Args:
       conditions: ranges and offsets.
       seconds: length of the engagements [s], one of `MOTION_TABLES`.
       plants: number of posterior draws of the world's plant.
+      names: of the motions; all if not given.
     """
     lasting = replace(conditions, engagement_s=seconds)
     return tuple(
@@ -110,7 +114,7 @@ def motion_suites(conditions: Conditions, seconds: float, plants: int = 1) -> tu
             make_scenario(lasting, range_m, plants=plants, motion=drawn_motion(name)),
             name,
         )
-        for name in WAYS
+        for name in names
         for range_m in conditions.range_bins
     )
 

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.controllers.intercept import intercept
 from archerfish.dynamics.array_namespace import Array, map_arrays
+from archerfish.dynamics.intercept import intercept
 from archerfish.dynamics.muzzle import DRAWS as MUZZLE_DRAWS
 from archerfish.dynamics.muzzle import pellet_at_muzzle
 from archerfish.evaluation.suites import Trials

@@ -25,7 +25,7 @@ class PolicyRecord:
     """A policy: observation → network with ReLU → offset of the command from the aim."""
 
     observation: str
-    """Kind of the observation: "history", "paper" or "tracked"."""
+    """Kind of the observation: "history", "paper", "tracked" or "multimodel"."""
     frames: int
     """Frames that a history observation remembers."""
     weights: tuple[Floats, ...]
@@ -47,7 +47,7 @@ class PolicyRecord:
     command_limit: str
     """Command limit that it was trained under."""
     tracker: dict[str, float] = field(default_factory=dict)
-    """What the tracker of a tracked observation believes, as `sensing.kalman_filter.TrackerNoise`; else empty."""
+    """What the tracker believes, as `sensing.kalman_filter.TrackerNoise`; empty where an observation has none."""
     training: dict[str, Any] = field(default_factory=dict)
     """Configuration and outcome of the training."""
     provenance: dict[str, Any] = field(default_factory=dict)
@@ -75,7 +75,7 @@ class PolicyRecord:
         missing = [name for name in MUZZLE_FACTS if not isinstance(self.muzzle.get(name), (int, float))]
         if missing:
             raise InputError(f'policy.muzzle must hold the number "{missing[0]}"; train it anew')
-        tracked = TRACKER_FACTS if self.observation == "tracked" else ()
+        tracked = TRACKER_FACTS if self.observation in ("tracked", "multimodel") else ()
         missing = [name for name in tracked if not isinstance(self.tracker.get(name), (int, float))]
         if missing:
             raise InputError(f'policy.tracker must hold the number "{missing[0]}"; train it anew')

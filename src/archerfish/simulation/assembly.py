@@ -1,5 +1,6 @@
 """A shooting environment put together by names, from records or from the paper's gimbal."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +16,16 @@ from archerfish.records.muzzle import MuzzleRecord
 from archerfish.records.own_plant import find_plant
 from archerfish.records.plant import PlantRecord, read_plant
 from archerfish.records.sensing import SensingRecord
-from archerfish.sensing.kalman_filter import noise_from_record
+from archerfish.sensing.kalman_filter import TrackerNoise, noise_from_record
+from archerfish.sensing.multimodel_observation import EXACT_SIGHT_SD, FAST_ACCELERATION, multimodel_observer
 from archerfish.sensing.observation import ACTION_SCALES, make_observer
 from archerfish.sensing.observers import AnyObserver
 from archerfish.sensing.tracked_observation import TRACKER_ACCELERATION, tracked_observer
 from archerfish.simulation.environment import HIDDEN, PureWorld, ShootingEnvironment
 from archerfish.simulation.reward import EQ_8, Reward
-from archerfish.simulation.scenario import TARGETS, draw_engagement
+from archerfish.simulation.scenario import LONG_S, SHORT, TARGETS, draw_engagement
 from archerfish.simulation.setting import make_scenario, make_world, paper_muzzle
+from archerfish.targets.drawn import ANY, WAYS, drawn_motion
 from archerfish.targets.own_motion import OwnMotion, check_paths, find_motion
 
 PAPER = "paper"
@@ -35,7 +38,7 @@ Plants = str | Path | tuple[PlantRecord, PlantRecord]
 
 def make_environment(
     plant: Plants = PAPER,
-    target: str = "both",
+    target: str = "paper",
     command_limit: str = "gate",
     observation: str = "",
     frames: int = 4,
@@ -51,7 +54,7 @@ def make_environment(
     Args:
       plant: "paper", a folder as `archerfish identify gimbal` writes it, one of your own as `own_plant.find_plant`
         takes it, or two records.
-      target: "static", "dynamic" or "both".
+      target: "paper", or only its "static" or its "dynamic" targets; or one of `targets.drawn`.
       command_limit: "box", "gate" or "los-2deg".
       observation: "history", "paper" or "tracked"; the last where there is a sensing record, else the first.
       frames: that the history observation remembers.
@@ -65,10 +68,12 @@ def make_environment(
     Raises:
       InputError: if a name is unknown, or a record can't be used.
     """
-    if target not in TARGETS:
-        raise InputError(f"target must be one of {', '.join(TARGETS)}, got {target!r}")
+    drawn = (ANY, *WAYS)
+    if target not in (*TARGETS, *drawn):
+        raise InputError(f"target must be one of {', '.join((*TARGETS, *drawn))}, got {target!r}")
     conditions = assumed_conditions()
-    length = conditions.decisions if decisions is None else decisions
+    usual = round(LONG_S / conditions.control_period_s) if target in drawn else conditions.decisions
+    length = usual if decisions is None else decisions
     if length < 1:
         raise InputError(f"decisions must be at least 1, got {length}")
     muzzle, limits = muzzle or paper_muzzle(conditions), limits or gate_limits()
@@ -78,7 +83,13 @@ def make_environment(
     observer = observer_in(world, kind, frames, muzzle, sensing, command_limit)
     own = find_motion(motion) if motion else None
     environment = environment_in(
-        world, conditions, observer, TARGETS[target], Reward(hit=np.float32(hit_bonus)), motion=own
+        world,
+        conditions,
+        observer,
+        TARGETS.get(target, 0.0),
+        Reward(hit=np.float32(hit_bonus)),
+        motion=own,
+        target=target if target in drawn else "",
     )
     return environment._replace(length=np.asarray(length, np.int32))
 
@@ -91,6 +102,7 @@ def environment_in(
     reward: Reward = EQ_8,
     asymmetric: bool = False,
     motion: OwnMotion | None = None,
+    target: str = "",
 ) -> ShootingEnvironment:
     """Build the environment of a world in float32.
 
@@ -102,12 +114,16 @@ def environment_in(
       reward: what a decision is worth.
       asymmetric: whether a critic gets to see where the target really is and will be.
       motion: how targets move, if not as eq (7) says.
+      target: one of `targets.drawn`, met for two lengths, in the place of the paper's targets and of `motion`.
 
     Raises:
       InputError: if targets of that motion are nowhere, or behind the gimbal.
     """
     drawer = motion.drawer if motion else ()
     scenario = make_scenario(conditions, static_share=static_share, plants=world.plants, motion=drawer)
+    if target:
+        conditions = replace(conditions, engagement_s=LONG_S)
+        scenario = make_scenario(conditions, plants=world.plants, motion=drawn_motion(target), short=SHORT)
     if motion:
         uniforms = np.random.default_rng(0).random((_CHECKED, scenario.uniforms), dtype=np.float32)
         check_paths(motion, draw_engagement(scenario, uniforms).motion, conditions.engagement_s)
@@ -129,7 +145,7 @@ def observer_in(
 
     Args:
       world: where.
-      kind: "history", "paper" or "tracked".
+      kind: "history", "paper", "tracked" or "multimodel".
       frames: that the history observation remembers.
       muzzle: to aim with.
       sensing: camera and link, for the tracked observation.
@@ -140,6 +156,10 @@ def observer_in(
     """
     scale, aimed = ACTION_SCALES[command_limit], muzzle_from_record(muzzle)
     braking = np.asarray(world.limits.max_acceleration) * world.period_s**2
+    if kind == "multimodel":
+        exact = TrackerNoise(*(np.asarray(each) for each in (FAST_ACCELERATION, EXACT_SIGHT_SD, EXACT_SIGHT_SD)))
+        noise = exact if sensing is None else noise_from_record(sensing, FAST_ACCELERATION)
+        return multimodel_observer(aimed, noise, world.period_s, scale, braking)
     if kind != "tracked":
         return make_observer(kind, aimed, frames, scale, braking)
     if sensing is None:

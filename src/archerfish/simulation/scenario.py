@@ -11,8 +11,13 @@ UNIFORMS = 6
 """Uniform draws per engagement: range, lateral offset, speed, phase, whether it stands still or is short, plant."""
 _STILL = 4
 """Index of the draw that says whether a target stands still, or, where every motion has its own, how long it is met."""
-TARGETS = {"static": 1.0, "dynamic": 0.0, "both": 0.5}
-"""What moves → share of the targets that stand still."""
+TARGETS = {"paper": 0.5, "static": 1.0, "dynamic": 0.0}
+"""Which of the paper's targets → share of them that stand still."""
+SHORT = (0.75, 1.0)
+"""Share of the engagements that are short where motions are drawn, and their length [s]: so short and long ones have
+as many decisions each."""
+LONG_S = 3.0
+"""Length of the others [s]: a target's habits show."""
 
 
 class Scenario(NamedTuple):

@@ -2,12 +2,13 @@
 
 import functools
 from collections.abc import Callable, Mapping
+from itertools import accumulate
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from archerfish.dynamics.array_namespace import Array, namespace
 from archerfish.targets.circle import circle_way
-from archerfish.targets.parabola import parabola_way
+from archerfish.targets.parabola import paper_way, parabola_way
 from archerfish.targets.passing import pass_way
 from archerfish.targets.path import Path, path_about
 from archerfish.targets.singer import KNOTS, singer_way
@@ -30,7 +31,23 @@ WAYS: Mapping[str, Callable[[Array, Array], Array]] = MappingProxyType(
 )
 """Motion → its level way at `path.TIMES`, of uniform draws, shape B + (n,), and the engagement's length [s]."""
 ANY = "any"
-"""All of them, each as likely as the others."""
+"""All of them and the paper's own eq (7), mixed by `MIXTURE`."""
+MIXTURE: Mapping[str, float] = MappingProxyType(
+    {
+        "still": 1.5,
+        "parabola": 1.0,
+        "pass": 3.0,
+        "strafe": 1.0,
+        "stop-and-go": 2.5,
+        "sinusoid": 0.8,
+        "circle": 0.8,
+        "singer": 0.8,
+        "paper": 4.0,
+    }
+)
+"""Motion → how often a policy for any of them meets it. Motions where a classical tracker is nearly as good as can be
+count more, so that the policy is behind it nowhere; with equal weights it takes every target that stops for one that
+turns back. Chosen on draws that no evaluation has."""
 CHANCES = 5 + 2 * KNOTS
 """Uniform draws per engagement: which motion, then as many as the motion with the most needs."""
 
@@ -49,14 +66,15 @@ def drawn_motion(name: str) -> Any:
     Args:
       name: one of `WAYS`, or `ANY`.
     """
-    names = tuple(WAYS) if name == ANY else (name,)
+    ways = {**WAYS, "paper": paper_way}
+    weights = MIXTURE if name == ANY else {name: 1.0}
+    starts = tuple(accumulate((each / sum(weights.values()) for each in weights.values()), initial=0.0))[:-1]
 
     def path(place: Array, chance: Array, duration: Array) -> Path:
         xp = namespace(place, chance)
-        way = WAYS[names[0]](chance[..., 1:], duration)
-        kind = chance[..., 0] * len(names)
-        for index, each in enumerate(names[1:], 1):
-            way = xp.where((kind >= index)[..., None, None], WAYS[each](chance[..., 1:], duration), way)
+        way: Array = 0.0
+        for each, begin in zip(weights, starts, strict=True):
+            way = xp.where((chance[..., 0] >= begin)[..., None, None], ways[each](chance[..., 1:], duration), way)
         return path_about(place, way, duration)
 
     return type("DrawnMotion", (_Empty,), {"path": staticmethod(path), "chances": CHANCES})()

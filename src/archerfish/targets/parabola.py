@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from archerfish.dynamics.array_namespace import Array, lift, namespace
+from archerfish.paper.conditions import assumed_conditions
 from archerfish.targets.distributions import draw_parameters
 from archerfish.targets.path import TIMES
 
@@ -38,6 +39,16 @@ def triangle_wave(cycles: Array) -> Array:
     """Triangle wave of period one between −1 (at whole cycles) and 1, shape B."""
     xp = namespace(cycles)
     return 1.0 - 4.0 * xp.abs(cycles - xp.floor(cycles) - 0.5)
+
+
+def paper_way(chance: Array, duration: Array) -> Array:  # noqa: ARG001 (as every motion's)
+    """Draw eq (7) with the paper's width and curvature, at the speeds of its tables, shape B + (n,) → B + (N, 2)."""
+    xp = namespace(chance)
+    conditions = assumed_conditions()
+    width, speed = conditions.reversal_half_width, conditions.max_lateral_speed * chance[..., 0, None]
+    time = lift(xp.asarray(TIMES, dtype=chance.dtype), speed)
+    share = triangle_wave(chance[..., 1, None] + speed * time / (4.0 * width))
+    return xp.stack([conditions.parabola_rise * share**2, width * share], axis=-1)
 
 
 def parabola_way(chance: Array, duration: Array) -> Array:  # noqa: ARG001 (as every motion's)

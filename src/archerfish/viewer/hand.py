@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from archerfish.controllers.intercept import intercept
+from archerfish.dynamics.intercept import intercept
 from archerfish.records.errors import InputError
 from archerfish.sensing.interfaces import Engagement
 from archerfish.simulation.shooting import miss_at_armor

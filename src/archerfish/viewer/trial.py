@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.controllers.intercept import intercept
 from archerfish.dynamics.array_namespace import map_arrays
+from archerfish.dynamics.intercept import intercept
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.dynamics.pellet import flat_fire_position
 from archerfish.records.extensions import own_code

@@ -19,7 +19,7 @@ def make_plan() -> Callable[..., Any]:
     def make(seeds: Sequence[int] = (0, 1), worlds: Sequence[dict[str, Any]] = ({},)) -> Any:
         base = Base(
             load_setting(SettingFiles()),
-            "both",
+            "paper",
             "history",
             4,
             "gate",

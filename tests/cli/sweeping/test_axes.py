@@ -13,7 +13,7 @@ def test_values_have_the_type_of_their_parameter():
         Values("ppo.clip", (0.1, 1.0)),
         Values("ppo.hidden", (32, 64)),
         Values("ppo.anneal", (True, False)),
-        Values("target", ("both", "static")),
+        Values("target", ("paper", "static")),
     )
     assert [type(value) for value in axes[0].values] == [float, float]
 
@@ -28,7 +28,7 @@ def test_a_range_is_linear_or_logarithmic_whole_or_not():
 def test_a_grid_has_every_combination_once_the_last_changing_fastest():
     axes = parse_vary(["ppo.clip=0.1,0.2", "target=both,static,dynamic"])
     found = [tuple(each.values()) for each in grid(axes)]
-    assert found == [(clip, target) for clip in (0.1, 0.2) for target in ("both", "static", "dynamic")]
+    assert found == [(clip, target) for clip in (0.1, 0.2) for target in ("paper", "static", "dynamic")]
     assert grid([]) == [{}]
 
 
@@ -36,7 +36,7 @@ def test_corners_hold_every_value_and_both_ends():
     axes = parse_vary(["ppo.clip=0.1..0.3", "target=both,static,dynamic"])
     found = corners(axes)
     assert {each["ppo.clip"] for each in found} == {0.1, 0.3}
-    assert {each["target"] for each in found} == {"both", "static", "dynamic"}
+    assert {each["target"] for each in found} == {"paper", "static", "dynamic"}
 
 
 def test_a_misspelt_parameter_is_named_with_all_that_there_are():

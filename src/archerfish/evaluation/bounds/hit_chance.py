@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from archerfish.controllers.intercept import intercept
 from archerfish.dynamics.array_namespace import map_arrays
+from archerfish.dynamics.intercept import intercept
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.sensing.interfaces import Engagement
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from archerfish.controllers.intercept import intercept
 from archerfish.dynamics.aiming import aim_at
+from archerfish.dynamics.intercept import intercept
 from archerfish.dynamics.muzzle import Muzzle, pellet_at_muzzle
 from archerfish.dynamics.pellet import flat_fire_crossing
 from archerfish.targets.passing import Line
