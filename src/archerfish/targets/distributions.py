@@ -60,7 +60,7 @@ SPEED = Distribution(
     "infantry robots in matches, the faster half (the slower one stands): median 0.31, then 1.0, 1.7, 2.05 and 2.6 m/s "
     "at 75, 90, 95 and 99 % of all",
 )
-DIRECTION = _uniform(-30.0, 30.0, "°", "assumed: across the line of sight, give or take")
+DIRECTION = _uniform(-90.0, 90.0, "°", "any: 0 is across the line of sight, and robots approach and retreat as well")
 ACCELERATION = _uniform(3.0, 8.0, "m/s²", "assumed: 6 m/s² in the public simulator that states one")
 
 TABLE: Mapping[str, Mapping[str, Distribution]] = MappingProxyType(
