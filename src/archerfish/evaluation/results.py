@@ -20,6 +20,10 @@ SCHEMA, _OLDER = "archerfish.results/2", "archerfish.results/1"
 HIT_RATE_TABLES = ("II", "III", "IV", "V")
 """The paper's tables of hit rates: simulation static and dynamic, real robot static and dynamic."""
 
+MOTION_TABLES = {1.0: "motions, 1 s", 3.0: "motions, 3 s"}
+"""Length of an engagement [s] → name of the table of other motions: as short as the paper's, and so long that habits
+can be learned."""
+
 BOUND_KINDS = ("reach", "hindsight", "combined")
 """Kinds of bounds on hit rates, from the cheapest to the tightest (docs/bounds.md)."""
 
@@ -41,7 +45,7 @@ class Label:
     """Which controller met which targets under which conditions."""
 
     table: str
-    """The paper's table that the figure stands beside: "II", "III", "IV" or "V"."""
+    """The paper's table that the figure stands beside: "II", "III", "IV" or "V"; else one of `MOTION_TABLES`."""
     setting: str
     """`paper` (printed plants), `identified-<robot>` (a simulator made from a robot's logs) or `<robot>` itself."""
     target: str
@@ -55,13 +59,13 @@ class Label:
     policy_seed: int | None = None
     """Seed that the policy was trained with; None for what is not trained."""
     motion: str | None = None
-    """Name of a user's own motion that moving targets had in the place of eq (7); None for the paper's."""
+    """How targets moved, by name, where it was not as eq (7) has it in the paper."""
     counts: str = "decisions"
     """What hit rates are counted over: `decisions`, as in the paper's tables, or `shots` that were fired."""
 
     def __post_init__(self) -> None:
         check_counts(self.counts)
-        for name, known in (("table", HIT_RATE_TABLES), ("target", TARGETS)):
+        for name, known in (("table", (*HIT_RATE_TABLES, *MOTION_TABLES.values())), ("target", TARGETS)):
             if getattr(self, name) not in known:
                 raise InputError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
         if not 0 <= self.range_m[0] < self.range_m[1]:

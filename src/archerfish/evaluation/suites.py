@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.dynamics.array_namespace import map_arrays
-from archerfish.evaluation.results import check_counts
+from archerfish.evaluation.results import MOTION_TABLES, check_counts
 from archerfish.paper.conditions import Conditions
 from archerfish.sensing.interfaces import Engagement
 from archerfish.simulation.scenario import UNIFORMS, Scenario, draw_engagement
@@ -19,10 +19,6 @@ from archerfish.targets.own_motion import OwnMotion
 
 PURPOSES = {"evaluation": 0, "tuning": 1, "calibration": 2, "stopping": 3}
 """Streams of random numbers that never meet: what is tuned or calibrated is judged on draws it has not seen."""
-
-
-MOTION_TABLES = {1.0: "motions, 1 s", 3.0: "motions, 3 s"}
-"""Length of an engagement [s] → name of the table: as short as the paper's, and so long that habits can be learned."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +37,8 @@ class Suite:
     """Name of the motion, where it is not eq (7) as the paper has it."""
     counts: str = "decisions"
     """What the hit rate is counted over, one of `COUNTS`: a withheld shot is a miss, or is no shot."""
+    stream: int | None = None
+    """Of random numbers: the same engagements whichever suites are beside it; its place among them if not given."""
 
     def __post_init__(self) -> None:
         check_counts(self.counts)
@@ -106,6 +104,7 @@ def motion_suites(
       names: of the motions; all if not given.
     """
     lasting = replace(conditions, engagement_s=seconds)
+    bins = conditions.range_bins
     return tuple(
         Suite(
             MOTION_TABLES[seconds],
@@ -113,9 +112,10 @@ def motion_suites(
             range_m,
             make_scenario(lasting, range_m, plants=plants, motion=drawn_motion(name)),
             name,
+            stream=len(bins) * list(WAYS).index(name) + index,
         )
         for name in names
-        for range_m in conditions.range_bins
+        for index, range_m in enumerate(bins)
     )
 
 
@@ -138,7 +138,8 @@ def draw_trials(
       normals: standard normals that the world takes per decision.
     """
     drawn, noise = [], []
-    for index, suite in enumerate(suites):
+    for place, suite in enumerate(suites):
+        index = place if suite.stream is None else suite.stream
         generator = np.random.default_rng([seed, PURPOSES[purpose], index])
         uniforms = generator.random((engagements, UNIFORMS), dtype=np.float32)
         # Of a stream of their own: with them or without, the pellets scatter alike.

@@ -39,7 +39,7 @@ class RatePanel(NamedTuple):
     """Controllers, and the paper's columns."""
 
 
-def hit_rate_figure(panels: Sequence[RatePanel], *, height: float = 3.7) -> Figure:
+def hit_rate_figure(panels: Sequence[RatePanel], *, height: float = 3.7, columns: int | None = None) -> Figure:
     """Draw kinds of target side by side on one scale, with one legend below.
 
     Printed figures are dashed with hollow markers.
@@ -47,15 +47,20 @@ def hit_rate_figure(panels: Sequence[RatePanel], *, height: float = 3.7) -> Figu
     Args:
       panels: at least one.
       height: of the figure [inch].
+      columns: of panels; as many as there are panels if not given.
     """
+    across = len(panels) if columns is None else columns
+    down = -(-len(panels) // across)
     with plot_style():
-        figure, axes = new_figure(1, len(panels), height=height, sharey=True)
+        figure, axes = new_figure(down, across, height=height, sharey=True)
+        places: list[Axes] = list(axes.ravel())
         for index, panel in enumerate(panels):
-            _draw_panel(axes[0, index], panel)
-            label_axes(axes[0, index], title=panel.title, x="Range [m]", y="Hit rate [%]" if index == 0 else "")
+            _draw_panel(places[index], panel)
+            x, y = "Range [m]" if index >= len(panels) - across else "", "Hit rate [%]" if index % across == 0 else ""
+            label_axes(places[index], title=panel.title, x=x, y=y)
         axes[0, 0].set_ylim(top=101.0)
         handles = {
-            label: handle for each in axes[0] for handle, label in zip(*each.get_legend_handles_labels(), strict=True)
+            label: handle for each in places for handle, label in zip(*each.get_legend_handles_labels(), strict=True)
         }
         figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=min(4, len(handles)))
     return figure
