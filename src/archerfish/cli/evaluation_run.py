@@ -174,7 +174,7 @@ def tune_controllers(
 
 def _tuning_engagements(task: EvaluationTask) -> int:
     """Return how many engagements per cell keep a tuning as short as for the paper's eight cells."""
-    return TUNING_ENGAGEMENTS // (len(WAYS) // 2) if task.target == ANY else TUNING_ENGAGEMENTS
+    return max(1, TUNING_ENGAGEMENTS // (len(WAYS) // 2)) if task.target == ANY else TUNING_ENGAGEMENTS
 
 
 def _mean_rate(grounds: Sequence[tuple[EvaluationTask, Ground]], name: str, tuning: Tuning) -> float:

@@ -67,7 +67,8 @@ class View:
     parabola-lq, no-lead, vertex, oracle, or one of your own (./FILE.py:NAME, docs/adding.md)."""
     target: Annotated[str, tyro.conf.arg(metavar="NAME")] = "parabola"
     """How the target moves at first: parabola, still, straight, circle, swing, hand; pass, strafe, stop-and-go,
-    sinusoid, singer, drawn-parabola, drawn-circle or any, whose speeds are their own (docs/targets.md); or one of your own."""
+    sinusoid, singer, drawn-parabola, drawn-circle or any, whose speeds are their own (docs/targets.md); or one
+    of your own."""
     distance_m: float = 3.0
     """Distance of the target at first."""
     setting: RobotOptions = field(default_factory=SettingFiles)
