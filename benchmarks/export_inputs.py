@@ -8,7 +8,7 @@ from archerfish.sensing.interfaces import Seen
 PERIOD_S = 0.02
 SHOWN = 0.7
 """Share of the decisions that have a new frame."""
-NOISE_M = {"tracked": 0.005, "history": 0.0, "paper": 0.0}
+NOISE_M = {"tracked": 0.005, "multimodel": 0.005, "history": 0.0, "paper": 0.0}
 """Kind of observation → noise of a sight; the last two are made for exact sight."""
 EDGE_PLATES = (
     (-3.0, 0.0, 0.2),  # behind: yaw is π

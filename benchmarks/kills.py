@@ -38,8 +38,8 @@ from machine import describe_machine
 RESULT = Path(__file__).parent / "results" / "kills.json"
 KILLS, HARD_KILLS = 50, 10
 COMMANDS = {
-    "train": "train --ppo.environments 64 --ppo.rollout 10 --ppo.hidden 32 --ppo.steps 128000 --no-tensorboard "
-    "--checkpoint-every 0.3",
+    "train": "train --target paper --ppo.environments 64 --ppo.rollout 10 --ppo.hidden 32 --ppo.steps 128000 "
+    "--no-tensorboard --checkpoint-every 0.3",
     "identify": "identify gimbal logs/yaw_sweep.csv logs/yaw_step.csv --axis yaw --order 2 --max-delay 10",
     "record": "record sweep --axis pitch --physics linear --duration-s 5",
     "evaluate": "evaluate --controllers kalman --engagements 4",

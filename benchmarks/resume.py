@@ -35,7 +35,8 @@ from machine import describe_machine
 RESULT = Path(__file__).parent / "results" / "resume.json"
 KILLS_PER_RUN = 5
 SMALL = (
-    "--ppo.environments 64 --ppo.rollout 10 --ppo.hidden 32 --ppo.steps 1280000 --no-tensorboard --checkpoint-every 0.2"
+    "--target paper --ppo.environments 64 --ppo.rollout 10 --ppo.hidden 32 --ppo.steps 1280000 --no-tensorboard "
+    "--checkpoint-every 0.2"
 )
 TRAIN = "from archerfish.cli.main import program; program()"
 LONGEST_WRITING_S = 0.1

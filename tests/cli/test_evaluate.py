@@ -3,6 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from archerfish.evaluation.results import read_results
 from archerfish.records.policy import TRACKER_FACTS, PolicyRecord, write_policy
 
 pytest.importorskip("jax")
@@ -45,3 +46,22 @@ def test_policies_that_results_can_not_tell_apart_are_refused(refused, tmp_path:
 def test_shooting_with_a_robot_is_checked_before_anything_is_tuned(refused) -> None:
     assert "robot" in refused("evaluate", "--on", "nobody", "--sensing", "sensing.json", "--robot", "me")
     assert "--on needs --sensing" in refused("evaluate", "--on", "infantry")
+    assert "--motion takes the place of eq (7)" in refused("evaluate", "--target", "any", "--motion", "./a.py:Away")
+
+
+def test_a_motion_is_shot_at_for_one_second_and_for_three(command, tmp_path: Path) -> None:
+    few = ("--target", "pass", "--controllers", "no-lead", "--engagements", "2")
+    status, out, err = command("evaluate", *few, "--out", "shot")
+    assert status == 0, err
+    assert "engagements of 3 s" in " ".join(out.split())
+    cells = read_results(tmp_path / "shot" / "results.json").cells
+    assert {(cell.table, cell.motion, cell.controller, cell.shots) for cell in cells} == {
+        (table, "pass", name, shots)
+        for table, shots in (("motions, 1 s", 100), ("motions, 3 s", 300))
+        for name in ("perfect", "no-lead")
+    }
+    assert len(cells) == 2 * 2 * 4
+    assert all(cell.bound is None and cell.paper is None for cell in cells)
+    page = (tmp_path / "shot" / "report.html").read_text()
+    assert "Other motions, engagements of 3 s, limit gate" in page
+    assert "Table I" not in page.partition("The conditions")[0]

@@ -22,8 +22,8 @@ from archerfish.records.policy import read_policy
 
 jax = pytest.importorskip("jax")
 
-TINY = "--ppo.environments 8 --ppo.rollout 4 --ppo.minibatches 2 --ppo.epochs 2 --ppo.hidden 4 --observation paper"
-TINY += " --seed 3 --no-tensorboard"
+TINY = "--target paper --ppo.environments 8 --ppo.rollout 4 --ppo.minibatches 2 --ppo.epochs 2 --ppo.hidden 4"
+TINY += " --observation paper --seed 3 --no-tensorboard"
 ITERATIONS = 600
 LONG = f"{TINY} --ppo.steps {ITERATIONS * 32} --checkpoint-every 0.05"
 PATIENCE_S = 120.0

@@ -24,8 +24,8 @@ def robot(tmp_path: Path) -> list[str]:
 
 
 def test_a_policy_is_trained_evaluated_and_reported(command, tmp_path, robot):
-    small = ["--ppo.steps", "200", "--ppo.environments", "8", "--ppo.rollout", "6", "--ppo.hidden", "4"]
-    small += ["--observation", "paper", "--seed", "3", "--no-tensorboard"]
+    small = ["--target", "paper", "--ppo.steps", "200", "--ppo.environments", "8", "--ppo.rollout", "6"]
+    small += ["--ppo.hidden", "4", "--observation", "paper", "--seed", "3", "--no-tensorboard"]
     status, out, err = command("train", *small, *robot, "--out", "train", "--json", "train.json")
     assert status == 0
     lacking = "identified-sentry is not all of your robot: it has the assumed muzzle (--muzzle) and the paper's limits"
@@ -66,7 +66,18 @@ def test_a_policy_is_trained_evaluated_and_reported(command, tmp_path, robot):
 
 def test_a_policy_trained_by_gradients_is_evaluated_like_any_other(command, tmp_path):
     small = ["--gradient.steps", "100", "--gradient.environments", "4", "--gradient.window", "3"]
-    small += ["--gradient.hidden", "4", "--observation", "paper", "--command-limit", "box", "--seed", "3"]
+    small += [
+        "--gradient.hidden",
+        "4",
+        "--target",
+        "paper",
+        "--observation",
+        "paper",
+        "--command-limit",
+        "box",
+        "--seed",
+        "3",
+    ]
     small += ["--no-tensorboard"]
     assert command("train", "--trainer", "gradient", *small, "--out", "train")[0] == 0
     assert {path.name for path in (tmp_path / "train").iterdir()} == {*TRAINING, "config.json", ".archerfish.json"}

@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 
 from archerfish.controllers.network import Layer, Normaliser
-from archerfish.controllers.policy import PolicyController, policy_to_record
+from archerfish.controllers.policy import TRACKING, PolicyController, policy_to_record
 from archerfish.dynamics.array_namespace import single_precision
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.records.policy import write_policy
 from archerfish.sensing.kalman_filter import TrackerNoise
 from archerfish.sensing.observation import make_observer
 from archerfish.sensing.observers import AnyObserver
-from archerfish.sensing.tracked_observation import tracked_observer
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MUZZLE = Muzzle(*(np.asarray(each) for each in (18.0, 0.2, (0.01, -0.002), (0.0035, 0.0035), 0.019, 0.16)))
@@ -28,9 +27,9 @@ def random_policy(kind: str) -> PolicyController:
     """A policy with random weights, as lively as a trained one."""
     rng, braking = np.random.default_rng(1), np.array([0.02, 0.04])
     observer: AnyObserver
-    if kind == "tracked":
+    if kind in TRACKING:
         noise = TrackerNoise(*(np.asarray(each) for each in (3.0, 1e-3, 1e-3, 0.015, 0.0017)))
-        observer = tracked_observer(MUZZLE, noise, 0.02, (0.03, 0.1), braking)
+        observer = TRACKING[kind](MUZZLE, noise, 0.02, (0.03, 0.1), braking)
     else:
         observer = make_observer(kind, MUZZLE, action_scale=(0.03, 0.1), braking=braking)
     sizes = (observer.size, 32, 2)

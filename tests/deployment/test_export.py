@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from archerfish.controllers.policy import policy_from_record
+from archerfish.controllers.policy import TRACKING, policy_from_record
 from archerfish.deployment import export as export_module
 from archerfish.deployment.export import export_policy
 from archerfish.records.errors import InputError
 from archerfish.records.policy import read_policy
 
-KINDS = ("history", "paper", "tracked")
+KINDS = ("history", "paper", "tracked", "multimodel")
 BAR = 1e-5
 
 
@@ -45,7 +45,7 @@ def test_numpy_jax_and_onnx_runtime_agree_over_sequences(kind, exported, inputs,
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_they_agree_at_the_edges(kind, exported, inputs, agreement) -> None:
-    frames = inputs.edge_frames(15_000, 4, signed_zeros=kind != "tracked")
+    frames = inputs.edge_frames(15_000, 4, signed_zeros=kind not in TRACKING)
     with np.errstate(all="ignore"):  # at the pivot there is no direction
         commands = agreement.first_commands(*exported(kind), frames)
     assert max(agreement.largest_differences(commands).values()) < BAR

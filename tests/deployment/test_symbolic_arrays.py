@@ -44,6 +44,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "root and tanh": lambda xp, x: xp.tanh(x) * xp.sqrt(x * x + 1.0),
     "sine and cosine": lambda xp, x: xp.sin(x) + 2.0 * xp.cos(x),
     "exponential": lambda xp, x: xp.exp(x),
+    "logarithm": lambda xp, x: xp.log(xp.maximum(x, 1e-30)),
+    "largest": lambda xp, x: xp.max(x, axis=-1, keepdims=True) * xp.max(x, axis=-1)[..., None],
     "one number": lambda xp, x: x[..., 1],
     "the last number": lambda xp, x: x[..., -1],
     "a part": lambda xp, x: x[..., 1:],

@@ -18,11 +18,15 @@ GRADIENT_ALONE = {name: value for name, value in TRAINING.items() if name.starts
 LINEAR = {"--physics": "linear"}
 
 SHORTER: dict[str, dict[str, str | None]] = {
-    "train": {**PPO_ALONE, "--no-tensorboard": None},
+    "train": {"--target": "still", **GRADIENT_ALONE, "--no-tensorboard": None},
+    "train --target paper": {**PPO_ALONE, "--no-tensorboard": None},
+    "train --target dynamic": {**PPO_ALONE, "--no-tensorboard": None},
+    "train --motion": {**PPO_ALONE, "--no-tensorboard": None},
     "train --trainer gradient": {**GRADIENT_ALONE, "--no-tensorboard": None},
     "train --resume": {},
     "sweep": {**TRAINING, "--engagements": "2", "--in-process": None},
     "evaluate": {"--engagements": "2", "--controllers": "kalman"},
+    "evaluate --target": {"--target": "still", "--engagements": "2", "--controllers": "no-lead"},
     "record sweep": {"--duration-s": "3", **LINEAR},
     "record step": {"--hold-s": "0.5", **LINEAR},
     "record timing": {"--duration-s": "6", "--count": "6", **LINEAR},

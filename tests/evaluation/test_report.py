@@ -7,7 +7,7 @@ import pytest
 
 from archerfish.evaluation.paper_results import PaperFigures
 from archerfish.evaluation.report import write_report
-from archerfish.evaluation.results import Results, read_results, write_results
+from archerfish.evaluation.results import MOTION_TABLES, Cell, Comparison, Results, read_results, write_results
 from archerfish.figures.page import count, duration, number, percent, points
 from archerfish.paper.tables import hit_rate_table
 from archerfish.records.errors import InputError
@@ -216,3 +216,30 @@ def test_a_page_that_can_t_be_written_is_one_clear_error(tmp_path: Path, small: 
 )
 def test_numbers_are_written_for_people(text: str, expected: str) -> None:
     assert text == expected
+
+
+def test_other_motions_have_a_section_per_length_with_a_row_per_motion_and_controller(tmp_path: Path) -> None:
+    cells, pairs = [], []
+    for table in MOTION_TABLES.values():
+        for motion in ("still", "strafe"):
+            for low in (1.0, 2.0):
+                label = {"table": table, "setting": "paper", "range_m": (low, low + 1.0), "command_limit": "gate",
+                         "target": "static" if motion == "still" else "dynamic", "motion": motion}  # fmt: skip
+                hits = {"policy": 90, "kalman": 80}
+                cells += [
+                    Cell(**label, controller=name, policy_seed=seed, hits=hits[name], shots=100, engagements=2, low=0.7,
+                         high=0.95, misses_slewing=0, misses_settled=100 - hits[name])
+                    for name, seed in (("policy", 3), ("kalman", None))
+                ]  # fmt: skip
+                pairs.append(Comparison(**label, controller="policy", policy_seed=3, against="kalman", difference=0.1,
+                                        low=0.05, high=0.15))  # fmt: skip
+    results = Results(seed=0, commit="abc", versions={}, cells=tuple(cells), comparisons=tuple(pairs))
+    write_report(results, tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    for length in (1, 3):
+        assert f"Other motions, engagements of {length} s, limit gate" in page
+        assert (tmp_path / "figures" / f"hit_rates_paper-gate-motions-{length}s.svg").exists()
+    assert page.count("<th>Policy for any target (seed 3)</th>") == 4
+    assert page.count("<th>Policy for any target (seed 3) less Kalman filter</th>") == 4
+    assert page.count('<tr class="group"><th colspan="4">strafe</th></tr>') == 4
+    assert "Tables II and III" not in page.partition("Other motions, engagements of 1 s")[0]

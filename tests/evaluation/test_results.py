@@ -97,7 +97,10 @@ def test_what_a_robot_adds_to_the_file_is_documented_and_survives_it(tmp_path: P
         ({"cells": [CELL, {**CELL, "range_m": [1]}]}, r'field "cells\[1\].range_m" has 1 entries, expected 2'),
         ({"cells": [{**CELL, "hits": 9.5}]}, r'"cells\[0\].hits" is 9.5, expected a whole number'),
         ({"cells": [{k: v for k, v in CELL.items() if k != "hits"}]}, r'field "cells\[0\].hits" is missing'),
-        ({"cells": [{**CELL, "table": "VI"}]}, r"cells\[0\].: table must be one of II, III, IV, V, got 'VI'"),
+        (
+            {"cells": [{**CELL, "table": "VI"}]},
+            r"cells\[0\].: table must be one of II, III, IV, V, motions, .*, got 'VI'",
+        ),
         ({"cells": [{**CELL, "target": "slow"}]}, "target must be one of static, dynamic"),
         ({"cells": [{**CELL, "range_m": [2, 1]}]}, "range_m must be two distances, the smaller one first"),
         ({"cells": [{**CELL, "hits": 101}]}, "hits must lie between 0 and shots"),

@@ -187,7 +187,7 @@ def test_stepping_before_the_beginning_is_refused() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"target": "flying"}, "target must be one of static, dynamic, both, got 'flying'"),
+        ({"target": "flying"}, "target must be one of paper, static, dynamic, any, still, parabola, .*, got 'flying'"),
         ({"observation": "tracked"}, "needs a sensing record"),
         ({"decisions": 0}, "decisions must be at least 1, got 0"),
         ({"action_bound": 0.0}, "action_bound must be finite and > 0"),
@@ -203,3 +203,20 @@ def test_what_can_not_be_used_is_named(options: dict, message: str) -> None:
 def test_an_environment_and_options_to_make_one_are_refused() -> None:
     with pytest.raises(InputError, match="an environment is given, so target can't be"):
         ShootingEnv(make_environment(), target="static")
+
+
+def test_targets_whose_motion_is_drawn_are_met_for_one_second_or_three() -> None:
+    env = ShootingEnv(target="pass", observation="multimodel")
+    lengths = set()
+    for seed in range(8):
+        observation, _ = env.reset(seed=seed)
+        assert env.observation_space.contains(observation)
+        steps, ended = 0, False
+        while not ended:
+            observation, _, terminated, ended, _ = env.step(np.zeros(2, np.float32))
+            assert not terminated
+            steps += 1
+        lengths.add(steps)
+    assert lengths == {50, 150}
+    with pytest.raises(InputError, match=r"motion takes the place of eq \(7\), by which target 'pass' does not move"):
+        make_environment(target="pass", motion="./mine.py:Away")

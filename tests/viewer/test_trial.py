@@ -11,7 +11,7 @@ from archerfish.records.errors import InputError
 from archerfish.targets.own_motion import find_motion
 from archerfish.viewer.choice import RANGES, Choice, Subject, check_choice, chosen_controller, controller_names
 from archerfish.viewer.hand import HandRun
-from archerfish.viewer.motions import HAND, MOTIONS, meet
+from archerfish.viewer.motions import DRAWN_MOTIONS, HAND, MOTIONS, meet
 from archerfish.viewer.score import compared, count_words, difference_words, rate_words, score
 from archerfish.viewer.trial import moment, run_trial
 
@@ -81,7 +81,18 @@ def test_without_dispersion_the_still_target_is_hit_by_every_settled_shot(subjec
     assert np.abs(trial.error[:, 40:]).max() < 3e-3
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("motion", DRAWN_MOTIONS)
+def test_drawn_motions_keep_to_their_own_speeds_in_front_of_the_robot(subject: Subject, motion: str) -> None:
+    slow, fast = (meet(motion, 3.0, speed, subject.conditions, 8, 1, 0) for speed in (0.0, 3.0))
+    times = np.arange(0.0, 1.0, 0.01, dtype=np.float32)
+    way, same = (np.stack([each.motion.position(np.full(8, time)) for time in times]) for each in (slow, fast))
+    np.testing.assert_array_equal(way, same)
+    assert np.all(way[..., 0] > 0.59 * 3.0)
+    speed = np.linalg.norm(np.diff(way, axis=0), axis=-1) / 0.01
+    assert 0.1 < speed.max() <= 3.01
+
+
+@pytest.mark.parametrize("motion", [name for name in MOTIONS if name not in DRAWN_MOTIONS])
 def test_targets_keep_their_distance_and_speed(subject: Subject, motion: str) -> None:
     engagements = meet(motion, 3.0, 0.8, subject.conditions, 8, 1, 0)
     times = np.arange(0.0, 1.0, 0.001, dtype=np.float32)

@@ -1,6 +1,7 @@
 """`archerfish evaluate`: hit rates of policies and classical controllers on the cells of Tables II and III."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -9,7 +10,7 @@ import tyro
 
 from archerfish.cli.compilation_cache import keep_compiled
 from archerfish.cli.hit_rate_table import print_hit_rates, print_where
-from archerfish.cli.options import Folder, JsonFile, OwnMotionName
+from archerfish.cli.options import DrawnTarget, Folder, JsonFile, OwnMotionName
 from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.policy_check import check_policy
 from archerfish.cli.progress import note, progress_bar, require_jax
@@ -34,7 +35,8 @@ class Evaluate:
     """Count the hits of policies and classical controllers.
 
     All of them fight the same engagements with the same dispersion draws: still and moving targets at 1–5 m, the cells
-    of Tables II and III. Give the robot's files and the command limit that the policies were trained with.
+    of Tables II and III, or with --target other motions at the same ranges, for engagements of 1 s and of 3 s. Give the
+    robot's files and the command limit that the policies were trained with.
 
     Writes results.json, report.html, figures and config.json, and prints hit rates with their 95 % intervals, which
     count engagements, not shots, as independent.
@@ -43,6 +45,7 @@ class Evaluate:
       archerfish evaluate runs/train/policy.json
       archerfish evaluate --controllers kalman parabola-lq oracle --command-limit box
       archerfish evaluate --controllers kalman-lq ./mine.py:TwoFrames --motion ./mine.py:Departure
+      archerfish evaluate runs/train/policy.json --target any --controllers kalman-lq imm-lq
       archerfish evaluate policy.json --pitch pitch.json --yaw yaw.json --robot infantry
       archerfish evaluate policy.json --pitch pitch.json --yaw yaw.json --sensing sensing.json --robot me --on worn
     """
@@ -54,18 +57,20 @@ class Evaluate:
     controllers: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME…")] = ("kalman", "kalman-lq", "oracle")
     """Controllers beside them: kalman, kalman-tuned, kalman-lq, imm-lq, parabola-lq, no-lead, vertex, oracle, or your
     own, ./FILE.py:NAME or MODULE:NAME (docs/adding.md)."""
+    target: Literal["paper"] | DrawnTarget = "paper"
+    """Who is shot at: the paper's still and moving targets (paper), each motion of docs/targets.md (any), or one."""
     motion: OwnMotionName = ""
-    """How moving targets move, in the place of eq (7): your own as ./FILE.py:NAME or MODULE:NAME."""
+    """How the paper's moving targets move, in the place of eq (7): your own as ./FILE.py:NAME or MODULE:NAME."""
     setting: RobotOptions = field(default_factory=SettingFiles)
     """The robot."""
     on: Annotated[str, tyro.conf.arg(metavar="NAME|FILE", help_behavior_hint="(default: in the simulator)")] = ""
     """Shoot with this virtual robot (docs/virtual_robot.md), with --sensing for what its program knows of camera and
-    link: the cells of Tables IV and V."""
+    link: of the paper's targets the cells of Tables IV and V."""
     command_limit: Literal["box", "gate", "los-2deg"] = "gate"
     """What the gimbal may be asked: angle ranges (box), also rate and acceleration (gate), or at most 2° ahead of the
     target."""
     engagements: int = 500
-    """Engagements per cell, of 50 shots each."""
+    """Engagements per cell, of 50 shots each; of 150 where they last 3 s."""
     out: Folder = Path("runs/evaluate")
     """Folder for the results."""
     seed: int = 0
@@ -93,7 +98,7 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
     from archerfish.cli.evaluation_run import (  # needs JAX
         EvaluationTask,
         is_stored,
-        run_evaluation,
+        run_evaluations,
         try_own_code,
         untuned,
         with_tuning,
@@ -114,26 +119,38 @@ def run_evaluate(command: Evaluate) -> dict[str, Any]:
         command.controllers,
         policies,
         motion=command.motion,
+        target=command.target,
     )
     if command.on:
         task = replace(task, robot=command.on, tables=("IV", "V"))
     else:
         task = replace(task, controllers=("perfect", *command.controllers))
-    try_own_code(task)
+    tasks = _tasks(task, command.target)
+    for each in tasks:
+        try_own_code(each)
     with run_folder(command.out, make_writer(command)) as folder:
         begun = time.monotonic()
         if untuned(task) and not is_stored(task):
             with progress_bar("tuning", len(untuned(task)), "controllers") as advance:
                 task = with_tuning(task, advance)
-        with progress_bar("evaluating", len(command.controllers) + len(policies), "controllers") as advance:
-            outcomes = run_evaluation(task, advance)
-        results = _results(task, outcomes, time.monotonic() - begun)
+                tasks = tuple(replace(each, tuning=task.tuning) for each in tasks)
+        entrants = len(command.controllers) + len(policies)
+        with progress_bar("evaluating", len(tasks) * entrants, "controllers") as advance:
+            outcomes = run_evaluations(tasks, advance)
+        results = _results(tasks, outcomes, time.monotonic() - begun)
         storage.write_json(folder / "config.json", configuration(command, setting, _read(command)))
         write_results(folder / "results.json", results)
         write_report(results, folder / "report.html", command.out)
     print_hit_rates(results.cells)
     print_where(command.out, results.durations)
     return asdict(results)
+
+
+def _tasks(task: "EvaluationTask", target: str) -> "tuple[EvaluationTask, ...]":
+    """Return the evaluations of a command: one for each length of engagements, where targets are not the paper's."""
+    from archerfish.evaluation.results import MOTION_TABLES
+
+    return (task,) if target == "paper" else tuple(replace(task, seconds=each) for each in MOTION_TABLES)
 
 
 def _remark(command: Evaluate, setting: Setting, policies: tuple[PolicyRecord, ...]) -> None:
@@ -158,6 +175,11 @@ def _check_distinct(policies: tuple[PolicyRecord, ...], command: Evaluate) -> No
 def _check(command: Evaluate) -> None:
     for name in command.controllers:
         find_controller(name)
+    if command.motion and command.target != "paper":
+        raise InputError(
+            f"--motion takes the place of eq (7), by which --target {command.target} does not move; leave one of the "
+            "two out"
+        )
     if command.engagements < 2:
         raise InputError(f"--engagements must be at least 2, got {command.engagements}; intervals need several")
     if command.on:
@@ -166,12 +188,13 @@ def _check(command: Evaluate) -> None:
             raise InputError("--on needs --sensing, as identify sensing writes it: what a program knows of the camera")
 
 
-def _results(task: "EvaluationTask", outcomes: "list[Outcome]", seconds: float) -> "Results":
-    from archerfish.cli.evaluation_run import make_ground
-    from archerfish.evaluation.evaluate import accelerations, cells, comparisons, ground_bounds
+def _results(tasks: "Sequence[EvaluationTask]", outcomes: "Sequence[list[Outcome]]", seconds: float) -> "Results":
+    from archerfish.cli.evaluation_run import make_ground, task_bounds
+    from archerfish.evaluation.evaluate import accelerations, cells, comparisons, hardest
     from archerfish.evaluation.results import Results
 
-    ground = make_ground(task)
+    task, grounds = tasks[0], [make_ground(each) for each in tasks]
+    found = list(zip(tasks, grounds, outcomes, strict=True))
     against = [find_controller(name).name for name in task.controllers if name != "perfect"]
     return Results(
         seed=task.seed,
@@ -179,9 +202,11 @@ def _results(task: "EvaluationTask", outcomes: "list[Outcome]", seconds: float) 
         versions=library_versions(),
         durations={"evaluation": round(seconds, 2)},
         conditions=asdict(task.setting.conditions),
-        cells=tuple(cells(ground, outcomes, ground_bounds(ground, task.seed))),
-        accelerations=tuple(accelerations(ground, outcomes)),
-        comparisons=tuple(each for name in against for each in comparisons(ground, outcomes, name)),
+        cells=tuple(cell for of, ground, done in found for cell in cells(ground, done, task_bounds(of, ground))),
+        accelerations=hardest(each for _, ground, done in found for each in accelerations(ground, done)),
+        comparisons=tuple(
+            each for _, ground, done in found for name in against for each in comparisons(ground, done, name)
+        ),
     )
 
 

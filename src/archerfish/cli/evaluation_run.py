@@ -13,6 +13,7 @@ from archerfish.dynamics.muzzle import muzzle_from_record
 from archerfish.evaluation.bounds.cell_bounds import CellBounds
 from archerfish.evaluation.evaluate import Entrant, Ground, Outcome, compete, ground_bounds, perfect_aim
 from archerfish.evaluation.rehearsal import rehearse
+from archerfish.evaluation.results import MOTION_TABLES
 from archerfish.evaluation.suites import Suite, draw_trials, motion_suites, table_suites
 from archerfish.evaluation.trial import fight
 from archerfish.evaluation.tuning import GRIDS, Tuned, tune
@@ -28,7 +29,7 @@ from archerfish.virtual_robot.description_file import load_robot
 from archerfish.virtual_robot.engagement_world import Known, RobotWorld
 
 TUNING_ENGAGEMENTS = 64
-"""Engagements per cell of the tuning stream."""
+"""Engagements per cell of the tuning stream, where there are no more cells than in the paper's tables."""
 CONTROLLER_NAMES = {"tracked": "history", "multimodel": "policy"}
 """Kind of a policy's observation → name in the results, where they differ: on a robot, `history` tracks."""
 
@@ -161,11 +162,24 @@ def tune_controllers(
       advance: gets how many are done, and the latest.
       engagements: number per cell; `TUNING_ENGAGEMENTS` if not given.
     """
-    ground, found = tuning_ground(task, engagements or TUNING_ENGAGEMENTS), []
+    count, found = engagements or _tuning_engagements(task), []
+    # Who does not know how long an engagement lasts has one setting for all lengths.
+    lengths = [task] if task.target == "paper" else [replace(task, seconds=each) for each in MOTION_TABLES]
+    grounds = [(each, tuning_ground(each, count)) for each in lengths]
     for name in (each for each in task.controllers if each in GRIDS):
-        found.append(tune(name, partial(tuned_rate, task, ground, name)))
+        found.append(tune(name, partial(_mean_rate, grounds, name)))
         advance(len(found), name)
     return found
+
+
+def _tuning_engagements(task: EvaluationTask) -> int:
+    """Return how many engagements per cell keep a tuning as short as for the paper's eight cells."""
+    return max(1, TUNING_ENGAGEMENTS // (len(WAYS) // 2)) if task.target == ANY else TUNING_ENGAGEMENTS
+
+
+def _mean_rate(grounds: Sequence[tuple[EvaluationTask, Ground]], name: str, tuning: Tuning) -> float:
+    rates = [tuned_rate(task, ground, name, tuning) for task, ground in grounds]
+    return sum(rates) / len(rates)
 
 
 def tuning_ground(task: EvaluationTask, engagements: int) -> Ground:
@@ -247,9 +261,19 @@ def run_bounds(
       task: where; its controllers don't matter.
       advance: receives that it is done.
     """
-    found = ground_bounds(make_ground(task), task.seed)
+    found = task_bounds(task, make_ground(task))
     advance(1.0, f"{task.command_limit} bounds")
     return found
+
+
+def task_bounds(task: EvaluationTask, ground: Ground) -> list[CellBounds] | None:
+    """Return a bound for each cell of a task; None where there are none, as for targets that are not the paper's.
+
+    Args:
+      task: which targets.
+      ground: of the task.
+    """
+    return ground_bounds(ground, task.seed) if task.target == "paper" else None
 
 
 def _after(before: float, advance: Callable[[float, str], None]) -> Callable[[float, str], None]:

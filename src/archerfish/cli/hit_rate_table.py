@@ -14,15 +14,18 @@ if TYPE_CHECKING:
 def print_hit_rates(cells: Iterable["Cell"], console: Console | None = None) -> None:
     """Print a table per world and command limit, with a row per controller and a column per range.
 
+    Where targets are not the paper's, each length of engagements has a table of its own.
+
     Args:
       cells: hit rates.
       console: where to; standard output if not given.
     """
     console = console or Console()
     cells = list(cells)
-    for setting, limit in dict.fromkeys((cell.setting, cell.command_limit) for cell in cells):
-        shot = [cell for cell in cells if (cell.setting, cell.command_limit) == (setting, limit)]
-        console.print(_table(f"{setting}, command limit {limit}", shot))
+    for place in dict.fromkeys(map(_place, cells)):
+        setting, limit, length = place
+        where = f"{setting}, command limit {limit}" + (f", engagements of {length}" if length else "")
+        console.print(_table(where, [cell for cell in cells if _place(cell) == place]))
 
 
 def print_where(out: Path, durations: Mapping[str, float]) -> None:
@@ -58,6 +61,12 @@ _FIRED: dict[str, Callable[["Cell"], str]] = {
     "hits/s": lambda cell: f"{cell.hits_per_s or 0.0:.1f}",
 }
 """What stands below a rate of fired shots."""
+
+
+def _place(cell: "Cell") -> tuple[str, str, str]:
+    """Return setting, command limit and the length that a table of other motions than the paper's names."""
+    _, _, length = cell.table.partition("motions, ")
+    return cell.setting, cell.command_limit, length
 
 
 def _target(cell: "Cell") -> str:

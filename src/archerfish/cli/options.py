@@ -1,7 +1,7 @@
 """How options look in --help: placeholders, and defaults in words where no value tells them."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -13,3 +13,9 @@ OwnMotionName = Annotated[str, tyro.conf.arg(metavar="NAME", help_behavior_hint=
 """A target motion of a user's own."""
 Folder = Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
 """A folder for results."""
+PaperTarget = Literal["paper", "static", "dynamic"]
+"""One of `scenario.TARGETS`."""
+DrawnTarget = Literal["any", "still", "parabola", "pass", "strafe", "stop-and-go", "sinusoid", "circle", "singer"]
+"""One of `drawn.DRAWN`."""
+Observation = Literal["history", "paper", "tracked", "multimodel"]
+"""A kind of observation."""

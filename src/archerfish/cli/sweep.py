@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from archerfish.cli.compilation_cache import keep_compiled
-from archerfish.cli.options import Folder, JsonFile
+from archerfish.cli.options import Folder, JsonFile, Observation, PaperTarget
 from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.progress import progress_bar, require_jax
 from archerfish.cli.run_folder import run_folder
@@ -54,7 +54,7 @@ class Sweep:
 
     Examples:
       archerfish sweep --seeds 0 1 2 3
-      archerfish sweep --vary ppo.discount=0.9,0.95 target=both,dynamic --seeds 0 1 --out runs/discounts
+      archerfish sweep --vary ppo.discount=0.9,0.95 target=paper,dynamic --seeds 0 1 --out runs/discounts
       archerfish sweep --vary ppo.actor-learning-rate=3e-4..3e-3:log ppo.clip=0.1..0.3 --trials 20 --ppo.steps 500000
       archerfish sweep --vary trainer=ppo,gradient --seeds 0 1 2 3 4
       archerfish sweep --vary records=paper,runs/infantry command-limit=gate,box --seeds 0 1 2
@@ -79,10 +79,11 @@ class Sweep:
     """How Optuna chooses: from what hit well so far, or blindly."""
     setting: RobotOptions = field(default_factory=SettingFiles)
     """The robot."""
-    target: Literal["paper", "static", "dynamic"] = "paper"
-    """What moves in training: nothing, every target, or half of them."""
+    target: PaperTarget = "paper"
+    """Who is shot at in training: targets of the paper's kind, of which half stand still (paper), all do (static), or
+    none does (dynamic)."""
     observation: Annotated[
-        Literal["history", "paper", "tracked"] | None,
+        Observation | None,
         tyro.conf.arg(help_behavior_hint="(default: tracked with --sensing, else history)"),
     ] = None
     """What the policy sees, as in train."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from archerfish.cli.compilation_cache import keep_compiled
-from archerfish.cli.options import Folder, JsonFile, OwnMotionName, Switch
+from archerfish.cli.options import DrawnTarget, Folder, JsonFile, Observation, OwnMotionName, PaperTarget, Switch
 from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.progress import note, progress_bar, require_jax
 from archerfish.cli.restored_options import contradictions, restore_options, with_default_flags
@@ -24,8 +24,8 @@ from archerfish.cli.setting import (
     load_setting,
 )
 from archerfish.cli.setting_remarks import setting_remarks
+from archerfish.cli.training_defaults import GradientOptions, resolved
 from archerfish.learning.config import PpoConfig
-from archerfish.learning.gradient_config import GradientConfig
 from archerfish.plugins import code_file_name, names_code, not_run, same_code_name
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.plant import PlantRecord
@@ -33,8 +33,10 @@ from archerfish.records.provenance import code_commit, library_versions
 from archerfish.records.storage import field as field_of
 from archerfish.records.storage import file_hash
 from archerfish.simulation.scenario import TARGETS
+from archerfish.targets.drawn import DRAWN
 
 if TYPE_CHECKING:
+    from archerfish.cli.training_run import TrainingTask
     from archerfish.targets.own_motion import OwnMotion
 
 MOST_FRAMES = 64
@@ -69,35 +71,46 @@ class Train:
       archerfish train --seed 1 --out runs/train
       archerfish train --pitch pitch.json --yaw yaw.json --muzzle muzzle.json --robot infantry
       archerfish train --pitch pitch.json --yaw yaw.json --muzzle muzzle.json --sensing sensing.json --robot infantry
+      archerfish train --target strafe --gradient.steps 2000000
       archerfish train --target dynamic --command-limit box --ppo.steps 4000000
-      archerfish train --trainer gradient --seed 1
+      archerfish train --target paper --trainer gradient --seed 1
       archerfish train --resume runs/train
       archerfish train --resume runs/train --motion ./departure.py:Departure
     """
 
     setting: RobotOptions = field(default_factory=SettingFiles)
     """The robot."""
-    target: Literal["paper", "static", "dynamic"] = "paper"
-    """What moves: nothing, every target, or half of them."""
-    observation: Annotated[
-        Literal["history", "paper", "tracked"] | None,
-        tyro.conf.arg(help_behavior_hint="(default: tracked with --sensing, else history)"),
+    target: Annotated[
+        PaperTarget | DrawnTarget | None, tyro.conf.arg(help_behavior_hint="(default: any, or paper with --motion)")
     ] = None
-    """What the policy sees: several frames (history), the paper's six numbers (paper), or what a tracker makes of old
-    and noisy sights (tracked), which needs --sensing."""
+    """Who is shot at: targets that stand still or move in any way (any), or in one way alone (still to singer,
+    docs/targets.md); or the paper's, of which half stand still (paper), all do (static), or none does (dynamic)."""
+    observation: Annotated[
+        Observation | None,
+        tyro.conf.arg(
+            help_behavior_hint="(default: multimodel; for the paper's targets tracked with --sensing, else history)"
+        ),
+    ] = None
+    """What the policy sees: several frames (history), the paper's six numbers (paper), what a tracker makes of old and
+    noisy sights (tracked), which needs --sensing, or what several trackers side by side make of sights of any kind
+    (multimodel)."""
     frames: int = 4
     """Frames that the history observation remembers."""
     motion: OwnMotionName = ""
-    """How moving targets move, in the place of eq (7): your own as ./FILE.py:NAME or MODULE:NAME (docs/adding.md)."""
+    """How the paper's moving targets move, in the place of eq (7): your own as ./FILE.py:NAME or MODULE:NAME
+    (docs/adding.md)."""
     command_limit: Literal["box", "gate", "los-2deg"] = "gate"
     """What the gimbal may be asked: angle ranges (box), also rate and acceleration (gate), or at most 2° ahead of the
     target."""
-    trainer: Literal["ppo", "gradient"] = "ppo"
+    trainer: Annotated[
+        Literal["ppo", "gradient"] | None,
+        tyro.conf.arg(help_behavior_hint="(default: gradient; ppo for the paper's targets)"),
+    ] = None
     """How: by trials, as the paper does (ppo), or along the simulator's own gradients and for hits that count gradually
     (gradient), which is faster and hits more."""
     ppo: PpoConfig = field(default_factory=PpoConfig)
     """Settings of PPO."""
-    gradient: GradientConfig = field(default_factory=GradientConfig)
+    gradient: GradientOptions = field(default_factory=GradientOptions)
     """Settings of training by gradients."""
     out: Folder = Path("runs/train")
     """Folder for the policy and everything about its training."""
@@ -173,13 +186,13 @@ def run_train(command: Train) -> dict[str, Any]:
     Raises:
       InputError: if a record can't be used, a setting is out of range, or the training diverges.
     """
-    observation = command.observation or ("history" if command.setting.sensing is None else "tracked")
-    _check(command, observation)
+    command = resolved(command)
+    _check(command)
     require_jax("train")
     keep_compiled()
     from archerfish.cli.live_run import configuration_file, live_run, read_configuration
     from archerfish.cli.training_log import has_tensorboard
-    from archerfish.cli.training_run import TrainingTask, run_task, write_run
+    from archerfish.cli.training_run import run_task, write_run
     from archerfish.learning.shards import claim_devices
 
     settings = command.gradient if command.trainer == "gradient" else command.ppo
@@ -211,20 +224,7 @@ def run_train(command: Train) -> dict[str, Any]:
             live.begin(
                 {**configuration(command, setting), "devices": devices, **code}, *_files(command.setting, setting)
             )
-        task = TrainingTask(
-            setting=setting,
-            static_share=TARGETS[command.target],
-            observation=observation,
-            frames=command.frames,
-            command_limit=command.command_limit,
-            ppo=command.ppo,
-            seed=command.seed,
-            asymmetric=observation == "tracked",
-            stop_at_hit_rate=command.stop_at_hit_rate,
-            trainer=command.trainer,
-            gradient=command.gradient,
-            motion=command.motion,
-        )
+        task = _task(command, setting)
         with progress_bar("training", task.decisions, "decisions") as advance:
             result = run_task(task, advance, live)
         write_run(live.results, result, read_configuration(command.out))
@@ -242,12 +242,36 @@ def run_train(command: Train) -> dict[str, Any]:
     return summary
 
 
-def _check(command: Train, observation: str) -> None:
-    other = {"ppo": "gradient", "gradient": "ppo"}[command.trainer]
-    if getattr(command, other) != {"ppo": PpoConfig(), "gradient": GradientConfig()}[other]:
+def _task(command: Train, setting: Setting) -> "TrainingTask":
+    """Return the training of a resolved command."""
+    from archerfish.cli.training_run import TrainingTask, sees_truth
+
+    target, observation, trainer = str(command.target), str(command.observation), str(command.trainer)
+    return TrainingTask(
+        setting=setting,
+        static_share=TARGETS.get(target, 0.0),
+        observation=observation,
+        frames=command.frames,
+        command_limit=command.command_limit,
+        ppo=command.ppo,
+        seed=command.seed,
+        asymmetric=sees_truth(trainer, observation),
+        stop_at_hit_rate=command.stop_at_hit_rate,
+        trainer=trainer,
+        gradient=command.gradient,
+        motion=command.motion,
+        target=target if target in DRAWN else "",
+    )
+
+
+def _check(command: Train) -> None:
+    """Refuse what a resolved command can't mean."""
+    other = "ppo" if command.trainer == "gradient" else "gradient"
+    untouched = {"ppo": PpoConfig(), "gradient": GradientOptions().settled(str(command.target))}
+    if getattr(command, other) != untouched[other]:
         problem = f"--{other}.… says nothing to --trainer {command.trainer}"
         raise InputError(f"{problem}; leave it out, or say --trainer {other}")
-    if observation == "history" and not 2 <= command.frames <= MOST_FRAMES:
+    if command.observation == "history" and not 2 <= command.frames <= MOST_FRAMES:
         raise InputError(f"--frames must be from 2 (one frame shows no motion) to {MOST_FRAMES}, got {command.frames}")
     if not 0 <= command.checkpoint_every < math.inf:
         raise InputError(f"--checkpoint-every must be at least 0 s, got {command.checkpoint_every}")

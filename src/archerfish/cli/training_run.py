@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.cli.early_stop import hit_rate_stop
+from archerfish.cli.early_stop import hit_rate_stop, stopping_suites
 from archerfish.cli.live_run import LiveRun
 from archerfish.cli.setting import Setting, setting_world
 from archerfish.cli.training_folders import DIVERGED, FAULT
@@ -43,6 +43,7 @@ from archerfish.records.provenance import provenance
 from archerfish.simulation.assembly import environment_in, observer_in
 from archerfish.simulation.environment import ShootingEnvironment
 from archerfish.simulation.reward import EQ_8, Reward
+from archerfish.simulation.scenario import LONG_S, SHORT
 from archerfish.targets.own_motion import find_motion
 
 TRAINERS: dict[str, Trainer] = {"ppo": PPO, "gradient": GRADIENT}
@@ -58,6 +59,17 @@ REWARDS: dict[str, dict[str, Reward]] = {
     "gradient": {"history": SMOOTH, "paper": EQ_8, "tracked": SMOOTH, "multimodel": SMOOTH},
 }
 """Trainer → kind of observation → what a decision is worth; the paper's six numbers get the paper's eq (8)."""
+
+
+def sees_truth(trainer: str, observation: str) -> bool:
+    """Tell whether a critic is to see where the target really is and will be: where the policy sees old sights.
+
+    Args:
+      trainer: one of `TRAINERS`.
+      observation: kind of what the policy sees.
+    """
+    # Training by gradients has no critic.
+    return observation == "tracked" or (observation == "multimodel" and trainer == "ppo")
 
 
 @dataclass(frozen=True)
@@ -106,12 +118,22 @@ class TrainingTask:
         """What a decision is worth."""
         return REWARDS[self.trainer][self.observation]
 
+    @property
+    def mean_length(self) -> float:
+        """Decisions of an engagement, on average."""
+        conditions = self.setting.conditions
+        if not self.target:
+            return conditions.decisions
+        share, short_s = SHORT
+        return (share * short_s + (1.0 - share) * LONG_S) / conditions.control_period_s
+
     def facts(self) -> dict[str, Any]:
         """Return what a run folder's config.json holds of a training that is part of a larger run."""
         names = ("static_share", "observation", "frames", "command_limit", "seed", "asymmetric", "trainer")
         return {
             "setting": self.setting.name,
             **{name: getattr(self, name) for name in names},
+            **({"target": self.target} if self.target else {}),
             self.trainer: asdict(self.config),
             "reward": {name: float(value) for name, value in self.reward._asdict().items()},
             "conditions": asdict(self.setting.conditions),
@@ -151,7 +173,7 @@ def run_task(
     """
     begun = time.monotonic()
     environment = _environment(task)
-    batch, length, best = task.config.batch, task.setting.conditions.decisions, 0.0
+    batch, length, best = task.config.batch, task.mean_length, 0.0
 
     def tell(standing: Standing) -> None:
         nonlocal best
@@ -169,7 +191,8 @@ def run_task(
         if live is not None:
             live.watch(standing)
 
-    enough = hit_rate_stop(task.stop_at_hit_rate, task.setting, environment, task.static_share, task.seed, task.motion)
+    suites = stopping_suites(task.setting, environment, task.static_share, task.motion, task.target)
+    enough = hit_rate_stop(task.stop_at_hit_rate, task.setting, environment, suites, task.seed)
     course = Course(resume, watch, enough)
     try:
         trained = train(environment, task.config, task.seed, trainer=TRAINERS[task.trainer], course=course)
@@ -195,7 +218,7 @@ def _environment(task: TrainingTask) -> ShootingEnvironment:
 
 def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Trained, begun: float) -> TrainingResult:
     setting, conditions = task.setting, task.setting.conditions
-    mean_return = trained.curve.mean_reward.astype(float) * conditions.decisions
+    mean_return = trained.curve.mean_reward.astype(float) * task.mean_length
     policy = policy_to_record(
         trained_policy(environment.observer, trained.learner),
         period_s=conditions.control_period_s,
@@ -214,7 +237,7 @@ def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Train
     return TrainingResult(policy, trained.learner, trained.curve, mean_return, time.monotonic() - begun, digest)
 
 
-def _note(standing: Standing, length: int, best: float) -> str:
+def _note(standing: Standing, length: float, best: float) -> str:
     """Return the words beside the progress bar: return and share of hits of the last rollouts, and the best share."""
     said = f"{length * float(standing.parts[-1].mean_reward[-1]):.2f} m"
     return f"{said}, hit {_hit_share(standing):.1%} ({best:.1%})"

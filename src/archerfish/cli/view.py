@@ -66,7 +66,9 @@ class View:
     """Who steers first, and who meets the same engagements after it: policy, kalman, kalman-tuned, kalman-lq, imm-lq,
     parabola-lq, no-lead, vertex, oracle, or one of your own (./FILE.py:NAME, docs/adding.md)."""
     target: Annotated[str, tyro.conf.arg(metavar="NAME")] = "parabola"
-    """How the target moves at first: parabola, still, straight, circle, swing, hand, or one of your own."""
+    """How the target moves at first: parabola, still, straight, circle, swing, hand; pass, strafe, stop-and-go,
+    sinusoid, singer, drawn-parabola, drawn-circle or any, whose speeds are their own (docs/targets.md); or one
+    of your own."""
     distance_m: float = 3.0
     """Distance of the target at first."""
     setting: RobotOptions = field(default_factory=SettingFiles)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from archerfish.deployment.symbol import BOOL, FLOAT, Symbol, arithmetic, elementwise, expanded, operand
+from archerfish.deployment.symbol import BOOL, FLOAT, Shape, Symbol, arithmetic, elementwise, expanded, operand
 from archerfish.deployment.symbol import reshaped as _reshaped
 
 _SERIES_BELOW = 0.25
@@ -59,6 +59,10 @@ class SymbolicArrays:
     def exp(self, x: Any) -> Any:
         """Return e to a power."""
         return _numbers("Exp", np.exp, x)
+
+    def log(self, x: Any) -> Any:
+        """Return the natural logarithm."""
+        return _numbers("Log", np.log, x)
 
     def sin(self, x: Any) -> Any:
         """Return the sine."""
@@ -121,9 +125,16 @@ class SymbolicArrays:
         if not _symbolic(x):
             return np.sum(x, axis=axis, keepdims=keepdims)
         axis %= x.ndim
-        shape = (*x.shape[:axis], *((1,) if keepdims else ()), *x.shape[axis + 1 :])
         inputs = (x, np.array([axis], np.int64))
-        return Symbol("ReduceSum", inputs, shape, FLOAT, "", (("keepdims", int(keepdims)),))
+        return Symbol("ReduceSum", inputs, _without(x, axis, keepdims), FLOAT, "", (("keepdims", int(keepdims)),))
+
+    def max(self, x: Any, axis: int, keepdims: bool = False) -> Any:
+        """Return the largest along an axis."""
+        if not _symbolic(x):
+            return np.max(x, axis=axis, keepdims=keepdims)
+        axis %= x.ndim
+        attributes = (("axes", (axis,)), ("keepdims", int(keepdims)))
+        return Symbol("ReduceMax", (x,), _without(x, axis, keepdims), FLOAT, "", attributes)
 
     def atan2(self, y: Any, x: Any) -> Any:
         """Return the angle of (x, y), −π…π.
@@ -158,7 +169,7 @@ class SymbolicArrays:
         # 2 artanh(s) with s = x / (2 + x), |s| < 1/7: four terms of 2 s (1 + s²/3 + …) leave less than 2e-8 of it.
         share = x / (2.0 + x)
         series = 2.0 * share * _horner(share * share, [1.0 / (2 * power + 1) for power in range(4)])
-        return self.where(self.abs(x) < _SERIES_BELOW, series, _numbers("Log", np.log, 1.0 + x))
+        return self.where(self.abs(x) < _SERIES_BELOW, series, self.log(1.0 + x))
 
 
 SYMBOLIC = SymbolicArrays()
@@ -171,6 +182,11 @@ def _symbolic(*values: Any) -> bool:
 
 def _numbers(operation: str, numpy_function: Callable[..., Any], *values: Any) -> Any:
     return arithmetic(operation, *values) if _symbolic(*values) else numpy_function(*values)
+
+
+def _without(x: Symbol, axis: int, keepdims: bool) -> Shape:
+    """Return the shape of an array of which one axis is summed up, or the like."""
+    return (*x.shape[:axis], *((1,) if keepdims else ()), *x.shape[axis + 1 :])
 
 
 def _is_negative(x: Any) -> Any:

@@ -86,7 +86,7 @@ def if_any(condition: Array, then: Callable[[], Any], otherwise: Callable[[], An
 
 
 def without_gradient(array: Array) -> Array:
-    """Return an array as it is, through which no gradient goes back under JAX."""
+    """Return an array of any shape as it is, through which no gradient goes back under JAX."""
     if not getattr(namespace(array), "__name__", "").startswith("jax"):
         return array
     import jax  # only where the array is JAX's already: the robot has none

@@ -182,6 +182,16 @@ def accelerations(ground: Ground, outcomes: Iterable[Outcome]) -> list[Accelerat
     ]
 
 
+def hardest(found: Iterable[Acceleration]) -> tuple[Acceleration, ...]:
+    """Keep of each entrant the largest acceleration, where several evaluations tell one each."""
+    largest: dict[tuple[str, str, str, int | None], Acceleration] = {}
+    for each in found:
+        key = (each.setting, each.command_limit, each.controller, each.policy_seed)
+        if key not in largest or each.yaw_rad_s2 > largest[key].yaw_rad_s2:
+            largest[key] = each
+    return tuple(largest.values())
+
+
 def comparisons(ground: Ground, outcomes: list[Outcome], against: str) -> list[Comparison]:
     """Compare every trained entrant with another one, paired by engagement and dispersion draw.
 

@@ -25,13 +25,13 @@ from archerfish.simulation.environment import HIDDEN, PureWorld, ShootingEnviron
 from archerfish.simulation.reward import EQ_8, Reward
 from archerfish.simulation.scenario import LONG_S, SHORT, TARGETS, draw_engagement
 from archerfish.simulation.setting import make_scenario, make_world, paper_muzzle
-from archerfish.targets.drawn import ANY, WAYS, drawn_motion
+from archerfish.targets.drawn import DRAWN, drawn_motion
 from archerfish.targets.own_motion import OwnMotion, check_paths, find_motion
 
 PAPER = "paper"
+"""The plant that needs no file."""
 _CHECKED = 400
 """Targets of a user's own motion that are looked at before anything is trained on them."""
-"""The plant that needs no file."""
 Plants = str | Path | tuple[PlantRecord, PlantRecord]
 """The paper's gimbal, a folder with pitch.json and yaw.json, or the records of pitch and yaw."""
 
@@ -68,11 +68,14 @@ def make_environment(
     Raises:
       InputError: if a name is unknown, or a record can't be used.
     """
-    drawn = (ANY, *WAYS)
-    if target not in (*TARGETS, *drawn):
-        raise InputError(f"target must be one of {', '.join((*TARGETS, *drawn))}, got {target!r}")
+    if target not in (*TARGETS, *DRAWN):
+        raise InputError(f"target must be one of {', '.join((*TARGETS, *DRAWN))}, got {target!r}")
     conditions = assumed_conditions()
-    usual = round(LONG_S / conditions.control_period_s) if target in drawn else conditions.decisions
+    usual = round(LONG_S / conditions.control_period_s) if target in DRAWN else conditions.decisions
+    if motion and target in DRAWN:
+        raise InputError(
+            f"motion takes the place of eq (7), by which target {target!r} does not move; leave one of the two out"
+        )
     length = usual if decisions is None else decisions
     if length < 1:
         raise InputError(f"decisions must be at least 1, got {length}")
@@ -89,7 +92,7 @@ def make_environment(
         TARGETS.get(target, 0.0),
         Reward(hit=np.float32(hit_bonus)),
         motion=own,
-        target=target if target in drawn else "",
+        target=target if target in DRAWN else "",
     )
     return environment._replace(length=np.asarray(length, np.int32))
 

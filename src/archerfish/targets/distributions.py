@@ -5,6 +5,7 @@ championship of 2026: 613 games, of which we evaluated 103). Positions once a se
 times between turns are assumed, over a wide range.
 """
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
@@ -30,7 +31,8 @@ class Distribution(NamedTuple):
 
     def draw(self, uniform: Array) -> Array:
         """Turn uniform draws in [0, 1), shape B, into values, shape B: the inverse of the distribution function."""
-        values = np.log(self.value) if self.logarithmic else np.asarray(self.value)
+        # Plain numbers, so that float32 stays float32.
+        values = [math.log(each) if self.logarithmic else each for each in self.value]
         xp = namespace(uniform)
         found = values[0] + 0.0 * uniform
         for low, high, begin, end in zip(self.share, self.share[1:], values, values[1:], strict=False):

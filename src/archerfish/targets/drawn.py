@@ -32,6 +32,8 @@ WAYS: Mapping[str, Callable[[Array, Array], Array]] = MappingProxyType(
 """Motion → its level way at `path.TIMES`, of uniform draws, shape B + (n,), and the engagement's length [s]."""
 ANY = "any"
 """All of them and the paper's own eq (7), mixed by `MIXTURE`."""
+DRAWN = (ANY, *WAYS)
+"""All names that `drawn_motion` takes."""
 MIXTURE: Mapping[str, float] = MappingProxyType(
     {
         "still": 1.5,

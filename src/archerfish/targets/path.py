@@ -32,8 +32,8 @@ class Path(NamedTuple):
         xp = namespace(self.places, time)
         count, batch = self.places.shape[-2], self.places.shape[:-2]
         at = xp.clip((time - self.begin) / self.step, 0.0, count - 1.0)
-        before = xp.clip(xp.astype(xp.floor(at), xp.int32), 0, count - 2)
-        share = (at - before)[..., None]
+        whole = xp.clip(xp.floor(at), 0.0, count - 2.0)
+        before, share = xp.astype(whole, xp.int32), (at - whole)[..., None]
         # Rows of one table, so that a path may meet several times at once by broadcasting.
         rows = xp.reshape(self.places, (-1, 3))
         member = xp.reshape(xp.arange(int(np.prod(batch)), dtype=xp.int32), batch)

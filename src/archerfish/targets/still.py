@@ -22,4 +22,5 @@ class Static(NamedTuple):
 
 def still_way(chance: Array, duration: Array) -> Array:  # noqa: ARG001 (as every motion's)
     """Return no way at all, shape B + (n,) → B + (N, 2)."""
-    return 0.0 * chance[..., :1, None] + np.zeros((len(TIMES), 2), np.float32)
+    nowhere = 0.0 * chance[..., :1, None]
+    return nowhere + lift(np.zeros((len(TIMES), 2), np.float32), nowhere)

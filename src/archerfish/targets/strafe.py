@@ -2,7 +2,7 @@
 
 import math
 
-from archerfish.dynamics.array_namespace import Array, namespace
+from archerfish.dynamics.array_namespace import Array, lift, namespace
 from archerfish.targets.distributions import draw_parameters, way_along
 from archerfish.targets.legs import driven, leg_ends
 
@@ -17,4 +17,5 @@ def strafe_way(chance: Array, duration: Array) -> Array:  # noqa: ARG001 (as eve
     to_left = xp.where(chance[..., 5] < 0.5, 0.0, math.pi)
     ends = leg_ends(mean, irregularity, chance[..., 7 : 7 + LEGS], chance[..., 6])
     signs = xp.asarray([-2.0 if leg % 2 == 0 else 2.0 for leg in range(LEGS)], dtype=chance.dtype)
-    return way_along(heading + to_left, driven(speed, speed[..., None] * signs, ends, acceleration))
+    changes = speed[..., None] * lift(signs, ends)
+    return way_along(heading + to_left, driven(speed, changes, ends, acceleration))

@@ -1,4 +1,4 @@
-"""The target motions that the page offers, each at a distance and a speed that a person chooses."""
+"""The target motions that the page offers, each at a distance that a person chooses, and most at a chosen speed."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -12,6 +12,8 @@ from archerfish.paper.conditions import Conditions
 from archerfish.records.errors import InputError
 from archerfish.sensing.interfaces import Engagement
 from archerfish.targets.circle import Circle
+from archerfish.targets.drawn import ANY, WAYS, drawn_motion
+from archerfish.targets.drawn import CHANCES as DRAWN_CHANCES
 from archerfish.targets.motion import TargetMotion
 from archerfish.targets.own_motion import CHANCES, OwnMotion, check_paths
 from archerfish.targets.parabola import Parabola
@@ -42,6 +44,8 @@ class Draw(NamedTuple):
     """Part of the cycle gone at time zero, 0…1, shape (n,)."""
     side: Floats
     """Way of going: −1 to the right, 1 to the left, shape (n,)."""
+    chance: Floats
+    """For motions with parameters of their own, shape (n, `drawn.CHANCES`)."""
 
 
 def _still(draw: Draw, conditions: Conditions) -> TargetMotion:  # noqa: ARG001
@@ -71,12 +75,27 @@ def _swing(draw: Draw, conditions: Conditions) -> TargetMotion:  # noqa: ARG001
     return Sinusoid(draw.place, amplitude, frequency, 2.0 * np.pi * draw.phase)
 
 
+def _drawn(name: str) -> Callable[[Draw, Conditions], TargetMotion]:
+    def build(draw: Draw, conditions: Conditions) -> TargetMotion:
+        motion: TargetMotion = drawn_motion(name).path(
+            draw.place, draw.chance, np.full(len(draw.place), conditions.engagement_s)
+        )
+        return motion
+
+    return build
+
+
+DRAWN_MOTIONS = {
+    f"drawn-{name}" if name in ("parabola", "circle") else name: name for name in (*WAYS, ANY) if name != "still"
+}
+"""Name on the page → name in `targets.drawn`: motions whose speeds, too, are drawn."""
 MOTIONS: dict[str, Callable[[Draw, Conditions], TargetMotion]] = {
     "parabola (the paper's)": _parabola,
     "still": _still,
     "straight across": _line,
     "circle": _circle,
     "swing": _swing,
+    **{shown: _drawn(name) for shown, name in DRAWN_MOTIONS.items()},
 }
 """Name on the page → builder."""
 
@@ -97,7 +116,7 @@ def meet(
       motion: one of `MOTIONS` or of `own`. It may be the word of a stranger at the page: nothing is looked up by it
         but these.
       distance: of the middle of the targets' way [m].
-      speed: of the targets [m/s].
+      speed: of the targets [m/s]; those of `DRAWN_MOTIONS` have speeds of their own.
       conditions: height, offsets, start of the gimbal.
       count: n engagements.
       plants: number of posterior draws of the world's plant.
@@ -113,9 +132,10 @@ def meet(
         [np.full(count, distance), reach * (2.0 * side - 1.0), np.full(count, conditions.armor_height)], axis=-1
     )
     if motion in MOTIONS:
-        targets = MOTIONS[motion](Draw(place, speed, phase, np.where(way < 0.5, -1.0, 1.0)), conditions)
-    elif motion in own:
         # 72 and 73 are of the dispersion, in films and by hand.
+        chance = np.random.default_rng([seed, 75]).random((count, DRAWN_CHANCES))
+        targets = MOTIONS[motion](Draw(place, speed, phase, np.where(way < 0.5, -1.0, 1.0), chance), conditions)
+    elif motion in own:
         targets = _own(own[motion], place, speed, conditions, np.random.default_rng([seed, 74]))
     else:
         raise InputError(f"motion must be one of {', '.join((*MOTIONS, *own))}, got {motion!r}")

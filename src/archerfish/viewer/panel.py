@@ -8,6 +8,7 @@ import numpy as np
 from viser import uplot
 
 from archerfish.viewer.choice import RANGES, Choice, Subject, controller_names, motion_names
+from archerfish.viewer.motions import DRAWN_MOTIONS
 from archerfish.viewer.playback import PACES
 from archerfish.viewer.scene import VIEWPOINTS
 from archerfish.viewer.trial import Floats
@@ -95,6 +96,9 @@ class Player:
             self._plot.data = (np.asarray(time, np.float64), *(np.asarray(each, np.float64) for each in curves))
 
 
+_SPEED_HINT = f"says nothing to {', '.join(DRAWN_MOTIONS)}: their speeds are their own"
+
+
 class Controls:
     """What a trial is chosen with, and what is told of it."""
 
@@ -115,7 +119,7 @@ class Controls:
             swap = gui.add_button("Same engagement, other controller")
             self._motion = gui.add_dropdown("Target", motion_names(subject), initial_value=first.motion)
             self._distance = gui.add_slider("Distance [m]", *RANGES["distance"], 0.1, first.distance)
-            self._speed = gui.add_slider("Speed [m/s]", *RANGES["speed"], 0.05, first.speed)
+            self._speed = gui.add_slider("Speed [m/s]", *RANGES["speed"], 0.05, first.speed, hint=_SPEED_HINT)
             self._dispersion = gui.add_slider(
                 "Dispersion [×]", *RANGES["dispersion"], 0.1, first.dispersion, hint=f"times {1e3 * deviation:.2g} mrad"
             )

@@ -8,7 +8,7 @@ from archerfish.records.errors import InputError
 
 
 def test_values_have_the_type_of_their_parameter():
-    axes = parse_vary(["ppo.clip=0.1,1", "ppo.hidden=32,64", "ppo.anneal=true,False", "target=both,static"])
+    axes = parse_vary(["ppo.clip=0.1,1", "ppo.hidden=32,64", "ppo.anneal=true,False", "target=paper,static"])
     assert axes == (
         Values("ppo.clip", (0.1, 1.0)),
         Values("ppo.hidden", (32, 64)),
@@ -26,14 +26,14 @@ def test_a_range_is_linear_or_logarithmic_whole_or_not():
 
 
 def test_a_grid_has_every_combination_once_the_last_changing_fastest():
-    axes = parse_vary(["ppo.clip=0.1,0.2", "target=both,static,dynamic"])
+    axes = parse_vary(["ppo.clip=0.1,0.2", "target=paper,static,dynamic"])
     found = [tuple(each.values()) for each in grid(axes)]
     assert found == [(clip, target) for clip in (0.1, 0.2) for target in ("paper", "static", "dynamic")]
     assert grid([]) == [{}]
 
 
 def test_corners_hold_every_value_and_both_ends():
-    axes = parse_vary(["ppo.clip=0.1..0.3", "target=both,static,dynamic"])
+    axes = parse_vary(["ppo.clip=0.1..0.3", "target=paper,static,dynamic"])
     found = corners(axes)
     assert {each["ppo.clip"] for each in found} == {0.1, 0.3}
     assert {each["target"] for each in found} == {"paper", "static", "dynamic"}
@@ -55,7 +55,7 @@ def test_a_misspelt_parameter_is_named_with_all_that_there_are():
         (["ppo.clip=0.1,nan"], "expected a finite number, got 'nan'"),
         (["ppo.hidden=3.5"], "expected a whole number, got '3.5'"),
         (["ppo.anneal=maybe"], "expected true or false"),
-        (["target=flying"], "expected one of static, dynamic, both"),
+        (["target=flying"], "expected one of paper, static, dynamic"),
         (["ppo.clip=0.1,0.10"], "a value is given twice"),
         (["ppo.clip=0.1", "ppo.clip=0.2"], "gives ppo.clip twice"),
         (["ppo.clip=0.3..0.1"], "lower end must lie below"),

@@ -8,7 +8,7 @@ from typing import Any, get_type_hints
 
 from archerfish.cli.setting import Setting, SettingFiles, load_setting
 from archerfish.cli.train import MOST_FRAMES
-from archerfish.cli.training_run import REWARDS, TRAINERS, TrainingTask
+from archerfish.cli.training_run import REWARDS, TRAINERS, TrainingTask, sees_truth
 from archerfish.learning.config import PpoConfig
 from archerfish.learning.gradient_config import GradientConfig
 from archerfish.records.errors import InputError
@@ -155,6 +155,7 @@ def make_task(base: Base, values: Mapping[str, Value], seed: int, settings: Mapp
         raise InputError(f"frames must be from 2 (one frame shows no motion) to {MOST_FRAMES}, got {frames}")
     if observation == "tracked" and setting.sensing is None:
         raise InputError("the tracked observation needs a sensing record; give --sensing, or --observation history")
+    trainer = chosen.get("trainer", base.trainer)
     return TrainingTask(
         setting=setting,
         static_share=TARGETS[chosen.get("target", base.target)],
@@ -163,8 +164,8 @@ def make_task(base: Base, values: Mapping[str, Value], seed: int, settings: Mapp
         command_limit=chosen.get("command-limit", base.command_limit),
         ppo=replace(base.ppo, **ppo),
         seed=seed,
-        asymmetric=observation == "tracked",
-        trainer=chosen.get("trainer", base.trainer),
+        asymmetric=sees_truth(trainer, observation),
+        trainer=trainer,
         gradient=replace(base.gradient, **gradient),
     )
 

@@ -36,10 +36,12 @@ def headline(results: Results, setting: str) -> Headline | None:
     """Say how the policy does beside the other controllers and the bound, under `gate` if it was shot there.
 
     Returns:
-      None if no history policy was evaluated.
+      None if neither a history policy nor one for any target was evaluated.
     """
     simulated = [each for each in results.cells if each.setting == setting and each.table in {"II", "III"}]
-    shot = {each.command_limit for each in simulated if each.controller == "history"}
+    # The policy for the paper's targets, or where there is none, that for any.
+    mine = next((name for name in ("history", "policy") if any(each.controller == name for each in simulated)), "")
+    shot = {each.command_limit for each in simulated if each.controller == mine}
     limits = [limit for limit in LIMITS if limit in shot]
     if not limits:
         return None
@@ -47,42 +49,40 @@ def headline(results: Results, setting: str) -> Headline | None:
     cells = [each for each in simulated if each.command_limit == limit]
     picked = {
         name: cells_of(cells, setting=setting, command_limit=limit, controller=name)
-        for name in ("history", "paper", "kalman", "oracle")
+        for name in (mine, "paper", "kalman", "oracle")
     }
     differences = comparisons_of(
-        results.comparisons, setting=setting, command_limit=limit, controller="history", against="kalman"
+        results.comparisons, setting=setting, command_limit=limit, controller=mine, against="kalman"
     )
     informed = [
         (
             name,
-            comparisons_of(
-                results.comparisons, setting=setting, command_limit=limit, controller="history", against=name
-            ),
+            comparisons_of(results.comparisons, setting=setting, command_limit=limit, controller=mine, against=name),
         )
         for name in ("kalman-tuned", "kalman-lq", "imm-lq", "parabola-lq")
     ]
     sentence = (
-        f"{LIMITS[limit].opening}, {_rates_sentence(picked)}{withheld_sentence(picked)}"
-        f"{_margin_sentence(picked, differences)}"
+        f"{LIMITS[limit].opening}, {_rates_sentence(picked, mine)}{withheld_sentence(picked)}"
+        f"{_margin_sentence(picked, differences, mine)}"
         f"{''.join(_informed_sentence(name, pairs) for name, pairs in informed if pairs)}"
     )
     return Headline(
         sentence=sentence.replace(" %", "\u00a0%"),
         caption=f"Command limit {limit}, {min(cell.engagements for cell in cells)} engagements a cell.",
-        drawing=rates_drawing(cells, ("history", "kalman", "kalman-lq", "oracle"), printed=False),
+        drawing=rates_drawing(cells, (mine, "kalman", "kalman-lq", "oracle"), printed=False),
     )
 
 
-def _rates_sentence(picked: Mapping[str, Mapping[CellKey, Cell]]) -> str:
+def _rates_sentence(picked: Mapping[str, Mapping[CellKey, Cell]], mine: str) -> str:
     phrases = {
-        "history": "the trained policy hits {} % of its shots",
+        mine: "the trained policy hits {} % of its shots",
         "paper": "the policy of the paper’s six numbers {} %",
         "kalman": "the Kalman filter {} %",
         "oracle": "an oracle that knows path and plant {} %",
     }
     rates = {name: pooled_rate(cells.values()) for name, cells in picked.items()}
     said = [phrases[name].format(percent(rate)) for name, rate in rates.items() if rate is not None]
-    return ", ".join(said) + f" (all {len(picked['history'])} cells together)."
+    return ", ".join(said) + f" (all {len(picked[mine])} cells together)."
 
 
 def withheld_sentence(picked: Mapping[str, Mapping[CellKey, Cell]]) -> str:
@@ -111,7 +111,9 @@ def _informed_sentence(against: str, differences: Mapping[CellKey, Comparison]) 
     )
 
 
-def _margin_sentence(picked: Mapping[str, Mapping[CellKey, Cell]], differences: Mapping[CellKey, Comparison]) -> str:
+def _margin_sentence(
+    picked: Mapping[str, Mapping[CellKey, Cell]], differences: Mapping[CellKey, Comparison], mine: str
+) -> str:
     sentence = ""
     if differences:
         least = min(differences.values(), key=lambda each: each.difference)
@@ -120,9 +122,9 @@ def _margin_sentence(picked: Mapping[str, Mapping[CellKey, Cell]], differences: 
             f"the paired interval clear of zero; the smallest difference is {points(least.difference)} points "
             f"({points(least.low)} to {points(least.high)})."
         )
-    portions = shares(picked["history"], picked["oracle"])
+    portions = shares(picked[mine], picked["oracle"])
     if portions:
         sentence += f" In every cell it reaches at least {percent(min(portions.values()))} % of the oracle’s rate"
-        of_bound = bound_shares(picked["history"])
+        of_bound = bound_shares(picked[mine])
         sentence += f", and {percent(min(of_bound.values()))} % of what is proven possible." if of_bound else "."
     return sentence

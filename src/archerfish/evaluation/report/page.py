@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from archerfish.evaluation.comparison import cells_of, shares
 from archerfish.evaluation.paper_results import LearningCurves
 from archerfish.evaluation.report.contents import TITLES, contents
 from archerfish.evaluation.report.headline import Headline, headline
+from archerfish.evaluation.report.motion_section import MotionSection, motion_sections, of_paper
 from archerfish.evaluation.report.rate_tables import (
     Column,
     RateTable,
@@ -76,19 +78,24 @@ def write_report(results: Results, path: Path, folder: Path | None = None) -> No
 
 
 def _page(results: Results, gallery: _Gallery, folder: Path) -> str:
+    everything, motions = results, [_drawn(each, gallery) for each in motion_sections(results)]
+    results = replace(results, cells=of_paper(results.cells), comparisons=of_paper(results.comparisons))
     settings = list(dict.fromkeys(cell.setting for cell in results.cells if cell.table in SIMULATED)) or ["paper"]
-    main, paper = "paper" if "paper" in settings else settings[0], _paper_part(results)
+    main, paper = "paper" if "paper" in settings else settings[0], _paper_part(results, bool(motions))
     sections = [_drawn(each, gallery) for each in _sections(results, settings)] if paper else []
     robot = _robot(results, gallery)
     return render_page(
         "report.html",
         title="Archerfish: from logs to hit rates",
         titles=TITLES,
-        contents=contents([(each["anchor"], each["title"]) for each in sections], paper=paper, robot=robot),
+        contents=contents(
+            [(each["anchor"], each["title"]) for each in (*sections, *motions)], paper=paper, robot=robot
+        ),
         results=results,
         paper_part=paper,
         headline=_headline(results, main, gallery),
         sections=sections,
+        motions=motions,
         dispersion=_dispersion(results, main),
         six_numbers=_six_numbers(results, main),
         robot=robot,
@@ -100,12 +107,16 @@ def _page(results: Results, gallery: _Gallery, folder: Path) -> str:
             ("static", _learning(results.figures.fig5, "fig5_static", "static", gallery)),
             ("dynamic", _learning(results.figures.fig6, "fig6_dynamic", "dynamic", gallery)),
         ],
-        conditions=condition_rows(results.conditions, robot_alone=not paper),
+        conditions=condition_rows(
+            results.conditions,
+            robot_alone=bool(robot["shots"]) and not paper,
+            motions_alone=not paper and not robot["shots"],
+        ),
         controllers=[
             *((words.name, words.meaning) for words in CONTROLLERS.values()),
             *(
                 (name, "A controller of your own; config.json names its file.")
-                for name in own_controllers(results.cells)
+                for name in own_controllers(everything.cells)
             ),
         ],
         fired_shots=fired_shots_count(results.cells),
@@ -114,12 +125,17 @@ def _page(results: Results, gallery: _Gallery, folder: Path) -> str:
     )
 
 
-def _paper_part(results: Results) -> bool:
-    """Tell whether the page has the paper's simulation on it: all but where a robot alone was shot with."""
+def _paper_part(results: Results, motions: bool) -> bool:
+    """Tell whether the page has the paper's simulation on it: all but where a robot or other motions alone were shot.
+
+    Args:
+      results: of targets in the paper's tables.
+      motions: whether other targets were shot.
+    """
     figures = results.figures
     simulated = any(cell.table in SIMULATED for cell in results.cells) or results.table1 or results.identification
     shown = simulated or figures.fig4 or figures.fig5 or figures.fig6
-    return bool(shown) or not (real_cells(results) or results.robot)
+    return bool(shown) or not (real_cells(results) or results.robot or motions)
 
 
 def _robot(results: Results, gallery: _Gallery) -> dict[str, Any]:
@@ -172,7 +188,7 @@ def _sections(results: Results, settings: Sequence[str]) -> list[Section]:
     ]
 
 
-def _drawn(section: Section, gallery: _Gallery) -> dict[str, Any]:
+def _drawn(section: Section | MotionSection, gallery: _Gallery) -> dict[str, Any]:
     label = f"Hit rate against range: {section.title}"
     return {**section._asdict(), "figure": gallery.add(f"hit_rates_{section.anchor}", label, section.drawing)}
 

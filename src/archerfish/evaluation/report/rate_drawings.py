@@ -33,6 +33,26 @@ def rates_drawing(cells: Sequence[Cell], controllers: Sequence[str], *, printed:
     )
 
 
+def motions_drawing(cells: Sequence[Cell], controllers: Sequence[str]) -> Figure:
+    """Draw hit rate against range, a panel per motion.
+
+    Args:
+      cells: of one setting, command limit and length of engagements, at least one; of targets with a motion by name.
+      controllers: whom to draw, where they were measured.
+    """
+    motions = list(dict.fromkeys(cell.motion for cell in cells))
+    panels = [
+        _panel([cell for cell in cells if cell.motion == each], controllers, False, str(each).capitalize())
+        for each in motions
+    ]
+    across = min(_ACROSS, len(panels))
+    return hit_rate_figure(panels, height=1.2 + 2.5 * -(-len(panels) // across), columns=across)
+
+
+_ACROSS = 4
+"""Panels side by side at most."""
+
+
 def _panel(cells: Sequence[Cell], controllers: Sequence[str], printed: bool, target: str) -> RatePanel:
     ranges = sorted({cell.range_m for cell in cells})
     setting, limit = cells[0].setting, cells[0].command_limit

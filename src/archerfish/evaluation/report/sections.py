@@ -34,7 +34,7 @@ from archerfish.evaluation.report.wording import CONTROLLERS, LIMITS, controller
 from archerfish.evaluation.results import Acceleration, Cell, Comparison, Results
 from archerfish.figures.page import bins, percent
 
-PLOTTED = ("history", "paper", "kalman", "kalman-lq", "oracle")
+PLOTTED = ("history", "policy", "paper", "kalman", "kalman-lq", "oracle")
 """Controllers of a section's figure; the table below it has them all."""
 
 
@@ -75,7 +75,7 @@ def limit_section(results: Results, setting: str, limit: str, tables: Sequence[s
     where = "" if setting == "paper" else f" on {setting}"
     name = f"Tables {' and '.join(tables)}{where}, limit {limit}"
     return Section(
-        anchor=_anchor(f"{setting}-{limit}-{'-'.join(tables)}"),
+        anchor=anchor_of(f"{setting}-{limit}-{'-'.join(tables)}"),
         title=f"{name}: {LIMITS[limit].title}",
         note=LIMITS[limit].note,
         drawing=rates_drawing(cells, (*PLOTTED, *own_controllers(cells))) if cells else None,
@@ -85,7 +85,7 @@ def limit_section(results: Results, setting: str, limit: str, tables: Sequence[s
     )
 
 
-def _anchor(name: str) -> str:
+def anchor_of(name: str) -> str:
     """Return a name that is safe in names of files and ids of the page: results may hold any text for a setting."""
     safe = re.sub(r"[^\w.-]", "_", name)
     return safe if safe == name else f"{safe}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
@@ -100,13 +100,17 @@ def _main_table(cells: list[Cell], pairs: list[Comparison], setting: str, limit:
     def of(controller: str) -> dict[CellKey, Cell]:
         return cells_of(cells, setting=setting, command_limit=limit, controller=controller)
 
+    # The policy that the table is about: for the paper's targets, or where there is none, for any.
+    mine = "history" if of("history") else "policy"
+
     def less(against: str) -> Column:
-        differences = comparisons_of(pairs, setting=setting, command_limit=limit, controller="history", against=against)
+        differences = comparisons_of(pairs, setting=setting, command_limit=limit, controller=mine, against=against)
         return Column(f"policy less {controller_words(against).name}", "difference", differences)
 
     columns = [
         printed_column(of("history"), "paper, PPO"),
         rate_column(of("history"), "history", ours=True),
+        rate_column(of("policy"), "policy", ours=True),
         rate_column(of("paper"), "paper"),
         printed_column(of("kalman"), "paper, Kalman"),
         rate_column(of("kalman"), "kalman"),
@@ -121,9 +125,9 @@ def _main_table(cells: list[Cell], pairs: list[Comparison], setting: str, limit:
         less("parabola-lq"),
         rate_column(of("oracle"), "oracle"),
         *(rate_column(of(name), name) for name in own_controllers(cells)),
-        *bound_columns(of("oracle"), of("history") or of("kalman") or of("kalman-lq")),
-        Column("policy, share of oracle", "share", shares(of("history"), of("oracle"))),
-        Column("policy, share of bound", "share", bound_shares(of("history"))),
+        *bound_columns(of("oracle"), of(mine) or of("kalman") or of("kalman-lq")),
+        Column("policy, share of oracle", "share", shares(of(mine), of("oracle"))),
+        Column("policy, share of bound", "share", bound_shares(of(mine))),
     ]
     return rate_table(columns, "Hit rates in percent, differences in points, with 95 % intervals.")
 
@@ -152,7 +156,7 @@ def asked(accelerations: Iterable[Acceleration], setting: str, limit: str) -> li
 def seed_remarks(cells: list[Cell], setting: str, limit: str) -> list[str]:
     """Say how many trainings stand behind the policies' figures, and how they differ."""
     remarks = []
-    for controller in ("history", "paper"):
+    for controller in ("history", "policy", "paper"):
         seeds = policy_seeds(cells, setting=setting, command_limit=limit, controller=controller)
         of_controller = [cell for cell in cells if cell.controller == controller]
         rates = [pooled_rate(cell for cell in of_controller if cell.policy_seed == seed) or 0.0 for seed in seeds]

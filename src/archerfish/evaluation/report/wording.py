@@ -26,6 +26,12 @@ CONTROLLERS = {
         "Tables II and III several frames, in Tables IV and V a tracker’s estimate and a long memory.",
         0,
     ),
+    "policy": ControllerWords(
+        "Policy for any target",
+        "Trained in the simulator on targets that stand still or move in any way; sees what several trackers side by "
+        "side make of old and noisy sights, and two memories.",
+        5,
+    ),
     "paper": ControllerWords("Six-number policy", "Trained by PPO; sees the paper’s six numbers.", 4),
     "kalman": ControllerWords(
         "Kalman filter",
@@ -155,14 +161,21 @@ _NOT_WITH_A_ROBOT = (
 """Conditions that a robot's own camera, limits and tuned trackers take the place of."""
 
 
-def condition_rows(conditions: dict[str, Any], *, robot_alone: bool = False) -> list[tuple[str, str]]:
+_OF_THE_PAPER_S_TARGETS = ("parabola_curvature", "parabola_rise", "max_lateral_speed", "engagement_s")
+"""Conditions that do not hold of other motions."""
+
+
+def condition_rows(
+    conditions: dict[str, Any], *, robot_alone: bool = False, motions_alone: bool = False
+) -> list[tuple[str, str]]:
     """Return label and value of each condition, in the units that people use; unknown ones as they are.
 
     Args:
       conditions: of results.json.
       robot_alone: whether they are of a robot only, and not of the paper's simulation.
+      motions_alone: whether no target moved as the paper's do.
     """
-    hidden = _NOT_WITH_A_ROBOT if robot_alone else ()
+    hidden = (*(_NOT_WITH_A_ROBOT if robot_alone else ()), *(_OF_THE_PAPER_S_TARGETS if motions_alone else ()))
     return [_condition_row(name, value) for name, value in conditions.items() if name not in hidden]
 
 
