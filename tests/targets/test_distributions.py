@@ -30,7 +30,7 @@ def test_parameters_come_in_the_order_of_the_table_and_in_rad() -> None:
     chance = np.tile(np.array([0.0, 0.5, 1.0])[:, None], (1, 4))
     speed, heading = draw_parameters("pass", chance)
     assert_allclose(speed, [0.31, 1.0, 3.0])
-    assert_allclose(heading, np.deg2rad([-30.0, 0.0, 30.0]), atol=1e-12)
+    assert_allclose(heading, np.deg2rad([-90.0, 0.0, 90.0]), atol=1e-12)
 
 
 def test_directions_are_zero_to_the_left_and_positive_away() -> None:
