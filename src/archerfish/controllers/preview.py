@@ -102,6 +102,7 @@ def track_path(
     sight: Array,
     iterations: int = 40,
     relaxation: float = 1.0,
+    along: int = 0,
 ) -> Array:
     """Solve for the commands of the horizon.
 
@@ -114,6 +115,8 @@ def track_path(
       sight: predicted line of sight at the decisions [rad], shape B + (N, 2).
       iterations: of ADMM.
       relaxation: over-relaxation of ADMM, 1 (none) to below 2; it pays where there are hundreds of iterations.
+      along: axis of the horizon in the iterations. First (0) is quickest, since a loop over a batch is long; last (−1)
+        rounds alike in batches of any size, which matters to ill-conditioned programmes of hundreds of iterations.
 
     Returns:
       Commands [rad], shape B + (N, 2).
@@ -129,6 +132,7 @@ def track_path(
             sight[..., axis],
             iterations,
             relaxation,
+            along,
         )
         for axis in range(2)
     ]
@@ -145,31 +149,31 @@ def _track_axis(
     sight: Array,
     iterations: int,
     relaxation: float,
+    along: int,
 ) -> Array:
     error = path - state @ preview.free[axis].T
     right = error @ preview.response[axis]
     xp = namespace(right)
     right = xp.concat([right[..., :1] + preview.smoothing[axis] * command[..., None], right[..., 1:]], axis=-1)
-    # The horizon first, the batch last: a loop over the batch is long, one over the horizon is not. And three kinds of
-    # rows as three arrays: compiled, most of an iteration would go into stacking them.
-    right = xp.moveaxis(right, -1, 0)
     bounds = command_bounds(preview, axis, command, command_rate, sight)
-    low, high = (tuple(xp.moveaxis(each, (-2, -1), (0, 1))) for each in bounds)
+    # Three kinds of rows as three arrays: compiled, most of an iteration would go into stacking them.
+    low, high = (tuple(xp.moveaxis(each[..., kind, :], -1, along) for kind in range(3)) for each in bounds)
     penalty = tuple(preview.penalty[axis])
-    unbounded = xp.tensordot(preview.optimum[axis], right, axes=1)
-    constant = xp.tensordot(preview.inverse[axis], right, axes=1)
+    turned, unbounded = (xp.moveaxis(each, -1, along) for each in (right, right @ preview.optimum[axis]))
 
     def improve(variables: tuple[Array, Rows]) -> tuple[Array, Rows]:
         _, rows = variables  # with their duals, which are what the bounds cut off
         kept = tuple(xp.clip(*each) for each in zip(rows, low, high, strict=True))
         pulls = (share * (2.0 * inside - row) for share, inside, row in zip(penalty, kept, rows, strict=True))
-        commands = constant + xp.tensordot(preview.inverse[axis], _commands_of(pulls, along=0), axes=1)
-        asked = _rows_of(commands, along=0)
+        # Added before the product: the two cancel, and the inverse may be large.
+        pulled = xp.moveaxis(turned + _commands_of(pulls, along), along, -1)
+        commands = xp.moveaxis(pulled @ preview.inverse[axis], -1, along)
+        asked = _rows_of(commands, along)
         return commands, tuple(
             relaxation * (new - inside) + row for new, inside, row in zip(asked, kept, rows, strict=True)
         )
 
-    return xp.moveaxis(repeat(improve, iterations, (unbounded, _rows_of(unbounded, along=0)))[0], 0, -1)
+    return xp.moveaxis(repeat(improve, iterations, (unbounded, _rows_of(unbounded, along)))[0], along, -1)
 
 
 def command_rows(commands: Array) -> Array:
