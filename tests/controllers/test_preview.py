@@ -12,6 +12,7 @@ from archerfish.controllers.preview import (
     rows_to_commands,
     track_path,
 )
+from archerfish.dynamics.array_namespace import single_precision
 from archerfish.dynamics.command_limits import NEVER, CommandLimits, gate_limits
 from archerfish.dynamics.linear_axis import GimbalModel, advance, gimbal_angle, gimbal_model, rest_state
 from archerfish.paper.gimbal import gate_limits as gate_record
@@ -168,3 +169,37 @@ def test_numpy_and_jax_agree(shape, agree_in_jax) -> None:
     ]
     found = agree_in_jax(track_path, preview, *batch, atol=1e-4)
     assert found.shape == (*shape, HORIZON, 2)
+
+
+def by_plain_iterations(preview: Preview, axis: int, state, command, rate, path, sight, count, relaxation):
+    """The iterations in their usual form, with bounded rows and duals apart and L as a matrix."""
+    size = len(path)
+    rows = np.stack([command_rows(each).ravel() for each in np.eye(size)], axis=1)
+    low, high = (each.ravel() for each in command_bounds(preview, axis, command[axis], rate[axis], sight[:, axis]))
+    penalty = np.repeat(preview.penalty[axis], size)
+    right = (path[:, axis] - preview.free[axis] @ state[axis]) @ preview.response[axis]
+    right[0] += preview.smoothing[axis] * command[axis]
+    commands = preview.optimum[axis] @ right
+    kept = np.clip(rows @ commands, low, high)
+    dual = rows @ commands - kept
+    for _ in range(count):
+        commands = preview.inverse[axis] @ (right + rows.T @ (penalty * (kept - dual)))
+        asked = relaxation * rows @ commands + (1.0 - relaxation) * kept + dual
+        kept = np.clip(asked, low, high)
+        dual = asked - kept
+    return commands
+
+
+@pytest.mark.parametrize("relaxation", [1.0, 1.6])
+def test_the_iterations_are_the_plain_ones_but_for_rounding(relaxation: float) -> None:
+    preview = make_preview(MODEL, ACTIVE["all"], PERIOD, HORIZON, SMOOTHING)
+    for seed in range(4):
+        state, command, rate, path, sight = problem(seed)
+        found = track_path(preview, state, command, rate, path, sight, 40, relaxation)
+        single = single_precision((preview, state, command, rate, path, sight))
+        rounded = track_path(*single, 40, relaxation)
+        assert rounded.dtype == np.float32
+        for axis in range(2):
+            plain = by_plain_iterations(preview, axis, state, command, rate, path, sight, 40, relaxation)
+            assert_allclose(found[:, axis], plain, atol=1e-12)
+            assert_allclose(rounded[:, axis], plain, atol=1e-5)

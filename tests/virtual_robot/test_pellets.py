@@ -70,3 +70,18 @@ def test_a_pellet_that_never_gets_there_is_nan_and_stops_nobody() -> None:
     assert np.isfinite(found.time[0])
     assert np.isnan(found.time[1])
     assert np.isnan(found.position[1]).all()
+
+
+def test_a_flight_does_not_depend_on_its_company() -> None:
+    rng = np.random.default_rng(1)
+    velocity = np.stack([rng.uniform(12, 24, 30), rng.normal(0, 2, 30), rng.normal(1, 1, 30)], axis=1)
+
+    def plates(few):
+        return lambda time: np.stack([few + 2.0 * np.abs(time - 0.2), 0 * time, 0 * time], axis=1)
+
+    distance = rng.uniform(2, 7, 30)
+    together = crossing(np.zeros((30, 3)), velocity, 0.019, plates(distance))
+    for k in range(30):
+        alone = crossing(np.zeros((1, 3)), velocity[k : k + 1], 0.019, plates(distance[k : k + 1]))
+        np.testing.assert_array_equal(alone.time[0], together.time[k])
+        np.testing.assert_array_equal(alone.position[0], together.position[k])

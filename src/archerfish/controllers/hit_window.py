@@ -46,7 +46,7 @@ def distribution(deviate: Array) -> Array:
     Args:
       deviate: in standard deviations, shape B.
     """
-    share = namespace(deviate).clip(0.5 + deviate / _WIDTH, 0.0, 1.0)
+    share = namespace(deviate).clip(0.5 + deviate * (1.0 / _WIDTH), 0.0, 1.0)
     return share**2 * (3.0 - 2.0 * share)
 
 

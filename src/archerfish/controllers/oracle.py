@@ -91,7 +91,15 @@ class Oracle(NamedTuple):
         path, sight, distance = all_path[..., :count, :], all_sight[..., :count, :], all_distance[..., :count]
         state = rest_state(truth.gimbal, seen.command)
         least_squares = track_path(
-            self.preview, state, seen.command, 0.0 * seen.command, path, sight, LEAST_SQUARES_ITERATIONS, RELAXATION
+            self.preview,
+            state,
+            seen.command,
+            0.0 * seen.command,
+            path,
+            sight,
+            LEAST_SQUARES_ITERATIONS,
+            RELAXATION,
+            along=-1,
         )
         tracked = self._track(seen, truth, all_path, all_sight)
         best, best_hits = least_squares, -1.0 + 0.0 * distance[..., 0]

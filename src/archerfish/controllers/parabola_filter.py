@@ -217,9 +217,12 @@ def systematic_draw(weight: Array, draws: Array) -> tuple[Array, Array]:
     share = (xp.arange(draws.shape[0], dtype=weight.dtype) + 0.5) / draws.shape[0]
     mark = upto[..., -1:] * lift(share, upto)
     column = xp.sum(upto[..., :-1, None] < mark[..., None, :], axis=-2)
-    before = xp.take_along_axis(upto - columns, column, axis=-1)
-    within = xp.cumulative_sum(xp.take_along_axis(weight, column[..., None, :], axis=-1), axis=-2)
-    row = xp.sum(within[..., :-1, :] < (mark - before)[..., None, :], axis=-2)
+    left = mark - xp.take_along_axis(upto - columns, column, axis=-1)
+    # Row by row: one pass over what is drawn, which compiled is a tenth of the work of an array of cumulative sums.
+    row, within = xp.zeros_like(column), xp.zeros_like(left)
+    for each in range(weight.shape[-2] - 1):
+        within = within + xp.take_along_axis(weight[..., each, :], column, axis=-1)
+        row = row + (within < left)
     return row, column
 
 

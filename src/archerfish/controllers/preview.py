@@ -6,13 +6,17 @@ The bounds enter as rows L u = (u, Δu, Δ²u). The programme runs as a fixed nu
 optimum, so where no bound acts the result is exact, and the work is the same for every member of a batch.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
-from archerfish.dynamics.array_namespace import Array, lift, namespace, repeat
+from archerfish.dynamics.array_namespace import Array, namespace, repeat
 from archerfish.dynamics.command_limits import NEVER, CommandLimits
 from archerfish.dynamics.linear_axis import GimbalModel
+
+Rows = tuple[Array, Array, Array]
+"""Of L u: u, Δu and Δ²u."""
 
 
 class Preview(NamedTuple):
@@ -98,6 +102,7 @@ def track_path(
     sight: Array,
     iterations: int = 40,
     relaxation: float = 1.0,
+    along: int = 0,
 ) -> Array:
     """Solve for the commands of the horizon.
 
@@ -110,6 +115,8 @@ def track_path(
       sight: predicted line of sight at the decisions [rad], shape B + (N, 2).
       iterations: of ADMM.
       relaxation: over-relaxation of ADMM, 1 (none) to below 2; it pays where there are hundreds of iterations.
+      along: axis of the horizon in the iterations. First (0) is quickest, since a loop over a batch is long; last (−1)
+        rounds alike in batches of any size, which matters to ill-conditioned programmes of hundreds of iterations.
 
     Returns:
       Commands [rad], shape B + (N, 2).
@@ -125,6 +132,7 @@ def track_path(
             sight[..., axis],
             iterations,
             relaxation,
+            along,
         )
         for axis in range(2)
     ]
@@ -141,48 +149,63 @@ def _track_axis(
     sight: Array,
     iterations: int,
     relaxation: float,
+    along: int,
 ) -> Array:
     error = path - state @ preview.free[axis].T
     right = error @ preview.response[axis]
     xp = namespace(right)
     right = xp.concat([right[..., :1] + preview.smoothing[axis] * command[..., None], right[..., 1:]], axis=-1)
-    low, high = command_bounds(preview, axis, command, command_rate, sight)
-    penalty = preview.penalty[axis][:, None]
-    commands = right @ preview.optimum[axis]
-    rows = command_rows(commands)
-    kept = xp.clip(rows, low, high)
+    bounds = command_bounds(preview, axis, command, command_rate, sight)
+    # Three kinds of rows as three arrays: compiled, most of an iteration would go into stacking them.
+    low, high = (tuple(xp.moveaxis(each[..., kind, :], -1, along) for kind in range(3)) for each in bounds)
+    penalty = tuple(preview.penalty[axis])
+    turned, unbounded = (xp.moveaxis(each, -1, along) for each in (right, right @ preview.optimum[axis]))
 
-    def improve(variables: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        _, before, dual = variables
-        commands = (right + rows_to_commands(lift(penalty, before) * (before - dual))) @ preview.inverse[axis]
-        rows = relaxation * command_rows(commands) + (1.0 - relaxation) * before + dual
-        kept = xp.clip(rows, low, high)
-        return commands, kept, rows - kept
+    def improve(variables: tuple[Array, Rows]) -> tuple[Array, Rows]:
+        _, rows = variables  # with their duals, which are what the bounds cut off
+        kept = tuple(xp.clip(*each) for each in zip(rows, low, high, strict=True))
+        pulls = (share * (2.0 * inside - row) for share, inside, row in zip(penalty, kept, rows, strict=True))
+        # Added before the product: the two cancel, and the inverse may be large.
+        pulled = xp.moveaxis(turned + _commands_of(pulls, along), along, -1)
+        commands = xp.moveaxis(pulled @ preview.inverse[axis], -1, along)
+        asked = _rows_of(commands, along)
+        return commands, tuple(
+            relaxation * (new - inside) + row for new, inside, row in zip(asked, kept, rows, strict=True)
+        )
 
-    return repeat(improve, iterations, (commands, kept, rows - kept))[0]
+    return xp.moveaxis(repeat(improve, iterations, (unbounded, _rows_of(unbounded, along)))[0], along, -1)
 
 
 def command_rows(commands: Array) -> Array:
     """L u: the commands, their differences and second differences, zero before the first; B + (N,) → B + (3, N)."""
-    xp = namespace(commands)
-    first = _differ(commands)
-    return xp.stack([commands, first, _differ(first)], axis=-2)
+    return namespace(commands).stack(_rows_of(commands, along=-1), axis=-2)
 
 
 def rows_to_commands(rows: Array) -> Array:
     """Lᵀ applied to rows, shape B + (3, N) → B + (N,)."""
-    second = rows[..., 1, :] + _differ_back(rows[..., 2, :])
-    return rows[..., 0, :] + _differ_back(second)
+    return _commands_of((rows[..., kind, :] for kind in range(3)), along=-1)
 
 
-def _differ(series: Array) -> Array:
+def _rows_of(commands: Array, along: int) -> Rows:
+    """L u, the three kinds of rows apart."""
+    first = _differ(commands, along)
+    return commands, first, _differ(first, along)
+
+
+def _commands_of(rows: Iterable[Array], along: int) -> Array:
+    """Lᵀ applied to the three kinds of rows."""
+    commands, first, second = rows
+    return commands + _differ_back(first + _differ_back(second, along), along)
+
+
+def _differ(series: Array, along: int) -> Array:
     xp = namespace(series)
-    return series - xp.concat([0.0 * series[..., :1], series[..., :-1]], axis=-1)
+    return xp.diff(series, axis=along, prepend=xp.zeros((), dtype=series.dtype))
 
 
-def _differ_back(series: Array) -> Array:
+def _differ_back(series: Array, along: int) -> Array:
     xp = namespace(series)
-    return series - xp.concat([series[..., 1:], 0.0 * series[..., :1]], axis=-1)
+    return -xp.diff(series, axis=along, append=xp.zeros((), dtype=series.dtype))
 
 
 def command_bounds(

@@ -13,9 +13,13 @@ zero before it."""
 
 GRAVITY = 9.81
 """[m/s²]."""
-_STEP_S = 0.01
+_STEP_S = 0.03
+"""The cubic through the ends of a step is within 1e-8 m of the flight at 18 m/s, and within 1e-7 m at 28 m/s."""
 _LONGEST_S = 3.0
-_HALVINGS = 40
+_NEAR = 1e-12
+"""An event is met when its number is this near to zero [m]."""
+_ROUNDS = 60
+"""Of the search for an event at most; it usually takes four."""
 
 
 class Arrival(NamedTuple):
@@ -96,18 +100,39 @@ def _step(state: Array, drag: float) -> Array:
 
 
 def _refined(start: Array, end: Array, begun: Array, event: Event) -> Arrival:
-    """Halve the step of the event on the cubic through its ends; the plate may turn within it, so nothing faster."""
+    """Search the step of the event on the cubic through its ends, by false position with halved weights (Illinois).
+
+    The event stays between two ends, since the plate may turn within the step.
+    """
+    way = _cubic(start, end)
     low, high = np.zeros(len(begun)), np.ones(len(begun))
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        before = event(begun + middle * _STEP_S, _between(start, end, middle)) < 0.0
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
-    place = _between(start, end, high)
-    return Arrival(begun + high * _STEP_S, np.where(np.isnan(begun)[:, None], np.nan, place))
+    below, above = event(begun, start[0].T), event(begun + _STEP_S, end[0].T)
+    place, share = end[0].T.copy(), high
+    searched = above > _NEAR
+    side = np.zeros(len(begun), np.int64)  # on which the last place tried was
+    for _ in range(_ROUNDS):
+        if not searched.any():
+            break
+        # Each flight by itself, and at rest once it is met, so that its company changes nothing.
+        share = np.where(searched, (low * above - high * below) / (above - below), share)
+        place = _along(way, share).T
+        value = event(begun + share * _STEP_S, place)
+        before = value < 0.0
+        ends = np.where(before, 1, -1)
+        halved = np.where(side == ends, 0.5, 1.0)
+        low, high = np.where(before, share, low), np.where(before, high, share)
+        below, above = np.where(before, value, below * halved), np.where(before, above * halved, value)
+        side, searched = ends, searched & (np.abs(value) > _NEAR)
+    return Arrival(begun + share * _STEP_S, np.where(np.isnan(begun)[:, None], np.nan, place))
 
 
-def _between(start: Array, end: Array, share: Array) -> Array:
-    """Return positions at a share of a step by the cubic that has both ends' positions and velocities, shape (B, 3)."""
-    rest = 1.0 - share
-    from_start = rest**2 * ((1.0 + 2.0 * share) * start[0] + share * _STEP_S * start[1])
-    return np.asarray(from_start + share**2 * ((1.0 + 2.0 * rest) * end[0] - rest * _STEP_S * end[1])).T
+def _cubic(start: Array, end: Array) -> Array:
+    """Return the coefficients of the cubics that have both ends' positions and velocities, shape (4, 3, B)."""
+    leaving, arriving, between = _STEP_S * start[1], _STEP_S * end[1], end[0] - start[0]
+    bend = 3.0 * between - 2.0 * leaving - arriving
+    return np.stack([start[0], leaving, bend, leaving + arriving - 2.0 * between])
+
+
+def _along(way: Array, share: Array) -> Array:
+    """Return positions at a share of a step, shape (3, B)."""
+    return np.asarray(way[0] + share * (way[1] + share * (way[2] + share * way[3])))
