@@ -18,7 +18,8 @@ GRADIENT_ALONE = {name: value for name, value in TRAINING.items() if name.starts
 LINEAR = {"--physics": "linear"}
 
 SHORTER: dict[str, dict[str, str | None]] = {
-    "train": {"--target": "still", **GRADIENT_ALONE, "--no-tensorboard": None},
+    "train": {"--target": "paper", **PPO_ALONE, "--no-tensorboard": None},
+    "train --target any": {"--target": "still", **GRADIENT_ALONE, "--no-tensorboard": None},
     "train --target paper": {**PPO_ALONE, "--no-tensorboard": None},
     "train --target dynamic": {**PPO_ALONE, "--no-tensorboard": None},
     "train --motion": {**PPO_ALONE, "--no-tensorboard": None},

@@ -42,7 +42,7 @@ SMALL = ("--window-size=1000,800", "--force-device-scale-factor=0.5")
 """Few pixels: without a graphics card each one is drawn by the processor."""
 PATIENCE_S = 60.0
 """For a busy machine that draws in software; what it really took is printed."""
-ENGAGEMENTS = 6
+ENGAGEMENTS = 4
 
 
 def open_browser(profile: Path, *flags: str, watched: bool = False) -> Any:
@@ -152,6 +152,8 @@ def choose(browser: Any, label: str, option: str) -> None:
         options = browser.find_elements(By.CSS_SELECTOR, f'[role=option][value="{option}"]')
         shown = [each for each in options if each.is_displayed()]
         if shown:
+            # The list may be longer than its window.
+            browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", shown[0])
             shown[0].click()
             return
         time.sleep(0.05)
