@@ -52,7 +52,10 @@ def all_end(pids: list[int]) -> bool:
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        ("train --target paper --ppo.environments 8 --ppo.rollout 8 --ppo.hidden 8", " before the first checkpoint; nothing was kept"),
+        (
+            "train --target paper --ppo.environments 8 --ppo.rollout 8 --ppo.hidden 8",
+            " before the first checkpoint; nothing was kept",
+        ),
         ("reproduce --quick --workers 2", "; what was unfinished is discarded"),
     ],
     ids=["train before its first checkpoint", "reproduce --quick"],
