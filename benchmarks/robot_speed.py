@@ -7,7 +7,7 @@ is the paper's printed gimbal with a camera and a link that are near the robot's
 work is that of an evaluation, the hit rates are of no interest, but for their equality.
 
 Run: python benchmarks/robot_speed.py [COMMIT] [--engagements N] [--rounds N]; it writes results/robot_speed.json unless
-fewer engagements or rounds are asked for.
+fewer engagements or rounds are requested.
 """
 
 import argparse

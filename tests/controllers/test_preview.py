@@ -184,9 +184,9 @@ def by_plain_iterations(preview: Preview, axis: int, state, command, rate, path,
     dual = rows @ commands - kept
     for _ in range(count):
         commands = preview.inverse[axis] @ (right + rows.T @ (penalty * (kept - dual)))
-        asked = relaxation * rows @ commands + (1.0 - relaxation) * kept + dual
-        kept = np.clip(asked, low, high)
-        dual = asked - kept
+        unbound = relaxation * rows @ commands + (1.0 - relaxation) * kept + dual
+        kept = np.clip(unbound, low, high)
+        dual = unbound - kept
     return commands
 
 

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("viser")
 
-from archerfish.viewer.panel import Player, Wishes
+from archerfish.viewer.panel import FilmCallbacks, Player
 
 
 class Slider(SimpleNamespace):
@@ -20,8 +20,8 @@ def player() -> tuple[Player, Slider, list[float]]:
     server, scrubbed = MagicMock(), list[float]()
     slider = Slider(value=0.0, max=1.0)
     server.gui.add_slider.return_value = slider
-    wishes = Wishes(lambda: None, scrubbed.append, lambda _: None, lambda *_: None)
-    return Player(server, wishes, ("pitch", "yaw"), "Aim error", "mrad"), slider, scrubbed
+    callbacks = FilmCallbacks(lambda: None, scrubbed.append, lambda _: None, lambda *_: None)
+    return Player(server, callbacks, ("pitch", "yaw"), "Aim error", "mrad"), slider, scrubbed
 
 
 def client_sets(slider: Slider) -> None:

@@ -168,9 +168,9 @@ def _track_axis(
         # Added before the product: the two cancel, and the inverse may be large.
         pulled = xp.moveaxis(turned + _commands_of(pulls, along), along, -1)
         commands = xp.moveaxis(pulled @ preview.inverse[axis], -1, along)
-        asked = _rows_of(commands, along)
+        unbound = _rows_of(commands, along)
         return commands, tuple(
-            relaxation * (new - inside) + row for new, inside, row in zip(asked, kept, rows, strict=True)
+            relaxation * (new - inside) + row for new, inside, row in zip(unbound, kept, rows, strict=True)
         )
 
     return xp.moveaxis(repeat(improve, iterations, (unbounded, _rows_of(unbounded, along)))[0], along, -1)

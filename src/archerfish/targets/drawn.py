@@ -48,7 +48,7 @@ MIXTURE: Mapping[str, float] = MappingProxyType(
     }
 )
 """Motion → how often a policy for any of them meets it. Motions where a classical tracker is nearly as good as can be
-count more, so that the policy is behind it nowhere; with equal weights it takes every target that stops for one that
+count more, for there the policy has most to lose; with equal weights it takes every target that stops for one that
 turns back. Chosen on draws that no evaluation has."""
 CHANCES = 5 + 2 * KNOTS
 """Uniform draws per engagement: which motion, then as many as the motion with the most needs."""

@@ -11,7 +11,7 @@ from archerfish.records.errors import InputError
 from archerfish.viewer.choice import Choice, Subject
 from archerfish.viewer.hand import HandRun
 from archerfish.viewer.motions import HAND
-from archerfish.viewer.panel import TOLD_EVERY_S, Controls, Player, Wishes
+from archerfish.viewer.panel import TOLD_EVERY_S, Controls, FilmCallbacks, Player
 from archerfish.viewer.playback import Film, Playback, engagement_at
 from archerfish.viewer.scene import Scene, look_from
 from archerfish.viewer.score import blocks, compared, count_words, difference_words, rate_words, score
@@ -31,8 +31,8 @@ class TrialPage:
         self._changed.set()
         self._film = Film()
         self._controls = Controls(server, subject, first, other, self._changed.set, self._swapped.set)
-        wishes = Wishes(self._film.toggle, self._film.scrub, self._film.set_pace, self._look)
-        self._player = Player(server, wishes, ("pitch", "yaw"), "Aim error", "mrad")
+        callbacks = FilmCallbacks(self._film.toggle, self._film.scrub, self._film.set_pace, self._look)
+        self._player = Player(server, callbacks, ("pitch", "yaw"), "Aim error", "mrad")
         self._scene = Scene(server)
         self._gizmo = server.scene.add_transform_controls(
             "/hand", scale=0.45, disable_rotations=True, depth_test=False, visible=False

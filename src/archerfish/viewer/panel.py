@@ -18,7 +18,7 @@ TOLD_EVERY_S = 0.2
 PLOT_COLOURS = ("rgb(0,114,178)", "rgb(213,94,0)")
 
 
-class Wishes(NamedTuple):
+class FilmCallbacks(NamedTuple):
     """What the page does when a control of the film is used."""
 
     toggle: Callable[[], None]
@@ -34,7 +34,7 @@ class Wishes(NamedTuple):
 class Player:
     """Play, pause, slow motion, scrub, and a plot: what films of trials and recordings have in common."""
 
-    def __init__(self, server: Any, wishes: Wishes, labels: Sequence[str], title: str, unit: str) -> None:
+    def __init__(self, server: Any, callbacks: FilmCallbacks, labels: Sequence[str], title: str, unit: str) -> None:
         gui = server.gui
         with gui.add_folder("Film"):
             self._button = gui.add_button("Pause")
@@ -55,11 +55,11 @@ class Player:
                 axes=(uplot.Axis(label="time [s]"), uplot.Axis(label=unit)),
                 aspect=1.5,
             )
-        self._button.on_click(lambda _: wishes.toggle())
-        self._scrub, self._handled = wishes.scrub, 0.0
+        self._button.on_click(lambda _: callbacks.toggle())
+        self._scrub, self._handled = callbacks.scrub, 0.0
         self._slider.on_update(lambda event: self._scrubbed() if event.client is not None else None)
-        pace.on_update(lambda _: wishes.pace(PACES.get(pace.value, 1.0)))
-        view.on_click(lambda event: wishes.look(event.client, view.value) if view.value in VIEWPOINTS else None)
+        pace.on_update(lambda _: callbacks.pace(PACES.get(pace.value, 1.0)))
+        view.on_click(lambda event: callbacks.look(event.client, view.value) if view.value in VIEWPOINTS else None)
 
     def _scrubbed(self) -> None:
         """Go to the time that a client has put the slider to."""

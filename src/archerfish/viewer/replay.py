@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from archerfish.viewer.panel import TOLD_EVERY_S, Player, Wishes
+from archerfish.viewer.panel import TOLD_EVERY_S, FilmCallbacks, Player
 from archerfish.viewer.playback import Film
 from archerfish.viewer.recordings import GimbalRecording, angles_at
 from archerfish.viewer.scene import Scene, look_from
@@ -24,8 +24,8 @@ class ReplayPage:
         self._film = Film()
         self._film.begin(float(recording.time[-1]))
         names = [f"{axis}{kind}" for kind in ("", " command") for axis in ("pitch", "yaw")]
-        wishes = Wishes(self._film.toggle, self._film.scrub, self._film.set_pace, self._look)
-        self._player = Player(server, wishes, names, "Angles", "°")
+        callbacks = FilmCallbacks(self._film.toggle, self._film.scrub, self._film.set_pace, self._look)
+        self._player = Player(server, callbacks, names, "Angles", "°")
         step = max(1, -(-recording.time.size // MOST_POINTS))
         curves = np.degrees(np.concatenate([recording.angle, recording.command], axis=1)[::step])
         self._player.plot(recording.time[::step], tuple(curves.T))

@@ -18,7 +18,7 @@ def rates_drawing(cells: Sequence[Cell], controllers: Sequence[str], *, printed:
 
     Args:
       cells: of one setting and command limit, at least one.
-      controllers: whom to draw, where they were measured.
+      controllers: those to draw, where they were measured.
       printed: whether to draw the paper's columns beside them.
     """
     targets = [target for target in TARGETS if any(cell.target == target for cell in cells)]
@@ -38,7 +38,7 @@ def motions_drawing(cells: Sequence[Cell], controllers: Sequence[str]) -> Figure
 
     Args:
       cells: of one setting, command limit and length of engagements, at least one; of targets with a motion by name.
-      controllers: whom to draw, where they were measured.
+      controllers: those to draw, where they were measured.
     """
     motions = list(dict.fromkeys(cell.motion for cell in cells))
     panels = [
