@@ -27,7 +27,9 @@ from archerfish.cli.evaluation_run import EvaluationTask, make_ground, run_evalu
 from archerfish.cli.lab_stage import record_robot
 from archerfish.cli.robot_identification import identify_robot
 from archerfish.cli.setting import Setting, SettingFiles, load_setting
+from archerfish.cli.training_defaults import DRAWN_HIDDEN, DRAWN_STEPS
 from archerfish.cli.training_run import TrainingTask, run_task, write_run
+from archerfish.cli.transfer import ROBOT_STEPS
 from archerfish.cli.transfer_stage import COMMAND_LIMIT, STILL_SHARE
 from archerfish.cli.workers import Task, run_tasks
 from archerfish.controllers.roster import Tuning
@@ -73,9 +75,9 @@ def records(workers: int) -> Setting:
 def trainings(setting: Setting, seeds: tuple[int, ...], quick: bool) -> list[tuple[Path, TrainingTask]]:
     """Return what is trained: for any target, and for the paper's alone."""
     plain = TrainingTask(setting, STILL_SHARE, "tracked", 4, COMMAND_LIMIT, PpoConfig(), SEED, trainer="gradient")
-    steps = {"steps": 8192} if quick else {}
-    paper = replace(plain, gradient=GradientConfig(steps=steps.get("steps", 1_500_000)))
-    config = GradientConfig(steps=steps.get("steps", 6_000_000), hidden=512)
+    # As many decisions as each gets from the commands that users have.
+    paper = replace(plain, gradient=GradientConfig(steps=8192 if quick else ROBOT_STEPS))
+    config = GradientConfig(steps=8192 if quick else DRAWN_STEPS, hidden=DRAWN_HIDDEN)
     found = [replace(plain, observation="multimodel", target=ANY, gradient=config, seed=seed) for seed in seeds]
     return [(RUNS / "policies" / f"{each.target or 'paper'}-{each.seed}", each) for each in (*found, paper)]
 
@@ -132,11 +134,6 @@ def tuned(setting: Setting, engagements: int) -> dict[str, dict[str, Tuned]]:
     return merged
 
 
-def evaluate(task: EvaluationTask, advance: Callable[[float, str], None]) -> list[Outcome]:
-    """Run one evaluation in a worker."""
-    return run_evaluation(task, advance)
-
-
 @dataclass(frozen=True)
 class World:
     """Where the suite is shot."""
@@ -167,11 +164,11 @@ def shoot(
     for world in worlds:
         everything = world.task(setting)
         one = {name: settings[name][ANY].tuning for name in CLASSICAL}
-        jobs += [(evaluate, replace(everything, controllers=(name,), tuning=one), 8.0) for name in CLASSICAL]
-        jobs += [(evaluate, replace(everything, policies=(policy,)), 8.0) for policy in policies]
+        jobs += [(run_evaluation, replace(everything, controllers=(name,), tuning=one), 8.0) for name in CLASSICAL]
+        jobs += [(run_evaluation, replace(everything, policies=(policy,)), 8.0) for policy in policies]
         for motion, name in best.items():
             own = {name: settings[name][motion].tuning}
-            jobs.append((evaluate, replace(world.task(setting, motion), controllers=(name,), tuning=own), 1.0))
+            jobs.append((run_evaluation, replace(world.task(setting, motion), controllers=(name,), tuning=own), 1.0))
     found = [each[0] for each in run_tasks("shooting", "controllers", jobs, WORKERS)]
     whole, per_world = len(CLASSICAL) + len(policies), len(jobs) // len(worlds)
     outcomes = []

@@ -1,24 +1,17 @@
 """The tables of docs/bounds.md are those of the bounds that come with the library."""
 
-import importlib.util
-from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 from archerfish.evaluation.bounds.published import read_published
 
-ROOT = Path(__file__).parents[2]
+from .benchmark_module import ROOT, benchmark_module
 
 
 @pytest.fixture(scope="module")
 def tables() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("bounds_tables", ROOT / "benchmarks" / "bounds_tables.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return benchmark_module("bounds_tables")
 
 
 def test_the_tables_of_the_page_are_those_of_the_library(tables: ModuleType) -> None:

@@ -1,22 +1,15 @@
 """The tables of docs/targets.md are those of the library."""
 
-import importlib.util
-from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from .benchmark_module import ROOT, benchmark_module
 
 
 @pytest.fixture(scope="module")
 def tables() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("targets_table", ROOT / "benchmarks" / "targets_table.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return benchmark_module("targets_table")
 
 
 def test_the_tables_of_the_page_are_those_of_the_library(tables: ModuleType) -> None:

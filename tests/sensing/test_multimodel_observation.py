@@ -14,31 +14,14 @@ from archerfish.sensing.kalman_filter import TrackerNoise
 from archerfish.sensing.multimodel_observation import MultimodelMemory, multimodel_layout, multimodel_observer
 from archerfish.targets.passing import Line
 
+from .sights import seen_at
+
 MUZZLE = Muzzle(*(np.asarray(each) for each in (18.0, 0.2, (0.01, 0.0), (0.0035, 0.0035), 0.019, 0.0)))
 NOISE = TrackerNoise(*(np.asarray(each) for each in (4.0, 1e-3, 1e-3, 0.005, 0.001)))
 PERIOD, BRAKING = 0.02, np.array([0.01, 0.02])
 OBSERVER = multimodel_observer(MUZZLE, NOISE, PERIOD, (0.03, 0.1), BRAKING)
 FREE = OBSERVER._replace(braking=np.full(2, 1e3))
 """One whose command may jump."""
-
-
-def seen_at(plate, angle=(0.0, 0.0), command=(0.0, 0.0), elapsed=PERIOD, age=0.04, fresh=True) -> Seen:
-    plate, angle, command = (np.asarray(each, float) for each in (plate, angle, command))
-    zero = np.zeros(plate.shape[:-1])
-    return Seen(
-        elapsed=zero + elapsed,
-        angle=angle,
-        rate=0.0 * angle,
-        gimbal_age=zero + 0.003,
-        command=command,
-        plate=plate[..., None, :],
-        normal_yaw=zero[..., None],
-        plate_age=zero[..., None] + age,
-        fresh=np.broadcast_to(np.asarray(fresh), (*zero.shape, 1)),
-        base=np.zeros((*zero.shape, 4)),
-        muzzle_speed=zero + 18.0,
-        heat_left=zero + 1e6,
-    )
 
 
 def remembered(observer, sights) -> MultimodelMemory:
