@@ -11,7 +11,7 @@ from archerfish.records.policy import read_policy, write_policy
 from archerfish.sensing.interacting_models import ONWARD, STILL
 from archerfish.sensing.interfaces import Seen
 from archerfish.sensing.kalman_filter import TrackerNoise
-from archerfish.sensing.multimodel_observation import MultimodelMemory, multimodel_layout, multimodel_observer
+from archerfish.sensing.multimodel_observation import MultimodelMemory, multimodel_observer
 from archerfish.targets.passing import Line
 
 from .sights import seen_at
@@ -51,7 +51,7 @@ def member(tree, at: tuple[int, ...]):
 def test_the_layout_adds_up_to_the_observation() -> None:
     memory = OBSERVER.begin(seen_at((3.0, 0.2, 0.0)))
     assert OBSERVER.observe(memory).shape == (OBSERVER.size,)
-    assert sum(count for _, count in multimodel_layout(OBSERVER)) == OBSERVER.size
+    assert sum(count for _, count in OBSERVER.layout) == OBSERVER.size
     short = OBSERVER._replace(frames=np.ones(2), sights=np.ones(3))
     assert short.observe(short.begin(seen_at((3.0, 0.2, 0.0)))).shape == (short.size,)
 

@@ -1,6 +1,6 @@
 """What the numbers of an observation are, block by block, in order: for whoever opens an exported policy."""
 
-from archerfish.sensing.multimodel_observation import MultimodelObserver, multimodel_layout
+from archerfish.sensing.multimodel_observation import MultimodelObserver
 from archerfish.sensing.observation import Observer
 from archerfish.sensing.observers import AnyObserver
 from archerfish.sensing.tracked_observation import TrackedObserver
@@ -18,7 +18,7 @@ def observation_layout(observer: AnyObserver) -> list[tuple[str, int]]:
     if isinstance(observer, TrackedObserver):
         return _tracked(observer.frames.shape[0] - 1, observer.sights.shape[0], observer.push.shape[0])
     if isinstance(observer, MultimodelObserver):
-        return multimodel_layout(observer)
+        return observer.layout
     if isinstance(observer, Observer):
         frames = observer.history.shape[0]
         return _history(frames - 1) if frames else _paper()
