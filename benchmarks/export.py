@@ -20,7 +20,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from archerfish.controllers.policy import PolicyController, policy_from_record, policy_to_record
+from archerfish.controllers.guarded_policy import GuardedPolicy, controller_from_record
+from archerfish.controllers.policy import PolicyController, policy_to_record
 from archerfish.deployment.export import export_policy
 from archerfish.dynamics.array_namespace import map_arrays, single_precision
 from archerfish.evaluation.suites import draw_trials, table_suites
@@ -113,7 +114,9 @@ def measure(kind: str, extent: Extent, folder: Path) -> dict[str, Any]:
     )
     write_policy(folder / f"{kind}.json", record)
     told = export_policy(folder / f"{kind}.json", folder / f"{kind}.onnx")
-    policy: PolicyController = single_precision(policy_from_record(read_policy(folder / f"{kind}.json")))
+    policy: PolicyController | GuardedPolicy = single_precision(
+        controller_from_record(read_policy(folder / f"{kind}.json"))
+    )
     session = runtime(folder / f"{kind}.onnx")
     print(f"{kind}: comparing", flush=True)
     frames = met_frames(policy, environment, extent)

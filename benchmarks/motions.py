@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -102,6 +102,15 @@ class TuningJob:
     engagements: int
 
 
+class Settled(NamedTuple):
+    """What tuning found for one controller and target."""
+
+    tuning: Tuning
+    """The settings."""
+    hit_rate: float
+    """With them, on the draws of the tuning, 0…1."""
+
+
 def tune_all(job: TuningJob, advance: Callable[[float, str], None]) -> dict[str, Tuned]:
     """Tune a controller for each target, on engagements of both lengths."""
     found = {}
@@ -134,6 +143,23 @@ def tuned(setting: Setting, engagements: int) -> dict[str, dict[str, Tuned]]:
     return merged
 
 
+def kept_settings(setting: Setting, engagements: int) -> dict[str, dict[str, Settled]]:
+    """Return controller → target → settings: as tuned before, or tuned now and kept."""
+    path = RUNS / f"settings-{engagements}.json"
+    if not path.exists():
+        facts = {
+            name: {
+                target: {"tuning": each.tuning._asdict(), "hit_rate": each.hit_rate} for target, each in found.items()
+            }
+            for name, found in tuned(setting, engagements).items()
+        }
+        storage.write_json(path, facts)
+    return {
+        name: {target: Settled(Tuning(**each["tuning"]), each["hit_rate"]) for target, each in found.items()}
+        for name, found in storage.read_json(path).items()
+    }
+
+
 @dataclass(frozen=True)
 class World:
     """Where the suite is shot."""
@@ -153,7 +179,7 @@ class World:
 
 
 def shoot(
-    worlds: list[World], setting: Setting, policies: list[PolicyRecord], settings: dict[str, dict[str, Tuned]]
+    worlds: list[World], setting: Setting, policies: list[PolicyRecord], settings: dict[str, dict[str, Settled]]
 ) -> list[list[Outcome]]:
     """Shoot all cells: per world the outcomes of one setting, of policies, and of the best per motion."""
     best = {
@@ -273,7 +299,7 @@ def main() -> None:
     jobs: list[Task] = [(train, job, float(job[1].decisions)) for job in planned]
     seconds = run_tasks("training", "decisions", jobs, WORKERS)
     policies = [read_policy(folder / "policy.json") for folder, _ in planned]
-    settings = tuned(setting, 2 if quick else TUNING_ENGAGEMENTS)
+    settings = kept_settings(setting, 2 if quick else TUNING_ENGAGEMENTS)
     rival = max(CLASSICAL, key=lambda name: settings[name][ANY].hit_rate)
     worlds = [
         World(robot, length, 4 if quick else count)

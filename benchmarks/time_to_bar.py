@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from archerfish.controllers.policy import policy_from_record
+from archerfish.controllers.guarded_policy import controller_from_record
 from archerfish.controllers.roster import make_controller
 from archerfish.evaluation.suites import Trials, draw_trials, table_suites
 from archerfish.learning.config import PpoConfig
@@ -80,7 +80,7 @@ def ours(trainer: str, trials: Trials, folder: Path, decisions: int, seed: int) 
         stdout=subprocess.DEVNULL,
     )
     seconds = time.perf_counter() - begun
-    policy = policy_from_record(read_policy(out / "policy.json"))
+    policy = controller_from_record(read_policy(out / "policy.json"))
     trained = int(json.loads((out / "log.jsonl").read_text().splitlines()[-1])["steps"])
     return Attempt(seconds, trained, hit_rates(environment.world, policy, trials))
 

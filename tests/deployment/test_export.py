@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from archerfish.controllers.policy import TRACKING, policy_from_record
+from archerfish.controllers.guarded_policy import controller_from_record
+from archerfish.controllers.policy import TRACKING
 from archerfish.deployment import export as export_module
 from archerfish.deployment.export import export_policy
 from archerfish.records.errors import InputError
@@ -24,7 +25,7 @@ def exported(policy_file, agreement, tmp_path):
     def export(kind: str):
         path = policy_file(kind)
         export_policy(path, tmp_path / "policy.onnx")
-        return policy_from_record(read_policy(path)), agreement.runtime(tmp_path / "policy.onnx")
+        return controller_from_record(read_policy(path)), agreement.runtime(tmp_path / "policy.onnx")
 
     return export
 

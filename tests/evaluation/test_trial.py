@@ -117,7 +117,7 @@ def stepped_in_numpy(world: Any, controller: Any, trials: Trials) -> Shots:
     for _ in range(trials.draws.shape[1]):
         state, command = controller.step(state, seen)
         shooting, seen, shot = world.step(shooting, command)
-        shots.append((shot.fired, shot.miss, seen.command, shot.angle))
+        shots.append((shot.fired, shot.miss, seen.command, shot.angle, command.fallback))
     return Shots(*(np.stack(each, axis=1) for each in zip(*shots, strict=True)))
 
 
@@ -144,7 +144,7 @@ def test_a_controller_compiled_for_a_world_that_is_not_shoots_as_it_does_in_nump
     np.testing.assert_allclose(compiled.angle, plain.angle, atol=2e-4)
     np.testing.assert_allclose(compiled.miss, plain.miss, atol=2e-3)
     assert compiled.fired.dtype == bool
-    assert {each.dtype for each in compiled[1:]} == {np.dtype(np.float32)}
+    assert {each.dtype for each in (compiled.miss, compiled.command, compiled.angle)} == {np.dtype(np.float32)}
 
 
 @pytest.mark.parametrize("flip_every", [1.0, 7.0])
@@ -212,7 +212,7 @@ def test_the_largest_acceleration_by_hand() -> None:
 def test_a_hit_is_a_fired_shot_with_a_miss_distance_of_at_most_the_radius() -> None:
     miss = np.array([[[0.06, 0.0], [0.036, 0.048], [0.05, 0.05], [0.0, -0.0601], [0.0, 0.0], [np.nan, np.nan]]])
     fired = np.array([[True, True, True, True, False, False]])
-    shots = Shots(fired, miss, miss, miss)
+    shots = Shots(fired, miss, miss, miss, ~fired)
     assert shots.hits(0.06 + 1e-9).tolist() == [[True, True, False, False, False, False]]
 
 

@@ -12,7 +12,7 @@ from archerfish.dynamics.muzzle import direction, muzzle_from_record
 from archerfish.paper.conditions import assumed_conditions
 from archerfish.paper.gimbal import gate_limits as limits_record
 from archerfish.paper.gimbal import printed_plants
-from archerfish.sensing.interfaces import Command, Engagement, World, fire_always
+from archerfish.sensing.interfaces import Engagement, World, fire_always
 from archerfish.simulation.setting import paper_muzzle
 from archerfish.targets.motion import TargetMotion
 from archerfish.targets.passing import Line
@@ -188,7 +188,7 @@ def test_a_shot_that_never_reaches_the_armor_misses_by_far_and_one_that_is_withh
     state, _, shot = robots.step(state, fire_always(np.zeros((1, 2), np.float32)))
     assert shot.fired.all()
     assert np.all(np.linalg.norm(shot.miss, axis=-1) > 100.0)
-    held = Command(np.zeros((1, 2)), np.zeros((1, 2)), np.array([False]), np.full(1, np.nan))
+    held = fire_always(np.zeros((1, 2)))._replace(fire=np.array([False]))
     _, _, shot = robots.step(state, held)
     assert not shot.fired.any()
     assert np.isnan(shot.miss).all()

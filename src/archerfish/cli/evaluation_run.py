@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from archerfish.cli.setting import Setting, setting_world
-from archerfish.controllers.policy import policy_from_record
+from archerfish.controllers.guarded_policy import controller_from_record
 from archerfish.controllers.roster import Tuning, Workbench, find_controller, make_controller
 from archerfish.dynamics.command_limits import named_limits
 from archerfish.dynamics.linear_axis import gimbal_model
@@ -306,4 +306,4 @@ def try_own_code(task: EvaluationTask) -> None:
 
 def _policy_entrant(policy: PolicyRecord) -> Entrant:
     name, seed = policy_label(policy)
-    return Entrant(name, policy_from_record(policy), seed)
+    return Entrant(name, controller_from_record(policy), seed)

@@ -52,6 +52,8 @@ def _table(where: str, cells: list["Cell"]) -> Table:
             # Beside a rate of fired shots stands how many these are.
             for name, figure in _FIRED.items() if any(cell.counts == "shots" for cell in own.values()) else ():
                 table.add_row(f"  {name}", *(figure(own[each]) if each in own else "" for each in ranges))
+            if any(cell.fallbacks for cell in own.values()):
+                table.add_row("  left to a filter", *(_fallbacks(own[each]) if each in own else "" for each in ranges))
     return table
 
 
@@ -75,6 +77,10 @@ def _target(cell: "Cell") -> str:
 
 def _entrant(cell: "Cell") -> str:
     return cell.controller if cell.policy_seed is None else f"{cell.controller} ({cell.policy_seed})"
+
+
+def _fallbacks(cell: "Cell") -> str:
+    return f"{100 * cell.fallbacks / (cell.shots + cell.withheld):.1f} %"
 
 
 def _rate(cell: "Cell") -> str:

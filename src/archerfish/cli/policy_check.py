@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from archerfish.controllers.policy import policy_from_record
+from archerfish.controllers.guarded_policy import controller_from_record
 from archerfish.records.errors import InputError
 from archerfish.records.policy import PolicyRecord
 
@@ -29,6 +29,6 @@ def check_policy(path: Path, policy: PolicyRecord, period_s: float, command_limi
             f"pass --command-limit {policy.command_limit} or train it anew"
         )
     try:
-        policy_from_record(policy)
+        controller_from_record(policy)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error

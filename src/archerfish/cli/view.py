@@ -332,4 +332,5 @@ def _export(path: Path, subject: "Subject", choice: "Choice") -> dict[str, Any]:
         write_film(path, choice, trial, advance)
     note(f"wrote {path}: {choice.controller}, {count_words(trial)}")
     counts = {"hits": int(trial.hit.sum()), "shots": int(trial.fired.sum()), "withheld": int((~trial.fired).sum())}
+    counts["fallbacks"] = int(trial.fallback.sum())
     return {**asdict(choice), "setting": subject.name, **counts}

@@ -8,7 +8,7 @@ from archerfish.records.errors import InputError
 from archerfish.records.extensions import Extension, own_code
 from archerfish.sensing.interfaces import Command, Controller, Seen, Truth
 
-_TRAILING = Command(angle=(2,), rate=(2,), fire=(), hit_probability=())
+_TRAILING = Command(angle=(2,), rate=(2,), fire=(), hit_probability=(), fallback=())
 """Of the shapes, after that of the engagements."""
 
 

@@ -3,6 +3,7 @@
 import math
 from typing import Any, NamedTuple
 
+from archerfish.controllers.guarded_policy import GuardedPolicy
 from archerfish.controllers.policy import PolicyController
 from archerfish.deployment.symbol import BATCH, BOOL, FLOAT, Symbol, graph_input, reshaped
 from archerfish.deployment.symbolic_arrays import SYMBOLIC
@@ -42,11 +43,13 @@ class DecisionGraph(NamedTuple):
     """Shape (batch, state size)."""
     angle: Symbol
     """Pitch and yaw command [rad], shape (batch, 2)."""
+    fallback: Symbol | None
+    """Whether a simpler controller decided, shape (batch,); None for a policy that has none beside it."""
     state_parts: tuple[Part, ...]
     """What the state holds, in order."""
 
 
-def decision_graph(controller: PolicyController) -> DecisionGraph:
+def decision_graph(controller: PolicyController | GuardedPolicy) -> DecisionGraph:
     """Write down what a policy does in one decision, at the first of an engagement and at all others.
 
     Args:
@@ -62,7 +65,8 @@ def decision_graph(controller: PolicyController) -> DecisionGraph:
     # What the state holds at the first decision does not matter: it is not even looked at.
     memory = _unpacked(begun, SYMBOLIC.where(first[..., None], _packed(begun), packed))
     memory, command = controller.step(memory, seen)
-    return DecisionGraph(_packed(memory), command.angle, tuple(part for _, part in parts))
+    fallback = command.fallback if isinstance(controller, GuardedPolicy) else None
+    return DecisionGraph(_packed(memory), command.angle, fallback, tuple(part for _, part in parts))
 
 
 def _named_parts(tree: Any, name: str) -> list[tuple[Symbol, Part]]:

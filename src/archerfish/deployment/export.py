@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from archerfish import __version__
+from archerfish.controllers.guarded_policy import GuardedPolicy, controller_from_record
 from archerfish.controllers.network import OBSERVATION_CLIP
-from archerfish.controllers.policy import PolicyController, policy_from_record
+from archerfish.controllers.policy import PolicyController
 from archerfish.deployment.decision_graph import FRAME_SHAPES, DecisionGraph, decision_graph
 from archerfish.deployment.observation_layout import observation_layout
 from archerfish.deployment.onnx_check import can_check, largest_difference
@@ -64,13 +65,15 @@ def export_policy(path: Path, out: Path, check: bool = True) -> dict[str, Any]:
     if out.suffix != ".onnx":
         raise file_error(out, "is to hold an ONNX model, but does not end in .onnx", "give a name that does")
     record = read_policy(path)
-    controller = policy_from_record(record)
+    controller = controller_from_record(record)
     graph = decision_graph(controller)
     facts = _facts(record, controller, graph) | {
         "record_sha256": storage.file_hash(path),
         "arrays_sha256": storage.file_hash(path.with_suffix(".safetensors")),
     }
     outputs = {"angle_command": graph.angle, "next_state": graph.next_state}
+    if graph.fallback is not None:
+        outputs["fallback"] = graph.fallback
     content = onnx_model(outputs, _texts(facts), __version__, _ABOUT)
     apart = largest_difference(controller, content, record.period_s) if check and can_check() else None
     if apart is not None and not np.isfinite(apart):
@@ -89,7 +92,14 @@ def export_policy(path: Path, out: Path, check: bool = True) -> dict[str, Any]:
     return {**facts, "bytes": len(content), "checked_rad": apart}
 
 
-def _facts(record: PolicyRecord, controller: PolicyController, graph: DecisionGraph) -> dict[str, Any]:
+def _facts(record: PolicyRecord, controller: PolicyController | GuardedPolicy, graph: DecisionGraph) -> dict[str, Any]:
+    outputs: dict[str, Any] = {
+        "angle_command": {"shape": ["batch", 2], "unit": "rad", "meaning": "pitch and yaw, before all limits"},
+        "next_state": {"shape": list(graph.next_state.shape), "unit": "", "meaning": "state of the next decision"},
+    }
+    if graph.fallback is not None:
+        meaning = "whether a Kalman filter decided, since it has foretold the target better than the policy of late"
+        outputs["fallback"] = {"shape": ["batch"], "unit": "", "meaning": meaning}
     return {
         "format": FORMAT,
         "archerfish_version": __version__,
@@ -97,10 +107,7 @@ def _facts(record: PolicyRecord, controller: PolicyController, graph: DecisionGr
         "frame": FRAME,
         "decision_period_s": record.period_s,
         "inputs": _inputs(graph),
-        "outputs": {
-            "angle_command": {"shape": ["batch", 2], "unit": "rad", "meaning": "pitch and yaw, before all limits"},
-            "next_state": {"shape": list(graph.next_state.shape), "unit": "", "meaning": "state of the next decision"},
-        },
+        "outputs": outputs,
         "state": [{"name": part.name, "shape": list(part.shape)} for part in graph.state_parts],
         "observation": {
             "kind": record.observation,

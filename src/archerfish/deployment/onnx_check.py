@@ -4,6 +4,7 @@ import importlib.util
 
 import numpy as np
 
+from archerfish.controllers.guarded_policy import GuardedPolicy
 from archerfish.controllers.policy import PolicyController
 from archerfish.dynamics.array_namespace import single_precision
 from archerfish.sensing.interfaces import Seen
@@ -19,7 +20,7 @@ def can_check() -> bool:
     return importlib.util.find_spec("onnxruntime") is not None
 
 
-def largest_difference(policy: PolicyController, model: bytes, period_s: float) -> float:
+def largest_difference(policy: PolicyController | GuardedPolicy, model: bytes, period_s: float) -> float:
     """Return the largest difference of the two's commands [rad] over a few engagements, each with its own memory.
 
     It is not finite if a command is not.

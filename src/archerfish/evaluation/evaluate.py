@@ -46,6 +46,8 @@ class Outcome:
     yaw_acceleration: float | None
     """Largest acceleration of the yaw axis, by command or by motion, mean over a decision period [rad/s²]; None
     where nothing moved the gimbal."""
+    fallback: NDArray[np.bool_] | None = None
+    """Whether a simpler controller decided in its stead, shape (suites, engagements, decisions); None if never."""
     needs_truth: bool = False
     """Whether the controller is given the target's path beforehand."""
 
@@ -96,7 +98,8 @@ def _outcome(ground: Ground, name: str, policy_seed: int | None, shots: Shots) -
     check_finite(name, shots.command)
     period = ground.world.period_s
     asked = max(largest_acceleration(angles, period, axis=1) for angles in (shots.command, shots.angle))
-    return Outcome(name, policy_seed, *_by_suite(ground, shots), asked)
+    fallback = shots.fallback.reshape((len(ground.trials.suites), -1, shots.fired.shape[-1]))
+    return Outcome(name, policy_seed, *_by_suite(ground, shots), asked, fallback if fallback.any() else None)
 
 
 def _by_suite(ground: Ground, shots: Shots) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -143,6 +146,7 @@ def _cell(ground: Ground, suite: Suite, outcome: Outcome, index: int) -> Cell:
         misses_settled=misses.settled,
         paper=printed_rate(suite.table, suite.range_m, outcome.name) if printed else None,
         withheld=int((~fired).sum()),
+        fallbacks=0 if outcome.fallback is None else int(outcome.fallback[index].sum()),
         hits_per_s=float(hit.sum() / (ground.conditions.control_period_s * hit.size)),
     )
 

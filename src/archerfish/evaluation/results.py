@@ -94,6 +94,8 @@ class Cell(Label):
     """The paper's figure [%]; None where it prints none."""
     withheld: int = 0
     """Decisions that fired no shot."""
+    fallbacks: int = 0
+    """Decisions that a policy left to a simpler controller, since that had foretold the target better of late."""
     hits_per_s: float | None = None
     """Hits per second of engagement [1/s]; None in files that were written before it was counted."""
     bound: float | None = None
@@ -111,6 +113,8 @@ class Cell(Label):
         # Of no shots that count there is no rate, and nothing that the interval could miss.
         if not 0 <= self.low <= (self.rate if self.counted else self.low) <= self.high <= 1:
             raise InputError(f"the interval {self.low} to {self.high} must hold hits/counted = {self.rate}")
+        if not 0 <= self.fallbacks <= self.shots + self.withheld:
+            raise InputError(f"fallbacks must lie between 0 and shots + withheld, got {self.fallbacks}")
         if self.misses_slewing + self.misses_settled != self.counted - self.hits:
             split = f"{self.misses_slewing} and {self.misses_settled}"
             missed = f"the misses, {self.counted} {self.counts} − {self.hits} hits"

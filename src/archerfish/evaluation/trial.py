@@ -30,6 +30,9 @@ class Shots(NamedTuple):
     angle: NDArray[np.float32]
     """Pitch and yaw of the gimbal at the end of each decision's period [rad], shape (..., 2)."""
 
+    fallback: NDArray[np.bool_]
+    """Whether a simpler controller decided in the controller's stead, shape (...)."""
+
     def hits(self, radius: float) -> NDArray[np.bool_]:
         """Whether each decision hit: a pellet was fired, with a miss distance of at most `radius` [m]."""
         return np.asarray(self.fired & (np.linalg.norm(self.miss, axis=-1) <= radius))
@@ -63,7 +66,7 @@ def _fight_compiled(world: World, controller: Controller, engagements: Engagemen
         shooting, seen, state = carry
         state, command = controller.step(state, seen)
         shooting, seen, shot = world.step(shooting, command)
-        return (shooting, seen, state), Shots(shot.fired, shot.miss, seen.command, shot.angle)
+        return (shooting, seen, state), Shots(shot.fired, shot.miss, seen.command, shot.angle, command.fallback)
 
     _, shots = jax.lax.scan(step, (shooting, seen, state), length=draws.shape[-2])
     return shots
@@ -84,8 +87,8 @@ def _fight_stepping(world: World, controller: Controller, trials: Trials) -> Sho
         command = map_arrays(lambda *parts: np.concatenate(parts), *(command for _, command in decided))
         check_finite(type(controller).__name__, command.angle[:, None])
         shooting, seen, shot = world.step(shooting, command)
-        measured = (np.asarray(each, np.float32) for each in (shot.miss, seen.command, shot.angle))
-        shots.append(Shots(np.asarray(shot.fired), *measured))
+        miss, commanded, angle = (np.asarray(each, np.float32) for each in (shot.miss, seen.command, shot.angle))
+        shots.append(Shots(np.asarray(shot.fired), miss, commanded, angle, np.asarray(command.fallback)))
     return Shots(*(np.stack(each, axis=1) for each in zip(*shots, strict=True)))
 
 
@@ -151,7 +154,8 @@ def _perfect_compiled(world: PureWorld, engagements: Engagement, draws: Array) -
     aim = intercept(motion.position, fired, world.muzzle).angle
     position, velocity = pellet_at_muzzle(world.muzzle, aim, jnp.zeros_like(aim), draws[..., :MUZZLE_DRAWS])
     miss, _ = miss_at_armor(world.muzzle, motion, fired, position, velocity)
-    return jnp.ones(fired.shape, bool), miss, aim, aim
+    every = jnp.ones(fired.shape, bool)
+    return every, miss, aim, aim, ~every
 
 
 def largest_acceleration(angles: NDArray[np.float32], period_s: float, axis: int) -> float:

@@ -52,6 +52,8 @@ class Command(NamedTuple):
     """Whether to fire, true or false, shape B; a decision without fire sends no pellet."""
     hit_probability: Array
     """The controller's own estimate, 0…1, shape B; NaN where it has none."""
+    fallback: Array
+    """Whether a simpler controller decided in its stead, since it takes itself to be out of its depth, shape B."""
 
 
 class Shot(NamedTuple):
@@ -134,7 +136,13 @@ def fire_always(angle: Array) -> Command:
       angle: pitch and yaw [rad], shape B + (2,).
     """
     zero = 0.0 * angle[..., 0]
-    return Command(angle=angle, rate=0.0 * angle, fire=zero == 0.0, hit_probability=zero + float("nan"))
+    return Command(
+        angle=angle,
+        rate=0.0 * angle,
+        fire=zero == 0.0,
+        hit_probability=zero + float("nan"),
+        fallback=zero > 0.0,
+    )
 
 
 def without_withheld(shot: Shot) -> Shot:

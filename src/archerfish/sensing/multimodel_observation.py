@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from archerfish.dynamics.aiming import aim_at
+from archerfish.dynamics.aiming import Aim, aim_at
 from archerfish.dynamics.array_namespace import Array, lift, namespace, without_gradient
 from archerfish.dynamics.intercept import intercept
 from archerfish.dynamics.muzzle import Muzzle
@@ -53,7 +53,7 @@ EXACT_SIGHT_SD = 5e-4
 RATES = ModelRates(np.asarray(0.25), np.asarray(0.1), np.asarray(0.5))
 """Of the interacting models: turns and stops [1/s], share of the targets that stand at first."""
 LEAD_S = 0.06
-"""From a decision until its pellet leaves the muzzle [s], about: for the slow tracker's intercept."""
+"""From a decision until its pellet leaves the muzzle [s], about: for the intercepts."""
 _FINE, _METRES, _TYPICAL_AGE_S, _FORGETTING, _LARGEST = 100.0, 20.0, 0.05, 0.2, 50.0
 
 
@@ -211,8 +211,22 @@ class MultimodelObserver(NamedTuple):
 
     def decode(self, memory: MultimodelMemory, action: Array) -> Array:
         """Turn an action, shape B + (2,), into a pitch and yaw command [rad]; zero aims at where the target is now."""
-        wanted = self._aim(memory)[0] + lift(self.action_scale, action) * action
+        return self.towards(memory, self.wanted(memory, action))
+
+    def wanted(self, memory: MultimodelMemory, action: Array) -> Array:
+        """Return the pitch and yaw that an action wants, wherever the command is now [rad], shape B + (2,)."""
+        return self._aim(memory)[0] + lift(self.action_scale, action) * action
+
+    def towards(self, memory: MultimodelMemory, wanted: Array) -> Array:
+        """Return the next command on the fastest way to the wanted one that can stop there [rad], shape B + (2,)."""
         return on_the_way(self.braking, wanted, memory.command[..., -1, :])
+
+    def intercepts(self, memory: MultimodelMemory) -> tuple[Aim, Aim]:
+        """Return where to point if the target goes on as the fast tracker takes it to move, and as the slow one."""
+        return self._intercept(memory.fast, memory.plate_age), self._intercept(memory.slow, memory.plate_age)
+
+    def _intercept(self, track: Track, age: Array) -> Aim:
+        return intercept(lambda time: position_after(track, age + time), LEAD_S + 0.0 * age, self.muzzle)
 
     def _aim(self, memory: MultimodelMemory) -> tuple[Array, Array]:
         place = position_after(memory.fast, memory.plate_age)
@@ -294,10 +308,7 @@ class MultimodelObserver(NamedTuple):
         slow = memory.slow
         off = position_after(slow, memory.plate_age)[..., :2] - place[..., :2]
         faster = slow.mean[..., 2:] - memory.fast.mean[..., 2:]
-        led = intercept(
-            lambda time: position_after(slow, memory.plate_age + time), LEAD_S + 0.0 * memory.plate_age, self.muzzle
-        ).angle
-        lead = without_gradient(led) - aim
+        lead = without_gradient(self._intercept(slow, memory.plate_age).angle) - aim
         across = _METRES * sight.across(off)
         innovation = memory.innovation[..., None]
         return [

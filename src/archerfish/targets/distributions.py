@@ -70,21 +70,23 @@ TABLE: Mapping[str, Mapping[str, Distribution]] = MappingProxyType(
         "still": {},
         "parabola": {
             "half width": _log_uniform(0.08, 0.6, "m", "eq (7) has 0.115; wider and narrower swings about it"),
-            "time between turns": _log_uniform(0.4, 2.0, "s", "the paper's targets turn back every 0.66 s or later"),
+            "time between turns": _log_uniform(
+                0.4, 4.0, "s", "the paper's targets turn back every 0.66 s or later, some after many seconds"
+            ),
             "rise": _uniform(0.0, 0.12, "m", "eq (7) has 0.04; from none, where no depth betrays a turn, to threefold"),
         },
         "pass": {"speed": SPEED, "direction": DIRECTION},
         "strafe": {
             "speed": SPEED,
             "direction": DIRECTION,
-            "time between turns": _log_uniform(0.4, 2.0, "s", "mean of a target's own; as for the parabola"),
+            "time between turns": _log_uniform(0.4, 4.0, "s", "mean of a target's own; as for the parabola"),
             "irregularity": _uniform(0.1, 1.0, "", "0 turns at equal times, 1 at times without memory"),
             "acceleration": ACCELERATION,
         },
         "stop-and-go": {
             "speed": SPEED,
             "direction": DIRECTION,
-            "time of a leg": _log_uniform(0.4, 1.5, "s", "mean of a target's own, driving and standing alike; assumed"),
+            "time of a leg": _log_uniform(0.4, 3.0, "s", "mean of a target's own, driving and standing alike; assumed"),
             "irregularity": _uniform(0.1, 1.0, "", "as for the strafe"),
             "acceleration": ACCELERATION,
         },
@@ -106,6 +108,16 @@ TABLE: Mapping[str, Mapping[str, Distribution]] = MappingProxyType(
     }
 )
 """Motion → parameter → distribution."""
+
+VARIATION: Mapping[str, Distribution] = MappingProxyType(
+    {
+        "pace": _log_uniform(0.1, 1.0, "", "the same way more slowly: turns are rarer and less sharp; assumed"),
+        "amplitude": _log_uniform(0.02, 0.15, "m", "of a sway beside the motion; assumed"),
+        "frequency": _log_uniform(0.5, 2.0, "Hz", "of the sway; slower where 8 m/s² would not do"),
+        "direction": _uniform(-90.0, 90.0, "°", "of the sway; any"),
+    }
+)
+"""Parameter → distribution, of `targets.variation`."""
 
 
 def draw_parameters(motion: str, chance: Array) -> tuple[Array, ...]:

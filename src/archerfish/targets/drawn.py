@@ -16,6 +16,8 @@ from archerfish.targets.sinusoid import sinusoid_way
 from archerfish.targets.still import still_way
 from archerfish.targets.stop_and_go import stop_and_go_way
 from archerfish.targets.strafe import strafe_way
+from archerfish.targets.variation import CHANCES as VARIATIONS
+from archerfish.targets.variation import varied
 
 WAYS: Mapping[str, Callable[[Array, Array], Array]] = MappingProxyType(
     {
@@ -36,14 +38,14 @@ DRAWN = (ANY, *WAYS)
 """All names that `drawn_motion` takes."""
 MIXTURE: Mapping[str, float] = MappingProxyType(
     {
-        "still": 1.5,
+        "still": 2.0,
         "parabola": 1.0,
         "pass": 3.0,
         "strafe": 1.0,
         "stop-and-go": 2.5,
         "sinusoid": 0.8,
         "circle": 0.8,
-        "singer": 0.8,
+        "singer": 1.6,
         "paper": 4.0,
     }
 )
@@ -51,7 +53,8 @@ MIXTURE: Mapping[str, float] = MappingProxyType(
 count more, for there the policy has most to lose; with equal weights it takes every target that stops for one that
 turns back. Chosen on draws that no evaluation has."""
 CHANCES = 5 + 2 * KNOTS
-"""Uniform draws per engagement: which motion, then as many as the motion with the most needs."""
+"""Uniform draws per engagement: which motion, then as many as the motion with the most needs. `ANY` takes some more, of
+its variations."""
 
 
 class _Empty(NamedTuple):
@@ -69,14 +72,20 @@ def drawn_motion(name: str) -> Any:
       name: one of `WAYS`, or `ANY`.
     """
     ways = {**WAYS, "paper": paper_way}
-    weights = MIXTURE if name == ANY else {name: 1.0}
+    mixed = name == ANY
+    weights = MIXTURE if mixed else {name: 1.0}
     starts = tuple(accumulate((each / sum(weights.values()) for each in weights.values()), initial=0.0))[:-1]
+
+    chances = CHANCES + VARIATIONS * mixed
 
     def path(place: Array, chance: Array, duration: Array) -> Path:
         xp = namespace(place, chance)
         way: Array = 0.0
         for each, begin in zip(weights, starts, strict=True):
+            if each == "paper" and mixed:
+                # All before are varied; eq (7) stays as the paper has it.
+                way = varied(way, chance[..., CHANCES:])
             way = xp.where((chance[..., 0] >= begin)[..., None, None], ways[each](chance[..., 1:], duration), way)
         return path_about(place, way, duration)
 
-    return type("DrawnMotion", (_Empty,), {"path": staticmethod(path), "chances": CHANCES})()
+    return type("DrawnMotion", (_Empty,), {"path": staticmethod(path), "chances": chances})()

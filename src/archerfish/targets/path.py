@@ -21,24 +21,42 @@ class Path(NamedTuple):
     """Places at even times, linear between them, at rest before the first and after the last."""
 
     places: Array
-    """[m], shape B + (N, 3)."""
+    """[m], shape B + (N, 3); or B + (N, 2), of level ways."""
     begin: Array
     """Time of the first [s], shape B."""
     step: Array
     """Between two [s], shape B."""
 
     def position(self, time: Array) -> Array:
-        """Return the position [m] at a time [s], shape B + (3,)."""
+        """Return the position [m] at a time [s], shape B + (3,), or B + (2,) of level ways.
+
+        Several times at once come as shape (M,) + B, and give positions of shape (M,) + B + (3,).
+        """
         xp = namespace(self.places, time)
         count, batch = self.places.shape[-2], self.places.shape[:-2]
-        at = xp.clip((time - self.begin) / self.step, 0.0, count - 1.0)
+        time = xp.asarray(time)
+        at = xp.clip((time - lift(self.begin, time)) / lift(self.step, time), 0.0, count - 1.0)
         whole = xp.clip(xp.floor(at), 0.0, count - 2.0)
         before, share = xp.astype(whole, xp.int32), (at - whole)[..., None]
         # Rows of one table, so that a path may meet several times at once by broadcasting.
-        rows = xp.reshape(self.places, (-1, 3))
+        rows = xp.reshape(self.places, (-1, self.places.shape[-1]))
         member = xp.reshape(xp.arange(int(np.prod(batch)), dtype=xp.int32), batch)
         row = count * lift(member, before) + before
         return (1.0 - share) * rows[row] + share * rows[row + 1]
+
+
+def at_pace(way: Array, pace: Array) -> Array:
+    """Return ways that are gone at a share of their pace, at the same place at time zero.
+
+    Args:
+      way: at `TIMES` [m], shape B + (N, 2).
+      pace: share, 0…1, shape B.
+    """
+    xp = namespace(way, pace)
+    times = xp.reshape(xp.asarray(TIMES, dtype=way.dtype), (-1,) + (1,) * pace.ndim)
+    zero = 0.0 * pace
+    slowed = Path(way, zero + BEGIN_S, zero + STEP_S)
+    return xp.moveaxis(slowed.position(lift(pace, times) * times), 0, -2)
 
 
 def path_about(place: Array, way: Array, duration: Array) -> Path:

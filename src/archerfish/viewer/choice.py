@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from archerfish.controllers.guarded_policy import controller_from_record
 from archerfish.controllers.own_decision import WatchedController
-from archerfish.controllers.policy import policy_from_record
 from archerfish.controllers.roster import CONTROLLERS, Listed, Tuning, Workbench, build_controller
 from archerfish.dynamics.command_limits import named_limits
 from archerfish.dynamics.linear_axis import gimbal_model
@@ -189,7 +189,7 @@ def chosen_world(subject: Subject, choice: Choice) -> PureWorld:
 def chosen_controller(subject: Subject, choice: Choice) -> Any:
     """Build the controller of a choice, which knows the latency of the commands as the robot's own program would."""
     if choice.controller in subject.policies:
-        return policy_from_record(subject.policies[choice.controller])
+        return controller_from_record(subject.policies[choice.controller])
     sensing, conditions = chosen_sensing(subject, choice), subject.conditions
     latency = (sensing.link.command_latency or 0.0) if sensing else 0.0
     bench = Workbench(

@@ -92,6 +92,7 @@ class HandRun:
         self._memory = self._controller.reset(self._seen)
         self._rows: list[tuple[Floats, ...]] = []
         self._fired: list[bool] = []
+        self._fallback: list[bool] = []
         self._angles, self._commands = [start[0]], [start[0]]
         self._landed = 0  # the decisions before this one are judged
         self._judged: list[tuple[Floats, float, Floats]] = []
@@ -126,6 +127,7 @@ class HandRun:
         position, velocity = self._world.pellet(self._state, draws)
         self._rows.append((position[0], velocity[0]))
         self._fired.append(bool(shot.fired[0]))
+        self._fallback.append(bool(command.fallback[0]))
         self._angles.append(shot.angle[0])
         self._commands.append(self._seen.command[0])
         self._judge()
@@ -163,6 +165,7 @@ class HandRun:
             command=np.stack(self._commands)[None],
             place=self._path.places[None].copy(),
             fired=np.array(self._fired, bool)[None],
+            fallback=np.array(self._fallback, bool)[None],
             position=pellets[None, :, 0],
             velocity=pellets[None, :, 1],
             flight_time=flight[None],

@@ -55,10 +55,17 @@ def rate_words(rate: HitRate | None) -> str:
 
 
 def count_words(trial: Trial) -> str:
-    """Put the hits and the shots of all of a trial into words, and the shots that were withheld, if any."""
+    """Put hits and shots of a whole trial into words, and the decisions that withheld one or were left to a filter."""
     shots = int(trial.fired.sum())
     withheld = trial.fired.size - shots
-    return f"{int(trial.hit.sum())} of {shots} hit" + (f", {withheld} withheld" if withheld else "")
+    fallbacks = int(trial.fallback.sum())
+    return ", ".join(
+        [
+            f"{int(trial.hit.sum())} of {shots} hit",
+            *([f"{withheld} withheld"] if withheld else []),
+            *([f"{fallbacks} left to a Kalman filter"] if fallbacks else []),
+        ]
+    )
 
 
 def compared(ours: Trial, theirs: Trial) -> Difference:

@@ -40,6 +40,8 @@ class Trial(NamedTuple):
     """Armor at the same times and during the aftermath [m], shape (B, M, 3), M > N."""
     fired: NDArray[np.bool_]
     """Whether a pellet left the muzzle, shape (B, N)."""
+    fallback: NDArray[np.bool_]
+    """Whether a simpler controller decided in the controller's stead, shape (B, N)."""
     position: Floats
     """Pellets as they leave the muzzle [m], shape (B, N, 3)."""
     velocity: Floats
@@ -124,8 +126,8 @@ def run_trial(subject: Subject, choice: Choice) -> Trial:
         state, shot = world.shoot(state, command, draws[:, step])
         seen = world.see(state)
         pellet = world.pellet(state, draws[:, step])
-        rows.append((shot.angle, seen.command, *pellet, shot.flight_time, shot.miss, shot.fired))
-    angle, command, position, velocity, flight_time, miss, fired = (
+        rows.append((shot.angle, seen.command, *pellet, shot.flight_time, shot.miss, shot.fired, command.fallback))
+    angle, command, position, velocity, flight_time, miss, fired, fallback = (
         np.stack(each, 1) for each in zip(*rows, strict=True)
     )
     muzzle = world.muzzle
@@ -138,6 +140,7 @@ def run_trial(subject: Subject, choice: Choice) -> Trial:
         command=_from(engagements.start, command),
         place=place,
         fired=fired,
+        fallback=fallback,
         position=position,
         velocity=velocity,
         flight_time=np.where(np.isfinite(flight_time), flight_time, np.inf),

@@ -11,7 +11,7 @@ import numpy as np
 
 from archerfish.cli.setting import setting_world
 from archerfish.cli.training_run import TrainingTask, run_task, write_run
-from archerfish.controllers.policy import policy_from_record
+from archerfish.controllers.guarded_policy import controller_from_record
 from archerfish.evaluation.evaluate import Entrant, Ground, compete
 from archerfish.evaluation.hit_rate import hit_rate
 from archerfish.evaluation.suites import draw_trials, table_suites
@@ -106,7 +106,7 @@ def _shoot(job: TrialJob, policy: PolicyRecord) -> tuple[CellHits, ...]:
     suites = table_suites(conditions, world.plants)
     trials = draw_trials(suites, job.engagements, conditions.decisions, job.engagement_seed, STREAM, world.normals)
     ground = Ground(world, trials, job.task.command_limit, setting.name, conditions)
-    (outcome,) = compete(ground, [Entrant("policy", policy_from_record(policy), job.task.seed)])
+    (outcome,) = compete(ground, [Entrant("policy", controller_from_record(policy), job.task.seed)])
     return tuple(_cell(suite.target, suite.range_m, hit) for suite, hit in zip(suites, outcome.hit, strict=True))
 
 

@@ -16,7 +16,7 @@ from archerfish.evaluation.comparison import (
 )
 from archerfish.evaluation.report.rate_drawings import rates_drawing
 from archerfish.evaluation.report.rate_tables import fired_shots_count
-from archerfish.evaluation.report.wording import LIMITS, controller_words
+from archerfish.evaluation.report.wording import LIMITS, controller_words, fallback_sentence
 from archerfish.evaluation.results import Cell, Comparison, Results
 from archerfish.figures.page import percent, points
 
@@ -63,6 +63,7 @@ def headline(results: Results, setting: str) -> Headline | None:
     ]
     sentence = (
         f"{LIMITS[limit].opening}, {_rates_sentence(picked, mine)}{withheld_sentence(picked)}"
+        f"{fallback_sentence(picked[mine].values())}"
         f"{_margin_sentence(picked, differences, mine)}"
         f"{''.join(_informed_sentence(name, pairs) for name, pairs in informed if pairs)}"
     )

@@ -18,7 +18,7 @@ from archerfish.evaluation.report.entry_tables import (
 from archerfish.evaluation.report.rate_drawings import motions_drawing
 from archerfish.evaluation.report.robot_tables import present
 from archerfish.evaluation.report.sections import anchor_of
-from archerfish.evaluation.report.wording import LIMITS, controller_words, own_controllers
+from archerfish.evaluation.report.wording import LIMITS, controller_words, fallback_sentence, own_controllers
 from archerfish.evaluation.results import MOTION_TABLES, Cell, Comparison, Results
 from archerfish.figures.page import bins
 
@@ -66,7 +66,7 @@ def _section(cells: Sequence[Cell], pairs: Iterable[Comparison], setting: str, l
     return MotionSection(
         anchor=anchor_of(f"{setting}-{limit}-motions-{length:g}s"),
         title=f"Other motions{where}, engagements of {length:g} s, limit {limit}",
-        note=note,
+        note=note + fallback_sentence(shot),
         drawing=motions_drawing(shot, (*PLOTTED, *own_controllers(shot))),
         tables=[_rate_table(shot), *([differences] if differences else [])],
     )

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from archerfish.evaluation.results import Cell
-from archerfish.figures.page import bins, number
+from archerfish.figures.page import bins, number, percent
 
 
 class ControllerWords(NamedTuple):
@@ -144,6 +144,17 @@ _CONDITIONS = {
 def controller_words(controller: str) -> ControllerWords:
     """Return how a controller appears; one that the report does not know keeps its own name."""
     return CONTROLLERS.get(controller, ControllerWords(controller, "", 6))
+
+
+def fallback_sentence(cells: Iterable[Cell]) -> str:
+    """Say how many decisions the policies left to a simpler controller; nothing where they never did."""
+    cells = list(cells)
+    said = []
+    for name in dict.fromkeys(cell.controller for cell in cells if cell.fallbacks):
+        own = [cell for cell in cells if cell.controller == name]
+        share = sum(cell.fallbacks for cell in own) / sum(cell.shots + cell.withheld for cell in own)
+        said.append(f"{controller_words(name).name} left {percent(share)} % of its decisions to a Kalman filter")
+    return f" Outside what it had foretold well, {' and '.join(said)}." if said else ""
 
 
 def own_controllers(cells: Iterable[Cell]) -> list[str]:
