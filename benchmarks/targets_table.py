@@ -2,14 +2,14 @@
 
     python benchmarks/targets_table.py
 
-It stands between `<!-- distributions -->` and `<!-- /distributions -->`, the weights of the mixture between
-`<!-- mixture -->` and `<!-- /mixture -->`; a test compares.
+It stands between `<!-- distributions -->` and `<!-- /distributions -->`, likewise the weights of the mixture, and
+what its variations are drawn from; a test compares.
 """
 
 import re
 from pathlib import Path
 
-from archerfish.targets.distributions import TABLE, Distribution
+from archerfish.targets.distributions import TABLE, VARIATION, Distribution
 from archerfish.targets.drawn import MIXTURE
 
 PAGE = Path(__file__).parents[1] / "docs" / "targets.md"
@@ -17,7 +17,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "targets.md"
 
 def rendered(page: str) -> str:
     """Return the page with its tables as the library has them."""
-    for name, lines in (("distributions", distributions()), ("mixture", mixture())):
+    for name, lines in (("distributions", distributions()), ("mixture", mixture()), ("variation", variation())):
         table = "\n".join([f"<!-- {name} -->", *lines, f"<!-- /{name} -->"])
         page = re.sub(f"<!-- {name} -->.*<!-- /{name} -->", lambda _, table=table: table, page, flags=re.DOTALL)
     return page
@@ -50,6 +50,12 @@ def mixture() -> list[str]:
         for name, weight in MIXTURE.items()
     ]
     return ["| motion | of the engagements |", "|---|---:|", *shown]
+
+
+def variation() -> list[str]:
+    """Return a row per parameter of the variations."""
+    rows = [f"| {name} | {_values(each)} | {each.reason} |" for name, each in VARIATION.items()]
+    return ["| parameter | values | |", "|---|---|---|", *rows]
 
 
 if __name__ == "__main__":

@@ -222,11 +222,8 @@ def run_evaluation(task: EvaluationTask, advance: Callable[[float, str], None] =
     task = with_tuning(task)
     ground, done = make_ground(task), []
     classical = [spec for spec in task.controllers if spec != "perfect"]
-    entrants = [
-        Entrant(find_controller(spec).name, make_controller(spec, _bench(task, task.tuning.get(spec))))
-        for spec in classical
-    ]
-    entrants += [_policy_entrant(policy) for policy in task.policies]
+    entrants = [classical_entrant(task, spec) for spec in classical]
+    entrants += [policy_entrant(policy) for policy in task.policies]
 
     def report(name: str) -> None:
         done.append(name)
@@ -304,6 +301,17 @@ def try_own_code(task: EvaluationTask) -> None:
                 rehearse(make_controller(spec, _bench(task, None)), ground.world, ground.trials)
 
 
-def _policy_entrant(policy: PolicyRecord) -> Entrant:
+def classical_entrant(task: EvaluationTask, spec: str) -> Entrant:
+    """Build a controller for the robot of a task, with the settings that the task has for it.
+
+    Args:
+      task: for which robot.
+      spec: as `find_controller` takes it.
+    """
+    return Entrant(find_controller(spec).name, make_controller(spec, _bench(task, task.tuning.get(spec))))
+
+
+def policy_entrant(policy: PolicyRecord) -> Entrant:
+    """Build the controller of a policy under the name that results give it."""
     name, seed = policy_label(policy)
     return Entrant(name, controller_from_record(policy), seed)

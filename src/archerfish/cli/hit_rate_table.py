@@ -53,7 +53,7 @@ def _table(where: str, cells: list["Cell"]) -> Table:
             for name, figure in _FIRED.items() if any(cell.counts == "shots" for cell in own.values()) else ():
                 table.add_row(f"  {name}", *(figure(own[each]) if each in own else "" for each in ranges))
             if any(cell.fallbacks for cell in own.values()):
-                table.add_row("  left to a filter", *(_fallbacks(own[each]) if each in own else "" for each in ranges))
+                table.add_row("  fell back", *(_fallbacks(own[each]) if each in own else "" for each in ranges))
     return table
 
 
