@@ -170,3 +170,13 @@ def test_numpy_and_jax_agree(shape, agree_in_jax) -> None:
     tracks = agree_in_jax(everything, NOISE, RATES, plates, np.full(shape, DT), fresh, rtol=1e-4, atol=1e-5)
     assert tracks.probability.shape == (*shape, 3)
     assert tracks.track.mean.shape == (*shape, 3, 4)
+
+
+def test_looks_at_one_sight_leave_the_covariance_as_it_is_however_their_times_round() -> None:
+    # Rounding can make the time between two looks at one sight negative. In float32 that was enough for a negative
+    # probability, and then for a covariance that no target has.
+    plates = turning(40)
+    rare = follow(plates)._replace(probability=np.array([1e-4, 0.9999 - 1e-8, 1e-8]))
+    later = step_models(NOISE, RATES, rare, np.asarray(-6e-8), plates[-1], np.asarray(False))
+    assert np.all(later.probability >= 0.0)
+    assert_allclose(later.track.covariance, rare.track.covariance, atol=1e-6)

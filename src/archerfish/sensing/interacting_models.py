@@ -97,6 +97,8 @@ def transition_probabilities(rates: ModelRates, elapsed: Array) -> Array:
     counts.
     """
     xp = namespace(elapsed)
+    # Between two looks at one sight it is zero but for rounding, and a probability is never negative.
+    elapsed = xp.maximum(elapsed, 0.0)
     turned = 0.5 * (1.0 - xp.exp(-2.0 * rates.turn * elapsed))
     stopped = 1.0 - xp.exp(-rates.stop * elapsed)
     going = 1.0 - stopped
