@@ -11,7 +11,6 @@ Writes benchmarks/results/motions.json and docs/motions.svg; logs, records and p
 there already is not made again.
 """
 
-import json
 import sys
 import time
 from collections.abc import Callable
@@ -275,27 +274,22 @@ def verdict(found: list[Comparison], setting: str, seed: int | None) -> dict[str
     return rows
 
 
-def panels(found: list[dict[str, Any]], setting: str, table: str) -> list[RatePanel]:
+def panels(found: list[Cell], setting: str, table: str) -> list[RatePanel]:
     """Return a panel per motion."""
     curves = {"policy": 0, SPECIALIST: 1, ONE: 2, EACH: 3}
-    ranges = sorted({tuple(each["range_m"]) for each in found})
+    ranges = sorted({each.range_m for each in found})
 
-    def percent(name: str, motion: str, field: str) -> list[float]:
-        chosen = [
-            each for each in found if (each["setting"], each["table"], each["motion"]) == (setting, table, motion)
-        ]
-        named = [each for each in chosen if each["controller"] == name and each["policy_seed"] in (None, SEED)]
-        at = {tuple(each["range_m"]): 100 * each[field] for each in named}
-        return [at.get(each, float("nan")) for each in ranges]
+    def curve(name: str, style: int, motion: str) -> RateCurve:
+        chosen = [each for each in found if (each.setting, each.table, each.motion) == (setting, table, motion)]
+        named = {each.range_m: each for each in chosen if each.controller == name and each.policy_seed in (None, SEED)}
+        rate, low, high = ([100 * getattr(named[each], field) for each in ranges] for field in ("rate", "low", "high"))
+        return RateCurve(name, style, rate, low, high)
 
     return [
         RatePanel(
             motion,
             [f"{low:g}–{high:g}" for low, high in ranges],
-            [
-                RateCurve(name, style, *(percent(name, motion, field) for field in ("rate", "low", "high")))
-                for name, style in curves.items()
-            ],
+            [curve(name, style, motion) for name, style in curves.items()],
         )
         for motion in WAYS
     ]
@@ -371,19 +365,18 @@ def main() -> None:
         name: {target: {**each.tuning._asdict(), "hit_rate": each.hit_rate} for target, each in found.items()}
         for name, found in settings.items()
     }
-    plain = json.loads(json.dumps([asdict(each) for each in rows]))
     storage.write_json(
         RESULT,
         {
             "conditions": conditions,
             "verdicts": verdicts,
             "tuning": tunings,
-            "cells": plain,
+            "cells": [asdict(each) for each in rows],
             "comparisons": [asdict(each) for each in pairs],
             "eq7": eq7,
         },
     )
-    drawn = panels(plain, grounds[-1].setting, MOTION_TABLES[3.0])
+    drawn = panels(rows, grounds[-1].setting, MOTION_TABLES[3.0])
     save_figure(FIGURE, hit_rate_figure(drawn, height=6.0, columns=4))
     sys.exit(any(row[against]["missed"] for row in verdicts for against in (ONE, EACH)))
 

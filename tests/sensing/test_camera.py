@@ -17,6 +17,7 @@ from archerfish.sensing.camera import (
     phase,
     quantised,
     sensing_from_record,
+    with_open_nearness,
 )
 from archerfish.targets.passing import Line
 from archerfish.targets.still import Static
@@ -28,7 +29,8 @@ PLACE = np.array([3.0, -2.0, 0.4])
 def sensing(draws: int = 1, **changes) -> Sensing:
     """Eighty frames a second, 35 ms old, feedback of 1 kHz, and neither noise nor misses unless said."""
     facts = dict.fromkeys(Sensing._fields, 0.0)
-    facts |= {"frame_period": 0.0125, "latency": 0.035, "feedback_period": 0.001, "miss": -np.inf, **changes}
+    facts |= {"frame_period": 0.0125, "latency": 0.035, "feedback_period": 0.001, "miss": -np.inf, "noise_range": 4.0}
+    facts |= changes
     across = np.broadcast_to(np.asarray(facts.pop("across")), (draws, 2))
     return Sensing(across=across, **{name: np.broadcast_to(np.asarray(each), (draws,)) for name, each in facts.items()})
 
@@ -95,6 +97,19 @@ def test_with_jitter_an_exposure_never_goes_back_and_is_fresh_only_when_new() ->
 def test_a_slow_camera_shows_a_frame_at_several_decisions() -> None:
     moments = watched(sensing(frame_period=0.1), Static(PLACE[None]), np.zeros((26, 1, DRAWS)), np.array([0.3]))
     assert sum(bool(sight.fresh[0]) for _, sight in moments[1:]) == 5  # five frames in half a second
+
+
+def test_what_noise_is_nearer_by_is_drawn_where_it_is_left_open() -> None:
+    count = 20_000
+    open_camera = with_open_nearness(sensing(3, across=0.001, noise_range=4.0))
+    assert sorted(open_camera.nearness) == [0.0, 0.5, 1.0]
+    normals = np.random.default_rng(64).standard_normal((count, DRAWS))
+    static = Static(np.tile([2.0, 0.0, 0.0], (count, 1)))
+    for draw, power in enumerate(open_camera.nearness):
+        seen = first_sight(open_camera, zeros(count) + draw, np.zeros(count), static, np.zeros(count), normals).plate
+        assert np.std(seen[:, 1]) == pytest.approx(2.0 * 0.001 * 2.0**power, rel=0.03)
+    alone = sensing(1, across=0.001)
+    assert with_open_nearness(alone).nearness == alone.nearness == 0.0
 
 
 def test_noise_lies_along_and_across_the_line_of_sight() -> None:
@@ -218,6 +233,7 @@ def test_one_draw_is_the_best_estimate() -> None:
         latency_jitter=0.002,
         moment_jitter=3e-4,
         across=(0.0016, 0.0017),
+        noise_range=RECORD.camera.noise_range,
         along=0.015,
         miss=norm.ppf(0.05),
         command_latency=0.008,

@@ -11,7 +11,7 @@ from archerfish.targets.drawn import ANY, DRAWN
 if TYPE_CHECKING:
     from archerfish.cli.train import Train
 
-DRAWN_STEPS, DRAWN_HIDDEN = 8_000_000, 512
+DRAWN_STEPS, DRAWN_HIDDEN = 9_000_000, 512
 """Settings of training by gradients for targets whose motion is drawn: more is to be learned than for eq (7)."""
 
 
@@ -21,7 +21,7 @@ class GradientOptions(GradientConfig):
 
     steps: int = 0
     """Decisions to train for, over all environments; rounded to whole windows, then up to calls of four. 0 takes as
-    many as the targets need: 500,000 for the paper's, 8,000,000 for others."""
+    many as the targets need: 500,000 for the paper's, 9,000,000 for others."""
     hidden: int = 0
     """Neurons of the first hidden layer of the policy (paper). 0 takes as many as the targets need: 256 for the
     paper's, 512 for others."""

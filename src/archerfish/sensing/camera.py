@@ -35,7 +35,12 @@ class Sensing(NamedTuple):
     moment_jitter: Array
     """Standard deviation of the moment taken for an exposure [s]."""
     across: Array
-    """Standard deviation of the azimuth and elevation [rad], shape (k, 2)."""
+    """Standard deviation of the azimuth and elevation at `noise_range` [rad], shape (k, 2)."""
+    noise_range: Array
+    """Distance at which they were measured [m]."""
+    nearness: Array
+    """How they grow towards the camera, as a power of the inverse distance: zero for the same angle at every distance,
+    one for the same way across the line of sight."""
     along: Array
     """Standard deviation of the distance, relative to it."""
     miss: Array
@@ -141,8 +146,9 @@ def _measured(sensing: Sensing, draw: Array, place: Array, rate: Array, normals:
     """Return a place as measured: noise along and across the line of sight, and what the gimbal turned meanwhile."""
     xp = namespace(place, normals)
     late = sensing.moment_error[draw] + sensing.moment_jitter[draw] * normals[..., 3]
-    turned = rate * late[..., None] + sensing.across[draw] * normals[..., 4:6]
     level = xp.sqrt(place[..., 0] ** 2 + place[..., 1] ** 2)
+    nearer = (sensing.noise_range[draw] / level) ** sensing.nearness[draw]
+    turned = rate * late[..., None] + nearer[..., None] * sensing.across[draw] * normals[..., 4:6]
     distance = 1.0 + sensing.along[draw] * normals[..., 6]
     x = place[..., 0] - turned[..., 1] * place[..., 1] - turned[..., 0] * place[..., 2] * place[..., 0] / level
     y = place[..., 1] + turned[..., 1] * place[..., 0] - turned[..., 0] * place[..., 2] * place[..., 1] / level
@@ -186,7 +192,7 @@ def sensing_from_record(record: SensingRecord, draws: int = 1, seed: int = 0) ->
     """Build camera and link from a record, and draw what it leaves open within its intervals.
 
     Bearing noise is taken to be the same angle at every distance, range noise the same share of it: one distance does
-    not tell (`noise_range`). What was not measured is taken to be zero.
+    not tell (`with_open_nearness` draws what it leaves open). What was not measured is taken to be zero.
 
     Args:
       record: as `identify sensing` writes it.
@@ -209,6 +215,8 @@ def sensing_from_record(record: SensingRecord, draws: int = 1, seed: int = 0) ->
         moment_error=drawn("camera.time_offset", 0.0, -np.inf),
         moment_jitter=drawn("camera.stamp_jitter", camera.stamp_jitter),
         across=across,
+        noise_range=np.full(draws, camera.noise_range),
+        nearness=np.zeros(draws),
         along=drawn("camera.range_sd", camera.range_sd) / camera.noise_range,
         miss=np.full(draws, ndtri(np.clip(camera.miss_probability, 1e-9, 1 - 1e-9))),
         command_latency=drawn("link.command_latency", link.command_latency),
@@ -218,3 +226,15 @@ def sensing_from_record(record: SensingRecord, draws: int = 1, seed: int = 0) ->
         feedback_jitter=drawn("link.feedback_latency_jitter", link.feedback_latency_jitter),
         feedback_quantum=np.full(draws, link.feedback_quantum or 0.0),
     )
+
+
+def with_open_nearness(sensing: Sensing) -> Sensing:
+    """Return camera and link whose noise grows towards the camera by another power in each draw, evenly from 0 to 1.
+
+    The noise across the line of sight was measured at one distance. Whether it is the same angle nearer by, as of a
+    detector's pixels, or the same way, as of a plate's blurred edges, nobody knows: a policy should do well in either
+    case. A single draw stays as it is.
+    """
+    count = len(sensing.nearness)
+    drawn = np.random.default_rng(58).permutation(np.linspace(0.0, 1.0, count)) if count > 1 else sensing.nearness
+    return sensing._replace(nearness=drawn.astype(sensing.across.dtype))

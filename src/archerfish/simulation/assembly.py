@@ -16,12 +16,14 @@ from archerfish.records.muzzle import MuzzleRecord
 from archerfish.records.own_plant import find_plant
 from archerfish.records.plant import PlantRecord, read_plant
 from archerfish.records.sensing import SensingRecord
+from archerfish.sensing.camera import with_open_nearness
 from archerfish.sensing.kalman_filter import TrackerNoise, noise_from_record
 from archerfish.sensing.multimodel_observation import EXACT_SIGHT_SD, FAST_ACCELERATION, multimodel_observer
 from archerfish.sensing.observation import ACTION_SCALES, make_observer
 from archerfish.sensing.observers import AnyObserver
 from archerfish.sensing.tracked_observation import TRACKER_ACCELERATION, tracked_observer
 from archerfish.simulation.environment import HIDDEN, PureWorld, ShootingEnvironment
+from archerfish.simulation.identified import IdentifiedWorld
 from archerfish.simulation.reward import EQ_8, Reward
 from archerfish.simulation.scenario import LONG_S, SHORT, TARGETS, draw_engagement
 from archerfish.simulation.setting import make_scenario, make_world, paper_muzzle
@@ -126,6 +128,8 @@ def environment_in(
     scenario = make_scenario(conditions, static_share=static_share, plants=world.plants, motion=drawer)
     if target:
         conditions = replace(conditions, engagement_s=LONG_S)
+        if isinstance(world, IdentifiedWorld):
+            world = world._replace(sensing=with_open_nearness(world.sensing))
         scenario = make_scenario(conditions, plants=world.plants, motion=drawn_motion(target), short=SHORT)
     if motion:
         uniforms = np.random.default_rng(0).random((_CHECKED, scenario.uniforms), dtype=np.float32)

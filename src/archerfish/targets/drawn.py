@@ -38,15 +38,15 @@ DRAWN = (ANY, *WAYS)
 """All names that `drawn_motion` takes."""
 MIXTURE: Mapping[str, float] = MappingProxyType(
     {
-        "still": 2.0,
-        "parabola": 1.0,
-        "pass": 3.0,
+        "still": 3.0,
+        "parabola": 1.5,
+        "pass": 5.0,
         "strafe": 1.0,
-        "stop-and-go": 2.5,
-        "sinusoid": 0.8,
-        "circle": 0.8,
-        "singer": 1.6,
-        "paper": 4.0,
+        "stop-and-go": 5.0,
+        "sinusoid": 0.6,
+        "circle": 0.6,
+        "singer": 2.0,
+        "paper": 6.0,
     }
 )
 """Motion → how often a policy for any of them meets it. Motions where a classical tracker is nearly as good as can be
