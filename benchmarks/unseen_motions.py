@@ -121,7 +121,7 @@ def eight(draws: Draws) -> Floats:
 
 
 def pushes(draws: Draws) -> Floats:
-    """Accelerate by one size, with a sign that is drawn anew at even times, and some friction."""
+    """Accelerate by one size, with a sign that is drawn again at even times, and some friction."""
     leg = np.minimum(((TIMES - BEGIN_S) / draws.between(1, 0.15, 0.4)).astype(int), 27)
     pushed = draws.between(2, 1.0, 5.0) * np.sign(np.take_along_axis(draws.chance[..., 6:34], leg, axis=-1) - 0.5)
     speed, speeds = np.zeros(draws.chance.shape[:-1]), []

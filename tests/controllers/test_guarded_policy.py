@@ -10,7 +10,8 @@ from archerfish.controllers.guarded_policy import GuardedMemory, GuardedPolicy, 
 from archerfish.controllers.network import Layer, Normaliser
 from archerfish.controllers.policy import PolicyController, policy_to_record
 from archerfish.dynamics.aiming import aim_at
-from archerfish.dynamics.array_namespace import map_arrays, single_precision
+from archerfish.dynamics.array_namespace import single_precision
+from archerfish.dynamics.intercept import intercept
 from archerfish.dynamics.muzzle import Muzzle
 from archerfish.records.policy import read_policy, write_policy
 from archerfish.sensing.interfaces import Command, Seen
@@ -28,12 +29,17 @@ WAY = Line(np.array([3.0, -1.0, 0.1]), np.array([0.0, 1.0, 0.0]))
 """At 1 m/s: until a pellet arrives, 0.08 rad or so."""
 
 
-def make_guarded(action: float) -> GuardedPolicy:
+RAMP = {"pitch_gain": 1.0, "yaw_gain": 1.0, "lead": 0.06}
+
+
+def make_guarded(action: float, **ramp: float) -> GuardedPolicy:
     """One whose policy aims beside where the target is now, by always the same."""
     observer = multimodel_observer(MUZZLE, NOISE, PERIOD, (SCALE, SCALE), np.full(2, 1e3))
     layer = Layer(np.zeros((observer.size, 2)), np.array([0.0, action]))
     normaliser = Normaliser(np.zeros(observer.size), np.ones(observer.size), np.asarray(1.0))
-    policy: GuardedPolicy = single_precision(guarded(PolicyController(observer, normaliser, (layer,)), PERIOD))
+    policy: GuardedPolicy = single_precision(
+        guarded(PolicyController(observer, normaliser, (layer,)), PERIOD, RAMP | ramp)
+    )
     return policy
 
 
@@ -57,25 +63,41 @@ def decisions(policy: GuardedPolicy, way: Line, count: int) -> tuple[list[Comman
     return commands, memory
 
 
-def needed(policy: GuardedPolicy) -> float:
-    """The action that leads as far as the target takes."""
-    memory = decisions(make_guarded(0.0), WAY, 60)[1]
-    fast, _ = policy.observer.intercepts(memory.policy)
-    now = WAY.position(np.asarray(59 * PERIOD))
-    return float(fast.angle[1] - aim_at(now, MUZZLE).angle[1]) / SCALE
+def needed(lead: float) -> float:
+    """The action that leads as far as WAY takes at its middle, for pellets that leave after a time [s]."""
+    middle = np.asarray(1.0)
+    aim = intercept(lambda time: WAY.position(middle + time), np.asarray(lead), MUZZLE).angle
+    return float(aim[1] - aim_at(WAY.position(middle), MUZZLE).angle[1]) / SCALE
 
 
-def test_a_policy_that_leads_rightly_decides_alone() -> None:
-    lead = needed(make_guarded(0.0))
-    commands, memory = decisions(make_guarded(lead), WAY, 80)
+@pytest.mark.parametrize("lead", [0.03, 0.06, 0.15])
+def test_a_policy_that_leads_rightly_for_its_gimbal_decides_alone(lead: float) -> None:
+    # Slow gimbals take commands that lead far: the filters' intercepts must lead as far.
+    policy = make_guarded(needed(lead), lead=lead)
+    commands, memory = decisions(policy, WAY, 80)
     assert not any(command.fallback for command in commands)
-    own, fast, slow = memory.forecasts.scores
-    assert min(own, fast, slow) > 0.85
-    bare = make_guarded(lead).policy
+    assert min(memory.predictions.scores) > 0.85
+    bare = policy.policy
     state = bare.reset(seen_of(WAY, 0))
     for decision, command in enumerate(commands):
         state, plain = bare.step(state, seen_of(WAY, decision))
         assert_allclose(command.angle, plain.angle, atol=1e-6)
+
+
+def test_of_a_gimbal_with_another_gain_the_pointing_is_judged_not_the_command() -> None:
+    # At 0.3 rad to the side, 20 % less command than angle.
+    way = Line(np.array([3.0, 1.0, 0.1]), np.zeros(3))
+    aim = aim_at(way.position(np.asarray(0.0)), MUZZLE).angle
+    action = float(aim[1] / 1.2 - aim[1]) / SCALE
+    commands, memory = decisions(make_guarded(action, yaw_gain=1.2), way, 60)
+    assert not any(command.fallback for command in commands)
+    assert min(memory.predictions.scores) > 0.85
+    fell = [bool(command.fallback) for command in decisions(make_guarded(action), way, 60)[0]]
+    assert any(fell)
+    # And the filter's command is an intercept over the gain.
+    commands, memory = decisions(make_guarded(-2.0, yaw_gain=1.2), way, 60)
+    assert commands[-1].fallback
+    assert_allclose(commands[-1].angle[1], aim[1] / 1.2, atol=1e-3)
 
 
 def test_one_that_leads_the_wrong_way_falls_back_once_the_sights_show_it() -> None:
@@ -87,7 +109,7 @@ def test_one_that_leads_the_wrong_way_falls_back_once_the_sights_show_it() -> No
     assert 0.25 < first * PERIOD < 0.8
     assert all(fell[first:])
     # What is commanded then is one filter's intercept, here both of them.
-    fast, slow = policy.observer.intercepts(memory.policy)
+    fast, slow = policy.observer.intercepts(memory.policy, policy.lead)
     assert_allclose(fast.angle, slow.angle, atol=2e-3)
     assert_allclose(commands[-1].angle, fast.angle, atol=2e-3)
 
@@ -113,35 +135,71 @@ def test_what_is_wanted_while_the_gimbal_slews_is_no_forecast() -> None:
     )
     commands, memory = decisions(slow, WAY, 80)
     assert not any(command.fallback for command in commands)
-    assert_allclose(memory.forecasts.counts, 0.0)
+    assert_allclose(memory.predictions.counts, 0.0)
+
+
+@pytest.mark.parametrize("frame", ["stale at the pivot", "stale far away", "fresh far away"])
+def test_one_sight_from_which_nothing_follows_is_forgotten(frame: str) -> None:
+    policy = make_guarded(-1.5)
+    place = np.zeros(3) if frame.endswith("pivot") else np.array([200.0, 0.0, 0.0])
+    plain, memory, state = [], policy.reset(seen_of(WAY, 0)), policy.policy.reset(seen_of(WAY, 0))
+    commands = []
+    for decision in range(60):
+        seen = seen_of(WAY, decision)
+        if decision == 10:
+            fresh = np.full_like(seen.fresh, frame.startswith("fresh"))
+            seen = seen._replace(plate=seen.plate * 0.0 + place.astype(np.float32), fresh=fresh)
+        with np.errstate(all="ignore"):
+            memory, command = policy.step(memory, seen)
+            state, bare = policy.policy.step(state, seen)
+        commands.append(command.angle)
+        plain.append(bare.angle)
+    assert np.array_equal(np.isnan(commands), np.isnan(plain))
 
 
 @pytest.mark.parametrize("shape", [(3,), (2, 3)])
 def test_alone_it_decides_as_in_a_batch_and_in_jax(shape: tuple[int, ...], agree_in_jax) -> None:
-    policy = make_guarded(-1.0)
-    views = tuple(seen_of(WAY, decision, shape) for decision in range(3))
+    def last(policy, memory, seen):
+        memory, command = policy.step(memory, seen)
+        return command.angle, memory.predictions.scores, command.fallback
 
-    def last(policy, views):
-        memory = policy.reset(views[0])
-        for seen in views:
-            memory, command = policy.step(memory, seen)
-        return command.angle, memory.forecasts.scores
+    def before(shape: tuple[int, ...], count: int) -> GuardedMemory:
+        memory = policy.reset(seen_of(WAY, 0, shape))
+        for decision in range(count):
+            memory, _ = policy.step(memory, seen_of(WAY, decision, shape))
+        return memory
 
-    angle, _ = agree_in_jax(last, policy, views, atol=1e-5)
-    alone, _ = last(policy, tuple(map_arrays(lambda each: each[(0,) * len(shape)], seen) for seen in views))
-    assert angle.shape == (*shape, 2)
-    assert_allclose(angle[(0,) * len(shape)], alone, atol=1e-6)
+    policy, at = make_guarded(-1.5), (0,) * len(shape)
+    for count in (3, 40):
+        found = agree_in_jax(last, policy, before(shape, count), seen_of(WAY, count, shape), atol=1e-5)
+        alone = last(policy, before((), count), seen_of(WAY, count))
+        for each, one in zip(found, alone, strict=True):
+            assert each.shape == (*shape, *one.shape)
+            assert_allclose(each[at], one, atol=1e-5)
+        assert np.all(found[2] == (count == 40))
 
 
-def test_policies_of_any_target_are_guarded_when_they_are_read_and_others_are_not(tmp_path: Path) -> None:
+def test_it_remembers_for_as_long_as_a_slow_pellet_flies_far() -> None:
+    slow = MUZZLE._replace(speed=np.asarray(np.float32(12.0)))
+    way = Line(np.array([6.0, -1.0, 0.1]), np.array([0.0, 1.0, 0.0]))
+    policy = make_guarded(-1.5)
+    policy = policy._replace(policy=policy.policy._replace(observer=policy.observer._replace(muzzle=slow)))
+    assert any(command.fallback for command in decisions(policy, way, 100)[0])
+
+
+def test_policies_of_that_observation_are_guarded_if_the_record_knows_the_gimbal(tmp_path: Path) -> None:
     policy = make_guarded(0.3).policy
     tracked = tracked_observer(MUZZLE, NOISE, PERIOD, (SCALE, SCALE), np.full(2, 0.02))
     layer = Layer(np.zeros((tracked.size, 2)), np.zeros(2))
     plain = PolicyController(
         tracked, Normaliser(np.zeros(tracked.size), np.ones(tracked.size), np.asarray(1.0)), (layer,)
     )
-    for each, kind in ((policy, GuardedPolicy), (plain, PolicyController)):
-        record = policy_to_record(single_precision(each), period_s=PERIOD, command_limit="gate", training={})
+    for each, ramp, kind in (
+        (policy, RAMP, GuardedPolicy),
+        (policy, {}, PolicyController),
+        (plain, RAMP, PolicyController),
+    ):
+        record = policy_to_record(single_precision(each), period_s=PERIOD, command_limit="gate", training={}, ramp=ramp)
         write_policy(tmp_path / "policy.json", record)
         read = controller_from_record(read_policy(tmp_path / "policy.json"))
         assert isinstance(read, kind)

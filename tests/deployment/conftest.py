@@ -48,7 +48,9 @@ def policy_file(tmp_path: Path) -> Callable[[str], Path]:
 
     def write(kind: str) -> Path:
         path = tmp_path / "policy.json"
-        record = policy_to_record(random_policy(kind), period_s=0.02, command_limit="gate", training={"seed": 1})
+        ramp = {"pitch_gain": 1.03, "yaw_gain": 1.0, "lead": 0.06} if kind == "multimodel" else {}
+        facts = {"period_s": 0.02, "command_limit": "gate", "training": {"seed": 1}, "ramp": ramp}
+        record = policy_to_record(random_policy(kind), **facts)
         write_policy(path, record)
         return path
 

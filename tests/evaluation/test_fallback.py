@@ -72,4 +72,4 @@ def test_they_reach_the_file_the_table_and_the_report(tmp_path: Path) -> None:
 
     write_report(results, tmp_path / "report.html")
     text = " ".join(outline(tmp_path / "report.html").text.replace("\u00a0", " ").split())
-    assert "left 5.0 % of its decisions to a Kalman filter" in text
+    assert "Decisions that fell back on a Kalman filter, which had predicted better: policy 5.0 %" in text

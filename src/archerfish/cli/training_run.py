@@ -15,6 +15,7 @@ from archerfish.cli.setting import Setting, setting_world
 from archerfish.cli.training_folders import DIVERGED, FAULT
 from archerfish.cli.training_log import LOG, log_rows, log_text
 from archerfish.controllers.policy import policy_to_record
+from archerfish.dynamics.linear_axis import gimbal_model, ramp_response
 from archerfish.figures.style import save_figure
 from archerfish.figures.training import learning_curves
 from archerfish.learning.checkpoint import write_checkpoint
@@ -216,6 +217,15 @@ def _environment(task: TrainingTask) -> ShootingEnvironment:
     )
 
 
+def _ramp(setting: Setting) -> dict[str, float]:
+    """Return how the robot follows commands that change at a constant rate, as the record has it."""
+    period, sensing = setting.conditions.control_period_s, setting.sensing
+    latency = (sensing.link.command_latency or 0.0) if sensing else 0.0
+    found = ramp_response(gimbal_model(setting.pitch, setting.yaw, period, latency), period)
+    pitch, yaw = (float(each) for each in found.gain)
+    return {"pitch_gain": pitch, "yaw_gain": yaw, "lead": float(found.lead[1])}
+
+
 def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Trained, begun: float) -> TrainingResult:
     setting, conditions = task.setting, task.setting.conditions
     mean_return = trained.curve.mean_reward.astype(float) * task.mean_length
@@ -223,6 +233,7 @@ def _result(task: TrainingTask, environment: ShootingEnvironment, trained: Train
         trained_policy(environment.observer, trained.learner),
         period_s=conditions.control_period_s,
         command_limit=task.command_limit,
+        ramp=_ramp(setting) if task.observation == "multimodel" else {},
         training={
             **{name: getattr(task, name) for name in ("static_share", "seed")},
             "setting": setting.name,

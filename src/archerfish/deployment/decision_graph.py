@@ -44,7 +44,7 @@ class DecisionGraph(NamedTuple):
     angle: Symbol
     """Pitch and yaw command [rad], shape (batch, 2)."""
     fallback: Symbol | None
-    """Whether a simpler controller decided, shape (batch,); None for a policy that has none beside it."""
+    """Whether it fell back on a simpler controller, shape (batch,); None for a policy without one."""
     state_parts: tuple[Part, ...]
     """What the state holds, in order."""
 

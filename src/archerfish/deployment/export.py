@@ -98,7 +98,7 @@ def _facts(record: PolicyRecord, controller: PolicyController | GuardedPolicy, g
         "next_state": {"shape": list(graph.next_state.shape), "unit": "", "meaning": "state of the next decision"},
     }
     if graph.fallback is not None:
-        meaning = "whether a Kalman filter decided, since it has foretold the target better than the policy of late"
+        meaning = "whether a Kalman filter, which predicted the target better of late, has more than half of the aim"
         outputs["fallback"] = {"shape": ["batch"], "unit": "", "meaning": meaning}
     return {
         "format": FORMAT,

@@ -232,6 +232,32 @@ def gimbal_rate(model: GimbalModel, state: Array) -> Array:
     return namespace(state).sum(lift(model.rate, state) * state, axis=-1)
 
 
+class RampResponse(NamedTuple):
+    """How angles follow commands that change at a constant rate, once settled: gain × the command of `lead` ago."""
+
+    gain: Array
+    """Steady gain of pitch and yaw, shape (2,)."""
+    lead: Array
+    """From a decision back to the command whose angle the gimbal has at the end of the decision's period, and that
+    period: how far commands must lead so that pellets do [s], shape (2,)."""
+
+
+def ramp_response(model: GimbalModel, period_s: float) -> RampResponse:
+    """Return how a gimbal follows commands that change at a constant rate.
+
+    With x' = A x + b u and y = c x', a command u = k settles at y = g (k + 1 − l), where g = c (I − A)⁻¹ b and
+    g l = c (I − A)⁻² b.
+
+    Args:
+      model: the gimbal, shape (2, ...), stable.
+      period_s: of its decisions [s].
+    """
+    rest = np.linalg.solve(np.eye(model.transition.shape[-1]) - model.transition, model.input[..., None])
+    behind = np.linalg.solve(np.eye(model.transition.shape[-1]) - model.transition, rest)
+    gain, late = ((model.angle * each[..., 0]).sum(-1) for each in (rest, behind))
+    return RampResponse(gain, period_s * late / gain)
+
+
 def refined(plant: PlantRecord, tick_s: float) -> PlantRecord:
     """Return the same plant, without its draws, with a shorter sampling period.
 

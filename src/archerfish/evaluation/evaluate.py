@@ -47,7 +47,7 @@ class Outcome:
     """Largest acceleration of the yaw axis, by command or by motion, mean over a decision period [rad/s²]; None
     where nothing moved the gimbal."""
     fallback: NDArray[np.bool_] | None = None
-    """Whether a simpler controller decided in its stead, shape (suites, engagements, decisions); None if never."""
+    """Whether it fell back on a simpler controller, shape (suites, engagements, decisions); None if never."""
     needs_truth: bool = False
     """Whether the controller is given the target's path beforehand."""
 

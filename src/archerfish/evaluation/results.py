@@ -95,7 +95,7 @@ class Cell(Label):
     withheld: int = 0
     """Decisions that fired no shot."""
     fallbacks: int = 0
-    """Decisions that a policy left to a simpler controller, since that had foretold the target better of late."""
+    """Decisions at which a policy fell back on a Kalman filter, which had predicted the target better of late."""
     hits_per_s: float | None = None
     """Hits per second of engagement [1/s]; None in files that were written before it was counted."""
     bound: float | None = None

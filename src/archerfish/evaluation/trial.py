@@ -31,7 +31,7 @@ class Shots(NamedTuple):
     """Pitch and yaw of the gimbal at the end of each decision's period [rad], shape (..., 2)."""
 
     fallback: NDArray[np.bool_]
-    """Whether a simpler controller decided in the controller's stead, shape (...)."""
+    """Whether the controller fell back on a simpler one, shape (...)."""
 
     def hits(self, radius: float) -> NDArray[np.bool_]:
         """Whether each decision hit: a pellet was fired, with a miss distance of at most `radius` [m]."""

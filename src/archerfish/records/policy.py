@@ -16,6 +16,8 @@ MUZZLE_FACTS = ("speed", "drag", "length", "pitch_offset", "yaw_offset")
 """Numbers that `PolicyRecord.muzzle` holds."""
 TRACKER_FACTS = ("acceleration", "along", "across", "along_share", "across_angle", "initial_speed")
 """Numbers that `PolicyRecord.tracker` of a tracked observation holds."""
+RAMP_FACTS = ("pitch_gain", "yaw_gain", "lead")
+"""Numbers that `PolicyRecord.ramp` holds, if any."""
 EARLIER_INITIAL_SPEED = 1.0
 """`initial_speed` [m/s] of trackers in records from before it could be set."""
 
@@ -48,6 +50,9 @@ class PolicyRecord:
     """Command limit that it was trained under."""
     tracker: dict[str, float] = field(default_factory=dict)
     """What the tracker believes, as `sensing.kalman_filter.TrackerNoise`; empty where an observation has none."""
+    ramp: dict[str, float] = field(default_factory=dict)
+    """How the robot that it was trained for follows commands that change at a constant rate, as
+    `dynamics.linear_axis.RampResponse`: `pitch_gain`, `yaw_gain` and, of yaw, `lead` [s]; empty where not known."""
     training: dict[str, Any] = field(default_factory=dict)
     """Configuration and outcome of the training."""
     provenance: dict[str, Any] = field(default_factory=dict)
@@ -79,9 +84,16 @@ class PolicyRecord:
         missing = [name for name in tracked if not isinstance(self.tracker.get(name), (int, float))]
         if missing:
             raise InputError(f'policy.tracker must hold the number "{missing[0]}"; train it anew')
+        missing = [name for name in RAMP_FACTS if self.ramp and not _is_positive(self.ramp.get(name))]
+        if missing:
+            raise InputError(f'policy.ramp must hold the number "{missing[0]}", finite and > 0; train it anew')
         for array in (*self.weights, *self.biases, self.mean, self.variance, self.action_scale, self.braking):
             if not np.all(np.isfinite(array)):
                 raise InputError("a policy's network holds a value that is not finite; train it anew")
+
+
+def _is_positive(value: Any) -> bool:
+    return isinstance(value, (int, float)) and bool(np.isfinite(value)) and value > 0
 
 
 def write_policy(path: Path, policy: PolicyRecord) -> None:
@@ -89,7 +101,17 @@ def write_policy(path: Path, policy: PolicyRecord) -> None:
     arrays = {name: getattr(policy, name) for name in ("mean", "variance", "action_scale", "braking")}
     for index, (weight, bias) in enumerate(zip(policy.weights, policy.biases, strict=True)):
         arrays |= {f"weight_{index}": weight, f"bias_{index}": bias}
-    names = ("observation", "frames", "muzzle", "period_s", "command_limit", "tracker", "training", "provenance")
+    names = (
+        "observation",
+        "frames",
+        "muzzle",
+        "period_s",
+        "command_limit",
+        "tracker",
+        "ramp",
+        "training",
+        "provenance",
+    )
     storage.write_record(path, SCHEMA, {name: getattr(policy, name) for name in names}, arrays)
 
 
@@ -115,6 +137,7 @@ def read_policy(path: Path) -> PolicyRecord:
             action_scale=arrays["action_scale"],
             braking=arrays["braking"],
             tracker=tracker,
+            ramp=storage.field(path, facts, "ramp", dict) if "ramp" in facts else {},
             **{name: storage.field(path, facts, name, kind) for name, kind in kinds.items()},
         )
     except KeyError as error:

@@ -232,8 +232,8 @@ def with_open_nearness(sensing: Sensing) -> Sensing:
     """Return camera and link whose noise grows towards the camera by another power in each draw, evenly from 0 to 1.
 
     The noise across the line of sight was measured at one distance. Whether it is the same angle nearer by, as of a
-    detector's pixels, or the same way, as of a plate's blurred edges, nobody knows: a policy should do well in either
-    case. A single draw stays as it is.
+    detector's pixels, or the same way, as of a plate's blurred edges, the record does not tell: a policy should do
+    well in either case. A single draw stays as it is.
     """
     count = len(sensing.nearness)
     drawn = np.random.default_rng(58).permutation(np.linspace(0.0, 1.0, count)) if count > 1 else sensing.nearness

@@ -53,7 +53,7 @@ class Command(NamedTuple):
     hit_probability: Array
     """The controller's own estimate, 0…1, shape B; NaN where it has none."""
     fallback: Array
-    """Whether a simpler controller decided in its stead, since it takes itself to be out of its depth, shape B."""
+    """Whether a simpler controller that predicts better has more than half of the aim, shape B."""
 
 
 class Shot(NamedTuple):

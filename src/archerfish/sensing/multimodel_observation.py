@@ -53,7 +53,7 @@ EXACT_SIGHT_SD = 5e-4
 RATES = ModelRates(np.asarray(0.25), np.asarray(0.1), np.asarray(0.5))
 """Of the interacting models: turns and stops [1/s], share of the targets that stand at first."""
 LEAD_S = 0.06
-"""From a decision until its pellet leaves the muzzle [s], about: for the intercepts."""
+"""From a decision until its pellet leaves the muzzle [s], about: for the slow tracker's intercept."""
 _FINE, _METRES, _TYPICAL_AGE_S, _FORGETTING, _LARGEST = 100.0, 20.0, 0.05, 0.2, 50.0
 
 
@@ -221,12 +221,18 @@ class MultimodelObserver(NamedTuple):
         """Return the next command on the fastest way to the wanted one that can stop there [rad], shape B + (2,)."""
         return on_the_way(self.braking, wanted, memory.command[..., -1, :])
 
-    def intercepts(self, memory: MultimodelMemory) -> tuple[Aim, Aim]:
-        """Return where to point if the target goes on as the fast tracker takes it to move, and as the slow one."""
-        return self._intercept(memory.fast, memory.plate_age), self._intercept(memory.slow, memory.plate_age)
+    def intercepts(self, memory: MultimodelMemory, lead: Array) -> tuple[Aim, Aim]:
+        """Return where to point if the target goes on at the fast tracker's velocity, and at the slow one's.
 
-    def _intercept(self, track: Track, age: Array) -> Aim:
-        return intercept(lambda time: position_after(track, age + time), LEAD_S + 0.0 * age, self.muzzle)
+        Args:
+          memory: what is remembered.
+          lead: from now until the pellet leaves the muzzle [s], shape ().
+        """
+        age = memory.plate_age
+        return self._intercept(memory.fast, age, lead), self._intercept(memory.slow, age, lead)
+
+    def _intercept(self, track: Track, age: Array, lead: Array) -> Aim:
+        return intercept(lambda time: position_after(track, age + time), lead + 0.0 * age, self.muzzle)
 
     def _aim(self, memory: MultimodelMemory) -> tuple[Array, Array]:
         place = position_after(memory.fast, memory.plate_age)
@@ -308,7 +314,7 @@ class MultimodelObserver(NamedTuple):
         slow = memory.slow
         off = position_after(slow, memory.plate_age)[..., :2] - place[..., :2]
         faster = slow.mean[..., 2:] - memory.fast.mean[..., 2:]
-        lead = without_gradient(self._intercept(slow, memory.plate_age).angle) - aim
+        lead = without_gradient(self._intercept(slow, memory.plate_age, LEAD_S).angle) - aim
         across = _METRES * sight.across(off)
         innovation = memory.innovation[..., None]
         return [

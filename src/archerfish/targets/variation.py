@@ -1,7 +1,7 @@
 """Variations of drawn motions for training, slower or swaying: a policy meets more than the motions' names say.
 
-Without them a policy takes slow targets for those of eq (7), the only slow ones that it has met, and knows of nothing
-that does two things at once.
+Without them a policy takes slow targets for those of eq (7), the only slow ones in its training, and is wrong about
+targets that do two things at once.
 """
 
 import math

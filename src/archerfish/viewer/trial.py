@@ -41,7 +41,7 @@ class Trial(NamedTuple):
     fired: NDArray[np.bool_]
     """Whether a pellet left the muzzle, shape (B, N)."""
     fallback: NDArray[np.bool_]
-    """Whether a simpler controller decided in the controller's stead, shape (B, N)."""
+    """Whether the controller fell back on a simpler one, shape (B, N)."""
     position: Floats
     """Pellets as they leave the muzzle [m], shape (B, N, 3)."""
     velocity: Floats

@@ -147,14 +147,16 @@ def controller_words(controller: str) -> ControllerWords:
 
 
 def fallback_sentence(cells: Iterable[Cell]) -> str:
-    """Say how many decisions the policies left to a simpler controller; nothing where they never did."""
+    """Say at how many decisions policies fell back on a Kalman filter; nothing where they never did."""
     cells = list(cells)
     said = []
     for name in dict.fromkeys(cell.controller for cell in cells if cell.fallbacks):
         own = [cell for cell in cells if cell.controller == name]
         share = sum(cell.fallbacks for cell in own) / sum(cell.shots + cell.withheld for cell in own)
-        said.append(f"{controller_words(name).name} left {percent(share)} % of its decisions to a Kalman filter")
-    return f" Outside what it had foretold well, {' and '.join(said)}." if said else ""
+        said.append(f"{controller_words(name).name} {percent(share)} %")
+    return (
+        f" Decisions that fell back on a Kalman filter, which had predicted better: {', '.join(said)}." if said else ""
+    )
 
 
 def own_controllers(cells: Iterable[Cell]) -> list[str]:
