@@ -76,6 +76,28 @@ def test_one_robot_gets_what_it_gets_in_a_batch(exported, inputs, agreement) -> 
         np.testing.assert_allclose(alone[0], together[member], atol=1e-6)
 
 
+def test_a_file_says_when_a_policy_falls_back(exported, inputs, agreement) -> None:
+    policy, session = exported("multimodel")
+    frames = inputs.lively_frames(60, 50, 7, 0.0)
+    start = type(frames)(*(each[0] for each in frames))
+    memory, state = (
+        policy.reset(start),
+        np.zeros((50, next(i.shape[1] for i in session.get_inputs() if i.name == "state"))),
+    )
+    said, meant = [], []
+    for decision in range(60):
+        seen = type(frames)(*(each[decision] for each in frames))
+        feed = agreement.inputs_of(session, seen, np.full(50, decision == 0), state.astype(np.float32))
+        state, fallback = session.run(["next_state", "fallback"], feed)
+        memory, command = policy.step(memory, seen)
+        said.append(fallback)
+        meant.append(command.fallback)
+    assert np.array(said).shape == (60, 50)
+    assert 0.1 < np.mean(meant) < 0.9
+    # Where policy and filter have nearly equal parts, rounding decides.
+    assert np.mean(np.array(said) == np.array(meant)) > 0.999
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_file_tells_all_that_its_user_must_know(kind, policy_file, tmp_path) -> None:
     onnx = pytest.importorskip("onnx")

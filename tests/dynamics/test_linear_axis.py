@@ -10,6 +10,7 @@ from archerfish.dynamics.linear_axis import (
     gimbal_draws,
     gimbal_model,
     gimbal_rate,
+    ramp_response,
     refined,
     rest_state,
 )
@@ -105,6 +106,19 @@ def test_a_held_command_ends_at_the_dc_gain(delay) -> None:
 def test_printed_dc_gains() -> None:
     model = gimbal_model(*plants(), PERIOD_S)
     assert_allclose(gimbal_angle(model, rest_state(model, np.ones(2))), [1.031, 1.0], atol=5e-4)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.013])
+def test_behind_a_ramp_a_gimbal_is_late_by_its_lead(latency: float) -> None:
+    period, slope = 0.02, 0.7
+    model = gimbal_model(**printed_plants(), period_s=period, latency_s=latency)
+    found = ramp_response(model, period)
+    state = rest_state(model, np.zeros(2))
+    for decision in range(400):
+        state = advance(model, state, np.full(2, slope * decision * period))
+    # When the pellet of a decision leaves, a period later, the gimbal is where the command of `lead` earlier sends it.
+    assert_allclose(gimbal_angle(model, state), found.gain * slope * (400 * period - found.lead), rtol=1e-9)
+    assert_allclose(found.gain, [dc_gain(plant).item() for plant in printed_plants().values()])
 
 
 def test_rest_stays_at_rest() -> None:

@@ -58,6 +58,22 @@ def test_what_a_tracker_believes_is_read_back_exactly(tmp_path: Path) -> None:
     assert read_policy(tmp_path / "policy.json").tracker == TRACKER
 
 
+RAMP = {"pitch_gain": 1.03, "yaw_gain": 1.0, "lead": 0.05}
+
+
+def test_how_the_gimbal_follows_is_read_back_and_must_be_whole(tmp_path: Path) -> None:
+    path = tmp_path / "policy.json"
+    write_policy(path, replace(POLICY, ramp=RAMP))
+    assert read_policy(path).ramp == RAMP
+    for wrong in ({"lead": None}, {"lead": 0.0}, {"yaw_gain": float("inf")}):
+        with pytest.raises(InputError, match=r"policy\.ramp must hold the number"):
+            replace(POLICY, ramp=RAMP | wrong)
+    facts = json.loads(path.read_text())
+    del facts["ramp"]
+    path.write_text(json.dumps(facts))
+    assert read_policy(path).ramp == {}
+
+
 def test_a_tracker_from_before_its_initial_speed_could_be_set_has_that_of_then(tmp_path: Path) -> None:
     path = tmp_path / "policy.json"
     write_policy(path, replace(POLICY, observation="tracked", tracker=TRACKER))
