@@ -75,7 +75,8 @@ def run_export(command: Export) -> dict[str, Any]:
         shape = ", ".join(map(str, told["shape"]))
         unit = f" [{told['unit']}]" if told["unit"] else ""
         console.print(f"  {name:<11} ({shape}) {told['meaning']}{unit}", markup=False)
-    console.print("  → angle_command (batch, 2) pitch and yaw before all limits [rad], next_state", markup=False)
+    others = ", ".join(name for name in facts["outputs"] if name != "angle_command")
+    console.print(f"  → angle_command (batch, 2) pitch and yaw before all limits [rad], {others}", markup=False)
     if facts["checked_rad"] is not None:
         console.print(f"checked: ONNX Runtime commands the same as NumPy, to {1e6 * facts['checked_rad']:.2g} µrad")
     elif command.check:
