@@ -31,7 +31,7 @@ def test_targets_of_any_motion_are_trained_for_by_gradients_with_several_tracker
     command = settled(words)
     assert command.target == (words.split()[-1] if words else "any")
     assert (command.observation, command.trainer) == ("multimodel", "gradient")
-    assert (command.gradient.steps, command.gradient.hidden) == (6_000_000, 512)
+    assert (command.gradient.steps, command.gradient.hidden) == (9_000_000, 512)
 
 
 @pytest.mark.parametrize("target", TARGETS)

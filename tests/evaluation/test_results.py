@@ -39,6 +39,7 @@ CELL: dict[str, Any] = {
     "misses_settled": 3,
     "paper": 88.35,
     "withheld": 0,
+    "fallbacks": 0,
     "hits_per_s": 45.0,
     "bound": 0.93,
     "bound_error": 0.001,
@@ -131,7 +132,7 @@ def test_another_schema_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_file_from_before_shots_could_be_withheld_is_read_as_it_was_meant(tmp_path: Path) -> None:
-    old = {name: value for name, value in CELL.items() if name not in {"counts", "withheld", "hits_per_s"}}
+    old = {name: value for name, value in CELL.items() if name not in {"counts", "withheld", "fallbacks", "hits_per_s"}}
     path = write_raw(tmp_path / "results.json", {**MINIMAL, "schema": "archerfish.results/1", "cells": [old]})
     (cell,) = read_results(path).cells
     assert (cell.counts, cell.shots, cell.withheld, cell.counted) == ("decisions", 100, 0, 100)

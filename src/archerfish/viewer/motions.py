@@ -13,7 +13,6 @@ from archerfish.records.errors import InputError
 from archerfish.sensing.interfaces import Engagement
 from archerfish.targets.circle import Circle
 from archerfish.targets.drawn import ANY, WAYS, drawn_motion
-from archerfish.targets.drawn import CHANCES as DRAWN_CHANCES
 from archerfish.targets.motion import TargetMotion
 from archerfish.targets.own_motion import CHANCES, OwnMotion, check_paths
 from archerfish.targets.parabola import Parabola
@@ -45,7 +44,7 @@ class Draw(NamedTuple):
     side: Floats
     """Way of going: −1 to the right, 1 to the left, shape (n,)."""
     chance: Floats
-    """For motions with parameters of their own, shape (n, `drawn.CHANCES`)."""
+    """Uniform draws for motions with parameters of their own, shape (n, as many as `drawn.ANY` takes)."""
 
 
 def _still(draw: Draw, conditions: Conditions) -> TargetMotion:  # noqa: ARG001
@@ -133,7 +132,7 @@ def meet(
     )
     if motion in MOTIONS:
         # 72 and 73 are of the dispersion, in films and by hand.
-        chance = np.random.default_rng([seed, 75]).random((count, DRAWN_CHANCES))
+        chance = np.random.default_rng([seed, 75]).random((count, drawn_motion(ANY).chances))
         targets = MOTIONS[motion](Draw(place, speed, phase, np.where(way < 0.5, -1.0, 1.0), chance), conditions)
     elif motion in own:
         targets = _own(own[motion], place, speed, conditions, np.random.default_rng([seed, 74]))
