@@ -276,7 +276,7 @@ def motion_differences(results: dict[str, Any]) -> str:
         "less",
         "mean of 64 cells",
         "least",
-        "its interval reaches",
+        "lowest end of an interval",
         "moving cells clear of zero",
     )
     return _markdown(headings, rows)

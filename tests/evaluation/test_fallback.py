@@ -72,5 +72,5 @@ def test_they_reach_the_file_the_table_and_the_report(tmp_path: Path) -> None:
 
     write_report(results, tmp_path / "report.html")
     text = " ".join(outline(tmp_path / "report.html").text.replace("\u00a0", " ").split())
-    said = "Decisions that fell back on a Kalman filter, which had predicted better: Policy for any target 5.0 %"
+    said = "Decisions that fell back on a Kalman filter, which had predicted better: Policy of several trackers 5.0 %"
     assert said in text

@@ -239,7 +239,7 @@ def test_other_motions_have_a_section_per_length_with_a_row_per_motion_and_contr
     for length in (1, 3):
         assert f"Other motions, engagements of {length} s, limit gate" in page
         assert (tmp_path / "figures" / f"hit_rates_paper-gate-motions-{length}s.svg").exists()
-    assert page.count("<th>Policy for any target (seed 3)</th>") == 4
-    assert page.count("<th>Policy for any target (seed 3) less Kalman filter</th>") == 4
+    assert page.count("<th>Policy of several trackers (seed 3)</th>") == 4
+    assert page.count("<th>Policy of several trackers (seed 3) less Kalman filter</th>") == 4
     assert page.count('<tr class="group"><th colspan="4">strafe</th></tr>') == 4
     assert "Tables II and III" not in page.partition("Other motions, engagements of 1 s")[0]

@@ -80,7 +80,8 @@ def _entrant(cell: "Cell") -> str:
 
 
 def _fallbacks(cell: "Cell") -> str:
-    return f"{100 * cell.fallbacks / (cell.shots + cell.withheld):.1f} %"
+    percent = 100 * cell.fallbacks / (cell.shots + cell.withheld)
+    return "<0.1 %" if 0.0 < percent < 0.05 else f"{percent:.1f} %"
 
 
 def _rate(cell: "Cell") -> str:

@@ -73,7 +73,9 @@ TABLE: Mapping[str, Mapping[str, Distribution]] = MappingProxyType(
             "time between turns": _log_uniform(
                 0.4, 4.0, "s", "the paper's targets turn back every 0.66 s or later, some after many seconds"
             ),
-            "rise": _uniform(0.0, 0.12, "m", "eq (7) has 0.04; from none, where no depth betrays a turn, to threefold"),
+            "depth": _uniform(
+                0.0, 0.12, "m", "way towards the gimbal between turns: 0.04 in eq (7), from none to threefold"
+            ),
         },
         "pass": {"speed": SPEED, "direction": DIRECTION},
         "strafe": {

@@ -63,7 +63,7 @@ def count_words(trial: Trial) -> str:
         [
             f"{int(trial.hit.sum())} of {shots} hit",
             *([f"{withheld} withheld"] if withheld else []),
-            *([f"{fallbacks} by a Kalman filter"] if fallbacks else []),
+            *([f"fell back on a Kalman filter at {fallbacks}"] if fallbacks else []),
         ]
     )
 

@@ -27,9 +27,9 @@ CONTROLLERS = {
         0,
     ),
     "policy": ControllerWords(
-        "Policy for any target",
-        "Trained in the simulator on targets that stand still or move in any way; sees what several trackers side by "
-        "side make of old and noisy sights, and two memories.",
+        "Policy of several trackers",
+        "Trained in the simulator, by default on targets that stand still or move in any way; sees what several "
+        "trackers side by side make of old and noisy sights, and the bearings of the last seconds.",
         5,
     ),
     "paper": ControllerWords("Six-number policy", "Trained by PPO; sees the paper’s six numbers.", 4),
