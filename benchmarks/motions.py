@@ -276,20 +276,21 @@ def verdict(found: list[Comparison], setting: str, seed: int | None) -> dict[str
 
 def panels(found: list[Cell], setting: str, table: str) -> list[RatePanel]:
     """Return a panel per motion."""
-    curves = {"policy": 0, SPECIALIST: 1, ONE: 2, EACH: 3}
+    names = {"policy": "policy", SPECIALIST: "policy for eq (7)", ONE: "classical, one setting"}
+    names |= {EACH: "classical, per motion"}
     ranges = sorted({each.range_m for each in found})
 
     def curve(name: str, style: int, motion: str) -> RateCurve:
         chosen = [each for each in found if (each.setting, each.table, each.motion) == (setting, table, motion)]
         named = {each.range_m: each for each in chosen if each.controller == name and each.policy_seed in (None, SEED)}
         rate, low, high = ([100 * getattr(named[each], field) for each in ranges] for field in ("rate", "low", "high"))
-        return RateCurve(name, style, rate, low, high)
+        return RateCurve(names[name], style, rate, low, high)
 
     return [
         RatePanel(
             motion,
             [f"{low:g}–{high:g}" for low, high in ranges],
-            [curve(name, style, motion) for name, style in curves.items()],
+            [curve(name, style, motion) for style, name in enumerate(names)],
         )
         for motion in WAYS
     ]

@@ -22,6 +22,8 @@ from archerfish.cli.setting import SettingFiles, load_setting
 from archerfish.evaluation.evaluate import cells
 from archerfish.records import storage
 from machine import describe_machine
+from markdown_table import markdown
+from motion_tables import eq7, motion_differences, motions, unseen
 
 ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results"
@@ -69,7 +71,6 @@ KEPT = {
     "drops": ((*_WHO, "settled"), _DIFFERENCE),
 }
 """Part of the results → its fields that are the same for all cells, and those that are kept of every cell."""
-Rows = Sequence[Sequence[str]]
 _MARKED = re.compile(r"(<!-- table ([\w-]+) -->\n)(.*?)(<!-- /table -->)", re.DOTALL)
 
 
@@ -97,7 +98,7 @@ def rates(results: dict[str, Any], setting: str, limit: str) -> str:
     if any(cell.get("bound") is not None for cell in found):
         headings.append("proven bound (without the path)")
         columns.append([_bound([cell for cell in found if _place(cell) == place]) for place in places])
-    return _markdown(headings, list(zip(*columns, strict=True)))
+    return markdown(headings, list(zip(*columns, strict=True)))
 
 
 def differences(results: dict[str, Any], setting: str, limit: str) -> str:
@@ -119,7 +120,7 @@ def differences(results: dict[str, Any], setting: str, limit: str) -> str:
     against = [name for name in COLUMNS if any(each["against"] == name for each in found)]
     points = {(each["against"], *_place(each)): each for each in found}
     rows = [[_place_words(place), *(_points(points[name, *place]) for name in against)] for place in places]
-    return _markdown(["policy less", *(COLUMNS[name] for name in against)], rows)
+    return markdown(["policy less", *(COLUMNS[name] for name in against)], rows)
 
 
 def trainings(results: dict[str, Any], setting: str, limit: str) -> str:
@@ -146,7 +147,7 @@ def trainings(results: dict[str, Any], setting: str, limit: str) -> str:
         ]
         rates = " ".join(_rate(each, with_interval=False) for each in mine if each["policy_seed"] == seed)
         rows.append([str(seed), rates, *lower])
-    return _markdown(["seed", "policy, %", *(f"less {COLUMNS[name]}" for name in against)], rows)
+    return markdown(["seed", "policy, %", *(f"less {COLUMNS[name]}" for name in against)], rows)
 
 
 def drops(results: dict[str, Any], setting: str, limit: str) -> str:
@@ -167,7 +168,7 @@ def drops(results: dict[str, Any], setting: str, limit: str) -> str:
             if values:
                 points = " ".join(f"{100 * each['difference']:.1f}".replace("-", "−") for each in values)
                 rows.append([COLUMNS[name], "settled" if settled else "all", points])
-    return _markdown(["controller", "shots", "points lost"], rows)
+    return markdown(["controller", "shots", "points lost"], rows)
 
 
 def fits(results: dict[str, Any], cases: Sequence[str]) -> str:
@@ -182,7 +183,7 @@ def fits(results: dict[str, Any], cases: Sequence[str]) -> str:
         [f"{tool}, {setting}", *(_fit(found[tool, setting, case]) for case in cases)]
         for tool, setting in dict.fromkeys((each["tool"], each["setting"]) for each in results["rows"])
     ]
-    return _markdown(["test / training fit, %", *cases], rows)
+    return markdown(["test / training fit, %", *cases], rows)
 
 
 def robots(results: dict[str, Any]) -> str:
@@ -216,109 +217,7 @@ def robots(results: dict[str, Any]) -> str:
         "less any of them elsewhere ≥",
         f"less {COLUMNS[WITH_RULE]} ≥",
     )
-    return _markdown(headings, rows)
-
-
-WHO_AT_MOTIONS = {
-    "policy": "policy",
-    "history": "policy for eq (7) alone",
-    "one setting": "best classical, one setting",
-    "tuned per motion": "best classical, tuned for each",
-}
-"""Name in the cells of benchmarks/motions.py → heading."""
-
-
-def motions(results: dict[str, Any], setting: str) -> str:
-    """Write hit rates in percent against each motion, means over ranges and trainings, of 1 s and of 3 s.
-
-    Args:
-      results: of benchmarks/motions.py.
-      setting: of the cells.
-    """
-    found = [each for each in results["cells"] if each["setting"] == setting]
-    names = list(dict.fromkeys(each["motion"] for each in found))
-    rows = []
-    for motion in (*names, "all"):
-        rates = []
-        for name in WHO_AT_MOTIONS:
-            for table in dict.fromkeys(each["table"] for each in found):
-                mine = [
-                    each
-                    for each in found
-                    if (each["controller"], each["table"]) == (name, table) and motion in ("all", each["motion"])
-                ]
-                rates.append(f"{100 * sum(map(_share, mine)) / len(mine):.1f}")
-        rows.append([motion, *(" / ".join(pair) for pair in zip(rates[::2], rates[1::2], strict=True))])
-    return _markdown(["motion", *WHO_AT_MOTIONS.values()], rows)
-
-
-def motion_differences(results: dict[str, Any]) -> str:
-    """Write how far the policies are above their rivals, in points: a row per setting, training and rival.
-
-    Args:
-      results: of benchmarks/motions.py.
-    """
-    rows = [
-        [
-            row["setting"],
-            str(row["training_seed"]),
-            WHO_AT_MOTIONS[against],
-            *(f"{row[against][name]:+.1f}".replace("-", "−") for name in ("mean_points", "least_points")),
-            f"{row[against]['least_lower_end']:+.1f}".replace("-", "−"),
-            row[against]["moving_cells_clear_of_zero"],
-        ]
-        for row in results["verdicts"]
-        for against in ("one setting", "tuned per motion")
-    ]
-    headings = (
-        "in",
-        "training",
-        "less",
-        "mean of 64 cells",
-        "least",
-        "lowest end of an interval",
-        "moving cells clear of zero",
-    )
-    return _markdown(headings, rows)
-
-
-def eq7(results: dict[str, Any]) -> str:
-    """Write by how many points the policies are behind the one for eq (7), on eq (7): eight cells in a row.
-
-    Args:
-      results: of benchmarks/motions.py.
-    """
-    found = results["eq7"]["comparisons"]
-    rows = []
-    for setting, seed in dict.fromkeys((each["setting"], each["policy_seed"]) for each in found):
-        mine = [100 * each["difference"] for each in found if _trained(each) == (setting, seed)]
-        points = " ".join(f"{each:+.1f}".replace("-", "−") for each in mine)
-        rows.append([setting, str(seed), f"{sum(mine) / len(mine):+.1f}".replace("-", "−"), points])
-    headings = ("in", "training", "mean", "still 1–2, 2–3, 3–4, 4–5 m, then moving")
-    return _markdown(headings, rows)
-
-
-def unseen(results: dict[str, Any]) -> str:
-    """Write by how many points the policies are above the best classical controller of each unseen motion.
-
-    Args:
-      results: of benchmarks/unseen_motions.py.
-    """
-    found = results["differences"]
-    rows = []
-    for motion in dict.fromkeys(each["motion"] for each in found):
-        row = [motion]
-        for table in dict.fromkeys(each["table"] for each in found):
-            mine = [each for each in found if (each["motion"], each["table"]) == (motion, table)]
-            # Trainings are averaged, cells are not: the least is one cell's mean.
-            ranges = dict.fromkeys(tuple(each["range_m"]) for each in mine)
-            means = [_mean(each["difference"] for each in mine if tuple(each["range_m"]) == place) for place in ranges]
-            points = (f"{100 * each:+.1f}".replace("-", "−") for each in (_mean(means), min(means)))
-            row += [*points, f"{100 * _mean(each['fallback_share'] for each in mine):.1f} %"]
-        rows.append(row)
-    return _markdown(
-        ["motion", *(f"{length}: {what}" for length in ("1 s", "3 s") for what in ("mean", "least", "fell back"))], rows
-    )
+    return markdown(headings, rows)
 
 
 TABLES: dict[str, tuple[str, Callable[[dict[str, Any]], str]]] = (
@@ -441,19 +340,6 @@ def _where(cell: dict[str, Any]) -> tuple[str, str, str]:
     return cell["setting"], cell["command_limit"], cell["controller"]
 
 
-def _trained(each: dict[str, Any]) -> tuple[str, int]:
-    return each["setting"], each["policy_seed"]
-
-
-def _share(cell: dict[str, Any]) -> float:
-    return float(cell["hits"] / (cell["shots"] + cell["withheld"]))
-
-
-def _mean(values: Iterable[float]) -> float:
-    found = list(values)
-    return sum(found) / len(found)
-
-
 def _place(cell: dict[str, Any]) -> tuple[Any, ...]:
     return cell["target"], *cell["range_m"]
 
@@ -491,12 +377,6 @@ def _points(each: dict[str, Any]) -> str:
 
 def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
-
-
-def _markdown(headings: Sequence[str], rows: Rows) -> str:
-    rule = f"|{'---|' * len(headings)}"
-    first, *others = (f"| {' | '.join(line)} |" for line in (headings, *rows))
-    return "\n".join((first, rule, *others))
 
 
 if __name__ == "__main__":
