@@ -105,22 +105,38 @@ def run_gimbal(command: IdentifyGimbal, console: Console | None = None) -> Summa
       InputError: if a log, a column, an option or the output folder can't be used.
     """
     console = console or Console()
-    if not command.logs:
-        raise InputError("identify gimbal: no log given; name at least one file")
     check_file_name("--axis", command.axis)
-    held_back = _flat(command.validate)
-    logs = read_gimbal_logs(command.logs, held_back, _reading(command))
+    logs = _read_logs(command)
     with run_folder(command.out, make_writer(command)) as folder:
-        result, trials = _fitted(command, logs, console)
-        free = _free_of_gain(command, logs, len(result.plant.A), console)
-        origin = provenance(command.seed, [part for path in (*command.logs, *held_back) for part in log_parts(path)])
-        result = replace(_said_once(result, logs), plant=replace(result.plant, provenance=origin))
-        evidence = gather_evidence(result, logs.training, logs.validation, logs.findings, trials, free, logs.samples)
-        judgement = verdict(evidence)
+        evidence, judgement = _judged(command, logs, console)
         _write_axis(folder, command, evidence, judgement)
     files = [command.out / f"{command.axis}{ending}" for ending in AXIS_ENDINGS]
     print_axis(console, evidence, judgement, files)
     return axis_summary(evidence, judgement, files)
+
+
+def judge_logs(command: IdentifyGimbal) -> tuple[AxisEvidence, Verdict]:
+    """Fit and judge the axis as the command does, but write and print nothing.
+
+    Raises:
+      InputError: if a log, a column or an option can't be used.
+    """
+    return _judged(command, _read_logs(command), Console(quiet=True))
+
+
+def _read_logs(command: IdentifyGimbal) -> GimbalLogs:
+    if not command.logs:
+        raise InputError("identify gimbal: no log given; name at least one file")
+    return read_gimbal_logs(command.logs, _flat(command.validate), _reading(command))
+
+
+def _judged(command: IdentifyGimbal, logs: GimbalLogs, console: Console) -> tuple[AxisEvidence, Verdict]:
+    result, trials = _fitted(command, logs, console)
+    free = _free_of_gain(command, logs, len(result.plant.A), console)
+    parts = [part for path in (*command.logs, *_flat(command.validate)) for part in log_parts(path)]
+    result = replace(_said_once(result, logs), plant=replace(result.plant, provenance=provenance(command.seed, parts)))
+    evidence = gather_evidence(result, logs.training, logs.validation, logs.findings, trials, free, logs.samples)
+    return evidence, verdict(evidence)
 
 
 def _flat(groups: tuple[tuple[Any, ...], ...]) -> list[Any]:
