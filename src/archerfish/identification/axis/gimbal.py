@@ -7,7 +7,7 @@ own initial state and offset (an encoder's zero is no property of the dynamics).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ from archerfish.identification.axis.steady_gain import constrained_gain
 from archerfish.identification.axis.structure_choice import Structure
 from archerfish.identification.axis.structure_search import Found, search_plant
 from archerfish.identification.axis.trust import PoleTrust, pole_remarks, trusted_poles
-from archerfish.identification.axis.uncertainty import Posterior, steady_gain, transfer
+from archerfish.identification.axis.uncertainty import Posterior, posterior, steady_gain, transfer
 from archerfish.identification.doctor.checks import check_recordings
 from archerfish.identification.validation.free_run import common_offset, free_run
 from archerfish.identification.validation.frequency import driven_band_hz
@@ -118,6 +118,40 @@ def identify_axis(
     Raises:
       InputError: if the recordings can't bear the estimate; see `check_recordings`.
     """
+    search = search_axis(recordings, order, max_delay=max_delay, dc_gain=dc_gain, feedthrough=feedthrough)
+    return complete_axis(search, axis=axis, seed=seed)
+
+
+class AxisSearch(NamedTuple):
+    """The structures that explain an axis' recordings with a given order, before anything is drawn from them."""
+
+    recordings: Sequence[Recording]
+    """As given."""
+    order: int
+    """Number of states."""
+    longest_delay: int
+    """Longest delay that was allowed [samples]."""
+    scale: Array
+    """Unit of the fits' outputs, shape (p,)."""
+    found: Found
+    """What was found."""
+    remarks: Sequence[str]
+    """What may spoil the estimate, each a sentence."""
+
+
+def search_axis(
+    recordings: Sequence[Recording],
+    order: int,
+    *,
+    max_delay: int = 20,
+    dc_gain: Sequence[float] | None = None,
+    feedthrough: bool = True,
+) -> AxisSearch:
+    """Find the delays, feedthrough and poles that explain recordings best; arguments as those of `identify_axis`.
+
+    Raises:
+      InputError: if the recordings can't bear the estimate; see `check_recordings`.
+    """
     remarks = check_recordings(recordings, order)
     if max_delay < 0:
         raise InputError(f"max_delay must be at least 0, got {max_delay}; give the longest delay to try in samples")
@@ -130,39 +164,58 @@ def identify_axis(
         found = search_plant(recordings, order, max_delay, scale, feedthrough)
     if dc_gain is not None:
         found = _with_gain(found, dc_gain, scale)
+    return AxisSearch(recordings, order, max_delay, scale, found, remarks)
+
+
+def complete_axis(search: AxisSearch, *, axis: str = "axis", seed: int = 0) -> AxisIdentification:
+    """Weigh what was found, and say how sure it is.
+
+    Args:
+      search: of the axis.
+      axis: name for the record.
+      seed: of the posterior draws.
+    """
+    recordings, found, scale = search.recordings, search.found, search.scale
     structures = weigh_structures([found.best, *found.others])
     known = structures[0].known
     period = recordings[0].sample_period_s
-    band = _band_hz(recordings, found)
+    band = _band_hz(recordings, structures[0])
     trusts = [trusted_poles(each.known, each.fitted.refinement.sections, band, period) for each in structures]
     longest = max(len(recording) for recording in recordings)
     lowest = 2 * np.pi * period * band[0]
     integrating = integration_remarks(structures[0].known, trusts[0], lowest, longest, recordings[0].input_names)
     drawn = _drawn(structures, trusts, np.random.default_rng(seed))
-    plant = _plant(recordings[0], structures[0], drawn, scale, axis)
+    plant = _plant(recordings[0], structures[0].delay, known, drawn, scale, axis)
     offset = common_offset(plant, recordings)
     # As in the fit, each recording has a zero of its own.
     runs = [free_run(plant, each, common_offset(plant, [each])) for each in recordings]
     gains = mixture_interval(structures, steady_gain)
     low, high = (ends[0] * scale[0] for ends in gains)
+    delays = found.delays
     return AxisIdentification(
         plant=plant,
         offset=offset,
         fit_percent=tuple(float(each.fit_percent.mean()) for each in runs),
         residual_sd=np.concatenate([each.residual for each in runs]).std(axis=0),
-        delay_range=found.delays,
-        longest_delay=max_delay,
+        delay_range=(min(delays[0], plant.delay_samples), max(delays[1], plant.delay_samples)),
+        longest_delay=search.longest_delay,
         later_delay=found.later,
         dc_gain_interval=tuple(zip(low.tolist(), high.tolist(), strict=True)),
         poles=trusts[0].poles,
         pole_sd=_pole_deviations(structures, trusts),
         determined=trusts[0].determined,
         excited_band_hz=band,
-        remarks=(*remarks, *integrating, *pole_remarks(trusts[0], period)),
+        remarks=(*search.remarks, *integrating, *pole_remarks(trusts[0], period)),
         parameters=known,
         structures=structures,
         output_scale=scale,
     )
+
+
+def best_plant(search: AxisSearch) -> PlantRecord:
+    """Return the likeliest plant that a search found, without draws."""
+    best = search.found.best
+    return _plant(search.recordings[0], best.delay, posterior(best.problem, best.refinement), [], search.scale, "axis")
 
 
 def _with_gain(found: Found, gains: Sequence[float], scale: Array) -> Found:
@@ -181,13 +234,13 @@ def _held(structure: Structure, gains: Sequence[float], scale: float) -> Structu
     return structure._replace(problem=problem, refinement=refine_poles(structure.refinement.sections, problem))
 
 
-def _band_hz(recordings: Sequence[Recording], found: Found) -> tuple[float, float]:
+def _band_hz(recordings: Sequence[Recording], best: OpenStructure) -> tuple[float, float]:
     """Frequencies that were excited on purpose, and those above at which the response stands out of the noise [Hz].
 
     Not those below: what the ends of a sweep leak there is seen, but at a few percent of its strength.
     """
     low, high = driven_band_hz(recordings)
-    heard = heard_band(found.best.problem, found.best.refinement)
+    heard = heard_band(best.fitted.problem, best.fitted.refinement)
     highest = 0.0 if heard is None else heard[1] / (2 * np.pi * recordings[0].sample_period_s)
     return low, max(high, highest)
 
@@ -217,18 +270,23 @@ def _pole_deviations(structures: Sequence[OpenStructure], trusts: Sequence[PoleT
 
 
 def _plant(
-    recording: Recording, best: OpenStructure, drawn: Sequence[tuple[int, Posterior]], scale: Array, axis: str
+    recording: Recording,
+    delay: int,
+    known: Posterior,
+    drawn: Sequence[tuple[int, Posterior]],
+    scale: Array,
+    axis: str,
 ) -> PlantRecord:
-    matrices, *draws = (_matrices(each, scale) for each in (best.known, *(known for _, known in drawn)))
+    matrices, *draws = (_matrices(each, scale) for each in (known, *(each for _, each in drawn)))
     plant = PlantRecord(
         **matrices,
-        delay_samples=best.delay,
+        delay_samples=delay,
         sample_period_s=recording.sample_period_s,
         axis=axis,
         input_names=recording.input_names,
         output_names=recording.output_names,
-        draws={name: np.stack([each[name] for each in draws]) for name in matrices},
-        draw_delays=np.array([delay for delay, _ in drawn]),
+        draws={name: np.stack([each[name] for each in draws]) for name in matrices} if draws else {},
+        draw_delays=np.array([delay for delay, _ in drawn], np.int64),
     )
     return balanced(plant)
 

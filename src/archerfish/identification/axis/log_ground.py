@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.identification.axis.informative_lines import thinning
+from archerfish.identification.axis.rest_start import rest_samples
 from archerfish.identification.axis.spectra import Spectrum, picked, spectrum, unsettled, with_delay
 from archerfish.records.recording import Recording
 
@@ -24,6 +25,8 @@ class Ground(NamedTuple):
     """Whole spectra without delay."""
     skips: Sequence[int]
     """Samples that are left out at the beginning, per recording."""
+    from_rest: Sequence[bool]
+    """Whether each recording is taken to begin at rest."""
     lines: Sequence[NDArray[np.intp]]
     """Indices of the lines to look at, per recording, shape (F,) each."""
 
@@ -39,7 +42,15 @@ class Ground(NamedTuple):
 
     def reaching_back(self, delay: int) -> "Ground":
         """All lines, and no more left out at the beginning than delays up to this one need."""
-        return _transformed(self.recordings, self.scale, [min(each, delay) for each in self.skips])
+        return _transformed(self.recordings, self.scale, [min(each, delay) for each in self.skips], self.from_rest)
+
+    def freed(self, free: Sequence[bool]) -> "Ground":
+        """With free initial states where `free` says so, per recording."""
+        from_rest = [rest and not each for rest, each in zip(self.from_rest, free, strict=True)]
+        undelayed = [
+            each if rest else each._replace(rest=None) for each, rest in zip(self.undelayed, from_rest, strict=True)
+        ]
+        return self._replace(undelayed=undelayed, from_rest=from_rest)
 
 
 def prepare_ground(recordings: Sequence[Recording], max_delay: int, scale: Array) -> Ground:
@@ -50,9 +61,16 @@ def prepare_ground(recordings: Sequence[Recording], max_delay: int, scale: Array
       max_delay: longest delay that will be asked for [samples].
       scale: outputs are divided by it, shape (p,).
     """
-    return _transformed(recordings, scale, [unsettled(each.inputs, max_delay) for each in recordings])
+    from_rest = [rest_samples(each) > 0 for each in recordings]
+    skips = [0 if rest else unsettled(each.inputs, max_delay) for each, rest in zip(recordings, from_rest, strict=True)]
+    return _transformed(recordings, scale, skips, from_rest)
 
 
-def _transformed(recordings: Sequence[Recording], scale: Array, skips: Sequence[int]) -> Ground:
-    undelayed = [spectrum(each, 0, scale, skip) for each, skip in zip(recordings, skips, strict=True)]
-    return Ground(recordings, scale, undelayed, skips, [np.arange(each.lag.size) for each in undelayed])
+def _transformed(
+    recordings: Sequence[Recording], scale: Array, skips: Sequence[int], from_rest: Sequence[bool]
+) -> Ground:
+    undelayed = [
+        spectrum(each, 0, scale, skip, from_rest=rest)
+        for each, skip, rest in zip(recordings, skips, from_rest, strict=True)
+    ]
+    return Ground(recordings, scale, undelayed, skips, from_rest, [np.arange(each.lag.size) for each in undelayed])

@@ -15,6 +15,13 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dtrtri
 
 from archerfish.identification.axis.modal_form import Sections
+from archerfish.identification.axis.rest_start import (
+    RestStart,
+    SectionEnd,
+    driven_transients,
+    section_ends,
+    slope_transients,
+)
 from archerfish.identification.axis.simulation_fit import LinearFit, Penalty, fit_linear_parameters
 from archerfish.identification.axis.spectra import Spectrum, picked, real_rows
 
@@ -59,6 +66,8 @@ class Part(NamedTuple):
     """Shape (p, R), R = 2 F for an experiment."""
     weights: Array | None
     """From values at the points to wishes, shape (2 F, R)."""
+    rest: RestStart | None = None
+    """Of an experiment that begins at rest; its transient is no parameter."""
 
 
 class Solution(NamedTuple):
@@ -93,6 +102,10 @@ class _Solved(NamedTuple):
     """Targets in the transients' coordinates, shape (t, p)."""
     parameters: Array
     """Of all columns, shape (k, p)."""
+    ends: Sequence[SectionEnd] = ()
+    """Of the sections, in an experiment that begins at rest."""
+    basis: ComplexArray | None = None
+    """Transients of the sections, likewise; shape (n, F)."""
 
 
 def lay_out(experiments: Sequence[Spectrum], feedthrough: bool, penalty: Penalty | None = None) -> Bench:
@@ -114,7 +127,7 @@ def _dealt(experiment: Spectrum) -> list[Spectrum]:
 
 def _experiment(each: Spectrum) -> Part:
     inputs, outputs = (np.ascontiguousarray(signal.T) for signal in (each.inputs, each.outputs))
-    return Part(each.lag, each.impulse, inputs, each.lag * inputs, outputs.view(np.float64), None)
+    return Part(each.lag, each.impulse, inputs, each.lag * inputs, outputs.view(np.float64), None, each.rest)
 
 
 def _wish(penalty: Penalty, channel: int) -> Part:
@@ -133,9 +146,13 @@ def solve(sections: Sections, bench: Bench) -> Solution:
       bench: what they are to explain.
     """
     order = sum(section.size for section in sections)
-    transients = order if len(bench.experiments) == 1 else 0
+    transients = _shared_transients(bench, order)
+    ends = _ends(sections, bench)
     try:
-        solved = [_prepared(sections, order, transients, part, bench.feedthrough) for part in bench.parts]
+        solved = [
+            _prepared(sections, order, transients, part, bench.feedthrough, each)
+            for part, each in zip(bench.parts, ends, strict=True)
+        ]
         root, shared = _shared(solved, bench.parts)
     except np.linalg.LinAlgError:
         return _projected(sections, bench)
@@ -147,27 +164,48 @@ def solve(sections: Sections, bench: Bench) -> Solution:
     return Solution(sections, fit, solved, root, residuals)
 
 
+def _shared_transients(bench: Bench, order: int) -> int:
+    """Return how many transients count among the shared columns: those of a single experiment."""
+    return order if len(bench.experiments) == 1 and bench.experiments[0].rest is None else 0
+
+
+def _ends(sections: Sections, bench: Bench) -> list[Sequence[SectionEnd]]:
+    """Filter the inputs of experiments that begin at rest; parts of one experiment share what comes of it."""
+    known: dict[int, Sequence[SectionEnd]] = {}
+    for part in bench.parts:
+        if part.rest is not None and id(part.rest) not in known:
+            known[id(part.rest)] = section_ends(sections, part.rest)
+    return [() if part.rest is None else known[id(part.rest)] for part in bench.parts]
+
+
 def _projected(sections: Sections, bench: Bench) -> Solution:
     fit = fit_linear_parameters(sections, *bench[:3], with_slopes=False)
     return Solution(sections, fit, (), np.empty((0, 0)), ())
 
 
-def _prepared(sections: Sections, order: int, transients: int, part: Part, feedthrough: bool) -> _Solved:
+def _prepared(
+    sections: Sections, order: int, transients: int, part: Part, feedthrough: bool, ends: Sequence[SectionEnd]
+) -> _Solved:
     """Lay out the columns of a part, and eliminate its transient if it is not one of the shared parameters."""
-    own = 0 if part.impulse is None or transients else order
-    inverse, columns = _columns(sections, order, own or transients, part, feedthrough)
+    own = 0 if part.impulse is None or transients or part.rest is not None else order
+    inverse, columns, basis = _columns(sections, order, own or transients, part, feedthrough, ends)
     rows = columns.view(np.float64) if part.weights is None else columns.view(np.float64) @ part.weights
     nothing = np.empty(0)
     if not own:
-        return _Solved(inverse, columns, rows, None, nothing, nothing, nothing)
+        return _Solved(inverse, columns, rows, None, nothing, nothing, nothing, ends, basis)
     sums = rows[:own] @ rows.T
     root = _inverse_root(sums[:, :own], sums.diagonal())
     return _Solved(inverse, columns, rows, root, root @ sums[:, own:], root @ (rows[:own] @ part.targets.T), nothing)
 
 
 def _columns(
-    sections: Sections, order: int, transients: int, part: Part, feedthrough: bool
-) -> tuple[ComplexArray, ComplexArray]:
+    sections: Sections,
+    order: int,
+    transients: int,
+    part: Part,
+    feedthrough: bool,
+    ends: Sequence[SectionEnd],
+) -> tuple[ComplexArray, ComplexArray, ComplexArray | None]:
     lag, inputs = part.lag, len(part.inputs)
     inverse = np.empty((len(sections), lag.size), np.complex128)
     for row, section in zip(inverse, sections, strict=True):
@@ -177,10 +215,16 @@ def _columns(
     np.multiply(inverse[: order // 2], lag, out=entries[1::2])
     stop = transients + order * inputs
     columns = np.empty((stop + feedthrough * inputs, lag.size), np.complex128)
-    columns[:transients] = 0.0 if part.impulse is None else entries * part.impulse
+    if transients:
+        columns[:transients] = 0.0 if part.impulse is None else entries * part.impulse
     np.multiply(entries[:, None], part.driving, out=columns[transients:stop].reshape(order, inputs, lag.size))
     columns[stop:] = part.inputs if feedthrough else 0.0
-    return inverse, columns
+    if part.rest is None:
+        return inverse, columns, None
+    basis = entries * part.impulse
+    transient = driven_transients(sections, ends, part.rest.unit) @ basis.view(np.float64)
+    columns[transients:stop] += transient.view(np.complex128)
+    return inverse, columns, basis
 
 
 def _inverse_root(sums: Array, squares: Array) -> Array:
@@ -259,7 +303,7 @@ def tangent(solution: Solution, bench: Bench) -> tuple[Array, Array]:
     order = sum(section.size for section in solution.sections)
     curvature = gradient = left = np.zeros(())
     for part, each, residual in zip(bench.parts, solution.solved, solution.residuals, strict=True):
-        slopes = _slopes(order, part, each, bench.feedthrough)
+        slopes = _slopes(order, part, each, bench.feedthrough, solution)
         gradient = gradient + sum(slope @ miss for slope, miss in zip(slopes, residual, strict=True))
         steep = slopes.reshape(-1, slopes.shape[2])
         curvature, product = curvature + _products(steep), each.rows @ steep.T
@@ -271,7 +315,7 @@ def tangent(solution: Solution, bench: Bench) -> tuple[Array, Array]:
     return _over_outputs(curvature - removed.T @ removed, order), np.asarray(gradient)
 
 
-def _slopes(order: int, part: Part, solved: _Solved, feedthrough: bool) -> Array:
+def _slopes(order: int, part: Part, solved: _Solved, feedthrough: bool, solution: Solution) -> Array:
     """Differentiate the model by every aᵢ, −z⁻ⁱ S / (1 + …) for a section's output S; shape (p, n, R)."""
     owner = _owners(order, len(part.inputs), feedthrough, len(solved.columns))
     chosen = solved.parameters.T[:, None] * (owner == np.arange(len(solved.inverse))[:, None])
@@ -280,6 +324,9 @@ def _slopes(order: int, part: Part, solved: _Solved, feedthrough: bool) -> Array
     slopes = np.empty((len(filtered), order, part.lag.size), np.complex128)
     slopes[:, ::2] = filtered
     np.multiply(filtered[:, : order // 2], part.lag, out=slopes[:, 1::2])
+    if part.rest is not None and solved.basis is not None:
+        of_slopes = slope_transients(solution.sections, solved.ends, part.rest.unit, solution.fit.numerators)
+        slopes -= (of_slopes @ solved.basis.view(np.float64)).view(np.complex128)
     rows = slopes.view(np.float64)
     return rows if part.weights is None else rows @ part.weights
 

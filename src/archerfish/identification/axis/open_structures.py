@@ -42,15 +42,16 @@ def weigh_structures(structures: Sequence[Structure]) -> tuple[OpenStructure, ..
     """Weigh structures by their criterion, the residuals' colour allowed for.
 
     Args:
-      structures: each fitted to all lines; the first one is kept first, and gives the colour.
+      structures: each fitted to all lines; the first one gives the colour.
 
     Returns:
-      Those that are not negligible.
+      Those that are not negligible, the likeliest first: an estimate of another one might lie outside its own interval.
     """
     best = posterior(structures[0].problem, structures[0].refinement)
     criteria = np.array([each.criterion(best.inflation) for each in structures])
     weights = np.exp(-0.5 * (criteria - criteria.min()))
-    kept = [0, *(1 + np.flatnonzero(weights[1:] >= _NEGLIGIBLE * weights.sum()))]
+    order = np.argsort(-weights, kind="stable")
+    kept = [index for index in order if weights[index] >= _NEGLIGIBLE * weights.sum()]
     weights /= weights[kept].sum()
     return tuple(
         OpenStructure(

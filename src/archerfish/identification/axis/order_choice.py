@@ -1,19 +1,40 @@
-"""Choice of the order: by the fit on recordings that were not fitted, or by Bayes's information criterion."""
+"""Choice of the order: by the fit on recordings that were not fitted, or by Bayes's information criterion.
 
-from collections.abc import Callable, Sequence
+The order decides on the delay too: a plant of more states than the axis needs makes several samples of delay out of
+its spare poles and zeros, and explains the recordings as well. So the delays that are left open are those of all
+orders together, each weighed by its criterion.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from archerfish.identification.axis.gimbal import AxisIdentification, identify_axis
-from archerfish.identification.validation.free_run import free_run
+from archerfish.identification.axis.delay_walk import colour, rounding
+from archerfish.identification.axis.gimbal import (
+    AxisIdentification,
+    AxisSearch,
+    best_plant,
+    complete_axis,
+    search_axis,
+)
+from archerfish.identification.axis.normal_equations import lay_out, solve
+from archerfish.identification.axis.pole_refinement import Problem, Refinement
+from archerfish.identification.axis.spectra import row_count
+from archerfish.identification.axis.structure_choice import Structure
+from archerfish.identification.validation.free_run import common_offset, free_run
 from archerfish.records.errors import InputError
 from archerfish.records.recording import Recording
 
 ORDERS = tuple(range(1, 9))
-"""Orders that are tried."""
+"""Orders that can be tried."""
+USUAL_ORDERS = tuple(range(1, 5))
+"""Orders that an axis without unusual resonances has."""
 WORTH_A_STATE = 0.2
 """Points of fit on held-back recordings that another state must bring."""
+_TAIL = 0.025
+"""Weight of the delays that are left out on either side."""
 
 
 class OrderTrial(NamedTuple):
@@ -42,6 +63,7 @@ def choose_order(
     recordings: Sequence[Recording],
     held_back: Sequence[Recording] = (),
     *,
+    orders: Sequence[int] = ORDERS,
     advance: Callable[[int], None] = lambda _: None,
     max_delay: int = 20,
     axis: str = "axis",
@@ -49,7 +71,7 @@ def choose_order(
     dc_gain: Sequence[float] | None = None,
     feedthrough: bool = True,
 ) -> OrderChoice:
-    """Identify an axis with every order, and choose one.
+    """Identify an axis with several orders, and choose one.
 
     With recordings held back it is the order of which their worst fit, less 0.2 points for each state, is the largest;
     otherwise the order of the lowest information criterion, counted with the residuals' colour. A half of a log is no
@@ -58,7 +80,8 @@ def choose_order(
     Args:
       recordings: to fit.
       held_back: to judge by.
-      advance: hears of each order that is done.
+      orders: to try, rising.
+      advance: called with each order that is done.
       max_delay: longest input delay that is tried [samples].
       axis: name for the record.
       seed: of the posterior draws.
@@ -68,45 +91,78 @@ def choose_order(
     Raises:
       InputError: if the recordings can bear no order at all.
     """
-    results: dict[int, AxisIdentification] = {}
-    for order in ORDERS:
+    searches: dict[int, AxisSearch] = {}
+    for order in orders:
         try:
-            results[order] = identify_axis(
-                recordings,
-                order,
-                max_delay=max_delay,
-                axis=axis,
-                seed=seed,
-                dc_gain=dc_gain,
-                feedthrough=feedthrough,
+            searches[order] = search_axis(
+                recordings, order, max_delay=max_delay, dc_gain=dc_gain, feedthrough=feedthrough
             )
         except InputError:
-            if not results:
+            if not searches:
                 raise
             break  # too short for this order and for every higher one
         advance(order)
-    inflation = max(1.0, min(result.parameters.inflation for result in results.values()))
-    samples = sum(len(each) for each in recordings) / inflation
-    criteria = {order: _criterion(result, samples) for order, result in results.items()}
-    worst = {order: _worst_fit(result, held_back) for order, result in results.items()}
-    chosen = min(criteria, key=lambda order: criteria[order])
+    criteria = _criteria(searches)
+    least = {order: min(value for _, value in each) for order, each in criteria.items()}
+    trials = [_trial(search, recordings, held_back, least) for search in searches.values()]
+    chosen = min(trials, key=lambda each: each.criterion)
     if held_back:
-        chosen = max(worst, key=lambda order: (worst[order] or 0.0) - WORTH_A_STATE * order)
-    least = min(criteria.values())
-    trials = [
-        OrderTrial(order, min(result.fit_percent), worst[order], criteria[order] - least)
-        for order, result in results.items()
-    ]
-    return OrderChoice(results[chosen], tuple(trials))
+        chosen = max(trials, key=lambda each: (each.validation_percent or 0.0) - WORTH_A_STATE * each.order)
+    search = searches[chosen.order]
+    delays = _open_delays([pair for each in criteria.values() for pair in each])
+    result = complete_axis(search._replace(found=search.found._replace(delays=delays)), axis=axis, seed=seed)
+    return OrderChoice(result, tuple(trials))
 
 
-def _worst_fit(result: AxisIdentification, held_back: Sequence[Recording]) -> float | None:
-    fits = [float(free_run(result.plant, each, result.offset).fit_percent.mean()) for each in held_back]
-    return min(fits, default=None)
+def _criteria(searches: Mapping[int, AxisSearch]) -> dict[int, list[tuple[int, float]]]:
+    """Return the delay and the criterion of every structure of each order, on all lines and without prior."""
+    fits = {order: [_on_all_lines(each, search) for each in _structures(search)] for order, search in searches.items()}
+    inflation = max(1.0, min(colour(*each[0]) for each in fits.values()))
+    return {
+        order: [
+            (structure.delay, _criterion(*fit, inflation))
+            for structure, fit in zip(_structures(searches[order]), each, strict=True)
+        ]
+        for order, each in fits.items()
+    }
 
 
-def _criterion(result: AxisIdentification, samples: float) -> float:
+def _structures(search: AxisSearch) -> list[Structure]:
+    return [search.found.best, *search.found.others]
+
+
+def _on_all_lines(structure: Structure, search: AxisSearch) -> tuple[Problem, Refinement]:
+    problem = Problem(search.found.ground.spectra(structure.delay), structure.problem.feedthrough)
+    fit = solve(structure.refinement.sections, lay_out(*problem)).fit
+    return problem, Refinement(structure.refinement.sections, fit, fit.cost)
+
+
+def _criterion(problem: Problem, refinement: Refinement, inflation: float) -> float:
     """N ln σ² + parameters ln N; N coloured residuals count as fewer, by the inflation of the variances."""
-    parameters = result.parameters.free.size + result.parameters.linear.size + 1
-    deviance = samples * float(np.sum(np.log(np.maximum(result.residual_sd, np.finfo(float).tiny) ** 2)))
-    return deviance + parameters * float(np.log(samples))
+    fit = refinement.fit
+    outputs = fit.numerators.shape[2]
+    rows = row_count(problem.experiments) * outputs / inflation
+    parameters = len(fit.numerators) + fit.numerators.size + problem.feedthrough * fit.feedthrough.size
+    return rows * float(np.log(max(fit.misfit, rounding(problem.experiments)))) + parameters * float(np.log(rows))
+
+
+def _open_delays(criteria: Sequence[tuple[int, float]]) -> tuple[int, int]:
+    """Return the shortest and the longest delay between which 95 % of the weight of all structures lie [samples]."""
+    delays: NDArray[np.int64] = np.array([delay for delay, _ in criteria])
+    values = np.array([value for _, value in criteria])
+    order = np.argsort(delays, kind="stable")
+    weights = np.exp(-0.5 * (values - values.min()))[order]
+    below = np.cumsum(weights) / weights.sum()
+    first, last = np.searchsorted(below, [_TAIL, 1 - _TAIL])
+    return int(delays[order][first]), int(delays[order][min(last, len(order) - 1)])
+
+
+def _trial(
+    search: AxisSearch, recordings: Sequence[Recording], held_back: Sequence[Recording], least: Mapping[int, float]
+) -> OrderTrial:
+    plant = best_plant(search)
+    shared = common_offset(plant, recordings)
+    fits = [free_run(plant, each, common_offset(plant, [each])).fit_percent.mean() for each in recordings]
+    validation = [float(free_run(plant, each, shared).fit_percent.mean()) for each in held_back]
+    criterion = least[search.order] - min(least.values())
+    return OrderTrial(search.order, float(min(fits)), min(validation, default=None), criterion)

@@ -16,6 +16,12 @@ from numpy.typing import NDArray
 from scipy.linalg import qr, solve_triangular
 
 from archerfish.identification.axis.modal_form import Sections, section_offsets
+from archerfish.identification.axis.rest_start import (
+    SectionEnd,
+    driven_transients,
+    section_ends,
+    slope_transients,
+)
 from archerfish.identification.axis.spectra import Spectrum, real_rows
 
 Array = NDArray[np.float64]
@@ -83,6 +89,10 @@ class _Columns(NamedTuple):
     """Transients, shape (F, n)."""
     driven: ComplexArray
     """Responses through each b (section entry by section entry, input by input), then through D, shape (F, c)."""
+    ends: Sequence[SectionEnd] = ()
+    """Of the sections, in an experiment that begins at rest: its transients are no parameters, and `own` is empty."""
+    basis: ComplexArray | None = None
+    """Transients of the sections, likewise; shape (F, n), scaled."""
 
 
 def fit_linear_parameters(
@@ -245,7 +255,13 @@ def _units(count: int, inputs: int) -> list[ComplexArray]:
 
 def _experiment_columns(sections: Sections, experiment: Spectrum, feedthrough: bool) -> _Columns:
     columns = _columns(sections, experiment.lag, experiment.inputs, feedthrough)
-    return columns._replace(own=columns.own * experiment.impulse[:, None])
+    own = columns.own * experiment.impulse[:, None]
+    if experiment.rest is None:
+        return columns._replace(own=own)
+    ends, basis = section_ends(sections, experiment.rest), experiment.rest.unit * own
+    driven, transients = columns.driven.copy(), driven_transients(sections, ends, 1.0)
+    driven[:, : len(transients)] += basis @ transients.T
+    return columns._replace(own=own[:, :0], driven=driven, ends=ends, basis=basis)
 
 
 def _columns(sections: Sections, lag: ComplexArray, inputs: ComplexArray, feedthrough: bool) -> _Columns:
@@ -264,11 +280,16 @@ def _slopes(
         stop = start + section.size
         entries = slice(start * inputs, stop * inputs)
         output = columns.driven[:, entries] @ common[entries]
-        if local is not None:
+        if local is not None and columns.own.size:
             output = output + columns.own[:, start:stop] @ local[start:stop]
         filtered = -output * (inverse * lag)[:, None]
         parts += [filtered * lag[:, None] if power else filtered for power in range(section.size)]
-    return real_rows(np.stack(parts, axis=2))
+    slopes = np.stack(parts, axis=2)
+    if columns.basis is not None:
+        order = slopes.shape[2]
+        numerators = common[: order * inputs].reshape(order, inputs, -1)
+        slopes -= np.einsum("fj,pij->fpi", columns.basis, slope_transients(sections, columns.ends, 1.0, numerators))
+    return real_rows(slopes)
 
 
 def span(columns: Array) -> Span:
@@ -277,6 +298,8 @@ def span(columns: Array) -> Span:
     Cholesky's factor of the Gram matrix, applied twice where once leaves rounding, is as good as Householder's QR and
     several times faster as long as the columns are not nearly dependent.
     """
+    if not columns.shape[1]:
+        return Span(columns, np.zeros((0, 0)))
     scale = np.sqrt(np.einsum("ij,ij->j", columns, columns))
     scale[scale == 0] = 1.0
     scaled = columns / scale

@@ -4,10 +4,10 @@ Over a whole recording the states of x[t+1] = A x[t] + B u[t] have, at the lines
 
     X = (z I − A)⁻¹ (B U + z (x[0] − x[N])),
 
-without approximation. The difference of the end states takes the place of the initial state, as free as that, and a
-constant in the output shows at k = 0 alone. So, line 0 left out, the sum of squared simulation errors over the lines is
-that over the samples with initial state and offset fitted (Parseval), and what is unlike in noise or excitation between
-frequencies can be told apart.
+without approximation. The difference of the end states takes the place of the initial state, as free as that (unless
+the recording begins at rest, see `rest_start`), and a constant in the output shows at k = 0 alone. So, line 0 left out,
+the sum of squared simulation errors over the lines is that over the samples with initial state and offset fitted
+(Parseval), and what is unlike in noise or excitation between frequencies can be told apart.
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
 
+from archerfish.identification.axis.rest_start import RestStart
 from archerfish.records.recording import Recording
 
 Array = NDArray[np.float64]
@@ -37,6 +38,8 @@ class Spectrum(NamedTuple):
     """Outputs, shape (F, p)."""
     impulse: Array
     """An impulse at the first sample, up to a factor that all lines share, shape (F,)."""
+    rest: RestStart | None = None
+    """What the inputs did from rest on; None where the initial state is free."""
 
 
 def delayed(inputs: Array, delay: int) -> Array:
@@ -59,7 +62,9 @@ def unsettled(inputs: Array, longest: int) -> int:
     return longest if 0.0 < share.max() <= _USUAL * longest / len(moves) else 0
 
 
-def spectrum(recording: Recording, delay: int, scale: Array | float = 1.0, skip: int = 0) -> Spectrum:
+def spectrum(
+    recording: Recording, delay: int, scale: Array | float = 1.0, skip: int = 0, *, from_rest: bool = False
+) -> Spectrum:
     """Transform a recording.
 
     Args:
@@ -67,6 +72,7 @@ def spectrum(recording: Recording, delay: int, scale: Array | float = 1.0, skip:
       delay: by which the inputs are delayed first [samples].
       scale: outputs are divided by it, shape (p,).
       skip: samples that are left out at the beginning [samples]; delayed inputs reach back into them.
+      from_rest: whether the recording begins at rest; then nothing is left out.
     """
     count = len(recording) - skip
     lines = np.arange(1, count // 2 + 1)
@@ -75,7 +81,13 @@ def spectrum(recording: Recording, delay: int, scale: Array | float = 1.0, skip:
     inputs, outputs = (
         _transformed(signal[skip:], impulse) for signal in (delayed(recording.inputs, delay), recording.outputs / scale)
     )
-    return Spectrum(np.exp(-2j * np.pi * lines / count), inputs, outputs, impulse)
+    whole = Spectrum(np.exp(-2j * np.pi * lines / count), inputs, outputs, impulse)
+    return whole._replace(rest=_rest(recording, delay)) if from_rest else whole
+
+
+def _rest(recording: Recording, delay: int) -> RestStart:
+    moved = recording.inputs[: len(recording) - delay] - recording.inputs[0]
+    return RestStart(moved, float(np.sqrt(2 / len(recording))))
 
 
 def with_delay(undelayed: Spectrum, recording: Recording, delay: int, skip: int = 0) -> Spectrum:
@@ -94,7 +106,10 @@ def with_delay(undelayed: Spectrum, recording: Recording, delay: int, skip: int 
     for later in range(1, delay + 1):
         change = samples[max(skip - later, 0)] - samples[len(samples) - later]
         inputs = inputs * undelayed.lag[:, None] + unit * change
-    return undelayed._replace(inputs=inputs)
+    rest = undelayed.rest
+    if rest is not None:
+        rest = rest._replace(inputs=rest.inputs[: len(samples) - delay])
+    return undelayed._replace(inputs=inputs, rest=rest)
 
 
 def _transformed(signal: Array, impulse: Array) -> ComplexArray:
@@ -123,4 +138,4 @@ def picked(experiment: Spectrum, lines: NDArray[Any]) -> Spectrum:
       experiment: F lines.
       lines: indices, shape (G,), or a mask, shape (F,).
     """
-    return Spectrum(*(each[lines] for each in experiment))
+    return Spectrum(*(each[lines] for each in experiment[:4]), rest=experiment.rest)

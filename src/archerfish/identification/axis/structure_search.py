@@ -9,13 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from archerfish.identification.axis.delay_walk import Walk, walk_delays
 from archerfish.identification.axis.informative_lines import telling_lines
 from archerfish.identification.axis.late_response import later_delay
 from archerfish.identification.axis.log_ground import Ground, prepare_ground
 from archerfish.identification.axis.pole_pursuit import pursue_poles
-from archerfish.identification.axis.pole_refinement import Effort, Problem, Refinement, refine_all
+from archerfish.identification.axis.pole_refinement import Effort, Problem, Refinement, refine_all, refine_poles
 from archerfish.identification.axis.starting_points import distinct, first_guesses, unlike
 from archerfish.identification.axis.structure_choice import (
     Structure,
@@ -32,6 +33,8 @@ _STARTS = 6
 _QUIETER = 0.5
 _ROUGH, _SEARCH = Effort(1.0, 4), Effort(0.1, 15)
 _RIVALS = 2
+_DISPROOF = 1e-6
+"""Chance that noise makes a recording from rest look like one in motion."""
 
 
 class Found(NamedTuple):
@@ -45,6 +48,8 @@ class Found(NamedTuple):
     """Shortest and longest delay that the recordings don't reject at 95 % [samples]."""
     later: int | None
     """A delay beyond the longest allowed that explains the recordings clearly better, if there is one [samples]."""
+    ground: Ground
+    """All lines of the recordings, for the same samples whatever the order."""
 
 
 def search_plant(
@@ -61,6 +66,10 @@ def search_plant(
     """
     ground = prepare_ground(recordings, max_delay, scale)
     walk, rivals = _walk(ground, order, max_delay)
+    moving = _moving_at_once(walk, ground)
+    if any(moving):
+        ground = ground.freed(moving)
+        walk, rivals = _walk(ground, order, max_delay)
     sketches = ranked_structures(walk, feedthrough)
     longest = max(each.delay for each in sketches)
     if max(ground.skips) > longest:
@@ -73,7 +82,27 @@ def search_plant(
     delays = min(range_95[0], structures[0].delay), max(range_95[-1], structures[0].delay)
     guesses = [structures[0].refinement.sections, *(each.sections for each in rivals)]
     later = later_delay(walk, ground, guesses, max_delay)
-    return Found(structures[0], tuple(structures[1:]), delays, later)
+    return Found(structures[0], tuple(structures[1:]), delays, later, ground)
+
+
+def _moving_at_once(walk: Walk, ground: Ground) -> list[bool]:
+    """Tell of each recording that seemed to begin at rest whether a free initial state explains it clearly better.
+
+    A held input and a noisy output can look like rest for some samples.
+    """
+    problem, sketch = walk.problem(walk.delay), walk.sketches[walk.delay]
+    moving = []
+    for index, at_rest in enumerate(ground.from_rest):
+        if not at_rest:
+            moving.append(False)
+            continue
+        experiments = list(problem.experiments)
+        experiments[index] = experiments[index]._replace(rest=None)
+        freed = refine_poles(sketch.sections, problem._replace(experiments=experiments), _SEARCH)
+        rows = sketch.fit.residuals.size / max(1.0, walk.colour())
+        gained = rows * float(np.log(max(sketch.cost, walk.rounding()) / max(freed.cost, walk.rounding())))
+        moving.append(gained > float(chi2.isf(_DISPROOF, sketch.fit.numerators[:, 0].size)))
+    return moving
 
 
 def _with_all_samples(walk: Walk, ground: Ground) -> Walk:
