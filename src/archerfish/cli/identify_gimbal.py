@@ -18,8 +18,8 @@ from archerfish.cli.outputs import Outputs, make_writer
 from archerfish.cli.parsing import check_file_name
 from archerfish.cli.run_folder import run_folder
 from archerfish.figures.style import save_figure
-from archerfish.identification.axis.gimbal import AxisIdentification, identify_axis
-from archerfish.identification.axis.order_choice import OrderTrial, choose_order
+from archerfish.identification.axis.gimbal import USUAL_DELAY, AxisIdentification, identify_axis
+from archerfish.identification.axis.order_choice import ORDERS, USUAL_ORDERS, OrderTrial, choose_order
 from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.log_files import log_parts
@@ -63,17 +63,19 @@ class IdentifyGimbal:
     """Sampling period of logs without time stamps; --time is then not read."""
     rate: Annotated[str | None, tyro.conf.arg(metavar="COLUMN", help_behavior_hint="")] = None
     """Column of the measured rate of the output, a second output that shares the poles; needs a single input."""
-    order: Annotated[int | Literal["auto"], tyro.conf.arg(metavar="INT|auto")] = 4
-    """Number of states; 4 is the paper's choice. With auto, 1 to 8 are tried, and the logs held back decide, or else
-    Bayes's information criterion."""
+    order: Annotated[int | Literal["auto"], tyro.conf.arg(metavar="INT|auto")] = "auto"
+    """Number of states; 4 is the paper's choice. With auto, 1 to 4 are tried and Bayes's information criterion decides;
+    with logs held back up to 8, and the fit on those decides."""
     dc_gain: Annotated[
         tyro.conf.UseAppendAction[tuple[tuple[float, ...], ...]],
         tyro.conf.arg(metavar="GAIN…", help_behavior_hint="(default: estimated)"),
     ] = ()
     """Steady gain from each input, where it is known from elsewhere: the plant is held to it, and told if the logs
     contradict it."""
-    max_delay: int = 20
-    """Longest input delay that is tried, in samples."""
+    max_delay: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: as the logs need)")] = (
+        None
+    )
+    """Longest input delay that is tried, in samples; 20 at first, and more where the logs call for it."""
     feedthrough: Switch = True
     """Don't let the output jump with the input, whatever the logs say. An angle can't, as the axis has inertia: its
     delay is then told more exactly."""
@@ -149,7 +151,8 @@ def _reading(command: IdentifyGimbal) -> LogReading:
     if command.rate is not None and len(inputs) > 1:
         raise InputError(f"--rate needs a single input, got {len(inputs)}; leave --rate out, or name one --input")
     order = 1 if command.order == "auto" else command.order
-    return LogReading(command.time, inputs, outputs, command.sample_period_s, order, command.max_delay)
+    max_delay = USUAL_DELAY if command.max_delay is None else command.max_delay
+    return LogReading(command.time, inputs, outputs, command.sample_period_s, order, max_delay)
 
 
 def _fitted(
@@ -169,7 +172,11 @@ def _fitted(
             return identify_axis(fitted, command.order, **options), ()
     with console.status("fitting order 1 …") as status:
         choice = choose_order(
-            fitted, held_back, advance=lambda order: status.update(f"fitting order {order + 1} …"), **options
+            fitted,
+            held_back,
+            orders=ORDERS if held_back else USUAL_ORDERS,
+            advance=lambda order: status.update(f"fitting order {order + 1} …"),
+            **options,
         )
     return choice.result, choice.trials
 

@@ -41,6 +41,13 @@ Array = NDArray[np.float64]
 
 DRAWS = 100
 """Posterior draws that a plant record carries."""
+USUAL_DELAY = 20
+"""Longest delay that is tried at first [samples]."""
+_SAMPLES_A_DELAY, _SAMPLES_A_LATE_DELAY = 10, 4
+"""Samples of the shortest recording for each sample of the longest delay: at first, and where the recordings call for
+more."""
+_BEYOND = 1.3
+"""Longest delay that is tried over the one that the recordings call for."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +101,7 @@ def identify_axis(
     recordings: Sequence[Recording],
     order: int = 4,
     *,
-    max_delay: int = 20,
+    max_delay: int | None = None,
     axis: str = "axis",
     seed: int = 0,
     dc_gain: Sequence[float] | None = None,
@@ -106,7 +113,7 @@ def identify_axis(
       recordings: one input and any outputs, or any inputs and one output, the same and of the same sampling period in
         each; they are separate experiments.
       order: number of states.
-      max_delay: longest input delay that is tried [samples].
+      max_delay: longest input delay that is tried [samples]; as long as the recordings call for if not given.
       axis: name for the record.
       seed: of the posterior draws.
       dc_gain: steady gain from each input to the one output, where it is known: the plant is held to it.
@@ -143,7 +150,7 @@ def search_axis(
     recordings: Sequence[Recording],
     order: int,
     *,
-    max_delay: int = 20,
+    max_delay: int | None = None,
     dc_gain: Sequence[float] | None = None,
     feedthrough: bool = True,
 ) -> AxisSearch:
@@ -153,18 +160,31 @@ def search_axis(
       InputError: if the recordings can't bear the estimate; see `check_recordings`.
     """
     remarks = check_recordings(recordings, order)
-    if max_delay < 0:
+    if max_delay is not None and max_delay < 0:
         raise InputError(f"max_delay must be at least 0, got {max_delay}; give the longest delay to try in samples")
-    max_delay = min(max_delay, min(len(recording) for recording in recordings) // 10)
+    shortest = min(len(recording) for recording in recordings)
+    longest = min(USUAL_DELAY if max_delay is None else max_delay, shortest // _SAMPLES_A_DELAY)
     scale = _spread(recordings)
-    found = search_plant(recordings, order, max_delay, scale, feedthrough)
+    found = search_plant(recordings, order, longest, scale, feedthrough)
+    while max_delay is None and (wanted := _wanted_delay(found, longest, shortest)) > longest:
+        longest = wanted
+        found = search_plant(recordings, order, longest, scale, feedthrough)
     if scale.size > 1:
         # The most likely plant weighs each output by its noise, which only a fit can tell.
         scale = scale * np.sqrt(np.mean(found.best.refinement.fit.residuals.reshape(scale.size, -1) ** 2, axis=1))
-        found = search_plant(recordings, order, max_delay, scale, feedthrough)
+        found = search_plant(recordings, order, longest, scale, feedthrough)
     if dc_gain is not None:
         found = _with_gain(found, dc_gain, scale)
-    return AxisSearch(recordings, order, max_delay, scale, found, remarks)
+    return AxisSearch(recordings, order, longest, scale, found, remarks)
+
+
+def _wanted_delay(found: Found, longest: int, shortest: int) -> int:
+    """Return up to which delay a search should have looked, at most what the shortest recording bears [samples]."""
+    if found.later is not None:
+        return max(longest, min(max(int(_BEYOND * found.later), longest + 1), shortest // _SAMPLES_A_LATE_DELAY))
+    # A longer look costs samples where a recording doesn't begin at rest.
+    most = shortest // (_SAMPLES_A_DELAY if any(found.ground.skips) else _SAMPLES_A_LATE_DELAY)
+    return max(longest, min(2 * longest, most)) if found.delays[1] >= longest else longest
 
 
 def complete_axis(search: AxisSearch, *, axis: str = "axis", seed: int = 0) -> AxisIdentification:

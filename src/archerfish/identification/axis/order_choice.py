@@ -19,6 +19,7 @@ from archerfish.identification.axis.gimbal import (
     complete_axis,
     search_axis,
 )
+from archerfish.identification.axis.log_ground import Ground
 from archerfish.identification.axis.normal_equations import lay_out, solve
 from archerfish.identification.axis.pole_refinement import Problem, Refinement
 from archerfish.identification.axis.spectra import row_count
@@ -33,6 +34,8 @@ USUAL_ORDERS = tuple(range(1, 5))
 """Orders that an axis without unusual resonances has."""
 WORTH_A_STATE = 0.2
 """Points of fit on held-back recordings that another state must bring."""
+_IN_VAIN = 2
+"""Orders above the usual ones that are tried without getting better."""
 _TAIL = 0.025
 """Weight of the delays that are left out on either side."""
 
@@ -65,7 +68,7 @@ def choose_order(
     *,
     orders: Sequence[int] = ORDERS,
     advance: Callable[[int], None] = lambda _: None,
-    max_delay: int = 20,
+    max_delay: int | None = None,
     axis: str = "axis",
     seed: int = 0,
     dc_gain: Sequence[float] | None = None,
@@ -82,7 +85,7 @@ def choose_order(
       held_back: to judge by.
       orders: to try, rising.
       advance: called with each order that is done.
-      max_delay: longest input delay that is tried [samples].
+      max_delay: longest input delay that is tried [samples]; as long as the recordings call for if not given.
       axis: name for the record.
       seed: of the posterior draws.
       dc_gain: steady gain from each input, where it is known.
@@ -92,6 +95,7 @@ def choose_order(
       InputError: if the recordings can bear no order at all.
     """
     searches: dict[int, AxisSearch] = {}
+    worst: dict[int, float | None] = {}
     for order in orders:
         try:
             searches[order] = search_axis(
@@ -102,13 +106,13 @@ def choose_order(
                 raise
             break  # too short for this order and for every higher one
         advance(order)
+        worst[order] = _worst_fit(searches[order], recordings, held_back)
+        if order > max(USUAL_ORDERS) and order - _best(worst) >= _IN_VAIN:
+            break
     criteria = _criteria(searches)
     least = {order: min(value for _, value in each) for order, each in criteria.items()}
-    trials = [_trial(search, recordings, held_back, least) for search in searches.values()]
-    chosen = min(trials, key=lambda each: each.criterion)
-    if held_back:
-        chosen = max(trials, key=lambda each: (each.validation_percent or 0.0) - WORTH_A_STATE * each.order)
-    search = searches[chosen.order]
+    trials = [_trial(searches[order], recordings, worst[order], least) for order in searches]
+    search = searches[_best(worst) if held_back else min(least, key=lambda order: least[order])]
     delays = _open_delays([pair for each in criteria.values() for pair in each])
     result = complete_axis(search._replace(found=search.found._replace(delays=delays)), axis=axis, seed=seed)
     return OrderChoice(result, tuple(trials))
@@ -116,7 +120,9 @@ def choose_order(
 
 def _criteria(searches: Mapping[int, AxisSearch]) -> dict[int, list[tuple[int, float]]]:
     """Return the delay and the criterion of every structure of each order, on all lines and without prior."""
-    fits = {order: [_on_all_lines(each, search) for each in _structures(search)] for order, search in searches.items()}
+    # The same samples for all: those that the longest delay leaves.
+    ground = max(searches.values(), key=lambda each: (each.longest_delay, each.order)).found.ground
+    fits = {order: [_on_all_lines(each, ground) for each in _structures(search)] for order, search in searches.items()}
     inflation = max(1.0, min(colour(*each[0]) for each in fits.values()))
     return {
         order: [
@@ -131,8 +137,8 @@ def _structures(search: AxisSearch) -> list[Structure]:
     return [search.found.best, *search.found.others]
 
 
-def _on_all_lines(structure: Structure, search: AxisSearch) -> tuple[Problem, Refinement]:
-    problem = Problem(search.found.ground.spectra(structure.delay), structure.problem.feedthrough)
+def _on_all_lines(structure: Structure, ground: Ground) -> tuple[Problem, Refinement]:
+    problem = Problem(ground.spectra(structure.delay), structure.problem.feedthrough)
     fit = solve(structure.refinement.sections, lay_out(*problem)).fit
     return problem, Refinement(structure.refinement.sections, fit, fit.cost)
 
@@ -157,12 +163,22 @@ def _open_delays(criteria: Sequence[tuple[int, float]]) -> tuple[int, int]:
     return int(delays[order][first]), int(delays[order][min(last, len(order) - 1)])
 
 
-def _trial(
-    search: AxisSearch, recordings: Sequence[Recording], held_back: Sequence[Recording], least: Mapping[int, float]
-) -> OrderTrial:
+def _worst_fit(search: AxisSearch, recordings: Sequence[Recording], held_back: Sequence[Recording]) -> float | None:
+    if not held_back:
+        return None
     plant = best_plant(search)
     shared = common_offset(plant, recordings)
-    fits = [free_run(plant, each, common_offset(plant, [each])).fit_percent.mean() for each in recordings]
-    validation = [float(free_run(plant, each, shared).fit_percent.mean()) for each in held_back]
-    criterion = least[search.order] - min(least.values())
-    return OrderTrial(search.order, float(min(fits)), min(validation, default=None), criterion)
+    return min(float(free_run(plant, each, shared).fit_percent.mean()) for each in held_back)
+
+
+def _best(worst: Mapping[int, float | None]) -> int:
+    """Return the order of the largest fit on what was held back, less what each state must bring."""
+    return max(worst, key=lambda order: (worst[order] or 0.0) - WORTH_A_STATE * order)
+
+
+def _trial(
+    search: AxisSearch, recordings: Sequence[Recording], validation: float | None, least: Mapping[int, float]
+) -> OrderTrial:
+    plant = best_plant(search)
+    fits = [float(free_run(plant, each, common_offset(plant, [each])).fit_percent.mean()) for each in recordings]
+    return OrderTrial(search.order, min(fits), validation, least[search.order] - min(least.values()))
