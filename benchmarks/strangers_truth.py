@@ -1,0 +1,108 @@
+"""Whether a plant is right: held against the rig that the log is from."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from archerfish.identification.axis.gimbal import identify_axis
+from archerfish.identification.validation.free_run import free_run
+from archerfish.records.errors import InputError
+from archerfish.records.plant import USABLE_FIT_PERCENT, PlantRecord, dc_gain
+from archerfish.records.recording import make_recording
+from strangers_commands import sum_of_sines
+from strangers_logs import StrangersLog
+from strangers_rigs import respond
+
+Array = NDArray[np.float64]
+
+GAIN_SHARE, DELAY_SHARE = 0.05, 0.1
+"""Shares by which a steady gain and a dead time may be off."""
+_OTHER_UNIT = 30.0
+"""Factor between the sampling periods of plant and log beyond which time was taken in another unit."""
+_SINES = 14
+
+
+class Truth(NamedTuple):
+    """A plant beside the truth."""
+
+    fit_percent: float
+    """Fit of a noise-free log that was held back [%]; 0 where the axis does not respond or time has another unit."""
+    gain_right: bool
+    """Whether the steady gain is right."""
+    delay_right: bool
+    """Whether the dead time is right."""
+
+    @property
+    def usable(self) -> bool:
+        """Whether the plant is usable, by the definition of this benchmark."""
+        return self.fit_percent >= USABLE_FIT_PERCENT and self.gain_right and self.delay_right
+
+
+def held_back(log: StrangersLog, period_s: float) -> tuple[Array, Array]:
+    """Return command and clean output of a log that is not fitted, from rest, shape (N,) each.
+
+    Levels that are held until the axis rests, then sines through the band, at the amplitude of the fitted log.
+
+    Args:
+      log: the log that was fitted.
+      period_s: sampling period [s].
+    """
+    settle_s = log.rig.settle_s + log.rig.delay_s
+    spans = np.ceil(settle_s * np.array([0.25, 1.5, 1.5, 1.5, 1.5]) / period_s).astype(int)
+    levels = np.repeat([0.0, 1.0, -1.0, 0.5, 0.0], spans)
+    band = log.rig.bandwidth_hz * np.geomspace(0.1, 2.5, _SINES)
+    count = int(np.ceil(10.0 / log.rig.bandwidth_hz / period_s))
+    generator = np.random.default_rng(log.index)
+    sines = sum_of_sines(count, period_s, band[band < 0.4 / period_s], generator)
+    given = log.amplitude * np.concatenate([levels, sines])
+    return given, respond(log.rig, given, period_s)
+
+
+def judge_plant(log: StrangersLog, plant: PlantRecord) -> Truth:
+    """Hold a plant against the rig of its log."""
+    rig = log.rig
+    ratio = plant.sample_period_s / log.period_s
+    if not rig.responsive or not 1 / _OTHER_UNIT < ratio < _OTHER_UNIT:
+        return Truth(0.0, False, False)
+    given, clean = held_back(log, plant.sample_period_s)
+    names = {"input_names": plant.input_names, "output_names": plant.output_names}
+    fit = float(free_run(plant, make_recording(given, clean, plant.sample_period_s, **names)).fit_percent[0])
+    gain = dc_gain(plant).item()
+    gain_right = not rig.integrating and abs(gain - rig.gain) <= GAIN_SHARE * abs(rig.gain)
+    return Truth(fit if np.isfinite(fit) else -np.inf, gain_right, _delay_right(log, plant))
+
+
+def true_delay(log: StrangersLog) -> float:
+    """Return the dead time in samples of the log."""
+    return log.rig.delay_s / log.period_s
+
+
+def _delay_right(log: StrangersLog, plant: PlantRecord) -> bool:
+    """Tell whether the dead time is right; a plant with feedthrough answers a sample earlier than one without."""
+    delays = [plant.delay_samples]
+    if np.any(plant.D):
+        delays.append(plant.delay_samples - 1)
+    # A hair more than a sample, for the rounding of the stamps.
+    most = max(1.001 * plant.sample_period_s, DELAY_SHARE * log.rig.delay_s)
+    return any(abs(each * plant.sample_period_s - log.rig.delay_s) <= most for each in delays)
+
+
+def oracle_usable(log: StrangersLog, clean: bool = False) -> bool:
+    """Tell whether a fit that knows columns, times and order gives a usable plant.
+
+    Args:
+      log: the log.
+      clean: whether it is also free of noise; else the noise of the log is left in.
+    """
+    recordings = []
+    for file in log.files:
+        answer = respond(log.rig, file.command, log.period_s) if clean else file.answer
+        recordings.append(make_recording(file.command, answer, log.period_s))
+    order = log.rig.order + log.rig.integrating
+    try:
+        result = identify_axis(recordings, order, max_delay=int(true_delay(log)) + 20)
+    except InputError:
+        return False
+    return judge_plant(log, replace(result.plant, draws={}, draw_delays=np.zeros(0, np.int64))).usable
