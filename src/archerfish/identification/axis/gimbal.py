@@ -5,7 +5,7 @@ refined fits; every plant it returns is stable. Several recordings are separate 
 own initial state and offset (an encoder's zero is no property of the dynamics). Several outputs share the poles.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -64,6 +64,9 @@ class AxisIdentification:
     """Standard deviation of the training residuals of each output, in its units, shape (p,)."""
     delay_range: tuple[int, int]
     """Delays that the recordings don't reject at 95 % [samples]."""
+    delay_weights: Mapping[int, float]
+    """How likely each delay is, over all orders that were tried, a feedthrough counted as a sample less; empty if the
+    order was given."""
     longest_delay: int
     """Longest delay that was allowed [samples]."""
     later_delay: int | None
@@ -196,7 +199,7 @@ def complete_axis(search: AxisSearch, *, axis: str = "axis", seed: int = 0) -> A
       seed: of the posterior draws.
     """
     recordings, found, scale = search.recordings, search.found, search.scale
-    structures = weigh_structures([found.best, *found.others])
+    structures = weigh_structures([found.best, *found.others], found.criteria)
     known = structures[0].known
     period = recordings[0].sample_period_s
     band = _band_hz(recordings, structures[0])
@@ -218,6 +221,7 @@ def complete_axis(search: AxisSearch, *, axis: str = "axis", seed: int = 0) -> A
         fit_percent=tuple(float(each.fit_percent.mean()) for each in runs),
         residual_sd=np.concatenate([each.residual for each in runs]).std(axis=0),
         delay_range=(min(delays[0], plant.delay_samples), max(delays[1], plant.delay_samples)),
+        delay_weights=found.delay_weights,
         longest_delay=search.longest_delay,
         later_delay=found.later,
         dc_gain_interval=tuple(zip(low.tolist(), high.tolist(), strict=True)),

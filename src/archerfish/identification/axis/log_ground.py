@@ -52,6 +52,18 @@ class Ground(NamedTuple):
         ]
         return self._replace(undelayed=undelayed, from_rest=from_rest)
 
+    def weighted(self, weights: Sequence[Array]) -> "Ground":
+        """With each line multiplied by a weight, shape (F,) for all lines of each recording."""
+        undelayed = [
+            whole._replace(
+                inputs=whole.inputs * weight[:, None],
+                outputs=whole.outputs * weight[:, None],
+                impulse=whole.impulse * weight,
+            )
+            for whole, weight in zip(self.undelayed, weights, strict=True)
+        ]
+        return self._replace(undelayed=undelayed)
+
 
 def prepare_ground(recordings: Sequence[Recording], max_delay: int, scale: Array) -> Ground:
     """Transform recordings.

@@ -38,18 +38,21 @@ class OpenStructure(NamedTuple):
     """What was fitted."""
 
 
-def weigh_structures(structures: Sequence[Structure]) -> tuple[OpenStructure, ...]:
+def weigh_structures(
+    structures: Sequence[Structure], criteria: Sequence[float] | None = None
+) -> tuple[OpenStructure, ...]:
     """Weigh structures by their criterion, the residuals' colour allowed for.
 
     Args:
       structures: each fitted to all lines; the first one gives the colour.
+      criteria: of the structures, if they are known.
 
     Returns:
       Those that are not negligible, the likeliest first: an estimate of another one might lie outside its own interval.
     """
     best = posterior(structures[0].problem, structures[0].refinement)
-    criteria = np.array([each.criterion(best.inflation) for each in structures])
-    weights = np.exp(-0.5 * (criteria - criteria.min()))
+    values = np.array(criteria or [each.criterion(best.inflation) for each in structures])
+    weights = np.exp(-0.5 * (values - values.min()))
     order = np.argsort(-weights, kind="stable")
     kept = [index for index in order if weights[index] >= _NEGLIGIBLE * weights.sum()]
     weights /= weights[kept].sum()

@@ -6,12 +6,11 @@ orders together, each weighed by its criterion.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from archerfish.identification.axis.delay_walk import colour, rounding
 from archerfish.identification.axis.gimbal import (
     AxisIdentification,
     AxisSearch,
@@ -19,11 +18,7 @@ from archerfish.identification.axis.gimbal import (
     complete_axis,
     search_axis,
 )
-from archerfish.identification.axis.log_ground import Ground
-from archerfish.identification.axis.normal_equations import lay_out, solve
-from archerfish.identification.axis.pole_refinement import Problem, Refinement
-from archerfish.identification.axis.spectra import row_count
-from archerfish.identification.axis.structure_choice import Structure
+from archerfish.identification.axis.structure_evidence import structure_criteria
 from archerfish.identification.validation.free_run import common_offset, free_run
 from archerfish.records.errors import InputError
 from archerfish.records.recording import Recording
@@ -110,57 +105,57 @@ def choose_order(
         if order > max(USUAL_ORDERS) and order - _best(worst) >= _IN_VAIN:
             break
     criteria = _criteria(searches)
-    least = {order: min(value for _, value in each) for order, each in criteria.items()}
+    least = {order: min(each) for order, each in criteria.items()}
     trials = [_trial(searches[order], recordings, worst[order], least) for order in searches]
-    search = searches[_best(worst) if held_back else min(least, key=lambda order: least[order])]
-    delays = _open_delays([pair for each in criteria.values() for pair in each])
-    result = complete_axis(search._replace(found=search.found._replace(delays=delays)), axis=axis, seed=seed)
+    chosen = _best(worst) if held_back else min(least, key=lambda order: least[order])
+    weights = _delay_weights(searches, criteria)
+    search = _likeliest_first(searches[chosen], criteria[chosen])
+    found = search.found._replace(delays=_open_delays(weights), delay_weights=weights)
+    result = complete_axis(search._replace(found=found), axis=axis, seed=seed)
     return OrderChoice(result, tuple(trials))
 
 
-def _criteria(searches: Mapping[int, AxisSearch]) -> dict[int, list[tuple[int, float]]]:
-    """Return the delay and the criterion of every structure of each order, on all lines and without prior."""
-    # The same samples for all: those that the longest delay leaves.
+def _criteria(searches: Mapping[int, AxisSearch]) -> dict[int, list[float]]:
+    """Return the criteria of the structures of each order, best and others, all on the same samples."""
+    # The samples that the longest delay leaves.
     ground = max(searches.values(), key=lambda each: (each.longest_delay, each.order)).found.ground
-    fits = {order: [_on_all_lines(each, ground) for each in _structures(search)] for order, search in searches.items()}
-    inflation = max(1.0, min(colour(*each[0]) for each in fits.values()))
+    structures = {order: [each.found.best, *each.found.others] for order, each in searches.items()}
+    criteria = structure_criteria([one for each in structures.values() for one in each], ground)
+    edges = np.cumsum([0, *(len(each) for each in structures.values())])
     return {
-        order: [
-            (structure.delay, _criterion(*fit, inflation))
-            for structure, fit in zip(_structures(searches[order]), each, strict=True)
-        ]
-        for order, each in fits.items()
+        order: criteria[start:stop].tolist() for order, (start, stop) in zip(searches, pairwise(edges), strict=True)
     }
 
 
-def _structures(search: AxisSearch) -> list[Structure]:
-    return [search.found.best, *search.found.others]
+def _likeliest_first(search: AxisSearch, criteria: Sequence[float]) -> AxisSearch:
+    found = search.found
+    structures = [found.best, *found.others]
+    order = np.argsort(criteria, kind="stable")
+    best, *others = (structures[index] for index in order)
+    ranked = found._replace(best=best, others=tuple(others), criteria=tuple(criteria[index] for index in order))
+    return search._replace(found=ranked)
 
 
-def _on_all_lines(structure: Structure, ground: Ground) -> tuple[Problem, Refinement]:
-    problem = Problem(ground.spectra(structure.delay), structure.problem.feedthrough)
-    fit = solve(structure.refinement.sections, lay_out(*problem)).fit
-    return problem, Refinement(structure.refinement.sections, fit, fit.cost)
+def _delay_weights(searches: Mapping[int, AxisSearch], criteria: Mapping[int, Sequence[float]]) -> dict[int, float]:
+    """Return how likely each delay is, all orders together; a plant with feedthrough answers a sample earlier."""
+    pairs = [
+        (structure.delay - structure.problem.feedthrough, value)
+        for order, search in searches.items()
+        for structure, value in zip([search.found.best, *search.found.others], criteria[order], strict=True)
+    ]
+    least = min(value for _, value in pairs)
+    weights: dict[int, float] = {}
+    for delay, value in pairs:
+        weights[delay] = weights.get(delay, 0.0) + float(np.exp(-0.5 * (value - least)))
+    total = sum(weights.values())
+    return {delay: weights[delay] / total for delay in sorted(weights)}
 
 
-def _criterion(problem: Problem, refinement: Refinement, inflation: float) -> float:
-    """N ln σ² + parameters ln N; N coloured residuals count as fewer, by the inflation of the variances."""
-    fit = refinement.fit
-    outputs = fit.numerators.shape[2]
-    rows = row_count(problem.experiments) * outputs / inflation
-    parameters = len(fit.numerators) + fit.numerators.size + problem.feedthrough * fit.feedthrough.size
-    return rows * float(np.log(max(fit.misfit, rounding(problem.experiments)))) + parameters * float(np.log(rows))
-
-
-def _open_delays(criteria: Sequence[tuple[int, float]]) -> tuple[int, int]:
-    """Return the shortest and the longest delay between which 95 % of the weight of all structures lie [samples]."""
-    delays: NDArray[np.int64] = np.array([delay for delay, _ in criteria])
-    values = np.array([value for _, value in criteria])
-    order = np.argsort(delays, kind="stable")
-    weights = np.exp(-0.5 * (values - values.min()))[order]
-    below = np.cumsum(weights) / weights.sum()
+def _open_delays(weights: Mapping[int, float]) -> tuple[int, int]:
+    """Return the shortest and the longest delay between which 95 % of the weight lie [samples]."""
+    delays, below = list(weights), np.cumsum(list(weights.values()))
     first, last = np.searchsorted(below, [_TAIL, 1 - _TAIL])
-    return int(delays[order][first]), int(delays[order][min(last, len(order) - 1)])
+    return max(delays[first], 0), max(delays[min(last, len(delays) - 1)], 0)
 
 
 def _worst_fit(search: AxisSearch, recordings: Sequence[Recording], held_back: Sequence[Recording]) -> float | None:

@@ -3,8 +3,9 @@
 All but the last steps use a part of the lines.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -50,6 +51,10 @@ class Found(NamedTuple):
     """A delay beyond the longest allowed that explains the recordings clearly better, if there is one [samples]."""
     ground: Ground
     """All lines of the recordings, for the same samples whatever the order."""
+    criteria: tuple[float, ...] = ()
+    """Information criterion of the best structure and the others, where they were held against other orders."""
+    delay_weights: Mapping[int, float] = MappingProxyType({})
+    """How likely each delay is, likewise."""
 
 
 def search_plant(

@@ -156,7 +156,8 @@ def _powers(leverage: Array, residuals: Sequence[Array]) -> list[Array]:
     for square in np.split(np.concatenate(residuals) ** 2 / kept, np.cumsum([each.size for each in residuals])[:-1]):
         lines = square.size // 2
         width = 2 * max(2, round(np.sqrt(lines) / 2)) + 1
-        powers.append(uniform_filter1d(0.5 * (square[:lines] + square[lines:]), width, mode="nearest"))
+        # Mirrored, since the first lines hold most of a step and must not be weighed by one of them alone.
+        powers.append(uniform_filter1d(0.5 * (square[:lines] + square[lines:]), width, mode="reflect"))
     return powers
 
 
