@@ -12,6 +12,7 @@ from archerfish.cli.axis_picture import simulated_run
 from archerfish.cli.sample_count import SampleCount, count_samples
 from archerfish.figures.identification import SimulatedRun
 from archerfish.identification.axis.gimbal import AxisIdentification
+from archerfish.identification.axis.nonlinearity import NonlinearFit, nonlinear_fits
 from archerfish.identification.axis.order_choice import OrderTrial
 from archerfish.identification.validation.confidence_bands import band, drawn_poles, parameter_errors
 from archerfish.identification.validation.free_run import common_offset, free_run
@@ -117,6 +118,8 @@ class AxisEvidence:
     """Orders that were tried, where the order was not given."""
     held_gains: tuple[HeldGain, ...] = ()
     """Steady gains that the plant was held to, by input."""
+    nonlinear: tuple[NonlinearFit, ...] = ()
+    """The plant behind nonlinear operators, the best one first."""
 
     def of_kind(self, kind: str) -> list[LogEvidence]:
         """Return the recordings for "training" or for "validation"."""
@@ -151,7 +154,12 @@ def gather_evidence(
     found = tuple(findings)
     if samples is None:
         samples = sum(len(each.recording) for each in logs) + sum(each.samples for each in found)
-    return AxisEvidence(result, tuple(logs), count_samples(samples, found), found, tuple(trials), held)
+    nonlinear: list[NonlinearFit] = []
+    if result.plant.D.shape == (1, 1):
+        nonlinear = nonlinear_fits(result.ground, result.structures[0].fitted)
+    return AxisEvidence(
+        result, tuple(logs), count_samples(samples, found), found, tuple(trials), held, tuple(nonlinear)
+    )
 
 
 def _held_gains(

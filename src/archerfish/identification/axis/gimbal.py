@@ -6,7 +6,7 @@ own initial state and offset (an encoder's zero is no property of the dynamics).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from archerfish.identification.axis.informative_lines import heard_band
 from archerfish.identification.axis.integrator import integration_remarks
+from archerfish.identification.axis.log_ground import Ground
 from archerfish.identification.axis.modal_form import Poles, sections_from_numbers, state_matrices
 from archerfish.identification.axis.open_structures import (
     OpenStructure,
@@ -89,6 +90,20 @@ class AxisIdentification:
     """All structures that the recordings leave open, the plant's own first; the intervals are over all of them."""
     output_scale: Array
     """Unit of the parameters' outputs, shape (p,)."""
+    integrating: bool
+    """Whether the output runs on under a steady input, as far as the recordings tell."""
+    ground: Ground = field(repr=False)
+    """The recordings as they were fitted."""
+
+    def delay_certainty(self, share: float = 0.1) -> float:
+        """Return how likely the delay is right within a sample or `share` of it, whichever is larger, 0…1."""
+        weights = self.delay_weights
+        if not weights:
+            pairs = [(each.delay - each.known.feedthrough, each.weight) for each in self.structures]
+            weights = {delay: sum(weight for other, weight in pairs if other == delay) for delay, _ in pairs}
+        here = self.plant.delay_samples - self.structures[0].known.feedthrough
+        within = max(1.0, share * here)
+        return sum(weight for delay, weight in weights.items() if abs(delay - here) <= within)
 
     def gain_interval(self, frequency_hz: Array) -> tuple[Array, Array]:
         """95 % interval of the gain |G| of the first output from the first input at frequencies [Hz], shape (F,)."""
@@ -233,6 +248,8 @@ def complete_axis(search: AxisSearch, *, axis: str = "axis", seed: int = 0) -> A
         parameters=known,
         structures=structures,
         output_scale=scale,
+        integrating=bool(integrating),
+        ground=found.ground,
     )
 
 

@@ -42,7 +42,7 @@ class Ground(NamedTuple):
 
     def reaching_back(self, delay: int) -> "Ground":
         """All lines, and no more left out at the beginning than delays up to this one need."""
-        return _transformed(self.recordings, self.scale, [min(each, delay) for each in self.skips], self.from_rest)
+        return ground_of(self.recordings, self.scale, [min(each, delay) for each in self.skips], self.from_rest)
 
     def freed(self, free: Sequence[bool]) -> "Ground":
         """With free initial states where `free` says so, per recording."""
@@ -75,12 +75,11 @@ def prepare_ground(recordings: Sequence[Recording], max_delay: int, scale: Array
     """
     from_rest = [rest_samples(each) > 0 for each in recordings]
     skips = [0 if rest else unsettled(each.inputs, max_delay) for each, rest in zip(recordings, from_rest, strict=True)]
-    return _transformed(recordings, scale, skips, from_rest)
+    return ground_of(recordings, scale, skips, from_rest)
 
 
-def _transformed(
-    recordings: Sequence[Recording], scale: Array, skips: Sequence[int], from_rest: Sequence[bool]
-) -> Ground:
+def ground_of(recordings: Sequence[Recording], scale: Array, skips: Sequence[int], from_rest: Sequence[bool]) -> Ground:
+    """Transform recordings, of which it is known how they begin; arguments as the fields of `Ground`."""
     undelayed = [
         spectrum(each, 0, scale, skip, from_rest=rest)
         for each, skip, rest in zip(recordings, skips, from_rest, strict=True)
