@@ -1,9 +1,9 @@
-"""Logs as strangers record them: is the verdict of `archerfish identify gimbal` right, without any option?
+"""How often the verdict of `archerfish identify gimbal` is right on logs as strangers record them, without options.
 
 Simulated rigs of known truth (first to fourth order, the printed pitch loop, dead time), recorded at any rate, length,
-amplitude, excitation and noise; half of the logs carry a fault, from exchanged columns to friction. A plant is usable if
-its free run fits a noise-free log of the same rig to 80 %, its steady gain is right within 5 %, and its dead time within
-a sample or 10 %.
+amplitude, excitation and noise; half of the logs carry a fault, from exchanged columns to friction. A plant is usable
+if its free run fits a noise-free log of the same rig to 80 %, its steady gain is right within 5 %, and its dead time
+within a sample or 10 %.
 
 Writes benchmarks/results/strangers.json, a row for each log.
 """

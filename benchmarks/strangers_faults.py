@@ -126,7 +126,7 @@ def recorded(
       spread: standard deviation of the clean output.
       generator: source of the draws.
     """
-    stamps = period_s * np.arange(len(given))
+    stamps: Array = period_s * np.arange(len(given), dtype=np.float64)
     if fault == "swapped columns":
         return Columns(stamps, answer, given)
     if fault == "milliseconds":

@@ -67,8 +67,7 @@ def judge_plant(log: StrangersLog, plant: PlantRecord) -> Truth:
     if not rig.responsive or not 1 / _OTHER_UNIT < ratio < _OTHER_UNIT:
         return Truth(0.0, False, False)
     given, clean = held_back(log, plant.sample_period_s)
-    names = {"input_names": plant.input_names, "output_names": plant.output_names}
-    fit = float(free_run(plant, make_recording(given, clean, plant.sample_period_s, **names)).fit_percent[0])
+    fit = float(free_run(plant, make_recording(given, clean, plant.sample_period_s)).fit_percent[0])
     gain = dc_gain(plant).item()
     gain_right = not rig.integrating and abs(gain - rig.gain) <= GAIN_SHARE * abs(rig.gain)
     return Truth(fit if np.isfinite(fit) else -np.inf, gain_right, _delay_right(log, plant))
