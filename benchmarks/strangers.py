@@ -22,7 +22,7 @@ from archerfish.records.storage import write_bytes
 from machine import describe_machine
 from strangers_judging import Job, Row, judge_log
 from strangers_logs import make_log, write_log
-from strangers_tables import Count, count_table, counts, fits, group_table, miss_line
+from strangers_tables import Count, count_table, counts, fits, group_table, option_table, row_line
 
 RESULT = Path(__file__).parent / "results" / "strangers.json"
 SEED = 2026
@@ -47,7 +47,12 @@ def main() -> None:
     out = asked.out or (RESULT if _complete(asked) else None)
     if out is not None:
         _write(out, asked.seed, rows, found, seconds)
-    _print(rows, found, seconds, asked.misses or bool(asked.only))
+    if not asked.only:
+        _print(rows, found, seconds)
+    if asked.only or asked.misses:
+        print("\n".join(row_line(row) for row in rows if asked.only or not row.right))
+    if asked.only:
+        return
     if missed := [each.name for each in found if each.missed]:
         sys.exit(f"beyond the bars: {', '.join(missed)}")
 
@@ -73,14 +78,13 @@ def _complete(asked: argparse.Namespace) -> bool:
     return asked.logs == LOGS and asked.seed == SEED and not asked.only and asked.options_every == OPTIONS_EVERY
 
 
-def _print(rows: list[Row], found: list[Count], seconds: float, misses: bool) -> None:
+def _print(rows: list[Row], found: list[Count], seconds: float) -> None:
     print(f"{len(rows)} logs in {seconds:.0f} s")
     for name in ("fault", "excitation", "rig", "rate_hz"):
         print(f"\n{group_table(rows, name)}")
     median, low = fits(rows)
-    print(f"\n{count_table(found)}\n\nheld-back fit: median {median:.2f} %, 5 % quantile {low:.2f} %")
-    if misses:
-        print("\n".join(["", *(miss_line(row) for row in rows if not row.right)]))
+    print(f"\n{option_table(rows)}")
+    print(f"\n{count_table(found)}\n\nheld-back fit: median {median:.2f} %, 5 % quantile {low:.2f} %\n")
 
 
 def _write(path: Path, seed: int, rows: list[Row], found: list[Count], seconds: float) -> None:

@@ -93,6 +93,8 @@ class Row:
     """Whether the steady gain is within 5 %."""
     delay_right: bool = False
     """Whether the dead time is right."""
+    rise_right: bool = False
+    """Whether a step reaches half its height when it should."""
     advice: tuple[str, ...] = ()
     """Options that were advised, the first one first."""
     obeyed_fit: float | None = None
@@ -159,6 +161,7 @@ def _row(log: StrangersLog, command: IdentifyGimbal) -> Row:
         held_back_fit=truth.fit_percent,
         gain_right=truth.gain_right,
         delay_right=truth.delay_right,
+        rise_right=truth.rise_right,
         advice=_names(verdict),
     )
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import binomtest
 
+from archerfish.records.plant import USABLE_FIT_PERCENT
 from markdown_table import markdown
 from strangers_judging import Row
 from strangers_logs import NONE
@@ -63,9 +64,27 @@ def counts(rows: Sequence[Row]) -> list[Count]:
         some = [row for row in known if row.noise_kind == kind]
         found.append(_count(f"steady gain inside, {kind} noise (no fault)", some, _gain_inside))
         found.append(_count(f"dead time inside, {kind} noise (no fault)", some, _delay_inside))
-    for name, test in _CRITERIA.items():
-        found.append(_count(f"{name} (no fault)", known, test))
+    found += [_count(f"{name} (no fault)", known, test) for name, test in _CRITERIA.items()]
+    for words, bound in _OTHER_DEFINITIONS.items():
+        found += _counts_by(words, rows, bound)
     return found
+
+
+def _counts_by(words: str, rows: Sequence[Row], bound: Callable[[Row], bool]) -> list[Count]:
+    """Count verdicts by a definition of usable that bounds the dead time in another way."""
+
+    def usable(row: Row) -> bool:
+        return row.gain_right and (row.held_back_fit or 0.0) >= USABLE_FIT_PERCENT and bound(row)
+
+    def right(row: Row) -> bool:
+        return row.right if row.refused else row.usable_said == usable(row)
+
+    good = [row for row in rows if (row.good if row.refused else usable(row))]
+    return [
+        _count(f"verdict right, {words}", rows, right),
+        _count(f"called usable, and not so, {words}", rows, lambda row: row.usable_said and not usable(row)),
+        _count(f"good, and refused or called unusable, {words}", good, lambda row: not row.usable_said),
+    ]
 
 
 def _count(
@@ -100,9 +119,14 @@ def _bettered(row: Row) -> bool:
 
 
 _CRITERIA: dict[str, Callable[[Row], bool]] = {
-    "held-back fit of 80 %": lambda row: (row.held_back_fit or 0.0) >= 80,
+    "held-back fit of 80 %": lambda row: (row.held_back_fit or 0.0) >= USABLE_FIT_PERCENT,
     "steady gain right": lambda row: row.gain_right,
     "dead time right": lambda row: row.delay_right,
+    "half the step in time": lambda row: row.rise_right,
+}
+_OTHER_DEFINITIONS: dict[str, Callable[[Row], bool]] = {
+    "by half the step instead of the dead time": lambda row: row.rise_right,
+    "by fit and gain alone": lambda _: True,
 }
 
 
@@ -153,19 +177,38 @@ def _group_line(name: str, rows: Sequence[Row]) -> tuple[str, ...]:
     return (name, str(len(rows)), *cells, *(f"{each:.1f}" for each in fits(rows)))
 
 
-def miss_line(row: Row) -> str:
-    """Describe a wrong verdict in one line."""
+def row_line(row: Row) -> str:
+    """Describe a log and its verdict in one line."""
     said = "refused" if row.refused else "usable" if row.usable_said else "unusable"
     facts = f"{row.index:5} {said:8} {row.rig}, {row.excitation}, {row.fault}"
     facts += f" {row.severity:.3g}" * (row.severity != 0)
     facts += f", {row.rate_hz:g} Hz, {row.samples} samples, noise {100 * row.noise:.2g} % {row.noise_kind}"
     if row.held_back_fit is None or row.fit is None or row.interval is None or row.delay_range is None:
-        return f"{facts}: {row.reason}"
+        return f"{facts}: {row.reason}{_gains(row)}"
     low, high = row.interval
     return (
         f"{facts}: fit {row.fit:.1f}, held back {row.held_back_fit:.1f}, "
         f"gain {row.gain:.4g} ({low:.4g}…{high:.4g}) for {row.gain_true:.4g}{'' if row.gain_right else ' wrong'}, "
         f"delay {row.delay:.3g} ({row.delay_range[0]:.3g}–{row.delay_range[1]:.3g}, "
         f"{'D' if row.feedthrough else 'no D'}) for {row.delay_true:.3g}{'' if row.delay_right else ' wrong'}"
-        f"{': ' * bool(row.reason)}{row.reason}"
+        f"{'' if row.rise_right else ', rise wrong'}{': ' * bool(row.reason)}{row.reason}{_gains(row)}"
     )
+
+
+def _gains(row: Row) -> str:
+    gains = [f"{name} {row.options[name]:.1f}" for name in row.gaining]
+    advised = [f"advice {', '.join(row.advice)} ({row.obeyed_fit})"] if row.advice else []
+    return "".join(f" [{words}]" for words in (*gains, *advised))
+
+
+def option_table(rows: Sequence[Row]) -> str:
+    """Write how often each option was tried and bettered the held-back fit as a table."""
+    names = sorted({name for row in rows for name in row.options})
+    lines = []
+    for name in names:
+        tried = [row for row in rows if name in row.options]
+        gained = [max(row.options[name], 0.0) - row.fit_floor for row in tried if name in row.gaining]
+        median = f"{np.median(gained):.1f}" if gained else "–"
+        best = sum(name == max(row.options, key=lambda each: row.options[each]) for row in tried if row.gaining)
+        lines.append((name, str(len(tried)), str(len(gained)), median, str(best)))
+    return markdown(("option", "tried", "gains", "median points", "best of those that gain"), lines)

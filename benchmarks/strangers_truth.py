@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.identification.axis.gimbal import identify_axis
+from archerfish.identification.axis.state_space import simulate
 from archerfish.identification.validation.free_run import free_run
 from archerfish.records.errors import InputError
 from archerfish.records.plant import USABLE_FIT_PERCENT, PlantRecord, dc_gain
 from archerfish.records.recording import make_recording
 from strangers_commands import sum_of_sines
 from strangers_logs import StrangersLog
-from strangers_rigs import respond
+from strangers_rigs import linear_response, respond
 
 Array = NDArray[np.float64]
 
@@ -33,6 +34,8 @@ class Truth(NamedTuple):
     """Whether the steady gain is right."""
     delay_right: bool
     """Whether the dead time is right."""
+    rise_right: bool
+    """Whether a step reaches half its height when it should, within the same bounds; no part of the definition."""
 
     @property
     def usable(self) -> bool:
@@ -65,12 +68,12 @@ def judge_plant(log: StrangersLog, plant: PlantRecord) -> Truth:
     rig = log.rig
     ratio = plant.sample_period_s / log.period_s
     if not rig.responsive or not 1 / _OTHER_UNIT < ratio < _OTHER_UNIT:
-        return Truth(0.0, False, False)
+        return Truth(0.0, False, False, False)
     given, clean = held_back(log, plant.sample_period_s)
     fit = float(free_run(plant, make_recording(given, clean, plant.sample_period_s)).fit_percent[0])
     gain = dc_gain(plant).item()
     gain_right = not rig.integrating and abs(gain - rig.gain) <= GAIN_SHARE * abs(rig.gain)
-    return Truth(fit if np.isfinite(fit) else -np.inf, gain_right, _delay_right(log, plant))
+    return Truth(fit if np.isfinite(fit) else -np.inf, gain_right, _delay_right(log, plant), _rise_right(log, plant))
 
 
 def true_delay(log: StrangersLog) -> float:
@@ -83,9 +86,37 @@ def _delay_right(log: StrangersLog, plant: PlantRecord) -> bool:
     delays = [plant.delay_samples]
     if np.any(plant.D):
         delays.append(plant.delay_samples - 1)
-    # A hair more than a sample, for the rounding of the stamps.
-    most = max(1.001 * plant.sample_period_s, DELAY_SHARE * log.rig.delay_s)
+    most = _tolerance_s(log, plant)
     return any(abs(each * plant.sample_period_s - log.rig.delay_s) <= most for each in delays)
+
+
+def _tolerance_s(log: StrangersLog, plant: PlantRecord) -> float:
+    # A hair more than a sample, for the rounding of the stamps.
+    return max(1.001 * plant.sample_period_s, DELAY_SHARE * log.rig.delay_s)
+
+
+def _rise_right(log: StrangersLog, plant: PlantRecord) -> bool:
+    """Tell whether the linear step responses of plant and rig reach half the true gain at the same time."""
+    rig, period_s = log.rig, plant.sample_period_s
+    if rig.integrating:
+        return False
+    step = np.ones(int(np.ceil(2 * (rig.settle_s + rig.delay_s) / period_s)) + 2)
+    # A plant takes its input to have been held before: the step follows a rest as long as its delay.
+    rest = plant.delay_samples + 1
+    own = simulate(plant, np.concatenate([np.zeros(rest), step])[:, None])[rest:, 0]
+    rises = [_half_risen(each / rig.gain) * period_s for each in (own, linear_response(rig, step, period_s))]
+    return bool(abs(rises[0] - rises[1]) <= _tolerance_s(log, plant))
+
+
+def _half_risen(response: Array) -> float:
+    """Return when a step response first reaches one half [samples], between samples too; infinite if it does not."""
+    above = np.flatnonzero(response >= 0.5)
+    if not above.size:
+        return np.inf
+    first = int(above[0])
+    if first == 0:
+        return 0.0
+    return float(first - (response[first] - 0.5) / (response[first] - response[first - 1]))
 
 
 def oracle_usable(log: StrangersLog, clean: bool = False) -> bool:
