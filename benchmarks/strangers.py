@@ -16,6 +16,8 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from archerfish.cli.workers import run_tasks
 from archerfish.records.provenance import provenance
 from archerfish.records.storage import write_bytes
@@ -106,7 +108,7 @@ def _write(path: Path, seed: int, rows: list[Row], found: list[Count], seconds: 
 
 def _rounded(value: Any) -> Any:
     if isinstance(value, float):
-        return float(f"{value:.5g}")
+        return float(f"{value:.5g}") if np.isfinite(value) else None
     if isinstance(value, tuple | list):
         return [_rounded(each) for each in value]
     return {name: _rounded(each) for name, each in value.items()} if isinstance(value, dict) else value

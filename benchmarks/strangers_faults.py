@@ -107,15 +107,9 @@ nothing responds 1 for the motion of another axis and 0 for noise alone."""
 
 
 def recorded(
-    fault: str,
-    severity: float,
-    given: Array,
-    answer: Array,
-    period_s: float,
-    spread: float,
-    generator: np.random.Generator,
+    fault: str, severity: float, given: Array, answer: Array, period_s: float, generator: np.random.Generator
 ) -> Columns:
-    """Record a run, with the fault that is in the recording.
+    """Record a run, with the fault that is in columns or stamps.
 
     Args:
       fault: one of `FAULTS`, or anything else for none.
@@ -123,7 +117,6 @@ def recorded(
       given: commands at equal intervals, shape (N,).
       answer: outputs, shape (N,).
       period_s: sampling period [s].
-      spread: standard deviation of the clean output.
       generator: source of the draws.
     """
     stamps: Array = period_s * np.arange(len(given), dtype=np.float64)
@@ -131,9 +124,6 @@ def recorded(
         return Columns(stamps, answer, given)
     if fault == "milliseconds":
         return Columns(1000.0 * stamps, given, answer)
-    if fault == "drift":
-        ramp = severity * spread * generator.choice([-1.0, 1.0]) * np.linspace(0, 1, len(given))
-        return Columns(stamps, given, answer + ramp)
     if fault == "uneven stamps":
         return _uneven(Columns(stamps, given, answer), severity, period_s, generator)
     return Columns(stamps, given, answer)

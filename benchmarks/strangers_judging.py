@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from archerfish.cli.axis_evidence import steady_gains
-from archerfish.cli.axis_verdict import judged_fit
+from archerfish.cli.axis_evidence import AxisEvidence, steady_gains
+from archerfish.cli.axis_verdict import Verdict, judged_fit
 from archerfish.cli.identify_gimbal import IdentifyGimbal, judge_logs
 from archerfish.records.errors import InputError
 from strangers_faults import MISLABELLED
 from strangers_logs import StrangersLog, make_log, write_log
-from strangers_truth import Truth, judge_plant, oracle_usable, true_delay
+from strangers_truth import judge_plant, oracle_usable, true_delay
 
 GAINED_POINTS = 2.0
 """Points of the held-back fit by which an option must better the default."""
@@ -124,22 +124,35 @@ def judge_log(job: Job, advance: Callable[[float, str], None]) -> dict[str, Any]
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         command = IdentifyGimbal(logs=write_log(log, Path(folder)))
-        row = _row(log, command)
+        row, advice = _judged(log, command)
         if job.with_options:
+            if advice:
+                row = replace(row, obeyed_fit=_fit(log, replace(command, **advice[0].changes)))
             row = _with_options(log, command, row)
     advance(1.0, "")
     return asdict(row)
 
 
-def _row(log: StrangersLog, command: IdentifyGimbal) -> Row:
+def _judged(log: StrangersLog, command: IdentifyGimbal) -> tuple[Row, tuple[Any, ...]]:
+    """Return the row of a log and the advice that came with the verdict or the error."""
     row = _described(log)
     try:
         evidence, verdict = judge_logs(command)
     except InputError as error:
-        honest = log.fault not in MISLABELLED
-        reason = _short(str(error).replace(str(command.logs[0].parent), ""))
-        good, clean = (honest and oracle_usable(log, clean) for clean in (False, True))
-        return replace(row, good=good, good_clean=clean, reason=reason, advice=_names(error))
+        advice = tuple(getattr(error, "advice", ()))
+        row = replace(row, reason=_short(str(error).replace(str(command.logs[0].parent), "")))
+        return replace(_refused(log, row), advice=_options_of(advice)), advice
+    advice = tuple(getattr(verdict, "advice", ()))
+    return replace(_fitted(log, row, evidence, verdict), advice=_options_of(advice)), advice
+
+
+def _refused(log: StrangersLog, row: Row) -> Row:
+    honest = log.fault not in MISLABELLED
+    good, clean = (honest and oracle_usable(log, clean) for clean in (False, True))
+    return replace(row, good=good, good_clean=clean)
+
+
+def _fitted(log: StrangersLog, row: Row, evidence: AxisEvidence, verdict: Verdict) -> Row:
     plant, result = evidence.result.plant, evidence.result
     truth = judge_plant(log, plant)
     ratio = plant.sample_period_s / log.period_s
@@ -162,20 +175,20 @@ def _row(log: StrangersLog, command: IdentifyGimbal) -> Row:
         gain_right=truth.gain_right,
         delay_right=truth.delay_right,
         rise_right=truth.rise_right,
-        advice=_names(verdict),
     )
 
 
 def _described(log: StrangersLog) -> Row:
     rig = log.rig
     facts = (log.index, rig.family, rig.order, log.fault, log.severity, log.excitation, round(1 / log.period_s, 6))
+    recorded = (log.samples, log.noise, log.noise_kind, rig.gain, true_delay(log))
     return Row(
-        *facts, log.samples, log.noise, log.noise_kind, rig.gain, true_delay(log), True, False, False, False, False, ""
+        *facts, *recorded, refused=True, usable_said=False, usable_true=False, good=False, good_clean=False, reason=""
     )
 
 
-def _names(judged: Any) -> tuple[str, ...]:
-    return tuple(each.option for each in getattr(judged, "advice", ()))
+def _options_of(advice: tuple[Any, ...]) -> tuple[str, ...]:
+    return tuple(str(each.option) for each in advice)
 
 
 def _short(text: str) -> str:
@@ -183,8 +196,6 @@ def _short(text: str) -> str:
 
 
 def _with_options(log: StrangersLog, command: IdentifyGimbal, row: Row) -> Row:
-    if row.advice:
-        row = replace(row, obeyed_fit=_fit(log, _advised(command)))
     # Nothing gains two points on a fit of 98 %, and nothing is gained where the axis does not answer.
     if row.fit_floor > 100 - GAINED_POINTS or not log.rig.responsive:
         return row
@@ -211,18 +222,10 @@ def _options(log: StrangersLog, command: IdentifyGimbal) -> dict[str, IdentifyGi
     return {name: replace(command, **each) for name, each in changes.items()}
 
 
-def _advised(command: IdentifyGimbal) -> IdentifyGimbal:
-    try:
-        first = judge_logs(command)[1]
-    except InputError as error:
-        return replace(command, **getattr(error, "advice")[0].changes)  # noqa: B009
-    return replace(command, **getattr(first, "advice")[0].changes)  # noqa: B009
-
-
 def _fit(log: StrangersLog, command: IdentifyGimbal) -> float:
     """Return the held-back fit of what a command gives [%], 0 where it refuses."""
     try:
-        truth: Truth = judge_plant(log, judge_logs(command)[0].result.plant)
+        truth = judge_plant(log, judge_logs(command)[0].result.plant)
     except InputError:
         return 0.0
     return truth.fit_percent

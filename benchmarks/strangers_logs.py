@@ -52,7 +52,7 @@ class File(NamedTuple):
     command: Array
     """Command that the rig got, at equal intervals, shape (M,)."""
     answer: Array
-    """Output of the rig with its noise, at equal intervals, shape (M,)."""
+    """Output of the rig with its noise and drift, at equal intervals, shape (M,)."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,10 @@ def _recorded(log: StrangersLog, generator: np.random.Generator) -> StrangersLog
         answer = clean + zero + noise * spread * _noise(kind, len(clean), generator)
         if quantum:
             answer = quantum * np.round(answer / quantum)
-        columns = recorded(log.fault, log.severity, given, answer, log.period_s, spread, generator)
+        if log.fault == "drift":
+            ramp = np.linspace(0, generator.choice([-1.0, 1.0]), len(clean))
+            answer = answer + log.severity * spread * ramp
+        columns = recorded(log.fault, log.severity, given, answer, log.period_s, generator)
         stamps = columns.stamps + start * (1000.0 if log.fault == "milliseconds" else 1.0)
         files.append(File(stamps, columns.inputs, columns.outputs, given, answer))
         start += len(given) * log.period_s + 1.0

@@ -23,6 +23,8 @@ GAIN_SHARE, DELAY_SHARE = 0.05, 0.1
 _OTHER_UNIT = 30.0
 """Factor between the sampling periods of plant and log beyond which time was taken in another unit."""
 _SINES = 14
+_WORST_FIT = -1000.0
+"""Fit at which the count stops: a plant may be arbitrarily bad [%]."""
 
 
 class Truth(NamedTuple):
@@ -73,7 +75,12 @@ def judge_plant(log: StrangersLog, plant: PlantRecord) -> Truth:
     fit = float(free_run(plant, make_recording(given, clean, plant.sample_period_s)).fit_percent[0])
     gain = dc_gain(plant).item()
     gain_right = not rig.integrating and abs(gain - rig.gain) <= GAIN_SHARE * abs(rig.gain)
-    return Truth(fit if np.isfinite(fit) else -np.inf, gain_right, _delay_right(log, plant), _rise_right(log, plant))
+    return Truth(
+        max(fit, _WORST_FIT) if np.isfinite(fit) else _WORST_FIT,
+        gain_right,
+        _delay_right(log, plant),
+        _rise_right(log, plant),
+    )
 
 
 def true_delay(log: StrangersLog) -> float:
