@@ -241,8 +241,10 @@ def _slewed(command: Array, most: float) -> Array:
     """Let the command change by at most so much per step."""
     followed, at = np.empty(len(command)), 0.0
     for index, wanted in enumerate(command.tolist()):
-        at += min(max(wanted - at, -most), most)
-        followed[index] = at
+        change = min(max(wanted - at, -most), most)
+        # A ramp is held at its middle; a jump of less than a step's ramp is done at once.
+        followed[index] = at + (0.5 * change if abs(change) == most else change)
+        at += change
     return followed
 
 
