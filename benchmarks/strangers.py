@@ -31,7 +31,7 @@ SEED = 2026
 LOGS = 2010
 """A multiple of the block in which faults are dealt out."""
 OPTIONS_EVERY = 4
-"""On every so manieth log the options are tried."""
+"""The options are tried on the first of every so many logs."""
 
 
 def main() -> None:

@@ -85,7 +85,7 @@ def judge_plant(log: StrangersLog, plant: PlantRecord) -> Truth:
 
 def true_delay(log: StrangersLog) -> float:
     """Return the dead time in samples of the log."""
-    return log.rig.delay_s / log.period_s
+    return round(log.rig.delay_s / log.period_s, 9)
 
 
 def _delay_right(log: StrangersLog, plant: PlantRecord) -> bool:
