@@ -36,24 +36,24 @@ OPTIONS_EVERY = 4
 
 def main() -> None:
     """Judge all logs, write the results and print them; exit with 1 if a bar is missed."""
-    asked = _arguments()
-    if asked.keep is not None:
-        for index in asked.only or range(asked.logs):
-            print(*write_log(make_log(asked.seed, index), asked.keep))
+    arguments = _arguments()
+    if arguments.keep is not None:
+        for index in arguments.only or range(arguments.logs):
+            print(*write_log(make_log(arguments.seed, index), arguments.keep))
     begun = time.perf_counter()
-    jobs = [Job(asked.seed, index, _tried(index, asked)) for index in asked.only or range(asked.logs)]
+    jobs = [Job(arguments.seed, index, _tried(index, arguments)) for index in arguments.only or range(arguments.logs)]
     tasks = [(judge_log, job, 1.0) for job in jobs]
-    rows = [Row(**found) for found in run_tasks("judging logs", "logs", tasks, asked.workers)]
+    rows = [Row(**found) for found in run_tasks("judging logs", "logs", tasks, arguments.workers)]
     seconds = time.perf_counter() - begun
     found = counts(rows)
-    out = asked.out or (RESULT if _complete(asked) else None)
+    out = arguments.out or (RESULT if _complete(arguments) else None)
     if out is not None:
-        _write(out, asked.seed, rows, found, seconds)
-    if not asked.only:
+        _write(out, arguments, rows, found, seconds)
+    if not arguments.only:
         _print(rows, found, seconds)
-    if asked.only or asked.misses:
-        print("\n".join(row_line(row) for row in rows if asked.only or not row.right))
-    if asked.only:
+    if arguments.only or arguments.misses:
+        print("\n".join(row_line(row) for row in rows if arguments.only or not row.right))
+    if arguments.only:
         return
     if missed := [each.name for each in found if each.missed]:
         sys.exit(f"beyond the bars: {', '.join(missed)}")
@@ -72,12 +72,17 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _tried(index: int, asked: argparse.Namespace) -> bool:
-    return bool(asked.options_every) and (bool(asked.only) or index % asked.options_every == 0)
+def _tried(index: int, arguments: argparse.Namespace) -> bool:
+    return bool(arguments.options_every) and (bool(arguments.only) or index % arguments.options_every == 0)
 
 
-def _complete(asked: argparse.Namespace) -> bool:
-    return asked.logs == LOGS and asked.seed == SEED and not asked.only and asked.options_every == OPTIONS_EVERY
+def _complete(arguments: argparse.Namespace) -> bool:
+    return (
+        arguments.logs == LOGS
+        and arguments.seed == SEED
+        and not arguments.only
+        and arguments.options_every == OPTIONS_EVERY
+    )
 
 
 def _print(rows: list[Row], found: list[Count], seconds: float) -> None:
@@ -89,13 +94,13 @@ def _print(rows: list[Row], found: list[Count], seconds: float) -> None:
     print(f"\n{count_table(found)}\n\nheld-back fit: median {median:.2f} %, 5 % quantile {low:.2f} %\n")
 
 
-def _write(path: Path, seed: int, rows: list[Row], found: list[Count], seconds: float) -> None:
+def _write(path: Path, arguments: argparse.Namespace, rows: list[Row], found: list[Count], seconds: float) -> None:
     """Write the results, each row in one line: a field per line would make a file of tens of thousands."""
     names = [each.name for each in fields(Row)]
     content = {
-        "conditions": {"seed": seed, "logs": len(rows), "options_every": OPTIONS_EVERY},
+        "conditions": {"seed": arguments.seed, "logs": len(rows), "options_every": arguments.options_every},
         "machine": describe_machine(),
-        "provenance": provenance(seed),
+        "provenance": provenance(arguments.seed),
         "seconds": round(seconds, 1),
         "held_back_fit": dict(zip(("median", "quantile_05"), fits(rows), strict=True)),
         "counts": [asdict(each) for each in found],
