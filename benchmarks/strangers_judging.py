@@ -13,7 +13,7 @@ from archerfish.cli.axis_evidence import AxisEvidence, steady_gains
 from archerfish.cli.axis_verdict import Verdict, judged_fit
 from archerfish.cli.identify_gimbal import IdentifyGimbal, judge_logs
 from archerfish.records.errors import InputError
-from strangers_faults import MISLABELLED
+from strangers_faults import BEYOND_USE
 from strangers_logs import StrangersLog, make_log, write_log
 from strangers_truth import judge_plant, oracle_usable, true_delay
 
@@ -147,7 +147,7 @@ def _judged(log: StrangersLog, command: IdentifyGimbal) -> tuple[Row, tuple[Any,
 
 
 def _refused(log: StrangersLog, row: Row) -> Row:
-    honest = log.fault not in MISLABELLED
+    honest = log.fault not in BEYOND_USE
     good, clean = (honest and oracle_usable(log, clean) for clean in (False, True))
     return replace(row, good=good, good_clean=clean)
 

@@ -74,13 +74,21 @@ def judge_plant(log: StrangersLog, plant: PlantRecord) -> Truth:
     given, clean = held_back(log, plant.sample_period_s)
     fit = float(free_run(plant, make_recording(given, clean, plant.sample_period_s)).fit_percent[0])
     gain = dc_gain(plant).item()
-    gain_right = not rig.integrating and abs(gain - rig.gain) <= GAIN_SHARE * abs(rig.gain)
+    right = _steady_gain(log)
+    gain_right = not rig.integrating and abs(gain - right) <= GAIN_SHARE * abs(right)
     return Truth(
         max(fit, _WORST_FIT) if np.isfinite(fit) else _WORST_FIT,
         gain_right,
         _delay_right(log, plant),
         _rise_right(log, plant),
     )
+
+
+def _steady_gain(log: StrangersLog) -> float:
+    """Return the steady output per steady command at the amplitude of the log, which a dead zone and a limit change."""
+    rig = log.rig
+    inner = max(min(log.amplitude, rig.limit) - rig.dead_zone, 0.0)
+    return rig.gain * inner / log.amplitude
 
 
 def true_delay(log: StrangersLog) -> float:
