@@ -32,8 +32,8 @@ FAULTS = (
 SHAPED = {"single sine": "sine", "feedback": "feedback"}
 """Fault → excitation that it brings with it."""
 BEYOND_USE = ("swapped columns", "milliseconds", "single sine")
-"""Faults of logs that are rightly refused: columns that hold something else than their names say, and a single frequency,
-which tells two numbers and never of which plant."""
+"""Faults of logs that are rightly refused: columns that hold something else than their names say, and a single
+frequency, which tells two numbers and never of which plant."""
 _DEGREES = 180 / np.pi
 _CLOSEST = 0.02
 """Shortest interval between the stamps of samples that come at once, in periods."""

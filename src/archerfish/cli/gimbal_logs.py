@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from archerfish.cli.axis_evidence import Log
+from archerfish.identification.doctor.common_period import at_common_period
 from archerfish.identification.doctor.log_doctor import examine_log, examine_together
 from archerfish.records.errors import InputError
 from archerfish.records.findings import Finding
@@ -66,6 +67,11 @@ def read_gimbal_logs(logs: Sequence[Path], held_back: Sequence[Path], reading: L
             message = f"is the fitted log {first.name} again, so its fit validates nothing"
             findings.append(Finding("not-held-back", "warning", str(path), message, "hold another log back"))
     validation, other_samples = _experiments(held_back, reading, {}, findings)
+    recordings, resampled = at_common_period([each.recording for each in (*training, *validation)])
+    findings += resampled
+    paths = [each.path for each in (*training, *validation)]
+    logs_at_once = [Log(*each) for each in zip(paths, recordings, strict=True)]
+    training, validation = logs_at_once[: len(training)], logs_at_once[len(training) :]
     findings += examine_together([each.recording for each in training], reading.order)
     return GimbalLogs(training, validation, findings, fitted_samples + other_samples)
 

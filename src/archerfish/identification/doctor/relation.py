@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import correlate, correlation_lags
 from scipy.stats import chi2, f
 
+from archerfish.identification.axis.rest_start import rest_samples
 from archerfish.identification.validation.frequency import MeasuredResponse, measured_response
 from archerfish.identification.validation.surprises import surprises
 from archerfish.records.findings import Finding, Severity
@@ -17,6 +18,9 @@ Array = NDArray[np.float64]
 
 _LAGS = 8
 _FUTURE = 12
+_SAMPLES_A_LAG = 20
+"""Samples for each lag that is looked at; shorter recordings are looked at with fewer."""
+_FEWEST_LAGS = 2
 _MOST_SAMPLES = 20_000
 _FALSE_ALARM = 1e-4
 _FEEDBACK_SHARE = 0.035
@@ -51,17 +55,21 @@ def relation_findings(recording: Recording, max_delay: int) -> list[Finding]:
     Returns:
       Findings; "no-response" is one that refuses.
     """
-    y = _standard(recording.outputs[:_MOST_SAMPLES, 0])
-    inputs = [_standard(signal) for signal in recording.inputs[:_MOST_SAMPLES].T]
-    if len(y) < 20 * (_LAGS + max_delay) or min(y.std(), *(u.std() for u in inputs)) == 0:
+    lags, depth = _lags_and_depth(min(len(recording), _MOST_SAMPLES), max_delay)
+    # Before a recording from rest there was rest; a response within its first samples would be lost otherwise.
+    rest = depth if rest_samples(recording) else 0
+    y = _standard(_after_rest(recording.outputs[:_MOST_SAMPLES, 0], rest))
+    inputs = [_standard(_after_rest(signal, rest)) for signal in recording.inputs[:_MOST_SAMPLES].T]
+    if lags < _FEWEST_LAGS or min(y.std(), *(u.std() for u in inputs)) == 0:
         return []
-    found = [_causality(u, y, max_delay) for u in inputs]
+    found = [_causality(u, y, lags, depth) for u in inputs]
     swapped = len(inputs) == 1 and not found[0].responds and found[0].foretold_share > _SWAPPED_SHARE
     if swapped or (len(inputs) == 1 and _leads(recording)):
         message = f'"{recording.output_names[0]}" comes before "{recording.input_names[0]}", as if they were swapped'
         return [_finding("swapped", "warning", recording, message, "exchange --input and --output")]
     if not any(each.responds for each in found):
-        return _silent(recording, inputs, y, max_delay)
+        # Too short to be sure of so much: the fit will tell.
+        return [] if depth < _LAGS + max_delay else _silent(recording, inputs, y, max_delay)
     loop = [
         _feedback(recording, name)
         for name, each in zip(recording.input_names, found, strict=True)
@@ -71,14 +79,23 @@ def relation_findings(recording: Recording, max_delay: int) -> list[Finding]:
     return loop or _gains(recording)
 
 
+def _lags_and_depth(count: int, max_delay: int) -> tuple[int, int]:
+    """Return how many lags a recording bears, and how far back its inputs are looked at [samples]."""
+    depth = min(_LAGS + max_delay, count // _SAMPLES_A_LAG)
+    return min(_LAGS, depth // 2), depth
+
+
+def _after_rest(signal: Array, count: int) -> Array:
+    return np.concatenate([np.full(count, signal[0]), signal])
+
+
 def _standard(signal: Array) -> Array:
     deviation = float(signal.std())
     return np.asarray((signal - signal.mean()) / (deviation or 1.0))
 
 
-def _causality(u: Array, y: Array, max_delay: int) -> _Causality:
-    depth = _LAGS + max_delay
-    past_y = _lagged(y, range(1, _LAGS + 1), depth)
+def _causality(u: Array, y: Array, lags: int, depth: int) -> _Causality:
+    past_y = _lagged(y, range(1, lags + 1), depth)
     past_u = _lagged(u, range(depth + 1), depth)
     target = y[depth:]
     own, both = _rest(past_y, target), _rest(np.hstack([past_y, past_u]), target)

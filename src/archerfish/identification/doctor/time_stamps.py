@@ -23,6 +23,15 @@ RESAMPLING_LIMIT = 0.02
 _PLAUSIBLE_PERIOD_S = (1e-5, 0.5)
 """Sampling periods that a gimbal's log may have; a log of minutes at 1 Hz shows nothing of its dynamics."""
 
+_SMOOTHER = 0.7
+"""Roughness of the output over equal intervals as a share of that over the stamps, below which the stamps are wrong."""
+_EARLY = 0.3
+"""Share of an interval that a stamp may come before its place; it may come late by the rest."""
+_LOST = 1.5
+"""Times the sampling period, above which a sample has been lost in between."""
+_WINDOW = 20
+"""Samples over which an interval is taken, so that what is late at its ends matters little."""
+
 _SECONDS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -193,7 +202,74 @@ def _pieces(table: LogTable, rows: Rows, stretches: list[slice], period: float, 
         message = "the intervals differ only by the rounding of the stamps; the samples were taken as equally spaced"
         findings.append(Finding("time-rounded", "repaired", table.source, message, "log finer stamps"))
         return [Piece(_evenly(time), rows.signals[each]) for time, each in zip(times, stretches, strict=True)]
+    if (counted := _counted(rows, stretches, period)) is not None:
+        return _taken_evenly(table, rows, stretches, counted, findings)
     return _resampled(table, rows, stretches, period, findings)
+
+
+def _counted(rows: Rows, stretches: list[slice], period: float) -> list[NDArray[np.int64]] | None:
+    """Return the number of each sample, if they were taken at equal intervals and only stamped unevenly.
+
+    An output that moves smoothly shows which it is: it is smooth over the times at which it was taken.
+    """
+    stamps = [rows.time[each] for each in stretches]
+    outputs = [rows.signals[each, rows.inputs :] for each in stretches]
+    by_stamp = sum(_roughness(*pair) for pair in zip(stamps, outputs, strict=True))
+    for numbers in ([np.arange(time.size) for time in stamps], [_places(time, period) for time in stamps]):
+        by_number = sum(_roughness(each.astype(float), y) for each, y in zip(numbers, outputs, strict=True))
+        if by_number < _SMOOTHER * by_stamp:
+            return numbers
+    return None
+
+
+def _places(time: Array, period: float) -> NDArray[np.int64]:
+    """Return which sample each stamp is of, where some are lost and others late, from 0 on."""
+    width = min(_WINDOW, time.size - 1)
+    # Few windows hold a lost sample.
+    interval = float(np.median(time[width:] - time[:-width])) / width if width else period
+    place = np.floor((time - time[0]) / interval + _EARLY).astype(np.int64)
+    # In order, no two at one place: one that was stamped late shares the place of the next.
+    count = np.arange(time.size)
+    return np.asarray(np.maximum.accumulate(place - count) + count)
+
+
+def _usual_interval(time: Array, period: float) -> float:
+    """Return the mean interval, those left out where samples were lost."""
+    steps = np.diff(time)
+    return float(steps[steps < _LOST * period].mean()) if np.any(steps < _LOST * period) else period
+
+
+def _roughness(time: Array, outputs: Array) -> float:
+    """Return the mean square of what a line between its neighbours misses each sample by, outputs of shape (N, p)."""
+    left, right = np.diff(time[:-1]), np.diff(time[1:])
+    share = (left / (left + right))[:, None]
+    missed = outputs[1:-1] - (1 - share) * outputs[:-2] - share * outputs[2:]
+    # White noise alone gives these squares their weights.
+    weights = 1 + share**2 + (1 - share) ** 2
+    return float(np.sum(missed**2 / weights))
+
+
+def _taken_evenly(
+    table: LogTable, rows: Rows, stretches: list[slice], counted: list[NDArray[np.int64]], findings: list[Finding]
+) -> list[Piece]:
+    """Take samples as equally spaced, and cut where some are missing."""
+    span = sum(float(rows.time[each][-1] - rows.time[each][0]) for each in stretches)
+    period = span / sum(int(each[-1] - each[0]) for each in counted)
+    pieces, lost = [], 0
+    for each, numbers in zip(stretches, counted, strict=True):
+        signals, steps = rows.signals[each], np.diff(numbers)
+        lost += int(np.sum(steps - 1))
+        whole = np.arange(numbers[0], numbers[-1] + 1)
+        # A command is held until the next one that was logged; the output is smooth across a lost sample.
+        held = signals[np.searchsorted(numbers, whole, side="right") - 1, : rows.inputs]
+        smooth = CubicSpline(numbers, signals[:, rows.inputs :])(whole)
+        pieces.append(Piece(rows.time[each][0] + period * (whole - numbers[0]), np.column_stack([held, smooth])))
+    message = f"the samples were taken every {period:.4g} s and stamped unevenly, as the smooth output shows; "
+    message += "they were taken as equally spaced" + (f", {_many(lost, 'lost sample')} interpolated" if lost else "")
+    findings.append(
+        Finding("time-stamped-late", "repaired", table.source, message, "stamp samples where they are taken")
+    )
+    return pieces
 
 
 def _is_regular(time: Array, period: float) -> bool:
@@ -218,6 +294,8 @@ def _resampled(
     table: LogTable, rows: Rows, stretches: list[slice], period: float, findings: list[Finding]
 ) -> list[Piece]:
     inputs, pieces, error = rows.inputs, [], 0.0
+    # Halves of one log may have other medians, but hardly another mean.
+    period = float(np.mean([_usual_interval(rows.time[each], period) for each in stretches]))
     spread = np.maximum(rows.signals[:, inputs:].std(axis=0), np.finfo(np.float64).tiny)
     for each in stretches:
         time, signals = rows.time[each], rows.signals[each]
@@ -227,11 +305,11 @@ def _resampled(
         error = max(error, float((np.sqrt(np.mean((smooth - straight) ** 2, axis=0)) / spread).max()))
         pieces.append(Piece(grid, np.column_stack([held_mean(time, signals[:, :inputs], grid, period), smooth])))
     steps = np.concatenate([np.diff(rows.time[each]) for each in stretches])
-    size = f"the intervals vary from {steps.min():.4g} to {steps.max():.4g} s (median {period:.4g} s)"
+    size = f"the intervals vary from {steps.min():.4g} to {steps.max():.4g} s (mean {period:.4g} s)"
     if error > RESAMPLING_LIMIT:
         message = f"{size}, and resampling would change the output by {error:.1%} of its standard deviation"
         raise refusal(Finding("jitter", "refused", table.source, message, "log at equal intervals"))
-    message = f"{size}; resampled to the median, at a cost of {error:.2%} of the output's standard deviation"
+    message = f"{size}; resampled to the mean, at a cost of {error:.2%} of the output's standard deviation"
     findings.append(Finding("jitter", "repaired", table.source, message, "log at equal intervals"))
     return pieces
 
