@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from archerfish.identification.axis.drift import outputs_drift
 from archerfish.identification.axis.informative_lines import heard_band
 from archerfish.identification.axis.integrator import integration_remarks
 from archerfish.identification.axis.log_ground import Ground
@@ -162,6 +163,8 @@ class AxisSearch(NamedTuple):
     """What was found."""
     remarks: Sequence[str]
     """What may spoil the estimate, each a sentence."""
+    drifts: bool
+    """Whether a slow drift of the outputs was fitted beside their response."""
 
 
 def search_axis(
@@ -171,8 +174,19 @@ def search_axis(
     max_delay: int | None = None,
     dc_gain: Sequence[float] | None = None,
     feedthrough: bool = True,
+    reached: int | None = None,
+    drift: bool | None = None,
 ) -> AxisSearch:
     """Find the delays, feedthrough and poles that explain recordings best; arguments as those of `identify_axis`.
+
+    Args:
+      recordings: as there.
+      order: as there.
+      max_delay: as there.
+      dc_gain: as there.
+      feedthrough: as there.
+      reached: longest delay that the search for a lower order came to, if there was one [samples].
+      drift: whether the outputs drift, whatever the inputs; found out if not given.
 
     Raises:
       InputError: if the recordings can't bear the estimate; see `check_recordings`.
@@ -182,24 +196,31 @@ def search_axis(
         raise InputError(f"max_delay must be at least 0, got {max_delay}; give the longest delay to try in samples")
     shortest = min(len(recording) for recording in recordings)
     longest = min(USUAL_DELAY if max_delay is None else max_delay, shortest // _SAMPLES_A_DELAY)
+    longest = max(longest, reached or 0)
     scale = _spread(recordings)
-    found = search_plant(recordings, order, longest, scale, feedthrough)
-    while max_delay is None and (wanted := _wanted_delay(found, longest, shortest)) > longest:
+    drifts = bool(drift)
+    found = search_plant(recordings, order, longest, scale, feedthrough, drift=drifts)
+    if drift is None and outputs_drift(found):
+        drifts = True
+        found = search_plant(recordings, order, longest, scale, feedthrough, drift=True)
+    while max_delay is None and (wanted := _wanted_delay(found, longest, shortest, reached)) > longest:
         longest = wanted
-        found = search_plant(recordings, order, longest, scale, feedthrough)
+        found = search_plant(recordings, order, longest, scale, feedthrough, drift=drifts)
     if scale.size > 1:
         # The most likely plant weighs each output by its noise, which only a fit can tell.
         scale = scale * np.sqrt(np.mean(found.best.refinement.fit.residuals.reshape(scale.size, -1) ** 2, axis=1))
-        found = search_plant(recordings, order, longest, scale, feedthrough)
+        found = search_plant(recordings, order, longest, scale, feedthrough, drift=drifts)
     if dc_gain is not None:
         found = _with_gain(found, dc_gain, scale)
-    return AxisSearch(recordings, order, longest, scale, found, remarks)
+    return AxisSearch(recordings, order, longest, scale, found, remarks, drifts)
 
 
-def _wanted_delay(found: Found, longest: int, shortest: int) -> int:
+def _wanted_delay(found: Found, longest: int, shortest: int, reached: int | None) -> int:
     """Return up to which delay a search should have looked, at most what the shortest recording bears [samples]."""
     if found.later is not None:
         return max(longest, min(max(int(_BEYOND * found.later), longest + 1), shortest // _SAMPLES_A_LATE_DELAY))
+    if reached is not None:
+        return longest  # what a higher order makes of its spare poles and zeros is no reason to look further
     # A longer look costs samples where a recording doesn't begin at rest.
     most = shortest // (_SAMPLES_A_DELAY if any(found.ground.skips) else _SAMPLES_A_LATE_DELAY)
     return max(longest, min(2 * longest, most)) if found.delays[1] >= longest else longest
@@ -221,13 +242,13 @@ def complete_axis(search: AxisSearch, *, axis: str = "axis", seed: int = 0) -> A
     trusts = [trusted_poles(each.known, each.fitted.refinement.sections, band, period) for each in structures]
     longest = max(len(recording) for recording in recordings)
     lowest = 2 * np.pi * period * band[0]
-    integrating = integration_remarks(structures[0].known, trusts[0], lowest, longest, recordings[0].input_names)
+    gains = mixture_interval(structures, steady_gain)
+    integrating = integration_remarks(structures[0].known, trusts[0], gains, lowest, longest, recordings[0].input_names)
     drawn = _drawn(structures, trusts, np.random.default_rng(seed))
     plant = _plant(recordings[0], structures[0].delay, known, drawn, scale, axis)
     offset = common_offset(plant, recordings)
     # As in the fit, each recording has a zero of its own.
     runs = [free_run(plant, each, common_offset(plant, [each])) for each in recordings]
-    gains = mixture_interval(structures, steady_gain)
     low, high = (ends[0] * scale[0] for ends in gains)
     delays = found.delays
     return AxisIdentification(

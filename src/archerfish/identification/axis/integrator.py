@@ -19,18 +19,26 @@ _NOT_TOLD = 4.0
 """Deviations within which a pole is not told from one at 1."""
 _UNSEEN = 0.1
 """Share of its time constant that the longest recording lasts, up to which a pole is as good as at 1."""
+_LOOSE = 0.25
+"""Half width of the steady gain's interval over the gain, from which there may as well be none."""
 _SHARE = 0.5
 """Of the response at the lowest excited frequency, from which the axis is said to integrate."""
 
 
 def integration_remarks(
-    known: Posterior, trust: PoleTrust, lowest: float, samples: int, input_names: Sequence[str]
+    known: Posterior,
+    trust: PoleTrust,
+    gains: tuple[Array, Array],
+    lowest: float,
+    samples: int,
+    input_names: Sequence[str],
 ) -> list[str]:
     """Say from which inputs the axis integrates, as far as the recordings tell.
 
     Args:
       known: the parameters.
       trust: its poles with their deviations.
+      gains: ends of the steady gain's 95 % interval, shape (p, m) each; one that is known is that of no integrator.
       lowest: lowest excited frequency [radians a sample].
       samples: length of the longest recording.
       input_names: of the m inputs.
@@ -45,8 +53,8 @@ def integration_remarks(
         f"From {name} the axis integrates, as far as these recordings tell: a steady {name} lets the output run on "
         f"(pole at z = {trust.poles[slowest].real:.6f}). The steady gain means nothing; name the rate of the output as "
         "the output, or a command that the output comes to rest at as the input."
-        for name, part in zip(input_names, share, strict=True)
-        if part > _SHARE
+        for name, part, low, high in zip(input_names, share, gains[0][0], gains[1][0], strict=True)
+        if part > _SHARE and high - low > _LOOSE * abs(high + low)
     ]
 
 

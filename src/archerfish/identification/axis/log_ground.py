@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 
 from archerfish.identification.axis.informative_lines import thinning
 from archerfish.identification.axis.rest_start import rest_samples
-from archerfish.identification.axis.spectra import Spectrum, picked, spectrum, unsettled, with_delay
+from archerfish.identification.axis.spectra import Spectrum, picked, slow_drift, spectrum, unsettled, with_delay
 from archerfish.records.recording import Recording
 
 Array = NDArray[np.float64]
+
+DRIFT = 3
+"""Highest power of time that outputs may drift with, whatever the inputs."""
 
 
 class Ground(NamedTuple):
@@ -42,7 +45,9 @@ class Ground(NamedTuple):
 
     def reaching_back(self, delay: int) -> "Ground":
         """All lines, and no more left out at the beginning than delays up to this one need."""
-        return ground_of(self.recordings, self.scale, [min(each, delay) for each in self.skips], self.from_rest)
+        skips = [min(each, delay) for each in self.skips]
+        reaching = ground_of(self.recordings, self.scale, skips, self.from_rest)
+        return reaching.drifting() if self.undelayed[0].drift is not None else reaching
 
     def freed(self, free: Sequence[bool]) -> "Ground":
         """With free initial states where `free` says so, per recording."""
@@ -52,6 +57,10 @@ class Ground(NamedTuple):
         ]
         return self._replace(undelayed=undelayed, from_rest=from_rest)
 
+    def drifting(self) -> "Ground":
+        """With a slow drift of free size in the outputs of every recording."""
+        return self._replace(undelayed=[each._replace(drift=slow_drift(each, DRIFT)) for each in self.undelayed])
+
     def weighted(self, weights: Sequence[Array]) -> "Ground":
         """With each line multiplied by a weight, shape (F,) for all lines of each recording."""
         undelayed = [
@@ -59,6 +68,7 @@ class Ground(NamedTuple):
                 inputs=whole.inputs * weight[:, None],
                 outputs=whole.outputs * weight[:, None],
                 impulse=whole.impulse * weight,
+                drift=None if whole.drift is None else whole.drift * weight[:, None],
             )
             for whole, weight in zip(self.undelayed, weights, strict=True)
         ]

@@ -25,16 +25,16 @@ from archerfish.records.recording import Recording, slice_recording
 
 Array = NDArray[np.float64]
 
-_MOST_SAMPLES = 20_000
-_LINES = 600
+_MOST_SAMPLES = 8000
+_LINES = 400
 _EFFORT, _ROUGH = Effort(0.3, 10), Effort(1.0, 4)
 _FASTER = (1.0, 2.5)
 """Factors on the speed of the linear plant's poles to start from."""
-_SHARES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5)
+_SHARES = (0.01, 0.03, 0.08, 0.2, 0.45)
 _LIMITS = (0.3, 0.45, 0.6, 0.75, 0.9)
-_SLEWS = (0.2, 0.35, 0.5, 0.7, 0.85, 1.0, 1.2, 1.6)
-_NEAR = (0.8, 0.9, 1.1, 1.25)
-"""Factors on the best level of the grid that are tried next."""
+_SLEWS = (0.25, 0.5, 0.8, 1.2)
+_NEAR = ((0.7, 1.35), (0.87, 1.15))
+"""Factors on the best level of the grid that are tried next, and then on the best of those."""
 _DELAYS = (-6, -4, -3, -2, -1, 1, 2)
 _SETTLED = 4.0
 """Time constants of the slowest pole after which a step has settled."""
@@ -103,9 +103,9 @@ class _Search(NamedTuple):
         """Fit the plant behind an operator at its best level; None if it changes nothing."""
         base = self._fit(self.ground, self.linear.delay)
         costs = {level: self._cost(name, level) for level in levels}
-        for _ in range(2):
+        for factors in _NEAR:
             top = min(costs, key=lambda level: costs[level])
-            costs |= {top * factor: self._cost(name, top * factor) for factor in _NEAR if top * factor not in costs}
+            costs |= {top * factor: self._cost(name, top * factor) for factor in factors}
         top = min(costs, key=lambda level: costs[level])
         changed = self._changed(name, top)
         powers = (1.0,) if name in _STATIC else _FASTER

@@ -68,6 +68,13 @@ class Part(NamedTuple):
     """From values at the points to wishes, shape (2 F, R)."""
     rest: RestStart | None = None
     """Of an experiment that begins at rest; its transient is no parameter."""
+    drift: ComplexArray | None = None
+    """Slow motions that no input makes, shape (q, F)."""
+
+    def own(self, order: int) -> tuple[int, int]:
+        """Return how many columns of the experiment's own are transients of n poles, and how many drift."""
+        free = 0 if self.impulse is None or self.rest is not None else order
+        return free, 0 if self.drift is None else len(self.drift)
 
 
 class Solution(NamedTuple):
@@ -127,7 +134,8 @@ def _dealt(experiment: Spectrum) -> list[Spectrum]:
 
 def _experiment(each: Spectrum) -> Part:
     inputs, outputs = (np.ascontiguousarray(signal.T) for signal in (each.inputs, each.outputs))
-    return Part(each.lag, each.impulse, inputs, each.lag * inputs, outputs.view(np.float64), None, each.rest)
+    drift = None if each.drift is None else np.ascontiguousarray(each.drift.T)
+    return Part(each.lag, each.impulse, inputs, each.lag * inputs, outputs.view(np.float64), None, each.rest, drift)
 
 
 def _wish(penalty: Penalty, channel: int) -> Part:
@@ -165,8 +173,8 @@ def solve(sections: Sections, bench: Bench) -> Solution:
 
 
 def _shared_transients(bench: Bench, order: int) -> int:
-    """Return how many transients count among the shared columns: those of a single experiment."""
-    return order if len(bench.experiments) == 1 and bench.experiments[0].rest is None else 0
+    """Return how many columns of an experiment's own count among the shared ones: those of a single experiment."""
+    return sum(bench.parts[0].own(order)) if len(bench.experiments) == 1 else 0
 
 
 def _ends(sections: Sections, bench: Bench) -> list[Sequence[SectionEnd]]:
@@ -187,7 +195,7 @@ def _prepared(
     sections: Sections, order: int, transients: int, part: Part, feedthrough: bool, ends: Sequence[SectionEnd]
 ) -> _Solved:
     """Lay out the columns of a part, and eliminate its transient if it is not one of the shared parameters."""
-    own = 0 if part.impulse is None or transients or part.rest is not None else order
+    own = 0 if transients else sum(part.own(order))
     inverse, columns, basis = _columns(sections, order, own or transients, part, feedthrough, ends)
     rows = columns.view(np.float64) if part.weights is None else columns.view(np.float64) @ part.weights
     nothing = np.empty(0)
@@ -215,8 +223,12 @@ def _columns(
     np.multiply(inverse[: order // 2], lag, out=entries[1::2])
     stop = transients + order * inputs
     columns = np.empty((stop + feedthrough * inputs, lag.size), np.complex128)
-    if transients:
-        columns[:transients] = 0.0 if part.impulse is None else entries * part.impulse
+    free, drifting = part.own(order)
+    columns[:transients] = 0.0
+    if free:
+        columns[:free] = entries * part.impulse
+    if drifting:
+        columns[free : free + drifting] = part.drift
     np.multiply(entries[:, None], part.driving, out=columns[transients:stop].reshape(order, inputs, lag.size))
     columns[stop:] = part.inputs if feedthrough else 0.0
     if part.rest is None:
@@ -317,7 +329,9 @@ def tangent(solution: Solution, bench: Bench) -> tuple[Array, Array]:
 
 def _slopes(order: int, part: Part, solved: _Solved, feedthrough: bool, solution: Solution) -> Array:
     """Differentiate the model by every aᵢ, −z⁻ⁱ S / (1 + …) for a section's output S; shape (p, n, R)."""
-    owner = _owners(order, len(part.inputs), feedthrough, len(solved.columns))
+    own = part.own(order) if part.impulse is not None else (0, 0)
+    spare = len(solved.columns) - sum(own) - (order + feedthrough) * len(part.inputs)
+    owner = _owners(order, len(part.inputs), feedthrough, own[0], own[1] + spare)
     chosen = solved.parameters.T[:, None] * (owner == np.arange(len(solved.inverse))[:, None])
     responses = chosen.reshape(-1, owner.size) @ solved.columns.view(np.float64)
     filtered = responses.view(np.complex128).reshape(*chosen.shape[:2], -1) * (-part.lag * solved.inverse)
@@ -332,10 +346,10 @@ def _slopes(order: int, part: Part, solved: _Solved, feedthrough: bool, solution
 
 
 @cache
-def _owners(order: int, inputs: int, feedthrough: bool, columns: int) -> NDArray[np.intp]:
-    """Return which section each column belongs to, −1 for the feedthrough's."""
+def _owners(order: int, inputs: int, feedthrough: bool, transients: int, others: int) -> NDArray[np.intp]:
+    """Return which section each column belongs to, −1 for the feedthrough's and those of no section."""
     driven, through = np.arange(order * inputs) // (2 * inputs), np.full(feedthrough * inputs, -1)
-    return np.concatenate([np.arange(columns - driven.size - through.size) // 2, driven, through])
+    return np.concatenate([np.arange(transients) // 2, np.full(others, -1), driven, through])
 
 
 def _over_outputs(whole: Array, order: int) -> Array:

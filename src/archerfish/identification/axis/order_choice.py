@@ -29,6 +29,8 @@ USUAL_ORDERS = tuple(range(1, 5))
 """Orders that an axis without unusual resonances has."""
 WORTH_A_STATE = 0.2
 """Points of fit on held-back recordings that another state must bring."""
+_FIRST = (2, 4)
+"""Orders that are tried first where nothing is held back; then those beside the better one."""
 _IN_VAIN = 2
 """Orders above the usual ones that are tried without getting better."""
 _TAIL = 0.025
@@ -78,7 +80,7 @@ def choose_order(
     Args:
       recordings: to fit.
       held_back: to judge by.
-      orders: to try, rising.
+      orders: to try, rising; without recordings held back those far from the best one are left out.
       advance: called with each order that is done.
       max_delay: longest input delay that is tried [samples]; as long as the recordings call for if not given.
       axis: name for the record.
@@ -91,28 +93,50 @@ def choose_order(
     """
     searches: dict[int, AxisSearch] = {}
     worst: dict[int, float | None] = {}
-    for order in orders:
+    waiting = list(orders) if held_back else [order for order in _FIRST if order in orders] or list(orders)
+    while waiting:
+        order = waiting.pop(0)
+        reached = max((each.longest_delay for each in searches.values()), default=None)
         try:
             searches[order] = search_axis(
-                recordings, order, max_delay=max_delay, dc_gain=dc_gain, feedthrough=feedthrough
+                recordings,
+                order,
+                max_delay=max_delay,
+                dc_gain=dc_gain,
+                feedthrough=feedthrough,
+                reached=reached,
+                drift=next((each.drifts for each in searches.values()), None),
             )
         except InputError:
-            if not searches:
+            if not searches and order == min(orders):
                 raise
-            break  # too short for this order and for every higher one
+            # Too short for this order and for every higher one.
+            waiting = [each for each in orders if each < order and each not in searches]
+            continue
         advance(order)
-        worst[order] = _worst_fit(searches[order], recordings, held_back)
-        if order > max(USUAL_ORDERS) and order - _best(worst) >= _IN_VAIN:
-            break
+        if held_back:
+            worst[order] = _worst_fit(searches[order], recordings, held_back)
+            if order > max(USUAL_ORDERS) and order - _best(worst) >= _IN_VAIN:
+                break
+        elif not waiting:
+            waiting = _next_to_best(searches, orders)
+    searches = dict(sorted(searches.items()))
     criteria = _criteria(searches)
     least = {order: min(each) for order, each in criteria.items()}
-    trials = [_trial(searches[order], recordings, worst[order], least) for order in searches]
+    trials = [_trial(searches[order], recordings, worst.get(order), least) for order in searches]
     chosen = _best(worst) if held_back else min(least, key=lambda order: least[order])
     weights = _delay_weights(searches, criteria)
     search = _likeliest_first(searches[chosen], criteria[chosen])
     found = search.found._replace(delays=_open_delays(weights), delay_weights=weights)
     result = complete_axis(search._replace(found=found), axis=axis, seed=seed)
     return OrderChoice(result, tuple(trials))
+
+
+def _next_to_best(searches: Mapping[int, AxisSearch], orders: Sequence[int]) -> list[int]:
+    """Return the neighbours of the best order so far that have not been tried."""
+    criteria = _criteria(searches)
+    best = min(criteria, key=lambda order: min(criteria[order]))
+    return [order for order in (best - 1, best + 1) if order in orders and order not in searches]
 
 
 def _criteria(searches: Mapping[int, AxisSearch]) -> dict[int, list[float]]:

@@ -256,12 +256,13 @@ def _units(count: int, inputs: int) -> list[ComplexArray]:
 def _experiment_columns(sections: Sections, experiment: Spectrum, feedthrough: bool) -> _Columns:
     columns = _columns(sections, experiment.lag, experiment.inputs, feedthrough)
     own = columns.own * experiment.impulse[:, None]
+    drift = own[:, :0] if experiment.drift is None else experiment.drift
     if experiment.rest is None:
-        return columns._replace(own=own)
+        return columns._replace(own=np.concatenate([own, drift], axis=1))
     ends, basis = section_ends(sections, experiment.rest), experiment.rest.unit * own
     driven, transients = columns.driven.copy(), driven_transients(sections, ends, 1.0)
     driven[:, : len(transients)] += basis @ transients.T
-    return columns._replace(own=own[:, :0], driven=driven, ends=ends, basis=basis)
+    return columns._replace(own=drift, driven=driven, ends=ends, basis=basis)
 
 
 def _columns(sections: Sections, lag: ComplexArray, inputs: ComplexArray, feedthrough: bool) -> _Columns:
@@ -280,7 +281,7 @@ def _slopes(
         stop = start + section.size
         entries = slice(start * inputs, stop * inputs)
         output = columns.driven[:, entries] @ common[entries]
-        if local is not None and columns.own.size:
+        if local is not None and columns.basis is None:
             output = output + columns.own[:, start:stop] @ local[start:stop]
         filtered = -output * (inverse * lag)[:, None]
         parts += [filtered * lag[:, None] if power else filtered for power in range(section.size)]

@@ -40,6 +40,8 @@ class Spectrum(NamedTuple):
     """An impulse at the first sample, up to a factor that all lines share, shape (F,)."""
     rest: RestStart | None = None
     """What the inputs did from rest on; None where the initial state is free."""
+    drift: ComplexArray | None = None
+    """Slow motions of the outputs that no input makes, each with a free size, shape (F, q)."""
 
 
 def delayed(inputs: Array, delay: int) -> Array:
@@ -50,8 +52,8 @@ def delayed(inputs: Array, delay: int) -> Array:
 def unsettled(inputs: Array, longest: int) -> int:
     """Return how many samples at the beginning of a recording answer to inputs from before it.
 
-    None if it begins at rest. Nor where the inputs move more there than later on: a step soon after the beginning is
-    what such a recording is about, and the inputs before it can only be taken to have been held.
+    None where the inputs move more there than later on: a step soon after the beginning is what such a recording is
+    about, and the inputs before it can only be taken to have been held.
 
     Args:
       inputs: shape (N, m).
@@ -59,7 +61,7 @@ def unsettled(inputs: Array, longest: int) -> int:
     """
     moves = np.diff(inputs, axis=0) ** 2
     share = moves[:longest].sum(axis=0) / np.maximum(moves.sum(axis=0), np.finfo(float).tiny)
-    return longest if 0.0 < share.max() <= _USUAL * longest / len(moves) else 0
+    return longest if share.max() <= _USUAL * longest / len(moves) else 0
 
 
 def spectrum(
@@ -88,6 +90,19 @@ def spectrum(
 def _rest(recording: Recording, delay: int) -> RestStart:
     moved = recording.inputs[: len(recording) - delay] - recording.inputs[0]
     return RestStart(moved, float(np.sqrt(2 / len(recording))))
+
+
+def slow_drift(experiment: Spectrum, degree: int) -> ComplexArray:
+    """Return the transforms of the powers of time up to a degree, each of unit size, shape (F, degree).
+
+    Args:
+      experiment: all lines of a recording.
+      degree: highest power.
+    """
+    count = 2 * experiment.lag.size + bool(experiment.impulse[-1] == 1.0)
+    time = np.linspace(-1, 1, count)
+    columns = _transformed(time[:, None] ** np.arange(1, degree + 1), experiment.impulse)
+    return np.asarray(columns / np.linalg.norm(columns, axis=0))
 
 
 def with_delay(undelayed: Spectrum, recording: Recording, delay: int, skip: int = 0) -> Spectrum:
@@ -138,4 +153,5 @@ def picked(experiment: Spectrum, lines: NDArray[Any]) -> Spectrum:
       experiment: F lines.
       lines: indices, shape (G,), or a mask, shape (F,).
     """
-    return Spectrum(*(each[lines] for each in experiment[:4]), rest=experiment.rest)
+    drift = None if experiment.drift is None else experiment.drift[lines]
+    return Spectrum(*(each[lines] for each in experiment[:4]), rest=experiment.rest, drift=drift)

@@ -36,6 +36,8 @@ def structure_criteria(structures: Sequence[Structure], ground: Ground) -> Array
       structures: of one axis, of any orders and delays.
       ground: all lines of its recordings.
     """
+    # Else a slow pole too many would win by following a drift with its transient.
+    ground = ground.drifting()
     fits = [_fit(each, ground) for each in structures]
     best = int(np.argmin([each.misfit for each in fits]))
     experiments = ground.spectra(structures[best].delay)
@@ -88,4 +90,5 @@ def _criterion(structure: Structure, ground: Ground, count: int) -> float:
     problem = Problem(ground.spectra(structure.delay), structure.problem.feedthrough)
     fit = refine_poles(structure.refinement.sections, problem, _EFFORT).fit
     parameters = len(fit.numerators) + fit.numerators.size + problem.feedthrough * fit.feedthrough.size
+    parameters += sum(each.rest is None for each in problem.experiments) * fit.numerators[:, 0].size
     return fit.misfit + parameters * float(np.log(count))

@@ -58,7 +58,13 @@ class Found(NamedTuple):
 
 
 def search_plant(
-    recordings: Sequence[Recording], order: int, max_delay: int, scale: Array, feedthrough: bool = True
+    recordings: Sequence[Recording],
+    order: int,
+    max_delay: int,
+    scale: Array,
+    feedthrough: bool = True,
+    *,
+    drift: bool = False,
 ) -> Found:
     """Find the structure that explains the recordings best for its number of parameters (BIC), and its fit.
 
@@ -68,8 +74,10 @@ def search_plant(
       max_delay: longest delay that is tried [samples].
       scale: what the squared errors of each output are measured in, shape (p,).
       feedthrough: whether the outputs may answer at once, once the delay is over.
+      drift: whether the outputs drift, whatever the inputs.
     """
     ground = prepare_ground(recordings, max_delay, scale)
+    ground = ground.drifting() if drift else ground
     walk, rivals = _walk(ground, order, max_delay)
     moving = _moving_at_once(walk, ground)
     if any(moving):
