@@ -214,6 +214,11 @@ def _interval(values: NDArray[np.float64]) -> Interval:
     return float(low), float(high)
 
 
+def gain_words(gain: float, interval: Interval) -> str:
+    """Write a gain with its interval."""
+    return f"{gain:.4g} ({interval[0]:.4g}…{interval[1]:.4g})"
+
+
 def steady_gains(result: AxisIdentification) -> list[float]:
     """Return the steady gain from each input, output per input."""
     gains: list[float] = dc_gain(result.plant)[0].tolist()

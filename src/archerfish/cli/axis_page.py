@@ -10,7 +10,8 @@ from archerfish.cli.axis_evidence import (
     steady_gains,
 )
 from archerfish.cli.axis_picture import bode_data, correlation_panels, pole_map, unit_steps
-from archerfish.cli.axis_verdict import Verdict, judged_fit
+from archerfish.cli.axis_usability import judged_fit
+from archerfish.cli.axis_verdict import Verdict
 from archerfish.figures.bode import bode_figure
 from archerfish.figures.identification import run_figure
 from archerfish.figures.page import number, render_page

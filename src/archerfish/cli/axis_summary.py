@@ -12,10 +12,11 @@ from archerfish.cli.axis_evidence import (
     HeldGain,
     LogEvidence,
     PoleEvidence,
+    gain_words,
     pole_evidence,
     steady_gains,
 )
-from archerfish.cli.axis_verdict import Verdict, delay_words, gain_words
+from archerfish.cli.axis_verdict import Verdict, delay_words
 from archerfish.cli.sample_count import sample_facts
 from archerfish.cli.summary_end import print_end
 from archerfish.identification.axis.order_choice import WORTH_A_STATE
@@ -38,6 +39,8 @@ def axis_summary(evidence: AxisEvidence, verdict: Verdict, files: Sequence[Path]
     return {
         "headline": verdict.headline,
         "usable": verdict.usable,
+        "reasons": list(verdict.reasons),
+        "advice": [{"option": each.option, "gained_points": each.gained} for each in verdict.advice],
         "axis": plant.axis,
         "order": len(plant.A),
         "sample_period_s": plant.sample_period_s,

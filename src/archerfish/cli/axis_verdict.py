@@ -1,25 +1,25 @@
 """The words of an identification: what is known of the axis, how sure that is, and what to do next."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from archerfish.cli.axis_evidence import (
-    AxisEvidence,
-    HeldGain,
-    Interval,
-    LogEvidence,
-    steady_gains,
+from archerfish.cli.axis_advice import Advice
+from archerfish.cli.axis_evidence import AxisEvidence, HeldGain, LogEvidence, gain_words, steady_gains
+from archerfish.cli.axis_usability import (
+    DELAY_CERTAINTY,
+    Shortfall,
+    judged_fit,
+    nonlinear_words,
+    nonlinearity,
+    shortfalls,
 )
 from archerfish.cli.sample_count import used_sentence, used_words
 from archerfish.identification.validation.frequency import driven_band_hz
-from archerfish.records.plant import USABLE_FIT_PERCENT
 
 _GAP_LINES = 3.0
 """Spectral lines that may be empty at the bottom of every log before nothing is said to be known there."""
-_LOOSE_GAIN = 0.05
-"""Half width of the steady gain's interval, as a share of the gain, beyond which a longer step pays."""
 _LOOSE_DELAY = 2
 """Width of the delay's range [samples] beyond which sharper edges pay."""
 _LEFT_SHARE = 0.05
@@ -46,11 +46,23 @@ class Verdict(NamedTuple):
     """What suggests that the plant itself is of no use, each a sentence that says what to check."""
     next_steps: tuple[str, ...]
     """What to do, the most useful first, each a sentence."""
+    reasons: tuple[str, ...] = ()
+    """Codes of what makes the plant useless; empty if it is usable."""
+    advice: tuple[Advice, ...] = ()
+    """Options that were tried on the same logs and help, the most helpful first."""
 
 
-def verdict(evidence: AxisEvidence) -> Verdict:
-    """Judge an identified axis."""
-    doubts = tuple(_doubts(evidence))
+def verdict(evidence: AxisEvidence, advice: Sequence[Advice] = ()) -> Verdict:
+    """Judge an identified axis.
+
+    Args:
+      evidence: all that speaks for it and against it.
+      advice: options that were tried and help.
+    """
+    missing = list(shortfalls(evidence))
+    if any("input" in each.changes for each in advice):
+        missing.insert(0, Shortfall("swapped", next(each.sentence for each in advice if "input" in each.changes)))
+    doubts = tuple(dict.fromkeys([*(each.sentence for each in missing), *_doubts(evidence)]))
     gap = _unknown_below(evidence)
     headline = _headline(evidence)
     if evidence.samples.left_out:
@@ -62,14 +74,16 @@ def verdict(evidence: AxisEvidence) -> Verdict:
             headline += (
                 f"; --dc-gain {held.asked:.4g} contradicts the logs, which say {gain_words(held.free, held.interval)}"
             )
-    judged = judged_fit(evidence)
-    usable = max(judged.run.fit_percent, judged.unshifted_percent) >= USABLE_FIT_PERCENT
-    return Verdict(headline, usable, tuple(_known(evidence)), doubts, tuple(_next_steps(evidence, gap)))
-
-
-def judged_fit(evidence: AxisEvidence) -> LogEvidence:
-    """Return the recording by which the plant is judged: the worst that was held back, else the worst fitted."""
-    return min(evidence.of_kind("validation") or evidence.logs, key=lambda log: log.run.fit_percent)
+    steps = tuple(dict.fromkeys([*(each.sentence for each in advice), *_next_steps(evidence, gap)]))
+    return Verdict(
+        headline=headline,
+        usable=not missing,
+        known=tuple(_known(evidence)),
+        doubts=doubts,
+        next_steps=tuple(each for each in steps if each not in doubts),
+        reasons=tuple(dict.fromkeys(each.code for each in missing)),
+        advice=tuple(advice),
+    )
 
 
 def _headline(evidence: AxisEvidence) -> str:
@@ -98,11 +112,6 @@ def delay_words(evidence: AxisEvidence) -> str:
     if np.isclose(high - delay, delay - low):
         return f"{delay:.3g}±{high - delay:.2g} ms"
     return f"{delay:.3g} ms ({low:.3g}–{high:.3g} ms)"
-
-
-def gain_words(gain: float, interval: Interval) -> str:
-    """Write a gain with its interval."""
-    return f"{gain:.4g} ({interval[0]:.4g}…{interval[1]:.4g})"
 
 
 def _unknown_below(evidence: AxisEvidence) -> float | None:
@@ -136,32 +145,12 @@ def _known(evidence: AxisEvidence) -> Iterator[str]:
 
 
 def _doubts(evidence: AxisEvidence) -> Iterator[str]:
-    judged, result = judged_fit(evidence), evidence.result
-    fit = judged.run.fit_percent
-    shifted = [log for log in evidence.of_kind("validation") if _shifted(log, evidence)]
-    for log in shifted:
+    result = evidence.result
+    for log in (log for log in evidence.of_kind("validation") if _shifted(log, evidence)):
         yield (
             f"{_log_name(log)} was held back and lies {log.shift:+.3g} beside the zero of the fitted logs: its fit is "
             f"{log.run.fit_percent:.1f} %, and {log.unshifted_percent:.1f} % without that shift. Look whether the "
             "encoder's zero has moved, or the steady gain is off."
-        )
-    if fit < USABLE_FIT_PERCENT and judged not in shifted:
-        yield (
-            f"The plant is not to be trusted: the {judged.kind} fit of {fit:.1f} % is below {USABLE_FIT_PERCENT:g} %, "
-            f"so it misses {100 - fit:.0f} % of the motion. Check that --input and --output are not swapped, that the "
-            "time column is in seconds (not milliseconds), that all logs use the same unit and zero, and that the "
-            "input moves the axis well above its noise and backlash; else record a longer or richer sweep."
-        )
-    if result.later_delay is not None:
-        yield (
-            f"A delay of about {result.later_delay} samples explains the logs clearly better than any of the up to "
-            f"{result.longest_delay} that were tried, so the plant is wrong: pass --max-delay "
-            f"{2 * result.later_delay} (a tenth of the shortest log is tried at most)."
-        )
-    elif result.plant.delay_samples >= result.longest_delay:
-        yield (
-            f"The delay found, {result.plant.delay_samples} samples, is the longest that was tried: the true one may "
-            "be longer; raise --max-delay (a tenth of the shortest log is tried at most)."
         )
     for index, name in enumerate(result.plant.input_names):
         held = evidence.held_gains[index] if evidence.held_gains else None
@@ -203,43 +192,19 @@ def _next_steps(evidence: AxisEvidence, gap: float | None) -> Iterator[str]:
             f"Add a log of a step that is held until the axis rests: nothing is known below {gap:.3g} Hz, the steady "
             "gain least of all."
         )
-    else:
-        yield from _loose_gains(evidence)
     if not evidence.of_kind("validation"):
         yield "No log was held back: pass --validate LOG to see how the plant does on one that it has not seen."
     yield from _lost_fit(evidence)
     yield from _left_in_residuals(evidence)
     low, high = evidence.result.delay_range
-    if high - low > _LOOSE_DELAY:
-        lower = "" if evidence.trials else "see whether a lower --order tells more (--order auto), or "
-        yield (
-            f"The delay may be {low} to {high} samples: {lower}add a log with sharp edges (steps or a binary sequence)."
-        )
-    if evidence.result.plant.delay_samples < evidence.result.longest_delay <= high:
-        yield (
-            f"The logs leave open delays up to the longest that was tried, {high} samples: raise --max-delay to see "
-            "where the range ends."
-        )
+    if high - low > _LOOSE_DELAY and evidence.result.delay_certainty() >= DELAY_CERTAINTY:
+        yield f"The delay may be {low} to {high} samples: add a log with sharp edges (steps or a binary sequence)."
     known = evidence.result.determined
     if not known.all():
         yield (
             f"{int((~known).sum())} of {known.size} poles are not determined by these logs: excite higher frequencies "
             "if the robot uses them; else see whether a lower --order foretells a held-back log as well."
         )
-
-
-def _loose_gains(evidence: AxisEvidence) -> Iterator[str]:
-    result = evidence.result
-    if evidence.held_gains:
-        return
-    for name, gain, interval in zip(
-        result.plant.input_names, steady_gains(result), result.dc_gain_interval, strict=True
-    ):
-        if interval[1] - interval[0] > 2 * _LOOSE_GAIN * abs(gain):
-            yield (
-                f"The steady gain from {name} is loosely known, {gain_words(gain, interval)}: add a log of a step that "
-                "is held until the axis rests."
-            )
 
 
 def _shifted(log: LogEvidence, evidence: AxisEvidence) -> bool:
@@ -264,20 +229,14 @@ def _lost_fit(evidence: AxisEvidence) -> Iterator[str]:
 
 
 def _left_in_residuals(evidence: AxisEvidence) -> Iterator[str]:
-    tested = [(log, log.tests) for log in evidence.logs if log.tests]
-    left = [(tests.explained_share, log) for log, tests in tested if not tests.independent]
-    share, log = max(left, key=lambda each: each[0], default=(0.0, None))
+    bend = nonlinearity(evidence)
+    if bend is not None:
+        yield f"{nonlinear_words(bend)}; the plant is that of motions like the logged ones."
+        return
+    tested = [(log.tests.explained_share, log) for log in evidence.logs if log.tests and not log.tests.independent]
+    share, log = max(tested, key=lambda each: each[0], default=(0.0, None))
     if log and share > _LEFT_SHARE:
-        # Higher orders have been tried by --order auto, and foretold no better.
-        structure = "--max-delay" if evidence.trials else "--order or --max-delay"
         yield (
-            f"Past inputs still explain {100 * share:.0f} % of what the plant leaves of {log.path.name}: raise "
-            f"{structure}, and look whether the axis sticks, saturates or has backlash."
+            f"Past inputs still explain {100 * share:.0f} % of what the plant leaves of {log.path.name}, which no higher "
+            "order, saturation, dead zone, rate limit or hysteresis accounts for: look at its picture."
         )
-    for log, tests in tested:
-        if tests.feedback:
-            yield (
-                f"In {log.path.name} the input follows the output (future inputs explain "
-                f"{100 * tests.feedback_share:.0f} % of the residual's innovations): name the set point as --input, "
-                "not the controller's output."
-            )

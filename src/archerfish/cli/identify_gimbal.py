@@ -7,11 +7,13 @@ from typing import Annotated, Any, Literal
 import tyro
 from rich.console import Console
 
+from archerfish.cli.axis_advice import tried_advice
 from archerfish.cli.axis_evidence import AxisEvidence, gather_evidence
 from archerfish.cli.axis_page import axis_page
 from archerfish.cli.axis_picture import axis_picture
 from archerfish.cli.axis_summary import Summary, axis_summary, print_axis
-from archerfish.cli.axis_verdict import Verdict, judged_fit, verdict
+from archerfish.cli.axis_usability import judged_fit
+from archerfish.cli.axis_verdict import Verdict, verdict
 from archerfish.cli.gimbal_logs import GimbalLogs, LogReading, read_gimbal_logs
 from archerfish.cli.options import Folder, JsonFile, Switch
 from archerfish.cli.outputs import Outputs, make_writer
@@ -138,7 +140,9 @@ def _judged(command: IdentifyGimbal, logs: GimbalLogs, console: Console) -> tupl
     parts = [part for path in (*command.logs, *_flat(command.validate)) for part in log_parts(path)]
     result = replace(_said_once(result, logs), plant=replace(result.plant, provenance=provenance(command.seed, parts)))
     evidence = gather_evidence(result, logs.training, logs.validation, logs.findings, trials, free, logs.samples)
-    return evidence, verdict(evidence)
+    with console.status("trying options …"):
+        advice = tried_advice(evidence, command.time if command.sample_period_s is None else None)
+    return evidence, verdict(evidence, advice)
 
 
 def _flat(groups: tuple[tuple[Any, ...], ...]) -> list[Any]:
