@@ -176,8 +176,9 @@ def _groups(training: Sequence[Log], validation: Sequence[Log]) -> tuple[tuple[s
 
 def _tested(result: AxisIdentification, log: Log, kind: str) -> LogEvidence:
     run, inputs = simulated_run(result, log.recording, kind), log.recording.inputs
-    own = common_offset(result.plant, [log.recording])
-    zero = float((own - result.offset)[0]), float(free_run(result.plant, log.recording, own).fit_percent[0])
+    own = common_offset(result.plant, [log.recording], drift=result.drift)
+    unshifted = free_run(result.plant, log.recording, own, drift=result.drift)
+    zero = float((own - result.offset)[0]), float(unshifted.fit_percent[0])
     if not long_enough(*inputs.shape):
         return LogEvidence(log.path, kind, log.recording, run, None, *zero)
     # A fitted recording has taken its share of the parameters' errors already.

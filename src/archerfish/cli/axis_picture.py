@@ -43,8 +43,8 @@ def simulated_run(result: AxisIdentification, recording: Recording, kind: str) -
       kind: what the recording served for, "training" or "validation". A fitted recording has a zero of its own; one
         that was held back is held against the zero that the fitted ones share.
     """
-    offset = common_offset(result.plant, [recording]) if kind == "training" else result.offset
-    run = free_run(result.plant, recording, offset)
+    offset = common_offset(result.plant, [recording], drift=result.drift) if kind == "training" else result.offset
+    run = free_run(result.plant, recording, offset, drift=result.drift)
     return SimulatedRun(
         recording.time,
         recording.outputs[:, 0],

@@ -74,15 +74,16 @@ def _wrong_columns(evidence: AxisEvidence) -> Iterator[Shortfall]:
         if log.tests is not None and log.tests.feedback:
             yield Shortfall(
                 "feedback",
-                f"In {log.path.name} the input follows the output: {_SPOILING['feedback']}, not the controller's output.",
+                f"In {log.path.name} the input follows the output: {_SPOILING['feedback']}, not the controller's "
+                "output.",
             )
             break
     if evidence.result.integrating:
         name = evidence.result.plant.input_names[0]
         yield Shortfall(
             "integrates",
-            f"The output runs on under a steady {name}, so there is no steady gain: name the output's rate as --output, "
-            "or a command that the output comes to rest at as --input.",
+            f"The output runs on under a steady {name}, so there is no steady gain: name the output's rate as "
+            "--output, or a command that the output comes to rest at as --input.",
         )
 
 
@@ -126,8 +127,8 @@ def _open_gain(evidence: AxisEvidence) -> Iterator[Shortfall]:
         if not interval[1] - interval[0] <= 2 * GAIN_SHARE * abs(gain):
             yield Shortfall(
                 "gain",
-                f"The steady gain from {name} is not known to {GAIN_SHARE:.0%}: {gain_words(gain, interval)}. Add a log of "
-                "a step from rest that is held until the axis rests, or pass --dc-gain if it is known.",
+                f"The steady gain from {name} is not known to {GAIN_SHARE:.0%}: {gain_words(gain, interval)}. Add a "
+                "log of a step from rest that is held until the axis rests, or pass --dc-gain if it is known.",
             )
 
 
@@ -143,16 +144,16 @@ def _open_delay(evidence: AxisEvidence) -> Iterator[Shortfall]:
     if result.plant.delay_samples >= result.longest_delay > 0:
         yield Shortfall(
             "late",
-            f"The delay found, {result.plant.delay_samples} samples, is the longest that was tried, and the true one may "
-            f"be longer; {_longer(evidence)}.",
+            f"The delay found, {result.plant.delay_samples} samples, is the longest that was tried, and the true one "
+            f"may be longer; {_longer(evidence)}.",
         )
         return
     if result.delay_certainty() < DELAY_CERTAINTY:
         low, high = result.delay_range
         yield Shortfall(
             "delay",
-            f"The delay is not known to a sample or a tenth: {low} to {high} samples explain the logs about as well. Add a "
-            "log with sharp edges (steps from rest, or a binary sequence), larger or longer.",
+            f"The delay is not known to a sample or a tenth: {low} to {high} samples explain the logs about as well. "
+            "Add a log with sharp edges (steps from rest, or a binary sequence), larger or longer.",
         )
 
 
@@ -179,10 +180,8 @@ def _bent(evidence: AxisEvidence) -> Iterator[Shortfall]:
     if away > max(1.0, 0.1 * bend.delay):
         reasons.append(f"its delay is {bend.delay} samples, not {result.plant.delay_samples}")
     if reasons:
-        yield Shortfall(
-            bend.name.replace(" ", "-"),
-            f"{nonlinear_words(bend)}; {'; '.join(reasons)}. {_REMEDY[bend.name].capitalize()}.",
-        )
+        remedy = _REMEDY[bend.name].capitalize()
+        yield Shortfall(bend.name.replace(" ", "-"), f"{nonlinear_words(bend)}; {'; '.join(reasons)}. {remedy}.")
 
 
 _REMEDY = {

@@ -237,6 +237,6 @@ def _left_in_residuals(evidence: AxisEvidence) -> Iterator[str]:
     share, log = max(tested, key=lambda each: each[0], default=(0.0, None))
     if log and share > _LEFT_SHARE:
         yield (
-            f"Past inputs still explain {100 * share:.0f} % of what the plant leaves of {log.path.name}, which no higher "
-            "order, saturation, dead zone, rate limit or hysteresis accounts for: look at its picture."
+            f"Past inputs still explain {100 * share:.0f} % of what the plant leaves of {log.path.name}, which no "
+            "saturation, dead zone, rate limit or hysteresis accounts for: look at its picture."
         )

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from archerfish.identification.axis.drift import outputs_drift
 from archerfish.identification.axis.informative_lines import heard_band
 from archerfish.identification.axis.integrator import integration_remarks
-from archerfish.identification.axis.log_ground import Ground
+from archerfish.identification.axis.log_ground import DRIFT, Ground
 from archerfish.identification.axis.modal_form import Poles, sections_from_numbers, state_matrices
 from archerfish.identification.axis.open_structures import (
     OpenStructure,
@@ -93,6 +93,8 @@ class AxisIdentification:
     """Unit of the parameters' outputs, shape (p,)."""
     integrating: bool
     """Whether the output runs on under a steady input, as far as the recordings tell."""
+    drift: int
+    """Highest power of time that the outputs drift with by themselves; 0 where they don't."""
     ground: Ground = field(repr=False)
     """The recordings as they were fitted."""
 
@@ -246,9 +248,10 @@ def complete_axis(search: AxisSearch, *, axis: str = "axis", seed: int = 0) -> A
     integrating = integration_remarks(structures[0].known, trusts[0], gains, lowest, longest, recordings[0].input_names)
     drawn = _drawn(structures, trusts, np.random.default_rng(seed))
     plant = _plant(recordings[0], structures[0].delay, known, drawn, scale, axis)
-    offset = common_offset(plant, recordings)
+    drift = DRIFT if search.drifts else 0
+    offset = common_offset(plant, recordings, drift=drift)
     # As in the fit, each recording has a zero of its own.
-    runs = [free_run(plant, each, common_offset(plant, [each])) for each in recordings]
+    runs = [free_run(plant, each, common_offset(plant, [each], drift=drift), drift=drift) for each in recordings]
     low, high = (ends[0] * scale[0] for ends in gains)
     delays = found.delays
     return AxisIdentification(
@@ -270,6 +273,7 @@ def complete_axis(search: AxisSearch, *, axis: str = "axis", seed: int = 0) -> A
         structures=structures,
         output_scale=scale,
         integrating=bool(integrating),
+        drift=drift,
         ground=found.ground,
     )
 

@@ -45,28 +45,37 @@ def fit_percent(measured: Array, simulated: Array) -> Array:
     return np.asarray(100 * (1 - np.linalg.norm(measured - simulated, axis=0) / spread))
 
 
-def free_run(plant: PlantRecord, recording: Recording, offset: Array | float = 0.0) -> FreeRun:
+def free_run(plant: PlantRecord, recording: Recording, offset: Array | float = 0.0, *, drift: int = 0) -> FreeRun:
     """Simulate a recording from its inputs; only the initial state is fitted to it, by least squares.
 
     Args:
       plant: the plant.
       recording: inputs and outputs of the plant.
       offset: constant that is added to the simulated outputs, from the training recordings, shape (p,) or ().
+      drift: highest power of time that the outputs drift with by themselves, and that is fitted too.
 
     Raises:
       InputError: if the recording has another number of inputs or outputs, or another sampling period.
     """
     check_agreement(plant, recording)
     forced = simulate(plant, recording.inputs) + offset
-    free = free_responses(plant, len(recording))
+    free = np.concatenate([free_responses(plant, len(recording)), _drift(recording, drift)], axis=2)
     weights = _weights([recording])
     rest = (recording.outputs - forced) * weights
-    initial = lstsq((free * weights[:, None]).reshape(-1, len(plant.A)), rest.reshape(-1))[0]
+    initial = lstsq((free * weights[:, None]).reshape(-1, free.shape[2]), rest.reshape(-1))[0]
     simulated = forced + free @ initial
     return FreeRun(simulated, recording.outputs - simulated, fit_percent(recording.outputs, simulated))
 
 
-def common_offset(plant: PlantRecord, recordings: Sequence[Recording]) -> Array:
+def _drift(recording: Recording, degree: int) -> Array:
+    """Return the powers of time of each output, shape (N, p, p degree); of no mean, so that none is an offset."""
+    time = np.linspace(-1, 1, len(recording))[:, None] ** np.arange(1, degree + 1)
+    outputs = recording.outputs.shape[1]
+    columns = (time - time.mean(axis=0))[:, None, None, :] * np.eye(outputs)[None, :, :, None]
+    return np.asarray(columns.reshape(len(recording), outputs, outputs * degree))
+
+
+def common_offset(plant: PlantRecord, recordings: Sequence[Recording], *, drift: int = 0) -> Array:
     """Estimate the constant between simulated and measured outputs that all recordings share, shape (p,).
 
     Each recording has its own initial state; a recording that says little about the constant (one that drifts, or
@@ -74,8 +83,11 @@ def common_offset(plant: PlantRecord, recordings: Sequence[Recording]) -> Array:
     """
     outputs = len(plant.C)
     weights = _weights(recordings)
-    responses = [free_responses(plant, len(each)) * weights[:, None] for each in recordings]
-    free = block_diag(*(each.reshape(-1, len(plant.A)) for each in responses))
+    responses = [
+        np.concatenate([free_responses(plant, len(each)), _drift(each, drift)], axis=2) * weights[:, None]
+        for each in recordings
+    ]
+    free = block_diag(*(each.reshape(-1, each.shape[2]) for each in responses))
     rest = np.concatenate(
         [((each.outputs - simulate(plant, each.inputs)) * weights).reshape(-1) for each in recordings]
     )
