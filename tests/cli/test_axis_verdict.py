@@ -103,27 +103,33 @@ def test_a_response_later_than_the_longest_delay_asks_to_raise_it():
     evidence, found = judged(late, [], max_delay=20)
     assert evidence.result.later_delay == pytest.approx(32, abs=3)
     (told,) = (each for each in found.doubts if "clearly better" in each)
-    assert f"pass --max-delay {2 * evidence.result.later_delay} " in told
+    assert "leave --max-delay out" in told
+    assert not found.usable
+    assert "late" in found.reasons
     assert axis_summary(evidence, found, [])["later_delay_samples"] == evidence.result.later_delay
+    evidence, found = judged(late, [], max_delay=None)
+    assert evidence.result.plant.delay_samples == pytest.approx(32, abs=3)
+    assert "late" not in found.reasons
 
 
 @pytest.mark.parametrize(
-    ("delay", "span", "words"),
-    [(5, (4, 5), "is the longest that was tried"), (3, (2, 5), "leave open delays up to"), (2, (1, 3), None)],
+    ("delay", "span", "words"), [(5, (4, 5), "is the longest that was tried"), (2, (1, 3), None)]
 )
-def test_a_range_that_ends_at_the_longest_delay_asks_to_raise_it(delay, span, words):
+def test_a_delay_at_the_longest_that_was_tried_makes_a_plant_useless(delay, span, words):
     evidence, _ = judged([SWEEP, STEP], [STEP_2], delay_range=span)
     plant = replace(evidence.result.plant, delay_samples=delay)
     found = verdict(replace(evidence, result=replace(evidence.result, plant=plant)))
-    told = [each for each in (*found.doubts, *found.next_steps) if "raise --max-delay" in each]
-    assert len(told) == bool(words)
-    assert all(words in each for each in told)
+    said = [each for each in found.doubts if "leave --max-delay out" in each]
+    assert len(said) == bool(words)
+    assert all(words in each for each in said)
+    assert ("late" in found.reasons) == bool(words)
 
 
 def test_a_loose_steady_gain_asks_for_a_longer_step():
     for spread, told in ((0.1, True), (0.001, False)):
         evidence, found = judged([SWEEP, STEP], [STEP_2], spread=spread)
-        assert any("loosely known" in each for each in found.next_steps) == told
+        assert any("The steady gain from u is not known to 5%" in each for each in found.doubts) == told
+        assert ("gain" in found.reasons) == told
         ((low, high),) = evidence.result.dc_gain_interval
         assert low < 1 < high
 
@@ -164,7 +170,8 @@ def test_feedback_in_a_log_is_told():
     output = simulate(PLANT, signal[:, None])[:, 0] + drift[1:]
     closed = Log(Path("closed.csv"), make_recording(signal, output, PERIOD))
     _, found = judged([SWEEP, STEP], [closed])
-    assert any("closed.csv the input follows the output" in each for each in found.next_steps)
+    assert any("closed.csv the input follows the output" in each for each in found.doubts)
+    assert "feedback" in found.reasons
 
 
 FINDING = Finding("jitter", "warning", "sweep.csv: line 7", "intervals differ by <12 %", "log at a fixed rate", 12)

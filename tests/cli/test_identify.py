@@ -65,24 +65,34 @@ def test_a_useless_plant_is_called_so_with_what_to_check(tmp_path, logs, console
     )
     summary = run_gimbal(command, console)
     assert summary["validation"][0]["fit_percent"] < 80
-    (remark,) = (each for each in summary["remarks"] if "not to be trusted" in each)
-    for cause in ("validation fit", "swapped", "milliseconds", "unit", "richer sweep"):
-        assert cause in remark
-    assert "not to be trusted" in console.export_text()
+    assert not summary["usable"]
+    assert "fit" in summary["reasons"]
+    assert any("where 80 % is the least" in each for each in summary["remarks"])
+    assert "is the least" in " ".join(console.export_text().split())
+
+
+def test_swapped_columns_are_found_by_trying(tmp_path, logs, console):
+    swapped = IdentifyGimbal((logs[0],), input=(("y",),), output="u", out=tmp_path / "out")
+    summary = run_gimbal(swapped, console)
+    assert summary["reasons"][0] == "swapped"
+    (advice,) = summary["advice"]
+    assert advice["option"] == "--input u --output y"
+    assert advice["gained_points"] > 2
 
 
 def test_the_training_fit_counts_where_no_log_was_held_back(tmp_path, logs, console):
     noise = np.random.default_rng(1).standard_normal(400)
     log = rewritten(logs[0], tmp_path / "noise.csv", lambda rows: rows + np.outer(noise * rows[:, 2].std(), [0, 0, 1]))
     summary = run_gimbal(IdentifyGimbal((log,), order=2, max_delay=2, out=tmp_path / "out"), console)
-    assert any("training fit" in remark for remark in summary["remarks"])
+    assert summary["reasons"][0] == "fit"
+    assert any("it is noise or a disturbance" in remark for remark in summary["remarks"])
 
 
 @pytest.mark.parametrize("max_delay", [1, 2])
 def test_a_delay_at_the_longest_tried_is_told(tmp_path, logs, console, max_delay):
     summary = run_gimbal(IdentifyGimbal((logs[0],), order=2, max_delay=max_delay, out=tmp_path / "out"), console)
     assert summary["delay_samples"] == 1
-    assert any("raise --max-delay" in remark for remark in summary["remarks"]) == (max_delay == 1)
+    assert any("leave --max-delay out" in remark for remark in summary["remarks"]) == (max_delay == 1)
 
 
 @pytest.mark.parametrize(("factor", "told"), [(57.3, "degrees"), (1 / 57.3, "radians"), (30.0, None)])
@@ -113,7 +123,7 @@ def test_gimbal_faults_leave_nothing_behind(tmp_path, logs, console):
         (replace(good, logs=(tmp_path / "none.csv",)), "no such file"),
         (replace(good, output="angle"), 'no column "angle"'),
         (replace(good, logs=(infinite,)), 'column "u" is inf'),
-        (replace(good, logs=(short,)), "too few for order 4"),
+        (replace(good, logs=(short,)), "too few for order 1"),
         (replace(good, validate=((tmp_path / "none.csv",),)), "no such file"),
         (replace(good, out=logs[0] / "out"), "can't be written"),
     ]

@@ -14,6 +14,8 @@ WORTH_POINTS = 2.0
 """Points of fit that an option must gain to be advised."""
 _GOOD_FIT = 98.0
 """Fit from which the columns are certainly not swapped [%]."""
+_POOR_FIT = 60.0
+"""Fit below which they may be, wherever the response seems to begin [%]."""
 _EXCHANGED_ORDERS = (1, 2, 3)
 _HIGHER = (5, 6, 7, 8)
 _LEFT_SHARE = 0.05
@@ -49,7 +51,8 @@ def tried_advice(evidence: AxisEvidence, time_column: str | None) -> tuple[Advic
 def _exchanged(evidence: AxisEvidence) -> Iterator[Advice]:
     judged, plant = judged_fit(evidence), evidence.result.plant
     fit = judged.run.fit_percent
-    if plant.D.shape != (1, 1) or not spoiled_delay(evidence) or fit > _GOOD_FIT:
+    suspected = spoiled_delay(evidence) or fit < _POOR_FIT or any(each.code == "swapped" for each in evidence.findings)
+    if plant.D.shape != (1, 1) or not suspected or fit > _GOOD_FIT:
         return
     logs = [log.recording for log in evidence.of_kind("training")]
     gained = _fit(logs, judged.recording, _swapped, _EXCHANGED_ORDERS) - fit
