@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from archerfish.figures.bode import BodeData
-from archerfish.figures.identification import SimulatedRun, axis_figure, run_figure
+from archerfish.figures.identification import SimulatedRun, axis_figure, run_figure, worst_stretch
 from archerfish.figures.style import svg_text
 
 FREQUENCY = np.geomspace(0.1, 50, 50)
@@ -15,7 +15,8 @@ def run(count, spike=0, spread=None):
     measured = np.sin(time)
     simulated = measured.copy()
     simulated[spike] += 0.1
-    sides = (NONE, NONE) if spread is None else (simulated - spread, simulated + spread)
+    shown = simulated[worst_stretch(measured, simulated)]
+    sides = (NONE, NONE) if spread is None else (shown - spread, shown + spread)
     return SimulatedRun(time, measured, simulated, sides, 98.7, "validation log.csv")
 
 

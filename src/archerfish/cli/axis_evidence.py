@@ -8,14 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.cli.axis_picture import simulated_run
+from archerfish.cli.axis_picture import shown_run
 from archerfish.cli.sample_count import SampleCount, count_samples
 from archerfish.figures.identification import SimulatedRun
 from archerfish.identification.axis.gimbal import AxisIdentification
 from archerfish.identification.axis.nonlinearity import NonlinearFit, nonlinear_fits
 from archerfish.identification.axis.order_choice import OrderTrial
 from archerfish.identification.validation.confidence_bands import band, drawn_poles, parameter_errors
-from archerfish.identification.validation.free_run import common_offset, free_run
+from archerfish.identification.validation.free_run import FreeRun, free_run, own_zero_run
 from archerfish.identification.validation.frequency import natural_frequency_hz
 from archerfish.identification.validation.residual_tests import ResidualTests, long_enough, residual_tests
 from archerfish.records.findings import Finding
@@ -165,7 +165,7 @@ def gather_evidence(
 def _held_gains(
     result: AxisIdentification, free: AxisIdentification, logs: Sequence[LogEvidence]
 ) -> tuple[HeldGain, ...]:
-    fits = tuple(simulated_run(free, log.recording, log.kind).fit_percent for log in logs)
+    fits = tuple(float(_run(free, log.recording, log.kind).fit_percent[0]) for log in logs)
     gains = zip(result.plant.input_names, steady_gains(result), steady_gains(free), free.dc_gain_interval, strict=True)
     return tuple(HeldGain(*each, fits) for each in gains)
 
@@ -174,17 +174,24 @@ def _groups(training: Sequence[Log], validation: Sequence[Log]) -> tuple[tuple[s
     return ("training", training), ("validation", validation)
 
 
+def _run(result: AxisIdentification, recording: Recording, kind: str) -> FreeRun:
+    if kind == "training":
+        return own_zero_run(result.plant, recording, drift=result.drift)[1]
+    return free_run(result.plant, recording, result.offset, drift=result.drift)
+
+
 def _tested(result: AxisIdentification, log: Log, kind: str) -> LogEvidence:
-    run, inputs = simulated_run(result, log.recording, kind), log.recording.inputs
-    own = common_offset(result.plant, [log.recording], drift=result.drift)
-    unshifted = free_run(result.plant, log.recording, own, drift=result.drift)
+    recording, inputs = log.recording, log.recording.inputs
+    own, unshifted = own_zero_run(result.plant, recording, drift=result.drift)
+    run = unshifted if kind == "training" else free_run(result.plant, recording, result.offset, drift=result.drift)
+    errors = parameter_errors(result.plant, inputs)
+    shown = shown_run(recording, run, errors, kind)
     zero = float((own - result.offset)[0]), float(unshifted.fit_percent[0])
     if not long_enough(*inputs.shape):
-        return LogEvidence(log.path, kind, log.recording, run, None, *zero)
+        return LogEvidence(log.path, kind, recording, shown, None, *zero)
     # A fitted recording has taken its share of the parameters' errors already.
-    errors = parameter_errors(result.plant, inputs) if kind == "validation" else None
-    tests = residual_tests(run.measured - run.simulated, inputs, errors)
-    return LogEvidence(log.path, kind, log.recording, run, tests, *zero)
+    tests = residual_tests(run.residual[:, 0], inputs, errors if kind == "validation" else None)
+    return LogEvidence(log.path, kind, recording, shown, tests, *zero)
 
 
 def pole_evidence(result: AxisIdentification) -> list[PoleEvidence]:

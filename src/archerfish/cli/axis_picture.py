@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from archerfish.figures.bode import BodeData
-from archerfish.figures.identification import SimulatedRun, axis_figure
+from archerfish.figures.identification import SimulatedRun, axis_figure, worst_stretch
 from archerfish.figures.pole_map import PoleMap
 from archerfish.figures.residuals import CorrelationPanel
 from archerfish.figures.step_response import StepResponse
@@ -20,7 +20,7 @@ from archerfish.identification.validation.confidence_bands import (
     drawn_responses,
     parameter_errors,
 )
-from archerfish.identification.validation.free_run import common_offset, free_run
+from archerfish.identification.validation.free_run import FreeRun, free_run, own_zero_run
 from archerfish.identification.validation.frequency import measured_response, plant_response
 from archerfish.identification.validation.residual_tests import ResidualTests
 from archerfish.records.plant import dc_gain
@@ -43,13 +43,29 @@ def simulated_run(result: AxisIdentification, recording: Recording, kind: str) -
       kind: what the recording served for, "training" or "validation". A fitted recording has a zero of its own; one
         that was held back is held against the zero that the fitted ones share.
     """
-    offset = common_offset(result.plant, [recording], drift=result.drift) if kind == "training" else result.offset
-    run = free_run(result.plant, recording, offset, drift=result.drift)
+    if kind == "training":
+        _, run = own_zero_run(result.plant, recording, drift=result.drift)
+    else:
+        run = free_run(result.plant, recording, result.offset, drift=result.drift)
+    return shown_run(recording, run, parameter_errors(result.plant, recording.inputs), kind)
+
+
+def shown_run(recording: Recording, run: FreeRun, errors: Array, kind: str) -> SimulatedRun:
+    """Gather what a picture shows of a free run.
+
+    Args:
+      recording: what was simulated.
+      run: its free run.
+      errors: what the uncertainty of the plant adds to its residual, shape (k, N); k may be 0.
+      kind: what the recording served for, "training" or "validation".
+    """
+    measured, simulated = recording.outputs[:, 0], run.simulated[:, 0]
+    shown = worst_stretch(measured, simulated)
     return SimulatedRun(
         recording.time,
-        recording.outputs[:, 0],
-        run.simulated[:, 0],
-        _spread(run.simulated[:, 0] + parameter_errors(result.plant, recording.inputs)),
+        measured,
+        simulated,
+        _spread(simulated[shown] + errors[:, shown]),
         run.fit_percent[0].item(),
         f"{kind} {recording.source}",
     )

@@ -27,7 +27,8 @@ class SimulatedRun(NamedTuple):
     simulated: Array
     """Simulated output, shape (N,)."""
     spread: tuple[Array, Array]
-    """Lower and upper side of the simulation's 95 % band, each of shape (N,); (0,) where there is none."""
+    """Lower and upper side of the simulation's 95 % band over the stretch that is drawn (`worst_stretch`), each of its
+    shape (S,); (0,) where there is none."""
     fit_percent: float
     """Fit over the whole recording [%]."""
     title: str
@@ -60,22 +61,27 @@ def run_figure(run: SimulatedRun, *, output: str = "output", title: str = "Axis"
     return figure
 
 
-def _worst_stretch(run: SimulatedRun) -> tuple[slice, str]:
-    count = run.time.size
-    if count <= _LONGEST:
-        return slice(0, count), ""
-    energy = np.concatenate([[0.0], np.cumsum((run.measured - run.simulated) ** 2)])
+def worst_stretch(measured: Array, simulated: Array) -> slice:
+    """Return the samples of a recording that are drawn: all, or of a long one those where its residual is largest.
+
+    Args:
+      measured: shape (N,).
+      simulated: shape (N,).
+    """
+    if measured.size <= _LONGEST:
+        return slice(0, measured.size)
+    energy = np.concatenate([[0.0], np.cumsum((measured - simulated) ** 2)])
     start = int(np.argmax(energy[_LONGEST:] - energy[:-_LONGEST]))
-    return slice(start, start + _LONGEST), " (worst stretch)"
+    return slice(start, start + _LONGEST)
 
 
 def _draw_run(above: Axes, below: Axes, run: SimulatedRun, output: str, title: str) -> None:
-    shown, note = _worst_stretch(run)
+    shown = worst_stretch(run.measured, run.simulated)
+    note = " (worst stretch)" if run.time.size > _LONGEST else ""
     time, measured, simulated = run.time[shown], run.measured[shown], run.simulated[shown]
     above.plot(time, measured, color=INK, linewidth=1.0, label="measured")
     if run.spread[0].size:
-        low, high = (side[shown] for side in run.spread)
-        above.fill_between(time, low, high, color=VERMILLION, alpha=0.25, linewidth=0, label="95 % band")
+        above.fill_between(time, *run.spread, color=VERMILLION, alpha=0.25, linewidth=0, label="95 % band")
     above.plot(time, simulated, color=VERMILLION, linewidth=1.4, linestyle=(0, (4, 1.5)), label="simulated")
     # On a ground of its own: an oscillation fills the axes, and leaves no corner free.
     above.legend(loc="best", ncols=3, frameon=True, facecolor="white", framealpha=0.85, edgecolor="none")

@@ -57,13 +57,14 @@ def factor_lags(recordings: Sequence[Recording], order: int) -> LagFactor:
     lags = min(MOST_LAGS, shortest // 3, samples // (_ROWS_PER_COLUMN * (outputs + inputs)))
     lags = max(lags, order + 1)
     stride = max(1, samples // _MOST_ROWS)
-    rows = np.concatenate([_shifted(each, lags)[::stride] for each in recordings if len(each) > lags + 1])
+    rows = np.concatenate([_shifted(each, lags, stride) for each in recordings if len(each) > lags + 1])
     return LagFactor(np.asarray(np.linalg.qr(rows, mode="r")), lags, outputs, inputs)
 
 
-def _shifted(recording: Recording, lags: int) -> Array:
+def _shifted(recording: Recording, lags: int, stride: int) -> Array:
+    """Return every so many rows of all shifts, the means over all rows taken off."""
     signals = np.concatenate([recording.outputs, recording.inputs], axis=1)
     count = len(signals) - lags
-    shifts = np.stack([signals[lags - lag : lags - lag + count] for lag in range(lags + 1)], axis=2)
-    rows = shifts.reshape(count, -1)
-    return np.asarray(rows - rows.mean(axis=0))
+    shifts = [signals[lags - lag : lags - lag + count] for lag in range(lags + 1)]
+    rows = np.stack([each[::stride] - each.mean(axis=0) for each in shifts], axis=2)
+    return rows.reshape(len(rows), -1)

@@ -7,10 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lstsq
-from scipy.optimize import linear_sum_assignment
 
-from archerfish.identification.axis.spectra import delayed
+from archerfish.identification.axis.drawn_simulation import simulate_draws
+from archerfish.identification.axis.pole_pairing import nearest_poles
 from archerfish.identification.axis.state_space import free_responses, simulate
 from archerfish.records.plant import PlantRecord
 
@@ -21,7 +20,11 @@ CONFIDENCE = 0.95
 """Share of the draws between the two sides of a band."""
 
 _MOST_NUMBERS = 4_000_000
+"""Outputs that are simulated: all draws of an ordinary recording, of a longer one as many as come to that."""
 _FEWEST_DRAWS = 40
+"""Draws of any recording, however long."""
+_DEPENDENT = np.finfo(float).eps
+"""Share of the largest that free responses must add to those before them."""
 
 
 class Band(NamedTuple):
@@ -62,7 +65,8 @@ def drawn_responses(plant: PlantRecord, frequency_hz: Array) -> ComplexArray:
 def drawn_outputs(plant: PlantRecord, inputs: Array) -> Array:
     """Return the simulated outputs of the draws from the zero state, shape (k, N, p); k is 0 without draws.
 
-    Of a long recording so many draws are simulated that some millions of numbers come of it.
+    So many draws are simulated that four million numbers come of it, and at least 40: all 100 of an axis on a recording
+    of up to 40,000 samples.
 
     Args:
       plant: the plant.
@@ -70,23 +74,7 @@ def drawn_outputs(plant: PlantRecord, inputs: Array) -> Array:
     """
     if not plant.draws:
         return np.zeros((0, len(inputs), len(plant.C)))
-    count = max(_FEWEST_DRAWS, _MOST_NUMBERS // len(inputs))
-    size = 2 * len(inputs)  # room for the whole convolution: nothing wraps around
-    delays = plant.delays_of_draws()[:count].tolist()
-    spectra = {each: np.fft.rfft(delayed(inputs, each), size, axis=0)[..., None] for each in set(delays)}
-    A, B, C, D = (plant.draws[name][:count] for name in ("A", "B", "C", "D"))
-    impulses = (_impulse_response(*draw, count=len(inputs)) for draw in zip(A, B, C, D, strict=True))
-    responses = (np.fft.rfft(each, size, axis=0) @ spectra[delay] for each, delay in zip(impulses, delays, strict=True))
-    return np.stack([np.fft.irfft(each[..., 0], size, axis=0)[: len(inputs)] for each in responses])
-
-
-def _impulse_response(A: Array, B: Array, C: Array, D: Array, count: int) -> Array:
-    """Return D, C B, C A B, …, shape (count, p, m)."""
-    response, power = B[None], A
-    while len(response) < count - 1:  # doubling: Aᵗ B for t < 2k is that for t < k and its product with Aᵏ
-        response = np.concatenate([response, power @ response])
-        power = power @ power
-    return np.concatenate([D[None], C @ response[: count - 1]])
+    return simulate_draws(plant, inputs, max(_FEWEST_DRAWS, _MOST_NUMBERS // len(inputs)))
 
 
 def parameter_errors(plant: PlantRecord, inputs: Array, output: int = 0) -> Array:
@@ -101,9 +89,19 @@ def parameter_errors(plant: PlantRecord, inputs: Array, output: int = 0) -> Arra
     """
     if not plant.draws:
         return np.zeros((0, len(inputs)))
-    errors = drawn_outputs(plant, inputs)[..., output] - simulate(plant, inputs)[:, output]
-    free = free_responses(plant, len(inputs))[:, output]
-    return np.asarray(errors - (free @ lstsq(free, errors.T)[0]).T)
+    errors = drawn_outputs(plant, inputs)[..., output]
+    errors -= simulate(plant, inputs)[:, output]
+    free = _orthonormal(free_responses(plant, len(inputs))[:, output])
+    for error in errors:  # one by one: all draws of a long recording are large enough once
+        error -= free @ (free.T @ error)
+    return np.asarray(errors)
+
+
+def _orthonormal(columns: Array) -> Array:
+    """Return orthonormal columns that span the given ones, shape (N, n); fewer where those are dependent."""
+    _, values, right = np.linalg.svd(np.linalg.qr(columns, mode="r"))
+    kept = values > _DEPENDENT * values.max()
+    return np.linalg.qr(columns @ (right[kept].T / values[kept]))[0]
 
 
 def drawn_poles(plant: PlantRecord, poles: ComplexArray) -> ComplexArray:
@@ -116,11 +114,7 @@ def drawn_poles(plant: PlantRecord, poles: ComplexArray) -> ComplexArray:
     if not plant.draws:
         return np.zeros((0, poles.size), np.complex128)
     drawn = np.linalg.eigvals(plant.draws["A"]).astype(np.complex128)
-    return np.stack([each[_nearest(poles, each)] for each in drawn])
-
-
-def _nearest(poles: ComplexArray, drawn: ComplexArray) -> NDArray[np.intp]:
-    return np.asarray(linear_sum_assignment(np.abs(poles[:, None] - drawn))[1])
+    return np.stack([each[nearest_poles(poles, each)] for each in drawn])
 
 
 def drawn_dc_gains(plant: PlantRecord) -> Array:

@@ -1,11 +1,11 @@
 """How well a plant foretells a recording from its inputs alone."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, lstsq
+from scipy.linalg import lstsq
 
 from archerfish.identification.axis.state_space import free_responses, simulate
 from archerfish.records.errors import InputError
@@ -13,6 +13,9 @@ from archerfish.records.plant import PlantRecord
 from archerfish.records.recording import Recording
 
 Array = NDArray[np.float64]
+
+_PIECE = 8192
+"""Rows that are factorised at a time."""
 
 
 class FreeRun(NamedTuple):
@@ -59,20 +62,46 @@ def free_run(plant: PlantRecord, recording: Recording, offset: Array | float = 0
     """
     check_agreement(plant, recording)
     forced = simulate(plant, recording.inputs) + offset
-    free = np.concatenate([free_responses(plant, len(recording)), _drift(recording, drift)], axis=2)
+    free = _free_parts(plant, recording, drift)
     weights = _weights([recording])
-    rest = (recording.outputs - forced) * weights
-    initial = lstsq((free * weights[:, None]).reshape(-1, free.shape[2]), rest.reshape(-1))[0]
-    simulated = forced + free @ initial
-    return FreeRun(simulated, recording.outputs - simulated, fit_percent(recording.outputs, simulated))
+    triangle = _factor(_rows(free, recording.outputs - forced, weights))
+    return _completed(recording, forced, free, lstsq(triangle[:, :-1], triangle[:, -1])[0])
 
 
-def _drift(recording: Recording, degree: int) -> Array:
-    """Return the powers of time of each output, shape (N, p, p degree); of no mean, so that none is an offset."""
-    time = np.linspace(-1, 1, len(recording))[:, None] ** np.arange(1, degree + 1)
-    outputs = recording.outputs.shape[1]
-    columns = (time - time.mean(axis=0))[:, None, None, :] * np.eye(outputs)[None, :, :, None]
-    return np.asarray(columns.reshape(len(recording), outputs, outputs * degree))
+def own_zero_run(plant: PlantRecord, recording: Recording, *, drift: int = 0) -> tuple[Array, FreeRun]:
+    """Simulate a recording from its inputs; the initial state and a zero of its own are fitted together.
+
+    The same as `free_run` with the offset that `common_offset` finds of this recording alone, simulated once.
+
+    Args:
+      plant: the plant.
+      recording: inputs and outputs of the plant.
+      drift: as in `free_run`.
+
+    Returns:
+      The recording's zero, shape (p,), and its run.
+
+    Raises:
+      InputError: if the recording has another number of inputs or outputs, or another sampling period.
+    """
+    check_agreement(plant, recording)
+    forced = simulate(plant, recording.inputs)
+    free = _free_parts(plant, recording, drift)
+    weights, outputs = _weights([recording]), len(plant.C)
+    triangle = _factor(_rows(free, recording.outputs - forced, weights, constants=True))
+    found = lstsq(triangle[:, :-1], triangle[:, -1])[0]
+    return found[:outputs], _completed(recording, forced + found[:outputs], free, found[outputs:])
+
+
+def _free_parts(plant: PlantRecord, recording: Recording, drift: int) -> Array:
+    """Return what is fitted to the outputs: responses to initial states, then drifts of no mean, shape (N, p, k)."""
+    responses = free_responses(plant, len(recording))
+    if not drift:
+        return responses
+    outputs = len(plant.C)
+    time = np.linspace(-1, 1, len(recording))[:, None] ** np.arange(1, drift + 1)
+    powers = (time - time.mean(axis=0))[:, None, None, :] * np.eye(outputs)[None, :, :, None]
+    return np.concatenate([responses, powers.reshape(len(recording), outputs, -1)], axis=2)
 
 
 def common_offset(plant: PlantRecord, recordings: Sequence[Recording], *, drift: int = 0) -> Array:
@@ -81,18 +110,54 @@ def common_offset(plant: PlantRecord, recordings: Sequence[Recording], *, drift:
     Each recording has its own initial state; a recording that says little about the constant (one that drifts, or
     never rests) gets little weight by the least squares itself.
     """
-    outputs = len(plant.C)
+    outputs, order = len(plant.C), len(plant.A) + len(plant.C) * drift
     weights = _weights(recordings)
-    responses = [
-        np.concatenate([free_responses(plant, len(each)), _drift(each, drift)], axis=2) * weights[:, None]
-        for each in recordings
-    ]
-    free = block_diag(*(each.reshape(-1, each.shape[2]) for each in responses))
-    rest = np.concatenate(
-        [((each.outputs - simulate(plant, each.inputs)) * weights).reshape(-1) for each in recordings]
-    )
-    constants = np.tile(np.diag(weights), (len(rest) // outputs, 1))
-    return np.asarray(lstsq(np.hstack([constants, free]), rest)[0][:outputs])
+    # Of each recording no more is needed than the factor of its equations: their number does not grow with its length.
+    height = outputs + order + 1
+    design, rest = np.zeros((len(recordings) * height, outputs + len(recordings) * order)), []
+    for index, each in enumerate(recordings):
+        free = _free_parts(plant, each, drift)
+        triangle = _factor(_rows(free, each.outputs - simulate(plant, each.inputs), weights, constants=True))
+        rows = slice(index * height, index * height + len(triangle))
+        design[rows, :outputs] = triangle[:, :outputs]
+        design[rows, outputs + index * order : outputs + (index + 1) * order] = triangle[:, outputs:-1]
+        rest.append(np.append(triangle[:, -1], np.zeros(height - len(triangle))))
+    return np.asarray(lstsq(design, np.concatenate(rest))[0][:outputs])
+
+
+def _rows(free: Array, rest: Array, weights: Array, *, constants: bool = False) -> Iterator[Array]:
+    """Yield the equations for [constants,] initial state and what they are to explain, some thousand rows at a time.
+
+    Args:
+      free: shape (N, p, n).
+      rest: shape (N, p).
+      weights: of the outputs, shape (p,).
+      constants: whether each output has a constant of its own.
+
+    Yields:
+      Shape (R, [p +] n + 1).
+    """
+    length = max(1, _PIECE // weights.size)
+    for start in range(0, len(free), length):
+        part = slice(start, start + length)
+        columns = np.dstack([free[part], rest[part, :, None]]) * weights[:, None]
+        if constants:
+            own = np.broadcast_to(np.diag(weights), (len(columns), weights.size, weights.size))
+            columns = np.dstack([own, columns])
+        yield columns.reshape(-1, columns.shape[2])
+
+
+def _factor(pieces: Iterator[Array]) -> Array:
+    """Return R of the QR factorisation of all rows: least squares on R are those on the rows."""
+    triangle = np.asarray(np.linalg.qr(next(pieces), mode="r"))
+    for piece in pieces:
+        triangle = np.asarray(np.linalg.qr(np.concatenate([triangle, piece]), mode="r"))
+    return triangle
+
+
+def _completed(recording: Recording, forced: Array, free: Array, initial: Array) -> FreeRun:
+    simulated = forced + free @ initial
+    return FreeRun(simulated, recording.outputs - simulated, fit_percent(recording.outputs, simulated))
 
 
 def _weights(recordings: Sequence[Recording]) -> Array:

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.signal import csd, welch
 
 from archerfish.records.plant import PlantRecord
 from archerfish.records.recording import Recording
@@ -60,18 +60,32 @@ def measured_response(recordings: Sequence[Recording], channel: int = 0) -> Meas
     if segment < 16 or not usable:
         return None
     power = cross = output_power = np.zeros(segment // 2 + 1)
-    frequency = np.zeros(0)
     for each in usable:
-        u, y = each.inputs[:, channel], each.outputs[:, 0]
-        options = {"fs": 1 / each.sample_period_s, "nperseg": segment, "detrend": "constant"}
-        frequency, input_density = welch(u, **options)
-        power = power + len(each) * input_density
-        output_power = output_power + len(each) * welch(y, **options)[1]
-        cross = cross + len(each) * csd(u, y, **options)[1]
+        # All terms of a line have one factor, which no ratio of them shows; that of the sampling rate too.
+        inputs, outputs = (
+            _windowed_spectra(signal, segment) for signal in (each.inputs[:, channel], each.outputs[:, 0])
+        )
+        power = power + len(each) * np.mean(np.abs(inputs) ** 2, axis=0)
+        output_power = output_power + len(each) * np.mean(np.abs(outputs) ** 2, axis=0)
+        cross = cross + len(each) * np.mean(np.conj(inputs) * outputs, axis=0)
+    frequency = np.fft.rfftfreq(segment, usable[-1].sample_period_s)
     # The mean is taken off each segment, so that the lowest lines hold nothing.
     excited = (power > _EXCITED_SHARE * power.max()) & (frequency > 1.5 * frequency[1])
     coherence = np.abs(cross[excited]) ** 2 / (power[excited] * output_power[excited])
     return MeasuredResponse(frequency[excited], cross[excited] / power[excited], coherence)
+
+
+def _windowed_spectra(signal: Array, length: int) -> ComplexArray:
+    """Return the spectra of half overlapping pieces, means taken off, under Hann's window, shape (pieces, lines).
+
+    Squares of their sizes are one-sided densities, up to a factor: all lines but the first and the last stand for their
+    mirror images too.
+    """
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
+    pieces = sliding_window_view(signal, length)[:: length // 2]
+    spectra = np.fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * window, axis=1)
+    spectra[:, [0, -1]] *= np.sqrt(0.5)
+    return np.asarray(spectra)
 
 
 def natural_frequency_hz(pole: complex, sample_period_s: float) -> float:

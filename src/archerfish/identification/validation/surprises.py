@@ -36,7 +36,8 @@ def surprises(signal: Array) -> Array:
     for start, stop in itertools.pairwise(edges.tolist()):
         past = np.column_stack([signal[start - lag : stop - lag] for lag in range(1, MEMORY + 1)])
         columns = np.hstack([past, np.ones((stop - start, 1))])
-        rule = np.linalg.lstsq(columns, signal[start:stop], rcond=1e-10)[0]
+        triangle = np.asarray(np.linalg.qr(np.column_stack([columns, signal[start:stop]]), mode="r"))
+        rule = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=1e-10)[0]
         left = signal[start:stop] - columns @ rule
         if left.std() > _LEAST * signal[start - MEMORY : stop].std():
             found[start:stop] = left
