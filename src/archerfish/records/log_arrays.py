@@ -9,7 +9,6 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.io import loadmat, whosmat
 
 from archerfish.records.errors import InputError, file_error
 from archerfish.records.log_table import MAX_BYTES, LogTable
@@ -76,6 +75,8 @@ def read_mat(path: Path, wanted: Sequence[str]) -> LogTable:
       InputError: if the file is damaged or of version 7.3, or a variable is missing, too large, not numeric, or of
         another length.
     """
+    from scipy.io import loadmat, whosmat  # takes long to import, and few logs need it
+
     check_readable(path)
     try:
         listed = whosmat(path)

@@ -11,7 +11,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from archerfish.identification.axis.informative_lines import telling_lines
 from archerfish.identification.axis.log_ground import Ground
@@ -68,7 +68,7 @@ class Walk(NamedTuple):
         """Return the cost up to which a delay is not clearly worse than the best."""
         fit = self.sketches[self.delay].fit
         # Poles and zeros that are loosely known make up for a sample more or less: as many parameters move with it.
-        excess = float(chi2.ppf(chance, len(fit.numerators))) * max(1.0, self.colour()) / fit.residuals.size
+        excess = float(chdtri(len(fit.numerators), 1 - chance)) * max(1.0, self.colour()) / fit.residuals.size
         return max(self.sketches[self.delay].cost, self.rounding()) * float(np.exp(excess))
 
     def undecided(self, chance: float = _CLEARLY) -> list[int]:

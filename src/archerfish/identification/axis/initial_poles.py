@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import hankel, lstsq, svd
-from scipy.signal import lfilter
+from scipy.linalg.lapack import dtbtrs
 
 from archerfish.identification.axis.lag_factor import LagFactor
 from archerfish.identification.axis.modal_form import Poles
@@ -48,9 +48,12 @@ def fit_arx(factor: LagFactor, order: int, output: int = 0) -> ArxModel:
 
 def impulse_response(model: ArxModel, length: int) -> Array:
     """Return the response to a unit impulse in each input, shape (length, m)."""
-    impulse = np.zeros(length)
-    impulse[0] = 1.0
-    return np.column_stack([lfilter(numerator, model.a, impulse) for numerator in model.b])
+    numerators = np.zeros((length, len(model.b)))
+    taps = min(length, model.b.shape[1])
+    numerators[:taps] = model.b[:, :taps].T
+    # The recursion a ∗ h = b as the forward substitution of a banded triangular system.
+    bands = np.repeat(model.a[:length, None], length, axis=1)
+    return np.asarray(dtbtrs(bands, numerators, uplo="L")[0])
 
 
 def realised_poles(response: Array, order: int) -> Poles:

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from scipy.special import ndtr
 
 from archerfish.identification.axis.modal_form import Poles
+from archerfish.identification.axis.pole_pairing import nearest_poles
 from archerfish.identification.axis.structure_choice import Structure
 from archerfish.identification.axis.uncertainty import Posterior, interval, posterior, standard_deviations
 
@@ -109,7 +109,7 @@ def mixture_deviations(
     """
     real, imaginary = np.zeros(poles[0].size), np.zeros(poles[0].size)
     for place, (real_sd, imaginary_sd), weight in zip(poles, deviations, weights, strict=True):
-        nearest = linear_sum_assignment(np.abs(poles[0][:, None] - place))[1]
+        nearest = nearest_poles(poles[0], place)
         moved = place[nearest] - poles[0]
         real += weight * (real_sd[nearest] ** 2 + moved.real**2)
         imaginary += weight * (imaginary_sd[nearest] ** 2 + moved.imag**2)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from archerfish.identification.axis.modal_form import Sections
 from archerfish.identification.axis.out_of_band import scaled_penalty
@@ -58,4 +58,4 @@ def largest_misfit(free: Refinement, problem: Problem) -> float:
     """
     rows = row_count(problem.experiments) * problem.experiments[0].outputs.shape[1]
     parameters = free.fit.numerators.size + free.fit.feedthrough.size + len(free.fit.numerators)
-    return free.fit.misfit * float(1 + chi2.ppf(_CHANCE, parameters) / rows)
+    return free.fit.misfit * float(1 + chdtri(parameters, 1 - _CHANCE) / rows)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from archerfish.identification.axis.pole_refinement import Problem
 from archerfish.identification.axis.simulation_fit import Penalty
@@ -52,7 +52,7 @@ def plateau_gain(recording: Recording, hold_s: float = 1.0) -> PlateauGain | Non
     gain = float(centred @ reached) / squares
     scatter = reached - reached.mean() - gain * centred
     error = float(np.sqrt(scatter @ scatter / (len(levels) - 2) / squares))
-    half = float(student.ppf(0.975, len(levels) - 2)) * error
+    half = float(stdtrit(len(levels) - 2, 0.975)) * error
     return PlateauGain(gain, gain - half, gain + half)
 
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
-from scipy.stats import chi2, norm
+from scipy.special import chdtr, chdtri, ndtri
 
 from archerfish.identification.axis.modal_form import (
     Poles,
@@ -45,7 +45,7 @@ _STEP = 1e-6
 _LARGEST_LEVERAGE = 0.9
 _NOTHING = 3e-7
 """Share of the best known direction's strength up to which a direction counts as not determined."""
-_SIGNIFICANT = chi2.cdf(9.0, 1)
+_SIGNIFICANT = float(chdtr(1, 9.0))
 """Confidence of three standard deviations."""
 
 
@@ -188,7 +188,7 @@ def _slopes(known: Posterior, function: Callable[[Posterior], Array], count: int
 
 def interval(value: Array, deviation: Array, level: float = 0.95) -> tuple[Array, Array]:
     """Return the two ends of a normal interval; value, deviation and ends have one shape."""
-    half = norm.ppf(0.5 + level / 2) * deviation
+    half = ndtri(0.5 + level / 2) * deviation
     return value - half, value + half
 
 
@@ -242,7 +242,7 @@ def heard_sections(known: Posterior, sections: Sections) -> list[bool]:
             root = known.root[place + entries.start : place + entries.stop]
             values = known.linear[entries, output]
             distance = _squared_distance(root, values) if np.any(root) else np.inf
-            found = found or distance > chi2.ppf(_SIGNIFICANT, values.size)
+            found = found or distance > chdtri(values.size, 1 - _SIGNIFICANT)
         heard.append(found)
     return heard
 

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import correlate, correlation_lags
-from scipy.stats import chi2, f
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.special import chdtri, fdtri
 
 from archerfish.identification.axis.rest_start import rest_samples
 from archerfish.identification.validation.frequency import MeasuredResponse, measured_response
@@ -101,7 +101,7 @@ def _causality(u: Array, y: Array, lags: int, depth: int) -> _Causality:
     own, both = _rest(past_y, target), _rest(np.hstack([past_y, past_u]), target)
     freedom = len(target) - past_y.shape[1] - past_u.shape[1] - 1
     gain = (own @ own - both @ both) / max(float(both @ both), 1e-300) * freedom / past_u.shape[1]
-    responds = bool(gain > f.isf(_FALSE_ALARM, past_u.shape[1], freedom))
+    responds = bool(gain > fdtri(past_u.shape[1], freedom, 1 - _FALSE_ALARM))
     innovation = surprises(u)[depth:]
     if not innovation.any() or both.var() < _NOISELESS:
         return _Causality(responds, 0.0)
@@ -109,7 +109,7 @@ def _causality(u: Array, y: Array, lags: int, depth: int) -> _Causality:
     count = len(e) - _FUTURE
     correlation = np.array([e[:count] @ w[lag : lag + count] for lag in range(1, _FUTURE + 1)]) / count
     share = float(correlation @ correlation)
-    significant = share > _FEEDBACK_SHARE and count * share > chi2.isf(_FALSE_ALARM, _FUTURE)
+    significant = share > _FEEDBACK_SHARE and count * share > chdtri(_FUTURE, _FALSE_ALARM)
     return _Causality(responds, share if significant else 0.0)
 
 
@@ -163,13 +163,12 @@ def _silent(recording: Recording, inputs: Sequence[Array], y: Array, max_delay: 
 def _late_response(u: Array, y: Array) -> int:
     """Return the lag of the largest correlation of the whitened signals, 0 if chance explains it."""
     whitened = [_standard(_rest(_lagged(each, range(1, _LAGS + 1), _LAGS), each[_LAGS:])) for each in (y, u)]
-    correlation = correlate(whitened[0], whitened[1], method="fft") / len(whitened[0])
-    lags = correlation_lags(len(whitened[0]), len(whitened[1]))
-    causal = (lags >= 0) & (lags <= len(y) // 4)
-    peak = int(np.abs(correlation[causal]).argmax())
-    if abs(correlation[causal][peak]) * np.sqrt(len(whitened[0])) < _SCATTERED:
-        return 0
-    return int(lags[causal][peak])
+    count = len(whitened[0])
+    size = next_fast_len(2 * count, real=True)  # room for the whole correlation: nothing wraps around
+    output, command = (rfft(each, size) for each in whitened)
+    causal = irfft(output * np.conj(command), size)[: min(len(y) // 4 + 1, count)] / count
+    peak = int(np.abs(causal).argmax())
+    return 0 if abs(causal[peak]) * np.sqrt(count) < _SCATTERED else peak
 
 
 def _coherent(recording: Recording, channel: int) -> bool:

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from archerfish.records.findings import Finding, refusal
 from archerfish.records.log_table import LogTable, stated_unit
@@ -293,6 +292,8 @@ def _evenly(time: Array) -> Array:
 def _resampled(
     table: LogTable, rows: Rows, stretches: list[slice], period: float, findings: list[Finding]
 ) -> list[Piece]:
+    from scipy.interpolate import CubicSpline  # takes long to import, and few logs need it
+
     inputs, pieces, error = rows.inputs, [], 0.0
     # Halves of one log may have other medians, but hardly another mean.
     period = float(np.mean([_usual_interval(rows.time[each], period) for each in stretches]))
