@@ -8,6 +8,7 @@ from archerfish.cli.axis_evidence import AxisEvidence
 from archerfish.cli.axis_usability import judged_fit, spoiled_delay
 from archerfish.identification.axis.order_choice import choose_order
 from archerfish.identification.validation.free_run import common_offset, free_run
+from archerfish.records.errors import InputError
 from archerfish.records.recording import Recording
 
 WORTH_POINTS = 2.0
@@ -112,7 +113,10 @@ def _higher_order(evidence: AxisEvidence) -> Iterator[Advice]:
     if max(shares, default=0.0) < _LEFT_SHARE or judged.kind == "validation":
         return
     logs = [log.recording for log in evidence.of_kind("training")]
-    choice = choose_order(logs, orders=_HIGHER)
+    try:
+        choice = choose_order(logs, orders=_HIGHER)
+    except InputError:
+        return  # too short for any of them
     plant, fit = choice.result.plant, judged.run.fit_percent
     order = len(plant.A)
     gained = float(free_run(plant, judged.recording, common_offset(plant, [judged.recording])).fit_percent[0]) - fit

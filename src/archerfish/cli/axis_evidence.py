@@ -1,7 +1,7 @@
 """All that speaks for and against an identified axis: its logs simulated and tested, its numbers with intervals."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -57,6 +57,8 @@ class LogEvidence:
     """Its own zero less the one that the fitted recordings share, in units of the output."""
     unshifted_percent: float
     """Fit with its own zero [%]."""
+    settled_percent: float
+    """The same without the first samples, which answer to inputs from before the recording [%]."""
 
     @property
     def residual_sd(self) -> float:
@@ -186,12 +188,29 @@ def _tested(result: AxisIdentification, log: Log, kind: str) -> LogEvidence:
     run = unshifted if kind == "training" else free_run(result.plant, recording, result.offset, drift=result.drift)
     errors = parameter_errors(result.plant, inputs)
     shown = shown_run(recording, run, errors, kind)
-    zero = float((own - result.offset)[0]), float(unshifted.fit_percent[0])
+    zero = float((own - result.offset)[0]), float(unshifted.fit_percent[0]), _settled_percent(result, recording)
     if not long_enough(*inputs.shape):
         return LogEvidence(log.path, kind, recording, shown, None, *zero)
     # A fitted recording has taken its share of the parameters' errors already.
     tests = residual_tests(run.residual[:, 0], inputs, errors if kind == "validation" else None)
     return LogEvidence(log.path, kind, recording, shown, tests, *zero)
+
+
+def _settled_percent(result: AxisIdentification, recording: Recording) -> float:
+    """Return the fit of the samples whose delayed inputs are in the recording [%]."""
+    late = result.plant.delay_samples
+    if late >= len(recording) // 2:
+        return -np.inf
+    rest = replace(
+        recording,
+        time=recording.time[late:],
+        inputs=recording.inputs[: len(recording) - late],
+        outputs=recording.outputs[late:],
+    )
+    if np.ptp(rest.outputs[:, 0]) == 0:
+        return -np.inf
+    prompt = replace(result.plant, delay_samples=0, draws={}, draw_delays=np.zeros(0, np.int64))
+    return float(own_zero_run(prompt, rest, drift=result.drift)[1].fit_percent[0])
 
 
 def pole_evidence(result: AxisIdentification) -> list[PoleEvidence]:

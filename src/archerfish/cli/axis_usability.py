@@ -17,7 +17,9 @@ GAIN_SHARE = 0.05
 """Half width of the steady gain's 95 % interval over the gain, up to which the gain is known."""
 DELAY_CERTAINTY = 0.65
 """Probability, by the weights of all structures, from which a delay within a sample or a tenth counts as known."""
-_CLEAR = 25.0
+_MOVING = 0.3
+"""Deviation of an output over that of the liveliest log, from which the log is one to judge by."""
+_CLEAR = 15.0
 """Twice the log likelihood that a nonlinear operator must gain to be named."""
 _SEEN_SHARE = 0.97
 """Power of its residual over the linear plant's, up to which it is named."""
@@ -43,8 +45,14 @@ class Shortfall(NamedTuple):
 
 
 def judged_fit(evidence: AxisEvidence) -> LogEvidence:
-    """Return the recording by which the plant is judged: the worst that was held back, else the worst fitted."""
-    return min(evidence.of_kind("validation") or evidence.logs, key=lambda log: log.run.fit_percent)
+    """Return the recording by which the plant is judged: the worst that was held back, else the worst fitted.
+
+    A piece in which the axis hardly moves says nothing.
+    """
+    logs = evidence.of_kind("validation") or list(evidence.logs)
+    spreads = [float(np.std(log.run.measured)) for log in logs]
+    moving = [log for log, spread in zip(logs, spreads, strict=True) if spread >= _MOVING * max(spreads)]
+    return min(moving, key=lambda log: log.run.fit_percent)
 
 
 def nonlinearity(evidence: AxisEvidence) -> NonlinearFit | None:
@@ -89,7 +97,7 @@ def _wrong_columns(evidence: AxisEvidence) -> Iterator[Shortfall]:
 
 def _low_fit(evidence: AxisEvidence) -> Iterator[Shortfall]:
     judged = judged_fit(evidence)
-    fit = max(judged.run.fit_percent, judged.unshifted_percent)
+    fit = max(judged.run.fit_percent, judged.unshifted_percent, judged.settled_percent)
     if fit >= USABLE_FIT_PERCENT or (fit >= _NOISY_FIT and _is_noise(judged, evidence)):
         return
     bend = nonlinearity(evidence)

@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from archerfish.identification.axis.delay_walk import colour, rounding
 from archerfish.identification.axis.log_ground import Ground, ground_of
 from archerfish.identification.axis.modal_form import section_offsets, section_poles, sections_from_poles
 from archerfish.identification.axis.normal_equations import lay_out, solve
 from archerfish.identification.axis.pole_refinement import Effort, Problem, Refinement, refine_poles
+from archerfish.identification.axis.recursive_filter import recursion
 from archerfish.identification.axis.simulation_fit import linear_parameters, transfer_columns
 from archerfish.identification.axis.structure_choice import Structure
 from archerfish.records.recording import Recording, slice_recording
@@ -137,8 +137,9 @@ class _Search(NamedTuple):
         count = min(linear.size, behind.size)
         linear, behind = linear[:count], behind[:count]
         agreement = 100 * (1 - np.linalg.norm(behind - linear) / max(np.linalg.norm(behind - behind.mean()), 1e-300))
-        held = _OPERATORS[name](np.full(2, amplitude), top, self.period_s)[-1] if name in _STATIC else amplitude
-        ratio = _steady_gain(fit, problem) * held / (amplitude * _steady_gain(base[1], base[0]))
+        # Where the first level has been held: below the excited band both plants extrapolate, each to its own end.
+        level = slice(int(0.9 * self._settling(base[1])) + self._settling(base[1]), 2 * self._settling(base[1]))
+        ratio = float(np.mean(behind[level]) / np.mean(linear[level]))
         return NonlinearFit(name, top, share, -rows * float(np.log(share)), ratio, agreement, delay)
 
     @property
@@ -146,12 +147,15 @@ class _Search(NamedTuple):
         """Sampling period [s]."""
         return self.ground.recordings[0].sample_period_s
 
+    def _settling(self, linear: Refinement) -> int:
+        """Return how long a step takes to settle [samples]."""
+        decay = -np.log(np.clip(np.abs(section_poles(linear.sections)), 1e-6, 1 - 1e-4))
+        return min(int(_SETTLED / decay.min()) + 10, _SLOWEST_TEST // 10)
+
     def _test_signal(self, linear: Refinement, amplitude: float) -> Array:
         """Return levels that are held until the axis rests, then sines through its band, shape (N,)."""
-        poles = section_poles(linear.sections)
-        decay = -np.log(np.clip(np.abs(poles), 1e-6, 1 - 1e-4))
-        settle = min(int(_SETTLED / decay.min()) + 10, _SLOWEST_TEST // 10)
-        band = np.clip(decay.min() / (2 * np.pi), 1e-4, 0.1)
+        settle = self._settling(linear)
+        band = np.clip(_SETTLED / settle / (2 * np.pi), 1e-4, 0.1)
         frequencies = band * np.geomspace(0.1, 2.5, _TEST_SINES)
         time = np.arange(min(int(10 / band), _SLOWEST_TEST // 2))
         phases = np.pi * np.arange(_TEST_SINES) ** 2 / _TEST_SINES
@@ -187,13 +191,15 @@ class _Search(NamedTuple):
             for each in self.ground.recordings
         ]
         whole = ground_of(changed, self.ground.scale, self.ground.skips, self.ground.from_rest)
-        return whole._replace(lines=self.ground.lines)
+        whole = whole._replace(lines=self.ground.lines)
+        return whole.drifting() if self.ground.undelayed[0].drift is not None else whole
 
 
 def _shortened(ground: Ground) -> Ground:
     most = _MOST_SAMPLES // len(ground.recordings)
     cut: list[Recording] = [each if len(each) <= most else slice_recording(each, 0, most) for each in ground.recordings]
-    return ground_of(cut, ground.scale, ground.skips, ground.from_rest).thinned(_LINES)
+    short = ground_of(cut, ground.scale, ground.skips, ground.from_rest).thinned(_LINES)
+    return short.drifting() if ground.undelayed[0].drift is not None else short
 
 
 def _steady_gain(refinement: Refinement, problem: Problem) -> float:
@@ -206,7 +212,9 @@ def _response(refinement: Refinement, problem: Problem, given: Array) -> Array:
     total = refinement.fit.feedthrough[0, 0] * given if problem.feedthrough else np.zeros_like(given)
     for start, section in section_offsets(refinement.sections):
         numerator = refinement.fit.numerators[start : start + section.size, 0, 0]
-        total = total + lfilter(np.append(0.0, numerator), np.append(1.0, section), given)
+        state = np.concatenate([np.zeros(section.size), recursion(section, given)])
+        for lag, weight in enumerate(numerator, 1):
+            total = total + weight * state[section.size - lag : section.size - lag + given.size]
     return np.asarray(total)
 
 

@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from archerfish.identification.axis.modal_form import Sections, section_offsets, section_poles
+from archerfish.identification.axis.recursive_filter import recursion
 from archerfish.records.recording import Recording
 
 Array = NDArray[np.float64]
@@ -86,9 +86,8 @@ def section_ends(sections: Sections, start: RestStart) -> list[SectionEnd]:
         decay = -np.log(max(float(np.abs(section_poles((section,))).max()), 1e-12))
         reach = min(len(start.inputs), int(_FORGOTTEN / max(decay, 1e-12)) + 2 * _LATEST)
         recent = start.inputs[len(start.inputs) - reach :]
-        denominator = np.concatenate([[1.0], section])
-        once = lfilter([1.0], denominator, recent, axis=0)
-        twice = lfilter([1.0], denominator, once, axis=0)
+        once = recursion(section, recent)
+        twice = recursion(section, once)
         ends.append(SectionEnd(_latest(once), _latest(twice), recent[-1] if reach else np.zeros(recent.shape[1])))
     return ends
 

@@ -11,7 +11,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from archerfish.identification.axis.delay_walk import rounding
 from archerfish.identification.axis.log_ground import Ground
@@ -20,6 +19,7 @@ from archerfish.identification.axis.pole_refinement import Effort, Problem, refi
 from archerfish.identification.axis.simulation_fit import LinearFit
 from archerfish.identification.axis.spectra import Spectrum, row_count
 from archerfish.identification.axis.structure_choice import Structure
+from archerfish.identification.axis.uncertainty import power_around
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -42,7 +42,7 @@ def structure_criteria(structures: Sequence[Structure], ground: Ground) -> Array
     best = int(np.argmin([each.misfit for each in fits]))
     experiments = ground.spectra(structures[best].delay)
     residuals = _residuals(fits[best], experiments)
-    powers = [_smoothed(np.mean(0.5 * np.abs(each) ** 2, axis=1)) for each in residuals]
+    powers = [power_around(np.mean(0.5 * np.abs(each) ** 2, axis=1)) for each in residuals]
     floor = rounding(experiments) / row_count(experiments)
     weights = [1 / np.sqrt(np.maximum(each, max(floor, np.finfo(float).tiny))) for each in powers]
     loudest = _loudest(experiments, residuals, weights)
@@ -62,11 +62,6 @@ def _residuals(fit: LinearFit, experiments: Sequence[Spectrum]) -> list[ComplexA
     edges = np.cumsum([0, *(2 * each.lag.size for each in experiments)])
     halves = [np.split(rows[:, start:stop], 2, axis=1) for start, stop in pairwise(edges)]
     return [(real + 1j * imaginary).T for real, imaginary in halves]
-
-
-def _smoothed(squares: Array) -> Array:
-    width = 2 * max(2, round(np.sqrt(squares.size) / 2)) + 1
-    return np.asarray(uniform_filter1d(squares, width, mode="reflect"))
 
 
 def _loudest(

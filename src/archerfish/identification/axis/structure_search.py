@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from archerfish.identification.axis.delay_walk import Walk, walk_delays
 from archerfish.identification.axis.informative_lines import telling_lines
@@ -114,7 +114,7 @@ def _moving_at_once(walk: Walk, ground: Ground) -> list[bool]:
         freed = refine_poles(sketch.sections, problem._replace(experiments=experiments), _SEARCH)
         rows = sketch.fit.residuals.size / max(1.0, walk.colour())
         gained = rows * float(np.log(max(sketch.cost, walk.rounding()) / max(freed.cost, walk.rounding())))
-        moving.append(gained > float(chi2.isf(_DISPROOF, sketch.fit.numerators[:, 0].size)))
+        moving.append(gained > float(chdtri(sketch.fit.numerators[:, 0].size, _DISPROOF)))
     return moving
 
 

@@ -13,7 +13,7 @@ _SATURATED_SHARE = 0.05
 _QUANTISATION_SHARE = 0.02
 _FROZEN_SHARE = 0.1
 _SPIKE = 30.0
-_SINE_REST = 1e-3
+_SINE_REST = 0.02
 _MANY_VALUES = 20  # a signal of fewer is a sequence of steps
 
 _TURNS = (2 * np.pi, 360.0)

@@ -252,6 +252,8 @@ def _taken_evenly(
     table: LogTable, rows: Rows, stretches: list[slice], counted: list[NDArray[np.int64]], findings: list[Finding]
 ) -> list[Piece]:
     """Take samples as equally spaced, and cut where some are missing."""
+    from scipy.interpolate import CubicSpline
+
     span = sum(float(rows.time[each][-1] - rows.time[each][0]) for each in stretches)
     period = span / sum(int(each[-1] - each[0]) for each in counted)
     pieces, lost = [], 0
