@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from archerfish.figures.style import BLUE, GREEN, MUTED, VERMILLION, label_axes, new_figure, plot_style
+from archerfish.figures.frame import frame_axes
+from archerfish.figures.style import BLUE, GREEN, MUTED, VERMILLION, label_axes, label_log_axis, new_figure, plot_style
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -40,7 +41,7 @@ class BodeData(NamedTuple):
 def bode_figure(bode: BodeData, *, title: str = "Frequency response") -> Figure:
     """Draw magnitude and phase with the 95 % band of the draws, and the coherence of the measured response."""
     with plot_style():
-        figure, axes = new_figure(3, 1, height=6.4, sharex=True, height_ratios=(3, 2.4, 1))
+        figure, axes = new_figure(3, 1, height=6.4, layout=None, sharex=True, height_ratios=(3, 2.4, 1))
         magnitude, phase, coherence = axes[:, 0]
         draw_bode(magnitude, phase, bode, title=title)
         coherence.plot(bode.measured_hz, bode.coherence, color=BLUE, linewidth=1.2)
@@ -49,6 +50,7 @@ def bode_figure(bode: BodeData, *, title: str = "Frequency response") -> Figure:
         shade_bands(coherence, bode.excited_hz)
         label_axes(phase, y="Phase [°]")
         label_axes(coherence, x="Frequency [Hz]", y="Coherence")
+        frame_axes(figure, axes)
     return figure
 
 
@@ -67,6 +69,7 @@ def draw_bode(magnitude: Axes, phase: Axes, bode: BodeData, *, title: str = "Fre
     _draw_measured(magnitude, phase, bode)
     magnitude.set_xscale("log")
     magnitude.set_xlim(bode.frequency_hz[0], bode.frequency_hz[-1])
+    label_log_axis(magnitude)
     _limit(magnitude, _decibel(bode.response), _MARGIN_DB)
     _limit(phase, np.degrees(turn), 60.0)
     for axes in (magnitude, phase):

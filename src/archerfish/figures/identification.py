@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from archerfish.figures.bode import BodeData, draw_bode
+from archerfish.figures.frame import frame_axes
 from archerfish.figures.style import BLUE, INK, VERMILLION, label_axes, new_figure, plot_style
 
 Array = NDArray[np.float64]
@@ -47,17 +48,19 @@ def axis_figure(run: SimulatedRun, bode: BodeData, *, output: str = "output", ti
       title: what was identified.
     """
     with plot_style():
-        figure, axes = new_figure(2, 2, width=10.0, height=5.6, sharex="col")
+        figure, axes = new_figure(2, 2, width=10.0, height=5.6, layout=None, sharex="col")
         _draw_run(axes[0, 0], axes[1, 0], run, output, title)
         draw_bode(axes[0, 1], axes[1, 1], bode)
+        frame_axes(figure, axes)
     return figure
 
 
 def run_figure(run: SimulatedRun, *, output: str = "output", title: str = "Axis") -> Figure:
     """Draw measured over simulated output with its band (Fig. 4 for a step), and the residual; see `axis_figure`."""
     with plot_style():
-        figure, axes = new_figure(2, 1, height=4.0, sharex=True, height_ratios=(2, 1))
+        figure, axes = new_figure(2, 1, height=4.0, layout=None, sharex=True, height_ratios=(2, 1))
         _draw_run(axes[0, 0], axes[1, 0], run, output, title)
+        frame_axes(figure, axes)
     return figure
 
 

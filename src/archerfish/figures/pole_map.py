@@ -9,7 +9,8 @@ from matplotlib.patches import Wedge
 from numpy.typing import NDArray
 
 from archerfish.figures.bode import label_unknown, shade_bands
-from archerfish.figures.style import BLUE, GREEN, MUTED, VERMILLION, label_axes, new_figure, plot_style
+from archerfish.figures.frame import frame_axes
+from archerfish.figures.style import BLUE, GREEN, MUTED, VERMILLION, label_axes, label_log_axis, new_figure, plot_style
 
 Poles = NDArray[np.complex128]
 
@@ -32,10 +33,11 @@ class PoleMap(NamedTuple):
 def pole_figure(poles: PoleMap) -> Figure:
     """Draw the poles: a cross where they are determined, a hollow circle where they are not, draws as dots."""
     with plot_style():
-        figure, axes = new_figure(1, 2, height=3.8, width_ratios=(1, 1.35))
+        figure, axes = new_figure(1, 2, height=3.8, layout=None, width_ratios=(1, 1.35))
         _draw_plane(axes[0, 0], poles)
         _draw_damping(axes[0, 1], poles)
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="lower center", ncols=3)
+        frame_axes(figure, axes)
     return figure
 
 
@@ -62,6 +64,7 @@ def _draw_damping(axes: Axes, poles: PoleMap) -> None:
     edges = [*frequency, *poles.excited_hz, nyquist]
     axes.set_xscale("log")
     axes.set_xlim(0.6 * max(min(edges), 1e-4 * nyquist), 1.6 * max(edges))
+    label_log_axis(axes)
     axes.set_ylim(-0.05, 1.3)  # room above the real poles for words
     shade_bands(axes, poles.excited_hz)
     label_unknown(axes, poles.excited_hz)

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from archerfish.figures.frame import frame_axes
 from archerfish.figures.style import BLUE, GREEN, MUTED, VERMILLION, label_axes, new_figure, plot_style
 
 Array = NDArray[np.float64]
@@ -32,7 +33,7 @@ def correlation_figure(panels: Sequence[CorrelationPanel]) -> Figure:
       panels: at least one.
     """
     with plot_style():
-        figure, axes = new_figure(1, len(panels), height=2.6)
+        figure, axes = new_figure(1, len(panels), height=2.6, layout=None)
         for place, panel in zip(axes[0], panels, strict=True):
             place.fill_between(panel.lag, -panel.half_width, panel.half_width, color=GREEN, alpha=0.18, linewidth=0)
             outside = np.abs(panel.correlation) > panel.half_width
@@ -42,4 +43,5 @@ def correlation_figure(panels: Sequence[CorrelationPanel]) -> Figure:
             place.set_ylim(-min(1.1 * reach, 1.05), min(1.1 * reach, 1.05))  # a band may be wider than any correlation
             place.axhline(0.0, color=MUTED, linewidth=0.8)
             label_axes(place, title=panel.title, x="Lag [samples]", y="Correlation" if place is axes[0, 0] else "")
+        frame_axes(figure, axes)
     return figure

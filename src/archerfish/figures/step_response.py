@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from archerfish.figures.frame import frame_axes
 from archerfish.figures.style import BLUE, INK, MUTED, VERMILLION, label_axes, new_figure, plot_style
 
 Array = NDArray[np.float64]
@@ -106,7 +107,7 @@ def unit_step_figure(panels: Sequence[StepResponse], *, output: str = "output") 
       output: name of the output, for the labels.
     """
     with plot_style():
-        figure, axes = new_figure(1, len(panels), height=2.8)
+        figure, axes = new_figure(1, len(panels), height=2.8, layout=None)
         for place, panel in zip(axes[0], panels, strict=True):
             if panel.spread[0].size:
                 sides = panel.spread
@@ -115,4 +116,5 @@ def unit_step_figure(panels: Sequence[StepResponse], *, output: str = "output") 
             place.axhline(panel.dc_gain, color=MUTED, linewidth=0.9, linestyle="--", label="steady gain")
             place.legend(loc="lower right")
             label_axes(place, title=panel.title, x="Time since the step [s]", y=f"{output} per unit")
+        frame_axes(figure, axes)
     return figure

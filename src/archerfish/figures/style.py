@@ -10,13 +10,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
 from archerfish.records import storage
@@ -39,6 +40,9 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 WIDTH = 7.2
 """Width of a full-width figure [inch]."""
+
+_MANY_DECADES = 3e3
+"""Ratio of the ends of a logarithmic axis from which each decade has one number."""
 
 _SETTINGS: Any = {
     "font.family": "DejaVu Sans",
@@ -85,7 +89,13 @@ def plot_style() -> Iterator[None]:
 
 
 def new_figure(
-    rows: int = 1, columns: int = 1, *, width: float = WIDTH, height: float = 3.2, **options: Any
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    width: float = WIDTH,
+    height: float = 3.2,
+    layout: Literal["constrained"] | None = "constrained",
+    **options: Any,
 ) -> tuple[Figure, NDArray[np.object_]]:
     """Make a figure with a grid of axes; call it, and draw on it, inside `plot_style()`.
 
@@ -94,12 +104,13 @@ def new_figure(
       columns: columns of axes.
       width: width of the figure [inch].
       height: height of the figure [inch].
+      layout: who makes room for labels: Matplotlib, which measures all of them, or with None `frame.frame_axes`.
       options: passed to `Figure.subplots`, for instance `sharex`.
 
     Returns:
       The figure and its axes, shape (rows, columns).
     """
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout=layout)
     axes = figure.subplots(rows, columns, squeeze=False, **options)
     return figure, axes
 
@@ -109,6 +120,18 @@ def label_axes(axes: Axes, *, title: str = "", x: str = "", y: str = "") -> None
     axes.set_title(title)
     axes.set_xlabel(x)
     axes.set_ylabel(y)
+
+
+def label_log_axis(axes: Axes) -> None:
+    """Put plain numbers along a logarithmic horizontal axis whose limits are set: 1, 2 and 5 of a decade, or 1 alone.
+
+    Matplotlib's own are powers of ten with ticks between them, which take longer to draw than all the rest.
+    """
+    low, high = axes.get_xlim()
+    steps = (1.0, 2.0, 5.0) if high < _MANY_DECADES * low else (1.0,)
+    axes.xaxis.set_major_locator(LogLocator(subs=steps, numticks=20))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.xaxis.set_minor_locator(NullLocator())
 
 
 def save_figure(path: Path, figure: Figure) -> None:
