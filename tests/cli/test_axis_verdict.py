@@ -112,9 +112,7 @@ def test_a_response_later_than_the_longest_delay_asks_to_raise_it():
     assert "late" not in found.reasons
 
 
-@pytest.mark.parametrize(
-    ("delay", "span", "words"), [(5, (4, 5), "is the longest that was tried"), (2, (1, 3), None)]
-)
+@pytest.mark.parametrize(("delay", "span", "words"), [(5, (4, 5), "is the longest that was tried"), (2, (1, 3), None)])
 def test_a_delay_at_the_longest_that_was_tried_makes_a_plant_useless(delay, span, words):
     evidence, _ = judged([SWEEP, STEP], [STEP_2], delay_range=span)
     plant = replace(evidence.result.plant, delay_samples=delay)

@@ -51,12 +51,19 @@ def jitter_of_a_fast_signal(folder):
     return csv(folder, time, u, response(u) + 0.3 * np.random.default_rng(6).standard_normal(SAMPLES))
 
 
+@fault("repaired", "time-stamped-late")
+def samples_stamped_late_by_a_host(folder):
+    time, u, y = sound()
+    late = np.maximum.accumulate(time + 0.6 * PERIOD * np.random.default_rng(5).random(time.size))
+    return csv(folder, late + 1e-6 * np.arange(time.size), u, y)
+
+
 @fault("refused", "sample-period")
 def a_sampling_period_of_zero(folder):
     return [*csv(folder, *sound()), "--sample-period-s", "0"]
 
 
-@fault("refused", "other-period")
+@fault("repaired", "other-period")
 def two_sampling_periods(folder):
     time, u, y = sound()
     other = write(folder, table(time / 2, u, y), "fast.csv")

@@ -64,8 +64,9 @@ OPEN_LOOPS = {
 
 
 def judged(recording, order):
-    plant = identify_axis([recording], order).plant
-    run = free_run(plant, recording, common_offset(plant, [recording]))
+    result = identify_axis([recording], order)
+    own = common_offset(result.plant, [recording], drift=result.drift)
+    run = free_run(result.plant, recording, own, drift=result.drift)
     return residual_tests((recording.outputs - run.simulated)[:, 0], recording.inputs)
 
 

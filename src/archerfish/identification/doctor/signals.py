@@ -88,13 +88,13 @@ def single_sine_hz(signal: Array, sample_period_s: float) -> float | None:
     # A parabola through the logarithms of a Hann window's main lobe places its peak to a hundredth of a line.
     left, top, right = np.log(np.maximum(spectrum[peak - 1 : peak + 2], 1e-300))
     line = peak + 0.5 * (left - right) / (left - 2 * top + right)
+    least, best = np.inf, 0.0
     for frequency in np.linspace(line - 0.05, line + 0.05, 11) / len(centred):
         phase = 2 * np.pi * frequency * np.arange(len(centred))
         basis = np.column_stack([np.cos(phase), np.sin(phase), np.ones_like(phase)])
         rest = centred - basis @ np.linalg.lstsq(basis, centred, rcond=None)[0]
-        if rest @ rest < _SINE_REST * (centred @ centred):
-            return float(frequency / sample_period_s)
-    return None
+        least, best = min((least, best), (float(rest @ rest), float(frequency)))
+    return best / sample_period_s if least < _SINE_REST * (centred @ centred) else None
 
 
 def _above_nyquist(recording: Recording, name: str, signal: Array) -> list[Finding]:
