@@ -6,7 +6,6 @@ orders together, each weighed by its criterion.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +17,8 @@ from archerfish.identification.axis.gimbal import (
     complete_axis,
     search_axis,
 )
-from archerfish.identification.axis.structure_evidence import structure_criteria
+from archerfish.identification.axis.structure_choice import Structure
+from archerfish.identification.axis.structure_evidence import gather, neighbours
 from archerfish.identification.validation.free_run import common_offset, free_run
 from archerfish.records.errors import InputError
 from archerfish.records.recording import Recording
@@ -121,12 +121,12 @@ def choose_order(
         elif not waiting:
             waiting = _next_to_best(searches, orders)
     searches = dict(sorted(searches.items()))
-    criteria = _criteria(searches)
-    least = {order: min(each) for order, each in criteria.items()}
+    candidates = _candidates(searches)
+    least = _least(candidates)
     trials = [_trial(searches[order], recordings, worst.get(order), least) for order in searches]
     chosen = _best(worst) if held_back else min(least, key=lambda order: least[order])
-    weights = _delay_weights(searches, criteria)
-    search = _likeliest_first(searches[chosen], criteria[chosen])
+    weights = _delay_weights(candidates)
+    search = _likeliest_first(searches[chosen], [each for each in candidates if each.order == chosen])
     found = search.found._replace(delays=_open_delays(weights), delay_weights=weights)
     result = complete_axis(search._replace(found=found), axis=axis, seed=seed)
     return OrderChoice(result, tuple(trials))
@@ -134,43 +134,63 @@ def choose_order(
 
 def _next_to_best(searches: Mapping[int, AxisSearch], orders: Sequence[int]) -> list[int]:
     """Return the neighbours of the best order so far that have not been tried."""
-    criteria = _criteria(searches)
-    best = min(criteria, key=lambda order: min(criteria[order]))
+    least = _least(_candidates(searches))
+    best = min(least, key=lambda order: least[order])
     return [order for order in (best - 1, best + 1) if order in orders and order not in searches]
 
 
-def _criteria(searches: Mapping[int, AxisSearch]) -> dict[int, list[float]]:
-    """Return the criteria of the structures of each order, best and others, all on the same samples."""
+class _Candidate(NamedTuple):
+    order: int
+    structure: Structure
+    criterion: float
+
+
+def _candidates(searches: Mapping[int, AxisSearch]) -> list[_Candidate]:
+    """Return all structures that were found, and those beside the best one, with their criteria on the same samples."""
     # The samples that the longest delay leaves.
-    ground = max(searches.values(), key=lambda each: (each.longest_delay, each.order)).found.ground
-    structures = {order: [each.found.best, *each.found.others] for order, each in searches.items()}
-    criteria = structure_criteria([one for each in structures.values() for one in each], ground)
-    edges = np.cumsum([0, *(len(each) for each in structures.values())])
-    return {
-        order: criteria[start:stop].tolist() for order, (start, stop) in zip(searches, pairwise(edges), strict=True)
-    }
+    widest = max(searches.values(), key=lambda each: (each.longest_delay, each.order))
+    found = [
+        (order, structure)
+        for order, search in searches.items()
+        for structure in (search.found.best, *search.found.others)
+    ]
+    evidence = gather([structure for _, structure in found], widest.found.ground)
+    candidates = [_Candidate(*each, evidence.criterion(each[1])) for each in found]
+    best = min(candidates, key=lambda each: each.criterion)
+    prompt = best.structure.problem._replace(feedthrough=False)
+    beside = neighbours(best.structure._replace(problem=prompt), evidence, widest.longest_delay)
+    return [*candidates, *(_Candidate(best.order, *each) for each in beside)]
 
 
-def _likeliest_first(search: AxisSearch, criteria: Sequence[float]) -> AxisSearch:
+def _least(candidates: Sequence[_Candidate]) -> dict[int, float]:
+    """Return the least criterion of each order."""
+    least: dict[int, float] = {}
+    for each in candidates:
+        least[each.order] = min(each.criterion, least.get(each.order, np.inf))
+    return dict(sorted(least.items()))
+
+
+def _likeliest_first(search: AxisSearch, candidates: Sequence[_Candidate]) -> AxisSearch:
     found = search.found
-    structures = [found.best, *found.others]
+    fitted = (found.best, *found.others)
+    criteria = [min(each.criterion for each in candidates if each.structure is one) for one in fitted]
     order = np.argsort(criteria, kind="stable")
-    best, *others = (structures[index] for index in order)
+    best, *others = (fitted[index] for index in order)
     ranked = found._replace(best=best, others=tuple(others), criteria=tuple(criteria[index] for index in order))
     return search._replace(found=ranked)
 
 
-def _delay_weights(searches: Mapping[int, AxisSearch], criteria: Mapping[int, Sequence[float]]) -> dict[int, float]:
+def _delay_weights(candidates: Sequence[_Candidate]) -> dict[int, float]:
     """Return how likely each delay is, all orders together; a plant with feedthrough answers a sample earlier."""
-    pairs = [
-        (structure.delay - structure.problem.feedthrough, value)
-        for order, search in searches.items()
-        for structure, value in zip([search.found.best, *search.found.others], criteria[order], strict=True)
-    ]
-    least = min(value for _, value in pairs)
+    values: dict[tuple[int, int, bool], float] = {}
+    for order, structure, value in candidates:
+        key = order, structure.delay, structure.problem.feedthrough
+        values[key] = min(value, values.get(key, np.inf))
+    least = min(values.values())
     weights: dict[int, float] = {}
-    for delay, value in pairs:
-        weights[delay] = weights.get(delay, 0.0) + float(np.exp(-0.5 * (value - least)))
+    for (_, delay, feedthrough), value in values.items():
+        prompt = delay - feedthrough
+        weights[prompt] = weights.get(prompt, 0.0) + float(np.exp(-0.5 * (value - least)))
     total = sum(weights.values())
     return {delay: weights[delay] / total for delay in sorted(weights)}
 

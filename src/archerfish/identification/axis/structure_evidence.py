@@ -8,6 +8,7 @@ slow drift of the output hides nothing of a delay.
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,22 +16,53 @@ from numpy.typing import NDArray
 from archerfish.identification.axis.delay_walk import rounding
 from archerfish.identification.axis.log_ground import Ground
 from archerfish.identification.axis.normal_equations import lay_out, solve
+from archerfish.identification.axis.out_of_band import scaled_penalty
 from archerfish.identification.axis.pole_refinement import Effort, Problem, refine_poles
 from archerfish.identification.axis.simulation_fit import LinearFit
 from archerfish.identification.axis.spectra import Spectrum, row_count
 from archerfish.identification.axis.structure_choice import Structure
-from archerfish.identification.axis.uncertainty import power_around
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _LINES = 1500
 """Lines that are looked at: those where the response is loudest over the noise."""
+_BORROWED = 8
+"""Lines that the next higher octave counts as."""
+_CLEARLY_WORSE, _FURTHEST = 10.0, 12
+"""Difference of the criterion, and of the delays, up to which neighbours are looked at."""
 _EFFORT = Effort(0.3, 8)
 
 
-def structure_criteria(structures: Sequence[Structure], ground: Ground) -> Array:
-    """Return the information criterion of each structure, shape (k,); the same lines and the same noise for all.
+class Evidence(NamedTuple):
+    """What structures are compared on: the loudest lines, weighed by the noise that the best of them leaves."""
+
+    weighted: Ground
+    """Those lines."""
+    noise: float
+    """Mean power of the noise, in the unit of the outputs before they were weighed."""
+    rows: int
+    """Independent residuals of all lines, over which a parameter counts."""
+
+    def criterion(self, structure: Structure) -> float:
+        """Return the information criterion of a structure, its poles refined on these lines."""
+        problem, fit = self.refined(structure)
+        parameters = len(fit.numerators) + fit.numerators.size + problem.feedthrough * fit.feedthrough.size
+        parameters += sum(each.rest is None for each in problem.experiments) * fit.numerators[:, 0].size
+        return fit.misfit + parameters * float(np.log(self.rows))
+
+    def refined(self, structure: Structure) -> tuple[Problem, LinearFit]:
+        """Return a structure's problem on these lines, and its fit."""
+        # Without the prior, poles outside the excited band would fit what noise is there.
+        penalty = structure.problem.penalty
+        if penalty is not None:
+            penalty = scaled_penalty(penalty, 1 / np.sqrt(max(self.noise, np.finfo(float).tiny)))
+        problem = Problem(self.weighted.spectra(structure.delay), structure.problem.feedthrough, penalty)
+        return problem, refine_poles(structure.refinement.sections, problem, _EFFORT).fit
+
+
+def gather(structures: Sequence[Structure], ground: Ground) -> Evidence:
+    """Make ready to compare structures.
 
     Args:
       structures: of one axis, of any orders and delays.
@@ -42,13 +74,33 @@ def structure_criteria(structures: Sequence[Structure], ground: Ground) -> Array
     best = int(np.argmin([each.misfit for each in fits]))
     experiments = ground.spectra(structures[best].delay)
     residuals = _residuals(fits[best], experiments)
-    powers = [power_around(np.mean(0.5 * np.abs(each) ** 2, axis=1)) for each in residuals]
-    floor = rounding(experiments) / row_count(experiments)
-    weights = [1 / np.sqrt(np.maximum(each, max(floor, np.finfo(float).tiny))) for each in powers]
-    loudest = _loudest(experiments, residuals, weights)
-    weighted = ground.weighted(weights)._replace(lines=loudest)
-    count = len(experiments[0].outputs[0]) * row_count(experiments)
-    return np.array([_criterion(each, weighted, count) for each in structures])
+    powers = [noise_power(np.mean(0.5 * np.abs(each) ** 2, axis=1)) for each in residuals]
+    floor = max(rounding(experiments) / row_count(experiments), np.finfo(float).tiny)
+    weights = [1 / np.sqrt(np.maximum(each, floor)) for each in powers]
+    weighted = ground.weighted(weights)._replace(lines=_loudest(experiments, residuals, weights))
+    count = experiments[0].outputs.shape[1] * row_count(experiments)
+    return Evidence(weighted, float(np.mean(np.concatenate(powers))), count)
+
+
+def neighbours(structure: Structure, evidence: Evidence, longest: int) -> list[tuple[Structure, float]]:
+    """Return structures of the same order at the delays beside one, until they are clearly worse, with their criteria.
+
+    Args:
+      structure: to begin with.
+      evidence: to compare on.
+      longest: longest delay [samples].
+    """
+    found = []
+    best = evidence.criterion(structure)
+    for side in (-1, 1):
+        here, value = structure, best
+        while value < best + _CLEARLY_WORSE and abs(here.delay - structure.delay) < _FURTHEST:
+            if not 0 <= here.delay + side <= longest:
+                break
+            here = here._replace(delay=here.delay + side)
+            value = evidence.criterion(here)
+            found.append((here, value))
+    return found
 
 
 def _fit(structure: Structure, ground: Ground) -> LinearFit:
@@ -62,6 +114,25 @@ def _residuals(fit: LinearFit, experiments: Sequence[Spectrum]) -> list[ComplexA
     edges = np.cumsum([0, *(2 * each.lag.size for each in experiments)])
     halves = [np.split(rows[:, start:stop], 2, axis=1) for start, stop in pairwise(edges)]
     return [(real + 1j * imaginary).T for real, imaginary in halves]
+
+
+def noise_power(squares: Array) -> Array:
+    """Return the power of a residual at each line, shape (F,), from its squares: smooth over the octaves.
+
+    An average over few lines would follow what the fit has left there by chance, and call every other fit wrong. So
+    each octave has one mean, which counts the next higher one as some lines more, and the power is interpolated
+    between them.
+    """
+    edges = [0, *(2**k - 1 for k in range(1, int(np.log2(squares.size + 1)) + 1)), squares.size]
+    bands = [(first, last) for first, last in pairwise(dict.fromkeys(edges)) if last > first]
+    centres, means = [], []
+    above = float(squares[squares.size // 2 :].mean())
+    for first, last in reversed(bands):
+        above = (float(squares[first:last].sum()) + _BORROWED * above) / (last - first + _BORROWED)
+        centres.append(np.log(0.5 * (first + last + 1)))
+        means.append(above)
+    powers = np.log(np.maximum(means[::-1], np.finfo(float).tiny))
+    return np.asarray(np.exp(np.interp(np.log(np.arange(1, squares.size + 1)), centres[::-1], powers)))
 
 
 def _loudest(
@@ -79,11 +150,3 @@ def _loudest(
         lines = min(each.lag.size, max(100, _LINES * each.lag.size // total))
         chosen.append(np.sort(np.argsort(-loudness, kind="stable")[:lines]))
     return chosen
-
-
-def _criterion(structure: Structure, ground: Ground, count: int) -> float:
-    problem = Problem(ground.spectra(structure.delay), structure.problem.feedthrough)
-    fit = refine_poles(structure.refinement.sections, problem, _EFFORT).fit
-    parameters = len(fit.numerators) + fit.numerators.size + problem.feedthrough * fit.feedthrough.size
-    parameters += sum(each.rest is None for each in problem.experiments) * fit.numerators[:, 0].size
-    return fit.misfit + parameters * float(np.log(count))

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 from scipy.special import chdtr, chdtri, ndtri
 
 from archerfish.identification.axis.modal_form import (
@@ -42,8 +43,6 @@ ComplexArray = NDArray[np.complex128]
 
 _STEP = 1e-6
 _LARGEST_LEVERAGE = 0.9
-_FEWEST_AROUND = 3
-"""Neighbours on either side over which the power of the residual is averaged at least."""
 _NOTHING = 3e-7
 """Share of the best known direction's strength up to which a direction counts as not determined."""
 _SIGNIFICANT = float(chdtr(1, 9.0))
@@ -156,22 +155,10 @@ def _powers(leverage: Array, residuals: Sequence[Array]) -> list[Array]:
     powers = []
     for square in np.split(np.concatenate(residuals) ** 2 / kept, np.cumsum([each.size for each in residuals])[:-1]):
         lines = square.size // 2
-        powers.append(power_around(0.5 * (square[:lines] + square[lines:])))
+        width = 2 * max(2, round(np.sqrt(lines) / 2)) + 1
+        # Mirrored, since the first lines hold most of a step and must not be weighed by one of them alone.
+        powers.append(uniform_filter1d(0.5 * (square[:lines] + square[lines:]), width, mode="reflect"))
     return powers
-
-
-def power_around(squares: Array) -> Array:
-    """Return the mean of squares around each line, shape (F,).
-
-    Over as many neighbours as the root of all lines, but at low frequencies over no more than half an octave or so:
-    there slow disturbances change their power from line to line.
-    """
-    count = squares.size
-    place = np.arange(count)
-    half = np.minimum(max(2, round(np.sqrt(count) / 2)), np.maximum(_FEWEST_AROUND, place // 3))
-    first, last = np.maximum(place - half, 0), np.minimum(place + half + 1, count)
-    sums = np.concatenate([[0.0], np.cumsum(squares)])
-    return np.asarray(np.maximum(sums[last] - sums[first], 0.0) / (last - first))
 
 
 def standard_deviations(known: Posterior, function: Callable[[Posterior], Array]) -> Array:
