@@ -51,10 +51,11 @@ def test_nothing_overlaps_and_nothing_leaves_the_figure(draw):
         assert box.x1 <= pixels.x1
         assert pixels.y0 <= box.y0
         assert box.y1 <= pixels.y1
-    drawn = [part for axes in grid.flat for part in (axes.yaxis.label, axes.xaxis.label, axes._left_title, axes.patch)]
-    for number in figure.texts:
-        box = number.get_window_extent()
-        assert not any(box.overlaps(each.get_window_extent()) for each in drawn), number
+    texts = [*figure.texts, *(axes._left_title for axes in grid.flat)]
+    for index, text in enumerate(texts):
+        box = text.get_window_extent()
+        others = [*texts[:index], *(axes.patch for axes in grid.flat)]
+        assert not any(box.overlaps(each.get_window_extent()) for each in others), text
 
 
 def test_shared_axes_bear_numbers_once_and_a_line_for_each():

@@ -14,7 +14,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from matplotlib.ticker import NullLocator
+from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
@@ -24,6 +24,8 @@ _LINE = 1.25
 """Height of a line over the size of its letters."""
 _GAP = 5.0
 """Between what stands beside one another [point]."""
+_LOCATOR = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10])
+"""Where the numbers of an axis stand: at no more than seven places."""
 _PLAIN = (1e-3, 1e6)
 """Numbers whose largest lies within these are written without an exponent."""
 
@@ -40,10 +42,18 @@ class _Numbers(NamedTuple):
 class _Room(NamedTuple):
     """What one set of axes needs outside itself [point]."""
 
+    beside: float
+    """From the axes to the label on the left."""
     left: float
+    """All on the left."""
     right: float
+    """All on the right."""
+    below: float
+    """From the axes to the label below."""
     bottom: float
+    """All below."""
     top: float
+    """All above."""
 
 
 def frame_axes(figure: Figure, grid: NDArray[np.object_]) -> None:
@@ -58,18 +68,20 @@ def frame_axes(figure: Figure, grid: NDArray[np.object_]) -> None:
     ]
     rooms = [[_room(axes, *each) for axes, each in zip(*row, strict=True)] for row in zip(grid, numbers, strict=True)]
     _place(figure, rooms)
-    for row, found in zip(grid, numbers, strict=True):
-        for axes, (across, up) in zip(row, found, strict=True):
-            _draw(figure, axes, across, up)
+    for row, found, needed in zip(grid, numbers, rooms, strict=True):
+        for axes, (across, up), room in zip(row, found, needed, strict=True):
+            _draw(figure, axes, across, up, room)
 
 
 def _numbers(axis: Axis, label: str) -> _Numbers:
     low, high = sorted(axis.get_view_interval())
     margin = 1e-9 * (high - low)
-    places = [float(each) for each in axis.get_majorticklocs() if low - margin <= each <= high + margin]
+    logarithmic = axis.get_scale() == "log"
+    found = axis.get_majorticklocs() if logarithmic else _LOCATOR.tick_values(low, high)
+    places = [float(each) for each in found if low - margin <= each <= high + margin]
     if not axis.get_tick_params(which="major").get(label, True):
         return _Numbers(places, [])
-    texts = axis.get_major_formatter().format_ticks(places) if axis.get_scale() == "log" else number_texts(places)
+    texts = axis.get_major_formatter().format_ticks(places) if logarithmic else number_texts(places)
     return _Numbers(places, list(texts))
 
 
@@ -94,14 +106,15 @@ def _room(axes: Axes, across: _Numbers, up: _Numbers) -> _Room:
     title = axes.get_title(loc="left")
     if title:
         axes.set_title(title, y=1.0)  # nothing stands above the axes that it must keep clear of
-    # A label stands beyond the numbers.
-    axes.yaxis.labelpad = _GAP + max(map(_width, up.texts), default=0.0) * size + 0.5 * _GAP
-    axes.xaxis.labelpad = (_GAP + _LINE * size if across.texts else 0.0) + 0.5 * _GAP
+    beside = _GAP + max(map(_width, up.texts), default=0.0) * size
+    below = _GAP + _LINE * size if across.texts else 0.0
     last = 0.5 * _width(across.texts[-1]) * size if across.texts else 0.0
     return _Room(
-        axes.yaxis.labelpad + _height(axes.yaxis.label) + _GAP,
+        beside + 0.5 * _GAP,
+        beside + _height(axes.yaxis.label) + 1.5 * _GAP,
         last + _GAP,
-        axes.xaxis.labelpad + _height(axes.xaxis.label) + _GAP,
+        below + 0.5 * _GAP,
+        below + _height(axes.xaxis.label) + 1.5 * _GAP,
         (_height(axes.title, title) if title else 0.0) + 1.5 * _GAP,
     )
 
@@ -134,7 +147,7 @@ def _place(figure: Figure, rooms: list[list[_Room]]) -> None:
     )
 
 
-def _draw(figure: Figure, axes: Axes, across: _Numbers, up: _Numbers) -> None:
+def _draw(figure: Figure, axes: Axes, across: _Numbers, up: _Numbers, room: _Room) -> None:
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     lines = [((x, low), (x, high)) for x in across.places] + [((left, y), (right, y)) for y in up.places]
     if lines:
@@ -148,7 +161,14 @@ def _draw(figure: Figure, axes: Axes, across: _Numbers, up: _Numbers) -> None:
         figure.text(place, 0.0, word, transform=below, ha="center", va="top", **text)
     for place, word in zip(up.places, up.texts, strict=False):
         figure.text(0.0, place, word, transform=beside, ha="right", va="center", **text)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(NullLocator())
-        axis.set_minor_locator(NullLocator())
+    text = {"fontsize": mpl.rcParams["axes.labelsize"], "color": mpl.rcParams["axes.labelcolor"]}
+    under = axes.transAxes + ScaledTranslation(0, -room.below / 72, figure.dpi_scale_trans)
+    left_of = axes.transAxes + ScaledTranslation(-room.beside / 72, 0, figure.dpi_scale_trans)
+    if label := axes.get_xlabel():
+        figure.text(0.5, 0.0, label, transform=under, ha="center", va="top", **text)
+    if label := axes.get_ylabel():
+        figure.text(0.0, 0.5, label, transform=left_of, ha="right", va="center", rotation=90, **text)
+    # All that an axis would draw is there.
+    axes.xaxis.set_visible(False)
+    axes.yaxis.set_visible(False)
     axes.set(xlim=(left, right), ylim=(low, high))
