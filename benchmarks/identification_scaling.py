@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.ticker import EngFormatter, LogLocator, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
 from archerfish.figures.style import BLUE, INK, MUTED, label_axes, new_figure, plot_style, save_figure
@@ -219,6 +220,10 @@ def draw(rows: Sequence[Row]) -> None:
                     fontsize=8,
                 )
             panel.set_ylim(0.5 * min(values), 2.5 * max(values))
+            panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            panel.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            panel.yaxis.set_minor_locator(NullLocator())
+            panel.xaxis.set_major_formatter(EngFormatter(sep=" "))
             label_axes(panel, title=label.partition(" [")[0], x="Samples in the log", y=label)
         axes[0, 0].legend(loc="lower right")
     save_figure(PICTURE, figure)
