@@ -109,9 +109,9 @@ LATE_STEP = (np.arange(400) >= 5).astype(float)
     ("inputs", "expected"),
     [
         (SWEEP[100:], 20),  # cut out of a running sweep
-        (np.append(np.zeros(20), SWEEP), 0),  # at rest
+        (np.append(np.zeros(20), SWEEP), 20),  # held, but not known to be at rest
         (LATE_STEP, 0),  # what happens at the beginning is all that happens
-        (np.ones(300), 0),
+        (np.ones(300), 20),
         (np.column_stack([np.ones(300), SWEEP[100:]]), 20),
     ],
 )

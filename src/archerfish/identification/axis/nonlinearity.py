@@ -123,24 +123,25 @@ class _Search(NamedTuple):
         least = rounding(problem.experiments)
         share = max(fit.cost, least) / max(base[1].cost, least)
         rows = fit.fit.residuals.size / max(1.0, colour(problem, fit))
-        amplitude = max(float(np.abs(each.inputs).max()) for each in self.ground.recordings)
-        given = self._test_signal(base[1], amplitude)
-        linear, behind = (
-            _response(base[1], base[0], given),
-            _response(fit, problem, _OPERATORS[name](given, top, self.period_s)),
-        )
-        # The delays are compared on their own.
-        late = max(0, delay - self.linear.delay), max(0, self.linear.delay - delay)
-        linear, behind = (
-            np.concatenate([np.zeros(count), each]) for count, each in zip(late[::-1], (linear, behind), strict=True)
-        )
-        count = min(linear.size, behind.size)
-        linear, behind = linear[:count], behind[:count]
-        agreement = 100 * (1 - np.linalg.norm(behind - linear) / max(np.linalg.norm(behind - behind.mean()), 1e-300))
-        # Where the first level has been held: below the excited band both plants extrapolate, each to its own end.
-        level = slice(int(0.9 * self._settling(base[1])) + self._settling(base[1]), 2 * self._settling(base[1]))
-        ratio = float(np.mean(behind[level]) / np.mean(linear[level]))
+        behind = _Plant(problem, fit, delay)
+        ratio, agreement = self._compared(_Plant(*base, self.linear.delay), behind, _OPERATORS[name], top)
         return NonlinearFit(name, top, share, -rows * float(np.log(share)), ratio, agreement, delay)
+
+    def _compared(
+        self, linear: "_Plant", behind: "_Plant", operator: Callable[[Array, float, float], Array], level: float
+    ) -> tuple[float, float]:
+        """Return the gain behind an operator over the linear plant's, and the fit of one to the other [%]."""
+        amplitude = max(float(np.abs(each.inputs).max()) for each in self.ground.recordings)
+        settle = self._settling(linear.fit)
+        given = self._test_signal(settle, amplitude)
+        first = min(linear.delay, behind.delay)
+        ours = _response(linear, given, linear.delay - first)
+        theirs = _response(behind, operator(given, level, self.period_s), behind.delay - first)
+        spread = max(float(np.linalg.norm(theirs - theirs.mean())), float(np.finfo(float).tiny))
+        agreement = 100 * (1 - float(np.linalg.norm(theirs - ours)) / spread)
+        # Where the first level has been held: below the excited band both plants extrapolate, each to its own end.
+        held = slice(settle + int(0.9 * settle), 2 * settle)
+        return float(np.mean(theirs[held]) / np.mean(ours[held])), agreement
 
     @property
     def period_s(self) -> float:
@@ -152,9 +153,8 @@ class _Search(NamedTuple):
         decay = -np.log(np.clip(np.abs(section_poles(linear.sections)), 1e-6, 1 - 1e-4))
         return min(int(_SETTLED / decay.min()) + 10, _SLOWEST_TEST // 10)
 
-    def _test_signal(self, linear: Refinement, amplitude: float) -> Array:
+    def _test_signal(self, settle: int, amplitude: float) -> Array:
         """Return levels that are held until the axis rests, then sines through its band, shape (N,)."""
-        settle = self._settling(linear)
         band = np.clip(_SETTLED / settle / (2 * np.pi), 1e-4, 0.1)
         frequencies = band * np.geomspace(0.1, 2.5, _TEST_SINES)
         time = np.arange(min(int(10 / band), _SLOWEST_TEST // 2))
@@ -207,15 +207,21 @@ def _steady_gain(refinement: Refinement, problem: Problem) -> float:
     return float((columns @ linear_parameters(refinement.fit, problem.feedthrough))[0, 0].real)
 
 
-def _response(refinement: Refinement, problem: Problem, given: Array) -> Array:
-    """Return the response to an input from rest, the delay left out, shape (N,)."""
-    total = refinement.fit.feedthrough[0, 0] * given if problem.feedthrough else np.zeros_like(given)
-    for start, section in section_offsets(refinement.sections):
-        numerator = refinement.fit.numerators[start : start + section.size, 0, 0]
+class _Plant(NamedTuple):
+    problem: Problem
+    fit: Refinement
+    delay: int
+
+
+def _response(plant: _Plant, given: Array, delay: int) -> Array:
+    """Return the response to an input from rest, so many samples late, shape (N,)."""
+    linear = plant.fit.fit
+    total = linear.feedthrough[0, 0] * given if plant.problem.feedthrough else np.zeros_like(given)
+    for start, section in section_offsets(plant.fit.sections):
         state = np.concatenate([np.zeros(section.size), recursion(section, given)])
-        for lag, weight in enumerate(numerator, 1):
+        for lag, weight in enumerate(linear.numerators[start : start + section.size, 0, 0], 1):
             total = total + weight * state[section.size - lag : section.size - lag + given.size]
-    return np.asarray(total)
+    return np.concatenate([np.zeros(delay), total])[: given.size]
 
 
 def _limited(command: Array, level: float, _: float) -> Array:

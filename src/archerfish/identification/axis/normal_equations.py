@@ -225,18 +225,18 @@ def _columns(
     columns = np.empty((stop + feedthrough * inputs, lag.size), np.complex128)
     free, drifting = part.own(order)
     columns[:transients] = 0.0
+    own = entries if part.impulse is None else entries * part.impulse
     if free:
-        columns[:free] = entries * part.impulse
+        columns[:free] = own
     if drifting:
         columns[free : free + drifting] = part.drift
     np.multiply(entries[:, None], part.driving, out=columns[transients:stop].reshape(order, inputs, lag.size))
     columns[stop:] = part.inputs if feedthrough else 0.0
     if part.rest is None:
         return inverse, columns, None
-    basis = entries * part.impulse
-    transient = driven_transients(sections, ends, part.rest.unit) @ basis.view(np.float64)
+    transient = driven_transients(sections, ends, part.rest.unit) @ own.view(np.float64)
     columns[transients:stop] += transient.view(np.complex128)
-    return inverse, columns, basis
+    return inverse, columns, own
 
 
 def _inverse_root(sums: Array, squares: Array) -> Array:

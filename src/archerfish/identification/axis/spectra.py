@@ -154,4 +154,10 @@ def picked(experiment: Spectrum, lines: NDArray[Any]) -> Spectrum:
       lines: indices, shape (G,), or a mask, shape (F,).
     """
     drift = None if experiment.drift is None else experiment.drift[lines]
-    return Spectrum(*(each[lines] for each in experiment[:4]), rest=experiment.rest, drift=drift)
+    return experiment._replace(
+        lag=experiment.lag[lines],
+        inputs=experiment.inputs[lines],
+        outputs=experiment.outputs[lines],
+        impulse=experiment.impulse[lines],
+        drift=drift,
+    )
