@@ -6,7 +6,7 @@ from archerfish.records.recording import make_recording
 
 RNG = np.random.default_rng(0)
 RUNNING = make_recording(RNG.standard_normal(300), RNG.standard_normal(300), 0.01)
-RESTING = make_recording(np.append(np.zeros(20), RNG.standard_normal(280)), RNG.standard_normal(300), 0.01)
+RESTING = make_recording(*(np.append(np.zeros(20), RNG.standard_normal(280)) for _ in range(2)), 0.01)
 SCALE = np.array([2.0])
 
 

@@ -10,10 +10,10 @@ from archerfish.identification.axis.modal_form import Sections, section_poles, s
 from archerfish.identification.axis.pole_refinement import Effort, Problem, refine_poles
 from archerfish.identification.axis.structure_search import Found
 
-_SHARE = 0.15
+_SHARE = 0.35
 """Share of the residual's power that a slow drift explains, from which the outputs are said to drift."""
-_AS_WELL = 1.05
-"""Residual with a drift over that with a slow pole, up to which the drift explains the recordings as well."""
+_BETTER = 0.75
+"""Residual with a drift over that with a slow pole, up to which the drift explains the recordings better."""
 _SLOW = 6.0
 """Time constants of a pole that the longest recording holds, up to which a drift can look like it."""
 _QUICK = 30.0
@@ -22,7 +22,7 @@ _EFFORT = Effort(1.0, 8)
 
 
 def outputs_drift(found: Found) -> bool:
-    """Tell whether a slow drift explains the recordings better than the plant without, or as well as a slow pole."""
+    """Tell whether a slow drift explains much of what the plant leaves, or the recordings better than a slow pole."""
     best, ground = found.best, found.ground
     sections = best.refinement.sections
     without = Problem(ground.spectra(best.delay), best.problem.feedthrough)
@@ -31,7 +31,7 @@ def outputs_drift(found: Found) -> bool:
     if refine_poles(sections, beside, _EFFORT).fit.misfit < (1 - _SHARE) * here:
         return True
     quick = _without_slow_poles(sections, max(len(each) for each in ground.recordings))
-    return quick is not None and refine_poles(quick, beside, _EFFORT).fit.misfit < _AS_WELL * here
+    return quick is not None and refine_poles(quick, beside, _EFFORT).fit.misfit < _BETTER * here
 
 
 def _without_slow_poles(sections: Sections, samples: int) -> Sections | None:

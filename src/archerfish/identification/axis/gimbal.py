@@ -33,7 +33,7 @@ from archerfish.identification.axis.structure_search import Found, search_plant
 from archerfish.identification.axis.trust import PoleTrust, pole_remarks, trusted_poles
 from archerfish.identification.axis.uncertainty import Posterior, posterior, steady_gain, transfer
 from archerfish.identification.doctor.checks import check_recordings
-from archerfish.identification.validation.free_run import common_offset, free_run
+from archerfish.identification.validation.free_run import common_offset, own_zero_run
 from archerfish.identification.validation.frequency import driven_band_hz
 from archerfish.records.errors import InputError
 from archerfish.records.plant import PlantRecord
@@ -122,7 +122,7 @@ def identify_axis(
     recordings: Sequence[Recording],
     order: int = 4,
     *,
-    max_delay: int | None = None,
+    max_delay: int | None = USUAL_DELAY,
     axis: str = "axis",
     seed: int = 0,
     dc_gain: Sequence[float] | None = None,
@@ -134,7 +134,7 @@ def identify_axis(
       recordings: one input and any outputs, or any inputs and one output, the same and of the same sampling period in
         each; they are separate experiments.
       order: number of states.
-      max_delay: longest input delay that is tried [samples]; as long as the recordings call for if not given.
+      max_delay: longest input delay that is tried [samples]; None for as long as the recordings call for.
       axis: name for the record.
       seed: of the posterior draws.
       dc_gain: steady gain from each input to the one output, where it is known: the plant is held to it.
@@ -146,7 +146,7 @@ def identify_axis(
     Raises:
       InputError: if the recordings can't bear the estimate; see `check_recordings`.
     """
-    search = search_axis(recordings, order, max_delay=max_delay, dc_gain=dc_gain, feedthrough=feedthrough)
+    search = search_axis(recordings, order, max_delay=max_delay, dc_gain=dc_gain, feedthrough=feedthrough, drift=False)
     return complete_axis(search, axis=axis, seed=seed)
 
 
@@ -251,7 +251,7 @@ def complete_axis(search: AxisSearch, *, axis: str = "axis", seed: int = 0) -> A
     drift = DRIFT if search.drifts else 0
     offset = common_offset(plant, recordings, drift=drift)
     # As in the fit, each recording has a zero of its own.
-    runs = [free_run(plant, each, common_offset(plant, [each], drift=drift), drift=drift) for each in recordings]
+    runs = [own_zero_run(plant, each, drift=drift)[1] for each in recordings]
     low, high = (ends[0] * scale[0] for ends in gains)
     delays = found.delays
     return AxisIdentification(

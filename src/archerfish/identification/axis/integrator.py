@@ -46,7 +46,8 @@ def integration_remarks(
     real = trust.poles.imag == 0
     slowness = np.where(real, 1 - trust.poles.real, np.inf)
     slowest = int(np.argmin(slowness))
-    if slowness[slowest] > max(_NOT_TOLD * float(trust.real_sd[slowest]), _UNSEEN / samples):
+    unseen = slowness[slowest] <= _UNSEEN / samples
+    if not unseen and slowness[slowest] > _NOT_TOLD * float(trust.real_sd[slowest]):
         return []
     share = _share(known, float(trust.poles[slowest].real), lowest)
     return [
@@ -54,7 +55,7 @@ def integration_remarks(
         f"(pole at z = {trust.poles[slowest].real:.6f}). The steady gain means nothing; name the rate of the output as "
         "the output, or a command that the output comes to rest at as the input."
         for name, part, low, high in zip(input_names, share, gains[0][0], gains[1][0], strict=True)
-        if part > _SHARE and high - low > _LOOSE * abs(high + low)
+        if part > _SHARE and (unseen or high - low > _LOOSE * abs(high + low))
     ]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.identification.axis.informative_lines import thinning
-from archerfish.identification.axis.rest_start import rest_samples
+from archerfish.identification.axis.rest_start import begins_at_rest, rest_samples
 from archerfish.identification.axis.spectra import Spectrum, picked, slow_drift, spectrum, unsettled, with_delay
 from archerfish.records.recording import Recording
 
@@ -83,13 +83,20 @@ def prepare_ground(recordings: Sequence[Recording], max_delay: int, scale: Array
       max_delay: longest delay that will be asked for [samples].
       scale: outputs are divided by it, shape (p,).
     """
-    from_rest = [rest_samples(each) > 0 for each in recordings]
-    skips = [0 if rest else unsettled(each.inputs, max_delay) for each, rest in zip(recordings, from_rest, strict=True)]
+    skips = [0 if rest_samples(each) else unsettled(each.inputs, max_delay) for each in recordings]
+    from_rest = [begins_at_rest(each) for each in recordings]
     return ground_of(recordings, scale, skips, from_rest)
 
 
 def ground_of(recordings: Sequence[Recording], scale: Array, skips: Sequence[int], from_rest: Sequence[bool]) -> Ground:
-    """Transform recordings, of which it is known how they begin; arguments as the fields of `Ground`."""
+    """Transform recordings of which it is known how they begin.
+
+    Args:
+      recordings: m inputs and p outputs each.
+      scale: outputs are divided by it, shape (p,).
+      skips: samples that are left out at the beginning, per recording.
+      from_rest: whether each recording is taken to begin at rest.
+    """
     undelayed = [
         spectrum(each, 0, scale, skip, from_rest=rest)
         for each, skip, rest in zip(recordings, skips, from_rest, strict=True)

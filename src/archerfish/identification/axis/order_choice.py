@@ -17,9 +17,10 @@ from archerfish.identification.axis.gimbal import (
     complete_axis,
     search_axis,
 )
+from archerfish.identification.axis.log_ground import DRIFT
 from archerfish.identification.axis.structure_choice import Structure
 from archerfish.identification.axis.structure_evidence import gather, neighbours
-from archerfish.identification.validation.free_run import common_offset, free_run
+from archerfish.identification.validation.free_run import common_offset, free_run, own_zero_run
 from archerfish.records.errors import InputError
 from archerfish.records.recording import Recording
 
@@ -206,8 +207,9 @@ def _worst_fit(search: AxisSearch, recordings: Sequence[Recording], held_back: S
     if not held_back:
         return None
     plant = best_plant(search)
-    shared = common_offset(plant, recordings)
-    return min(float(free_run(plant, each, shared).fit_percent.mean()) for each in held_back)
+    drift = DRIFT if search.drifts else 0
+    shared = common_offset(plant, recordings, drift=drift)
+    return min(float(free_run(plant, each, shared, drift=drift).fit_percent.mean()) for each in held_back)
 
 
 def _best(worst: Mapping[int, float | None]) -> int:
@@ -219,5 +221,8 @@ def _trial(
     search: AxisSearch, recordings: Sequence[Recording], validation: float | None, least: Mapping[int, float]
 ) -> OrderTrial:
     plant = best_plant(search)
-    fits = [float(free_run(plant, each, common_offset(plant, [each])).fit_percent.mean()) for each in recordings]
+    fits = [
+        float(own_zero_run(plant, each, drift=DRIFT if search.drifts else 0)[1].fit_percent.mean())
+        for each in recordings
+    ]
     return OrderTrial(search.order, min(fits), validation, least[search.order] - min(least.values()))

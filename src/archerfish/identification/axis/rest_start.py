@@ -26,6 +26,8 @@ _FEWEST = 2
 """Samples of constant input that a rest has at least."""
 _EQUAL = 1e-9
 """Share of an input's range up to which it counts as constant."""
+_HELD = 0.5
+"""Share of the samples at which the inputs keep their values, from which they are steps."""
 _TRIFLE = 0.01
 """Share of an output's range up to which a change of it at rest is none."""
 _BEYOND_NOISE = 6.0
@@ -69,6 +71,16 @@ def rest_samples(recording: Recording) -> int:
         return 0
     resting = all(_is_still(signal[:count], signal) for signal in recording.outputs.T)
     return count if resting else 0
+
+
+def begins_at_rest(recording: Recording) -> bool:
+    """Tell whether a recording is one of steps from rest, whose few transients its initial state must not explain.
+
+    Where the inputs keep moving, the initial state is one transient of many, and better left free: what is nonlinear
+    between rest and motion would bend the whole fit otherwise.
+    """
+    still = np.all(np.abs(np.diff(recording.inputs, axis=0)) <= _EQUAL * np.ptp(recording.inputs, axis=0), axis=1)
+    return float(np.mean(still)) > _HELD and rest_samples(recording) > 0
 
 
 def _is_still(start: Array, whole: Array) -> bool:
