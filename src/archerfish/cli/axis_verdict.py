@@ -197,13 +197,15 @@ def _next_steps(evidence: AxisEvidence, gap: float | None) -> Iterator[str]:
     yield from _lost_fit(evidence)
     yield from _left_in_residuals(evidence)
     low, high = evidence.result.delay_range
-    if high - low > _LOOSE_DELAY and evidence.result.delay_certainty() >= DELAY_CERTAINTY:
+    known = evidence.result.delay_certainty() >= DELAY_CERTAINTY or evidence.of_kind("validation")
+    if high - low > _LOOSE_DELAY and known:
         yield f"The delay may be {low} to {high} samples: add a log with sharp edges (steps or a binary sequence)."
-    known = evidence.result.determined
-    if not known.all():
+    determined = evidence.result.determined
+    if not determined.all():
+        count = int((~determined).sum())
         yield (
-            f"{int((~known).sum())} of {known.size} poles are not determined by these logs: excite higher frequencies "
-            "if the robot uses them; else see whether a lower --order foretells a held-back log as well."
+            f"{count} of {determined.size} poles are not determined by these logs: excite higher frequencies if the "
+            "robot uses them; else see whether a lower --order predicts a held-back log as well."
         )
 
 
