@@ -151,7 +151,7 @@ def test_an_unwritable_json_file_is_refused_before_the_work(refused, records, js
         (lambda text: re.sub(r"\n0\.1,[^,]*", "\n0.1,inf", text, count=1), 'line 12: column "u" is inf'),
         (lambda text: re.sub(r"\n0\.1,[^,]*", "\n0.1,high", text, count=1), 'line 12: column "u" is "high"'),
         (lambda text: text.replace("\n0.1,", "\n0.5,", 1), "log.csv"),
-        (lambda text: "\n".join(text.splitlines()[:30]), "too few for order 4"),
+        (lambda text: "\n".join(text.splitlines()[:30]), "too few for order 1"),
         (lambda text: text.splitlines()[0], "no data"),
         (lambda text: "", "is empty"),
         (lambda text: "\xff", "can't be read"),
