@@ -119,7 +119,7 @@ def choose_order(
             worst[order] = _worst_fit(searches[order], recordings, held_back)
             if order > max(USUAL_ORDERS) and order - _best(worst) >= _IN_VAIN:
                 break
-        elif not waiting:
+        elif not waiting and set(searches) == {*_FIRST} & {*orders}:
             waiting = _next_to_best(searches, orders)
     searches = dict(sorted(searches.items()))
     candidates = _candidates(searches)
