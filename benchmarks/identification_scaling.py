@@ -68,6 +68,8 @@ def timed(part, name):
     setattr(module, name, outer)
 timed("reading and examining", "read_gimbal_logs")
 timed("fit", "identify_axis")
+timed("fit", "choose_order")
+timed("options tried", "tried_advice")
 timed("evidence", "gather_evidence")
 timed("page", "axis_page")
 timed("pictures", "axis_picture")
