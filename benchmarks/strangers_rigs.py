@@ -70,6 +70,12 @@ class Rig:
         """Number of states."""
         return len(self.A)
 
+    @property
+    def linear(self) -> bool:
+        """Whether it has no limit, no play and no friction."""
+        still = self.dead_zone or self.backlash or self.friction or self.stiction
+        return not still and self.slew == self.limit == np.inf
+
 
 def draw_rig(generator: np.random.Generator, rate_hz: float, family: str) -> Rig:
     """Draw a linear rig of steady gain 1 and no dead time whose bandwidth suits a sampling rate.

@@ -22,7 +22,8 @@ GAIN_SHARE, DELAY_SHARE = 0.05, 0.1
 """Shares by which a steady gain and a dead time may be off."""
 _OTHER_UNIT = 30.0
 """Factor between the sampling periods of plant and log beyond which time was taken in another unit."""
-_SINES = 14
+_SINES, _STEPS = 14, 10
+_MOST_LEVELS = 12
 _WORST_FIT = -1000.0
 """Fit at which the count stops: a plant may be arbitrarily bad [%]."""
 
@@ -48,12 +49,20 @@ class Truth(NamedTuple):
 def held_back(log: StrangersLog, period_s: float) -> tuple[Array, Array]:
     """Return command and clean output of a log that is not fitted, from rest, shape (N,) each.
 
-    Levels that are held until the axis rests, then sines through the band, at the amplitude of the fitted log.
+    Levels that are held until the axis rests, then sines through the band, at the amplitude of the fitted log. Where the
+    fitted log only steps, by the same height each time, and the axis is not linear, the held-back log has such steps,
+    too: what larger and smaller moves do is nowhere in the fitted one.
 
     Args:
       log: the log that was fitted.
       period_s: sampling period [s].
     """
+    levels = _levels(log)
+    given = _moves(log, period_s) if levels is None or log.rig.linear else _steps(log, levels, period_s)
+    return given, respond(log.rig, given, period_s)
+
+
+def _moves(log: StrangersLog, period_s: float) -> Array:
     settle_s = log.rig.settle_s + log.rig.delay_s
     spans = np.ceil(settle_s * np.array([0.25, 1.5, 1.5, 1.5, 1.5]) / period_s).astype(int)
     levels = np.repeat([0.0, 1.0, -1.0, 0.5, 0.0], spans)
@@ -61,8 +70,31 @@ def held_back(log: StrangersLog, period_s: float) -> tuple[Array, Array]:
     count = int(np.ceil(10.0 / log.rig.bandwidth_hz / period_s))
     generator = np.random.default_rng(log.index)
     sines = sum_of_sines(count, period_s, band[band < 0.4 / period_s], generator)
-    given = log.amplitude * np.concatenate([levels, sines])
-    return given, respond(log.rig, given, period_s)
+    return np.asarray(log.amplitude * np.concatenate([levels, sines]))
+
+
+def _levels(log: StrangersLog) -> Array | None:
+    """Return the levels between which a log steps, rising, if it does nothing else than steps of one height."""
+    levels = np.unique(np.concatenate([each.command for each in log.files]))
+    if not 1 < levels.size <= _MOST_LEVELS:
+        return None
+    heights = np.concatenate([np.abs(np.diff(each.command)) for each in log.files])
+    heights = heights[heights > 0]
+    return levels if heights.size and np.ptp(heights) < 1e-6 * heights.max() else None
+
+
+def _steps(log: StrangersLog, levels: Array, period_s: float) -> Array:
+    """Step up and down between neighbouring levels, after times of which some are too short to settle."""
+    generator = np.random.default_rng(log.index)
+    settle = (log.rig.settle_s + log.rig.delay_s) / period_s
+    spans = np.ceil(settle * generator.uniform(0.4, 1.6, _STEPS)).astype(int)
+    at, places = int(np.argmin(np.abs(levels))), []
+    for _ in range(_STEPS):
+        places.append(at)
+        ways = [each for each in (at - 1, at + 1) if 0 <= each < levels.size]
+        at = int(generator.choice(ways))
+    rest = np.zeros(int(np.ceil(0.25 * settle)))
+    return np.concatenate([rest, np.repeat(levels[places], spans)])
 
 
 def judge_plant(log: StrangersLog, plant: PlantRecord) -> Truth:
@@ -74,8 +106,9 @@ def judge_plant(log: StrangersLog, plant: PlantRecord) -> Truth:
     given, clean = held_back(log, plant.sample_period_s)
     fit = float(free_run(plant, make_recording(given, clean, plant.sample_period_s)).fit_percent[0])
     gain = dc_gain(plant).item()
-    right = _steady_gain(log)
-    gain_right = not rig.integrating and abs(gain - right) <= GAIN_SHARE * abs(right)
+    low, high = sorted(abs(each) for each in _steady_gains(log))
+    same_sign = gain * rig.gain > 0
+    gain_right = not rig.integrating and same_sign and (1 - GAIN_SHARE) * low <= abs(gain) <= (1 + GAIN_SHARE) * high
     return Truth(
         max(fit, _WORST_FIT) if np.isfinite(fit) else _WORST_FIT,
         gain_right,
@@ -84,11 +117,15 @@ def judge_plant(log: StrangersLog, plant: PlantRecord) -> Truth:
     )
 
 
-def _steady_gain(log: StrangersLog) -> float:
-    """Return the steady output per steady command at the amplitude of the log, which a dead zone and a limit change."""
+def _steady_gains(log: StrangersLog) -> tuple[float, float]:
+    """Return the steady outputs per steady command at the amplitude of the log, coming from below and from above.
+
+    A dead zone and a limit change both; with friction or play the axis comes to rest anywhere between them.
+    """
     rig = log.rig
     inner = max(min(log.amplitude, rig.limit) - rig.dead_zone, 0.0)
-    return rig.gain * inner / log.amplitude
+    held = min(rig.stiction + rig.backlash / abs(rig.gain), inner)
+    return rig.gain * (inner - held) / log.amplitude, rig.gain * (inner + held) / log.amplitude
 
 
 def true_delay(log: StrangersLog) -> float:

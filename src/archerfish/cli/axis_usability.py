@@ -15,7 +15,7 @@ from archerfish.records.plant import USABLE_FIT_PERCENT
 
 GAIN_SHARE = 0.05
 """Half width of the steady gain's 95 % interval over the gain, up to which the gain is known."""
-DELAY_CERTAINTY = 0.7
+DELAY_CERTAINTY = 0.6
 """Probability, by the weights of all structures, from which a delay within a sample or a tenth counts as known."""
 _MOVING = 0.3
 """Deviation of an output over that of the liveliest log, from which the log is one to judge by."""

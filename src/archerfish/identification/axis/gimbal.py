@@ -104,9 +104,7 @@ class AxisIdentification:
         if not weights:
             pairs = [(each.delay - each.known.feedthrough, each.weight) for each in self.structures]
             weights = {delay: sum(weight for other, weight in pairs if other == delay) for delay, _ in pairs}
-        here = self.plant.delay_samples - self.structures[0].known.feedthrough
-        within = max(1.0, share * here)
-        return sum(weight for delay, weight in weights.items() if abs(delay - here) <= within)
+        return weight_within(weights, self.plant.delay_samples - self.structures[0].known.feedthrough, share)
 
     def gain_interval(self, frequency_hz: Array) -> tuple[Array, Array]:
         """95 % interval of the gain |G| of the first output from the first input at frequencies [Hz], shape (F,)."""
@@ -116,6 +114,12 @@ class AxisIdentification:
             return np.asarray(np.abs(transfer(at, lag)[:, 0, 0]) * self.output_scale[0])
 
         return mixture_interval(self.structures, gain)
+
+
+def weight_within(weights: Mapping[int, float], delay: int, share: float = 0.1) -> float:
+    """Return the weight of all delays within a sample or `share` of one, whichever is larger."""
+    within = max(1.0, share * delay)
+    return sum(weight for other, weight in weights.items() if abs(other - delay) <= within)
 
 
 def identify_axis(

@@ -45,7 +45,7 @@ def weigh_structures(
 
     Args:
       structures: each fitted to all lines; the first one gives the colour.
-      criteria: of the structures, if they are known.
+      criteria: of the structures, if they are known; the first one is then the one of the estimate.
 
     Returns:
       Those that are not negligible, the likeliest first: an estimate of another one might lie outside its own interval.
@@ -53,7 +53,9 @@ def weigh_structures(
     best = posterior(structures[0].problem, structures[0].refinement)
     values = np.array(criteria or [each.criterion(best.inflation) for each in structures])
     weights = np.exp(-0.5 * (values - values.min()))
-    order = np.argsort(-weights, kind="stable")
+    order = np.argsort(-weights, kind="stable").tolist()
+    if criteria:
+        order = [0, *(index for index in order if index)]
     kept = [index for index in order if weights[index] >= _NEGLIGIBLE * weights.sum()]
     weights /= weights[kept].sum()
     return tuple(

@@ -16,10 +16,12 @@ from archerfish.identification.axis.gimbal import (
     best_plant,
     complete_axis,
     search_axis,
+    weight_within,
 )
 from archerfish.identification.axis.log_ground import DRIFT
+from archerfish.identification.axis.pole_refinement import refine_poles
 from archerfish.identification.axis.structure_choice import Structure
-from archerfish.identification.axis.structure_evidence import gather, neighbours
+from archerfish.identification.axis.structure_evidence import Evidence, gather, neighbours, pursued
 from archerfish.identification.validation.free_run import common_offset, free_run, own_zero_run
 from archerfish.records.errors import InputError
 from archerfish.records.recording import Recording
@@ -34,6 +36,12 @@ _FIRST = (2, 4)
 """Orders that are tried first where nothing is held back; then those beside the better one."""
 _IN_VAIN = 2
 """Orders above the usual ones that are tried without getting better."""
+_EARLIER = (0, 2, 5, 10)
+"""Samples before the likeliest delay where poles are built anew."""
+_CLOSE = 4.0
+"""Difference of the criterion up to which two structures are about as likely."""
+_TEMPERED = 0.5
+"""Share of the criterion that counts as evidence: no axis is quite linear, nor its noise quite stationary."""
 _TAIL = 0.025
 """Weight of the delays that are left out on either side."""
 
@@ -125,9 +133,10 @@ def choose_order(
     candidates = _candidates(searches)
     least = _least(candidates)
     trials = [_trial(searches[order], recordings, worst.get(order), least) for order in searches]
-    chosen = _best(worst) if held_back else min(least, key=lambda order: least[order])
     weights = _delay_weights(candidates)
-    search = _likeliest_first(searches[chosen], [each for each in candidates if each.order == chosen])
+    if held_back:
+        candidates = [each for each in candidates if each.order == _best(worst)]
+    search = _with_first(searches, _preferred(candidates, weights), candidates)
     found = search.found._replace(delays=_open_delays(weights), delay_weights=weights)
     result = complete_axis(search._replace(found=found), axis=axis, seed=seed)
     return OrderChoice(result, tuple(trials))
@@ -135,8 +144,8 @@ def choose_order(
 
 def _next_to_best(searches: Mapping[int, AxisSearch], orders: Sequence[int]) -> list[int]:
     """Return the neighbours of the best order so far that have not been tried."""
-    least = _least(_candidates(searches))
-    best = min(least, key=lambda order: least[order])
+    candidates, _ = _fitted(searches)
+    best = min(candidates, key=lambda each: each.criterion).order
     return [order for order in (best - 1, best + 1) if order in orders and order not in searches]
 
 
@@ -145,9 +154,14 @@ class _Candidate(NamedTuple):
     structure: Structure
     criterion: float
 
+    @property
+    def prompt(self) -> int:
+        """Delay of the first response, less the sample that any plant without feedthrough takes [samples]."""
+        return self.structure.delay - self.structure.problem.feedthrough
 
-def _candidates(searches: Mapping[int, AxisSearch]) -> list[_Candidate]:
-    """Return all structures that were found, and those beside the best one, with their criteria on the same samples."""
+
+def _fitted(searches: Mapping[int, AxisSearch]) -> tuple[list[_Candidate], Evidence]:
+    """Return all structures that were found with their criteria on the same samples, and what they are compared on."""
     # The samples that the longest delay leaves.
     widest = max(searches.values(), key=lambda each: (each.longest_delay, each.order))
     found = [
@@ -156,10 +170,22 @@ def _candidates(searches: Mapping[int, AxisSearch]) -> list[_Candidate]:
         for structure in (search.found.best, *search.found.others)
     ]
     evidence = gather([structure for _, structure in found], widest.found.ground)
-    candidates = [_Candidate(*each, evidence.criterion(each[1])) for each in found]
+    return [_Candidate(*each, evidence.criterion(each[1])) for each in found], evidence
+
+
+def _candidates(searches: Mapping[int, AxisSearch]) -> list[_Candidate]:
+    """Return all structures that were found, those that a second look finds, and those beside the best one."""
+    candidates, evidence = _fitted(searches)
     best = min(candidates, key=lambda each: each.criterion)
+    delays = sorted({max(best.prompt - step, 0) for step in _EARLIER})
+    for order in (best.order, best.order + 1):
+        if order in searches and order > 1:
+            anew = _Candidate(order, *pursued(searches[order].found.best, order, delays, evidence))
+            candidates.append(anew)
+            best = min(best, anew, key=lambda each: each.criterion)
     prompt = best.structure.problem._replace(feedthrough=False)
-    beside = neighbours(best.structure._replace(problem=prompt), evidence, widest.longest_delay)
+    longest = max(each.longest_delay for each in searches.values())
+    beside = neighbours(best.structure._replace(problem=prompt), evidence, longest)
     return [*candidates, *(_Candidate(best.order, *each) for each in beside)]
 
 
@@ -171,27 +197,49 @@ def _least(candidates: Sequence[_Candidate]) -> dict[int, float]:
     return dict(sorted(least.items()))
 
 
-def _likeliest_first(search: AxisSearch, candidates: Sequence[_Candidate]) -> AxisSearch:
-    found = search.found
-    fitted = (found.best, *found.others)
-    criteria = [min(each.criterion for each in candidates if each.structure is one) for one in fitted]
-    order = np.argsort(criteria, kind="stable")
-    best, *others = (fitted[index] for index in order)
-    ranked = found._replace(best=best, others=tuple(others), criteria=tuple(criteria[index] for index in order))
-    return search._replace(found=ranked)
+def _preferred(candidates: Sequence[_Candidate], weights: Mapping[int, float]) -> _Candidate:
+    """Return the structure whose delay is likeliest to be right, among those about as likely as the best one."""
+    least = min(each.criterion for each in candidates)
+    close = [each for each in candidates if each.criterion <= least + _CLOSE]
+    return max(close, key=lambda each: (round(weight_within(weights, each.prompt), 2), -each.criterion))
+
+
+def _with_first(
+    searches: Mapping[int, AxisSearch], first: _Candidate, candidates: Sequence[_Candidate]
+) -> AxisSearch:
+    """Return the search for the order of a structure, that structure the first one and others as likely added."""
+    search = searches[first.order]
+    fitted = {id(each) for each in (search.found.best, *search.found.others)}
+    kept = [first]
+    for each in sorted(candidates, key=lambda each: each.criterion):
+        likely = id(each.structure) in fitted or each.criterion <= first.criterion
+        if each is not first and each.order == first.order and likely:
+            kept.append(each)
+    structures = [
+        each.structure if id(each.structure) in fitted else _on_all_lines(each.structure, search) for each in kept
+    ]
+    found = search.found._replace(
+        best=structures[0], others=tuple(structures[1:]), criteria=tuple(_TEMPERED * each.criterion for each in kept)
+    )
+    return search._replace(found=found)
+
+
+def _on_all_lines(structure: Structure, search: AxisSearch) -> Structure:
+    problem = structure.problem._replace(experiments=search.found.ground.spectra(structure.delay))
+    return structure._replace(problem=problem, refinement=refine_poles(structure.refinement.sections, problem))
 
 
 def _delay_weights(candidates: Sequence[_Candidate]) -> dict[int, float]:
     """Return how likely each delay is, all orders together; a plant with feedthrough answers a sample earlier."""
     values: dict[tuple[int, int, bool], float] = {}
-    for order, structure, value in candidates:
-        key = order, structure.delay, structure.problem.feedthrough
-        values[key] = min(value, values.get(key, np.inf))
+    for each in candidates:
+        key = each.order, each.structure.delay, each.structure.problem.feedthrough
+        values[key] = min(each.criterion, values.get(key, np.inf))
     least = min(values.values())
     weights: dict[int, float] = {}
     for (_, delay, feedthrough), value in values.items():
         prompt = delay - feedthrough
-        weights[prompt] = weights.get(prompt, 0.0) + float(np.exp(-0.5 * (value - least)))
+        weights[prompt] = weights.get(prompt, 0.0) + float(np.exp(-0.5 * _TEMPERED * (value - least)))
     total = sum(weights.values())
     return {delay: weights[delay] / total for delay in sorted(weights)}
 

@@ -17,7 +17,8 @@ from archerfish.identification.axis.delay_walk import rounding
 from archerfish.identification.axis.log_ground import Ground
 from archerfish.identification.axis.normal_equations import lay_out, solve
 from archerfish.identification.axis.out_of_band import scaled_penalty
-from archerfish.identification.axis.pole_refinement import Effort, Problem, refine_poles
+from archerfish.identification.axis.pole_refinement import Effort, Problem, refine_all, refine_poles
+from archerfish.identification.axis.pole_pursuit import pursue_poles
 from archerfish.identification.axis.simulation_fit import LinearFit
 from archerfish.identification.axis.spectra import Spectrum, row_count
 from archerfish.identification.axis.structure_choice import Structure
@@ -31,7 +32,8 @@ _BORROWED = 8
 """Lines that the next higher octave counts as."""
 _CLEARLY_WORSE, _FURTHEST = 10.0, 12
 """Difference of the criterion, and of the delays, up to which neighbours are looked at."""
-_EFFORT = Effort(0.3, 8)
+_EFFORT, _ROUGH = Effort(0.3, 8), Effort(1.0, 6)
+_FEW_LINES = 300
 
 
 class Evidence(NamedTuple):
@@ -53,12 +55,16 @@ class Evidence(NamedTuple):
 
     def refined(self, structure: Structure) -> tuple[Problem, LinearFit]:
         """Return a structure's problem on these lines, and its fit."""
+        problem = self.problem(structure)
+        return problem, refine_poles(structure.refinement.sections, problem, _EFFORT).fit
+
+    def problem(self, structure: Structure) -> Problem:
+        """Return a structure's problem on these lines."""
         # Without the prior, poles outside the excited band would fit what noise is there.
         penalty = structure.problem.penalty
         if penalty is not None:
             penalty = scaled_penalty(penalty, 1 / np.sqrt(max(self.noise, np.finfo(float).tiny)))
-        problem = Problem(self.weighted.spectra(structure.delay), structure.problem.feedthrough, penalty)
-        return problem, refine_poles(structure.refinement.sections, problem, _EFFORT).fit
+        return Problem(self.weighted.spectra(structure.delay), structure.problem.feedthrough, penalty)
 
 
 def gather(structures: Sequence[Structure], ground: Ground) -> Evidence:
@@ -101,6 +107,28 @@ def neighbours(structure: Structure, evidence: Evidence, longest: int) -> list[t
             value = evidence.criterion(here)
             found.append((here, value))
     return found
+
+
+def pursued(structure: Structure, order: int, delays: Sequence[int], evidence: Evidence) -> tuple[Structure, float]:
+    """Build poles anew at some delays, on the lines as they are weighed here; return the best structure, its criterion.
+
+    A delay too long takes the place of a lag, and a slow disturbance that of a pole: a search that is led astray by
+    either sees from there only that every other delay is worse.
+
+    Args:
+      structure: of the same axis, for its prior.
+      order: number of poles.
+      delays: to build poles for [samples].
+      evidence: to compare on.
+    """
+    few = evidence._replace(weighted=evidence.weighted.thinned(_FEW_LINES))
+    found = []
+    for delay in delays:
+        problem = few.problem(structure._replace(delay=delay, problem=structure.problem._replace(feedthrough=True)))
+        found.append((refine_all(pursue_poles(problem, order), problem, _ROUGH)[0], delay))
+    refinement, delay = min(found, key=lambda each: each[0].cost)
+    best = structure._replace(delay=delay, problem=structure.problem._replace(feedthrough=False), refinement=refinement)
+    return best, evidence.criterion(best)
 
 
 def _fit(structure: Structure, ground: Ground) -> LinearFit:
