@@ -90,6 +90,8 @@ def _headline(evidence: AxisEvidence) -> str:
     plant, judged = evidence.result.plant, judged_fit(evidence)
     note = "" if judged.kind == "validation" else " (fitted, none held back)"
     fit = f"fit {judged.run.fit_percent:.1f} % on {_log_name(judged)}{note}"
+    if judged.settled_percent > judged.run.fit_percent + _LOST_POINTS:
+        fit += f", {judged.settled_percent:.1f} % of it once the delay is over, before which earlier inputs act"
     return f"{plant.axis}: {_ordinal(len(plant.A))} order, delay {delay_words(evidence)}, {fit}"
 
 

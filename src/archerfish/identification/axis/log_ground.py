@@ -49,13 +49,20 @@ class Ground(NamedTuple):
         reaching = ground_of(self.recordings, self.scale, skips, self.from_rest)
         return reaching.drifting() if self.undelayed[0].drift is not None else reaching
 
-    def freed(self, free: Sequence[bool]) -> "Ground":
-        """With free initial states where `free` says so, per recording."""
+    def freed(self, free: Sequence[bool], longest: int) -> "Ground":
+        """With free initial states where `free` says so, per recording, and without what earlier inputs may have done.
+
+        Args:
+          free: per recording.
+          longest: longest delay that is tried [samples].
+        """
         from_rest = [rest and not each for rest, each in zip(self.from_rest, free, strict=True)]
-        undelayed = [
-            each if rest else each._replace(rest=None) for each, rest in zip(self.undelayed, from_rest, strict=True)
+        skips = [
+            unsettled(log.inputs, longest) if each else skip
+            for log, skip, each in zip(self.recordings, self.skips, free, strict=True)
         ]
-        return self._replace(undelayed=undelayed, from_rest=from_rest)
+        freed = ground_of(self.recordings, self.scale, skips, from_rest)
+        return freed.drifting() if self.undelayed[0].drift is not None else freed
 
     def drifting(self) -> "Ground":
         """With a slow drift of free size in the outputs of every recording."""

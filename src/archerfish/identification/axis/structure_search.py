@@ -81,7 +81,7 @@ def search_plant(
     walk, rivals = _walk(ground, order, max_delay)
     moving = _moving_at_once(walk, ground)
     if any(moving):
-        ground = ground.freed(moving)
+        ground = ground.freed(moving, max_delay)
         walk, rivals = _walk(ground, order, max_delay)
     sketches = ranked_structures(walk, feedthrough)
     longest = max(each.delay for each in sketches)
