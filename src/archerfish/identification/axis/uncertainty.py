@@ -14,6 +14,7 @@ million times less sure than their sum, and squares would leave nothing but roun
 """
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +43,10 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _STEP = 1e-6
+_OCTAVES = (3, 6, 12, 24, 48, 96)
+"""Lines between which the power of a slow wander is looked for."""
+_STEEP, _STEEPEST = 0.7, 2.0
+"""Least and greatest exponent of frequency that it falls with."""
 _LARGEST_LEVERAGE = 0.9
 _NOTHING = 3e-7
 """Share of the best known direction's strength up to which a direction counts as not determined."""
@@ -156,9 +161,33 @@ def _powers(leverage: Array, residuals: Sequence[Array]) -> list[Array]:
     for square in np.split(np.concatenate(residuals) ** 2 / kept, np.cumsum([each.size for each in residuals])[:-1]):
         lines = square.size // 2
         width = 2 * max(2, round(np.sqrt(lines) / 2)) + 1
+        each = 0.5 * (square[:lines] + square[lines:])
         # Mirrored, since the first lines hold most of a step and must not be weighed by one of them alone.
-        powers.append(uniform_filter1d(0.5 * (square[:lines] + square[lines:]), width, mode="reflect"))
+        smooth = uniform_filter1d(each, width, mode="reflect")
+        powers.append(np.maximum(smooth, _wander(each, width)))
     return powers
+
+
+def _wander(squares: Array, width: int) -> Array:
+    """Return the power of a slow wander of the output at each line, shape (F,): a power law, zero if there is none.
+
+    Its lowest lines, on which the steady gain rests, stand so far above their neighbours that a mean around them hides
+    them, and the fit has taken much of what is there; so the law of the lines above is continued.
+    """
+    edges = [each for each in _OCTAVES if each <= min(squares.size, width)]
+    if len(edges) < 3:
+        return np.zeros_like(squares)
+    means = np.array([squares[low - 1 : high - 1].mean() for low, high in pairwise(edges)])
+    if not np.all(means > 0):
+        return np.zeros_like(squares)
+    centres = np.log([np.sqrt(low * high) for low, high in pairwise(edges)])
+    weights = np.sqrt([high - low for low, high in pairwise(edges)])
+    slope, level = np.polyfit(centres, np.log(means), 1, w=weights)
+    if slope > -_STEEP:
+        return np.zeros_like(squares)
+    line = np.arange(1, squares.size + 1)
+    law = np.exp(level + max(slope, -_STEEPEST) * np.log(line))
+    return np.where(line < edges[-1], law, 0.0)
 
 
 def standard_deviations(known: Posterior, function: Callable[[Posterior], Array]) -> Array:
