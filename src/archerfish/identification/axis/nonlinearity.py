@@ -32,7 +32,7 @@ _FASTER = (1.0, 2.5)
 """Factors on the speed of the linear plant's poles to start from."""
 _SHARES = (0.01, 0.03, 0.08, 0.2, 0.45)
 _LIMITS = (0.3, 0.45, 0.6, 0.75, 0.9)
-_SLEWS = (0.25, 0.5, 0.8, 1.2)
+_SLEWS = (0.25, 0.5, 0.8, 1.2, 2.5, 5.0)
 _NEAR = ((0.7, 1.35), (0.87, 1.15))
 """Factors on the best level of the grid that are tried next, and then on the best of those."""
 _DELAYS = (-6, -4, -3, -2, -1, 1, 2)
@@ -120,8 +120,13 @@ class _Search(NamedTuple):
             other = self.linear.delay + step
             if other >= 0 and (tried := refine_poles(sections, self._problem(changed, other), _EFFORT)).cost < fit.cost:
                 problem, fit, delay = self._problem(changed, other), tried, other
+        # The poles may be what is better, and not the operator.
+        without = [refine_poles(sections, self._problem(self.ground, each), _EFFORT) for each in (self.linear.delay, delay)]
+        cost = min(base[1].cost, *(each.cost for each in without))
+        if fit.cost >= cost:
+            return None
         least = rounding(problem.experiments)
-        share = max(fit.cost, least) / max(base[1].cost, least)
+        share = max(fit.cost, least) / max(cost, least)
         rows = fit.fit.residuals.size / max(1.0, colour(problem, fit))
         behind = _Plant(problem, fit, delay)
         ratio, agreement = self._compared(_Plant(*base, self.linear.delay), behind, _OPERATORS[name], top)
