@@ -49,9 +49,9 @@ class Truth(NamedTuple):
 def held_back(log: StrangersLog, period_s: float) -> tuple[Array, Array]:
     """Return command and clean output of a log that is not fitted, from rest, shape (N,) each.
 
-    Levels that are held until the axis rests, then sines through the band, at the amplitude of the fitted log. Where the
-    fitted log only steps, by the same height each time, and the axis is not linear, the held-back log has such steps,
-    too: what larger and smaller moves do is nowhere in the fitted one.
+    Levels that are held until the axis rests, then sines through the band, at the amplitude of the fitted log. Where
+    the fitted log only steps, by the same height each time, and the axis is not linear, the held-back log has such
+    steps, too: what larger and smaller moves do is nowhere in the fitted one.
 
     Args:
       log: the log that was fitted.

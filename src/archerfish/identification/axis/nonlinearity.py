@@ -121,7 +121,9 @@ class _Search(NamedTuple):
             if other >= 0 and (tried := refine_poles(sections, self._problem(changed, other), _EFFORT)).cost < fit.cost:
                 problem, fit, delay = self._problem(changed, other), tried, other
         # The poles may be what is better, and not the operator.
-        without = [refine_poles(sections, self._problem(self.ground, each), _EFFORT) for each in (self.linear.delay, delay)]
+        without = [
+            refine_poles(sections, self._problem(self.ground, each), _EFFORT) for each in (self.linear.delay, delay)
+        ]
         cost = min(base[1].cost, *(each.cost for each in without))
         if fit.cost >= cost:
             return None

@@ -204,9 +204,7 @@ def _preferred(candidates: Sequence[_Candidate], weights: Mapping[int, float]) -
     return max(close, key=lambda each: (round(weight_within(weights, each.prompt), 2), -each.criterion))
 
 
-def _with_first(
-    searches: Mapping[int, AxisSearch], first: _Candidate, candidates: Sequence[_Candidate]
-) -> AxisSearch:
+def _with_first(searches: Mapping[int, AxisSearch], first: _Candidate, candidates: Sequence[_Candidate]) -> AxisSearch:
     """Return the search for the order of a structure, that structure the first one and others as likely added."""
     search = searches[first.order]
     fitted = {id(each) for each in (search.found.best, *search.found.others)}

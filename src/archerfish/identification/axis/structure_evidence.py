@@ -17,8 +17,8 @@ from archerfish.identification.axis.delay_walk import rounding
 from archerfish.identification.axis.log_ground import Ground
 from archerfish.identification.axis.normal_equations import lay_out, solve
 from archerfish.identification.axis.out_of_band import scaled_penalty
-from archerfish.identification.axis.pole_refinement import Effort, Problem, refine_all, refine_poles
 from archerfish.identification.axis.pole_pursuit import pursue_poles
+from archerfish.identification.axis.pole_refinement import Effort, Problem, refine_all, refine_poles
 from archerfish.identification.axis.simulation_fit import LinearFit
 from archerfish.identification.axis.spectra import Spectrum, row_count
 from archerfish.identification.axis.structure_choice import Structure

@@ -78,7 +78,7 @@ def examine_together(recordings: Sequence[Recording], order: int) -> list[Findin
     sines = [_sine(recording) for recording in recordings]
     known = [each for each in sines if each is not None]
     if len(known) == len(sines) and max(known) < 1.05 * min(known):
-        message = f"the input is a single sine of {known[0]:.4g} Hz, which tells two numbers, and a plant has a gain, a lag and a delay"
+        message = f"the input is a single sine of {known[0]:.4g} Hz, which tells two numbers: not gain, lag and delay"
         remedy = "record a sweep or a step"
         raise refusal(Finding("single-sine", "refused", recordings[0].source, message, remedy))
     if any(_drives_slowly(recording) for recording in recordings):

@@ -22,7 +22,7 @@ RESAMPLING_LIMIT = 0.02
 _PLAUSIBLE_PERIOD_S = (1e-5, 0.5)
 """Sampling periods that a gimbal's log may have; a log of minutes at 1 Hz shows nothing of its dynamics."""
 
-_SMOOTHER = 0.7
+_SMOOTHER, _SMOOTHER_AT_ALL = 0.7, 0.9
 """Roughness of the output over equal intervals as a share of that over the stamps, below which the stamps are wrong."""
 _EARLY = 0.3
 """Share of an interval that a stamp may come before its place; it may come late by the rest."""
@@ -201,22 +201,28 @@ def _pieces(table: LogTable, rows: Rows, stretches: list[slice], period: float, 
         message = "the intervals differ only by the rounding of the stamps; the samples were taken as equally spaced"
         findings.append(Finding("time-rounded", "repaired", table.source, message, "log finer stamps"))
         return [Piece(_evenly(time), rows.signals[each]) for time, each in zip(times, stretches, strict=True)]
-    if (counted := _counted(rows, stretches, period)) is not None:
+    if (counted := _counted(rows, stretches, period, _SMOOTHER)) is not None:
         return _taken_evenly(table, rows, stretches, counted, findings)
     return _resampled(table, rows, stretches, period, findings)
 
 
-def _counted(rows: Rows, stretches: list[slice], period: float) -> list[NDArray[np.int64]] | None:
+def _counted(rows: Rows, stretches: list[slice], period: float, smoother: float) -> list[NDArray[np.int64]] | None:
     """Return the number of each sample, if they were taken at equal intervals and only stamped unevenly.
 
     An output that moves smoothly shows which it is: it is smooth over the times at which it was taken.
+
+    Args:
+      rows: of the log.
+      stretches: of them, without gaps.
+      period: sampling period [s].
+      smoother: roughness over the numbers, as a share of that over the stamps, below which it is so.
     """
     stamps = [rows.time[each] for each in stretches]
     outputs = [rows.signals[each, rows.inputs :] for each in stretches]
     by_stamp = sum(_roughness(*pair) for pair in zip(stamps, outputs, strict=True))
     for numbers in ([np.arange(time.size) for time in stamps], [_places(time, period) for time in stamps]):
         by_number = sum(_roughness(each.astype(float), y) for each, y in zip(numbers, outputs, strict=True))
-        if by_number < _SMOOTHER * by_stamp:
+        if by_number < smoother * by_stamp:
             return numbers
     return None
 
@@ -310,6 +316,9 @@ def _resampled(
     steps = np.concatenate([np.diff(rows.time[each]) for each in stretches])
     size = f"the intervals vary from {steps.min():.4g} to {steps.max():.4g} s (mean {period:.4g} s)"
     if error > RESAMPLING_LIMIT:
+        # A curve through noisy samples at nearly the same time runs wild, and noise hides what is smooth.
+        if (counted := _counted(rows, stretches, period, _SMOOTHER_AT_ALL)) is not None:
+            return _taken_evenly(table, rows, stretches, counted, findings)
         message = f"{size}, and resampling would change the output by {error:.1%} of its standard deviation"
         raise refusal(Finding("jitter", "refused", table.source, message, "log at equal intervals"))
     message = f"{size}; resampled to the mean, at a cost of {error:.2%} of the output's standard deviation"
