@@ -58,6 +58,14 @@ def samples_stamped_late_by_a_host(folder):
     return csv(folder, late + 1e-6 * np.arange(time.size), u, y)
 
 
+@fault("repaired", "time-stamped-late")
+def samples_that_wait_for_a_busy_host(folder):
+    time, u, y = sound()
+    waiting = 0.6 * PERIOD * np.random.default_rng(6).standard_exponential(time.size)
+    late = np.maximum.accumulate(time + waiting)
+    return csv(folder, late + 1e-6 * np.arange(time.size), u, y)
+
+
 @fault("refused", "sample-period")
 def a_sampling_period_of_zero(folder):
     return [*csv(folder, *sound()), "--sample-period-s", "0"]

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import tyro
 from rich.console import Console
 
-from archerfish.cli.axis_advice import tried_advice
+from archerfish.cli.axis_advice import Advice, tried_advice
 from archerfish.cli.axis_evidence import AxisEvidence, gather_evidence
 from archerfish.cli.axis_page import axis_page
 from archerfish.cli.axis_picture import axis_picture
@@ -22,12 +22,15 @@ from archerfish.cli.run_folder import run_folder
 from archerfish.figures.style import save_figure
 from archerfish.identification.axis.gimbal import USUAL_DELAY, AxisIdentification, identify_axis
 from archerfish.identification.axis.order_choice import ORDERS, USUAL_ORDERS, OrderTrial, choose_order
+from archerfish.identification.doctor.time_stamps import UnevenStampsError
 from archerfish.records import storage
 from archerfish.records.errors import InputError
 from archerfish.records.log_files import log_parts
 from archerfish.records.plant import PlantQuality, write_plant
 from archerfish.records.provenance import provenance
 
+_SENSIBLE_FIT = 60.0
+"""Fit from which a log that was refused makes sense with an option [%]."""
 AXIS_ENDINGS = (".json", ".safetensors", ".html", ".svg", ".png")
 
 
@@ -131,7 +134,25 @@ def judge_logs(command: IdentifyGimbal) -> tuple[AxisEvidence, Verdict]:
 def _read_logs(command: IdentifyGimbal) -> GimbalLogs:
     if not command.logs:
         raise InputError("identify gimbal: no log given; name at least one file")
-    return read_gimbal_logs(command.logs, _flat(command.validate), _reading(command))
+    try:
+        return read_gimbal_logs(command.logs, _flat(command.validate), _reading(command))
+    except UnevenStampsError as error:
+        raise _taken_evenly(command, error) from error
+
+
+def _taken_evenly(command: IdentifyGimbal, error: UnevenStampsError) -> InputError:
+    """Try the samples as if taken at equal intervals, and say so in the error if they make sense then."""
+    period = float(f"{error.sample_period_s:.6g}")
+    try:
+        fit = judged_fit(judge_logs(replace(command, sample_period_s=period))[0]).run.fit_percent
+    except InputError:
+        return error
+    if fit < _SENSIBLE_FIT:
+        return error
+    option = f"--sample-period-s {period:g}"
+    advice = Advice(option, {"sample_period_s": period}, fit, f"with {option} the fit is {fit:.1f} %")
+    remedy = f"or, if the samples were taken evenly and only stamped late, pass {option}: the fit is {fit:.1f} % then"
+    return InputError(f"{error}, {remedy}", error.code, (advice,))
 
 
 def _judged(command: IdentifyGimbal, logs: GimbalLogs, console: Console) -> tuple[AxisEvidence, Verdict]:

@@ -4,16 +4,20 @@ One type, so that the command line can print any of them in one line and exit wi
 keeps its traceback.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 
 class InputError(ValueError):
     """Something the user gave can't be used: the message names it, what was expected, and what to do."""
 
-    def __init__(self, message: str, code: str | None = None) -> None:
+    def __init__(self, message: str, code: str | None = None, advice: Sequence[Any] = ()) -> None:
         super().__init__(message)
         self.code = code
         """Short, stable name of the fault ("time-backward"), for programs that act on it; None where none is given."""
+        self.advice = tuple(advice)
+        """Options that were tried and help, if any."""
 
 
 def file_error(path: str | Path, problem: str, remedy: str, code: str | None = None) -> InputError:

@@ -2,10 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import cont2discrete
 
+from archerfish.identification.axis.gimbal import search_axis, weight_within
 from archerfish.identification.axis.order_choice import USUAL_ORDERS, choose_order
+from archerfish.identification.axis.structure_evidence import gather, pursued
 from archerfish.identification.excitation.signals import linear_sweep
-from archerfish.records.plant import dc_gain
+from archerfish.records.plant import PlantRecord, dc_gain
 
 PERIOD = 1e-3
 
@@ -40,3 +43,32 @@ def test_a_drifting_output_costs_neither_order_nor_gain(second_order, record, dr
     assert dc_gain(result.plant).item() == pytest.approx(1.0, abs=0.02 if drift == "ramp" else 0.2)
     assert result.plant.delay_samples == pytest.approx(5, abs=1)
     assert min(result.fit_percent) > 95
+
+
+def test_poles_built_anew_at_shorter_delays_find_the_lag_that_a_delay_has_replaced(record):
+    plant = servo(6.0, 0.6, lag_hz=15.0, delay=13, period=0.002)
+    time = 0.002 * np.arange(6000)
+    sines = sum(np.sin(2 * np.pi * each * time + each**2) for each in np.geomspace(0.3, 24.0, 20))
+    search = search_axis([record(plant, sines / np.abs(sines).max(), noise=0.01)], 3, max_delay=40)
+    late = search.found.best._replace(delay=21)
+    evidence = gather([search.found.best, late], search.found.ground)
+    found, criterion = pursued(late, 3, [21, 19, 16, 11], evidence)
+    assert criterion < evidence.criterion(late) - 100
+    assert criterion < evidence.criterion(search.found.best) + 10
+    assert found.delay == pytest.approx(13, abs=3)
+
+
+def test_the_estimate_is_the_delay_that_is_likeliest_within_a_sample(second_order, record):
+    log = record(second_order(6.0, 0.5, 4), linear_sweep(1.0, PERIOD, high_hz=20.0), noise=0.1)
+    result = choose_order([log], orders=USUAL_ORDERS).result
+    weights = result.delay_weights
+    here = result.plant.delay_samples - bool(result.structures[0].known.feedthrough)
+    assert weight_within(weights, here) >= 0.9 * max(weight_within(weights, each) for each in weights)
+
+
+def servo(bandwidth_hz, damping, *, lag_hz, delay, period):
+    frequency, lag = 2 * np.pi * bandwidth_hz, 2 * np.pi * lag_hz
+    A = np.array([[0.0, 1.0, 0.0], [-(frequency**2), -2 * damping * frequency, frequency**2], [0.0, 0.0, -lag]])
+    B = np.array([[0.0], [0.0], [lag]])
+    A_held, B_held, C, D, _ = cont2discrete((A, B, np.array([[1.0, 0.0, 0.0]]), np.zeros((1, 1))), period)
+    return PlantRecord(A_held, B_held, C, D, delay, period, "test", ("u",), ("y",))

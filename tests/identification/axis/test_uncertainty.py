@@ -8,6 +8,7 @@ from archerfish.identification.axis.pole_refinement import Problem, refine_poles
 from archerfish.identification.axis.posterior_draws import draw_parameters
 from archerfish.identification.axis.spectra import spectrum
 from archerfish.identification.axis.uncertainty import (
+    _wander,
     heard_sections,
     interval,
     pole_deviations,
@@ -200,3 +201,12 @@ def test_slopes_of_poles_are_those_of_the_quadratic_formula():
     sides = [section_poles(sections_from_numbers(found.free + sign * step)) for sign in (1, -1)]
     np.testing.assert_allclose(slopes[:, 0] @ step, (sides[0] - sides[1]).real / 2, rtol=1e-4)
     np.testing.assert_array_equal(slopes[:, 1], 0.0)
+
+
+def test_a_slow_wander_is_as_strong_on_the_lowest_lines_as_those_above_foretell():
+    rng = np.random.default_rng(0)
+    line = np.arange(1, 2001)
+    squares = (30.0 / line**2 + 0.01) * rng.chisquare(2, line.size) / 2
+    found = _wander(squares, 61)
+    assert found[:5] == pytest.approx(30.0 / line[:5] ** 2, rel=0.7)
+    assert not _wander(rng.chisquare(2, line.size), 61).any()

@@ -5,8 +5,10 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from archerfish.records.errors import InputError
 from archerfish.records.findings import Finding, refusal
 from archerfish.records.log_table import LogTable, stated_unit
 from archerfish.records.recording import JITTER_LIMIT
@@ -15,6 +17,8 @@ Array = NDArray[np.float64]
 
 GAP_PERIODS = 3.0
 """Interval, in sampling periods, from which on a log is cut: what happened inside can't be told from its ends."""
+_CATCHING_UP = 20
+"""Samples within which stamps that were late are on time again."""
 
 RESAMPLING_LIMIT = 0.02
 """Largest resampling error, as a share of the signal's standard deviation, that costs a fit no more than 2 points."""
@@ -32,6 +36,15 @@ _WINDOW = 20
 """Samples over which an interval is taken, so that what is late at its ends matters little."""
 
 _SECONDS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+class UnevenStampsError(InputError):
+    """Samples so uneven that nothing between them can be trusted, by their stamps."""
+
+    def __init__(self, message: str, sample_period_s: float) -> None:
+        super().__init__(message, "jitter")
+        self.sample_period_s = sample_period_s
+        """Mean of the intervals: the sampling period, if samples were taken evenly and only stamped unevenly [s]."""
 
 
 class Rows(NamedTuple):
@@ -149,7 +162,7 @@ def equal_intervals(table: LogTable, rows: Rows, shortest: int, findings: list[F
     whole = np.delete(steps, rows.cuts - 1)
     period = float(np.median(whole if whole.size else steps))
     _check_period(table, period, findings)
-    gaps = np.setdiff1d(np.flatnonzero(steps > GAP_PERIODS * period) + 1, rows.cuts)
+    gaps = np.setdiff1d(_gaps(rows.time, period), rows.cuts)
     if gaps.size:
         longest = int(gaps[np.argmax(steps[gaps - 1])])
         place = f"{table.source}: {table.place_kind} {rows.places[longest]}"
@@ -163,6 +176,15 @@ def equal_intervals(table: LogTable, rows: Rows, shortest: int, findings: list[F
     long = [each for each in stretches if each.stop - each.start >= shortest]
     _check_pieces(table, stretches, long, shortest, findings)
     return _pieces(table, rows, long, period, findings)
+
+
+def _gaps(time: Array, period: float) -> NDArray[np.int64]:
+    """Return the first sample after each gap; a sample that was only stamped late is followed by others at once."""
+    lateness = np.pad(time - period * np.arange(time.size), (0, _CATCHING_UP), constant_values=np.inf)
+    # The least that any of the next samples is late by.
+    envelope = sliding_window_view(lateness, _CATCHING_UP + 1).min(axis=1)
+    longer = np.diff(time) > GAP_PERIODS * period
+    return np.flatnonzero(longer & (np.diff(envelope) > (GAP_PERIODS - 1) * period)) + 1
 
 
 def _stretches(count: int, cuts: NDArray[np.int64]) -> Iterator[slice]:
@@ -320,7 +342,7 @@ def _resampled(
         if (counted := _counted(rows, stretches, period, _SMOOTHER_AT_ALL)) is not None:
             return _taken_evenly(table, rows, stretches, counted, findings)
         message = f"{size}, and resampling would change the output by {error:.1%} of its standard deviation"
-        raise refusal(Finding("jitter", "refused", table.source, message, "log at equal intervals"))
+        raise UnevenStampsError(f"{table.source}: {message}; log at equal intervals", period)
     message = f"{size}; resampled to the mean, at a cost of {error:.2%} of the output's standard deviation"
     findings.append(Finding("jitter", "repaired", table.source, message, "log at equal intervals"))
     return pieces
