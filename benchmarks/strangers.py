@@ -30,7 +30,7 @@ RESULT = Path(__file__).parent / "results" / "strangers.json"
 SEED = 2026
 LOGS = 2010
 """A multiple of the block in which faults are dealt out."""
-OPTIONS_EVERY = 4
+OPTIONS_EVERY = 10
 """The options are tried on the first of every so many logs."""
 
 

@@ -24,7 +24,7 @@ from archerfish.identification.axis.structure_choice import Structure
 from archerfish.identification.axis.structure_evidence import Evidence, gather, neighbours, pursued
 from archerfish.identification.validation.free_run import common_offset, free_run, own_zero_run
 from archerfish.records.errors import InputError
-from archerfish.records.recording import Recording
+from archerfish.records.recording import Recording, slice_recording
 
 ORDERS = tuple(range(1, 9))
 """Orders that can be tried."""
@@ -32,6 +32,8 @@ USUAL_ORDERS = tuple(range(1, 5))
 """Orders that an axis without unusual resonances has."""
 WORTH_A_STATE = 0.2
 """Points of fit on held-back recordings that another state must bring."""
+WORTH_A_LIKELY_STATE = 1.0
+"""Points of fit on what was fitted, and then on the last third, that a state beyond the likeliest order must bring."""
 _FIRST = (2, 4)
 """Orders that are tried first where nothing is held back; then those beside the better one."""
 _IN_VAIN = 2
@@ -130,13 +132,17 @@ def choose_order(
         elif not waiting and set(searches) == {*_FIRST} & {*orders}:
             waiting = _next_to_best(searches, orders)
     searches = dict(sorted(searches.items()))
+    drifts = any(each.drifts for each in searches.values())
     candidates = _candidates(searches)
     least = _least(candidates)
     trials = [_trial(searches[order], recordings, worst.get(order), least) for order in searches]
     weights = _delay_weights(candidates)
-    if held_back:
-        candidates = [each for each in candidates if each.order == _best(worst)]
-    search = _with_first(searches, _preferred(candidates, weights), candidates)
+    first = _preferred(candidates, weights)
+    chosen = _best(worst) if held_back else _order_that_lasts(searches, first.order, drifts=drifts)
+    if chosen != first.order:
+        candidates = [each for each in candidates if each.order == chosen]
+        first = _preferred(candidates, weights)
+    search = _with_first(searches, first, candidates)
     found = search.found._replace(delays=_open_delays(weights), delay_weights=weights)
     result = complete_axis(search._replace(found=found), axis=axis, seed=seed)
     return OrderChoice(result, tuple(trials))
@@ -225,6 +231,44 @@ def _with_first(searches: Mapping[int, AxisSearch], first: _Candidate, candidate
 def _on_all_lines(structure: Structure, search: AxisSearch) -> Structure:
     problem = structure.problem._replace(experiments=search.found.ground.spectra(structure.delay))
     return structure._replace(problem=problem, refinement=refine_poles(structure.refinement.sections, problem))
+
+
+def _order_that_lasts(searches: Mapping[int, AxisSearch], likeliest: int, *, drifts: bool) -> int:
+    """Return the likeliest order, or a higher one that explains much more, also of what it was not fitted to.
+
+    What an axis does beyond a linear plant is no noise: the criterion counts it as if it were, and leaves out poles that
+    follow it. So where a higher order explains clearly more, the last third of each recording decides.
+
+    Args:
+      searches: by order.
+      likeliest: order of the least criterion.
+      drifts: whether a drift is fitted beside the response.
+    """
+    left = {order: _left_percent(search) for order, search in searches.items() if order >= likeliest}
+    richest = min(left, key=lambda order: left[order] + WORTH_A_LIKELY_STATE * order)
+    if richest == likeliest:
+        return likeliest
+    recordings = searches[likeliest].recordings
+    cuts = [2 * len(each) // 3 for each in recordings]
+    begun = [slice_recording(each, 0, cut) for each, cut in zip(recordings, cuts, strict=True)]
+    rest = [slice_recording(each, cut, len(each)) for each, cut in zip(recordings, cuts, strict=True)]
+    fits = {}
+    for order in (likeliest, richest):
+        try:
+            search = search_axis(begun, order, max_delay=searches[order].longest_delay, drift=drifts)
+        except InputError:
+            return likeliest  # too short to tell
+        runs = [own_zero_run(best_plant(search), each, drift=DRIFT if drifts else 0)[1] for each in rest]
+        fits[order] = min(float(each.fit_percent.mean()) for each in runs)
+    gained = fits[richest] - fits[likeliest]
+    return richest if gained > WORTH_A_LIKELY_STATE * (richest - likeliest) else likeliest
+
+
+def _left_percent(search: AxisSearch) -> float:
+    """Return how much of the outputs a plant leaves, standard deviations [%]."""
+    best = search.found.best
+    outputs = sum(float(np.sum(np.abs(each.outputs) ** 2)) for each in best.problem.experiments)
+    return 100 * float(np.sqrt(best.refinement.fit.misfit / max(outputs, np.finfo(float).tiny)))
 
 
 def _delay_weights(candidates: Sequence[_Candidate]) -> dict[int, float]:
