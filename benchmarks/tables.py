@@ -24,18 +24,21 @@ from archerfish.records import storage
 from machine import describe_machine
 from markdown_table import markdown
 from motion_tables import eq7, motion_differences, motions, unseen
+from strangers_judging import Row
 
 ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results"
 REPRODUCE, TRANSFER = "reproduce", "transfer"
 """Runs that are taken, by the names of their files."""
 IDENTIFICATION, ROBOTS, MOTIONS, UNSEEN = "identification", "other_robots", "motions", "unseen_motions"
+STRANGERS = "strangers"
 """Benchmarks whose figures are written too."""
 WITHOUT_RULE, WITH_RULE = ("kalman", "kalman-lq", "imm-lq"), "parabola-lq"
 MOVING_FROM_2_M = (5, 6, 7)
 """Cells of moving targets at 2–5 m."""
 DROPS = ("drop_settled_at_most", "drop_at_most")
 LOGS = ("robot arm", "CD player arm", "hair dryer", "Silverbox", "quarter drone, steps")
+OTHER_LOGS = ("quarter drone, sweep", "coupled drives", "ball and hoop", "flexible structure")
 """Logs that its table shows."""
 PAGES = (
     "README.md",
@@ -186,6 +189,40 @@ def fits(results: dict[str, Any], cases: Sequence[str]) -> str:
     return markdown(["test / training fit, %", *cases], rows)
 
 
+def strangers(results: dict[str, Any]) -> str:
+    """Write how often verdicts and intervals were right: a row for each share that has a bar.
+
+    Args:
+      results: of benchmarks/strangers.py.
+    """
+    rows = []
+    for each in results["counts"]:
+        low, high = each["low_bar"], each["high_bar"]
+        if low is None and high is None:
+            continue
+        bar = [f"≥ {100 * low:g} %"] * (low is not None) + [f"≤ {100 * high:g} %"] * (high is not None)
+        first, last = (f"{100 * end:.1f}" for end in each["interval_95"])
+        share = f"{100 * each['count'] / each['of']:.1f} % ({first}–{last})"
+        rows.append([each["name"], share, f"{each['count']} of {each['of']}", ", ".join(bar)])
+    return markdown(["", "share (95 %)", "logs", "aim"], rows)
+
+
+def strangers_by_fault(results: dict[str, Any]) -> str:
+    """Write how often verdicts were right: a row for each fault.
+
+    Args:
+      results: of benchmarks/strangers.py.
+    """
+    logs = [Row(**dict(zip(results["fields"], each, strict=True))) for each in results["rows"]]
+    rows = []
+    for fault in sorted({each.fault for each in logs}, key=lambda name: (name == "none", name)):
+        here = [each for each in logs if each.fault == fault]
+        wrong = sum(each.usable_said and not each.usable_true for each in here)
+        refused = sum(each.good and not each.usable_said for each in here)
+        rows.append([fault, *(str(each) for each in (len(here), sum(one.right for one in here), wrong, refused))])
+    return markdown(["fault", "logs", "verdict right", "called usable, and not so", "good, and not called usable"], rows)
+
+
 def robots(results: dict[str, Any]) -> str:
     """Write how the policy does on other robots, in points, the least of three trainings: a row per robot.
 
@@ -238,7 +275,13 @@ TABLES: dict[str, tuple[str, Callable[[dict[str, Any]], str]]] = (
             ("drops", drops),
         )
     }
-    | {"fits": (IDENTIFICATION, lambda results: fits(results, LOGS)), "robots": (ROBOTS, robots)}
+    | {
+        "fits": (IDENTIFICATION, lambda results: fits(results, LOGS)),
+        "other-fits": (IDENTIFICATION, lambda results: fits(results, OTHER_LOGS)),
+        "robots": (ROBOTS, robots),
+        "strangers": (STRANGERS, strangers),
+        "strangers-by-fault": (STRANGERS, strangers_by_fault),
+    }
     | {
         "motions-simulator": (MOTIONS, lambda results: motions(results, "identified-infantry")),
         "motions-robot": (MOTIONS, lambda results: motions(results, "infantry")),
@@ -267,7 +310,7 @@ def rendered(page: str, results: Mapping[str, dict[str, Any]]) -> str:
 
 def committed() -> dict[str, dict[str, Any]]:
     """Return the results that were taken, by run."""
-    runs = (REPRODUCE, TRANSFER, IDENTIFICATION, ROBOTS, MOTIONS, UNSEEN)
+    runs = (REPRODUCE, TRANSFER, IDENTIFICATION, ROBOTS, MOTIONS, UNSEEN, STRANGERS)
     found = {run: storage.read_json(RESULTS / f"{run}.json") for run in runs}
     for run in (REPRODUCE, TRANSFER):
         found[run] |= {name: _rows(found[run][name], *fields) for name, fields in KEPT.items()}

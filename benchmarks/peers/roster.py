@@ -18,7 +18,7 @@ class Tool(NamedTuple):
     """Its pinned packages in this folder; empty for a program that must be on the PATH, and for our own."""
 
 
-OURS = Tool("Archerfish", "archerfish_fit.py", {"defaults": ("identify_axis",)})
+OURS = Tool("Archerfish", "archerfish_fit.py", {"order 4": ("identify_axis",), "order chosen": ("choose_order",)})
 PEERS = (
     Tool("Octave n4sid", "octave_fit.m", {"default s": ("default s",), "s = 25": ("s = 25",)}),
     Tool(
