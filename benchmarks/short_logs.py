@@ -129,10 +129,10 @@ def _print(rows: Sequence[Row], bars: Sequence[Bar], seconds: float) -> None:
     lines = [("Archerfish", *_spread(ours), "", "", "")]
     for name in names():
         theirs = [row.peers[name].by_criterion.fit_percent for row in rows]
-        told = [row.peers[name].by_truth.fit_percent for row in rows]
+        with_order = [row.peers[name].by_truth.fit_percent for row in rows]
         within = np.mean(np.array(ours) >= np.array(theirs) - NEAR)
         ahead = np.mean(np.array(theirs) > np.array(ours))
-        lines.append((name, *_spread(theirs), f"{np.median(told):.2f}", f"{within:.0%}", f"{ahead:.0%}"))
+        lines.append((name, *_spread(theirs), f"{np.median(with_order):.2f}", f"{within:.0%}", f"{ahead:.0%}"))
     best = [row.ours.fit_percent - row.lead for row in rows]
     ahead, within = np.mean([row.lead < 0 for row in rows]), bars[0].found
     lines.append(("best peer of each log", *_spread(best), "", f"{within:.0%}", f"{ahead:.0%}"))
@@ -179,6 +179,7 @@ def _line(row: Row) -> str:
 
 def _write(path: Path, options: argparse.Namespace, rows: Sequence[Row], bars: Sequence[Bar], seconds: float) -> None:
     """Write the results, each row in one line."""
+    rules = ("fit", "order", "fit with the order told")
     content = {
         "conditions": {
             "seed": options.seed,
@@ -198,7 +199,7 @@ def _write(path: Path, options: argparse.Namespace, rows: Sequence[Row], bars: S
         "provenance": provenance(options.seed),
         "seconds": round(seconds, 1),
         "bars": [bar._asdict() | {"met": bar.met} for bar in bars],
-        "fields": [*_facts(rows[0]), *(f"{name}: {rule}" for name in names() for rule in ("fit", "order", "told"))],
+        "fields": [*_facts(rows[0]), *(f"{name}: {rule}" for name in names() for rule in rules)],
     }
     lines = ",\n    ".join(json.dumps(_values(row)) for row in rows)
     text = json.dumps(content, indent=2, ensure_ascii=False)
