@@ -33,7 +33,10 @@ _SHAPES = {
     "small": 0.06,
 }
 """Excitation → share of the logs."""
-_RATES_HZ = {50.0: 0.1, 100.0: 0.2, 200.0: 0.25, 500.0: 0.2, 1000.0: 0.25}
+EXCITATIONS = ("sweep", "step", "early step", "staircase", "held levels", "multisine", "binary")
+"""Excitations of a single file that begins at rest."""
+RATES_HZ = {50.0: 0.1, 100.0: 0.2, 200.0: 0.25, 500.0: 0.2, 1000.0: 0.25}
+"""Sampling rate [Hz] → share of the logs."""
 _FEWEST, _MOST, _LONGEST_S = 150, 30_000, 30.0
 _LONGEST_DELAY = (15, 0.04)
 """Longest dead time of a usual rig, in samples and in seconds; the shorter one counts."""
@@ -97,7 +100,7 @@ def make_log(seed: int, index: int) -> StrangersLog:
     """
     generator = np.random.default_rng((seed, index))
     fault = _fault(seed, index)
-    rate_hz = float(generator.choice(list(_RATES_HZ), p=list(_RATES_HZ.values())))
+    rate_hz = float(generator.choice(list(RATES_HZ), p=list(RATES_HZ.values())))
     excitation = SHAPED.get(fault) or str(generator.choice(list(_SHAPES), p=list(_SHAPES.values())))
     rig = _rig(generator, rate_hz, fault)
     amplitude = log_uniform(generator, 0.01, 30.0)
@@ -132,6 +135,20 @@ def _rig(generator: np.random.Generator, rate_hz: float, fault: str) -> Rig:
     families = families_at(rate_hz)
     if fault == "friction":
         families = tuple(each for each in families if each in ("second order", "servo", "overdamped"))
+    return _usual(generator, rate_hz, families)
+
+
+def usual_rig(generator: np.random.Generator, rate_hz: float) -> Rig:
+    """Draw a linear rig with a usual steady gain and dead time.
+
+    Args:
+      generator: source of the draws.
+      rate_hz: of the log [Hz].
+    """
+    return _usual(generator, rate_hz, families_at(rate_hz))
+
+
+def _usual(generator: np.random.Generator, rate_hz: float, families: tuple[str, ...]) -> Rig:
     rig = draw_rig(generator, rate_hz, str(generator.choice(families)))
     gain = 1.0 if generator.random() < 0.6 else log_uniform(generator, 0.2, 5.0)
     gain *= -1.0 if generator.random() < 0.1 else 1.0
@@ -163,7 +180,7 @@ def _recorded(log: StrangersLog, generator: np.random.Generator) -> StrangersLog
     start = float(generator.choice([0.0, round(generator.uniform(0, 1000), 3), 1.7e9], p=[0.6, 0.3, 0.1]))
     files = []
     for given, clean in runs:
-        answer = clean + zero + noise * spread * _noise(kind, len(clean), generator)
+        answer = clean + zero + noise * spread * draw_noise(kind, len(clean), generator)
         if quantum:
             answer = quantum * np.round(answer / quantum)
         if log.fault == "drift":
@@ -203,8 +220,14 @@ def _runs(log: StrangersLog, generator: np.random.Generator) -> list[tuple[Array
     return runs
 
 
-def _noise(kind: str, count: int, generator: np.random.Generator) -> Array:
-    """Draw noise of standard deviation 1, shape (count,)."""
+def draw_noise(kind: str, count: int, generator: np.random.Generator) -> Array:
+    """Draw noise of standard deviation 1, shape (count,).
+
+    Args:
+      kind: "white", "AR(0.9)" or "wander".
+      count: samples.
+      generator: source of the draws.
+    """
     if kind == WANDERING:
         slow = lfilter([1.0], [1.0, -(1 - 5 / (count + 5))], generator.standard_normal(2 * count))[count:]
         wander = slow / max(float(np.std(slow)), 1e-12)

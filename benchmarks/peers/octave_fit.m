@@ -1,4 +1,4 @@
-% Adapter: n4sid of Octave's control package, with its default horizon and with 25 block rows.
+% Adapter: n4sid of Octave's control package, with its default horizon, and with as many block rows as a variant names.
 % octave-cli octave_fit.m CASE.json MODELS.json; what the files hold is said in protocol.py.
 
 1;
@@ -10,12 +10,12 @@ function [model, seconds] = identify (case_, options)
   seconds = cputime () - start;
 endfunction
 
-function entry = attempt (case_, variant, options)
+function entry = attempt (case_, variant, options, later_fits)
   entry.variant = variant;
   try
     [model, entry.first_seconds] = identify (case_, options);
-    later = [];
-    while (numel (later) < 5 && sum (later) < 2)
+    later = entry.first_seconds(later_fits == 0);
+    while (numel (later) < later_fits && sum (later) < 2)
       [~, later(end + 1)] = identify (case_, options);
     endwhile
     entry.seconds = min (later);
@@ -27,10 +27,28 @@ function entry = attempt (case_, variant, options)
   end_try_catch
 endfunction
 
+function models = attempts (case_, variants, later_fits)
+  models = {};
+  for index = 1:numel (variants)
+    options = {};
+    if (! strcmp (variants{index}, "default s"))
+      options = {"s", sscanf(variants{index}, "s = %d")};
+    endif
+    models{end + 1} = attempt (case_, variants{index}, options, later_fits);
+  endfor
+endfunction
+
 function main (source, target)
   pkg load control
-  case_ = jsondecode (fileread (source));
-  models = {attempt(case_, "default s", {}), attempt(case_, "s = 25", {"s", 25})};
+  facts = jsondecode (fileread (source));
+  if (isfield (facts, "cases"))
+    models = {};
+    for index = 1:numel (facts.cases)
+      models{end + 1} = attempts (facts.cases(index), facts.variants, 0);
+    endfor
+  else
+    models = attempts (facts, {"default s", "s = 25"}, 5);
+  endif
   file = fopen (target, "w");
   fputs (file, jsonencode (models));
   fclose (file);

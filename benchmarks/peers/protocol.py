@@ -5,6 +5,9 @@ module needs NumPy only. A case holds `order`, `sample_period_s`, `inputs` (N, m
 `variant` and either `error` or `A`, `B`, `C`, `D` and the seconds of its fit: `first_seconds` the first time in the
 process, `seconds` the best of the later ones. `delay_samples` and `offset` are zero where they are missing.
 
+To spare a tool its start for each of many cases, the file may hold `cases`, a list of them, and `variants`, the names
+of those that are wanted. Each fit is then done once, and the models are a list for each case.
+
 Times are processor times: the caller allows one core, so on a machine with nothing else to do they are what a clock on
 the wall shows, and on a busy one they still are.
 """
@@ -42,24 +45,35 @@ Fit = Callable[[Case], Model]
 
 
 def main(variants: Mapping[str, Fit]) -> None:
-    """Fit the case that the command line names by every variant, and write the models."""
+    """Fit the cases that the command line names, and write the models."""
     source, target = map(Path, sys.argv[1:])
     facts = json.loads(source.read_text())
-    case = Case(facts["order"], facts["sample_period_s"], np.array(facts["inputs"]), np.array(facts["output"]))
-    target.write_text(json.dumps([_attempt(name, fit, case) for name, fit in variants.items()]))
+    if "cases" not in facts:
+        target.write_text(json.dumps([_attempt(name, fit, _case(facts)) for name, fit in variants.items()]))
+        return
+    wanted = {name: variants[name] for name in facts["variants"]}
+    models = [
+        [_attempt(name, fit, case, later_fits=0) for name, fit in wanted.items()] for case in map(_case, facts["cases"])
+    ]
+    target.write_text(json.dumps(models))
 
 
-def _attempt(variant: str, fit: Fit, case: Case) -> dict[str, Any]:
+def _case(facts: Mapping[str, Any]) -> Case:
+    return Case(facts["order"], facts["sample_period_s"], np.array(facts["inputs"]), np.array(facts["output"]))
+
+
+def _attempt(variant: str, fit: Fit, case: Case, later_fits: int = LATER_FITS) -> dict[str, Any]:
     try:
         first_seconds, model = _timed(fit, case)
-        later = [_timed(fit, case)[0]]
-        while len(later) < LATER_FITS and sum(later) < PATIENCE_S:
+        later: list[float] = []
+        while len(later) < later_fits and sum(later) < PATIENCE_S:
             later.append(_timed(fit, case)[0])
     except Exception as error:  # whatever a peer raises is that peer's result
         return {"variant": variant, "error": f"{type(error).__name__}: {error}"}
     matrices = {name: np.asarray(model[name], dtype=np.float64).tolist() for name in ("A", "B", "C", "D")}
     rest = {name: value for name, value in model.items() if name not in matrices}
-    return {"variant": variant, **matrices, **rest, "first_seconds": first_seconds, "seconds": min(later)}
+    seconds = {"first_seconds": first_seconds, "seconds": min(later, default=first_seconds)}
+    return {"variant": variant, **matrices, **rest, **seconds}
 
 
 def _timed(fit: Fit, case: Case) -> tuple[float, Model]:

@@ -12,7 +12,7 @@ import numpy as np
 from archerfish.identification.validation.free_run import free_run
 from archerfish.records.plant import PlantRecord
 from archerfish.records.recording import make_recording
-from identification_cases import Case, Log
+from identification_cases import Array, Case, Log
 from peers import environments
 from peers.environments import NotRunError
 from peers.roster import Tool
@@ -68,12 +68,32 @@ def score_tool(tool: Tool, case: Case) -> list[Score]:
 
 
 def _fit(tool: Tool, case: Case) -> list[dict[str, Any]]:
+    return list(run_adapter(tool, case_facts(ORDER, case.sample_period_s, *case.training)))
+
+
+def case_facts(order: int, sample_period_s: float, inputs: Array, output: Array) -> dict[str, Any]:
+    """Return a case as the adapters read it.
+
+    Args:
+      order: number of states.
+      sample_period_s: sampling period [s].
+      inputs: shape (N, m).
+      output: shape (N, 1).
+    """
+    facts = {"order": order, "sample_period_s": sample_period_s}
+    return {**facts, "inputs": inputs.tolist(), "output": output.tolist()}
+
+
+def run_adapter(tool: Tool, facts: dict[str, Any]) -> Any:
+    """Give a tool's adapter a case, or many, and return the models, as protocol.py describes both.
+
+    Raises:
+      NotRunError: if the tool can't be installed, ends with an error or takes too long.
+    """
     words = environments.command(tool)
-    inputs, output = case.training
-    facts = {"order": ORDER, "sample_period_s": case.sample_period_s}
     with tempfile.TemporaryDirectory() as name:
         source, target = Path(name) / "case.json", Path(name) / "models.json"
-        source.write_text(json.dumps({**facts, "inputs": inputs.tolist(), "output": output.tolist()}))
+        source.write_text(json.dumps(facts))
         try:
             ended = subprocess.run(
                 [*words, str(source), str(target)],
@@ -88,7 +108,7 @@ def _fit(tool: Tool, case: Case) -> list[dict[str, Any]]:
         if ended.returncode or not target.is_file():
             said = (ended.stderr or ended.stdout).strip().splitlines()
             raise NotRunError(f"ended with status {ended.returncode}: {said[-1] if said else 'no message'}")
-        return list(json.loads(target.read_text()))
+        return json.loads(target.read_text())
 
 
 def _stay_on_one_core() -> None:
