@@ -9,6 +9,7 @@ from archerfish.identification.axis.order_choice import USUAL_ORDERS, choose_ord
 from archerfish.identification.axis.structure_evidence import gather, neighbours, pursued
 from archerfish.identification.excitation.signals import linear_sweep
 from archerfish.records.plant import PlantRecord, dc_gain
+from archerfish.records.recording import make_recording
 
 PERIOD = 1e-3
 
@@ -57,6 +58,14 @@ def test_poles_built_anew_at_shorter_delays_find_the_lag_that_a_delay_has_replac
     beside, criterion = min(neighbours(found, evidence, 40), key=lambda each: each[1])
     assert criterion < evidence.criterion(search.found.best) + 10
     assert beside.delay == pytest.approx(13, abs=2)
+
+
+def test_a_higher_order_is_taken_where_it_lasts(shared_data):
+    # A real dryer, the half that is fitted: what the likeliest order leaves is not noise alone.
+    u, y = np.loadtxt(shared_data / "identification" / "rgp" / "dryer.dat")[:500].T
+    choice = choose_order([make_recording(u - u.mean(), y - y.mean(), 0.08)], orders=USUAL_ORDERS)
+    likeliest = min(choice.trials, key=lambda each: each.criterion).order
+    assert len(choice.result.plant.A) > likeliest
 
 
 def test_the_estimate_is_the_delay_that_is_likeliest_within_a_sample(second_order, record):

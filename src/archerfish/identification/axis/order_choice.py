@@ -236,8 +236,9 @@ def _on_all_lines(structure: Structure, search: AxisSearch) -> Structure:
 def _order_that_lasts(searches: Mapping[int, AxisSearch], likeliest: int, *, drifts: bool) -> int:
     """Return the likeliest order, or a higher one that explains much more, also of what it was not fitted to.
 
-    What an axis does beyond a linear plant is no noise: the criterion counts it as if it were, and leaves out poles that
-    follow it. So where a higher order explains clearly more, the last third of each recording decides.
+    What an axis does beyond a linear plant is no noise: the criterion counts it as if it were, and leaves out poles
+    that follow it. So where a higher order explains clearly more, the last thirds of the recordings decide, the one
+    that it explains worst.
 
     Args:
       searches: by order.
