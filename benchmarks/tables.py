@@ -200,7 +200,8 @@ def strangers(results: dict[str, Any]) -> str:
         low, high = each["low_bar"], each["high_bar"]
         if low is None and high is None:
             continue
-        bar = [f"≥ {100 * low:g} %"] * (low is not None) + [f"≤ {100 * high:g} %"] * (high is not None)
+        ends = (("≥", low), ("≤", high))
+        bar = [f"{sign} {100 * end:g} %" for sign, end in ends if end is not None]
         first, last = (f"{100 * end:.1f}" for end in each["interval_95"])
         share = f"{100 * each['count'] / each['of']:.1f} % ({first}–{last})"
         rows.append([each["name"], share, f"{each['count']} of {each['of']}", ", ".join(bar)])
@@ -220,7 +221,8 @@ def strangers_by_fault(results: dict[str, Any]) -> str:
         wrong = sum(each.usable_said and not each.usable_true for each in here)
         refused = sum(each.good and not each.usable_said for each in here)
         rows.append([fault, *(str(each) for each in (len(here), sum(one.right for one in here), wrong, refused))])
-    return markdown(["fault", "logs", "verdict right", "called usable, and not so", "good, and not called usable"], rows)
+    headings = ("fault", "logs", "verdict right", "called usable, and not so", "good, and not called usable")
+    return markdown(headings, rows)
 
 
 def robots(results: dict[str, Any]) -> str:
