@@ -1,0 +1,187 @@
+"""One formula for NumPy, JAX and traced scalars, and trees of arrays that work with JAX and without it.
+
+The namespace comes from the argument (Python array API standard). A tree is a NamedTuple, a tuple, or a dataclass made
+by `tree`; JAX takes such dataclasses once it is loaded, and nothing here loads it but for arrays that are its own.
+"""
+
+import dataclasses
+import sys
+from collections.abc import Callable
+from typing import Any, dataclass_transform
+
+import numpy as np
+
+Array = Any
+"""An array of NumPy or JAX. Shapes are in the docstrings; B stands for any batch shape, () included."""
+
+
+def namespace(*arrays: Array) -> Any:
+    """Return the array namespace of the arguments; plain Python numbers count as NumPy's.
+
+    Any other namespace wins over NumPy's, so that constants built with NumPy combine with traced arrays.
+    """
+    found = {each.__array_namespace__() for each in arrays if hasattr(each, "__array_namespace__")}
+    others = found - {np}
+    return others.pop() if others else np
+
+
+def lift(parameter: Array, array: Array) -> Array:
+    """Give a parameter the rank of an array that it is combined with, by leading dimensions of one.
+
+    Explicit instead of left to broadcasting, since a silent change of rank hides a wrong shape; JAX is set to refuse it.
+    """
+    return parameter.reshape((1,) * (array.ndim - parameter.ndim) + parameter.shape)
+
+
+_fields: dict[type, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {}  # data, static, left out
+_pending: list[type] = []  # not registered with JAX yet
+
+
+@dataclass_transform(frozen_default=True, eq_default=False)
+def tree(static: tuple[str, ...] = (), left_out: tuple[str, ...] = ()) -> Callable[[type], Any]:
+    """Make a class a frozen dataclass whose other fields are trees of arrays.
+
+    JAX builds instances of tracers and placeholders: no checks in `__post_init__`.
+
+    Args:
+      static: names of hashable fields; a program is compiled for each value.
+      left_out: names of fields with a default, which is what programs see.
+
+    Raises:
+      TypeError: if a name is no field, or a field that is left out has no default.
+    """
+
+    def decorate(cls: type) -> type:
+        made: Any = dataclasses.dataclass(frozen=True, eq=False)(cls)  # arrays have no ==; hashed by identity
+        fields = {each.name: each for each in dataclasses.fields(made)}
+        wrong = [name for name in (*static, *left_out) if name not in fields]
+        wrong += [name for name in left_out if name in fields and fields[name].default is dataclasses.MISSING]
+        if wrong:
+            raise TypeError(f"{cls.__name__}: {', '.join(wrong)} must be fields, with a default if left out")
+        _fields[made] = (tuple(name for name in fields if name not in (*static, *left_out)), static, left_out)
+        _pending.append(made)
+        register()
+        made.__new__ = _new  # an instance that is made after JAX was imported finds its class registered
+        return made
+
+    return decorate
+
+
+def _new(cls: type, *_: Any, **__: Any) -> Any:
+    if _pending:
+        register()
+    return object.__new__(cls)
+
+
+def register() -> None:
+    """Register with JAX, if it is loaded, the classes that `tree` made."""
+    if sys.modules.get("jax") is not None:  # None: blocked
+        from jax.tree_util import register_dataclass
+
+        while _pending:
+            cls = _pending.pop()
+            register_dataclass(cls, *_fields[cls])
+
+
+def is_tree(value: Any) -> bool:
+    """Whether a value is a NamedTuple or of a class that `tree` made."""
+    return type(value) in _fields or hasattr(type(value), "_fields")
+
+
+def map_arrays(function: Callable[..., Any], *trees: Any) -> Any:
+    """Apply a function to the arrays of equal trees; None is skipped, static and left-out fields are the first's.
+
+    Raises:
+      ValueError: if the trees differ.
+    """
+    first = trees[0]
+    if first is None:
+        if any(each is not None for each in trees):
+            raise ValueError("trees differ: None in one, an array in another")
+        return None
+    if type(first) in _fields:
+        names = _fields[type(first)][0]
+        mapped = {name: map_arrays(function, *(getattr(each, name) for each in trees)) for name in names}
+        return dataclasses.replace(first, **mapped)
+    if not isinstance(first, tuple):
+        return function(*trees)
+    parts = [map_arrays(function, *each) for each in zip(*trees, strict=True)]
+    return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
+
+
+def leaves(value: Any) -> list[Array]:
+    """Return the arrays of a tree, in order."""
+    found: list[Array] = []
+    map_arrays(found.append, value)
+    return found
+
+
+def single_precision(value: Any) -> Any:
+    """Return a tree with its floats as NumPy's float32; Python numbers become arrays."""
+
+    def convert(array: Array) -> Array:
+        array = np.asarray(array)
+        return array.astype(np.float32) if array.dtype.kind == "f" else array
+
+    return map_arrays(convert, value)
+
+
+def select(condition: Array, one: Any, other: Any) -> Any:
+    """Choose between equal trees per member of a batch.
+
+    Args:
+      condition: shape B.
+      one: arrays of shape B + (...), taken where the condition holds.
+      other: the same shapes.
+    """
+    xp = namespace(condition)
+
+    def choose(a: Array, b: Array) -> Array:
+        return xp.where(xp.reshape(condition, condition.shape + (1,) * (a.ndim - condition.ndim)), a, b)
+
+    return map_arrays(choose, one, other)
+
+
+def fold(function: Callable[[Any, Any], Any], state: Any, items: Any, axis: int) -> Any:
+    """Apply state = function(state, item) along an axis: a Python loop, under JAX one compiled loop.
+
+    Args:
+      function: (state, item) → state of the same shapes.
+      state: a tree of arrays.
+      items: a tree of arrays of one length along the axis; an item lacks that axis.
+      axis: index of the axis, the same in all arrays.
+    """
+    arrays = leaves(items)
+    count = arrays[0].shape[axis]
+    if count > 1 and _is_jax(*arrays):
+        import jax
+
+        moved = map_arrays(lambda each: jax.numpy.moveaxis(each, axis, 0), items)
+        return jax.lax.scan(lambda before, item: (function(before, item), None), state, moved)[0]
+    for place in range(count):
+        state = function(state, map_arrays(lambda each, at=(slice(None),) * axis + (place,): each[at], items))
+    return state
+
+
+def repeat(function: Callable[[Any], Any], count: int, state: Any) -> Any:
+    """Apply a function to a tree of arrays a fixed number of times: a Python loop, under JAX one compiled loop."""
+    if _is_jax(*leaves(state)):
+        import jax
+
+        return jax.lax.fori_loop(0, count, lambda _, each: function(each), state)
+    for _ in range(count):
+        state = function(state)
+    return state
+
+
+def without_gradient(array: Array) -> Array:
+    """Return an array of any shape as it is, through which no gradient goes back under JAX."""
+    if not _is_jax(array):
+        return array
+    import jax
+
+    return jax.lax.stop_gradient(array)
+
+
+def _is_jax(*arrays: Array) -> bool:
+    return getattr(namespace(*arrays), "__name__", "").startswith("jax")
