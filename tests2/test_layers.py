@@ -74,6 +74,12 @@ def test_every_package_imports_only_from_those_before_it() -> None:
     assert not found, "\n" + "\n".join(found)
 
 
+def test_only_the_comparison_with_the_first_edition_imports_it() -> None:
+    paths = [path for path in Path(__file__).parent.rglob("*.py") if "against_first" not in path.parts]
+    names = {path.name: [name for _, name in imported(path, path.read_text())] for path in paths}
+    assert [path for path, each in names.items() if any(name.split(".")[0] == "archerfish" for name in each)] == []
+
+
 @pytest.mark.parametrize(
     ("path", "source", "count"),
     [
@@ -92,3 +98,16 @@ def test_every_package_imports_only_from_those_before_it() -> None:
 )
 def test_a_breach_of_the_order_is_found(path: str, source: str, count: int) -> None:
     assert len(breaches(Path("archerfish2") / path, source)) == count
+
+
+def test_everything_down_to_export_and_the_evaluation_import_without_the_large_libraries(run_python) -> None:
+    names = [*list(MAY)[: list(MAY).index("export") + 1], "evaluation"]
+    parts = [path.with_suffix("").parts for path in modules()]
+    wanted = [".".join(each).removesuffix(".__init__") for each in parts if each[1] in ("__init__", *names)]
+    code = f"import importlib\nfor name in {wanted!r}:\n    importlib.import_module(name)"
+    run_python(code, blocked=("jax", "scipy", "matplotlib", "gymnasium"))
+
+
+def test_the_package_itself_imports_none_of_the_large_libraries(run_python) -> None:
+    large = ("numpy", "jax", "scipy", "matplotlib", "gymnasium")
+    assert run_python(f"import archerfish2, sys\nprint(*[each for each in {large} if each in sys.modules])") == "\n"
