@@ -64,7 +64,8 @@ class ConstantVelocity:
     def step(self, state: AgedTrack, seen: Seen) -> AgedTrack:
         """Update with what is seen now."""
         state = state._replace(age=state.age + seen.elapsed)
-        return update_with_frames(self._update, self._predicted, state, seen)
+        updated: AgedTrack = update_with_frames(self._update, self._predicted, state, seen)
+        return updated
 
     def against_pivot(self, state: AgedTrack, base: Base) -> AgedTrack:
         """Return the estimate relative to the own pivot."""
@@ -78,12 +79,13 @@ class ConstantVelocity:
         return position_after(state.track, state.age - age)
 
     def _update(self, state: AgedTrack, seen: Detection) -> AgedTrack:
-        xp = namespace(state.age)
-        track = predict(self.noise, state.track, xp.where(seen.fresh, state.age - seen.age, 0.0 * seen.age))
+        # The age first: computed once, where a choice between elapsed times is repeated for each entry of a matrix.
+        age = namespace(state.age).where(seen.fresh, seen.age, state.age)
+        track = predict(self.noise, state.track, state.age - age)
         after = moved(update(self.noise, moved(track, -seen.own), seen.place - seen.own, seen.fresh), seen.own)
         if self.gate is not None:
             after = select(seen.fresh & (seen.distance > self.gate), self._begin(seen, seen.fresh | True), after)
-        return AgedTrack(after, xp.where(seen.fresh, seen.age, state.age))
+        return AgedTrack(after, age)
 
     def _begin(self, seen: Detection, shown: Array) -> Track:
         return moved(begin_track(self.noise, seen.place - seen.own, shown), seen.own)
