@@ -9,12 +9,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from archerfish2.errors import InputError
 from archerfish2.paper.conditions import paper_muzzle
 from archerfish2.paper.gimbal import gate_limits
+from archerfish2.records.json_files import plain, read_json, write_json
 from archerfish2.records.limits import AxisLimits, LimitsRecord
 from archerfish2.records.muzzle import MuzzleRecord
 from archerfish2.records.plant import PlantRecord
 from archerfish2.records.record import Record
 from archerfish2.records.sensing import CameraRecord, LinkRecord, SensingRecord
-from archerfish2.storage import plain, read_json, write_json
 
 Array = Any
 PLANT = PlantRecord.second_order(9.8, 0.4, delay_s=8e-3)
@@ -111,7 +111,7 @@ def test_a_bad_field_is_named_from_a_file_and_in_python(
     tmp_path: Path, name: str, change: dict[str, Any], complaint: str
 ) -> None:
     record: Record = RECORDS[name]
-    write_json(tmp_path / "x.json", {"schema": record.schema, **plain(record), **change})
+    write_json(tmp_path / "x.json", {"schema": record.schema, **plain(record), **plain(change)})
     with pytest.raises(InputError, match=complaint) as error:
         type(record).load(tmp_path / "x.json")
     assert str(error.value).startswith(f"{tmp_path}/x.json: ")

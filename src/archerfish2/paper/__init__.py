@@ -8,7 +8,7 @@ import functools
 from pathlib import Path
 from typing import Any, Literal
 
-from archerfish2.storage import read_json
+from archerfish2.records.json_files import read_json
 
 Legibility = Literal["clear", "damaged", "absent"]
 """Read as printed; printed, but not as it can have been meant; or not printed, so that the value is our assumption."""

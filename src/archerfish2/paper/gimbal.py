@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from archerfish2.paper import Legibility, facts
+from archerfish2.records.json_files import Matrix
 from archerfish2.records.limits import AxisLimits, LimitsRecord
 from archerfish2.records.plant import PlantRecord
-from archerfish2.records.record import Matrix
 
 
 class PrintedMatrix(NamedTuple):

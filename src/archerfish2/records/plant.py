@@ -9,7 +9,8 @@ import numpy as np
 from msgspec import Meta, field
 
 from archerfish2.errors import InputError
-from archerfish2.records.record import Count, Counts, Matrix, Provenance, Record
+from archerfish2.records.json_files import Count, Counts, Matrix
+from archerfish2.records.record import Provenance, Record
 
 LARGEST = {"states": 64, "inputs": 16, "outputs": 16, "draws": 1000}
 _LARGEST_EXPANDED = 2000

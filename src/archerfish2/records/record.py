@@ -1,29 +1,15 @@
-"""Records: strict structs whose fields are checked, whether a file or a program makes them.
-
-msgspec checks types and bounds. Arrays are decoded as nested lists of numbers, for NumPy alone would take texts,
-booleans and None as well.
-"""
+"""Records: strict structs whose fields are checked, whether a file or a program makes them."""
 
 import functools
-import re
-import reprlib
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Self
 
 import msgspec
-import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
-from archerfish2.errors import InputError, file_error, one_line
-from archerfish2.storage import plain, read_json, write_json
+from archerfish2.errors import InputError
+from archerfish2.records.json_files import Number, decode_array, fault, plain, read_struct, write_json
 
-T = TypeVar("T")
-Matrix = NDArray[np.float64]
-Counts = NDArray[np.int64]
-Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
-"""A finite number; msgspec's bounds refuse NaN, too."""
-Count = Annotated[int, Meta(ge=0, le=1_000_000)]
 Angle = Annotated[float, Meta(ge=-100.0, le=100.0)]
 """[rad]."""
 Time = Annotated[float, Meta(ge=-10.0, le=10.0)]
@@ -50,9 +36,9 @@ class Struct(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         for name, kind in _types(type(self)).items():
             value = plain(getattr(self, name))
             try:
-                value = msgspec.convert(value, kind, dec_hook=_array)
+                value = msgspec.convert(value, kind, dec_hook=decode_array)
             except msgspec.ValidationError as error:
-                raise InputError(f"{type(self).__name__}: {_fault(error, value, f'.{name}')}; correct it") from error
+                raise InputError(f"{type(self).__name__}: {fault(error, value, f'.{name}')}; correct it") from error
             msgspec.structs.force_setattr(self, name, value)
 
     def replace(self, **changes: Any) -> Self:
@@ -63,55 +49,6 @@ class Struct(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 @functools.cache
 def _types(kind: type[Struct]) -> dict[str, Any]:
     return {each.name: each.type for each in msgspec.structs.fields(kind)}
-
-
-def _array(kind: Any, value: Any) -> Any:
-    number: Any = Count if kind == Counts else Number
-    nested = value
-    for _ in range(3):  # the largest rank; a file may nest lists as deep as it likes
-        if isinstance(nested, list):
-            number, nested = list[number], nested[0] if nested else None
-    try:
-        array = np.array(msgspec.convert(value, number), np.int64 if kind == Counts else np.float64)
-    except msgspec.ValidationError as error:
-        raise ValueError(str(error).replace("`$", "`")) from None
-    array.flags.writeable = False
-    return array
-
-
-def _fault(error: msgspec.ValidationError, content: Any, name: str = "") -> str:
-    """Return which field is wrong, what was expected and what is there."""
-    if isinstance(error.__cause__, InputError):  # of a record inside, which has said it all
-        return str(error.__cause__).removesuffix("; correct it")
-    text, _, place = str(error).replace("`", "").partition(" - at $")
-    if text.startswith("Expected") and ", got" not in text and "..." not in place:
-        for key, index in re.findall(r"\.(\w+)|\[(\d+)\]", place):
-            content = content[key or int(index)]
-        text += f", got {reprlib.repr(content)}"
-    field = f"field {(name + place).removeprefix('.')}: " if name + place else ""
-    return one_line(field + text[0].lower() + text[1:])
-
-
-def read_struct(path: Path, kind: type[T], schema: str, remedy: str) -> T:
-    """Read a JSON file as a struct.
-
-    Args:
-      path: the file.
-      kind: what it holds beside its schema.
-      schema: name and version, for instance "archerfish.plant/3".
-      remedy: what to do about another or a damaged file.
-
-    Raises:
-      InputError: naming the field, what it is and what was expected.
-    """
-    content = read_json(path, remedy)
-    found = content.pop("schema", None) if isinstance(content, dict) else type(content).__name__
-    if found != schema:
-        raise file_error(path, f'field schema: expected "{schema}", got {reprlib.repr(found)}', remedy)
-    try:
-        return msgspec.convert(content, kind, dec_hook=_array)
-    except msgspec.ValidationError as error:
-        raise file_error(path, _fault(error, content), remedy) from error
 
 
 class Record(Struct, frozen=True, kw_only=True):
