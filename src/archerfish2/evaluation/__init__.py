@@ -1,0 +1,1 @@
+"""Evaluation: task × controller → shots → counts with intervals, paired on the same engagements and dispersion."""
