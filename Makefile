@@ -37,8 +37,9 @@ reproduce: $(INSTALLED)
 	$(BIN)/archerfish reproduce
 
 test: $(INSTALLED)
-	$(PYTEST) --dist worksteal --ignore tests2/against_first tests2
-	$(PYTEST) --dist loadfile $(FIRST_EDITION)
+	@failed=""; $(PYTEST) --dist worksteal --ignore tests2/against_first tests2 || failed=tests2; \
+	$(PYTEST) --dist loadfile $(FIRST_EDITION) || failed="$$failed tests"; \
+	test -z "$$failed" || { echo "failed:$$failed" >&2; exit 1; }
 
 test-first: $(INSTALLED)
 	$(PYTEST) --dist loadfile tests
