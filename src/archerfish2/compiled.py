@@ -27,8 +27,7 @@ def import_jax() -> Any:
     """
     if not has_jax():
         raise InputError("this needs JAX, which is not installed; pip install 'archerfish[train]'")
-    import jax
-
+    jax: Any = importlib.import_module("jax")
     arrays.register()
     if not jax.config.jax_compilation_cache_dir and (folder := cache_folder()) is not None:
         with suppress(OSError):  # a home that can't be written: it works without

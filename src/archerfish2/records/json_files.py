@@ -78,13 +78,15 @@ def read_struct(path: Path, kind: type[T], schema: str, remedy: str) -> T:
     if found != schema:
         raise file_error(path, f'field schema: expected "{schema}", got {reprlib.repr(found)}', remedy)
     try:
-        return msgspec.convert(content, kind, dec_hook=decode_array)
-    except msgspec.ValidationError as error:
+        return msgspec.convert(content, kind, dec_hook=decode)
+    except (msgspec.ValidationError, UnicodeEncodeError) as error:
         raise file_error(path, fault(error, content), remedy) from error
 
 
-def decode_array(kind: Any, value: Any) -> Any:
-    """Decode nested lists of numbers, as a hook of msgspec."""
+def decode(kind: Any, value: Any) -> Any:
+    """Decode paths, and arrays as nested lists of numbers, as a hook of msgspec."""
+    if kind is Path:
+        return Path(value)
     number: Any = Count if kind == Counts else Number
     nested = value
     for _ in range(3):  # the largest rank; a file may nest lists as deep as it likes
@@ -98,7 +100,7 @@ def decode_array(kind: Any, value: Any) -> Any:
     return array
 
 
-def fault(error: msgspec.ValidationError, content: Any, name: str = "") -> str:
+def fault(error: ValueError, content: Any, name: str = "") -> str:
     """Return which field is wrong, what was expected and what is there."""
     if isinstance(error.__cause__, InputError):  # of a record inside, which has said it all
         return str(error.__cause__).removesuffix("; correct it")
@@ -128,12 +130,7 @@ def plain(value: Any) -> Any:
     return msgspec.to_builtins(value, enc_hook=convert)
 
 
-def json_text(content: Mapping[str, Any]) -> str:
-    """Return JSON with a line per field of what `records.record.plain` returns; it has neither NaN nor infinity."""
-    lines = (f" {json.dumps(name)}: {json.dumps(value, allow_nan=False)}" for name, value in content.items())
-    return "{\n" + ",\n".join(lines) + "\n}\n"
-
-
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write JSON whole, as `json_text` returns it."""
-    write_bytes(path, json_text(content).encode())
+    """Write JSON whole, with a line per field; the content is as `plain` returns it, without NaN and infinity."""
+    lines = (f" {json.dumps(name)}: {json.dumps(value, allow_nan=False)}" for name, value in content.items())
+    write_bytes(path, ("{\n" + ",\n".join(lines) + "\n}\n").encode())

@@ -1,6 +1,6 @@
 """The limits record: the angles, rates and accelerations that may be commanded to a gimbal."""
 
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from msgspec import Meta, field
 
@@ -31,7 +31,7 @@ class AxisLimits(Struct, frozen=True, kw_only=True):
 class LimitsRecord(Record, frozen=True, kw_only=True):
     """The limits of both axes of a gimbal."""
 
-    schema: ClassVar[str] = "archerfish.limits/2"
+    schema = "archerfish.limits/2"
     pitch: AxisLimits
     """Pitch axis, muzzle up positive."""
     yaw: AxisLimits

@@ -1,6 +1,6 @@
 """The muzzle record: speed, dispersion and drag of the pellets, eq (6)."""
 
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from msgspec import Meta, field
 
@@ -12,7 +12,7 @@ Offset = Annotated[float, Meta(ge=-3.2, le=3.2)]
 class MuzzleRecord(Record, frozen=True, kw_only=True):
     """How pellets leave a muzzle; angles are offsets from the barrel's direction."""
 
-    schema: ClassVar[str] = "archerfish.muzzle/2"
+    schema = "archerfish.muzzle/2"
     speed: Annotated[float, Meta(ge=0.1, le=2000.0)]
     """Mean muzzle speed μ_v [m/s]."""
     speed_sd: Annotated[float, Meta(ge=0.0, le=1000.0)]

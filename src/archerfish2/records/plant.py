@@ -3,7 +3,7 @@
 x[t+1] = A x[t] + B u[t − delay],    y[t] = C x[t] + D u[t − delay]
 """
 
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from msgspec import Meta, field
@@ -25,7 +25,7 @@ class PlantRecord(Record, frozen=True, kw_only=True):
     matrices themselves are the best estimate. A draw may have a delay of its own.
     """
 
-    schema: ClassVar[str] = "archerfish.plant/3"
+    schema = "archerfish.plant/3"
     A: Matrix
     """State matrix, shape (n, n)."""
     B: Matrix
@@ -66,7 +66,7 @@ class PlantRecord(Record, frozen=True, kw_only=True):
             expected |= {f"draws[{name}]": (count, *shape) for name, shape in shapes.items()}
         found |= {"input_names": (len(self.input_names),), "output_names": (len(self.output_names),)}
         expected |= {"input_names": (m,), "output_names": (p,)}
-        if self.draw_delays.size:
+        if self.draw_delays.shape != (0,):
             found["draw_delays"], expected["draw_delays"] = self.draw_delays.shape, (count,)
         for name in expected | found:
             if found.get(name) != expected.get(name):

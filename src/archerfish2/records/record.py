@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from archerfish2.errors import InputError
-from archerfish2.records.json_files import Number, decode_array, fault, plain, read_struct, write_json
+from archerfish2.records.json_files import Number, decode, fault, plain, read_struct, write_json
 
 Angle = Annotated[float, Meta(ge=-100.0, le=100.0)]
 """[rad]."""
@@ -34,9 +34,10 @@ class Struct(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     def __post_init__(self) -> None:
         for name, kind in _types(type(self)).items():
-            value = plain(getattr(self, name))
+            value = getattr(self, name)
+            value = value if isinstance(value, msgspec.Struct) else plain(value)
             try:
-                value = msgspec.convert(value, kind, dec_hook=decode_array)
+                value = msgspec.convert(value, kind, dec_hook=decode)
             except msgspec.ValidationError as error:
                 raise InputError(f"{type(self).__name__}: {fault(error, value, f'.{name}')}; correct it") from error
             msgspec.structs.force_setattr(self, name, value)
@@ -54,8 +55,8 @@ def _types(kind: type[Struct]) -> dict[str, Any]:
 class Record(Struct, frozen=True, kw_only=True):
     """A record with a file of its own."""
 
-    schema: ClassVar[str]
-    remedy: ClassVar[str] = "identify again"
+    schema: ClassVar[str]  # of its file: name and version
+    remedy: ClassVar[str] = "identify again"  # for a file that is not as expected
 
     @classmethod
     def load(cls, path: str | Path) -> Self:

@@ -1,6 +1,6 @@
 """The sensing record: when and how well a robot sees, and how late it moves."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from msgspec import Meta, field
 
@@ -75,7 +75,7 @@ class LinkRecord(Struct, frozen=True, kw_only=True):
 class SensingRecord(Record, frozen=True, kw_only=True):
     """What a robot's program receives, and when."""
 
-    schema: ClassVar[str] = "archerfish.sensing/2"
+    schema = "archerfish.sensing/2"
     camera: CameraRecord
     """From plate to detection."""
     link: LinkRecord
