@@ -28,7 +28,7 @@ def namespace(*arrays: Array) -> Any:
 def lift(parameter: Array, array: Array) -> Array:
     """Give a parameter the rank of an array that it is combined with, by leading dimensions of one.
 
-    Explicit instead of left to broadcasting, since a silent change of rank hides a wrong shape; JAX is set to refuse it.
+    Explicit instead of left to broadcasting: a silent change of rank hides a wrong shape, and JAX is set to refuse it.
     """
     return parameter.reshape((1,) * (array.ndim - parameter.ndim) + parameter.shape)
 

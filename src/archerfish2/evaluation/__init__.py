@@ -1,1 +1,1 @@
-"""Evaluation: a task and controllers give shots, shots give hit rates with intervals, and these are reported."""
+"""Evaluation: task × controller → shots → counts with intervals, paired on the same engagements and dispersion."""

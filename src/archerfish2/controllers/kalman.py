@@ -1,0 +1,116 @@
+"""Classical auto-aim, the paper's baseline: a Kalman filter predicts the target, the intercept's angles are commanded.
+
+It has no model of the gimbal's lag.
+"""
+
+from functools import partial
+from typing import Any, NamedTuple, Protocol
+
+from archerfish2.arrays import Array, namespace, select, tree
+from archerfish2.dynamics.aiming import intercept
+from archerfish2.dynamics.command_limits import CommandLimits
+from archerfish2.dynamics.muzzle import Muzzle
+from archerfish2.dynamics.slew import approach
+from archerfish2.protocols import Base, Command, Seen, Truth, aim
+from archerfish2.tracking.detections import Detection, first_detection, unwrapped, update_with_frames
+from archerfish2.tracking.kalman_filter import (
+    Track,
+    TrackerNoise,
+    against_pivot,
+    begin_track,
+    moved,
+    position_after,
+    predict,
+    update,
+)
+
+
+class Predictor(Protocol):
+    """Tracks a target and predicts where it will be; any predictor can serve any aiming controller."""
+
+    def reset(self, seen: Seen) -> Any:
+        """Begin at the first decision."""
+
+    def step(self, state: Any, seen: Seen) -> Any:
+        """Update with what is seen now."""
+
+    def against_pivot(self, state: Any, base: Base) -> Any:
+        """Return the estimate relative to the own pivot, which goes on at its velocity, as do the pellets."""
+
+    def position_after(self, state: Any, time: Array) -> Array:
+        """Predict the position of such an estimate [m], shape B + (3,), a time [s] from now, shape B."""
+
+
+class AgedTrack(NamedTuple):
+    """An estimate as of the latest detection."""
+
+    track: Track  # in O, or relative to the own pivot
+    age: Array  # of that detection at the latest decision [s], B
+
+
+@tree()
+class ConstantVelocity:
+    """A Kalman filter for nearly constant velocity, of which the latest detection is predicted onwards."""
+
+    noise: TrackerNoise  # of target and camera
+    velocity_decay: Array  # share of the estimated velocity at which the target is predicted to go on, 0…1, ()
+    gate: Array | None = None  # a detection farther from the prediction begins a new track [m], (); None: one plate
+
+    def reset(self, seen: Seen) -> AgedTrack:
+        """Begin at the first decision."""
+        first = first_detection(seen)
+        return AgedTrack(self._begin(first, first.fresh), first.age)
+
+    def step(self, state: AgedTrack, seen: Seen) -> AgedTrack:
+        """Update with what is seen now."""
+        state = state._replace(age=state.age + seen.elapsed)
+        return update_with_frames(self._update, self._predicted, state, seen)
+
+    def against_pivot(self, state: AgedTrack, base: Base) -> AgedTrack:
+        """Return the estimate relative to the own pivot."""
+        return AgedTrack(against_pivot(state.track, base, state.age), state.age)
+
+    def position_after(self, state: AgedTrack, time: Array) -> Array:
+        """Predict the position [m] a time [s] from now, shape B → B + (3,)."""
+        return position_after(state.track, state.age + time, self.velocity_decay)
+
+    def _predicted(self, state: AgedTrack, age: Array) -> Array:
+        return position_after(state.track, state.age - age)
+
+    def _update(self, state: AgedTrack, seen: Detection) -> AgedTrack:
+        xp = namespace(state.age)
+        track = predict(self.noise, state.track, xp.where(seen.fresh, state.age - seen.age, 0.0 * seen.age))
+        after = moved(update(self.noise, moved(track, -seen.own), seen.place - seen.own, seen.fresh), seen.own)
+        if self.gate is not None:
+            after = select(seen.fresh & (seen.distance > self.gate), self._begin(seen, seen.fresh | True), after)
+        return AgedTrack(after, xp.where(seen.fresh, seen.age, state.age))
+
+    def _begin(self, seen: Detection, shown: Array) -> Track:
+        return moved(begin_track(self.noise, seen.place - seen.own, shown), seen.own)
+
+
+@tree()
+class DirectAim:
+    """Commands the intercept's angles; with a Kalman filter as predictor, the paper's baseline."""
+
+    predictor: Any  # Predictor
+    muzzle: Muzzle  # for drop, drag and flight time
+    limits: CommandLimits  # the slew to the aim keeps them, so that it can stop there
+    lead: Array  # from a decision until the pellet leaves the muzzle [s], ()
+    period: Array  # decision period [s], ()
+    patience: Array | None = None  # no fire after so long without a detection [s], (); None: fires at every decision
+
+    def reset(self, seen: Seen, truth: Truth | None = None) -> Any:  # noqa: ARG002
+        """Begin tracking."""
+        return self.predictor.reset(seen)
+
+    def step(self, state: Any, seen: Seen) -> tuple[Any, Command]:
+        """Decide."""
+        state = self.predictor.step(state, seen)
+        relative = self.predictor.against_pivot(state, seen.base)
+        lead = 0.0 * seen.elapsed + self.lead
+        angle = intercept(partial(self.predictor.position_after, relative), lead, self.muzzle).angle
+        command = aim(approach(self.limits, unwrapped(angle, seen.command), seen.command, self.period))
+        if self.patience is not None:
+            command = command._replace(fire=state.age < self.patience)
+        return state, command

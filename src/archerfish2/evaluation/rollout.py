@@ -1,0 +1,184 @@
+"""Any controller in any world: one compiled program, or a loop in which each of the two is compiled if it can be.
+
+Without JAX everything runs in NumPy. Worlds and controllers are arguments of the programs, so another one of the same
+shapes compiles nothing.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from archerfish2.arrays import Array, is_tree, map_arrays
+from archerfish2.compiled import has_jax, import_jax
+from archerfish2.dynamics.aiming import intercept
+from archerfish2.errors import InputError
+from archerfish2.protocols import Controller, Engagement, Seen, Shot, World
+
+
+class Rollout(NamedTuple):
+    """Every decision of N engagements, NumPy's arrays (N, T, ...)."""
+
+    seen: Seen
+    command: Array  # in force during the period, after all limits [rad], (N, T, 2)
+    shot: Shot
+
+
+class Counted(NamedTuple):
+    """What counting takes of the decisions of N engagements."""
+
+    fired: NDArray[np.bool_]  # (N, T)
+    hit: NDArray[np.bool_]  # (N, T)
+    yaw_acceleration: float | None  # largest mean over a period of command and motion [rad/s²]; None of perfect aim
+
+
+def count(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Counted:
+    """Let a controller shoot and return which decisions fired and which hit.
+
+    Args:
+      world: where.
+      controller: any.
+      engagement: N of them.
+      normals: standard normals of all decisions, shape (N, T, world.normals).
+
+    Raises:
+      InputError: if a command is not finite.
+    """
+    if _compiled(world) and _compiled(controller):
+        fired, hit, acceleration, finite = _run("count", world, controller, engagement, normals)
+        if finite:
+            return Counted(fired.T, hit.T, float(acceleration))
+    shots = rollout(world, controller, engagement, normals)
+    _check_finite(type(controller).__name__, shots.command)
+    fired, hit = shots.shot.fired, shots.shot.fired & (shots.shot.margin >= 0.0)
+    yaw = np.stack([shots.command[..., 1], shots.shot.angle[..., 1]])
+    return Counted(fired, hit, float(_largest_acceleration(np.moveaxis(yaw, -1, 0), world.period_s)))
+
+
+def rollout(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Rollout:
+    """Let a controller shoot and return everything of every decision; arguments as of `count`."""
+    if _compiled(world) and _compiled(controller):
+        steps = _run("rollout", world, controller, engagement, normals)
+        return map_arrays(lambda each: np.moveaxis(each, 0, 1), steps)
+    begin, see, step = (_method(world, name) for name in ("begin", "see", "step"))
+    reset, decide = (_method(controller, name) for name in ("reset", "step"))
+    state = begin(engagement, normals)
+    truth = world.truth(engagement) if getattr(controller, "needs_truth", False) else None
+    seen = map_arrays(np.asarray, see(state))
+    memory, decisions = reset(seen, truth), []
+    for place in range(normals.shape[1]):
+        memory, command = decide(memory, seen)
+        command = map_arrays(np.asarray, command)
+        _check_finite(type(controller).__name__, command.angle[:, None])
+        state, shot = step(state, command, normals[:, place])
+        after = map_arrays(np.asarray, see(state))
+        decisions.append(Rollout(seen, after.command, map_arrays(np.asarray, shot)))
+        seen = after
+    return map_arrays(lambda *each: np.stack(each, axis=1), *decisions)
+
+
+def count_perfect_aim(world: Any, engagement: Engagement, normals: Array) -> Counted:
+    """Score perfect aim: the gimbal is at the intercept's angles at every shot, so the dispersion alone is left.
+
+    Args:
+      world: a simulator, with `shoot`.
+      engagement: N of them.
+      normals: as of `count`.
+    """
+    if _compiled(world):
+        hit = _run("perfect", world, engagement, normals).T
+    else:
+        hit = np.asarray(_perfect(world, engagement, normals)).T
+    return Counted(np.ones_like(hit), hit, None)
+
+
+def _perfect(world: Any, engagement: Engagement, normals: Array) -> Array:
+    """Return hits of all decisions at once, (T, N)."""
+    drawn = np.moveaxis(normals, 1, 0) if isinstance(normals, np.ndarray) else normals.swapaxes(0, 1)
+    times = np.arange(1, len(drawn) + 1, dtype=np.float32)[:, None] * world.period + 0.0 * engagement.duration[None]
+    muzzle = world.muzzle_of(engagement)
+    if muzzle.speed.ndim:
+        muzzle = map_arrays(lambda each: each[None], muzzle)
+    angle = intercept(lambda time: engagement.target.at(time).position[..., 0, :], times, muzzle).angle
+    return world.shoot(engagement, times, angle, 0.0 * angle, times > 0.0, drawn).margin >= 0.0
+
+
+def _compiled(value: Any) -> bool:
+    return has_jax() and bool(getattr(value, "compiled", is_tree(value)))
+
+
+def _run(name: str, *arguments: Any) -> Any:
+    jax = import_jax()
+    return jax.tree.map(np.asarray, _programs()[name](*jax.tree.map(jax.numpy.asarray, arguments)))
+
+
+def _method(value: Any, name: str) -> Callable[..., Any]:
+    if not _compiled(value):
+        function: Callable[..., Any] = getattr(value, name)
+        return function
+    return functools.partial(_programs()[name], import_jax().tree.map(import_jax().numpy.asarray, value))
+
+
+@functools.cache
+def _programs() -> dict[str, Any]:
+    """Return the compiled programs by name."""
+    jax = import_jax()
+    names = ("begin", "see", "reset", "step")
+    methods = {name: jax.jit(lambda value, *rest, name=name: getattr(value, name)(*rest)) for name in names}
+    return {**methods, "count": jax.jit(_count), "rollout": jax.jit(_scan), "perfect": jax.jit(_perfect)}
+
+
+def _scan(world: World, controller: Controller, engagement: Engagement, normals: Array, keep: Any = Rollout) -> Any:
+    """Return what `keep` takes of (seen, command in force, shot), decisions first."""
+    jax = import_jax()
+    state = world.begin(engagement, normals)
+    truth = world.truth(engagement) if getattr(controller, "needs_truth", False) else None
+    memory = controller.reset(world.see(state), truth)
+
+    def step(carry: Any, drawn: Array) -> Any:
+        state, memory = carry
+        # Seen here, not carried: what a world lacks (a base that moves, an age) is a constant to the compiler.
+        seen = world.see(state)
+        memory, command = controller.step(memory, seen)
+        state, shot = world.step(state, command, drawn)
+        return (state, memory), keep(seen, world.see(state).command, shot)
+
+    # Never unrolled: two decisions in one iteration run at 1.6 times the cost.
+    return jax.lax.scan(step, (state, memory), jax.numpy.swapaxes(normals, 0, 1))[1]
+
+
+def _count(world: World, controller: Controller, engagement: Engagement, normals: Array) -> tuple[Array, ...]:
+    jax = import_jax()
+
+    def keep(seen: Seen, command: Array, shot: Shot) -> tuple[Array, ...]:  # noqa: ARG001
+        hit = shot.fired & (shot.margin >= 0.0)
+        return (
+            shot.fired,
+            hit,
+            jax.numpy.stack([command[..., 1], shot.angle[..., 1]]),
+            jax.numpy.isfinite(command).all(),
+        )
+
+    fired, hit, yaw, finite = _scan(world, controller, engagement, normals, keep)
+    return fired, hit, _largest_acceleration(yaw, world.period), finite.all()
+
+
+def _largest_acceleration(angles: Array, period: Array) -> Array:
+    """Return the largest mean acceleration over a period [rad/s²], from rest at zero; angles (T, ...)."""
+    xp = np if isinstance(angles, np.ndarray) else import_jax().numpy
+    from_rest = xp.concat([xp.zeros_like(angles[:1])] * 2 + [angles], axis=0)
+    return xp.max(xp.abs(xp.diff(from_rest, n=2, axis=0))) / period**2
+
+
+def _check_finite(name: str, angles: NDArray[np.float32]) -> None:
+    """Refuse commands that no gimbal can follow, (N, T, 2)."""
+    wrong = np.argwhere(~np.isfinite(angles))
+    if len(wrong):
+        engagement, decision, axis = wrong[0]
+        value, engagements = angles[engagement, decision, axis], len(np.unique(wrong[:, 0]))
+        raise InputError(
+            f"{name}: commands a {('pitch', 'yaw')[axis]} of {value} rad at decision {decision + 1}, in {engagements} "
+            f"of {len(angles)} engagements, expected finite angles; guard divisions and roots in its step"
+        )

@@ -1,0 +1,1 @@
+"""The simulator: a world from a robot's records, compiled together with any controller."""
