@@ -5,6 +5,7 @@ independent trial is too narrow. Here the engagement is the unit of sampling. Ev
 a miss.
 """
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -115,7 +116,7 @@ def _design_effect(hits: NDArray[np.bool_]) -> float:
         return float(decisions)  # as if all decisions of an engagement agreed
     variance_of_k = engagements * float(np.var(hits.sum(axis=1), ddof=1))
     estimated = variance_of_k / (k * (n - k) / n)
-    return max(1.0, (rarer * estimated + decisions) / (rarer + 1))
+    return max(1.0, float(rarer * estimated + decisions) / (rarer + 1))
 
 
 def _wilson(rate: float, trials: float, quantile: float) -> tuple[float, float]:
@@ -126,6 +127,7 @@ def _wilson(rate: float, trials: float, quantile: float) -> tuple[float, float]:
     return max(0.0, min(centre - half_width, rate)), min(1.0, max(centre + half_width, rate))
 
 
+@functools.cache
 def _quantile(engagements: int) -> float:
     """Student's quantile for a two-sided interval: Newton's method on the integral of the density from 0.
 
@@ -146,7 +148,7 @@ def _checked(name: str, hit: ArrayLike) -> NDArray[np.bool_]:
     hits = np.asarray(hit)
     if hits.dtype != np.bool_ or hits.ndim != 2 or hits.shape[0] < 2 or hits.shape[1] < 1:
         raise InputError(
-            f"{name} is {hits.dtype} of shape {hits.shape}, expected bool of shape (engagements, decisions), at least 2 "
-            "engagements of 1 decision; evaluate more engagements"
+            f"{name} is {hits.dtype} of shape {hits.shape}, expected bool of shape (engagements, decisions), at least "
+            "2 engagements of 1 decision; evaluate more engagements"
         )
     return hits

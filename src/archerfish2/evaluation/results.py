@@ -1,15 +1,15 @@
 """What an evaluation found: hit rates by cell, paired differences, and what they were measured with."""
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 import msgspec
+from msgspec import Meta
 
-from archerfish2 import storage
 from archerfish2.controllers.registry import Tuning
 from archerfish2.errors import InputError
+from archerfish2.records.record import Record, Struct
 from archerfish2.task import Task
 
 if TYPE_CHECKING:
@@ -17,35 +17,43 @@ if TYPE_CHECKING:
 
     from archerfish2.reports.report import Report
 
-SCHEMA = "archerfish.results/3"
-
 Kind = Literal["policy", "classical", "user", "perfect"]
-
 Value = TypeVar("Value")
+_Text = Annotated[str, Meta(min_length=1, max_length=1000)]
+_Count = Annotated[int, Meta(ge=0, le=1_000_000_000)]
+_Positive = Annotated[float, Meta(ge=0.0, le=1e9)]
+_Rate = Annotated[float, Meta(ge=0.0, le=1.0)]
+_Difference = Annotated[float, Meta(ge=-1.0, le=1.0)]
 
 
-class Label(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, eq=False):
+class Label(Struct, frozen=True, kw_only=True):
     """Which controller in which engagements."""
 
-    world: str
-    """Name of the robot whose simulator it is, or of the virtual robot or other world."""
-    motion: str
+    world: _Text
+    """Name of the robot, whose simulator it is, of the virtual robot, or of another world."""
+    motion: _Text
     """Of the targets, by name."""
-    range_m: tuple[float, float]
+    range_m: tuple[_Positive, _Positive]
     """Smallest and largest distance of the targets [m]."""
-    length_s: float
+    length_s: _Positive
     """Of an engagement [s]."""
-    command_limit: str
+    command_limit: _Text
     """`box`, `gate` or `los-2deg`."""
-    controller: str
+    controller: _Text
     """Its name; contenders of one name differ in their seed."""
     seed: int | None
-    """That the policy was trained with, None for what is not trained."""
+    """That a policy was trained with; None for what is not trained."""
 
     def __post_init__(self) -> None:
-        low, high = self.range_m
-        _require(0 <= low <= high < math.inf, "range_m", self.range_m, "two distances, the smaller one first")
-        _require(0 < self.length_s < math.inf, "length_s", self.length_s, "a time > 0")
+        super().__post_init__()
+        self._require(self.range_m[0] <= self.range_m[1], "range_m", self.range_m, "the smaller distance first")
+
+    def _require(self, holds: bool, name: str, value: object, expected: str) -> None:
+        if not holds:
+            label = (
+                f"{type(self).__name__} of {self.controller}, {self.motion}, {self.range_m[0]:g}–{self.range_m[1]:g} m"
+            )
+            raise InputError(f"{label}: {name} is {value}, expected {expected}; evaluate again")
 
     @property
     def place(self) -> tuple[str, str, float]:
@@ -58,43 +66,43 @@ class Label(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         return *self.place, self.motion, self.range_m, self.controller, self.seed
 
 
-class Cell(Label, kw_only=True):
-    """One hit rate: hits of all decisions, shots and withheld ones."""
+class Cell(Label, frozen=True, kw_only=True):
+    """One hit rate: hits of all decisions, which are shots and withheld ones."""
 
     table: Literal["II", "III", "IV", "V"] | None = None
     """The paper's table that it belongs to."""
     kind: Kind
-    hits: int
-    shots: int
+    """What the controller is; "perfect" is perfect aim, which only dispersion makes miss."""
+    hits: _Count
+    """Shots that hit."""
+    shots: _Count
     """Decisions with fire."""
-    withheld: int
+    withheld: _Count
     """Decisions without fire, which count as misses."""
-    engagements: int
-    low: float
-    """Lower end of the rate's 95 % interval, 0 to 1."""
-    high: float
-    """Upper end, 0 to 1."""
-    paper: float | None = None
+    engagements: _Count
+    """Independent engagements that the decisions belong to."""
+    low: _Rate
+    """Lower end of the rate's 95 % interval, clustered by engagement."""
+    high: _Rate
+    """Upper end."""
+    paper: Annotated[float, Meta(ge=0.0, le=100.0)] | None = None
     """The paper's figure for such a controller [%]."""
-    bound: float | None = None
-    """Proven bound of the mean hit rate, 0 to 1; None where none is published."""
-    bound_error: float | None = None
-    """Its standard error, 0 to 1."""
-    yaw_rad_s2: float | None = None
+    bound: _Rate | None = None
+    """Proven bound of the mean hit rate; None where none is published."""
+    bound_error: _Rate | None = None
+    """Its standard error."""
+    yaw_rad_s2: _Positive | None = None
     """Largest acceleration of the yaw axis, of command or motion, mean over a decision period [rad/s²]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        counts = f"{self.hits} of {self.shots} shots, {self.withheld} withheld, {self.engagements} engagements"
-        whole = 0 <= self.hits <= self.shots and self.withheld >= 0 and 0 < self.engagements <= self.decisions
-        _require(whole, "hits", counts, "0 ≤ hits ≤ shots, 0 ≤ withheld, 0 < engagements ≤ decisions")
-        interval = f"{self.low} to {self.high}"
-        _require(0 <= self.low <= self.rate <= self.high <= 1, "interval", interval, f"one around {self.rate} in 0 to 1")
-        _require(self.paper is None or 0 <= self.paper <= 100, "paper", self.paper, "0 to 100")
+        counts = f"{self.hits} of {self.shots} shots, {self.withheld} withheld, in {self.engagements} engagements"
+        whole = self.hits <= self.shots and 0 < self.engagements <= self.decisions
+        self._require(whole, "count", counts, "hits ≤ shots and 0 < engagements ≤ decisions")
+        interval, expected = f"{self.low} to {self.high}", f"one around the rate, {self.rate}"
+        self._require(self.low <= self.rate <= self.high, "interval", interval, expected)
         both = (self.bound is None) == (self.bound_error is None)
-        _require(both and 0 <= (self.bound or 0) <= 1, "bound", self.bound, "0 to 1, with its error")
-        _require(0 <= (self.bound_error or 0) <= 1, "bound_error", self.bound_error, "0 to 1")
-        _require(0 <= (self.yaw_rad_s2 or 0) < math.inf, "yaw_rad_s2", self.yaw_rad_s2, "a number ≥ 0")
+        self._require(both, "bound", f"{self.bound} ± {self.bound_error}", "both or neither")
 
     @property
     def decisions(self) -> int:
@@ -107,22 +115,22 @@ class Cell(Label, kw_only=True):
         return self.hits / self.decisions
 
 
-class Comparison(Label, kw_only=True):
-    """How far a hit rate is above another in the same engagements with the same draws, paired by engagement."""
+class Comparison(Label, frozen=True, kw_only=True):
+    """How far a hit rate is above another in the same engagements with the same dispersion draws."""
 
-    against: str
+    against: _Text
     """Name of the other controller; WORLD/NAME where it is in another world."""
-    difference: float
+    difference: _Difference
     """Rate less the other's, −1 to 1."""
-    low: float
-    """Lower end of its 95 % interval."""
-    high: float
+    low: _Difference
+    """Lower end of its 95 % interval, paired by engagement."""
+    high: _Difference
     """Upper end."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        interval, expected = f"{self.low} to {self.high}", f"one around {self.difference} in −1 to 1"
-        _require(-1 <= self.low <= self.difference <= self.high <= 1, "interval", interval, expected)
+        interval, expected = f"{self.low} to {self.high}", f"one around the difference, {self.difference}"
+        self._require(self.low <= self.difference <= self.high, "interval", interval, expected)
 
 
 class Comparisons(tuple[Comparison, ...]):
@@ -136,36 +144,42 @@ class Comparisons(tuple[Comparison, ...]):
         return comparisons_text(self)
 
 
-class Results(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, eq=False, tag_field="schema", tag=SCHEMA
-):
+class Results(Record, frozen=True, kw_only=True):
     """All that an evaluation found; printed as tables."""
 
+    schema: ClassVar[str] = "archerfish.results/3"
+    remedy: ClassVar[str] = "evaluate again"
     seed: int
     """Of engagements and dispersion."""
     commit: str
+    """Of the code."""
     versions: dict[str, str]
+    """Library → version."""
     tasks: tuple[Task, ...]
+    """What was evaluated."""
     robots: dict[str, dict[str, str]]
-    """World → facts of its robot, such as the digest of its records."""
+    """World → facts about its robot, such as the digest of its records."""
     tuning: dict[str, dict[str, Tuning]]
     """"world/limit" → controller → its settings."""
     cells: tuple[Cell, ...]
+    """Hit rates, in the order of the controllers."""
     comparisons: tuple[Comparison, ...]
     """The pairs of `pairs_to_compare`."""
-    durations: dict[str, float]
+    durations: dict[str, _Positive]
     """Stage → seconds."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         keys = {each.key for each in self.cells}
         pairs = {(*each.key, each.against) for each in self.comparisons}
-        for name, found, unique in (("cells", self.cells, keys), ("comparisons", self.comparisons, pairs)):
-            _require(len(found) == len(unique), name, f"{len(found)} for {len(unique)} labels", "each label once")
-        alone = [each.controller for each in self.comparisons if each.key not in keys]
-        _require(not alone, "comparisons", f"with {alone[:1]} that has no such cell", "controllers of cells")
+        if len(keys) < len(self.cells) or len(pairs) < len(self.comparisons):
+            raise InputError("Results: two cells or comparisons have one label; give unlike ones to `join`")
+        alone = next((each.controller for each in self.comparisons if each.key not in keys), None)
+        if alone is not None:
+            raise InputError(f"Results: a comparison of {alone} has no cell of that label; evaluate again")
 
     @classmethod
-    def load(cls, path: str | Path) -> "Results":
+    def load(cls, path: str | Path) -> Self:
         """Read results.json.
 
         Args:
@@ -174,7 +188,7 @@ class Results(
         Raises:
           InputError: if it can't be read, or a field is missing, unknown, of another type or out of range.
         """
-        return storage.read_struct(_file(path), cls, SCHEMA, "evaluate again to write a new one")
+        return super().load(_file(path))
 
     def save(self, path: str | Path) -> None:
         """Write results.json; `path` is the file or its folder.
@@ -182,40 +196,35 @@ class Results(
         Raises:
           InputError: if it can't be written.
         """
-        storage.write_json(_file(path), self)
+        super().save(_file(path))
 
     def join(self, *others: "Results") -> "Results":
         """Put the results of several worlds, command limits or policies together; equal parts count once.
 
         Raises:
-          InputError: if evaluation seed, commit or versions differ, or two of them differ in what they say of one cell,
-            comparison, robot or tuning.
+          InputError: if evaluation seed, commit or versions differ, or what is there of one cell, comparison, robot or
+            tuning.
         """
         parts = (self, *others)
         for name in ("seed", "commit", "versions"):
             values = _unique(getattr(each, name) for each in parts)
             if len(values) > 1:
                 raise InputError(f"{name} of the results is {values}, expected one; evaluate all with the same {name}")
-        return Results(
-            seed=self.seed,
-            commit=self.commit,
-            versions=self.versions,
+        stages = dict.fromkeys(stage for each in parts for stage in each.durations)
+        return self.replace(
             tasks=_unique(task for each in parts for task in each.tasks),
             robots=_joined("robots", [each.robots for each in parts]),
             tuning=_joined("tuning", [each.tuning for each in parts]),
             cells=_unique(cell for each in parts for cell in each.cells),
             comparisons=_unique(pair for each in parts for pair in each.comparisons),
-            durations={
-                stage: sum(each.durations.get(stage, 0.0) for each in parts)
-                for stage in dict.fromkeys(stage for each in parts for stage in each.durations)
-            },
+            durations={stage: sum(each.durations.get(stage, 0.0) for each in parts) for stage in stages},
         )
 
     def compare(self, a: str, b: str) -> Comparisons:
         """Return the paired differences of controller `a` to controller `b`, cell by cell.
 
-        Paired intervals need the hits of each engagement, which results don't keep: the pairs of `pairs_to_compare` are
-        there, in both directions.
+        A paired interval needs the hits of each engagement, which results don't keep: the pairs of `pairs_to_compare`
+        are there, in both directions.
 
         Raises:
           InputError: if the pair is not there.
@@ -224,16 +233,19 @@ class Results(
         found = found or [_reversed(each) for each in self.comparisons if (each.controller, each.against) == (b, a)]
         if not found:
             there = ", ".join(dict.fromkeys(f"{each.controller} with {each.against}" for each in self.comparisons))
-            raise InputError(f"no comparison of {a} with {b}; there are {there or 'none'}; evaluate with {b} as the first")
+            raise InputError(
+                f"no comparison of {a} with {b}; there are {there or 'none'}; evaluate with {b} as the first"
+            )
         return Comparisons(found)
 
     def to_dicts(self) -> list[dict[str, Any]]:
         """Return a row per cell for a data frame: its fields, `range_m` in two, and its rate."""
-        return [
-            {**row, "range_low_m": row.pop("range_m")[0], "range_high_m": cell.range_m[1], "rate": cell.rate}
-            for cell in self.cells
-            for row in [msgspec.structs.asdict(cell)]
-        ]
+        rows = []
+        for cell in self.cells:
+            row = msgspec.structs.asdict(cell)
+            low, high = row.pop("range_m")
+            rows.append({**row, "range_low_m": low, "range_high_m": high, "rate": cell.rate})
+        return rows
 
     def plot(self) -> "Figure":
         """Draw hit rate against range, a panel for each motion, world, command limit and length."""
@@ -253,20 +265,20 @@ class Results(
         return results_text(self)
 
 
-def pairs_to_compare(kinds: Sequence[Kind]) -> list[tuple[int, int]]:
+def pairs_to_compare(contenders: Sequence[tuple[str, Kind]]) -> list[tuple[int, int]]:
     """Return which contenders an evaluation compares, by their places: (one, the other).
 
-    Each policy and user's controller with each classical one, and each controller with the first one; never perfect aim.
+    Each policy and user's controller with each classical one, and each controller with the first; never perfect aim, nor
+    trainings of one name.
+
+    Args:
+      contenders: names and kinds.
     """
-    places = [place for place, kind in enumerate(kinds) if kind != "perfect"]
-    learned = [place for place in places if kinds[place] != "classical"]
-    pairs = [(one, other) for one in learned for other in places if kinds[other] == "classical"]
-    return pairs + [(one, places[0]) for one in places[1:] if not {(one, places[0]), (places[0], one)} & set(pairs)]
-
-
-def _require(holds: bool, name: str, value: object, expected: str) -> None:
-    if not holds:
-        raise InputError(f"{name} is {value}, expected {expected}")
+    places = [place for place, (_, kind) in enumerate(contenders) if kind != "perfect"]
+    learned = [place for place in places if contenders[place][1] != "classical"]
+    pairs = [(a, b) for a in learned for b in places if b not in learned]
+    others = [place for place in places if contenders[place][0] != contenders[places[0]][0]]
+    return pairs + [(a, places[0]) for a in others if not {(a, places[0]), (places[0], a)} & set(pairs)]
 
 
 def _file(path: str | Path) -> Path:
@@ -281,20 +293,13 @@ def _unique(found: Iterable[Value]) -> tuple[Value, ...]:
 
 def _joined(name: str, parts: Sequence[Mapping[str, Mapping[str, Value]]]) -> dict[str, dict[str, Value]]:
     joined: dict[str, dict[str, Value]] = {}
-    for part in parts:
-        for key, facts in part.items():
-            for fact, value in facts.items():
-                if len(_unique([joined.setdefault(key, {}).setdefault(fact, value), value])) > 1:
-                    raise InputError(f"{name}: {fact} of {key} is another in each; give worlds of unlike robots unlike names")
+    for key, facts in ((key, facts) for part in parts for key, facts in part.items()):
+        for fact, value in facts.items():
+            if len(_unique([joined.setdefault(key, {}).setdefault(fact, value), value])) > 1:
+                raise InputError(f"{name}: {fact} of {key} differs; give different robots different names")
     return joined
 
 
 def _reversed(pair: Comparison) -> Comparison:
-    return msgspec.structs.replace(
-        pair,
-        controller=pair.against,
-        against=pair.controller,
-        difference=-pair.difference,
-        low=-pair.high,
-        high=-pair.low,
-    )
+    turned = {"difference": -pair.difference, "low": -pair.high, "high": -pair.low}
+    return pair.replace(controller=pair.against, against=pair.controller, **turned)

@@ -19,12 +19,12 @@ Item = TypeVar("Item", Cell, Comparison)
 Show: TypeAlias = Callable[[list[Any]], Entry]
 
 INTERVAL = "In parentheses or below: the 95 % interval, over engagements; all: the mean."
-RATES = "Rates are hits of all decisions in %; a decision without fire is a miss."
-SEEDS = "Of several seeds the mean of the trainings, in the row (seeds) the lowest and the highest; all in one set of engagements."
+RATES = f"Rates are hits of all decisions in %; a decision without fire is a miss. {INTERVAL}"
+SEEDS = "Of several seeds the mean of the trainings, in the row (seeds) the lowest and the highest."
 PRINTED = "(printed): the paper's figure."
 DIFFERENCES = (
-    "Differences are paired: same engagements, same dispersion draws. A cell is better or worse where the whole interval "
-    "is above or below zero."
+    "Differences are paired: same engagements, same dispersion draws. A cell is better or worse where the whole "
+    "interval is above or below zero."
 )
 BOUNDS = "Bound: no controller exceeds it in the mean of these engagements, but by chance; ± its standard error."
 
@@ -37,6 +37,12 @@ def grouped(items: Iterable[Item], key: Callable[[Item], Any]) -> dict[Any, list
     return found
 
 
+def by_controller(cells: Iterable[Cell]) -> dict[str, list[Cell]]:
+    """Group cells by the controller's name: policies, users' controllers, classical ones, perfect aim."""
+    order = ("policy", "user", "classical", "perfect")
+    return grouped(sorted(cells, key=lambda each: order.index(each.kind)), lambda each: each.controller)
+
+
 def mean(found: Sequence[Cell] | Sequence[Comparison]) -> Estimate | None:
     """Average one controller's cells [%] or differences [points], None of none.
 
@@ -46,25 +52,22 @@ def mean(found: Sequence[Cell] | Sequence[Comparison]) -> Estimate | None:
     if not found:
         return None
     by_seed = grouped(list[Any](found), lambda each: each.seed).values()
-    means = [weighted_mean([_estimate(each) for each in own], [_weight(each) for each in own]) for own in by_seed]
+    means = [weighted_mean(*zip(*map(_weighted, own), strict=True)) for own in by_seed]
     value, low, high = (math.fsum(ends) / len(means) for ends in zip(*(each[:3] for each in means), strict=True))
     return Estimate(value, low, high, means[0].unit)
 
 
-def _estimate(each: Cell | Comparison) -> Estimate:
-    value, unit = (each.rate, "%") if isinstance(each, Cell) else (each.difference, "points")
-    return Estimate(100 * value, 100 * each.low, 100 * each.high, unit)
-
-
-def _weight(each: Cell | Comparison) -> float:
-    return each.decisions if isinstance(each, Cell) else 1.0
+def _weighted(each: Cell | Comparison) -> tuple[Estimate, float]:
+    if isinstance(each, Cell):
+        return Estimate(100 * each.rate, 100 * each.low, 100 * each.high, "%"), each.decisions
+    return Estimate(100 * each.difference, 100 * each.low, 100 * each.high, "points"), 1.0
 
 
 def rate_tables(cells: Iterable[Cell]) -> tuple[Table, ...]:
     """Return a table per world, command limit and length, and where motions are few per motion: rows are controllers.
 
-    Below a controller are the paper's figure, the spread of its trainings and its share of decisions without fire, where
-    there are such; below all the bounds.
+    Below a controller are the spread of its trainings, its share of decisions without fire and the paper's figure,
+    where there are such; below all the bounds.
     """
     return tuple(_rate_table(title, part) for title, part in _parts(cells))
 
@@ -72,8 +75,8 @@ def rate_tables(cells: Iterable[Cell]) -> tuple[Table, ...]:
 def _rate_table(title: str, cells: list[Cell]) -> Table:
     columns, row = _pivot(cells)
     rows = []
-    for name, own in grouped(cells, lambda each: each.controller).items():
-        rows.append(row(_name(own), own, mean))
+    for name, own in by_controller(cells).items():
+        rows.append(row(controller_text(own), own, mean))
         rows += [row(f"{name} (seeds)", own, _seeds)] if len({each.seed for each in own}) > 1 else []
         rows += [row(f"{name} (no fire)", own, _withheld)] if any(each.withheld for each in own) else []
         rows += [row(f"{name} (printed)", own, _printed)] if any(each.paper is not None for each in own) else []
@@ -89,7 +92,7 @@ def difference_tables(comparisons: Iterable[Comparison]) -> tuple[Table, ...]:
     for title, part in _parts(comparisons):
         columns, row = _pivot(part)
         pairs = grouped(part, lambda each: (each.controller, each.against)).values()
-        rows = tuple(row(f"{_name(own)} − {own[0].against}", own, mean) for own in pairs)
+        rows = tuple(row(f"{controller_text(own)} − {own[0].against}", own, mean) for own in pairs)
         tables.append(Table(f"Differences, {title}", ("controllers", *columns), rows))
     return tuple(tables)
 
@@ -104,32 +107,43 @@ def mean_difference_tables(comparisons: Iterable[Comparison]) -> tuple[Table, ..
         for own in grouped(part, lambda each: (each.controller, each.against)).values():
             means = [mean([each for each in own if each.motion == motion]) for motion in shown]
             better, worse = sum(each.low > 0 for each in own), sum(each.high < 0 for each in own)
-            rows.append((f"{_name(own)} − {own[0].against}", *means, mean(own), better, worse, len(own)))
+            rows.append((f"{controller_text(own)} − {own[0].against}", *means, mean(own), better, worse, len(own)))
         columns = ("controllers", *shown, "all", "better", "worse", "cells")
-        tables.append(Table(f"Paired differences in points: {_where(*place)}", columns, tuple(rows)))
+        tables.append(Table(f"Paired differences in points: {place_text(*place)}", columns, tuple(rows)))
     return tuple(tables)
 
 
 def bounds(cells: Iterable[Cell]) -> dict[str, list[Cell]]:
-    """Return the bounds that differ: name → cells that have it; that of most controllers is "bound"."""
-    bounded = grouped((each for each in cells if each.bound is not None), lambda each: each.controller)
-    alike: dict[Any, list[str]] = {}
-    for name, own in bounded.items():
-        alike.setdefault(tuple(sorted({(each.motion, each.range_m, each.bound) for each in own})), []).append(name)
-    named = sorted(alike.values(), key=len, reverse=True)
-    return {f"bound of {names[0]}" if place else "bound": bounded[names[0]] for place, names in enumerate(named)}
+    """Return the bounds that differ: name → cells of one controller with it; that of most controllers is "bound"."""
+    bounded = (each for each in cells if each.bound is not None)
+    alike: dict[Any, list[list[Cell]]] = {}
+    for own in grouped(bounded, lambda each: (each.controller, each.seed)).values():
+        alike.setdefault(frozenset((each.motion, each.range_m, each.bound) for each in own), []).append(own)
+    most = sorted(alike.values(), key=len, reverse=True)
+    return {f"bound of {own[0][0].controller}" if place else "bound": own[0] for place, own in enumerate(most)}
 
 
 def results_text(results: "Results") -> str:
-    """Return what is printed of results: rates, mean differences of policies and users' controllers, and what they mean."""
+    """Return what is printed of results: rates, mean differences of what isn't classical, and what they mean."""
     learned = {each.controller for each in results.cells if each.kind in ("policy", "user")}
     pairs = [each for each in results.comparisons if not learned or each.controller in learned]
-    tables = tables_text((*rate_tables(results.cells), *mean_difference_tables(pairs)))
     head = f"Results: seed {results.seed}, commit {results.commit}, {len(results.cells)} cells"
-    notes = [RATES, INTERVAL, *([SEEDS] if "(seeds)" in tables else []), *([PRINTED] if "(printed)" in tables else [])]
-    notes += [DIFFERENCES + " results.compare(a, b) has them by cell."] if pairs else []
-    notes += [BOUNDS] if any(each.bound is not None for each in results.cells) else []
-    return "\n\n".join(part for part in (head, tables, textwrap.fill(" ".join(notes), WIDTH)) if part)
+    tables = tables_text((*rate_tables(results.cells), *mean_difference_tables(pairs)))
+    last = [*notes(results), *(["results.compare(a, b) has the differences by cell."] if pairs else [])]
+    return "\n\n".join(part for part in (head, tables, textwrap.fill(" ".join(last), WIDTH)) if part)
+
+
+def notes(results: "Results") -> list[str]:
+    """Return what the figures of results mean, as far as there are such."""
+    seeds = any(len({each.seed for each in own}) > 1 for own in by_controller(results.cells).values())
+    said = {
+        RATES: True,
+        SEEDS: seeds,
+        PRINTED: any(each.paper is not None for each in results.cells),
+        DIFFERENCES: bool(results.comparisons),
+        BOUNDS: any(each.bound is not None for each in results.cells),
+    }
+    return [text for text, is_there in said.items() if is_there]
 
 
 def comparisons_text(comparisons: Iterable[Comparison]) -> str:
@@ -140,25 +154,26 @@ def comparisons_text(comparisons: Iterable[Comparison]) -> str:
         motions = grouped(part, lambda each: each.motion)
         rows = [row(motion, own, mean) for motion, own in motions.items()]
         rows += [row("all", part, mean)] if len(motions) > 1 else []
-        title = f"{_name(part)} − {part[0].against} in points: {_where(*place)}"
+        title = f"{controller_text(part)} − {part[0].against} in points: {place_text(*place)}"
         tables.append(Table(title, ("targets", *columns), tuple(rows)))
     return "\n\n".join([tables_text(tables), textwrap.fill(f"{INTERVAL} {DIFFERENCES}", WIDTH)])
 
 
 def _parts(items: Iterable[Item]) -> list[tuple[str, list[Item]]]:
     """Split by world, command limit and length, and where motions are few by motion: title and items."""
-    parts = []
+    parts: list[tuple[str, list[Item]]] = []
     for place, found in grouped(items, lambda each: each.place).items():
-        motions = grouped(found, lambda each: each.motion)
+        motions = grouped(found, lambda each: f"{each.motion} targets")
         if len(motions) > FEW:
-            parts.append((f"{len(motions)} motions, each the mean of its ranges: {_where(*place)}", found))
-        for motion, own in motions.items() if len(motions) <= FEW else ():
-            tables = {each.table for each in own if isinstance(each, Cell) and each.table}
-            parts.append((f"{''.join(f'Table {each}, ' for each in tables)}{motion} targets: {_where(*place)}", own))
+            motions = {f"{len(motions)} motions, each the mean of its ranges": found}
+        for name, own in motions.items():
+            table = next((f"Table {each.table}, " for each in own if isinstance(each, Cell) and each.table), "")
+            parts.append((f"{table}{name}: {place_text(*place)}", own))
     return parts
 
 
-def _where(world: str, limit: str, length_s: float) -> str:
+def place_text(world: str, limit: str, length_s: float) -> str:
+    """Write a world, command limit and length."""
     return f"{world}, limit {limit}, engagements of {length_s:g} s"
 
 
@@ -167,19 +182,22 @@ def range_text(range_m: tuple[float, float]) -> str:
     return f"{range_m[0]:g}–{range_m[1]:g} m"
 
 
-def _pivot(items: Sequence[Cell] | Sequence[Comparison], by_range: bool = False) -> tuple[tuple[str, ...], Callable[..., Any]]:
-    """Return the headings, and a function (name, items, show) that makes a row: a column per range or motion, and all."""
+def _pivot(
+    items: Sequence[Cell] | Sequence[Comparison], by_range: bool = False
+) -> tuple[tuple[str, ...], Callable[..., Any]]:
+    """Return headings, and a function (name, items, show) that makes a row: a column per range or motion, and all."""
     by_range = by_range or len({each.motion for each in items}) <= FEW
-    keys: list[Any] = sorted({each.range_m for each in items}) if by_range else list(dict.fromkeys(each.motion for each in items))
+    keys = sorted({each.range_m for each in items}) if by_range else list(dict.fromkeys(each.motion for each in items))
 
     def row(name: str, own: list[Any], show: Show) -> tuple[Entry, ...]:
         parts = [[each for each in own if (each.range_m if by_range else each.motion) == key] for key in keys]
         return (name, *(show(part) if part else None for part in parts), *([show(own)] if len(keys) > 1 else []))
 
-    return (*(range_text(key) if by_range else key for key in keys), *(["all"] if len(keys) > 1 else [])), row
+    headings = [range_text(key) if isinstance(key, tuple) else key for key in keys]
+    return (*headings, *(["all"] if len(keys) > 1 else [])), row
 
 
-def _name(own: Sequence[Cell] | Sequence[Comparison]) -> str:
+def controller_text(own: Sequence[Cell] | Sequence[Comparison]) -> str:
     """Return a controller's name, with the number of its trainings where there are several."""
     seeds = len({each.seed for each in own})
     return own[0].controller + (f", {seeds} seeds" if seeds > 1 else "")
@@ -195,11 +213,11 @@ def _withheld(own: list[Cell]) -> str:
 
 
 def _printed(own: list[Cell]) -> str:
-    printed = {each.range_m: each.paper for each in own if each.paper is not None}.values()
+    printed = [each.paper for each in own if each.paper is not None]
     return f"{sum(printed) / len(printed):.2f}" if printed else MISSING
 
 
 def _bound(own: list[Cell]) -> str:
-    values, errors = zip(*{each.range_m: (each.bound, each.bound_error) for each in own}.values(), strict=True)
-    error = 100 * math.hypot(*errors) / len(errors)
-    return f"{100 * sum(values) / len(values):.1f}" + (f" ±{error:.1f}" if error >= 0.05 else "")
+    error = 100 * math.hypot(*(each.bound_error or 0.0 for each in own)) / len(own)
+    value = 100 * sum(each.bound or 0.0 for each in own) / len(own)
+    return f"{value:.1f}" + (f" ±{error:.1f}" if error >= 0.05 else "")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from archerfish2.errors import one_line
 from archerfish2.reports.page import page_html
 from archerfish2.reports.table import Table, table_dict, tables_text
-from archerfish2.storage import write_text
+from archerfish2.storage import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,4 +67,4 @@ class Report:
         Raises:
           InputError: if the file can't be written.
         """
-        write_text(Path(path), page_html(self))
+        write_bytes(Path(path), page_html(self).encode())

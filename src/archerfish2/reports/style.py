@@ -24,7 +24,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (5, 1.2, 1.2, 1.2)))
 
-_SETTINGS: dict[str, Any] = {
+_SETTINGS: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 10.0,
     "axes.titlesize": 11.0,
@@ -49,6 +49,7 @@ _SETTINGS: dict[str, Any] = {
     "lines.linewidth": 1.5,
     "lines.markersize": 5.5,
     "figure.dpi": 150.0,
+    "figure.constrained_layout.h_pad": 0.07,  # [inch]; else titles touch the labels above them
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
     # Text as outlines: the page looks alike on machines without the font.
@@ -65,7 +66,8 @@ def plot_style() -> Iterator[None]:
 
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update({**_SETTINGS, "axes.prop_cycle": cycler(color=PALETTE)})
+        mpl.rcParams.update(_SETTINGS)
+        mpl.rcParams["axes.prop_cycle"] = cycler(color=PALETTE)
         yield
 
 
@@ -91,13 +93,9 @@ def new_figure(
 
 
 def look(index: int) -> dict[str, Any]:
-    """Return colour, marker and line style of the index-th curve; no two of the first 56 have colour and marker alike."""
-    dashes = DASHES[index // len(PALETTE) % len(DASHES)]
-    return {
-        "color": PALETTE[index % len(PALETTE)],
-        "marker": MARKERS[index % len(MARKERS)],
-        "linestyle": dashes,
-    }
+    """Return colour, marker and line style of a curve; no two of the first 56 have colour and marker alike."""
+    color, marker = PALETTE[index % len(PALETTE)], MARKERS[index % len(MARKERS)]
+    return {"color": color, "marker": marker, "linestyle": DASHES[index // len(PALETTE) % len(DASHES)]}
 
 
 def svg_text(figure: "Figure", *, prefix: str = "", label: str = "") -> str:

@@ -24,7 +24,7 @@ class Estimate(NamedTuple):
     unit: str = ""
 
 
-Entry: TypeAlias = str | float | int | None | Estimate
+Entry: TypeAlias = str | float | int | Estimate | None
 
 
 class Table(NamedTuple):
@@ -72,7 +72,7 @@ def _formatter(estimate: Estimate) -> tuple[Callable[[float], str], str]:
     return show, {"%": "–", "points": "…"}.get(estimate.unit, " to ")
 
 
-def number(value: float | int | None, digits: int = 4) -> str:
+def number(value: float | None, digits: int = 4) -> str:
     """Write a number to so many significant digits, without an exponent unless it is very small; counts as they are."""
     if value is None or not math.isfinite(value):
         return MISSING
@@ -102,7 +102,8 @@ def _table_text(table: Table, width: int) -> str:
     rows = [[entry_texts(entry) for entry in row] for row in table.rows]
     for form, gap in (("{} ({})", 2), ("{} ({})", 1), ("{}\n{}", 2), ("{}\n{}", 1)):
         texts = [[form.format(*pair) if pair[1] else pair[0] for pair in row] for row in rows]
-        widest = [max(len(line) for text in column for line in text.split("\n")) for column in zip(headings, *texts)]
+        columns = zip(headings, *texts, strict=True)
+        widest = [max(len(line) for text in column for line in text.split("\n")) for column in columns]
         if sum(widest) + gap * (len(widest) - 1) <= width:
             break
     drawn = RichTable(box=None, pad_edge=False, padding=(0, gap, 0, 0))
