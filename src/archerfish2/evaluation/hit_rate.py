@@ -22,11 +22,11 @@ CONFIDENCE = 0.95
 class HitRate(NamedTuple):
     """k hits of n decisions and the 95 % interval of the rate."""
 
-    hits: int
-    decisions: int
-    engagements: int
-    low: float
-    high: float
+    hits: int  # k
+    decisions: int  # n
+    engagements: int  # independent ones that the decisions belong to
+    low: float  # lower end, 0 to 1
+    high: float  # upper end, 0 to 1
 
     @property
     def rate(self) -> float:
@@ -37,9 +37,9 @@ class HitRate(NamedTuple):
 class Difference(NamedTuple):
     """The hit rate of one controller less that of another in the same engagements, −1 to 1, with its 95 % interval."""
 
-    difference: float
-    low: float
-    high: float
+    difference: float  # of the rates
+    low: float  # lower end
+    high: float  # upper end
 
 
 def hit_rate(hit: ArrayLike) -> HitRate:

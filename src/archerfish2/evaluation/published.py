@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from archerfish2.evaluation.results import Cell
+from archerfish2.records.json_files import plain, read_json
 from archerfish2.robot import Robot
-from archerfish2.storage import plain, read_json
 from archerfish2.task import Task
 
 
@@ -42,7 +42,7 @@ def with_bounds(
 
     def bounded(cell: Cell) -> Cell:
         row = found.get((cell.command_limit, cell.engagements, cell.motion, cell.range_m))
-        if row is None or cell.kind == "perfect":
+        if row is None or cell.table is None or cell.kind == "perfect":
             return cell
         bound, error = row[cell.controller in informed]
         return cell.replace(bound=bound, bound_error=error)

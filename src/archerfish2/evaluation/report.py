@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from archerfish2.evaluation import tables
 from archerfish2.evaluation.plots import hit_rates
 from archerfish2.evaluation.results import Cell, Results
+from archerfish2.records.json_files import plain
 from archerfish2.reports.report import Report
 from archerfish2.reports.table import Table, entry_texts
-from archerfish2.storage import plain
 
 _LIMITS = {
     "box": "Limit box: only the angle ranges limit commands. The printed axes have no limit of speed or torque, so "

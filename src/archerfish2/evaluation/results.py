@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from archerfish2.controllers.registry import Tuning
-from archerfish2.errors import InputError
+from archerfish2.errors import InputError, one_line
 from archerfish2.records.record import Record, Struct
 from archerfish2.task import Task
 
@@ -50,10 +50,9 @@ class Label(Struct, frozen=True, kw_only=True):
 
     def _require(self, holds: bool, name: str, value: object, expected: str) -> None:
         if not holds:
-            label = (
-                f"{type(self).__name__} of {self.controller}, {self.motion}, {self.range_m[0]:g}–{self.range_m[1]:g} m"
-            )
-            raise InputError(f"{label}: {name} is {value}, expected {expected}; evaluate again")
+            label = f"{self.controller[:50]}, {self.motion[:50]}, {self.range_m[0]:g}–{self.range_m[1]:g} m"
+            fault = f"{name} is {value}, expected {expected}; correct it"
+            raise InputError(f"{type(self).__name__} of {one_line(label)}: {fault}")
 
     @property
     def place(self) -> tuple[str, str, float]:
@@ -147,8 +146,8 @@ class Comparisons(tuple[Comparison, ...]):
 class Results(Record, frozen=True, kw_only=True):
     """All that an evaluation found; printed as tables."""
 
-    schema: ClassVar[str] = "archerfish.results/3"
-    remedy: ClassVar[str] = "evaluate again"
+    schema: ClassVar[str] = "archerfish.results/3"  # of the file
+    remedy: ClassVar[str] = "evaluate again"  # where it is damaged
     seed: int
     """Of engagements and dispersion."""
     commit: str
@@ -176,7 +175,7 @@ class Results(Record, frozen=True, kw_only=True):
             raise InputError("Results: two cells or comparisons have one label; give unlike ones to `join`")
         alone = next((each.controller for each in self.comparisons if each.key not in keys), None)
         if alone is not None:
-            raise InputError(f"Results: a comparison of {alone} has no cell of that label; evaluate again")
+            raise InputError(f"Results: a comparison of {alone} has no cell of that label; correct it")
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -268,8 +267,8 @@ class Results(Record, frozen=True, kw_only=True):
 def pairs_to_compare(contenders: Sequence[tuple[str, Kind]]) -> list[tuple[int, int]]:
     """Return which contenders an evaluation compares, by their places: (one, the other).
 
-    Each policy and user's controller with each classical one, and each controller with the first; never perfect aim, nor
-    trainings of one name.
+    Each policy and user's controller with each classical one, and each controller with the first; never perfect aim,
+    nor trainings of one name.
 
     Args:
       contenders: names and kinds.

@@ -18,21 +18,17 @@ if TYPE_CHECKING:
 class Report:
     """A headline with all that supports it; `print` shows it, `to_dict` is for JSON, `write_page` for a browser."""
 
-    title: str
-    headline: str
-    usable: bool | None = None
-    """The verdict, None where there is none to give."""
-    reasons: tuple[str, ...] = ()
-    known: tuple[str, ...] = ()
-    """What the figures mean and how they were made."""
-    doubts: tuple[str, ...] = ()
-    next_steps: tuple[str, ...] = ()
-    tables: tuple[Table, ...] = ()
-    figures: tuple[tuple[str, "Callable[[], Figure]"], ...] = ()
-    """Captions, and functions that draw, called for a page alone."""
-    findings: tuple[Any, ...] = ()
-    """NamedTuples of what was found in the logs."""
-    provenance: dict[str, Any] = field(default_factory=dict)
+    title: str  # of what it is
+    headline: str  # the finding, with its figures
+    usable: bool | None = None  # the verdict; None where there is none to give
+    reasons: tuple[str, ...] = ()  # of the verdict
+    known: tuple[str, ...] = ()  # what the figures mean and rest on
+    doubts: tuple[str, ...] = ()  # what may be otherwise
+    next_steps: tuple[str, ...] = ()  # what to do
+    tables: tuple[Table, ...] = ()  # the figures
+    figures: tuple[tuple[str, "Callable[[], Figure]"], ...] = ()  # captions, and what draws, called for a page alone
+    findings: tuple[Any, ...] = ()  # what was found in the logs, NamedTuples
+    provenance: dict[str, Any] = field(default_factory=dict)  # seed, commit, versions, hashes: what JSON can hold
 
     def __str__(self) -> str:
         parts = ["\n".join(map(one_line, (self.title, self.headline)))]

@@ -18,10 +18,10 @@ WIDTH = 110
 class Estimate(NamedTuple):
     """An estimate with its 95 % interval; without one, the ends are NaN."""
 
-    value: float
-    low: float
-    high: float
-    unit: str = ""
+    value: float  # in the unit
+    low: float  # lower end
+    high: float  # upper end
+    unit: str = ""  # "%", "points" (signed) or any other
 
 
 Entry: TypeAlias = str | float | int | Estimate | None
@@ -30,10 +30,10 @@ Entry: TypeAlias = str | float | int | Estimate | None
 class Table(NamedTuple):
     """A table; the first entry of a row names it."""
 
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[Entry, ...], ...]
-    note: str = ""
+    title: str  # above it
+    columns: tuple[str, ...]  # headings
+    rows: tuple[tuple[Entry, ...], ...]  # an entry per column
+    note: str = ""  # below it
 
 
 def entry_texts(entry: Entry) -> tuple[str, str]:
