@@ -9,16 +9,16 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 import numpy as np
 from msgspec import Meta, structs
 
-from archerfish2 import plugins
 from archerfish2.arrays import Array, lift, namespace, single_precision, tree
 from archerfish2.errors import InputError, file_error, one_line
+from archerfish2.plugins import is_plugin, names_code
 from archerfish2.protocols import Engagement
 from archerfish2.records.record import Angle, Struct
 from archerfish2.storage import write_bytes
 from archerfish2.targets.kinds import KINDS
 from archerfish2.targets.mixture import ANY, drawn_path, path_uniforms
 from archerfish2.targets.motion import LONGEST_S, Parabola, StillOrMoving, disc
-from archerfish2.targets.user_motion import UNIFORMS, check_motion, check_places, user_target
+from archerfish2.targets.user_motion import UNIFORMS, check_places, find_motion, user_target
 
 EQ_7 = ("paper", "static", "dynamic")
 """Motions of the paper's targets: all of them, those of Table II, those of Table III."""
@@ -174,7 +174,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
                 if not path.is_file() or path.stat().st_size > 1_000_000:
                     raise InputError("is no file of at most 1 MB")
                 content = {"name": path.stem} | tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-                if ":" in str(content.get("motion")) and not motion:
+                if names_code(str(content.get("motion"))) and not motion:
                     raise InputError("code that only a file names is not run; give it as the motion, beside the file")
             task = cls(**content | ({"motion": motion} if motion else {}))
             task._motion()
@@ -233,10 +233,10 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         """Return the motion of a scenario; a user's is checked."""
         if self.motion in (*EQ_7, *DRAWN):
             return self.motion if self.motion in DRAWN else "paper"
-        if ":" not in self.motion and self.motion not in (names := plugins.names("motion")):
-            expected = f"expected one of {', '.join((*EQ_7, *DRAWN, *names))} or ./FILE.py:NAME"
+        if not is_plugin(self.motion, "motion"):
+            expected = f"expected one of {', '.join((*EQ_7, *DRAWN))} or ./FILE.py:NAME"
             raise InputError(f"Task: field motion: {expected}, got {self.motion!r}; correct it")
-        return check_motion(plugins.find(self.motion, "motion"))
+        return find_motion(self.motion)
 
     def _scenario(self, motion: Any, ranges: Any, lengths: Any, share: float, plants: int = 1) -> Any:
         ends = np.array([np.min(ranges), np.max(ranges)]), np.array([lengths[0], lengths[-1]])
