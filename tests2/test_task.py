@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
 
 from archerfish2.errors import InputError
 from archerfish2.evaluation.suites import draw
@@ -12,7 +11,7 @@ from archerfish2.task import Task
 FAULTS = {
     "period_s = 0": "field period_s: expected float >= 0.0001, got 0",
     "ranges_m = [[2, 1]]": "ranges_m and lengths_s: expected the smaller one first",
-    "lenghts_s = [1]": "Unexpected keyword argument 'lenghts_s'; a task is a name or TOML with fields among name,",
+    "lenghts_s = [1]": "Unexpected keyword argument 'lenghts_s'; fields are name, motion, ranges_m, lengths_s,",
     'motion = "strfe"': "field motion: expected one of paper, static,",
     'motion = "./mine.py:Mine"': "code that only a file names is not run",
     "ranges_m = " + 9999 * "[": "recursion",
@@ -42,10 +41,10 @@ def test_draws_don_t_depend_on_the_cells_beside_them() -> None:
     (joined, normals), (alone, noise) = draw(cells, 4, 3, "tuning", 6, 5), draw(cells[5:6], 4, 3, "tuning", 6, 5)
     vertex = joined.target.motion.vertex
     assert (normals.shape, normals.dtype, vertex.dtype, set(joined.plant)) == ((32, 50, 6), "f4", "f4", set(range(5)))
-    assert_array_equal(normals[20:24], noise)
-    assert_array_equal(vertex[20:24], alone.target.motion.vertex)
-    assert_array_equal(joined.target.motion.speed > 0.0, np.arange(32) >= 16)
-    assert_array_equal(np.floor(vertex[:, 0]), np.tile(np.repeat([1, 2, 3, 4], 4), 2))
+    np.testing.assert_array_equal(normals[20:24], noise)
+    np.testing.assert_array_equal(vertex[20:24], alone.target.motion.vertex)
+    np.testing.assert_array_equal(joined.target.motion.speed > 0.0, np.arange(32) >= 16)
+    np.testing.assert_array_equal(np.floor(vertex[:, 0]), np.tile(np.repeat([1, 2, 3, 4], 4), 2))
 
 
 def test_lengths_of_a_training_are_drawn_apart_from_what_stands_still() -> None:

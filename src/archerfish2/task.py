@@ -177,11 +177,12 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
                 if names_code(str(content.get("motion"))) and not motion:
                     raise InputError("code that only a file names is not run; give it as the motion, beside the file")
             task = cls(**content | ({"motion": motion} if motion else {}))
-            task._motion()
+            if not names_code(task.motion):
+                task._motion()  # refuses an unknown name
             return task
         except (OSError, ValueError, TypeError, RecursionError) as error:
             problem = one_line(str(error)).removeprefix(f"{name}: ").removeprefix("Task: ").removesuffix("; correct it")
-            remedy = f"a task is a name or TOML with fields among {', '.join(cls.__struct_fields__)}"
+            remedy = f"fields are {', '.join(cls.__struct_fields__)}" if isinstance(error, TypeError) else "correct it"
             raise file_error(path, problem[:400], remedy) from error
 
     def save(self, path: str | Path) -> None:
@@ -213,16 +214,15 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         Raises:
           InputError: if a user's motion can't be used.
         """
-        found: list[Any]
         if self.motion in DRAWN:
-            found = [(None, each, each, 0.0, place) for place, each in enumerate(KINDS) if self.motion in (ANY, each)]
+            kinds: list[Any] = [(None, k, k, 0.0, at) for at, k in enumerate(KINDS) if self.motion in (ANY, k)]
         else:
             motion = self._motion()
             table, name = ("III", "dynamic") if motion == "paper" else (None, motion.name)
-            found = [("II", "static", motion, 1.0, 0), (table, name, motion, 0.0, 1)]
-            found = {"static": found[:1], "dynamic": found[1:]}.get(self.motion, found)
+            kinds = [("II", "static", motion, 1.0, 0), (table, name, motion, 0.0, 1)]
+            kinds = {"static": kinds[:1], "dynamic": kinds[1:]}.get(self.motion, kinds)
         width, suites = max(4, len(self.ranges_m)), []
-        for length, kind, (place, range_m) in itertools.product(self.lengths_s, found, enumerate(self.ranges_m)):
+        for length, kind, (place, range_m) in itertools.product(self.lengths_s, kinds, enumerate(self.ranges_m)):
             table, name, motion, share, block = kind
             cell = table if length == 1.0 else None, name, range_m, length, width * block + place
             scenario = self._scenario(motion, [range_m], [length], share)
