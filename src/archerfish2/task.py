@@ -9,16 +9,16 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 import numpy as np
 from msgspec import Meta, structs
 
-from archerfish2 import plugins
 from archerfish2.arrays import Array, lift, namespace, single_precision, tree
 from archerfish2.errors import InputError, file_error, one_line
+from archerfish2.plugins import is_plugin, names_code
 from archerfish2.protocols import Engagement
 from archerfish2.records.record import Angle, Struct
 from archerfish2.storage import write_bytes
 from archerfish2.targets.kinds import KINDS
 from archerfish2.targets.mixture import ANY, drawn_path, path_uniforms
 from archerfish2.targets.motion import LONGEST_S, Parabola, StillOrMoving, disc
-from archerfish2.targets.user_motion import UNIFORMS, check_motion, check_places, user_target
+from archerfish2.targets.user_motion import UNIFORMS, check_places, find_motion, user_target
 
 EQ_7 = ("paper", "static", "dynamic")
 """Motions of the paper's targets: all of them, those of Table II, those of Table III."""
@@ -174,14 +174,15 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
                 if not path.is_file() or path.stat().st_size > 1_000_000:
                     raise InputError("is no file of at most 1 MB")
                 content = {"name": path.stem} | tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-                if ":" in str(content.get("motion")) and not motion:
+                if names_code(str(content.get("motion"))) and not motion:
                     raise InputError("code that only a file names is not run; give it as the motion, beside the file")
             task = cls(**content | ({"motion": motion} if motion else {}))
-            task._motion()
+            if not names_code(task.motion):
+                task._motion()  # refuses an unknown name
             return task
         except (OSError, ValueError, TypeError, RecursionError) as error:
             problem = one_line(str(error)).removeprefix(f"{name}: ").removeprefix("Task: ").removesuffix("; correct it")
-            remedy = f"a task is a name or TOML with fields among {', '.join(cls.__struct_fields__)}"
+            remedy = f"fields are {', '.join(cls.__struct_fields__)}" if isinstance(error, TypeError) else "correct it"
             raise file_error(path, problem[:400], remedy) from error
 
     def save(self, path: str | Path) -> None:
@@ -213,16 +214,15 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         Raises:
           InputError: if a user's motion can't be used.
         """
-        found: list[Any]
         if self.motion in DRAWN:
-            found = [(None, each, each, 0.0, place) for place, each in enumerate(KINDS) if self.motion in (ANY, each)]
+            kinds: list[Any] = [(None, k, k, 0.0, at) for at, k in enumerate(KINDS) if self.motion in (ANY, k)]
         else:
             motion = self._motion()
             table, name = ("III", "dynamic") if motion == "paper" else (None, motion.name)
-            found = [("II", "static", motion, 1.0, 0), (table, name, motion, 0.0, 1)]
-            found = {"static": found[:1], "dynamic": found[1:]}.get(self.motion, found)
+            kinds = [("II", "static", motion, 1.0, 0), (table, name, motion, 0.0, 1)]
+            kinds = {"static": kinds[:1], "dynamic": kinds[1:]}.get(self.motion, kinds)
         width, suites = max(4, len(self.ranges_m)), []
-        for length, kind, (place, range_m) in itertools.product(self.lengths_s, found, enumerate(self.ranges_m)):
+        for length, kind, (place, range_m) in itertools.product(self.lengths_s, kinds, enumerate(self.ranges_m)):
             table, name, motion, share, block = kind
             cell = table if length == 1.0 else None, name, range_m, length, width * block + place
             scenario = self._scenario(motion, [range_m], [length], share)
@@ -233,10 +233,10 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         """Return the motion of a scenario; a user's is checked."""
         if self.motion in (*EQ_7, *DRAWN):
             return self.motion if self.motion in DRAWN else "paper"
-        if ":" not in self.motion and self.motion not in (names := plugins.names("motion")):
-            expected = f"expected one of {', '.join((*EQ_7, *DRAWN, *names))} or ./FILE.py:NAME"
+        if not is_plugin(self.motion, "motion"):
+            expected = f"expected one of {', '.join((*EQ_7, *DRAWN))} or ./FILE.py:NAME"
             raise InputError(f"Task: field motion: {expected}, got {self.motion!r}; correct it")
-        return check_motion(plugins.find(self.motion, "motion"))
+        return find_motion(self.motion)
 
     def _scenario(self, motion: Any, ranges: Any, lengths: Any, share: float, plants: int = 1) -> Any:
         ends = np.array([np.min(ranges), np.max(ranges)]), np.array([lengths[0], lengths[-1]])

@@ -28,8 +28,7 @@ class Distribution(NamedTuple):
         """Turn uniform draws in [0, 1), shape B, into values, shape B: the inverse of the distribution function."""
         # Plain numbers, so that float32 stays float32.
         values = [math.log(each) if self.logarithmic else each for each in self.value]
-        xp = namespace(uniform)
-        found = values[0] + 0.0 * uniform
+        xp, found = namespace(uniform), values[0] + 0.0 * uniform
         for low, high, begin, end in zip(self.share, self.share[1:], values, values[1:], strict=False):
             found = found + (end - begin) * xp.clip((uniform - low) / (high - low), 0.0, 1.0)
         return xp.exp(found) if self.logarithmic else found

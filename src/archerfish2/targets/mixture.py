@@ -99,6 +99,5 @@ def path_about(place: Array, displacement: Array, duration: Array) -> Path:
     excess = xp.maximum(forward / (LARGEST_FORWARD * distance), lateral / (LARGEST_LATERAL * distance))
     less = 1.0 / xp.maximum(xp.maximum(excess, speed / LARGEST_SPEED), 1.0)
     level = place[..., None, :2] + less[..., None, None] * displacement
-    height = place[..., None, 2:] + 0.0 * level[..., :1]
-    places = xp.astype(xp.concat([level, height], axis=-1), place.dtype)
+    places = xp.astype(xp.concat([level, place[..., None, 2:] + 0.0 * level[..., :1]], axis=-1), place.dtype)
     return Path(places, 0.0 * distance + BEGIN_S, 0.0 * distance + STEP_S)
