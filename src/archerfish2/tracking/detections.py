@@ -71,6 +71,17 @@ def update_with_frames(
     return _fold(take, state, seen)
 
 
+def relative_place(place: Array, base: Base, time: Array) -> Array:
+    """Return a place relative to the own pivot, which goes on at its velocity, as do the pellets.
+
+    Args:
+      place: of the target a time from now, in O [m], shape B + (3,).
+      base: now.
+      time: from now [s], shape B.
+    """
+    return place - base.position - time[..., None] * base.velocity
+
+
 def unwrapped(angle: Array, command: Array) -> Array:
     """Return the same direction with the yaw nearest to that of a command: in O yaw is not wrapped.
 
