@@ -29,7 +29,7 @@ def import_jax() -> Any:
         raise InputError("this needs JAX, which is not installed; pip install 'archerfish[train]'")
     jax: Any = importlib.import_module("jax")
     arrays.register()
-    if not jax.config.jax_compilation_cache_dir and (folder := cache_folder()) is not None:
+    if not jax.config.jax_compilation_cache_dir and (folder := _programs_folder()) is not None:
         with suppress(OSError):  # a home that can't be written: it works without
             folder.mkdir(parents=True, exist_ok=True)
             jax.config.update("jax_compilation_cache_dir", str(folder))
@@ -41,20 +41,26 @@ def import_jax() -> Any:
     return jax
 
 
-def cache_folder() -> Path | None:
-    """Return the folder for programs compiled for this kind of machine.
-
-    The environment variable ARCHERFISH_CACHE names another one than the user's cache; "off" keeps no programs: None.
-    """
-    named = os.environ.get("ARCHERFISH_CACHE", "")
-    if named == "off":
-        return None
-    import platformdirs
-
+def _programs_folder() -> Path | None:
+    """Return the folder for programs compiled for this kind of machine."""
     # A home may be shared between machines, and a program for one processor may crash on another.
     facts = platform.machine() + platform.processor()
     with suppress(OSError):
         lines = set(Path("/proc/cpuinfo").read_text(errors="replace").splitlines())
         facts += "".join(sorted(each for each in lines if each.startswith(("model name", "flags", "Features"))))
     kind = f"{importlib.metadata.version('jaxlib')}-{hashlib.sha256(facts.encode()).hexdigest()[:12]}"
-    return Path(named or platformdirs.user_cache_path("archerfish")) / "jax" / kind
+    folder = cache_folder("jax")
+    return folder and folder / kind
+
+
+def cache_folder(name: str) -> Path | None:
+    """Return a folder for what can be made again.
+
+    The environment variable ARCHERFISH_CACHE names another place than the user's cache; "off" keeps nothing: None.
+    """
+    place = os.environ.get("ARCHERFISH_CACHE", "")
+    if place == "off":
+        return None
+    import platformdirs
+
+    return Path(place or platformdirs.user_cache_path("archerfish")) / name

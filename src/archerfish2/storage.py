@@ -76,8 +76,12 @@ def file_hash(path: Path) -> str:
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
+def locked(folder: Path, timeout_s: float = 0.0) -> Iterator[None]:
     """Hold the lock of a folder, which is made if missing, for a block; it ends with its holder, however that ends.
+
+    Args:
+      folder: to lock.
+      timeout_s: how long to wait for another process [s].
 
     Raises:
       InputError: if another process holds it, or the folder can't be written.
@@ -89,7 +93,7 @@ def locked(folder: Path) -> Iterator[None]:
         check_regular(folder / LOCK)
         folder.mkdir(parents=True, exist_ok=True)
         try:
-            lock.acquire(timeout=0)
+            lock.acquire(timeout=timeout_s)
         except Timeout as error:
             raise file_error(folder, "is in use by another process", "wait for it, or choose another folder") from error
     try:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from archerfish2.arrays import Array, lift, namespace, select, tree
+from archerfish2.arrays import Array, fold, lift, namespace, select, tree
 from archerfish2.controllers.hit_window import LikeliestHit, Places, distribution
 from archerfish2.controllers.kalman import Predictor
 from archerfish2.protocols import Base, Seen
@@ -236,11 +236,14 @@ def systematic_draw(weight: Array, draws: int) -> tuple[Array, Array]:
     mark = upto[..., -1:] * lift(share, upto)
     column = xp.sum(upto[..., :-1, None] < mark[..., None, :], axis=-2)
     left = mark - xp.take_along_axis(upto - columns, column, axis=-1)
-    # Row by row: one pass over what is drawn, which compiled is a tenth of the work of an array of cumulative sums.
-    row, within = xp.zeros_like(column), xp.zeros_like(left)
-    for each in range(weight.shape[-2] - 1):
-        within = within + xp.take_along_axis(weight[..., each, :], column, axis=-1)
-        row = row + (within < left)
+    drawn = xp.take_along_axis(weight, column[..., None, :], axis=-1)[..., :-1, :]
+
+    def count(state: tuple[Array, Array], weights: Array) -> tuple[Array, Array]:
+        within = state[1] + weights
+        return state[0] + (within < left), within
+
+    # A loop and no chain of sums, which a compiler would repeat in each of the many predictions that use the rows.
+    row, _ = fold(count, (xp.zeros_like(column), xp.zeros_like(left)), drawn, weight.ndim - 2)
     return row, column
 
 

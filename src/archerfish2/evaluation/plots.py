@@ -46,6 +46,34 @@ def hit_rates(cells: Sequence[Cell], *, names: Sequence[str] = (), title: str = 
     return figure
 
 
+def trajectory(times: Any, target: Any, commands: Any, angles: Any, miss: Any, hit: Any) -> "Figure":
+    """Draw one engagement against time: yaw and pitch of target, command and gimbal, and the miss of each shot.
+
+    Args:
+      times: when the shots leave [s], shape (T,).
+      target: pitch and yaw of its line of sight then [°], shape (T, 2).
+      commands: in force until then [°], shape (T, 2).
+      angles: of the gimbal then [°], shape (T, 2).
+      miss: left and up [m], NaN without pellet, shape (T, 2).
+      hit: whether each shot hit, shape (T,).
+    """
+    with plot_style():
+        figure, axes = new_figure(3, 1, width=7.2, height=6.5, sharex=True)
+        for panel, axis, name in ((axes[0, 0], 1, "yaw"), (axes[1, 0], 0, "pitch")):
+            for place, (values, label) in enumerate(
+                ((target, "line of sight"), (commands, "command"), (angles, "gimbal"))
+            ):
+                panel.plot(times, values[:, axis], **{**look(place), "marker": ""}, label=label)
+            panel.set_ylabel(f"{name} [°]")
+        axes[0, 0].legend(ncols=3)
+        distance = 1e3 * (miss**2).sum(-1) ** 0.5
+        for chosen, label, place in ((hit, "hit", 0), (~hit, "miss", 1)):
+            axes[2, 0].plot(times[chosen], distance[chosen], **{**look(place), "linestyle": ""}, label=label)
+        axes[2, 0].set(xlabel="time [s]", ylabel="distance from the centre [mm]")
+        axes[2, 0].legend(ncols=2)
+    return figure
+
+
 def _title(key: tuple[Any, ...], keys: list[tuple[Any, ...]]) -> str:
     """Return the motion of a panel, and of world, command limit and length what is not the same in all."""
     texts = [f"{each:g} s" if isinstance(each, float) else each for each in key]

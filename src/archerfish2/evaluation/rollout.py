@@ -15,14 +15,15 @@ from archerfish2.arrays import Array, is_tree, map_arrays
 from archerfish2.compiled import has_jax, import_jax
 from archerfish2.dynamics.aiming import intercept
 from archerfish2.errors import InputError
-from archerfish2.protocols import Controller, Engagement, Seen, Shot, World
+from archerfish2.protocols import Command, Controller, Engagement, Seen, Shot, World
 
 
 class Rollout(NamedTuple):
     """Every decision of N engagements, NumPy's arrays (N, T, ...)."""
 
     seen: Seen
-    command: Array  # in force during the period, after all limits [rad], (N, T, 2)
+    command: Command  # as the controller asked
+    in_force: Array  # command during the period, after all limits [rad], (N, T, 2)
     shot: Shot
 
 
@@ -51,9 +52,9 @@ def count(world: World, controller: Controller, engagement: Engagement, normals:
         if finite:
             return Counted(fired.T, hit.T, float(acceleration))
     shots = rollout(world, controller, engagement, normals)
-    _check_finite(type(controller).__name__, shots.command)
+    _check_finite(type(controller).__name__, shots.in_force)
     fired, hit = shots.shot.fired, shots.shot.fired & (shots.shot.margin >= 0.0)
-    yaw = np.stack([shots.command[..., 1], shots.shot.angle[..., 1]])
+    yaw = np.stack([shots.in_force[..., 1], shots.shot.angle[..., 1]])
     return Counted(fired, hit, float(_largest_acceleration(np.moveaxis(yaw, -1, 0), world.period_s)))
 
 
@@ -74,7 +75,7 @@ def rollout(world: World, controller: Controller, engagement: Engagement, normal
         _check_finite(type(controller).__name__, command.angle[:, None])
         state, shot = step(state, command, normals[:, place])
         after = map_arrays(np.asarray, see(state))
-        decisions.append(Rollout(seen, after.command, map_arrays(np.asarray, shot)))
+        decisions.append(Rollout(seen, command, after.command, map_arrays(np.asarray, shot)))
         seen = after
     return map_arrays(lambda *each: np.stack(each, axis=1), *decisions)
 
@@ -131,7 +132,7 @@ def _programs() -> dict[str, Any]:
 
 
 def _scan(world: World, controller: Controller, engagement: Engagement, normals: Array, keep: Any = Rollout) -> Any:
-    """Return what `keep` takes of (seen, command in force, shot), decisions first."""
+    """Return what `keep` takes of (seen, command, command in force, shot), decisions first."""
     jax = import_jax()
     state = world.begin(engagement, normals)
     truth = world.truth(engagement) if getattr(controller, "needs_truth", False) else None
@@ -143,7 +144,7 @@ def _scan(world: World, controller: Controller, engagement: Engagement, normals:
         seen = world.see(state)
         memory, command = controller.step(memory, seen)
         state, shot = world.step(state, command, drawn)
-        return (state, memory), keep(seen, world.see(state).command, shot)
+        return (state, memory), keep(seen, command, world.see(state).command, shot)
 
     # Never unrolled: two decisions in one iteration run at 1.6 times the cost.
     return jax.lax.scan(step, (state, memory), jax.numpy.swapaxes(normals, 0, 1))[1]
