@@ -198,8 +198,8 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         return muzzle_from_record(self.muzzle)
 
     def __repr__(self) -> str:
-        parts = [self.name, repr(self.pitch), repr(self.yaw), f"muzzle {self.muzzle.speed:.4g} m/s"]
-        parts += ["sensing"] if self.sensing else []
+        axes = (repr(each).removeprefix("PlantRecord(")[:-1] for each in (self.pitch, self.yaw))
+        parts = [self.name, *axes, f"muzzle: {self.muzzle.speed:.4g} m/s", *(["sensing"] if self.sensing else [])]
         parts += [f"assumed: {', '.join(self.assumed)}"] if self.assumed else []
         return f"Robot({'; '.join(parts)})"
 
