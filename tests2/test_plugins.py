@@ -6,42 +6,33 @@ from pathlib import Path
 import pytest
 
 from archerfish2.errors import InputError
-from archerfish2.plugins import find_plugin, is_plugin, names_code
+from archerfish2.plugins import find_plugin, is_plugin
 
-CODE = """
-import beside
-class Aim:
-    answer = beside.ANSWER
-    def __init__(self, robot, task):
-        raise RuntimeError("not today\\nmore")
-"""
+MINE = "import beside\nclass Aim:\n  answer = beside.ANSWER\n  def __init__(self):\n    raise RuntimeError('no\\nmore')"
+FILES = {"mine": MINE, "beside": "ANSWER = 42", "broken": "x = 1\nx = = 2\n", "needy": "\nimport no_such_module\n"}
 
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    (tmp_path / "mine.py").write_text(CODE)
-    (tmp_path / "beside.py").write_text("ANSWER = 42")
-    (tmp_path / "broken.py").write_text("x = 1\nx = = 2\n")
-    (tmp_path / "needy.py").write_text("\nimport no_such_module\n")
+    for name, code in FILES.items():
+        (tmp_path / f"{name}.py").write_text(code)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.delitem(sys.modules, "beside", raising=False)
     return tmp_path
 
 
-def test_a_file_is_run_once_however_it_is_named_and_leaves_nothing_behind(here: Path) -> None:
+def test_a_file_is_run_once_however_it_is_named_and_may_import_what_lies_beside_it(here: Path) -> None:
     first = find_plugin("./mine.py:Aim", "controller")
     (here / "mine.py").write_text("raise SystemExit")
-    for spec in ("mine:Aim", f"{here}/mine.py:Aim", first.spec):
-        assert find_plugin(spec, "controller").value is first.value
-    assert pickle.loads(pickle.dumps(first)).value is first.value
+    same = (find_plugin(spec, "controller") for spec in ("mine:Aim", f"{here}/mine.py:Aim", first.spec))
+    assert all(each.value is first.value for each in (*same, pickle.loads(pickle.dumps(first))))
     assert (first.name, first.value.answer, first.file) == ("Aim", 42, str(here / "mine.py"))
     assert first.value.__module__.startswith("archerfish2_plugin_mine_")
-    assert find_plugin("mine:Aim.answer", "controller").value == 42
     assert str(here) not in sys.path
+    assert not list(here.glob("__pycache__/mine*"))
 
 
-def test_an_installed_module_and_an_entry_point_are_found(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_installed_module_and_an_entry_point_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     assert find_plugin("json:dumps", "controller").file == ""
     entry = importlib.metadata.EntryPoint("fast", "json.decoder:JSONDecoder.decode", "archerfish.controllers")
     found = importlib.metadata.EntryPoints([entry])
@@ -49,8 +40,6 @@ def test_an_installed_module_and_an_entry_point_are_found(here: Path, monkeypatc
     plugin = find_plugin("fast", "controller")
     assert (plugin.name, plugin.value.__qualname__) == ("fast", "JSONDecoder.decode")
     assert [is_plugin(spec, "controller") for spec in ("fast", "x:Y", "kalman")] == [True, True, False]
-    assert not is_plugin("fast", "motion")
-    assert not names_code("fast")
 
 
 @pytest.mark.parametrize(
@@ -64,20 +53,16 @@ def test_an_installed_module_and_an_entry_point_are_found(here: Path, monkeypatc
         ("./needy.py:Aim", "needy.py:Aim: line 2: ModuleNotFoundError: No module named 'no_such_module'; correct it"),
     ],
 )
-def test_what_can_not_be_found_or_run_is_named_in_one_line(here: Path, spec: str, complaint: str) -> None:
+def test_what_can_not_be_found_or_run_is_named(here: Path, spec: str, complaint: str) -> None:
     for _ in range(2):
-        with pytest.raises(InputError, match=complaint) as error:
+        with pytest.raises(InputError, match=complaint):
             find_plugin(spec, "controller")
-        assert "\n" not in str(error.value)
 
 
 def test_what_a_user_s_code_raises_is_one_line_with_its_place(here: Path) -> None:
     plugin = find_plugin("./mine.py:Aim", "controller")
-    with (
-        pytest.raises(InputError, match=r"mine.py:Aim: line 6: RuntimeError: not today; correct it$"),
-        plugin.running(),
-    ):
-        plugin.value(None, None)
+    with pytest.raises(InputError, match=r"mine.py:Aim: line 5: RuntimeError: no; correct it$"), plugin.running():
+        plugin.value()
     with pytest.raises(InputError, match=r"^[^:]*mine.py:Aim: wants more$"), plugin.running(), plugin.running():
         raise InputError("wants more")
     with pytest.raises(InputError, match=r"TracerBoolConversionError: .*; it runs compiled"), plugin.running():

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -13,25 +14,19 @@ from archerfish2.errors import InputError
 from archerfish2.records.json_files import LARGEST, read_json
 
 
-def run(
-    out: Path, name: str = "a/x.txt", text: str = "new", inputs: Any = (), overwrite: bool = False, **more: Any
-) -> None:
+def run(out: Path, name: str = "a/x.txt", text: str = "new", inputs: Any = (), overwrite=False, **more: Any) -> None:
     with storage.output_folder(out, "excite", inputs, overwrite, **more) as folder:
         storage.write_bytes(folder / name, text.encode())
 
 
 def tree(folder: Path) -> dict[str, str]:
     files = {each.relative_to(folder).as_posix(): each for each in folder.rglob("*") if each.is_file()}
-    return {name: path.read_text() for name, path in files.items() if name not in ("run.lock", "run.json")}
+    return {name: path.read_text() for name, path in files.items() if path.name not in ("run.lock", "run.json")}
 
 
 def test_a_write_that_fails_leaves_the_old_file_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     storage.write_bytes(tmp_path / "x", b"old")
-
-    def full_disk(descriptor: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full_disk)
+    monkeypatch.setattr(os, "fsync", Mock(side_effect=OSError(28, "No space left on device")))
     with pytest.raises(InputError, match=r"x: can't be written \(No space left on device\); choose"):
         storage.write_bytes(tmp_path / "x", b"new")
     assert tree(tmp_path) == {"x": "old"}
@@ -97,15 +92,16 @@ def test_inputs_and_files_of_others_are_refused_before_the_work_if_their_names_a
     assert tree(tmp_path) == {"x.txt": "again"}
 
 
-@pytest.mark.parametrize("content", ["", "[]", '{"schema": "archerfish.run/1", "excite": {"files": ["../x.txt"]}}'])
-def test_a_list_that_is_not_ours_lists_nothing(tmp_path: Path, content: str) -> None:
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "run.json").write_text(content)
+@pytest.mark.parametrize("listed", [{"files": ["../x.txt"]}, {"files": [3]}, {}, None])
+def test_a_list_that_is_not_ours_lists_nothing(tmp_path: Path, listed: Any) -> None:
     (tmp_path / "x.txt").write_text("mine")
+    storage.write_bytes(
+        tmp_path / "out" / "run.json", json.dumps({"schema": storage.RUN_SCHEMA, "excite": listed}).encode()
+    )
     with pytest.raises(InputError, match=r"run.json: was not written by this command"):
         run(tmp_path / "out")
     run(tmp_path / "out", overwrite=True)
-    assert (tmp_path / "x.txt").exists()
+    assert tree(tmp_path) == {"out/a/x.txt": "new", "x.txt": "mine"}
 
 
 def test_a_folder_has_one_writer_and_a_killed_one_leaves_old_results_and_no_lock(tmp_path: Path) -> None:
@@ -116,7 +112,6 @@ def test_a_folder_has_one_writer_and_a_killed_one_leaves_old_results_and_no_lock
         "    (folder / 'x.txt').touch(); print('begun', flush=True); time.sleep(60)"
     )
     with subprocess.Popen([sys.executable, "-c", script, tmp_path], stdout=subprocess.PIPE, text=True) as child:
-        assert child.stdout is not None
         assert child.stdout.readline() == "begun\n"
         with pytest.raises(InputError, match=f"{tmp_path}: is in use by another process; wait for it"):
             run(tmp_path)
@@ -137,9 +132,7 @@ def test_two_inputs_of_one_name_both_keep_their_hash(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("project", ["archerfish", "team"])
-def test_the_commit_is_that_of_the_own_checkout_and_of_no_other_around_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, project: str
-) -> None:
+def test_the_commit_is_that_of_the_own_checkout_alone(tmp_path: Path, monkeypatch: Any, project: str) -> None:
     (tmp_path / "pyproject.toml").write_text(f'name = "{project}"')
     for words in ("init -q", "add .", "-c user.name=x -c user.email=x commit -qm x"):
         subprocess.run(["git", *words.split()], cwd=tmp_path, check=True)

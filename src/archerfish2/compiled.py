@@ -27,6 +27,7 @@ def import_jax() -> Any:
     """
     if not has_jax():
         raise InputError("this needs JAX, which is not installed; pip install 'archerfish[train]'")
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # else XLA prints a page about each kept program (issue 44565)
     jax: Any = importlib.import_module("jax")
     arrays.register()
     if not jax.config.jax_compilation_cache_dir and (folder := _programs_folder()) is not None:

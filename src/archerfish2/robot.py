@@ -3,7 +3,7 @@
 import hashlib
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol, Self
+from typing import Annotated, Any, Literal, Protocol, Self, get_args
 
 import numpy as np
 from msgspec import Meta, field
@@ -11,7 +11,7 @@ from msgspec import Meta, field
 from archerfish2.dynamics.command_limits import CommandLimits, named_limits
 from archerfish2.dynamics.linear_axis import GimbalModel, gimbal_model
 from archerfish2.dynamics.muzzle import Muzzle, muzzle_from_record
-from archerfish2.errors import InputError, file_error
+from archerfish2.errors import InputError, file_error, one_line
 from archerfish2.paper.conditions import assumed_conditions, paper_muzzle
 from archerfish2.paper.gimbal import gate_limits, printed_plants
 from archerfish2.plugins import find_plugin
@@ -23,18 +23,13 @@ from archerfish2.records.record import Record, Struct
 from archerfish2.records.sensing import SensingRecord
 
 SCHEMA = "archerfish.robot/1"
-RECORDS: dict[str, type[Record]] = {
-    "pitch": PlantRecord,
-    "yaw": PlantRecord,
-    "muzzle": MuzzleRecord,
-    "sensing": SensingRecord,
-    "limits": LimitsRecord,
-}
-"""The parts of a robot; each has a file of its own."""
 SHORTEST_PERIOD_S, LONGEST_DELAY_S = 1e-5, 1.0
 """Of the plants of a gimbal [s]: what lies beyond is no gimbal, and would make its model huge."""
-Name = Annotated[str, Meta(min_length=1, max_length=100)]
+Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]{1,100}$")]
 Part = Literal["pitch", "yaw", "muzzle", "sensing", "limits"]
+_KINDS: tuple[type[Record], ...] = (PlantRecord, PlantRecord, MuzzleRecord, SensingRecord, LimitsRecord)
+RECORDS = dict(zip(get_args(Part), _KINDS, strict=True))
+"""The parts of a robot; each has a file of its own."""
 
 
 class PartVerdict(Struct, frozen=True, kw_only=True):
@@ -124,7 +119,9 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         for part, verdict in facts.parts.items():
             if not (verdict.usable or accept_unusable):
                 problem, remedy = f"is not usable: {verdict.headline}", verdict.next_step or "identify it again"
-                raise file_error(folder / f"{part}.json", problem, f"{remedy}, or pass --accept-unusable")
+                raise file_error(
+                    folder / f"{part}.json", one_line(problem), one_line(f"{remedy}, or pass --accept-unusable")
+                )
         files = {part: folder / f"{part}.json" for part in RECORDS}
         found: dict[str, Any] = {part: RECORDS[part].load(path) for part, path in files.items() if path.exists()}
         needed = {"pitch", "yaw", *(("muzzle", "limits") if is_written else ())}
@@ -198,8 +195,8 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         return muzzle_from_record(self.muzzle)
 
     def __repr__(self) -> str:
-        parts = [self.name, repr(self.pitch), repr(self.yaw), f"muzzle {self.muzzle.speed:.4g} m/s"]
-        parts += ["sensing"] if self.sensing else []
+        axes = (repr(each).removeprefix("PlantRecord(")[:-1] for each in (self.pitch, self.yaw))
+        parts = [self.name, *axes, f"muzzle: {self.muzzle.speed:.4g} m/s", *(["sensing"] if self.sensing else [])]
         parts += [f"assumed: {', '.join(self.assumed)}"] if self.assumed else []
         return f"Robot({'; '.join(parts)})"
 
@@ -224,20 +221,16 @@ def _check_axis(plant: PlantRecord, axis: str) -> None:
     if plant.B.shape[1] != 1:
         raise InputError(f"{axis} has {plant.B.shape[1]} inputs, expected one; identify it with one input")
     if plant.sample_period_s < SHORTEST_PERIOD_S:
-        raise InputError(
-            f"{axis} has a sampling period of {plant.sample_period_s:g} s, expected {SHORTEST_PERIOD_S:g} s or more; "
-            "resample its log"
-        )
+        period = f"{plant.sample_period_s:g} s, expected {SHORTEST_PERIOD_S:g} s or more"
+        raise InputError(f"{axis} has a sampling period of {period}; resample its log")
     longest = max([plant.delay_samples, *plant.draw_delays]) * plant.sample_period_s
     if longest > LONGEST_DELAY_S:
         raise InputError(f"{axis} has a delay of {longest:g} s, expected {LONGEST_DELAY_S:g} s or less; identify again")
     matrices = [plant.A[None], plant.draws["A"]] if plant.draws else [plant.A[None]]
     largest = float(np.max(np.abs(np.linalg.eigvals(np.concatenate(matrices)))))
     if largest >= 1.0:
-        raise InputError(
-            f"{axis} has a pole of magnitude {largest:.4g}, expected less than 1, for a gimbal that follows an angle "
-            "command comes to rest; close its loop, and sample it in discrete time"
-        )
+        remedy = "close its loop, so that it follows an angle command and comes to rest"
+        raise InputError(f"{axis} has a pole of magnitude {largest:.4g}, expected less than 1; {remedy}")
     gain = plant.dc_gain[0, 0]
     if not gain > 0.0:
         raise InputError(f"{axis} has a steady gain of {gain:.4g}, expected more than 0; check the sign of its log")

@@ -158,9 +158,10 @@ def _read_runs(out: Path) -> dict[str, Any]:
     """Return by command what run.json lists; nothing where it is missing, damaged or names files outside its folder."""
     try:
         runs = json.loads((out / RUN).read_bytes())
-        files = [Path(name) for run in runs.values() if isinstance(run, dict) for name in run["files"]]
+        is_ours = runs.pop("schema") == RUN_SCHEMA
+        files = [Path(name) for run in runs.values() for name in run["files"]]
         inside = not any(each.is_absolute() or ".." in each.parts for each in files)
-        return runs if runs.pop("schema") == RUN_SCHEMA and inside else {}
+        return runs if is_ours and inside else {}
     except (OSError, ValueError, RecursionError, AttributeError, KeyError, TypeError):
         return {}
 

@@ -10,35 +10,15 @@ from archerfish2.dynamics.linear_axis import gimbal_draws, gimbal_model
 from archerfish2.errors import InputError
 from archerfish2.paper.gimbal import printed_plants
 from archerfish2.records.plant import PlantRecord
-from archerfish2.records.sensing import CameraRecord, LinkRecord, SensingRecord
-from archerfish2.robot import RECORDS, PartVerdict, Robot
+from archerfish2.robot import RECORDS, Robot
 
-NOISE = dict.fromkeys(
-    ("stamp_jitter", "bearing_sd", "elevation_sd", "range_sd", "miss_probability", "outlier_share"), 0.1
-)
-CAMERA = CameraRecord(rate_hz=60.0, time_offset=-0.01, noise_range=3.0, **NOISE)
-SENSING = SensingRecord(camera=CAMERA, link=LinkRecord(feedback_rate_hz=500.0, command_latency=0.01))
 FILES = (*RECORDS, "robot")
 CODE = """
 from archerfish2.records.plant import PlantRecord
-def plant(axis):
-    return PlantRecord.second_order(9.0, 0.5) if axis == "pitch" else PlantRecord.second_order(7.0, 0.5)
-def none(axis):
-    return 3
+fast, none = PlantRecord.second_order(9.0, 0.5), None
+def slow(axis):
+    return PlantRecord.second_order(7.0, 0.5)
 """
-
-
-def drawn(plant: PlantRecord) -> PlantRecord:
-    draws = {name: np.repeat(getattr(plant, name)[None], 3, axis=0) for name in "ABCD"}
-    return plant.replace(draws=draws, draw_delays=np.arange(3))
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    """A robot that has everything: draws, sensing, verdicts."""
-    plants = {axis: drawn(plant) for axis, plant in printed_plants().items()}
-    parts = {"pitch": PartVerdict(usable=True, headline="fits"), "yaw": PartVerdict(usable=False, headline="drifts")}
-    return Robot.paper().replace(name="mine", **plants, sensing=SENSING, assumed=("muzzle",), parts=parts)
 
 
 def test_a_robot_is_read_back_and_what_is_replaced_is_no_longer_assumed_or_judged(tmp_path: Path, robot: Robot) -> None:
@@ -46,16 +26,14 @@ def test_a_robot_is_read_back_and_what_is_replaced_is_no_longer_assumed_or_judge
     again = Robot.load(tmp_path, accept_unusable=True)
     assert (again.name, again.assumed, again.folder) == ("mine", ("muzzle",), tmp_path)
     assert again.digest() == robot.digest() != Robot.paper().digest()
-    assert again.record_digests().keys() == RECORDS.keys()
-    with pytest.raises(
-        InputError, match=r"yaw.json: is not usable: drifts; identify it again, or pass --accept-unusable"
-    ):
+    with pytest.raises(InputError, match=r"yaw.json: is not usable: drifts; identify it again, or .*--accept-unusable"):
         Robot.load(tmp_path)
     new = again.replace(yaw=printed_plants()["yaw"], muzzle=robot.muzzle.replace(speed=20.0), sensing=None)
     assert (new.assumed, list(new.parts), new.folder) == ((), ["pitch"], None)
     new.save(tmp_path)
-    assert repr(Robot.load(tmp_path)) == repr(new)
-    assert len(repr(new)) < 200
+    assert Robot.load(tmp_path).record_digests() == new.record_digests()
+    axes = "pitch: order 4, delay 0 ms, 3 draws; yaw: order 4, delay 0 ms"
+    assert repr(Robot.load(tmp_path)) == repr(new) == f"Robot(mine; {axes}; muzzle: 20 m/s)"
 
 
 def test_a_folder_of_records_is_a_robot_whose_missing_parts_are_assumed(tmp_path: Path, robot: Robot) -> None:
@@ -63,16 +41,12 @@ def test_a_folder_of_records_is_a_robot_whose_missing_parts_are_assumed(tmp_path
     (tmp_path / "limits.json").unlink()
     with pytest.raises(InputError, match=r"expected a folder with limits.json"):
         Robot.load(tmp_path, accept_unusable=True)
-    (tmp_path / "sensing.json").unlink()
     (tmp_path / "robot.json").unlink()
     found = Robot.load(tmp_path)
-    assert (found.name, found.assumed, found.sensing) == (tmp_path.name, ("sensing", "limits"), None)
+    assert (found.name, found.assumed) == (tmp_path.name, ("limits",))
     assert found.record_digests()["limits"] == Robot.paper().record_digests()["limits"]
     (tmp_path / "pitch.json").write_bytes((tmp_path / "yaw.json").read_bytes())
     with pytest.raises(InputError, match=f"{tmp_path}: pitch is the plant of the yaw axis, .*; swap the two"):
-        Robot.load(tmp_path)
-    (tmp_path / "yaw.json").unlink()
-    with pytest.raises(InputError, match=r"expected a folder with yaw.json"):
         Robot.load(tmp_path)
 
 
@@ -96,19 +70,17 @@ def test_what_can_not_be_the_axis_of_a_gimbal_is_refused(robot: Robot, change: d
 def test_a_plant_may_be_a_user_s_code(tmp_path: Path, robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("mine.py").write_text(CODE)
-    new = robot.replace(pitch="./mine.py:plant", yaw="mine:plant")
-    assert [(each.axis, each.A[0, 0] < 0.999) for each in (new.pitch, new.yaw)] == [("pitch", True), ("yaw", False)]
-    with pytest.raises(InputError, match=r"mine.py:none: gives a int for yaw, expected a PlantRecord"):
+    new = robot.replace(pitch="./mine.py:fast", yaw="mine:slow")
+    assert [(each.axis, each.A[0, 0] < 0.9985) for each in (new.pitch, new.yaw)] == [("pitch", True), ("yaw", False)]
+    with pytest.raises(InputError, match=r"mine.py:none: gives a NoneType for yaw, expected a PlantRecord"):
         robot.replace(yaw="mine:none")
 
 
 def test_models_are_those_of_the_records_with_the_mean_latency(robot: Robot) -> None:
-    assert robot.gimbal(0.02).rest.shape[-1] == robot.replace(sensing=None).gimbal(0.02).rest.shape[-1]
-    late = robot.gimbal(0.02).input - gimbal_model(robot.pitch, robot.yaw, 0.02, 0.01).input
-    assert np.max(np.abs(late)) == 0.0
+    for latency, each in ((0.01, robot), (0.0, robot.replace(sensing=None))):
+        assert np.array_equal(each.gimbal(0.02).input, gimbal_model(robot.pitch, robot.yaw, 0.02, latency).input)
     limits = robot.command_limits(SimpleNamespace(command_limit="los-2deg"))
-    assert limits.max_lead[1] == pytest.approx(np.deg2rad(2.0))
-    assert robot.muzzle_model().speed == 18.0
+    assert (limits.max_lead[1], robot.muzzle_model().speed) == (pytest.approx(np.deg2rad(2.0)), 18.0)
 
 
 @pytest.mark.parametrize("count", [27, pytest.param(200, marks=pytest.mark.slow)])
@@ -124,5 +96,5 @@ def test_a_mutated_file_is_refused_in_one_line_or_is_of_a_robot_that_works(
         if found is not None:
             found.save(tmp_path / "copy")
             assert Robot.load(tmp_path / "copy", accept_unusable=True).digest() == found.digest()
-            for model in (found.gimbal(0.02), gimbal_draws(found.pitch, found.yaw, 0.02)):
-                assert all(np.all(np.isfinite(each)) for each in model)
+            models = (found.gimbal(0.02), gimbal_draws(found.pitch, found.yaw, 0.02))
+            assert all(np.all(np.isfinite(each)) for model in models for each in model)

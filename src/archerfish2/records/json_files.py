@@ -100,7 +100,7 @@ def decode(kind: Any, value: Any) -> Any:
     return array
 
 
-def fault(error: ValueError, content: Any, name: str = "") -> str:
+def fault(error: Exception, content: Any, name: str = "") -> str:
     """Return which field is wrong, what was expected and what is there."""
     if isinstance(error.__cause__, InputError):  # of a record inside, which has said it all
         return str(error.__cause__).removesuffix("; correct it")
