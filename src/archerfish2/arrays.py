@@ -51,7 +51,7 @@ def tree(static: tuple[str, ...] = (), left_out: tuple[str, ...] = ()) -> Callab
       TypeError: if a name is no field, or a field that is left out has no default.
     """
 
-    def decorate(cls: type) -> type:
+    def decorate(cls: type) -> Any:
         made: Any = dataclasses.dataclass(frozen=True, eq=False)(cls)  # arrays have no ==; hashed by identity
         fields = {each.name: each for each in dataclasses.fields(made)}
         wrong = [name for name in (*static, *left_out) if name not in fields]

@@ -5,7 +5,7 @@ the axes must be advanced by any number of ticks under a command that changes on
 matrices for each stretch between two changes, which are computed in float64 for every n up to a decision period.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from archerfish2.arrays import Array, lift, namespace
 from archerfish2.dynamics.linear_axis import (
     LATENCY_TICK_S,
     LinearAxis,
-    Matrix,
     axis_draws,
     padded,
     refined,
@@ -63,41 +62,37 @@ def delayed_gimbal(pitch: PlantRecord, yaw: PlantRecord, period_s: float) -> Del
             f"both axes must have the same sampling period, got {pitch.sample_period_s} s for pitch and "
             f"{yaw.sample_period_s} s for yaw; record both at the same rate"
         )
-    pairs = axis_draws(pitch, yaw)
-    for axis in pairs[0]:
+    axes = axis_draws(pitch, yaw)
+    for axis in axes:
         ticks_per_period(axis, period_s)
-    # All ticks shortened to about a millisecond, or none: latencies are not to be rounded to the feedback's rate.
-    finer = [tuple(refined(axis, LATENCY_TICK_S) for axis in pair) for pair in pairs]
-    periods = [axis.period_s for pair in finer for axis in pair]
-    pairs = finer if max(periods) - min(periods) < 1e-9 else pairs
-    ticks = ticks_per_period(pairs[0][0], period_s)
-    size = max(len(axis.a) for pair in pairs for axis in pair)
-    draws = [[_by_tick(scaled(axis), ticks, size) for axis in pair] for pair in pairs]
-
-    def both(field: int) -> Matrix:
-        return np.array([[axis[field] for axis in pair] for pair in draws])
-
-    transition, pushed = (np.moveaxis(both(field), 1, 2) for field in range(2))
-    fields = [both(field) for field in range(2, 7)]
-    delay = np.array([[axis.delay for axis in pair] for pair in pairs], dtype=np.int32)
-    return DelayedGimbal(transition, pushed, *fields, delay, np.asarray(pairs[0][0].period_s))
+    # The ticks of both axes shortened to about a millisecond, or of none: latencies are not to be rounded to the
+    # feedback's rate.
+    finer = [refined(axis, LATENCY_TICK_S) for axis in axes]
+    axes = finer if abs(finer[0].period_s - finer[1].period_s) < 1e-9 else axes
+    ticks, size = ticks_per_period(axes[0], period_s), max(axis.b.shape[-1] for axis in axes)
+    both = zip(*(_by_tick(scaled(axis), ticks, size) for axis in axes), strict=True)
+    fields: Any = [np.stack(each, axis=-states - 1) for each, states in zip(both, (2, 1, 1, 0, 1, 0, 1), strict=True)]
+    delay = np.stack([axis.delay for axis in axes], axis=-1).astype(np.int32)
+    fields += [delay, np.asarray(axes[0].period_s)]
+    return DelayedGimbal(*fields)
 
 
-def _by_tick(axis: LinearAxis, ticks: int, size: int) -> tuple[Matrix, ...]:
-    """Return the fields of `DelayedGimbal` up to `rest` of one axis, padded to a size."""
+def _by_tick(axis: LinearAxis, ticks: int, size: int) -> tuple[Array, ...]:
+    """Return the fields of `DelayedGimbal` up to `rest` of one axis, padded to a size, k first."""
     a, b, c, d = axis[:4]
-    transitions, inputs = [np.eye(len(a))], [np.zeros(len(a))]
+    one = np.eye(a.shape[-1])
+    transitions, inputs = [0.0 * a + one], [0.0 * b]
     for _ in range(ticks):
-        inputs.append(a @ inputs[-1] + b)
+        inputs.append(np.vecdot(a, inputs[-1][..., None, :]) + b)
         transitions.append(a @ transitions[-1])
-    rate, rest = (c @ a - c) / axis.period_s, np.linalg.solve(np.eye(len(a)) - a, b)
+    rate, rest = (np.vecdot(a.mT, c[..., None, :]) - c) / axis.period_s, np.linalg.solve(one - a, b[..., None])[..., 0]
     return (
-        padded(np.array(transitions), 2, size),
-        padded(np.array(inputs), 1, size),
+        padded(np.stack(transitions, axis=1), 2, size),
+        padded(np.stack(inputs, axis=1), 1, size),
         padded(c, 1, size),
-        np.asarray(d),
+        d,
         padded(rate, 1, size),
-        np.asarray(c @ b / axis.period_s),
+        np.vecdot(c, b) / axis.period_s,
         padded(rest, 1, size),
     )
 

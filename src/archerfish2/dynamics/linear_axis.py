@@ -8,7 +8,7 @@ rate at the end of the period, so that one product advances everything.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,13 +34,13 @@ class GimbalModel(NamedTuple):
 
 
 class LinearAxis(NamedTuple):
-    """One axis, from its command to its angle."""
+    """One axis, from its command to its angle, or its k posterior draws: B is () or (k,)."""
 
-    a: Matrix  # (n, n)
-    b: Matrix  # (n,)
-    c: Matrix  # (n,)
-    d: float
-    delay: int  # [samples]
+    a: Matrix  # B + (n, n)
+    b: Matrix  # B + (n,)
+    c: Matrix  # B + (n,)
+    d: Array  # B
+    delay: Array  # [samples], B
     period_s: float  # of sampling [s]
 
 
@@ -61,59 +61,54 @@ def gimbal_model(pitch: PlantRecord, yaw: PlantRecord, period_s: float, latency_
     if latency_s:
         axes = [refined(axis, LATENCY_TICK_S) for axis in axes]
         axes = [axis._replace(delay=axis.delay + round(latency_s / axis.period_s)) for axis in axes]
-    return _stack([_period_model(axis, period_s) for axis in axes])
+    return _stack([_period_model(scaled(axis), period_s) for axis in axes])
 
 
 def gimbal_draws(pitch: PlantRecord, yaw: PlantRecord, period_s: float) -> GimbalModel:
     """Build the models of all posterior draws, shape (k, 2, ...); arguments and errors as of `gimbal_model`."""
-    return _stack([_stack([_period_model(axis, period_s) for axis in pair]) for pair in axis_draws(pitch, yaw)])
+    models = [
+        _stack([_period_model(LinearAxis(*draw, axis.period_s), period_s) for draw in zip(*axis[:-1], strict=True)])
+        for axis in map(scaled, axis_draws(pitch, yaw))
+    ]
+    return _stack(models, place=1)
 
 
 def axis_of(plant: PlantRecord) -> LinearAxis:
     """Return the axis of a plant with one input; of several outputs the first is the angle."""
     if plant.B.shape[1] != 1:
         raise InputError(f"a gimbal axis must have one input, got {plant.B.shape[1]}; identify it with one input")
-    d = float(plant.D[0, 0])
-    return LinearAxis(plant.A, plant.B[:, 0], plant.C[0], d, plant.delay_samples, plant.sample_period_s)
+    return LinearAxis(plant.A, plant.B[:, 0], plant.C[0], plant.D[0, 0], plant.delay_samples, plant.sample_period_s)
 
 
-def axis_draws(pitch: PlantRecord, yaw: PlantRecord) -> list[tuple[LinearAxis, LinearAxis]]:
-    """Return both axes of each posterior draw: k pairs.
+def axis_draws(pitch: PlantRecord, yaw: PlantRecord) -> list[LinearAxis]:
+    """Return the k posterior draws of pitch and yaw.
 
-    The best estimates stand for an axis without draws; of unequal numbers of draws the smaller one counts.
+    The best estimate of an axis without draws is repeated; of unequal numbers of draws the smaller one counts.
     """
-
-    def drawn(plant: PlantRecord) -> list[LinearAxis]:
-        best, draws = axis_of(plant), plant.draws
-        delays = plant.delays_of_draws()
-        return [
-            LinearAxis(
-                draws["A"][i],
-                draws["B"][i][:, 0],
-                draws["C"][i][0],
-                float(draws["D"][i][0, 0]),
-                int(delays[i]),
-                best.period_s,
-            )
-            for i in range(len(delays))
-        ] or [best]
-
-    both = [drawn(plant) for plant in (pitch, yaw)]
-    count = min((len(each) for each in both if len(each) > 1), default=1)
-    return [(both[0][i % len(both[0])], both[1][i % len(both[1])]) for i in range(count)]
+    both: list[Any] = []
+    for plant in (pitch, yaw):
+        best, draws, delays = axis_of(plant), plant.draws, plant.delays_of_draws()
+        if len(delays):
+            both.append((draws["A"], draws["B"][:, :, 0], draws["C"][:, 0], draws["D"][:, 0, 0], delays))
+        else:
+            both.append([np.asarray(each)[None] for each in best[:-1]])
+    count = min((len(each[0]) for each in both if len(each[0]) > 1), default=1)
+    chosen: list[Any] = [[each[np.arange(count) % len(each)] for each in arrays] for arrays in both]
+    chosen[0].append(pitch.sample_period_s)
+    chosen[1].append(yaw.sample_period_s)
+    return [LinearAxis(*each) for each in chosen]
 
 
 def _period_model(axis: LinearAxis, period_s: float) -> GimbalModel:
-    """Build the model of one axis, without the leading dimension of the two axes.
+    """Build the model of one axis, B = (), without the leading dimension of the two axes.
 
     A delay of d = q n + r ticks (r < n) lets the command of q + 1 periods ago act for r ticks and that of q periods ago
     for the other n − r.
     """
     ticks = ticks_per_period(axis, period_s)
-    axis = scaled(axis)
     a, b, c, d = axis[:4]
     order = len(a)
-    whole, part = divmod(axis.delay, ticks)
+    whole, part = divmod(int(axis.delay), ticks)
     size = order + whole + 2  # x, the commands of the last whole + 1 periods, the rate
     # The command in force during the last n − r ticks, and the one before it, as rows over (state, new command).
     commands = np.zeros((whole + 2, size + 1))
@@ -153,24 +148,24 @@ def ticks_per_period(axis: LinearAxis, period_s: float) -> int:
 
 def scaled(axis: LinearAxis) -> LinearAxis:
     """Return an axis with its states scaled by their peaks in the step response: entries of order one for float32."""
-    state, peak = np.zeros(len(axis.a)), np.zeros(len(axis.a))
+    state = peak = 0.0 * axis.b
     for _ in range(2000):
-        state = axis.a @ state + axis.b
+        state = np.vecdot(axis.a, state[..., None, :]) + axis.b
         peak = np.maximum(peak, np.abs(state))
     scale = np.where(peak > 0, peak, 1.0)
-    return axis._replace(a=axis.a * scale / scale[:, None], b=axis.b / scale, c=axis.c * scale)
+    return axis._replace(a=axis.a * scale[..., None, :] / scale[..., None], b=axis.b / scale, c=axis.c * scale)
 
 
-def padded(array: Matrix, states: int, size: int) -> Matrix:
+def padded(array: Array, states: int, size: int) -> Matrix:
     """Pad the last axes of an array, as many as `states`, with zeros to the size of a larger state."""
     return np.pad(array, [(0, 0)] * (array.ndim - states) + [(0, size - array.shape[-1])] * states)
 
 
-def _stack(models: Sequence[GimbalModel]) -> GimbalModel:
+def _stack(models: Sequence[GimbalModel], place: int = 0) -> GimbalModel:
     size = max(model.input.shape[-1] for model in models)
-    dimensions = GimbalModel(2, 1, 1, 1, 1)
-    fields = zip(dimensions, zip(*models, strict=True), strict=True)
-    return GimbalModel(*(np.stack([padded(each, states, size) for each in arrays]) for states, arrays in fields))
+    fields = zip(GimbalModel(2, 1, 1, 1, 1), zip(*models, strict=True), strict=True)
+    stacked = (np.stack([padded(each, states, size) for each in arrays], axis=place) for states, arrays in fields)
+    return GimbalModel(*stacked)
 
 
 def refined(axis: LinearAxis, tick_s: float) -> LinearAxis:
@@ -178,27 +173,36 @@ def refined(axis: LinearAxis, tick_s: float) -> LinearAxis:
 
     Commands that are held over the longer period give the same angles at its ends.
 
-    The matrix [[A, B], [0, 1]] of a held command has a logarithm, the plant in continuous time, from which any other
-    period follows. A plant with a pole on the negative real axis has none; it comes back as it is.
+    The matrix [[A, B], [0, 1]] of a held command has a root, that of the shorter period. A plant with a pole on the
+    negative real axis has none; the axis comes back as it is if that holds for any of its draws.
 
     Args:
       axis: the axis.
       tick_s: wanted period [s]; the largest one not above it that divides the axis' is taken.
     """
     parts = int(np.ceil(axis.period_s / tick_s - 1e-6))
-    if parts < 2:
-        return axis
     poles = np.linalg.eigvals(axis.a)
-    if np.any((np.abs(poles.imag) < 1e-9) & (poles.real <= 0.0)):
+    if parts < 2 or np.any((np.abs(poles.imag) < 1e-9) & (poles.real <= 0.0)):
         return axis
-    from scipy.linalg import expm, logm
-
-    order = len(axis.a)
-    held = np.block([[axis.a, axis.b[:, None]], [np.zeros((1, order)), np.eye(1)]])
-    finer = np.real(expm(np.real(logm(held)) / parts))
+    held = np.concat([axis.a, axis.b[..., None]], axis=-1)
+    held = np.concat([held, 0.0 * held[..., :1, :]], axis=-2)
+    held[..., -1, -1] = 1.0
+    # Of the square root, whose eigenvalues are in the right half-plane, where the iteration for any root converges.
+    half = _root(_root(held, 2), parts)
+    finer = half @ half
     return axis._replace(
-        a=finer[:order, :order], b=finer[:order, order], delay=axis.delay * parts, period_s=axis.period_s / parts
+        a=finer[..., :-1, :-1], b=finer[..., :-1, -1], delay=axis.delay * parts, period_s=axis.period_s / parts
     )
+
+
+def _root(matrix: Matrix, degree: int) -> Matrix:
+    """Return the principal root of matrices by the coupled Newton iteration (Iannazzo 2006), B + (n, n)."""
+    one = np.eye(matrix.shape[-1])
+    root, rest = one, matrix
+    for _ in range(60):
+        step = ((degree - 1) * one + rest) / degree
+        root, rest = root @ step, np.linalg.matrix_power(np.linalg.inv(step), degree) @ rest
+    return root
 
 
 def rest_state(model: GimbalModel, command: Array) -> Array:
