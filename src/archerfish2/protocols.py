@@ -92,8 +92,9 @@ class Plates(NamedTuple):
 class Target(Protocol):
     """A target: a tree of arrays that begin with B."""
 
-    plates: int
-    """P, number of plates."""
+    @property
+    def plates(self) -> int:
+        """P, number of plates."""
 
     def at(self, time: Array) -> Plates:
         """Return the plates at times since the engagement began.
@@ -149,16 +150,25 @@ class Controller(Protocol):
 class World(Protocol):
     """Something to shoot in: a simulator that is compiled with the controller, or a robot that is stepped."""
 
-    name: str
-    """By which results call it."""
-    compiled: bool
-    """Whether its functions may be traced and compiled."""
-    period_s: float
-    """Decision period [s]."""
-    normals: int
-    """Standard normals that a decision takes; those of the pellet (elevation, azimuth, speed) come first."""
-    plants: int
-    """Number of posterior draws that engagements choose from."""
+    @property
+    def name(self) -> str:
+        """Name, by which results call it."""
+
+    @property
+    def compiled(self) -> bool:
+        """Whether its functions may be traced and compiled."""
+
+    @property
+    def period_s(self) -> float:
+        """Decision period [s]."""
+
+    @property
+    def normals(self) -> int:
+        """Standard normals that a decision takes; the pellet's (elevation, azimuth, speed) come first."""
+
+    @property
+    def plants(self) -> int:
+        """Number of posterior draws that engagements choose from."""
 
     def begin(self, engagement: Engagement, normals: Array) -> Any:
         """Begin engagements of batch shape B.

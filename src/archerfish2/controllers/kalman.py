@@ -12,44 +12,51 @@ from archerfish2.dynamics.command_limits import CommandLimits
 from archerfish2.dynamics.muzzle import Muzzle
 from archerfish2.dynamics.slew import approach
 from archerfish2.protocols import Base, Command, Seen, Truth, aim
+from archerfish2.tracking import kalman_filter
 from archerfish2.tracking.detections import Detection, first_detection, unwrapped, update_with_frames
-from archerfish2.tracking.kalman_filter import (
-    Track,
-    TrackerNoise,
-    against_pivot,
-    begin_track,
-    moved,
-    position_after,
-    predict,
-    update,
-)
+from archerfish2.tracking.kalman_filter import Track, TrackerNoise, moved
 
 
 class Predictor(Protocol):
-    """Tracks a target and predicts where it will be; any predictor can serve any aiming controller."""
+    """Tracks a target and predicts where it will be; any predictor can serve any aiming controller.
+
+    A state has the `age` of its latest detection; what has a body here serves every such state.
+    """
 
     def reset(self, seen: Seen) -> Any:
         """Begin at the first decision."""
 
+    def update(self, state: Any, seen: Detection) -> Any:
+        """Update with a detection; one that is not fresh must leave the estimate as it is."""
+
+    def predicted(self, state: Any, age: Array) -> Array:
+        """Return where the target was so long [s] before now, in O [m], shape B → B + (3,)."""
+
     def step(self, state: Any, seen: Seen) -> Any:
         """Update with what is seen now."""
+        return update_with_frames(self.update, self.predicted, state._replace(age=state.age + seen.elapsed), seen)
 
     def against_pivot(self, state: Any, base: Base) -> Any:
-        """Return the estimate relative to the own pivot, which goes on at its velocity, as do the pellets."""
+        """Return what predictions relative to the own pivot take, which goes on at its velocity, as do the pellets."""
+        return state, base
 
-    def position_after(self, state: Any, time: Array) -> Array:
-        """Predict the position of such an estimate [m], shape B + (3,), a time [s] from now, shape B."""
+    def position_after(self, relative: Any, time: Array) -> Array:
+        """Predict the position relative to the own pivot [m], shape B + (3,), a time [s] from now, shape B."""
+
+    def mean_after(self, relative: Any, time: Array) -> Array:
+        """Predict the mean position, shape B + (3,), near enough for the flight time where it is the cheaper one."""
+        return self.position_after(relative, time)
 
 
 class AgedTrack(NamedTuple):
     """An estimate as of the latest detection."""
 
-    track: Track  # in O, or relative to the own pivot
+    track: Any  # Track in O, or relative to the own pivot; of `Hold` a place
     age: Array  # of that detection at the latest decision [s], B
 
 
 @tree()
-class ConstantVelocity:
+class ConstantVelocity(Predictor):
     """A Kalman filter for nearly constant velocity, of which the latest detection is predicted onwards."""
 
     noise: TrackerNoise  # of target and camera
@@ -61,34 +68,30 @@ class ConstantVelocity:
         first = first_detection(seen)
         return AgedTrack(self._begin(first, first.fresh), first.age)
 
-    def step(self, state: AgedTrack, seen: Seen) -> AgedTrack:
-        """Update with what is seen now."""
-        state = state._replace(age=state.age + seen.elapsed)
-        updated: AgedTrack = update_with_frames(self._update, self._predicted, state, seen)
-        return updated
-
     def against_pivot(self, state: AgedTrack, base: Base) -> AgedTrack:
         """Return the estimate relative to the own pivot."""
-        return AgedTrack(against_pivot(state.track, base, state.age), state.age)
+        return AgedTrack(kalman_filter.against_pivot(state.track, base, state.age), state.age)
 
     def position_after(self, state: AgedTrack, time: Array) -> Array:
         """Predict the position [m] a time [s] from now, shape B → B + (3,)."""
-        return position_after(state.track, state.age + time, self.velocity_decay)
+        return kalman_filter.position_after(state.track, state.age + time, self.velocity_decay)
 
-    def _predicted(self, state: AgedTrack, age: Array) -> Array:
-        return position_after(state.track, state.age - age)
+    def predicted(self, state: AgedTrack, age: Array) -> Array:
+        """Return where the target was so long [s] before now, in O [m], shape B → B + (3,)."""
+        return kalman_filter.position_after(state.track, state.age - age)
 
-    def _update(self, state: AgedTrack, seen: Detection) -> AgedTrack:
+    def update(self, state: AgedTrack, seen: Detection) -> AgedTrack:
+        """Update with a detection; beyond the gate begin with it."""
         # The age first: computed once, where a choice between elapsed times is repeated for each entry of a matrix.
         age = namespace(state.age).where(seen.fresh, seen.age, state.age)
-        track = predict(self.noise, state.track, state.age - age)
-        after = moved(update(self.noise, moved(track, -seen.own), seen.place - seen.own, seen.fresh), seen.own)
+        track = moved(kalman_filter.predict(self.noise, state.track, state.age - age), -seen.own)
+        after = moved(kalman_filter.update(self.noise, track, seen.place - seen.own, seen.fresh), seen.own)
         if self.gate is not None:
             after = select(seen.fresh & (seen.distance > self.gate), self._begin(seen, seen.fresh | True), after)
         return AgedTrack(after, age)
 
     def _begin(self, seen: Detection, shown: Array) -> Track:
-        return moved(begin_track(self.noise, seen.place - seen.own, shown), seen.own)
+        return moved(kalman_filter.begin_track(self.noise, seen.place - seen.own, shown), seen.own)
 
 
 @tree()

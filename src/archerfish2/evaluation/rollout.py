@@ -15,14 +15,15 @@ from archerfish2.arrays import Array, is_tree, map_arrays, namespace
 from archerfish2.compiled import has_jax, import_jax
 from archerfish2.dynamics.aiming import intercept
 from archerfish2.errors import InputError
-from archerfish2.protocols import Controller, Engagement, Seen, Shot, World
+from archerfish2.protocols import Command, Controller, Engagement, Seen, Shot, World
 
 
 class Rollout(NamedTuple):
     """Every decision of engagements of batch shape B, NumPy's arrays B + (T, ...)."""
 
     seen: Seen
-    command: Array  # in force during the period, after all limits [rad], B + (T, 2)
+    command: Command  # as the controller asked
+    in_force: Array  # command during the period, after all limits [rad], B + (T, 2)
     shot: Shot
 
 
@@ -51,9 +52,9 @@ def count(world: World, controller: Controller, engagement: Engagement, normals:
         if finite:
             return Counted(fired.T, hit.T, float(change) / world.period_s**2)
     shots = rollout(world, controller, engagement, normals)
-    _check_finite(type(controller).__name__, shots.command)
+    _check_finite(type(controller).__name__, shots.in_force)
     fired, hit = shots.shot.fired, shots.shot.fired & (shots.shot.margin >= 0.0)
-    yaw = np.stack([shots.command[..., 1], shots.shot.angle[..., 1]])
+    yaw = np.stack([shots.in_force[..., 1], shots.shot.angle[..., 1]])
     return Counted(fired, hit, float(_largest_change(np.moveaxis(yaw, -1, 0))) / world.period_s**2)
 
 
@@ -71,8 +72,8 @@ def rollout(world: World, controller: Controller, engagement: Engagement, normal
     """
     axis = normals.ndim - 2  # T in what is returned
     if _compiled(world) and _compiled(controller):
-        command, (seen, shot) = _run("rollout", world, controller, engagement, normals)
-        return Rollout(*map_arrays(lambda each: np.moveaxis(each, 0, axis), (seen, command, shot)))
+        in_force, (seen, command, shot) = _run("rollout", world, controller, engagement, normals)
+        return Rollout(*map_arrays(lambda each: np.moveaxis(each, 0, axis), (seen, command, in_force, shot)))
     begin, see, step = (_method(world, name) for name in ("begin", "see", "step"))
     reset, decide = (_method(controller, name) for name in ("reset", "step"))
     state = begin(engagement, normals)
@@ -85,7 +86,7 @@ def rollout(world: World, controller: Controller, engagement: Engagement, normal
         _check_finite(type(controller).__name__, command.angle.reshape(-1, 1, 2), place)
         state, shot = step(state, command, normals[..., place, :])
         after = map_arrays(np.asarray, see(state))
-        decisions.append(Rollout(seen, after.command, map_arrays(np.asarray, shot)))
+        decisions.append(Rollout(seen, command, after.command, map_arrays(np.asarray, shot)))
         seen = after
     return Rollout(*map_arrays(lambda *each: np.stack(each, axis=axis), *decisions))
 
@@ -144,7 +145,7 @@ def _programs() -> dict[str, Any]:
 def _scan(
     world: World, controller: Controller, engagement: Engagement, normals: Array, keep: Any = lambda *each: each
 ) -> tuple[Array, Any]:
-    """Return the commands in force and what `keep` takes of (seen, shot), decisions first."""
+    """Return the commands in force and what `keep` takes of (seen, command, shot), decisions first."""
     jax = import_jax()
     state = world.begin(engagement, normals)
     truth = world.truth(engagement) if getattr(controller, "needs_truth", False) else None
@@ -157,7 +158,7 @@ def _scan(
         memory, command = controller.step(memory, seen)
         drawn = jax.lax.dynamic_index_in_dim(normals, place, -2, keepdims=False)
         state, shot = world.step(state, command, drawn)
-        return (state, memory), (seen.command, keep(seen, shot))
+        return (state, memory), (seen.command, keep(seen, command, shot))
 
     # Never unrolled: two decisions in one iteration run at 1.6 times the cost.
     places = jax.numpy.arange(normals.shape[-2])
@@ -168,11 +169,11 @@ def _scan(
 def _count(world: World, controller: Controller, engagement: Engagement, normals: Array) -> tuple[Array, ...]:
     xp = import_jax().numpy
 
-    def keep(seen: Seen, shot: Shot) -> tuple[Array, ...]:  # noqa: ARG001
+    def keep(seen: Seen, command: Command, shot: Shot) -> tuple[Array, ...]:  # noqa: ARG001
         return shot.fired, shot.fired & (shot.margin >= 0.0), shot.angle[..., 1]
 
-    command, (fired, hit, yaw) = _scan(world, controller, engagement, normals, keep)
-    return fired, hit, _largest_change(xp.stack([command[..., 1], yaw], axis=1)), xp.isfinite(command).all()
+    in_force, (fired, hit, yaw) = _scan(world, controller, engagement, normals, keep)
+    return fired, hit, _largest_change(xp.stack([in_force[..., 1], yaw], axis=1)), xp.isfinite(in_force).all()
 
 
 def _largest_change(angles: Array) -> Array:

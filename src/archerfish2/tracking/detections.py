@@ -43,9 +43,10 @@ def first_detection(seen: Seen) -> Detection:
         valid = frame.received[..., None] & frame.found
         place, distance = _nearest(valid, frame.position, seen.base.position)
         found = xp.any(valid, axis=-1)
-        return select(found, Detection(place, distance, _own(seen.base, frame.age), frame.age, found), before)
+        newer = Detection(place, distance, _own(seen.base, frame.age), frame.age, found)
+        return Detection(*select(found, newer, before))
 
-    return _fold(latest, begun, seen)
+    return Detection(*_fold(latest, begun, seen))
 
 
 def update_with_frames(
@@ -69,6 +70,17 @@ def update_with_frames(
         return update(before, Detection(place, distance, _own(seen.base, frame.age), frame.age, fresh))
 
     return _fold(take, state, seen)
+
+
+def relative_place(place: Array, base: Base, time: Array) -> Array:
+    """Return a place relative to the own pivot, which goes on at its velocity, as do the pellets.
+
+    Args:
+      place: of the target a time from now, in O [m], shape B + (3,).
+      base: now.
+      time: from now [s], shape B.
+    """
+    return place - base.position - time[..., None] * base.velocity
 
 
 def unwrapped(angle: Array, command: Array) -> Array:

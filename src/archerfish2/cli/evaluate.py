@@ -1,0 +1,85 @@
+"""`archerfish2 evaluate`: hit rates of controllers on the same engagements."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from archerfish2 import storage
+from archerfish2.evaluation.evaluate import evaluate, load_robot, load_task
+from archerfish2.evaluation.results import Results
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Count the hits of controllers on the same engagements with the same dispersion draws.
+
+    Prints hit rates in % with 95 % intervals that take engagements, not shots, as independent, and paired differences
+    to the first controller. Writes results.json (every count), report.html (tables and figures) and run.json.
+
+    Classical controllers are tuned for the robot first, on draws that no evaluation has; what was found is kept, so
+    that a second evaluation of the same robot and task begins at once.
+
+    Controllers: kalman (Kalman filter, intercept's angles commanded), kalman-lq (the same through the gimbal's model:
+    preview LQ), imm-lq (interacting multiple models), parabola-lq (has the motion rule of eq 7), no-lead, oracle (has
+    the target's path in advance), kalman-paper (the paper's calibrated conditions; paper's robot alone), perfect
+    (perfect aim: what dispersion alone leaves). Your own: ./FILE.py:NAME or MODULE:NAME (docs2/bring_your_own.md).
+
+    Tasks: any (eight kinds of motion at 1–5 m, engagements of 1 s and 3 s), paper (Tables II and III: still targets and
+    eq 7), static, dynamic, one kind (still parabola pass strafe stop-and-go sinusoid circle singer), a TOML file, or a
+    motion of your own.
+
+    Examples:
+      archerfish2 evaluate --task paper --controllers kalman-paper kalman kalman-lq oracle
+      archerfish2 evaluate my-robot
+      archerfish2 evaluate my-robot --controllers kalman-lq ./mine.py:MyController --task strafe --engagements 200
+    """
+
+    robot: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="ROBOT", help_behavior_hint="")] = None
+    """Folder of a robot's records; the paper's gimbal if not given."""
+    controllers: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME…")] = ("kalman", "kalman-lq", "oracle")
+    """Who shoots; differences are to the first."""
+    task: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "any"
+    """What is shot at."""
+    command_limit: Annotated[
+        Literal["gate", "box", "los-2deg"] | None, tyro.conf.arg(help_behavior_hint="(default: the task's, gate)")
+    ] = None
+    """What may be commanded: angle ranges, rate and acceleration (gate), angle ranges alone as the paper prints (box),
+    or at most 2° ahead of the line of sight (los-2deg)."""
+    world: Annotated[str, tyro.conf.arg(metavar="./FILE.py:NAME", help_behavior_hint="")] = ""
+    """A world of your own to shoot in; the robot's simulator if not given."""
+    engagements: int = 500
+    """Engagements per cell: a kind of motion at a range."""
+    seed: int = 0
+    """Of engagements and dispersion."""
+    untuned: bool = False
+    """Take classical controllers as they are before tuning."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
+    """Folder for the results; ROBOT/evaluation, or runs/evaluate without a robot."""
+    overwrite: bool = False
+    """Replace files in that folder that this command did not write."""
+
+    def run(self) -> None:
+        """Evaluate, write, print."""
+        robot, task = load_robot(self.robot), load_task(self.task)
+        if self.command_limit is not None:
+            task = task.replace(command_limit=self.command_limit)
+        out = self.out or (self.robot / "evaluation" if self.robot else Path("runs/evaluate"))
+        inputs = [Path(each) for each in (self.task, *(each.rpartition(":")[0] for each in self.controllers))]
+        names, facts = ("results.json", "report.html"), {"options": " ".join(sys.argv[2:])}
+        with storage.output_folder(out, "evaluate", inputs, self.overwrite, facts, names) as folder:
+            results: Results = evaluate(
+                self.controllers,
+                robot,
+                task,
+                world=self.world or None,
+                engagements=self.engagements,
+                seed=self.seed,
+                tuned=not self.untuned,
+            )
+            results.save(folder)
+            results.report().write_page(folder / "report.html")
+        took = ", ".join(f"{stage} {seconds:.0f} s" for stage, seconds in results.durations.items())
+        print(f"{results}\n\n{took}\nopen {out / 'report.html'}; every count is in {out / 'results.json'}")  # noqa: T201

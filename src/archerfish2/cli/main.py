@@ -1,0 +1,83 @@
+"""The command line: finds the command, prints faults in one line, and ends with the right status."""
+
+import difflib
+import importlib
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+from archerfish2 import __version__
+from archerfish2.errors import InputError, one_line
+
+INPUT_ERROR, INTERRUPTED, TERMINATED = 2, 130, 143
+COMMANDS = {"evaluate": ("archerfish2.cli.evaluate", "Evaluate")}
+"""Command → module and class. Named, not imported: a command waits for the libraries of no other one."""
+_OVERVIEW = """\
+usage: archerfish2 COMMAND [OPTIONS]
+
+Archerfish {version}: from gimbal logs to a policy that out-shoots classical auto-aim.
+
+commands:
+{commands}
+
+archerfish2 COMMAND --help explains a command and its options; archerfish2 --version prints the version.
+A fault ends with one line and status 2, Ctrl-C with status 130; neither leaves anything half-written. No command
+replaces what it reads, nor, without --overwrite, what it did not write itself."""
+
+
+def program() -> NoReturn:
+    """Run as a program: the arguments of the process, and its exit status."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
+    # Many threads make the small matrix products of a robot's model slower; set before NumPy is imported.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    status: Any = 0
+    try:
+        main(sys.argv[1:])
+    except KeyboardInterrupt:
+        print("archerfish2: interrupted", file=sys.stderr)  # noqa: T201
+        status = INTERRUPTED
+    except SystemExit as ended:
+        status = ended.code
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if status in (INTERRUPTED, TERMINATED):
+        os._exit(status)  # the usual end would free what a compiler's threads still use
+    sys.exit(status)
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Run a command.
+
+    Args:
+      arguments: the command and its options.
+
+    Raises:
+      SystemExit: with the status, if it is not 0.
+    """
+    name = arguments[0] if arguments else "--help"
+    try:
+        if name == "--version":
+            print(__version__)  # noqa: T201
+        elif name in ("--help", "-h"):
+            lines = [f"  {each:<10} {_command(each).__doc__.partition(chr(10))[0]}" for each in COMMANDS]
+            print(_OVERVIEW.format(version=__version__, commands="\n".join(lines)))  # noqa: T201
+        elif name not in COMMANDS:
+            near = difflib.get_close_matches(name, COMMANDS, 1)
+            meant = f"perhaps you meant {near[0]}" if near else "archerfish2 --help lists them"
+            raise InputError(f"there is no command {name!r}, expected one of {', '.join(COMMANDS)}; {meant}")
+        else:
+            import tyro
+
+            options = tyro.cli(_command(name), args=arguments[1:], prog=f"archerfish2 {name}")
+            options.run()
+    except InputError as error:
+        print(f"archerfish2: {one_line(str(error))}", file=sys.stderr)  # noqa: T201
+        sys.exit(INPUT_ERROR)
+
+
+def _command(name: str) -> Any:
+    module, options = COMMANDS[name]
+    return getattr(importlib.import_module(module), options)

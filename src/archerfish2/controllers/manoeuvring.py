@@ -1,0 +1,80 @@
+"""Where a target that may turn back will be: interacting models, and the place that a pellet most likely hits.
+
+Until the pellet arrives the target may turn back once more, at any moment, so it is in one of several places.
+"""
+
+from typing import NamedTuple
+
+from archerfish2.arrays import Array, lift, namespace, tree
+from archerfish2.controllers.hit_window import LikeliestHit, Places
+from archerfish2.protocols import Seen
+from archerfish2.tracking.detections import Detection, first_detection
+from archerfish2.tracking.interacting_models import ModelRates, ModelTracks, begin_models, step_models
+from archerfish2.tracking.kalman_filter import TrackerNoise, moved
+
+TURNS = 5
+"""Moments within the prediction that stand for all at which the target may turn back."""
+
+
+class ManoeuvringTrack(NamedTuple):
+    """Estimates as of the latest detection."""
+
+    models: ModelTracks  # in O
+    age: Array  # of that detection at the latest decision [s], B
+
+
+@tree()
+class Manoeuvring(LikeliestHit):
+    """A predictor for a target that stands, drives on, or turns back at unknown times and places."""
+
+    noise: TrackerNoise  # what the filters assume of target and camera
+    rates: ModelRates  # of changes between the models
+    reach: Array  # hit radius [m], ()
+    scatter: Array  # standard deviation of the pellets' azimuth [rad], ()
+
+    def reset(self, seen: Seen) -> ManoeuvringTrack:
+        """Begin at the first decision."""
+        first = first_detection(seen)
+        models = begin_models(self.noise, self.rates, first.place - first.own, first.fresh)
+        return ManoeuvringTrack(_moved(models, first.own), first.age)
+
+    def update(self, state: ManoeuvringTrack, seen: Detection) -> ManoeuvringTrack:
+        """Update with a detection."""
+        xp = namespace(state.age)
+        elapsed = xp.where(seen.fresh, state.age - seen.age, 0.0 * seen.age)
+        models, place = _moved(state.models, -seen.own), seen.place - seen.own
+        models = step_models(self.noise, self.rates, models, elapsed, place, seen.fresh)
+        return ManoeuvringTrack(_moved(models, seen.own), xp.where(seen.fresh, seen.age, state.age))
+
+    def places(self, state: ManoeuvringTrack, time: Array) -> Places:
+        """Return where the target may be a time [s] from now, shape B.
+
+        One that stands stays, one that moves drives on or turns back once.
+        """
+        xp = namespace(state.age, time)
+        time, track, probability = state.age + time, state.models.track, state.models.probability
+        moments = (xp.arange(TURNS, dtype=time.dtype) + 0.5) / TURNS
+        turned = (1.0 - xp.exp(-self.rates.turn * time))[..., None]
+        # Given one turn, all its moments are as likely as each other.
+        split = xp.concat([1.0 - turned] + [turned / TURNS] * TURNS, axis=-1)
+        # For how long it drives on in all, less than the time where it turns back.
+        share = xp.concat([xp.ones(1, dtype=time.dtype), 2.0 * moments - 1.0])
+        drive = time[..., None] * lift(share, turned)
+        drive = xp.concat([0.0 * turned, drive, drive], axis=-1)
+        still, onward, reverse = (probability[..., index, None] for index in range(3))
+        probability = xp.concat([still + 0.0 * turned, onward * split, reverse * split], axis=-1)
+        model = xp.asarray([0] + [1] * (TURNS + 1) + [2] * (TURNS + 1))
+        mean = xp.take(track.mean, model, axis=-2)
+
+        def variance(left: Array) -> Array:
+            outer, p = (left[..., :, None] * left[..., None, :])[..., None, :, :], track.covariance
+            blocks = (p[..., :2, :2], p[..., :2, 2:], p[..., 2:, 2:])
+            place, corner, speed = (xp.take(xp.sum(outer * each, axis=(-2, -1)), model, axis=-1) for each in blocks)
+            return place + drive * (2.0 * corner + drive * speed)
+
+        level = mean[..., :2] + drive[..., None] * mean[..., 2:]
+        return Places(level, track.height[..., :1], variance, probability)
+
+
+def _moved(models: ModelTracks, by: Array) -> ModelTracks:
+    return models._replace(track=moved(models.track, by[..., None, :]))

@@ -1,0 +1,165 @@
+"""Aim through the identified plant: predict the target, and find the commands that bring the gimbal onto its path.
+
+The strong classical baseline: it looks a horizon ahead, has a model of the gimbal's lag and of its limits, and
+overdrives the command accordingly.
+"""
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from archerfish2.arrays import Array, lift, map_arrays, namespace, tree
+from archerfish2.controllers.kalman import AgedTrack, Predictor
+from archerfish2.controllers.preview import Preview, make_preview
+from archerfish2.dynamics.aiming import intercept
+from archerfish2.dynamics.linear_axis import GimbalModel, advance, gimbal_angle, gimbal_rate, rest_state
+from archerfish2.dynamics.muzzle import Muzzle
+from archerfish2.protocols import Base, Command, Seen, Truth, aim
+from archerfish2.robot import Robot
+from archerfish2.task import Task
+from archerfish2.tracking.detections import Detection, first_detection, relative_place, unwrapped
+
+HORIZON = 15
+"""Decisions that the preview looks ahead: 0.3 s, twice the yaw axis' time constant."""
+SMOOTHING = 1e-4
+"""Weight of the changes of the command against squared angle errors."""
+PAST = 14
+"""Decisions that the observer looks back for what feedback shows: feedback older than a quarter of a second is of no
+use."""
+
+
+@tree()
+class Hold(Predictor):
+    """A predictor for a target that stays where it is seen: no lead. Its track is the place in O."""
+
+    def reset(self, seen: Seen) -> AgedTrack:
+        """Begin at the first decision."""
+        first = first_detection(seen)
+        return AgedTrack(first.place, first.age)
+
+    def update(self, state: AgedTrack, seen: Detection) -> AgedTrack:
+        """Take a detection as it is."""
+        return AgedTrack(seen.place, namespace(seen.age).where(seen.fresh, seen.age, state.age))
+
+    def predicted(self, state: AgedTrack, age: Array) -> Array:  # noqa: ARG002
+        """Return the place as seen last, in O [m], shape B + (3,)."""
+        return state.track
+
+    def position_after(self, relative: tuple[AgedTrack, Base], time: Array) -> Array:
+        """Return the place as seen last, relative to the own pivot [m], shape B + (3,)."""
+        return relative_place(relative[0].track, relative[1], time)
+
+
+class PreviewState(NamedTuple):
+    """Memory of the controller."""
+
+    track: Any  # of the predictor
+    plant: Array  # estimated state of the axes, B + (2, m)
+    past: Array  # angles [rad] and rates [rad/s] now and at the decisions before, latest first, B + (PAST, 2, 2)
+    command: Array  # in force before the latest [rad], B + (2,)
+
+
+@tree()
+class PreviewAim:
+    """Kalman (or another predictor) and preview LQ on the identified plant."""
+
+    predictor: Any  # Predictor
+    muzzle: Muzzle  # for drop, drag and flight time
+    model: GimbalModel  # the plant, (2, ...)
+    gain: Array  # of the state observer: angle error to state, (2, m)
+    preview: Preview  # the program of the horizon
+    lead: Array  # how much later than by the model the pellets are taken to leave the muzzle [s], ()
+
+    def reset(self, seen: Seen, truth: Truth | None = None) -> PreviewState:  # noqa: ARG002
+        """Begin tracking, with the gimbal at rest."""
+        plant = rest_state(self.model, seen.command)
+        past = namespace(plant).stack([self._motion(plant)] * PAST, axis=-3)
+        return PreviewState(self.predictor.reset(seen), plant, past, seen.command)
+
+    def step(self, state: PreviewState, seen: Seen) -> tuple[PreviewState, Command]:
+        """Decide."""
+        xp = namespace(seen.command)
+        track = self.predictor.step(state.track, seen)
+        moved = (seen.elapsed > 0.0)[..., None]
+        plant = xp.where(moved[..., None], advance(self.model, state.plant, seen.command), state.plant)
+        newest = self._motion(plant)[..., None, :, :]
+        past = xp.where(moved[..., None, None], xp.concat([newest, state.past[..., :-1, :, :]], axis=-3), state.past)
+        error = (seen.gimbal.angle - angle_then(past, seen.gimbal.age, self.preview.period))[..., None]
+        correction = lift(self.gain, plant) * error
+        plant = plant + correction
+        # The past moves along: what is corrected now must not be corrected again by each feedback on its way.
+        past = past + xp.stack([gimbal_angle(self.model, correction), 0.0 * error[..., 0]], axis=-2)[..., None, :, :]
+        rate = (seen.command - state.command) / self.preview.period
+        path, base_yaw = self._wanted(track, seen), self.preview.base_yaw(seen.base, self.preview.response.shape[-1])
+        commands = self.preview.track(plant, seen.command, rate, path, base_yaw)
+        return PreviewState(track, plant, past, seen.command), aim(commands[..., 0, :])
+
+    def _motion(self, plant: Array) -> Array:
+        """Angles and rates of a state, shape B + (2, 2), pitch and yaw last."""
+        return namespace(plant).stack([gimbal_angle(self.model, plant), gimbal_rate(self.model, plant)], axis=-2)
+
+    def _wanted(self, track: Any, seen: Seen) -> Array:
+        """Angles to have at the ends of the coming periods, shape B + (N, 2)."""
+        xp = namespace(seen.command)
+        count = xp.arange(self.preview.response.shape[-1], dtype=seen.command.dtype)
+        starts = xp.reshape(count, (-1,) + (1,) * seen.elapsed.ndim) * self.preview.period + 0.0 * seen.elapsed[None]
+        lifted = map_arrays(lambda each: each[None], self.predictor.against_pivot(track, seen.base))
+        position, mean = (partial(each, lifted) for each in (self.predictor.position_after, self.predictor.mean_after))
+        angle = intercept(position, starts + self.preview.period + self.lead, self.muzzle, mean).angle
+        return xp.moveaxis(unwrapped(angle, seen.command[None]), 0, -2)
+
+
+def angle_then(past: Array, age: Array, period: Array) -> Array:
+    """Interpolate the angles of a time ago: cubic Hermite pieces between decisions.
+
+    Args:
+      past: angles [rad] and rates [rad/s] now and at the decisions before, latest first, shape B + (H, 2, 2).
+      age: how long ago [s]; more than H − 1 decisions count as that many, shape B.
+      period: between decisions [s], shape ().
+
+    Returns:
+      Pitch and yaw [rad], shape B + (2,).
+    """
+    xp = namespace(past, age)
+    count = past.shape[-3]
+    ago = xp.clip(age / period, 0.0, count - 1.0)[..., None]
+    offset = lift(xp.arange(count, dtype=past.dtype), ago) - ago
+    gap = xp.minimum(xp.abs(offset), 1.0)
+    weights = xp.stack([1.0 + 2.0 * gap, period * offset], axis=-1) * ((1.0 - gap) ** 2)[..., None]
+    return xp.sum(weights[..., None] * past, axis=(-3, -2))
+
+
+def make_preview_aim(
+    predictor: Predictor, robot: Robot, task: Task, *, smoothing: float = SMOOTHING, lead_s: float = 0.0
+) -> PreviewAim:
+    """Build the controller, in float64.
+
+    Args:
+      predictor: where the target will be.
+      robot: plant, muzzle and limits.
+      task: decision period and command limit.
+      smoothing: weight of the changes of the command against squared angle errors.
+      lead_s: how much later than by the model the pellets are taken to leave the muzzle [s].
+    """
+    model = robot.gimbal(task.period_s)
+    preview = make_preview(model, robot.command_limits(task), task.period_s, HORIZON, smoothing)
+    return PreviewAim(predictor, robot.muzzle_model(), model, observer_gain(model), preview, np.asarray(float(lead_s)))
+
+
+def observer_gain(model: GimbalModel) -> Array:
+    """Return the stationary Kalman gain of each axis' state from its angle, shape (2, m).
+
+    The command acts with an error of a tenth of a degree and the angle is read to a hundredth.
+
+    Args:
+      model: the plant, shape (2, ...), float64.
+    """
+    from scipy.linalg import solve_discrete_are
+
+    gains, noise = [], np.deg2rad(0.01) ** 2
+    for transition, into, angle in zip(model.transition, model.input, model.angle, strict=True):
+        process = np.deg2rad(0.1) ** 2 * np.outer(into, into) + 1e-12 * np.eye(len(into))
+        covariance = solve_discrete_are(transition.T, angle[:, None], process, np.array([[noise]]))
+        gains.append(covariance @ angle / (angle @ covariance @ angle + noise))
+    return np.array(gains)

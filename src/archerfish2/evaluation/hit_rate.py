@@ -1,0 +1,154 @@
+"""Hit rates with 95 % intervals: k hits of n decisions, where the decisions of one engagement are not independent.
+
+A controller that aims badly in one engagement misses most of its shots, so an interval that counts every decision as an
+independent trial is too narrow. Here the engagement is the unit of sampling. Every decision counts: one without fire is
+a miss.
+"""
+
+import functools
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from archerfish2.errors import InputError
+from archerfish2.reports.table import Estimate
+
+CONFIDENCE = 0.95
+
+
+class HitRate(NamedTuple):
+    """k hits of n decisions and the 95 % interval of the rate."""
+
+    hits: int  # k
+    decisions: int  # n
+    engagements: int  # independent ones that the decisions belong to
+    low: float  # lower end, 0 to 1
+    high: float  # upper end, 0 to 1
+
+    @property
+    def rate(self) -> float:
+        """Hits per decision, 0 to 1."""
+        return self.hits / self.decisions
+
+
+class Difference(NamedTuple):
+    """The hit rate of one controller less that of another in the same engagements, −1 to 1, with its 95 % interval."""
+
+    difference: float  # of the rates
+    low: float  # lower end
+    high: float  # upper end
+
+
+def hit_rate(hit: ArrayLike) -> HitRate:
+    """Count the hits and give the rate a 95 % interval clustered by engagement.
+
+    Wilson's interval (1927) with two changes that survey statistics makes for clusters (Korn and Graubard 1998): n is
+    divided by the design effect, the variance of the rate between engagements over that of independent shots, and the
+    normal quantile is Student's with (engagements − 1) degrees of freedom. The design effect is at least 1. A few
+    misses say little about how they cluster, so it is estimated as if there were one miss more, in an engagement that
+    misses throughout. Without any miss the engagements alone count, as in the rule of three.
+
+    Args:
+      hit: whether each decision hit, bool, shape (engagements, decisions).
+
+    Raises:
+      InputError: if `hit` is no such table, or has fewer than 2 engagements or no decisions.
+    """
+    hits = _checked("hit", hit)
+    k, n, engagements = int(hits.sum()), hits.size, len(hits)
+    low, high = _wilson(k / n, n / _design_effect(hits), _quantile(engagements))
+    return HitRate(k, n, engagements, low, high)
+
+
+def paired_difference(hit_a: ArrayLike, hit_b: ArrayLike) -> Difference:
+    """Compare two controllers in the same engagements with the same dispersion draws.
+
+    Student's interval of the mean difference between engagements. To its variance is added that of one engagement in
+    which √n more of the n decisions differ, so that the interval of two controllers that agree in every decision still
+    has a width; beside a real spread the addition is negligible.
+
+    Args:
+      hit_a: whether each decision of the first controller hit, bool, shape (engagements, decisions).
+      hit_b: the same for the second, in the same order.
+
+    Raises:
+      InputError: if the tables differ in shape, or `hit_rate` refuses one of them.
+    """
+    a, b = _checked("hit_a", hit_a), _checked("hit_b", hit_b)
+    if a.shape != b.shape:
+        raise InputError(
+            f"hit_a and hit_b have shapes {a.shape} and {b.shape}, expected equal ones; evaluate both controllers in "
+            "the same engagements"
+        )
+    difference = (int(a.sum()) - int(b.sum())) / a.size
+    by_engagement = a.mean(axis=1) - b.mean(axis=1)
+    variance = float(np.var(by_engagement, ddof=1)) / len(a) + 1 / (a.size * len(a))
+    half_width = _quantile(len(a)) * math.sqrt(variance)
+    return Difference(difference, max(-1.0, difference - half_width), min(1.0, difference + half_width))
+
+
+def weighted_mean(estimates: Sequence[Estimate], weights: Sequence[float]) -> Estimate:
+    """Average independent estimates, such as the cells of one controller, whose engagements are drawn independently.
+
+    The interval follows from theirs by the method of variance estimates recovery (Zou and Donner 2008): the distances
+    of the ends from the estimates add in squares, the lower and the upper ones apart.
+
+    Args:
+      estimates: at least one.
+      weights: one each, of any positive sum.
+    """
+    shares = [weight / sum(weights) for weight in weights]
+    value = math.fsum(share * each.value for share, each in zip(shares, estimates, strict=True))
+    below = math.hypot(*(share * (each.value - each.low) for share, each in zip(shares, estimates, strict=True)))
+    above = math.hypot(*(share * (each.high - each.value) for share, each in zip(shares, estimates, strict=True)))
+    return Estimate(value, value - below, value + above, estimates[0].unit)
+
+
+def _design_effect(hits: NDArray[np.bool_]) -> float:
+    """Variance of the rate between engagements over that of independent shots, at least 1."""
+    engagements, decisions = hits.shape
+    k, n = int(hits.sum()), hits.size
+    rarer = min(k, n - k)
+    if rarer == 0:
+        return float(decisions)  # as if all decisions of an engagement agreed
+    variance_of_k = engagements * float(np.var(hits.sum(axis=1), ddof=1))
+    estimated = variance_of_k / (k * (n - k) / n)
+    return max(1.0, float(rarer * estimated + decisions) / (rarer + 1))
+
+
+def _wilson(rate: float, trials: float, quantile: float) -> tuple[float, float]:
+    shrink = 1 / (1 + quantile**2 / trials)
+    centre = shrink * (rate + quantile**2 / (2 * trials))
+    half_width = shrink * quantile * math.sqrt(rate * (1 - rate) / trials + (quantile / (2 * trials)) ** 2)
+    # Rounding may carry an end past the rate when every shot hit, or none.
+    return max(0.0, min(centre - half_width, rate)), min(1.0, max(centre + half_width, rate))
+
+
+@functools.cache
+def _quantile(engagements: int) -> float:
+    """Student's quantile for a two-sided interval: Newton's method on the integral of the density from 0.
+
+    SciPy has it, but takes longer to import than a small evaluation.
+    """
+    nu = engagements - 1
+    scale = math.exp(math.lgamma((nu + 1) / 2) - math.lgamma(nu / 2)) / math.sqrt(nu * math.pi)
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    quantile = 1.96
+    for _ in range(20):  # from the left without overshoot, since the integral is concave
+        points = np.append((nodes + 1) / 2, 1.0) * quantile
+        density = scale * (1 + points**2 / nu) ** (-(nu + 1) / 2)
+        quantile += float((CONFIDENCE / 2 - quantile / 2 * (weights @ density[:-1])) / density[-1])
+    return quantile
+
+
+def _checked(name: str, hit: ArrayLike) -> NDArray[np.bool_]:
+    hits = np.asarray(hit)
+    if hits.dtype != np.bool_ or hits.ndim != 2 or hits.shape[0] < 2 or hits.shape[1] < 1:
+        raise InputError(
+            f"{name} is {hits.dtype} of shape {hits.shape}, expected bool of shape (engagements, decisions), at least "
+            "2 engagements of 1 decision; evaluate more engagements"
+        )
+    return hits

@@ -1,0 +1,105 @@
+"""Hit rate against range: a curve with 95 % intervals per controller, a panel per motion."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from archerfish2.evaluation.results import Cell
+from archerfish2.evaluation.tables import FEW, bounds, by_controller, grouped, mean, range_text
+from archerfish2.reports.style import MUTED, look, new_figure, plot_style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_SPREAD = 0.6
+"""Width over which the controllers of a range are set side by side, so that their intervals don't hide each other."""
+
+
+def hit_rates(cells: Sequence[Cell], *, names: Sequence[str] = (), title: str = "") -> "Figure":
+    """Draw hit rate against range, a panel for each world, command limit, length and motion.
+
+    A controller has one look in all panels; the mean of its trainings is drawn. Hollow markers are the paper's figures,
+    grey lines the bounds.
+
+    Args:
+      cells: at least one.
+      names: of controllers, in the order of their looks, where several figures are to agree.
+      title: above all.
+    """
+    panels = grouped(cells, lambda each: (*each.place, each.motion))
+    looks = {name: look(place) for place, name in enumerate(names or by_controller(cells))}
+    across = min(len(panels), FEW if len({each.motion for each in cells}) <= FEW else 4)
+    down = -(-len(panels) // across)
+    height = 2.7 * down + 0.5 + 0.06 * len(looks)  # the legend has four names in a row
+    with plot_style():
+        figure, axes = new_figure(down, across, width=7.2 if across <= FEW else 10.0, height=height, sharey="row")
+        handles: dict[str, Any] = {}
+        for panel, (key, own) in zip(axes.flat, panels.items(), strict=False):
+            handles |= _draw(panel, own, looks)
+            panel.set_title(_title(key, list(panels)))
+        for first in axes[:, 0]:
+            first.set_ylabel("hit rate [%]")
+        for unused in axes.flat[len(panels) :]:
+            unused.set_visible(False)
+        figure.suptitle(title)
+        named = sorted(handles, key=lambda name: list(looks).index(name) if name in looks else len(looks))
+        figure.legend([handles[name] for name in named], named, loc="outside lower center", ncols=4, handlelength=3)
+    return figure
+
+
+def trajectory(times: Any, target: Any, commands: Any, angles: Any, miss: Any, hit: Any) -> "Figure":
+    """Draw one engagement against time: yaw and pitch of target, command and gimbal, and the miss of each shot.
+
+    Args:
+      times: when the shots leave [s], shape (T,).
+      target: pitch and yaw of its line of sight then [°], shape (T, 2).
+      commands: in force until then [°], shape (T, 2).
+      angles: of the gimbal then [°], shape (T, 2).
+      miss: left and up [m], NaN without pellet, shape (T, 2).
+      hit: whether each shot hit, shape (T,).
+    """
+    with plot_style():
+        figure, axes = new_figure(3, 1, width=7.2, height=6.5, sharex=True)
+        for panel, axis, name in ((axes[0, 0], 1, "yaw"), (axes[1, 0], 0, "pitch")):
+            for place, (values, label) in enumerate(
+                ((target, "line of sight"), (commands, "command"), (angles, "gimbal"))
+            ):
+                panel.plot(times, values[:, axis], **{**look(place), "marker": ""}, label=label)
+            panel.set_ylabel(f"{name} [°]")
+        axes[0, 0].legend(ncols=3)
+        distance = 1e3 * (miss**2).sum(-1) ** 0.5
+        for chosen, label, place in ((hit, "hit", 0), (~hit, "miss", 1)):
+            axes[2, 0].plot(times[chosen], distance[chosen], **{**look(place), "linestyle": ""}, label=label)
+        axes[2, 0].set(xlabel="time [s]", ylabel="distance from the centre [mm]")
+        axes[2, 0].legend(ncols=2)
+    return figure
+
+
+def _title(key: tuple[Any, ...], keys: list[tuple[Any, ...]]) -> str:
+    """Return the motion of a panel, and of world, command limit and length what is not the same in all."""
+    texts = [f"{each:g} s" if isinstance(each, float) else each for each in key]
+    varying = [text for place, text in enumerate(texts[:3]) if len({each[place] for each in keys}) > 1]
+    return ", ".join([texts[3], *varying])
+
+
+def _draw(axes: Any, cells: list[Cell], looks: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Draw one panel and return what its legend names."""
+    ranges = sorted({each.range_m for each in cells})
+    controllers = by_controller(cells)
+    handles: dict[str, Any] = {}
+    for index, (name, own) in enumerate(controllers.items()):
+        shift = _SPREAD * ((index + 0.5) / len(controllers) - 0.5)
+        found = [(place + shift, mean([each for each in own if each.range_m == at])) for place, at in enumerate(ranges)]
+        drawn = [(place, each.value, each.value - each.low, each.high - each.value) for place, each in found if each]
+        x, y, below, above = zip(*drawn, strict=True)
+        handles[name] = axes.errorbar(x, y, yerr=(below, above), **looks[name], capsize=2, elinewidth=0.9)
+        paper = {ranges.index(each.range_m) + shift: each.paper for each in own if each.paper is not None}
+        if paper:
+            hollow = {**looks[name], "linestyle": "", "markerfacecolor": "white"}
+            axes.plot(list(paper), list(paper.values()), **hollow)
+            handles["hollow: the paper"] = axes.plot([], [], **{**hollow, "color": MUTED, "marker": "o"})[0]
+    for line, (name, own) in zip((":", "-."), bounds(cells).items(), strict=False):
+        values = sorted({ranges.index(each.range_m): 100 * (each.bound or 0.0) for each in own}.items())
+        handles[name] = axes.plot(*zip(*values, strict=True), color=MUTED, linestyle=line)[0]
+    axes.set_xticks(range(len(ranges)), [range_text(at) for at in ranges])
+    axes.grid(visible=False, axis="x")
+    return handles

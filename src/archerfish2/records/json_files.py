@@ -1,0 +1,136 @@
+"""JSON files, read strictly: what is not as expected is named in one line.
+
+msgspec checks types and bounds. Arrays are decoded as nested lists of numbers, for NumPy alone would take texts,
+booleans and None as well.
+"""
+
+import json
+import re
+import reprlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from archerfish2.errors import InputError, file_error, one_line
+from archerfish2.storage import write_bytes
+
+T = TypeVar("T")
+Matrix = NDArray[np.float64]
+Counts = NDArray[np.int64]
+Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
+"""A finite number; msgspec's bounds refuse NaN, too."""
+Count = Annotated[int, Meta(ge=0, le=1_000_000)]
+LARGEST = 64_000_000
+"""Bytes of the largest file that is read as a record."""
+
+
+def read_json(path: Path, remedy: str = "write the file again") -> Any:
+    """Read a JSON file.
+
+    Raises:
+      InputError: if it is missing, unreadable, larger than `LARGEST` or not JSON; neither NaN, infinity nor a field
+        that is there twice, which Python would read, are.
+    """
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        fields = dict(pairs)
+        if len(fields) < len(pairs):
+            raise ValueError(f"a field is there twice, among {', '.join(reprlib.repr(name) for name in fields)}")
+        return fields
+
+    def refuse(constant: str) -> None:
+        raise ValueError(f"{constant} is no number")
+
+    try:
+        if not path.is_file():
+            raise file_error(path, "there is no such file", "check the path")
+        if (size := path.stat().st_size) > LARGEST:
+            raise file_error(path, f"has {size} bytes, expected at most {LARGEST}", remedy)
+        text = path.read_bytes().decode("utf-8-sig")
+        return json.loads(text, object_pairs_hook=unique, parse_constant=refuse)
+    except InputError:
+        raise
+    except OSError as error:
+        raise file_error(path, f"can't be read ({error.strerror})", "check the path") from error
+    except (ValueError, RecursionError) as error:
+        raise file_error(path, f"is not JSON ({one_line(str(error))[:200]})", remedy) from error
+
+
+def read_struct(path: Path, kind: type[T], schema: str, remedy: str) -> T:
+    """Read a JSON file as a struct.
+
+    Args:
+      path: the file.
+      kind: what it holds beside its schema.
+      schema: name and version, for instance "archerfish.plant/3".
+      remedy: what to do about another or a damaged file.
+
+    Raises:
+      InputError: naming the field, what it is and what was expected.
+    """
+    content = read_json(path, remedy)
+    found = content.pop("schema", None) if isinstance(content, dict) else type(content).__name__
+    if found != schema:
+        raise file_error(path, f'field schema: expected "{schema}", got {reprlib.repr(found)}', remedy)
+    try:
+        return msgspec.convert(content, kind, dec_hook=decode)
+    except (msgspec.ValidationError, UnicodeEncodeError) as error:
+        raise file_error(path, fault(error, content), remedy) from error
+
+
+def decode(kind: Any, value: Any) -> Any:
+    """Decode paths, and arrays as nested lists of numbers, as a hook of msgspec."""
+    if kind is Path:
+        return Path(value)
+    number: Any = Count if kind == Counts else Number
+    nested = value
+    for _ in range(3):  # the largest rank; a file may nest lists as deep as it likes
+        if isinstance(nested, list):
+            number, nested = list[number], nested[0] if nested else None
+    try:
+        array = np.array(msgspec.convert(value, number), np.int64 if kind == Counts else np.float64)
+    except msgspec.ValidationError as error:
+        raise ValueError(str(error).replace("`$", "`")) from None
+    array.flags.writeable = False
+    return array
+
+
+def fault(error: Exception, content: Any, name: str = "") -> str:
+    """Return which field is wrong, what was expected and what is there."""
+    if isinstance(error.__cause__, InputError):  # of a record inside, which has said it all
+        return str(error.__cause__).removesuffix("; correct it")
+    text, _, place = str(error).replace("`", "").partition(" - at $")
+    if text.startswith("Expected") and ", got" not in text and "..." not in place:
+        for key, index in re.findall(r"\.(\w+)|\[(\d+)\]", place):
+            content = content[key or int(index)]
+        text += f", got {reprlib.repr(content)}"
+    field = f"field {(name + place).removeprefix('.')}: " if name + place else ""
+    return one_line(field + text[0].lower() + text[1:])
+
+
+def plain(value: Any) -> Any:
+    """Return what JSON can hold of structs, arrays and paths.
+
+    Raises:
+      InputError: if there is something else.
+    """
+
+    def convert(each: Any) -> Any:
+        if isinstance(each, np.ndarray | np.generic):
+            return each.tolist()
+        if isinstance(each, Path):
+            return str(each)
+        raise InputError(f"expected numbers, texts and records, got {one_line(repr(each))[:60]}; give one of these")
+
+    return msgspec.to_builtins(value, enc_hook=convert)
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write JSON whole, with a line per field; the content is as `plain` returns it, without NaN and infinity."""
+    lines = (f" {json.dumps(name)}: {json.dumps(value, allow_nan=False)}" for name, value in content.items())
+    write_bytes(path, ("{\n" + ",\n".join(lines) + "\n}\n").encode())

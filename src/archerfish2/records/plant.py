@@ -1,0 +1,191 @@
+"""The plant record: the identified (or printed) linear model of one gimbal axis, eqs (11)–(16).
+
+x[t+1] = A x[t] + B u[t − delay],    y[t] = C x[t] + D u[t − delay]
+"""
+
+from typing import Annotated, Any, Self
+
+import numpy as np
+from msgspec import Meta, field
+
+from archerfish2.errors import InputError
+from archerfish2.records.json_files import Count, Counts, Matrix
+from archerfish2.records.record import Provenance, Record
+
+LARGEST = {"states": 64, "inputs": 16, "outputs": 16, "draws": 1000}
+_LARGEST_EXPANDED = 2000
+"""States, those of the delay included, of the largest plant that is written out."""
+Names = Annotated[tuple[str, ...], Meta(min_length=1)]
+
+
+class PlantRecord(Record, frozen=True, kw_only=True):
+    """A linear axis with input delay, and how certain it is.
+
+    With draws (a sample from the posterior of an identification) the matrices have a leading axis in `draws`; the
+    matrices themselves are the best estimate. A draw may have a delay of its own.
+    """
+
+    schema = "archerfish.plant/3"
+    A: Matrix
+    """State matrix, shape (n, n)."""
+    B: Matrix
+    """Input matrix, shape (n, m)."""
+    C: Matrix
+    """Output matrix, shape (p, n)."""
+    D: Matrix
+    """Feedthrough, shape (p, m)."""
+    delay_samples: Count = 0
+    """Input delay [samples]."""
+    sample_period_s: Annotated[float, Meta(ge=1e-6, le=1e6)]
+    """Sampling period [s]."""
+    axis: str = "axis"
+    """Which axis this is: "pitch", "yaw", or any name."""
+    input_names: Names = ("command",)
+    """Names of the m inputs."""
+    output_names: Names = ("angle",)
+    """Names of the p outputs."""
+    draws: dict[str, Matrix] = field(default_factory=dict)
+    """Posterior draws: "A" (k, n, n), "B" (k, n, m), "C" (k, p, n), "D" (k, p, m); empty where there are none."""
+    draw_delays: Counts = np.zeros(0, np.int64)
+    """Input delay of each draw [samples], shape (k,); empty where all draws have that of the best estimate."""
+    provenance: Provenance = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        sizes = (self.A.shape[-1:], self.B.shape[-1:], self.C.shape[:1])
+        n, m, p = (size[0] if size else 0 for size in sizes)
+        shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
+        count = len(self.draws.get("A", ())) if self.draws else 0
+        for name, size in {"states": n, "inputs": m, "outputs": p, "draws": max(count, 1)}.items():
+            if not 1 <= size <= LARGEST[name]:
+                raise InputError(f"PlantRecord: expected 1…{LARGEST[name]} {name}, got {size}; correct it")
+        found = {name: getattr(self, name).shape for name in shapes}
+        expected: dict[str, tuple[int, ...]] = dict(shapes)
+        if self.draws:
+            found |= {f"draws[{name}]": matrices.shape for name, matrices in self.draws.items()}
+            expected |= {f"draws[{name}]": (count, *shape) for name, shape in shapes.items()}
+        found |= {"input_names": (len(self.input_names),), "output_names": (len(self.output_names),)}
+        expected |= {"input_names": (m,), "output_names": (p,)}
+        if self.draw_delays.shape != (0,):
+            found["draw_delays"], expected["draw_delays"] = self.draw_delays.shape, (count,)
+        for name in expected | found:
+            if found.get(name) != expected.get(name):
+                got, wanted = found.get(name, "none"), expected.get(name, "none")
+                raise InputError(f"PlantRecord: field {name}: expected shape {wanted}, got {got}; correct it")
+
+    def __repr__(self) -> str:
+        draws = f", {len(self.draws['A'])} draws" if self.draws else ""
+        delay = 1e3 * self.delay_samples * self.sample_period_s
+        return f"PlantRecord({self.axis}: order {len(self.A)}, delay {delay:.3g} ms{draws})"
+
+    @classmethod
+    def second_order(
+        cls,
+        natural_hz: float,
+        damping: float,
+        delay_s: float = 0.0,
+        sample_period_s: float = 1e-3,
+        gain: float = 1.0,
+    ) -> Self:
+        """Return gain ω² / (s² + 2 ζ ω s + ω²) under commands that are held for a sampling period.
+
+        Args:
+          natural_hz: ω / 2π [Hz].
+          damping: ζ.
+          delay_s: of the input [s], a multiple of the sampling period.
+          sample_period_s: of the plant [s].
+          gain: steady output per steady input.
+
+        Raises:
+          InputError: if a number is out of range.
+        """
+        from scipy.linalg import expm
+
+        for name, value in {"natural_hz": natural_hz, "damping": damping, "sample_period_s": sample_period_s}.items():
+            if not 0.0 < value < 1e6:
+                raise InputError(f"PlantRecord.second_order: {name} must be > 0 and < 1e6, got {value}; correct it")
+        samples = delay_s / sample_period_s
+        if not (0.0 <= samples <= 1e6 and abs(samples - round(samples)) < 1e-6 * max(samples, 1.0)):
+            raise InputError(
+                f"PlantRecord.second_order: delay_s must be a multiple of the sampling period {sample_period_s} s, "
+                f"got {delay_s}; choose a shorter sample_period_s"
+            )
+        w = 2.0 * np.pi * natural_hz * sample_period_s  # time in sampling periods, so that both states are angles
+        held = expm(np.array([[0.0, w, 0.0], [-w, -2.0 * damping * w, gain * w], [0.0, 0.0, 0.0]]))
+        A, B, C = held[:2, :2], held[:2, 2:], np.eye(1, 2)
+        return cls(A=A, B=B, C=C, D=np.zeros((1, 1)), delay_samples=round(samples), sample_period_s=sample_period_s)
+
+    @classmethod
+    def from_state_space(cls, A: Any, B: Any, C: Any, D: Any, dt: float, delay_samples: int = 0) -> Self:
+        """Return a plant in discrete time, for instance of `scipy.signal` or `control`.
+
+        Args:
+          A: shape (n, n).
+          B: shape (n, m).
+          C: shape (p, n).
+          D: shape (p, m), or one number.
+          dt: sampling period [s].
+          delay_samples: input delay that the matrices don't contain [samples].
+
+        Raises:
+          InputError: if the matrices don't fit together.
+        """
+        A, B, C, D = (np.atleast_2d(each) for each in (A, B, C, D))
+        return cls(
+            A=A,
+            B=B,
+            C=C,
+            D=D,
+            delay_samples=delay_samples,
+            sample_period_s=dt,
+            input_names=_names("command", B.shape[-1]),
+            output_names=_names("angle", len(C)),
+        )
+
+    def to_state_space(self) -> tuple[Matrix, Matrix, Matrix, Matrix, float]:
+        """Return A, B, C, D and the sampling period, with the delay as further states.
+
+        Raises:
+          InputError: if the delay is too long for that.
+        """
+        n, m, late = len(self.A), self.B.shape[1], self.delay_samples
+        if late == 0:
+            return self.A, self.B, self.C, self.D, self.sample_period_s
+        if (size := n + m * late) > _LARGEST_EXPANDED:
+            raise InputError(
+                f"the plant with its delay of {late} samples has {size} states, expected at most {_LARGEST_EXPANDED}; "
+                "use its matrices and delay_samples"
+            )
+        # After x come the inputs of the last periods, the newest first; the oldest m drive the plant.
+        A, B = np.eye(size, k=-m), np.eye(size, m, k=-n)
+        A[: n + m] = 0.0
+        A[:n, :n], A[:n, -m:] = self.A, self.B
+        C = np.hstack([self.C, np.zeros((len(self.C), m * (late - 1))), self.D])
+        return A, B, C, np.zeros_like(self.D), self.sample_period_s
+
+    @property
+    def dc_gain(self) -> Matrix:
+        """Steady output per steady input, C (I − A)⁻¹ B + D, shape (p, m).
+
+        Raises:
+          InputError: if the plant integrates.
+        """
+        try:
+            return np.asarray(self.C @ np.linalg.solve(np.eye(len(self.A)) - self.A, self.B) + self.D)
+        except np.linalg.LinAlgError as error:
+            raise InputError(f"the {self.axis} plant integrates and has no DC gain; close its loop") from error
+
+    def with_dc_gain(self, gain: float) -> Self:
+        """Return the plant of one input and output, scaled at its input so that its DC gain is `gain`."""
+        scale = gain / self.dc_gain.item()
+        draws = {name: scale * each if name in "BD" else each for name, each in self.draws.items()}
+        return self.replace(B=scale * self.B, D=scale * self.D, draws=draws)
+
+    def delays_of_draws(self) -> Counts:
+        """Return the input delay of each draw [samples], shape (k,); k is 0 without draws."""
+        count = len(self.draws["A"]) if self.draws else 0
+        return self.draw_delays if self.draw_delays.size else np.full(count, self.delay_samples, np.int64)
+
+
+def _names(name: str, count: int) -> tuple[str, ...]:
+    return (name,) if count == 1 else tuple(f"{name}_{number}" for number in range(1, count + 1))

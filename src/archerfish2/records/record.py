@@ -1,0 +1,79 @@
+"""Records: strict structs whose fields are checked, whether a file or a program makes them."""
+
+import functools
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self
+
+import msgspec
+from msgspec import Meta
+
+from archerfish2.errors import InputError
+from archerfish2.records.json_files import Number, decode, fault, plain, read_struct, write_json
+
+Angle = Annotated[float, Meta(ge=-100.0, le=100.0)]
+"""[rad]."""
+Time = Annotated[float, Meta(ge=-10.0, le=10.0)]
+"""[s]."""
+Duration = Annotated[float, Meta(ge=0.0, le=10.0)]
+"""[s]."""
+Deviation = Annotated[float, Meta(ge=0.0, le=10.0)]
+"""A standard deviation [rad or m]."""
+Intervals = dict[str, tuple[Number, Number]]
+"""95 % interval of each estimated field."""
+Fact = str | int | Number | None
+Provenance = dict[str, Fact | list[str] | dict[str, Fact]]
+"""Seed, commit, library versions and input hashes of the making."""
+
+
+class Struct(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, eq=False):
+    """A record whose fields are checked against their types and bounds, whether a file or a program makes it.
+
+    Raises:
+      InputError: naming the field, what it is and what was expected.
+    """
+
+    def __post_init__(self) -> None:
+        for name, kind in _types(type(self)).items():
+            value = getattr(self, name)
+            value = value if isinstance(value, msgspec.Struct) else plain(value)
+            try:
+                value = msgspec.convert(value, kind, dec_hook=decode)
+            except msgspec.ValidationError as error:
+                raise InputError(f"{type(self).__name__}: {fault(error, value, f'.{name}')}; correct it") from error
+            msgspec.structs.force_setattr(self, name, value)
+
+    def replace(self, **changes: Any) -> Self:
+        """Return the same record with some fields changed."""
+        return type(self)(**{name: getattr(self, name) for name in self.__struct_fields__} | changes)
+
+
+@functools.cache
+def _types(kind: type[Struct]) -> dict[str, Any]:
+    return {each.name: each.type for each in msgspec.structs.fields(kind)}
+
+
+class Record(Struct, frozen=True, kw_only=True):
+    """A record with a file of its own."""
+
+    schema: ClassVar[str]  # of its file: name and version
+    remedy: ClassVar[str] = "identify again"  # for a file that is not as expected
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a record.
+
+        Raises:
+          InputError: if the file is no such record, or a field is missing, unknown or out of range.
+        """
+        return read_struct(Path(path), cls, cls.schema, cls.remedy)
+
+    def save(self, path: str | Path) -> None:
+        """Write the record to a .json file."""
+        write_json(Path(path), {"schema": self.schema, **plain(self)})
+
+
+def check_intervals(intervals: Intervals) -> None:
+    """Refuse intervals whose ends are swapped."""
+    for name, (low, high) in intervals.items():
+        if low > high:
+            raise InputError(f"intervals.{name}: expected low ≤ high, got {low:g} and {high:g}")

@@ -1,0 +1,98 @@
+"""The sensing record: when and how well a robot sees, and how late it moves."""
+
+from typing import Annotated, Literal
+
+from msgspec import Meta, field
+
+from archerfish2.errors import InputError
+from archerfish2.records.record import Deviation, Duration, Intervals, Provenance, Record, Struct, Time, check_intervals
+
+Rate = Annotated[float, Meta(ge=0.01, le=1e6)]
+Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+
+
+class CameraRecord(Struct, frozen=True, kw_only=True):
+    """From a plate to its detection; a value that was not measured is None."""
+
+    rate_hz: Rate
+    """Frames per second [Hz]."""
+    time_offset: Time
+    """What is added to a detection's stamp to get the moment of its exposure on the gimbal log's clock [s]."""
+    stamp_jitter: Duration
+    """Standard deviation of that sum about the true moment [s]."""
+    bearing_sd: Deviation
+    """Standard deviation of a detection's azimuth, across the line of sight [rad]."""
+    elevation_sd: Deviation
+    """Standard deviation of a detection's elevation, across the line of sight [rad]."""
+    range_sd: Deviation
+    """Standard deviation of a detection's distance, along the line of sight [m], at `noise_range`."""
+    noise_range: Annotated[float, Meta(ge=0.01, le=1000.0)]
+    """Distance of the plate at which the noise was measured [m]; one distance doesn't show how it grows."""
+    miss_probability: Share
+    """Share of the frames in which the plate was not found."""
+    outlier_share: Share
+    """Share of the detections that are something other than the plate."""
+    latency: Time | None = None
+    """Mean time from exposure to receipt of the detection [s]."""
+    latency_jitter: Duration | None = None
+    """Standard deviation of that time [s]."""
+    latency_basis: Literal["", "exposure", "feedback"] = ""
+    """What `latency` counts from: "exposure" or "feedback", the latter less the delay of the gimbal's feedback."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if bool(self.latency_basis) != (self.latency is not None):
+            raise InputError(
+                f'CameraRecord: field latency_basis: expected "exposure" or "feedback" with a latency and "" without, '
+                f'got "{self.latency_basis}"; correct it'
+            )
+
+
+class LinkRecord(Struct, frozen=True, kw_only=True):
+    """From a command to the motion that the log shows; a value that was not measured is None."""
+
+    feedback_rate_hz: Rate
+    """Rate at which the logged angle is refreshed [Hz]."""
+    feedback_quantum: Deviation | None = None
+    """Step of the logged angle [rad], where it is visible."""
+    command_delay: Time | None = None
+    """Mean time from a logged command to the logged motion [s]: the sum of command and feedback delay, as a plant
+    record has it too, so it is never to be added to a plant that was identified from such a log."""
+    command_jitter: Duration | None = None
+    """Standard deviation of that time from command to command [s]."""
+    feedback_delay: Time | None = None
+    """Delay of the feedback alone [s]: how much later than the moment that it shows a logged angle is stamped."""
+    command_latency: Duration | None = None
+    """Mean time from sending a command to its receipt by the gimbal [s], where the gimbal stamps what it receives."""
+    command_latency_jitter: Duration | None = None
+    """Standard deviation of that time [s]."""
+    feedback_latency: Duration | None = None
+    """Mean time from the gimbal's stamp of a feedback to its receipt by the program [s]."""
+    feedback_latency_jitter: Duration | None = None
+    """Standard deviation of that time [s]."""
+
+
+class SensingRecord(Record, frozen=True, kw_only=True):
+    """What a robot's program receives, and when."""
+
+    schema = "archerfish.sensing/2"
+    camera: CameraRecord
+    """From plate to detection."""
+    link: LinkRecord
+    """From command to motion and back."""
+    intervals: Intervals = field(default_factory=dict)
+    """By a name such as "camera.latency"."""
+    provenance: Provenance = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_intervals(self.intervals)
+
+    def values(self) -> dict[str, float]:
+        """Return the measured values by their names in `intervals`, such as "camera.latency"."""
+        return {
+            f"{part}.{name}": value
+            for part in ("camera", "link")
+            for name in getattr(self, part).__struct_fields__
+            if isinstance(value := getattr(getattr(self, part), name), float)
+        }

@@ -1,0 +1,23 @@
+"""The self-contained HTML page of a report: figures inside as SVG, no script, readable in dark and on paper."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from archerfish2.reports.style import svg_text
+from archerfish2.reports.table import entry_texts
+
+if TYPE_CHECKING:
+    from archerfish2.reports.report import Report
+
+
+def page_html(report: "Report") -> str:
+    """Fill the template; every text is escaped."""
+    import jinja2
+
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    template = environment.from_string(Path(__file__).with_name("page.html").read_text(encoding="utf-8"))
+    drawn = enumerate(report.figures)
+    figures = [(caption, svg_text(draw(), prefix=f"figure{place}", label=caption)) for place, (caption, draw) in drawn]
+    return template.render(report=report, lists=report.lists(), figures=figures, texts=entry_texts)

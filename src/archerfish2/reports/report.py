@@ -1,0 +1,66 @@
+"""What a command reports, once for terminal, JSON and page."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from archerfish2.errors import one_line
+from archerfish2.reports.page import page_html
+from archerfish2.reports.table import Table, table_dict, tables_text
+from archerfish2.storage import write_bytes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Report:
+    """A headline with all that supports it; `print` shows it, `to_dict` is for JSON, `write_page` for a browser."""
+
+    title: str  # of what it is
+    headline: str  # the finding, with its figures
+    usable: bool | None = None  # the verdict; None where there is none to give
+    reasons: tuple[str, ...] = ()  # of the verdict
+    known: tuple[str, ...] = ()  # what the figures mean and rest on
+    doubts: tuple[str, ...] = ()  # what may be otherwise
+    next_steps: tuple[str, ...] = ()  # what to do
+    tables: tuple[Table, ...] = ()  # the figures
+    figures: tuple[tuple[str, "Callable[[], Figure]"], ...] = ()  # captions, and what draws, called for a page alone
+    findings: tuple[Any, ...] = ()  # what was found in the logs, NamedTuples
+    provenance: dict[str, Any] = field(default_factory=dict)  # seed, commit, versions, hashes: what JSON can hold
+
+    def __str__(self) -> str:
+        parts = ["\n".join(map(one_line, (self.title, self.headline)))]
+        for name, lines in self.lists():
+            parts.append("\n".join([name, *(f"  - {one_line(each)}" for each in lines)]))
+        return "\n\n".join([*parts, *([tables_text(self.tables)] if self.tables else [])])
+
+    def lists(self) -> list[tuple[str, list[str]]]:
+        """Return heading and lines of each list that is not empty, in the order of the page."""
+        findings = [f"{each.severity}, {each.place}: {each.message}; {each.remedy}" for each in self.findings]
+        named = {
+            "Why": self.reasons,
+            "What is known": self.known,
+            "What is in doubt": self.doubts,
+            "Findings in the logs": findings,
+            "What to do next": self.next_steps,
+        }
+        return [(name, list(lines)) for name, lines in named.items() if lines]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything but the figures, of which the captions, for JSON."""
+        return {
+            **vars(self),
+            "tables": [table_dict(each) for each in self.tables],
+            "figures": [caption for caption, _ in self.figures],
+            "findings": [each._asdict() for each in self.findings],
+        }
+
+    def write_page(self, path: str | Path) -> None:
+        """Write the report as one HTML page that needs no other file.
+
+        Raises:
+          InputError: if the file can't be written.
+        """
+        write_bytes(Path(path), page_html(self).encode())

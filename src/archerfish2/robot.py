@@ -1,0 +1,236 @@
+"""A robot: plants, muzzle, sensing and limits, in a folder with one file each."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal, Protocol, Self, get_args
+
+import numpy as np
+from msgspec import Meta, field
+
+from archerfish2.dynamics.command_limits import CommandLimits, named_limits
+from archerfish2.dynamics.linear_axis import GimbalModel, gimbal_model
+from archerfish2.dynamics.muzzle import Muzzle, muzzle_from_record
+from archerfish2.errors import InputError, file_error, one_line
+from archerfish2.paper.conditions import assumed_conditions, paper_muzzle
+from archerfish2.paper.gimbal import gate_limits, printed_plants
+from archerfish2.plugins import find_plugin
+from archerfish2.records.json_files import plain, read_struct, write_json
+from archerfish2.records.limits import LimitsRecord
+from archerfish2.records.muzzle import MuzzleRecord
+from archerfish2.records.plant import PlantRecord
+from archerfish2.records.record import Record, Struct
+from archerfish2.records.sensing import SensingRecord
+
+SCHEMA = "archerfish.robot/1"
+SHORTEST_PERIOD_S, LONGEST_DELAY_S = 1e-5, 1.0
+"""Of the plants of a gimbal [s]: what lies beyond is no gimbal, and would make its model huge."""
+Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]{1,100}$")]
+Part = Literal["pitch", "yaw", "muzzle", "sensing", "limits"]
+_KINDS: tuple[type[Record], ...] = (PlantRecord, PlantRecord, MuzzleRecord, SensingRecord, LimitsRecord)
+RECORDS = dict(zip(get_args(Part), _KINDS, strict=True))
+"""The parts of a robot; each has a file of its own."""
+
+
+class PartVerdict(Struct, frozen=True, kw_only=True):
+    """What the identification says of a part."""
+
+    usable: bool
+    """Whether the part is good enough to be used."""
+    headline: str
+    """In one sentence."""
+    reasons: tuple[str, ...] = ()
+    """Short, stable names of what the verdict rests on."""
+    next_step: str = ""
+    """What to record or to change."""
+    page: str = ""
+    """File name of its page, in the robot's folder."""
+
+
+class RobotFacts(Struct, frozen=True, kw_only=True):
+    """The content of robot.json."""
+
+    name: Name
+    """By which results call the robot."""
+    assumed: tuple[Part, ...] = ()
+    """Parts that were not identified."""
+    parts: dict[Part, PartVerdict] = field(default_factory=dict)
+    """Verdicts of the identification."""
+
+
+class HasLimit(Protocol):
+    """A task, as far as a robot needs it."""
+
+    @property
+    def command_limit(self) -> str:
+        """Name of the command limit."""
+
+
+class Robot(RobotFacts, frozen=True, kw_only=True):
+    """A robot, as far as it has been identified; the rest is assumed, and named.
+
+    Raises:
+      InputError: if a plant can't be that of a gimbal's axis: swapped, of several inputs, not stable, of no gain.
+    """
+
+    pitch: PlantRecord
+    """Pitch axis."""
+    yaw: PlantRecord
+    """Yaw axis."""
+    muzzle: MuzzleRecord
+    """Muzzle."""
+    sensing: SensingRecord | None = None
+    """Camera and link; None where both are immediate and perfect."""
+    limits: LimitsRecord
+    """Limits of the commands."""
+    folder: Path | None = None
+    """Where it was loaded from."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_axis(self.pitch, "pitch")
+        _check_axis(self.yaw, "yaw")
+
+    @classmethod
+    def paper(cls) -> Self:
+        """Return the paper's gimbal with the muzzle of our assumed conditions."""
+        plants, muzzle, limits = printed_plants(), paper_muzzle(), gate_limits()
+        return cls(name="paper", pitch=plants["pitch"], yaw=plants["yaw"], muzzle=muzzle, limits=limits)
+
+    @classmethod
+    def load(cls, folder: str | Path, *, accept_unusable: bool = False) -> Self:
+        """Read a robot.
+
+        A folder without robot.json holds records that somebody has put there: muzzle and limits may be missing, and
+        are those of the paper's robot then.
+
+        Args:
+          folder: with pitch.json, yaw.json and the others.
+          accept_unusable: whether parts are taken that their identification found not usable.
+
+        Raises:
+          InputError: if a record is missing or damaged, or a part is not usable.
+        """
+        folder = Path(folder)
+        facts = RobotFacts(name=folder.resolve().name[:100] or "robot")
+        is_written = (folder / "robot.json").exists()
+        if is_written:
+            facts = read_struct(folder / "robot.json", RobotFacts, SCHEMA, "identify again")
+        for part, verdict in facts.parts.items():
+            if not (verdict.usable or accept_unusable):
+                problem, remedy = f"is not usable: {verdict.headline}", verdict.next_step or "identify it again"
+                raise file_error(
+                    folder / f"{part}.json", one_line(problem), one_line(f"{remedy}, or pass --accept-unusable")
+                )
+        files = {part: folder / f"{part}.json" for part in RECORDS}
+        found: dict[str, Any] = {part: RECORDS[part].load(path) for part, path in files.items() if path.exists()}
+        needed = {"pitch", "yaw", *(("muzzle", "limits") if is_written else ())}
+        if missing := sorted(needed - found.keys()):
+            raise file_error(folder, f"expected a folder with {missing[0]}.json", "name that of a robot")
+        if not is_written:
+            facts = facts.replace(assumed=tuple(part for part in RECORDS if part not in found))
+            found = {"muzzle": paper_muzzle(), "limits": gate_limits()} | found
+        try:
+            return cls(name=facts.name, assumed=facts.assumed, parts=facts.parts, folder=folder, **found)
+        except InputError as error:
+            raise InputError(f"{folder}: {error}") from error
+
+    def save(self, folder: str | Path) -> None:
+        """Write all records and robot.json, which comes last, into a folder; what is there of a robot is replaced."""
+        folder = Path(folder)
+        for part in RECORDS:
+            record = getattr(self, part)
+            if record is not None:
+                record.save(folder / f"{part}.json")
+            else:
+                (folder / f"{part}.json").unlink(missing_ok=True)
+        facts = {"name": self.name, "assumed": self.assumed, "parts": self.parts}
+        write_json(folder / "robot.json", {"schema": SCHEMA, **plain(facts)})
+
+    def replace(self, **changes: Any) -> Self:
+        """Return the same robot with some fields changed.
+
+        A record that is replaced is neither assumed nor judged any more, and the robot is that of no folder.
+
+        Args:
+          changes: fields; a plant may be code of a user's own, "./file.py:Name": a `PlantRecord`, or a function of
+            "pitch" or "yaw" that returns one.
+
+        Raises:
+          InputError: if the code fails, or a plant can't be that of the axis.
+        """
+        for axis in ("pitch", "yaw"):
+            if isinstance(changes.get(axis), str):
+                changes[axis] = _own_plant(changes[axis], axis)
+        if new := changes.keys() & RECORDS.keys():
+            assumed = tuple(part for part in self.assumed if part not in new)
+            parts = {part: verdict for part, verdict in self.parts.items() if part not in new}
+            changes = {"assumed": assumed, "parts": parts, "folder": None, **changes}
+        return super().replace(**changes)
+
+    def record_digests(self) -> dict[str, str]:
+        """Return the SHA-256 of each record, without its provenance; a robot without sensing has none for it."""
+        found = {part: getattr(self, part) for part in RECORDS if getattr(self, part) is not None}
+        return {part: _digest(plain(record.replace(provenance={}))) for part, record in found.items()}
+
+    def digest(self) -> str:
+        """Return one SHA-256 for all that the robot's behaviour depends on."""
+        return _digest(self.record_digests())
+
+    def gimbal(self, period_s: float) -> GimbalModel:
+        """Return the best estimate of both axes for decisions every `period_s` [s], the mean command latency included.
+
+        Raises:
+          InputError: if the period is no multiple of the plants' sampling periods.
+        """
+        latency_s = (self.sensing.link.command_latency or 0.0) if self.sensing else 0.0
+        return gimbal_model(self.pitch, self.yaw, period_s, latency_s)
+
+    def command_limits(self, task: HasLimit) -> CommandLimits:
+        """Return the limits of the commands in a task."""
+        return named_limits(task.command_limit, self.limits, assumed_conditions().line_of_sight_lead)
+
+    def muzzle_model(self) -> Muzzle:
+        """Return the best estimate of the muzzle."""
+        return muzzle_from_record(self.muzzle)
+
+    def __repr__(self) -> str:
+        axes = (repr(each).removeprefix("PlantRecord(")[:-1] for each in (self.pitch, self.yaw))
+        parts = [self.name, *axes, f"muzzle: {self.muzzle.speed:.4g} m/s", *(["sensing"] if self.sensing else [])]
+        parts += [f"assumed: {', '.join(self.assumed)}"] if self.assumed else []
+        return f"Robot({'; '.join(parts)})"
+
+
+def _digest(content: Any) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _own_plant(spec: str, axis: str) -> PlantRecord:
+    found = find_plugin(spec, "plant")
+    with found.running():
+        plant = found.value(axis) if callable(found.value) else found.value
+        if not isinstance(plant, PlantRecord):
+            raise InputError(f"gives a {type(plant).__name__} for {axis}, expected a PlantRecord; return one")
+        _check_axis(plant, axis)
+    return plant.replace(axis=axis)
+
+
+def _check_axis(plant: PlantRecord, axis: str) -> None:
+    if plant.axis in {"pitch", "yaw"} - {axis}:
+        raise InputError(f"{axis} is the plant of the {plant.axis} axis, expected that of {axis}; swap the two")
+    if plant.B.shape[1] != 1:
+        raise InputError(f"{axis} has {plant.B.shape[1]} inputs, expected one; identify it with one input")
+    if plant.sample_period_s < SHORTEST_PERIOD_S:
+        period = f"{plant.sample_period_s:g} s, expected {SHORTEST_PERIOD_S:g} s or more"
+        raise InputError(f"{axis} has a sampling period of {period}; resample its log")
+    longest = max([plant.delay_samples, *plant.draw_delays]) * plant.sample_period_s
+    if longest > LONGEST_DELAY_S:
+        raise InputError(f"{axis} has a delay of {longest:g} s, expected {LONGEST_DELAY_S:g} s or less; identify again")
+    matrices = [plant.A[None], plant.draws["A"]] if plant.draws else [plant.A[None]]
+    largest = float(np.max(np.abs(np.linalg.eigvals(np.concatenate(matrices)))))
+    if largest >= 1.0:
+        remedy = "close its loop, so that it follows an angle command and comes to rest"
+        raise InputError(f"{axis} has a pole of magnitude {largest:.4g}, expected less than 1; {remedy}")
+    gain = plant.dc_gain[0, 0]
+    if not gain > 0.0:
+        raise InputError(f"{axis} has a steady gain of {gain:.4g}, expected more than 0; check the sign of its log")

@@ -1,0 +1,245 @@
+"""The task: which targets are engaged where, for how long, under which command limit, and what counts as a hit."""
+
+import itertools
+import json
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, Self
+
+import numpy as np
+from msgspec import Meta, structs
+
+from archerfish2.arrays import Array, lift, namespace, single_precision, tree
+from archerfish2.errors import InputError, file_error, one_line
+from archerfish2.plugins import is_plugin, names_code
+from archerfish2.protocols import Engagement
+from archerfish2.records.record import Angle, Struct
+from archerfish2.storage import write_bytes
+from archerfish2.targets.kinds import KINDS
+from archerfish2.targets.mixture import ANY, drawn_path, path_uniforms
+from archerfish2.targets.motion import LONGEST_S, Parabola, StillOrMoving, disc
+from archerfish2.targets.user_motion import UNIFORMS, check_places, find_motion, user_target
+
+EQ_7 = ("paper", "static", "dynamic")
+"""Motions of the paper's targets: all of them, those of Table II, those of Table III."""
+DRAWN = (ANY, *KINDS)
+"""Motions whose parameters are drawn for each target."""
+_FIRST = 6  # uniform draws of every engagement: distance, side, speed, phase, still or moving and length, plant
+_RANGES = ((1.0, 2.0), (2.0, 3.0), (3.0, 4.0), (4.0, 5.0))
+_Text = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f\ud800-\udfff]*\Z", max_length=1000)]
+_Positive = Annotated[float, Meta(ge=1e-4, le=1000.0)]
+_Magnitude = Annotated[float, Meta(ge=0.0, le=1000.0)]
+_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+
+
+@tree(static=("motion",))
+class Scenario:
+    """The distribution of a task's engagements, so that one compiled program serves all tasks of a motion."""
+
+    motion: Any  # "paper" for eq (7), one of `DRAWN`, or a user's plugin
+    range_m: Array  # smallest and largest distance of the place [m], (2,)
+    lengths: Array  # of short and long engagements [s], (2,)
+    short_share: Array  # of the engagements, 0…1, ()
+    still_share: Array  # of the targets, 0…1, (); 0 where parameters are drawn
+    lateral: Array  # the place is at most this far to the side [m], ()
+    height: Array  # of the plate above the gimbal's pivot [m], ()
+    swing: tuple[Array, Array, Array]  # of eq (7): largest speed [m/s], half width [m] and rise [m], () each
+    curvature: Array  # of eq (7) [1/m], ()
+    start: Array  # pitch and yaw of the resting gimbal [rad], (2,)
+    plants: Array  # number of posterior draws to choose from, ()
+
+    @property
+    def uniforms(self) -> int:
+        """Uniform draws per engagement."""
+        return _FIRST + (path_uniforms(self.motion) if isinstance(self.motion, str) else UNIFORMS)
+
+    def draw(self, uniforms: Array) -> Engagement:
+        """Turn uniform draws in [0, 1) into engagements.
+
+        Args:
+          uniforms: shape B + (self.uniforms,).
+
+        Raises:
+          InputError: if a user's motion fails, or, in NumPy, its targets are not before the gimbal.
+        """
+        xp, share = namespace(uniforms), self.still_share
+        distance, side, speed, phase, still, plant = (uniforms[..., index] for index in range(_FIRST))
+        moving = still >= share
+        # What the choice between still and moving leaves of its draw is uniform again.
+        left = xp.where(moving, still - share, still) / xp.where(moving, 1.0 - share, share)
+        duration = xp.where(left < self.short_share, self.lengths[0], self.lengths[1])
+        forward = self.range_m[0] + (self.range_m[1] - self.range_m[0]) * distance
+        place = xp.stack([forward, self.lateral * (2.0 * side - 1.0), self.height + 0.0 * side], axis=-1)
+        target = self._target(place, self.swing[0] * speed, phase, moving, (uniforms[..., _FIRST:], duration))
+        plant = xp.astype(xp.floor(plant * self.plants), xp.int32)
+        return Engagement(target, lift(self.start, place) + 0.0 * place[..., :2], plant, duration)
+
+    def _target(self, place: Array, speed: Array, phase: Array, moving: Array, rest: tuple[Array, Array]) -> Any:
+        if self.motion in DRAWN:
+            return disc(drawn_path(self.motion, place, *rest, self.swing), place)
+        if self.motion == "paper":
+            # A target that stands still stands at the vertex: a quarter of the cycle from the turn.
+            xp, still = namespace(place), 0.0 * speed
+            speed, phase = xp.where(moving, speed, still), xp.where(moving, phase, still + 0.25)
+            return disc(Parabola(place, speed, phase, self.swing[1] + still, self.curvature + still), place)
+        target = StillOrMoving(place, moving, user_target(self.motion, place, speed, rest[0]))
+        if namespace(place) is np:
+            check_places(self.motion, target, rest[1])
+        return target
+
+
+class Suite(NamedTuple):
+    """One cell: engagements of one kind at one range."""
+
+    table: str | None
+    """The paper's table whose cell this is: "II" or "III"; None for others."""
+    motion: str
+    """Name of the motion."""
+    range_m: tuple[float, float]
+    """Smallest and largest distance [m]."""
+    length_s: float
+    """Length of its engagements [s]."""
+    stream: int
+    """Of random numbers: the same engagements whichever cells are beside it."""
+    decisions: int
+    """In an engagement."""
+    scenario: Scenario
+    """How its engagements are drawn."""
+
+
+class Task(Struct, frozen=True, kw_only=True, eq=True):
+    """Which targets are engaged where, for how long, under which command limit, and what counts as a hit.
+
+    Raises:
+      InputError: naming a field that is out of its bounds.
+    """
+
+    name: _Text = ""
+    """By which results call it; the motion's if empty."""
+    motion: _Text = ANY
+    """One of `EQ_7` or `DRAWN`, or a user's: ./FILE.py:NAME, MODULE:NAME or an entry point."""
+    ranges_m: Annotated[tuple[tuple[_Positive, _Positive], ...], Meta(min_length=1, max_length=100)] = _RANGES
+    """Distances of the targets' places [m], cells each; training draws from the nearest to the farthest."""
+    lengths_s: Annotated[tuple[_Positive, ...], Meta(max_length=100)] = ()
+    """Lengths of engagements [s], cells each; training draws the first and the last. If empty: 1 and 3 s where
+    parameters are drawn, else 1 s."""
+    short_share: _Share = 0.75
+    """Share of a training's engagements of the first length, 0…1: so both lengths have as many decisions."""
+    period_s: _Positive = 0.02
+    """Decision period: one command and at most one pellet each [s]."""
+    command_limit: Literal["gate", "box", "los-2deg"] = "gate"
+    """What the world allows a controller to command."""
+    hit_radius_m: _Positive = 0.06
+    """Largest miss that hits [m]."""
+    still_share: _Share = 0.5
+    """Share of a training's targets of eq (7), or of a user's motion, that don't move, 0…1."""
+    lateral_m: _Magnitude = 0.7
+    """Places are at most this far to either side [m]."""
+    height_m: Annotated[float, Meta(ge=-1000.0, le=1000.0)] = 0.0
+    """Height of the plate above the gimbal's pivot [m]."""
+    max_speed_m_s: _Magnitude = 0.35
+    """Largest lateral speed of eq (7), and of a user's motion [m/s]."""
+    curvature_1_m: _Positive = 3.0
+    """Coefficient of eq (7) [1/m]."""
+    rise_m: _Positive = 0.04
+    """Targets of eq (7) turn back where x − X₀ reaches this [m]."""
+    start: tuple[Angle, Angle] = (0.0, 0.0)
+    """Pitch and yaw of the resting gimbal [rad]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        lengths, longest = ((1.0, 3.0), LONGEST_S) if self.motion in DRAWN else ((1.0,), np.inf)
+        structs.force_setattr(self, "name", self.name or self.motion.rpartition(":")[2])
+        structs.force_setattr(self, "lengths_s", self.lengths_s or lengths)
+        rising = all(low < high for low, high in (*self.ranges_m, *itertools.pairwise(self.lengths_s)))
+        if not rising or self.lengths_s[0] < self.period_s or self.lengths_s[-1] > longest:
+            expected = f"the smaller one first, and lengths of {self.period_s:g}…{longest:g} s"
+            found = f"{self.ranges_m} and {self.lengths_s}"
+            raise InputError(f"Task: fields ranges_m and lengths_s: expected {expected}, got {found}; correct it")
+
+    @classmethod
+    def load(cls, name: str | Path, motion: str | None = None) -> Self:
+        """Return a task by its name, or read one from a file.
+
+        Args:
+          name: one of `EQ_7` or `DRAWN`, a user's motion, or a file whose name ends in .toml.
+          motion: in the place of the file's, for code that only a file names is not run.
+
+        Raises:
+          InputError: naming what is unknown or out of bounds, of a file with its field.
+        """
+        path, content = Path(name), dict[str, Any](motion=str(name))
+        try:
+            if path.suffix == ".toml":
+                if not path.is_file() or path.stat().st_size > 1_000_000:
+                    raise InputError("is no file of at most 1 MB")
+                content = {"name": path.stem} | tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+                if names_code(str(content.get("motion"))) and not motion:
+                    raise InputError("code that only a file names is not run; give it as the motion, beside the file")
+            task = cls(**content | ({"motion": motion} if motion else {}))
+            if not names_code(task.motion):
+                task._motion()  # refuses an unknown name
+            return task
+        except (OSError, ValueError, TypeError, RecursionError) as error:
+            problem = one_line(str(error)).removeprefix(f"{name}: ").removeprefix("Task: ").removesuffix("; correct it")
+            remedy = f"fields are {', '.join(cls.__struct_fields__)}" if isinstance(error, TypeError) else "correct it"
+            raise file_error(path, problem[:400], remedy) from error
+
+    def save(self, path: str | Path) -> None:
+        """Write the task as a TOML file.
+
+        Raises:
+          InputError: if it can't be written.
+        """
+        fields = {name: json.dumps(getattr(self, name), ensure_ascii=False) for name in self.__struct_fields__}
+        write_bytes(Path(path), "".join(f"{name} = {value}\n" for name, value in fields.items()).encode())
+
+    def scenario(self, plants: int = 1) -> Scenario:
+        """Return the distribution of a training's engagements: all ranges and both lengths.
+
+        Args:
+          plants: number of posterior draws of the world's plant.
+
+        Raises:
+          InputError: if a user's motion can't be used.
+        """
+        share = {"static": 1.0, "dynamic": 0.0}.get(self.motion, self.still_share * (self.motion not in DRAWN))
+        made: Scenario = self._scenario(self._motion(), self.ranges_m, self.lengths_s, share, plants)
+        made.draw(np.random.default_rng(0).random((100, made.uniforms), np.float32))  # a user's targets are checked
+        return made
+
+    def cells(self) -> tuple[Suite, ...]:
+        """Return the cells of an evaluation: for each length each kind of target at each range.
+
+        Raises:
+          InputError: if a user's motion can't be used.
+        """
+        if self.motion in DRAWN:
+            kinds: list[Any] = [(None, k, k, 0.0, at) for at, k in enumerate(KINDS) if self.motion in (ANY, k)]
+        else:
+            motion = self._motion()
+            table, name = ("III", "dynamic") if motion == "paper" else (None, motion.name)
+            kinds = [("II", "static", motion, 1.0, 0), (table, name, motion, 0.0, 1)]
+            kinds = {"static": kinds[:1], "dynamic": kinds[1:]}.get(self.motion, kinds)
+        width, suites = max(4, len(self.ranges_m)), []
+        for length, kind, (place, range_m) in itertools.product(self.lengths_s, kinds, enumerate(self.ranges_m)):
+            table, name, motion, share, block = kind
+            cell = table if length == 1.0 else None, name, range_m, length, width * block + place
+            scenario = self._scenario(motion, [range_m], [length], share)
+            suites.append(Suite(*cell, round(length / self.period_s), scenario))
+        return tuple(suites)
+
+    def _motion(self) -> Any:
+        """Return the motion of a scenario; a user's is checked."""
+        if self.motion in (*EQ_7, *DRAWN):
+            return self.motion if self.motion in DRAWN else "paper"
+        if not is_plugin(self.motion, "motion"):
+            expected = f"expected one of {', '.join((*EQ_7, *DRAWN))} or ./FILE.py:NAME"
+            raise InputError(f"Task: field motion: {expected}, got {self.motion!r}; correct it")
+        return find_motion(self.motion)
+
+    def _scenario(self, motion: Any, ranges: Any, lengths: Any, share: float, plants: int = 1) -> Any:
+        ends = np.array([np.min(ranges), np.max(ranges)]), np.array([lengths[0], lengths[-1]])
+        swing = self.max_speed_m_s, np.sqrt(self.rise_m / self.curvature_1_m), self.rise_m
+        rest: Any = self.lateral_m, self.height_m, swing, self.curvature_1_m, np.array(self.start), float(plants)
+        return single_precision(Scenario(motion, *ends, self.short_share, share, *rest))
