@@ -6,12 +6,12 @@ shapes compiles nothing.
 
 import functools
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish2.arrays import Array, is_tree, map_arrays
+from archerfish2.arrays import Array, is_tree, map_arrays, namespace
 from archerfish2.compiled import has_jax, import_jax
 from archerfish2.dynamics.aiming import intercept
 from archerfish2.errors import InputError
@@ -48,21 +48,21 @@ def count(world: World, controller: Controller, engagement: Engagement, normals:
       InputError: if a command is not finite.
     """
     if _compiled(world) and _compiled(controller):
-        fired, hit, acceleration, finite = _run("count", world, controller, engagement, normals)
+        fired, hit, bend, finite = _run("count", world, controller, engagement, normals)
         if finite:
-            return Counted(fired.T, hit.T, float(acceleration))
+            return Counted(fired.T, hit.T, float(bend) / world.period_s**2)
     shots = rollout(world, controller, engagement, normals)
     _check_finite(type(controller).__name__, shots.in_force)
     fired, hit = shots.shot.fired, shots.shot.fired & (shots.shot.margin >= 0.0)
     yaw = np.stack([shots.in_force[..., 1], shots.shot.angle[..., 1]])
-    return Counted(fired, hit, float(_largest_acceleration(np.moveaxis(yaw, -1, 0), world.period_s)))
+    return Counted(fired, hit, float(_largest_bend(np.moveaxis(yaw, -1, 0))) / world.period_s**2)
 
 
 def rollout(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Rollout:
     """Let a controller shoot and return everything of every decision; arguments as of `count`."""
     if _compiled(world) and _compiled(controller):
-        steps = _run("rollout", world, controller, engagement, normals)
-        return map_arrays(lambda each: np.moveaxis(each, 0, 1), steps)
+        steps: Rollout = _run("rollout", world, controller, engagement, normals)
+        return cast(Rollout, map_arrays(lambda each: np.moveaxis(each, 0, 1), steps))
     begin, see, step = (_method(world, name) for name in ("begin", "see", "step"))
     reset, decide = (_method(controller, name) for name in ("reset", "step"))
     state = begin(engagement, normals)
@@ -77,7 +77,7 @@ def rollout(world: World, controller: Controller, engagement: Engagement, normal
         after = map_arrays(np.asarray, see(state))
         decisions.append(Rollout(seen, command, after.command, map_arrays(np.asarray, shot)))
         seen = after
-    return map_arrays(lambda *each: np.stack(each, axis=1), *decisions)
+    return cast(Rollout, map_arrays(lambda *each: np.stack(each, axis=1), *decisions))
 
 
 def count_perfect_aim(world: Any, engagement: Engagement, normals: Array) -> Counted:
@@ -153,24 +153,19 @@ def _scan(world: World, controller: Controller, engagement: Engagement, normals:
 def _count(world: World, controller: Controller, engagement: Engagement, normals: Array) -> tuple[Array, ...]:
     jax = import_jax()
 
-    def keep(seen: Seen, command: Array, shot: Shot) -> tuple[Array, ...]:  # noqa: ARG001
-        hit = shot.fired & (shot.margin >= 0.0)
-        return (
-            shot.fired,
-            hit,
-            jax.numpy.stack([command[..., 1], shot.angle[..., 1]]),
-            jax.numpy.isfinite(command).all(),
-        )
+    def keep(seen: Seen, command: Command, in_force: Array, shot: Shot) -> tuple[Array, ...]:  # noqa: ARG001
+        yaw, finite = jax.numpy.stack([in_force[..., 1], shot.angle[..., 1]]), jax.numpy.isfinite(in_force)
+        return shot.fired, shot.fired & (shot.margin >= 0.0), yaw, finite.all()
 
     fired, hit, yaw, finite = _scan(world, controller, engagement, normals, keep)
-    return fired, hit, _largest_acceleration(yaw, world.period), finite.all()
+    return fired, hit, _largest_bend(yaw), finite.all()
 
 
-def _largest_acceleration(angles: Array, period: Array) -> Array:
-    """Return the largest mean acceleration over a period [rad/s²], from rest at zero; angles (T, ...)."""
-    xp = np if isinstance(angles, np.ndarray) else import_jax().numpy
+def _largest_bend(angles: Array) -> Array:
+    """Return the largest second difference from rest at zero [rad]; angles (T, ...)."""
+    xp = namespace(angles)
     from_rest = xp.concat([xp.zeros_like(angles[:1])] * 2 + [angles], axis=0)
-    return xp.max(xp.abs(xp.diff(from_rest, n=2, axis=0))) / period**2
+    return xp.max(xp.abs(xp.diff(from_rest, n=2, axis=0)))
 
 
 def _check_finite(name: str, angles: NDArray[np.float32]) -> None:
