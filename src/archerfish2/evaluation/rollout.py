@@ -48,14 +48,14 @@ def count(world: World, controller: Controller, engagement: Engagement, normals:
       InputError: if a command is not finite.
     """
     if _compiled(world) and _compiled(controller):
-        fired, hit, change, finite = _run("count", world, controller, engagement, normals)
+        fired, hit, bend, finite = _run("count", world, controller, engagement, normals)
         if finite:
-            return Counted(fired.T, hit.T, float(change) / world.period_s**2)
+            return Counted(fired.T, hit.T, float(bend) / world.period_s**2)
     shots = rollout(world, controller, engagement, normals)
     _check_finite(type(controller).__name__, shots.in_force)
     fired, hit = shots.shot.fired, shots.shot.fired & (shots.shot.margin >= 0.0)
     yaw = np.stack([shots.in_force[..., 1], shots.shot.angle[..., 1]])
-    return Counted(fired, hit, float(_largest_change(np.moveaxis(yaw, -1, 0))) / world.period_s**2)
+    return Counted(fired, hit, float(_largest_bend(np.moveaxis(yaw, -1, 0))) / world.period_s**2)
 
 
 def rollout(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Rollout:
@@ -173,10 +173,10 @@ def _count(world: World, controller: Controller, engagement: Engagement, normals
         return shot.fired, shot.fired & (shot.margin >= 0.0), shot.angle[..., 1]
 
     in_force, (fired, hit, yaw) = _scan(world, controller, engagement, normals, keep)
-    return fired, hit, _largest_change(xp.stack([in_force[..., 1], yaw], axis=1)), xp.isfinite(in_force).all()
+    return fired, hit, _largest_bend(xp.stack([in_force[..., 1], yaw], axis=1)), xp.isfinite(in_force).all()
 
 
-def _largest_change(angles: Array) -> Array:
+def _largest_bend(angles: Array) -> Array:
     """Return the largest second difference over the first axis [rad], from rest at zero; angles (T, ...)."""
     xp = namespace(angles)
     from_rest = xp.concat([xp.zeros_like(angles[:1])] * 2 + [angles], axis=0)
