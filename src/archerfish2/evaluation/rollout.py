@@ -97,7 +97,7 @@ def count_perfect_aim(world: Any, engagement: Engagement, normals: Array) -> Cou
     Args:
       world: a simulator, with `shoot`.
       engagement: N of them.
-      normals: as of `count`.
+      normals: standard normals of all decisions, shape (N, T, world.normals).
     """
     if _compiled(world):
         hit = _run("perfect", world, engagement, normals).T
