@@ -13,10 +13,10 @@ from archerfish2 import progress, provenance
 from archerfish2.arrays import map_arrays
 from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, check_decision, make_controller
 from archerfish2.errors import InputError
-from archerfish2.evaluation import rollout as rollouts
 from archerfish2.evaluation.hit_rate import hit_rate, paired_difference
 from archerfish2.evaluation.published import with_bounds
 from archerfish2.evaluation.results import Cell, Comparison, Kind, Results, pairs_to_compare
+from archerfish2.evaluation.rollout import count, count_perfect_aim
 from archerfish2.evaluation.suites import draw
 from archerfish2.evaluation.tuning import BUDGET, tune
 from archerfish2.paper.tables import printed_rate
@@ -33,7 +33,7 @@ PERFECT = "perfect"
 class Contender(NamedTuple):
     """A controller under the name that results give it."""
 
-    name: str
+    name: str  # its own
     controller: Controller | None  # for the length that is shot; None: perfect aim
     kind: Kind
     seed: int | None = None  # of a policy's training
@@ -237,9 +237,9 @@ def _shoot(
 
 def _shot(contender: Contender, world: World, drawn: tuple[Engagement, Any], cells: int) -> _Shot:
     if contender.controller is None:
-        counted = rollouts.count_perfect_aim(world, *drawn)
+        counted = count_perfect_aim(world, *drawn)
     else:
-        counted = rollouts.count(world, contender.controller, *drawn)
+        counted = count(world, contender.controller, *drawn)
     hit, fired = (each.reshape(cells, -1, each.shape[-1]) for each in (counted.hit, counted.fired))
     return _Shot(contender, hit, fired, counted.yaw_acceleration)
 

@@ -51,14 +51,14 @@ def count(world: World, controller: Controller, engagement: Engagement, normals:
         fired, hit, bend, finite = _run("count", world, controller, engagement, normals)
         if finite:
             return Counted(fired.T, hit.T, float(bend) / world.period_s**2)
-    shots = rollout(world, controller, engagement, normals)
+    shots = run_engagements(world, controller, engagement, normals)
     _check_finite(type(controller).__name__, shots.in_force)
     fired, hit = shots.shot.fired, shots.shot.fired & (shots.shot.margin >= 0.0)
     yaw = np.stack([shots.in_force[..., 1], shots.shot.angle[..., 1]])
     return Counted(fired, hit, float(_largest_bend(np.moveaxis(yaw, -1, 0))) / world.period_s**2)
 
 
-def rollout(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Rollout:
+def run_engagements(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Rollout:
     """Let a controller shoot and return everything of every decision.
 
     Args:
