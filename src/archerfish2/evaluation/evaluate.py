@@ -1,7 +1,7 @@
 """The evaluation of any controllers in any world: engagements drawn once, hits counted, differences paired."""
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, cast
@@ -223,23 +223,28 @@ def _shoot(
     total, done, found = len(named) * sum(engagements * suite.decisions for each in cells for suite in each), 0, []
     with progress.bar("evaluating", total, "shots") as advance:
         for part, suites in zip(parts, cells, strict=True):
-            drawn = draw(suites, engagements, seed, "evaluation", world.normals, world.plants)
-            outcomes = []
+            drawn, outcomes = draw(suites, engagements, seed, "evaluation", world.normals, world.plants), []
+            decisions = suites[0].decisions
             for name, value in named.items():
-                advance(done, f"{name}, {part.lengths_s[0]:g} s")
+
+                def report(members: int, before: int = done, each: int = decisions, note: str = name) -> None:
+                    advance(before + members * each, note)
+
+                report(0)
                 contender = _contender(name, value, robot, part, tuning)
-                outcomes.append(_shot(contender, world, drawn, len(suites)))
-                done += drawn[1].shape[0] * drawn[1].shape[1]
-                advance(done, name)
+                outcomes.append(_shot(contender, world, drawn, len(suites), report))
+                done += len(drawn[1]) * decisions
             found.append((suites, outcomes))
     return found
 
 
-def _shot(contender: Contender, world: World, drawn: tuple[Engagement, Any], cells: int) -> _Shot:
+def _shot(
+    contender: Contender, world: World, drawn: tuple[Engagement, Any], cells: int, report: Callable[[int], None]
+) -> _Shot:
     if contender.controller is None:
         counted = count_perfect_aim(world, *drawn)
     else:
-        counted = count(world, contender.controller, *drawn)
+        counted = count(world, contender.controller, *drawn, report)
     hit, fired = (each.reshape(cells, -1, each.shape[-1]) for each in (counted.hit, counted.fired))
     return _Shot(contender, hit, fired, counted.yaw_acceleration)
 

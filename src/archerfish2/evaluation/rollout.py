@@ -17,6 +17,9 @@ from archerfish2.dynamics.aiming import intercept
 from archerfish2.errors import InputError
 from archerfish2.protocols import Command, Controller, Engagement, Seen, Shot, World
 
+LARGEST = 2048
+"""Engagements that run at once."""
+
 
 class Rollout(NamedTuple):
     """Every decision of engagements of batch shape B, NumPy's arrays B + (T, ...)."""
@@ -35,18 +38,41 @@ class Counted(NamedTuple):
     yaw_acceleration: float | None  # largest mean over a period of command and motion [rad/s²]; None of perfect aim
 
 
-def count(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Counted:
+def count(
+    world: World,
+    controller: Controller,
+    engagement: Engagement,
+    normals: Array,
+    progress: Callable[[int], None] = lambda _: None,
+) -> Counted:
     """Let a controller shoot and return which decisions fired and which hit.
+
+    Many engagements run in equal parts of at most `LARGEST`, so that memory doesn't grow with their number.
 
     Args:
       world: where.
       controller: any.
       engagement: N of them.
       normals: standard normals of all decisions, shape (N, T, world.normals).
+      progress: gets how many engagements are done.
 
     Raises:
       InputError: if a command is not finite.
     """
+    number = len(normals)
+    size = -(-number // -(-number // LARGEST))
+    if size < number:
+        found = []
+        for start in range(0, number, size):
+            # The last part begins earlier, so that all are of one shape, which is compiled once.
+            places = slice(min(start, number - size), min(start, number - size) + size)
+            part = map_arrays(lambda each, places=places: each[places], engagement)
+            done = count(world, controller, part, normals[places])
+            found.append((done, start - places.start))
+            progress(places.stop)
+        fired = np.concatenate([part.fired[skip:] for part, skip in found])
+        hit = np.concatenate([part.hit[skip:] for part, skip in found])
+        return Counted(fired, hit, max(part.yaw_acceleration or 0.0 for part, _ in found))
     if _compiled(world) and _compiled(controller):
         fired, hit, bend, finite = _run("count", world, controller, engagement, normals)
         if finite:
