@@ -43,6 +43,7 @@ os.environ.update(
     JAX_NUM_CPU_DEVICES="2",  # a training takes a device for each of its shards
     JAX_NUMPY_RANK_PROMOTION="raise",  # a silent broadcast of (3,) against (2, 3) is how batch dimensions get mixed up
     TF_CPP_MIN_LOG_LEVEL="3",  # on some processors XLA prints a page about every kept program (openxla/xla issue 44565)
+    COLUMNS="110",  # tables are printed for the terminal
     OMP_NUM_THREADS="1",
     OPENBLAS_NUM_THREADS="1",
     MKL_NUM_THREADS="1",

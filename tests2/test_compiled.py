@@ -17,9 +17,9 @@ def test_programs_are_kept_in_the_folder_that_is_named_or_in_that_of_jax(run_pyt
 
 def test_the_cache_is_the_users_unless_it_is_off(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("ARCHERFISH_CACHE", raising=False)
-    assert compiled.cache_folder().parts[-3:-1] == ("archerfish", "jax")
+    assert compiled.cache_folder("jax").parts[-2:] == ("archerfish", "jax")
     monkeypatch.setenv("ARCHERFISH_CACHE", "off")
-    assert compiled.cache_folder() is None
+    assert compiled.cache_folder("jax") is None
 
 
 def test_without_jax_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,7 +1,7 @@
 """The evaluation of any controllers in any world: engagements drawn once, hits counted, differences paired."""
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, cast
@@ -13,10 +13,10 @@ from archerfish2 import progress, provenance
 from archerfish2.arrays import map_arrays
 from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, check_decision, make_controller
 from archerfish2.errors import InputError
-from archerfish2.evaluation import rollout as rollouts
 from archerfish2.evaluation.hit_rate import hit_rate, paired_difference
 from archerfish2.evaluation.published import with_bounds
 from archerfish2.evaluation.results import Cell, Comparison, Kind, Results, pairs_to_compare
+from archerfish2.evaluation.rollout import count, count_perfect_aim
 from archerfish2.evaluation.suites import draw
 from archerfish2.evaluation.tuning import BUDGET, tune
 from archerfish2.paper.tables import printed_rate
@@ -33,7 +33,7 @@ PERFECT = "perfect"
 class Contender(NamedTuple):
     """A controller under the name that results give it."""
 
-    name: str
+    name: str  # its own
     controller: Controller | None  # for the length that is shot; None: perfect aim
     kind: Kind
     seed: int | None = None  # of a policy's training
@@ -223,23 +223,28 @@ def _shoot(
     total, done, found = len(named) * sum(engagements * suite.decisions for each in cells for suite in each), 0, []
     with progress.bar("evaluating", total, "shots") as advance:
         for part, suites in zip(parts, cells, strict=True):
-            drawn = draw(suites, engagements, seed, "evaluation", world.normals, world.plants)
-            outcomes = []
+            drawn, outcomes = draw(suites, engagements, seed, "evaluation", world.normals, world.plants), []
+            decisions = suites[0].decisions
             for name, value in named.items():
-                advance(done, f"{name}, {part.lengths_s[0]:g} s")
+
+                def report(members: int, before: int = done, each: int = decisions, note: str = name) -> None:
+                    advance(before + members * each, note)
+
+                report(0)
                 contender = _contender(name, value, robot, part, tuning)
-                outcomes.append(_shot(contender, world, drawn, len(suites)))
-                done += drawn[1].shape[0] * drawn[1].shape[1]
-                advance(done, name)
+                outcomes.append(_shot(contender, world, drawn, len(suites), report))
+                done += len(drawn[1]) * decisions
             found.append((suites, outcomes))
     return found
 
 
-def _shot(contender: Contender, world: World, drawn: tuple[Engagement, Any], cells: int) -> _Shot:
+def _shot(
+    contender: Contender, world: World, drawn: tuple[Engagement, Any], cells: int, report: Callable[[int], None]
+) -> _Shot:
     if contender.controller is None:
-        counted = rollouts.count_perfect_aim(world, *drawn)
+        counted = count_perfect_aim(world, *drawn)
     else:
-        counted = rollouts.count(world, contender.controller, *drawn)
+        counted = count(world, contender.controller, *drawn, report)
     hit, fired = (each.reshape(cells, -1, each.shape[-1]) for each in (counted.hit, counted.fired))
     return _Shot(contender, hit, fired, counted.yaw_acceleration)
 

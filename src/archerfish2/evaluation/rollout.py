@@ -17,6 +17,9 @@ from archerfish2.dynamics.aiming import intercept
 from archerfish2.errors import InputError
 from archerfish2.protocols import Command, Controller, Engagement, Seen, Shot, World
 
+LARGEST = 2048
+"""Engagements that run at once."""
+
 
 class Rollout(NamedTuple):
     """Every decision of engagements of batch shape B, NumPy's arrays B + (T, ...)."""
@@ -35,30 +38,53 @@ class Counted(NamedTuple):
     yaw_acceleration: float | None  # largest mean over a period of command and motion [rad/s²]; None of perfect aim
 
 
-def count(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Counted:
+def count(
+    world: World,
+    controller: Controller,
+    engagement: Engagement,
+    normals: Array,
+    progress: Callable[[int], None] = lambda _: None,
+) -> Counted:
     """Let a controller shoot and return which decisions fired and which hit.
+
+    Many engagements run in equal parts of at most `LARGEST`, so that memory doesn't grow with their number.
 
     Args:
       world: where.
       controller: any.
       engagement: N of them.
       normals: standard normals of all decisions, shape (N, T, world.normals).
+      progress: gets how many engagements are done.
 
     Raises:
       InputError: if a command is not finite.
     """
+    number = len(normals)
+    size = -(-number // -(-number // LARGEST))
+    if size < number:
+        found = []
+        for start in range(0, number, size):
+            # The last part begins earlier, so that all are of one shape, which is compiled once.
+            places = slice(min(start, number - size), min(start, number - size) + size)
+            part = map_arrays(lambda each, places=places: each[places], engagement)
+            done = count(world, controller, part, normals[places])
+            found.append((done, start - places.start))
+            progress(places.stop)
+        fired = np.concatenate([part.fired[skip:] for part, skip in found])
+        hit = np.concatenate([part.hit[skip:] for part, skip in found])
+        return Counted(fired, hit, max(part.yaw_acceleration or 0.0 for part, _ in found))
     if _compiled(world) and _compiled(controller):
         fired, hit, bend, finite = _run("count", world, controller, engagement, normals)
         if finite:
             return Counted(fired.T, hit.T, float(bend) / world.period_s**2)
-    shots = rollout(world, controller, engagement, normals)
+    shots = run_engagements(world, controller, engagement, normals)
     _check_finite(type(controller).__name__, shots.in_force)
     fired, hit = shots.shot.fired, shots.shot.fired & (shots.shot.margin >= 0.0)
     yaw = np.stack([shots.in_force[..., 1], shots.shot.angle[..., 1]])
     return Counted(fired, hit, float(_largest_bend(np.moveaxis(yaw, -1, 0))) / world.period_s**2)
 
 
-def rollout(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Rollout:
+def run_engagements(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Rollout:
     """Let a controller shoot and return everything of every decision.
 
     Args:

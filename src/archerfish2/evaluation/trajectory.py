@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from archerfish2.arrays import map_arrays
 from archerfish2.controllers.registry import GRIDS, make_controller
 from archerfish2.dynamics.aiming import line_of_sight
-from archerfish2.evaluation import rollout as rollouts
 from archerfish2.evaluation.evaluate import find_world, load_robot, load_task
+from archerfish2.evaluation.rollout import run_engagements
 from archerfish2.evaluation.suites import draw
 from archerfish2.evaluation.tuning import tune
 from archerfish2.protocols import Command, Engagement, Seen, Shot
@@ -85,7 +85,7 @@ def rollout(
     engagement, normals = map_arrays(lambda values: values[places], engagement), normals[places]
     tuning = tune(controller, robot, task) if isinstance(controller, str) and controller in GRIDS else None
     made = make_controller(controller, robot, part, tuning)
-    seen, command, in_force, shot = rollouts.rollout(found, made, engagement, normals)
+    seen, command, in_force, shot = run_engagements(found, made, engagement, normals)
     times = np.arange(normals.shape[1], dtype=np.float32) * np.float32(found.period_s)
     fired_at = (times + np.float32(found.period_s))[:, None] + np.zeros((1, engagements), np.float32)
     target = np.moveaxis(np.asarray(engagement.target.at(fired_at).position[..., 0, :]), 0, 1)

@@ -58,22 +58,28 @@ class Entry(Struct, frozen=True, kw_only=True, eq=True):
     """A tuning that is kept, with all that it depends on."""
 
     controller: str
+    """One of `GRIDS`."""
     robot: str
     """Digest of the records."""
     task: Task
+    """Without its name."""
     grids: str
     """What was searched."""
     version: str
     """Of Archerfish."""
     tuning: Tuning
+    """The best settings."""
     hit_rate: Annotated[float, Meta(ge=0.0, le=1.0)]
+    """On the tuning draws."""
     tried: Annotated[int, Meta(ge=1, le=10_000)]
+    """Settings tried."""
 
 
 class Kept(Struct, frozen=True, kw_only=True):
     """The content of tuning.json."""
 
     tunings: tuple[Entry, ...] = ()
+    """In the order of their making."""
 
 
 def tune(name: str, robot: Robot, task: Task, progress: Progress = lambda *_: None) -> Tuning:

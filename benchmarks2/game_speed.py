@@ -1,0 +1,186 @@
+"""Shots per second of evaluations, and decisions per second of the world alone, against the first edition.
+
+Each edition runs in a process of its own; the two alternate, and medians of the pairs are compared:
+`python benchmarks2/game_speed.py`. The paper's robot under `gate`, eight cells with 100 engagements each. The goal is
+at least 0.95 of the first edition's figures. The machine should do nothing else.
+"""
+
+import argparse
+import importlib
+import importlib.metadata
+import json
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+CONTROLLERS = ("kalman", "kalman-lq", "imm-lq", "oracle")
+MEMBERS = (512, 4096)
+STEPS = 50
+
+
+def first_edition() -> dict[str, Callable[[], int]]:
+    """Return what is measured of the first edition: name → a function that returns how many shots or decisions."""
+    import jax
+    import numpy as np
+
+    from archerfish.cli.evaluation_run import EvaluationTask, classical_entrant, make_ground
+    from archerfish.cli.setting import SettingFiles, load_setting
+    from archerfish.controllers.roster import Tuning
+    from archerfish.evaluation.trial import fight
+    from archerfish.paper.tuning import paper_settings
+    from archerfish.sensing.interfaces import fire_always
+
+    names = {"kalman": "kalman-tuned"}
+    tuning = {name: Tuning(**settings) for name, settings in paper_settings("gate").items()}
+    task = EvaluationTask(load_setting(SettingFiles()), "gate", 100, 0, tuning=tuning)
+    ground = make_ground(task)
+
+    def evaluation(name: str) -> Callable[[], int]:
+        controller = classical_entrant(task, names.get(name, name)).controller
+        return lambda: fight(ground.world, controller, ground.trials).hits(0.06).size
+
+    def steps(members: int) -> Callable[[], int]:
+        world, engagements, normals = jax.tree.map(
+            jax.numpy.asarray, (ground.world, *_members(ground.trials.engagements, ground.trials.draws, members))
+        )
+        program = jax.jit(lambda world, state, angle, drawn: world.shoot(state, fire_always(angle), drawn)[0])
+        begun = jax.jit(lambda world, *rest: world.begin(*rest))(world, engagements, normals[:, 0])
+        return _stepped(lambda state, angle: program(world, state, angle, normals[:, 0]), begun, members, np)
+
+    return {name: evaluation(name) for name in CONTROLLERS} | {f"step, {n}": steps(n) for n in MEMBERS}
+
+
+def second_edition() -> dict[str, Callable[[], int]]:
+    """Return the same of the second edition."""
+    import numpy as np
+
+    from archerfish2.compiled import import_jax
+    from archerfish2.controllers.registry import make_controller
+    from archerfish2.evaluation.rollout import count
+    from archerfish2.evaluation.suites import draw
+    from archerfish2.evaluation.tuning import tune
+    from archerfish2.protocols import aim
+    from archerfish2.robot import Robot
+    from archerfish2.simulation.world import make_world
+    from archerfish2.task import Task
+
+    jax, robot, task = import_jax(), Robot.paper(), Task.load("paper")
+    world = make_world(robot, task)
+    engagements, normals = draw(task.cells(), 100, 0, "evaluation", world.normals, world.plants)
+
+    def evaluation(name: str) -> Callable[[], int]:
+        controller = make_controller(name, robot, task, None if name == "oracle" else tune(name, robot, task))
+        return lambda: count(world, controller, engagements, normals).hit.size
+
+    def steps(members: int) -> Callable[[], int]:
+        own, engagement, drawn = jax.tree.map(jax.numpy.asarray, (world, *_members(engagements, normals, members)))
+        program = jax.jit(lambda world, state, angle, drawn: world.step(state, aim(angle), drawn)[0])
+        begun = jax.jit(lambda world, *rest: world.begin(*rest))(own, engagement, drawn[:, :1])
+        return _stepped(lambda state, angle: program(own, state, angle, drawn[:, 0]), begun, members, np)
+
+    return {name: evaluation(name) for name in CONTROLLERS} | {f"step, {n}": steps(n) for n in MEMBERS}
+
+
+def _members(engagements: Any, normals: Any, count: int) -> tuple[Any, Any]:
+    import jax
+    import numpy as np
+
+    places = np.arange(count) % len(normals)
+    return jax.tree.map(lambda each: np.asarray(each)[places], engagements), normals[places]
+
+
+def _stepped(step: Callable[[Any, Any], Any], begun: Any, members: int, np: Any) -> Callable[[], int]:
+    jax: Any = importlib.import_module("jax")
+    angle = jax.numpy.asarray(np.full((members, 2), 0.05, np.float32))
+
+    def run() -> int:
+        state = begun
+        for _ in range(STEPS):
+            state = step(state, angle)
+        jax.block_until_ready(state)
+        return members * STEPS
+
+    return run
+
+
+def work(edition: str) -> None:
+    """Serve a parent: for each name on standard input run it and print count, wall and processor time [s]."""
+    functions = {"first": first_edition, "second": second_edition}[edition]()
+    for function in functions.values():
+        function()
+    print("ready", flush=True)
+    for line in sys.stdin:
+        wall, spent, count = time.perf_counter(), time.process_time(), 0
+        while time.perf_counter() - wall < 0.4:
+            count += functions[line.strip()]()
+        print(json.dumps([count, time.perf_counter() - wall, time.process_time() - spent]), flush=True)
+
+
+def main() -> None:
+    """Measure, print a table and write results/game_speed.json."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--pairs", type=int, default=7)
+    parser.add_argument("--edition", choices=("first", "second"), help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.edition:
+        work(options.edition)
+        return
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "TF_CPP_MIN_LOG_LEVEL": "3"}
+    processes = {
+        edition: subprocess.Popen(
+            [sys.executable, __file__, "--edition", edition],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=environment,
+        )
+        for edition in ("first", "second")
+    }
+
+    def measure(edition: str, name: str) -> tuple[float, float]:
+        process = processes[edition]
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(f"{name}\n")
+        process.stdin.flush()
+        count, wall, spent = json.loads(process.stdout.readline())
+        return count / wall, count / spent
+
+    for process in processes.values():
+        assert process.stdout is not None
+        process.stdout.readline()
+    rows = {}
+    print(f"{'':12} {'first':>12} {'second':>12} {'ratio':>7} {'of processor time':>18}   per second, medians")
+    for name in (*CONTROLLERS, *(f"step, {n}" for n in MEMBERS)):
+        pairs = []
+        for number in range(options.pairs):
+            order = ("first", "second") if number % 2 else ("second", "first")
+            pairs.append({edition: measure(edition, name) for edition in order})
+        first, second = (statistics.median(pair[edition][0] for pair in pairs) for edition in ("first", "second"))
+        ratios = [statistics.median(pair["second"][k] / pair["first"][k] for pair in pairs) for k in range(2)]
+        rows[name] = {"first": round(first), "second": round(second), "ratio": round(ratios[0], 3)}
+        rows[name]["ratio_of_processor_time"] = round(ratios[1], 3)
+        print(f"{name:12} {first:12,.0f} {second:12,.0f} {ratios[0]:7.3f} {ratios[1]:18.3f}", flush=True)
+    for process in processes.values():
+        process.terminate()
+    conditions = {
+        "pairs": options.pairs,
+        "cores": os.cpu_count(),
+        "machine": platform.machine(),
+        "load": round(os.getloadavg()[0], 1),
+        "versions": {name: importlib.metadata.version(name) for name in ("jax", "numpy")},
+    }
+    path = ROOT / "benchmarks2" / "results" / "game_speed.json"
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(json.dumps({"conditions": conditions, "per_second": rows}, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
