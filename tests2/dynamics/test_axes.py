@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
+from scipy.signal import dlsim
 
 from archerfish2.dynamics import delayed_axis as delayed
 from archerfish2.dynamics import linear_axis as linear
@@ -23,52 +24,43 @@ def with_draws(plant, gains, delays):
     return plant.replace(draws=draws, draw_delays=np.array(delays))
 
 
-class ByTheTick:
-    """An axis simulated tick by tick, its commands a list of arrivals: what the products must come to."""
-
-    def __init__(self, plant, start):
-        self.plant, self.now, self.arrivals, self.ended = plant, 0, [(-1000, start)], [plant.dc_gain.item() * start]
-        self.state = np.linalg.solve(np.eye(len(plant.A)) - plant.A, plant.B[:, 0]) * start
-
-    def send(self, command, latency=0):
-        self.arrivals.append((max(self.now + latency + self.plant.delay_samples, self.arrivals[-1][0]), command))
-
-    def run(self, ticks):
-        for _ in range(ticks):
-            self.state = self.plant.A @ self.state + self.plant.B[:, 0] * self.command()
-            self.ended.append(self.angle())  # under the command of the tick that ends
-            self.now += 1
-
-    def command(self):
-        return [command for arrival, command in self.arrivals if arrival <= self.now][-1]
-
-    def angle(self):
-        return (self.plant.C @ self.state + self.plant.D[:, 0] * self.command()).item()
+def by_the_tick(plant, start, sent, ticks):
+    """Return states and inputs at each tick, of commands (tick sent, latency, command), as SciPy simulates them."""
+    inputs, latest = np.full(ticks + 1, start), 0
+    for tick, latency, command in sent:
+        latest = max(latest, tick + latency + plant.delay_samples)
+        inputs[latest:] = command
+    rest = np.linalg.solve(np.eye(len(plant.A)) - plant.A, plant.B[:, 0]) * start
+    return dlsim((plant.A, plant.B, plant.C, plant.D, 1), inputs, x0=rest)[2] @ plant.C[0], inputs
 
 
 @pytest.mark.parametrize(("longest", "whole"), [(0, 1), (0, 20), (35, 20), (110, 20)])
 def test_commands_of_random_latency_act_as_they_do_tick_by_tick(longest, whole):
     rng, start, period = np.random.default_rng(11), np.array([0.1, -0.2]), 1e-3 * whole
     model, gimbal = linear.gimbal_model(PITCH, YAW, period), delayed.delayed_gimbal(PITCH, YAW, period)
-    coarse, axes = linear.rest_state(model, start), [ByTheTick(PITCH, 0.1), ByTheTick(YAW, -0.2)]
-    state = delayed.rest_under(gimbal, ONE, start, delayed.longest_wait(gimbal, longest))
+    coarse, places = linear.rest_state(model, start), delayed.longest_wait(gimbal, longest)
+    state = delayed.rest_under(gimbal, ONE, start, places)
+    sent, found, ends = [], [(0, *delayed.angle_and_rate(gimbal, ONE, state))], []
     for _ in range(60):
-        command, latency, part = rng.uniform(-0.5, 0.5, 2), rng.integers(0, longest + 1), rng.integers(0, whole)
-        coarse, state = linear.advance(model, coarse, command), delayed.send(gimbal, ONE, state, command, latency / 1e3)
-        for axis, each in zip(axes, command, strict=True):
-            axis.send(each, latency)
-        for ticks in (part, 1, whole - part - 1):
-            before, rate = delayed.angle_and_rate(gimbal, ONE, state)
+        command, latency, part = rng.uniform(-0.5, 0.5, 2), rng.integers(0, longest + 1), rng.integers(0, whole + 1)
+        sent.append((found[-1][0], latency, command))
+        state = delayed.send(gimbal, ONE, state, command, latency / 1e3)
+        for ticks in (part, whole - part):
             state = delayed.run(gimbal, ONE, state, np.asarray(float(ticks)))
-            for axis in axes:
-                axis.run(ticks)
-            angle = delayed.angle_and_rate(gimbal, ONE, state)[0]
-            assert_allclose(angle, [axis.angle() for axis in axes], atol=1e-12)
-            assert ticks != 1 or rate[1] == pytest.approx((angle - before)[1] / 1e-3, abs=1e-9)
-        if longest == 0:
-            assert_allclose(linear.gimbal_angle(model, coarse), [axis.ended[-1] for axis in axes], atol=1e-12)
-            rates = [(axis.ended[-1] - axis.ended[-2]) / 1e-3 for axis in axes]
-            assert_allclose(linear.gimbal_rate(model, coarse), rates, atol=1e-9)
+            found.append((found[-1][0] + ticks, *delayed.angle_and_rate(gimbal, ONE, state)))
+        coarse = linear.advance(model, coarse, command)
+        ends.append((linear.gimbal_angle(model, coarse), linear.gimbal_rate(model, coarse)))
+    ticks, angles, rates = (np.array(each) for each in zip(*found[1:], strict=True))
+    for axis, plant in enumerate((PITCH, YAW)):
+        alone = [(tick, latency, command[axis]) for tick, latency, command in sent]
+        states, inputs = by_the_tick(plant, start[axis], alone, ticks[-1] + 1)
+        through = plant.D.item() * inputs
+        assert_allclose(angles[:, axis], (states + through)[ticks], atol=1e-12)
+        assert_allclose(rates[:, axis], np.diff(states)[ticks] / 1e-3, atol=1e-9)
+        if longest == 0:  # at its end a command is still in force
+            ended = states[1:] + through[:-1]
+            assert_allclose(np.array(ends)[:, 0, axis], ended[ticks[1::2] - 1], atol=1e-12)
+            assert_allclose(np.array(ends)[1:, 1, axis], np.diff(ended)[ticks[3::2] - 2] / 1e-3, atol=1e-9)
 
 
 @pytest.mark.parametrize("yaw", [YAW, with_draws(YAW, [1.0, 0.5, 0.2, 9.0], [27, 1, 4, 9])])
@@ -99,31 +91,10 @@ def test_a_refined_axis_is_the_plant_sampled_more_often_and_one_without_a_root_s
 def test_periods_that_do_not_fit_and_several_inputs_are_refused():
     with pytest.raises(InputError, match=r"same sampling period, got 0\.001 s for pitch and 0\.002 s for yaw"):
         delayed.delayed_gimbal(PITCH, YAW.replace(sample_period_s=0.002), PERIOD)
-    for build, period in ((delayed.delayed_gimbal, 0.0205), (linear.gimbal_model, 0.0004)):
-        with pytest.raises(InputError, match=r"multiple of the plant's sampling period 0\.001 s, got 0\.0"):
-            build(PITCH, YAW, period)
+    with pytest.raises(InputError, match=r"multiple of the plant's sampling period 0\.001 s, got 0\.0205 s"):
+        linear.gimbal_model(PITCH, YAW, 0.0205)
     with pytest.raises(InputError, match="must have one input, got 2"):
-        linear.gimbal_model(
-            PlantRecord.from_state_space(YAW.A, YAW.A[:, :2], YAW.C, np.zeros((1, 2)), 1e-3), YAW, PERIOD
-        )
-
-
-def test_numpy_and_jax_move_axes_alike(batch, agree):
-    rng, pitch = np.random.default_rng(14), with_draws(PITCH, [1.0, 2.0], [0, 3])
-    models = linear.gimbal_model(PITCH, YAW, PERIOD, latency_s=0.013), delayed.delayed_gimbal(pitch, YAW, PERIOD)
-    commands, latency = rng.uniform(-0.3, 0.3, (2, *batch, 2)), rng.uniform(0.0, 0.03, batch)
-
-    def moved(models, draw, commands, latency, arm):
-        whole, gimbal = models
-        state = delayed.send(gimbal, draw, delayed.rest_under(gimbal, draw, commands[0], 5), commands[1], latency)
-        angle = delayed.angle_and_rate(gimbal, draw, delayed.run(gimbal, draw, state, 400.0 * latency))[0]
-        coarse = linear.advance(whole, linear.rest_state(whole, commands[0]), commands[1])
-        held = arm, RigidState(*commands[..., 0]), commands[0, ..., 1]
-        friction = dry_friction(*held, commands[1, ..., 1] ** 2, 2e-3)
-        return angle, linear.gimbal_angle(whole, coarse), friction, rigid_step(*held, 1e-3)
-
-    arm, draw = RigidAxis(*rng.uniform(0.1, 1.0, (4, *batch))), rng.integers(0, 2, batch, dtype=np.int32)
-    agree(moved, models, draw, commands, latency, arm, rtol=1e-4, atol=1e-5)
+        linear.axis_of(PlantRecord.from_state_space(YAW.A, YAW.A[:, :2], YAW.C, np.zeros((1, 2)), 1e-3))
 
 
 def test_a_rigid_axis_solves_eq_1():

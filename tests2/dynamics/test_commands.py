@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from archerfish2.arrays import single_precision
-from archerfish2.dynamics.command_limits import CommandLimits, limit_command, named_limits
+from archerfish2.dynamics.command_limits import limit_command, named_limits
 from archerfish2.dynamics.slew import approach
 from archerfish2.errors import InputError
 from archerfish2.paper.gimbal import gate_limits
@@ -65,13 +65,3 @@ def test_a_slew_takes_the_gate_to_its_aim_in_the_shortest_time_and_stops_there()
 def test_an_unknown_limit_is_refused():
     with pytest.raises(InputError, match="one of box, gate, los-2deg, got 'fence'; choose one"):
         named_limits("fence", gate_limits())
-
-
-def test_numpy_and_jax_limit_alike(batch, agree):
-    state = np.random.default_rng(15).uniform(-0.4, 0.4, (4, *batch, 2))
-
-    def both(limits, *state):
-        limits = CommandLimits(*limits)
-        return limit_command(limits, *state, PERIOD), approach(limits, *state[:2], PERIOD)
-
-    agree(both, (*GATE[:4], LEAD.max_lead), *state)
