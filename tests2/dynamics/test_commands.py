@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose
 from archerfish2.arrays import single_precision
 from archerfish2.dynamics.command_limits import limit_command, named_limits
 from archerfish2.dynamics.slew import approach
-from archerfish2.errors import InputError
 from archerfish2.paper.gimbal import gate_limits
 
 PERIOD = np.float32(0.02)
@@ -60,8 +59,3 @@ def test_a_slew_takes_the_gate_to_its_aim_in_the_shortest_time_and_stops_there()
     assert np.all(yaw >= aim[1] - 1e-6)
     assert np.argmax(yaw == aim[1]) <= math.ceil(2.0 * math.sqrt(1.2 / GATE.max_acceleration[1]) / 0.02) + 1
     assert np.array_equal(found[-1], aim)
-
-
-def test_an_unknown_limit_is_refused():
-    with pytest.raises(InputError, match="one of box, gate, los-2deg, got 'fence'; choose one"):
-        named_limits("fence", gate_limits())
