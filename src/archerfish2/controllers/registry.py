@@ -91,11 +91,9 @@ def _build(name: str, robot: Robot, task: Task, tuning: Tuning) -> Any:
     acceleration = np.asarray(tuning.acceleration_sd)
     noise = noise_from_record(sensing, tuning.acceleration_sd) if sensing else TrackerNoise(acceleration, sd, sd)
     noise = noise._replace(initial_speed=np.asarray(tuning.initial_speed))
-    predictor: Predictor = ConstantVelocity(noise, np.asarray(tuning.velocity_decay))
+    predictor: Predictor = Hold() if name == "no-lead" else ConstantVelocity(noise, np.asarray(tuning.velocity_decay))
     if name in ("kalman", "kalman-paper"):
         return DirectAim(predictor, muzzle, robot.command_limits(task), period + tuning.extra_lead_s, period)
-    if name == "no-lead":
-        predictor = Hold()
     if name == "imm-lq":
         rates = ModelRates(*(np.asarray(each) for each in (tuning.turn_rate, STOP_RATE, STILL)))
         predictor = Manoeuvring(noise, rates, np.asarray(task.hit_radius_m), muzzle.sd[1])
@@ -168,8 +166,9 @@ def check_decision(controller: Any, seen: Seen, truth: Truth | None = None) -> N
         state = controller.reset(seen, truth)
         answer = controller.step(state, seen)
         if not isinstance(answer, tuple) or len(answer) != 2 or not isinstance(answer[1], Command):
-            kind = f"a {type(answer).__name__}"
-            raise InputError(f"{place}step returns {kind}, expected (state, Command); protocols.aim(angle) makes one")
+            raise InputError(
+                f"{place}step returns a {type(answer).__name__}, expected (state, Command); see protocols.aim"
+            )
         after, command = answer
         for name, shape in Command((2,), (2,), (), ())._asdict().items():
             value, expected = np.asarray(getattr(command, name)), (*seen.elapsed.shape, *shape)
