@@ -139,6 +139,15 @@ def agree(quick_jit: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @pytest.fixture(scope="session")
+def conformance() -> Any:
+    """Return the module of the conformance world, with `build` and `engagements`."""
+    spec = importlib.util.spec_from_file_location("conformance_world", ROOT / "tests2" / "conformance" / "world.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
 def run_python() -> Callable[..., str]:
     """Run Python in a process of its own, where the modules named by `blocked` can't be imported; return its output."""
 
