@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from archerfish2.arrays import is_tree, leaves, map_arrays, single_precision
+from archerfish2.compiled import has_jax, import_jax
 from archerfish2.controllers.kalman import ConstantVelocity, DirectAim, Predictor
 from archerfish2.controllers.manoeuvring import Manoeuvring
 from archerfish2.controllers.oracle import make_oracle
@@ -126,7 +127,7 @@ def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | 
         meant = f"perhaps you meant {near[0]}" if near else "name one of these"
         expected = f"{', '.join(NAMES)}, or one of your own ({FORMS})"
         raise InputError(f"controller must be one of {expected}, got {controller!r}; {meant}")
-    plugin = find_plugin(controller, "controller") if isinstance(controller, str) else _plugin(controller)
+    plugin = find_plugin(controller, "controller") if isinstance(controller, str) else object_plugin(controller)
     with plugin.running():
         built = plugin.value
         if isinstance(built, type) or (callable(built) and not hasattr(built, "step")):
@@ -141,15 +142,17 @@ def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | 
         return single_precision(built)
 
 
-def _plugin(value: Any) -> Plugin:
+def object_plugin(value: Any, kind: str = "controller") -> Plugin:
     """Return an object as if it had been found by name."""
     file = getattr(sys.modules.get(getattr(value, "__module__", "")), "__file__", None) or ""
     name = getattr(value, "__name__", type(value).__name__)
-    return Plugin(f"{file}:{name}", "controller", name, value, file)
+    return Plugin(f"{file}:{name}", kind, name, value, file)
 
 
 def check_decision(controller: Any, seen: Seen, truth: Truth | None = None) -> None:
-    """Let a controller decide once, in NumPy, and refuse what is no decision, in one line that names its file and line.
+    """Let a controller decide once, in NumPy and, where it is compiled, traced; refuse what is no decision.
+
+    What is refused is said in one line that names the controller's file and line.
 
     Args:
       controller: to try; what it does is not judged.
@@ -160,7 +163,7 @@ def check_decision(controller: Any, seen: Seen, truth: Truth | None = None) -> N
       InputError: if its code fails, it returns anything but a state and a command, the command has other shapes or
         types, or angles that are not finite, or a compiled controller's state changes its structure.
     """
-    plugin, code = _plugin(controller), getattr(controller.step, "__code__", None)
+    plugin, code = object_plugin(controller), getattr(controller.step, "__code__", None)
     place = f"line {code.co_firstlineno}: " if code else ""
     with plugin.running():
         state = controller.reset(seen, truth)
@@ -178,8 +181,11 @@ def check_decision(controller: Any, seen: Seen, truth: Truth | None = None) -> N
                 raise InputError(f"{place}step commands fire of {value.dtype}, expected bool; compare, as in x > 0.5")
             if name in ("angle", "rate") and not np.all(np.isfinite(value)):
                 raise InputError(f"{place}step commands {name} that are not finite, expected rad; correct it")
-        if getattr(controller, "compiled", is_tree(controller)) and _outline(after) != _outline(state):
-            raise InputError(f"{place}step returns a state unlike that of reset, expected equal shapes; correct it")
+        if getattr(controller, "compiled", is_tree(controller)):
+            if _outline(after) != _outline(state):
+                raise InputError(f"{place}step returns a state unlike that of reset, expected equal shapes; correct it")
+            if has_jax():
+                import_jax().eval_shape(lambda c, now, truth: c.step(c.reset(now, truth), now), controller, seen, truth)
 
 
 def _outline(state: Any) -> str:

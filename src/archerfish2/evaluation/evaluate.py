@@ -1,5 +1,6 @@
 """The evaluation of any controllers in any world: engagements drawn once, hits counted, differences paired."""
 
+import itertools
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -10,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish2 import progress, provenance
-from archerfish2.arrays import map_arrays
-from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, check_decision, make_controller
+from archerfish2.arrays import is_tree, leaves, map_arrays, single_precision
+from archerfish2.compiled import has_jax, import_jax
+from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, check_decision, make_controller, object_plugin
 from archerfish2.errors import InputError
 from archerfish2.evaluation.hit_rate import hit_rate, paired_difference
 from archerfish2.evaluation.published import with_bounds
@@ -21,7 +23,7 @@ from archerfish2.evaluation.suites import draw
 from archerfish2.evaluation.tuning import BUDGET, tune
 from archerfish2.paper.tables import printed_rate
 from archerfish2.plugins import find_plugin
-from archerfish2.protocols import Controller, Engagement, World
+from archerfish2.protocols import Controller, Engagement, Seen, Shot, World, aim
 from archerfish2.robot import Robot
 from archerfish2.simulation.world import SimulatedWorld, make_world
 from archerfish2.task import Suite, Task
@@ -65,8 +67,8 @@ def evaluate(
         and `step`; or a mapping from the names that results give them.
       robot: its records, or their folder; the paper's if not given.
       task: or its name or TOML file.
-      world: where to shoot instead of in the robot's simulator: a `World`, "./FILE.py:NAME", or anything with
-        `world(robot, task)`.
+      world: where to shoot instead of in the robot's simulator: a `World`, a function of robot and task that returns
+        one, "./FILE.py:NAME" of either, or anything with `world(robot, task)`.
       engagements: per cell, at least 2.
       seed: of engagements and dispersion.
       tuned: whether classical controllers are tuned for robot and task first, on draws that no evaluation has; what
@@ -78,13 +80,15 @@ def evaluate(
     robot, task = load_robot(robot), load_task(task)
     if not 2 <= engagements <= 1_000_000:
         raise InputError(f"engagements must be 2…1000000 for an interval, got {engagements}; give more of them")
+    if seed < 0:
+        raise InputError(f"seed must be at least 0, got {seed}; choose another")
     found = find_world(world, robot, task)
     named = _named(controllers)
     durations: dict[str, float] = {}
     with _timed(durations, "checks"):
-        _check(named, found, robot, task)
+        check_controllers(named, found, robot, task)
     with _timed(durations, "tuning"):
-        tuning = _tune([value for value in named.values() if isinstance(value, str)], robot, task) if tuned else {}
+        tuning = _tune([value for _, value in named if isinstance(value, str)], robot, task) if tuned else {}
     with _timed(durations, "evaluation"):
         shots = _shoot(named, tuning, found, robot, task, (engagements, seed))
     cells: list[Cell] = []
@@ -120,44 +124,61 @@ def find_world(world: Any, robot: Robot, task: Task) -> World:
     """Return the robot's simulator, or the world that was given instead; see `evaluate`.
 
     Raises:
-      InputError: if it lacks what a world has, or has another decision period than the task.
+      InputError: if it lacks what a world has, has another decision period than the task, or its code fails.
     """
     if world is None:
         return make_world(robot, task)
-    if isinstance(world, str):
-        plugin = find_plugin(world, "world")
-        with plugin.running():
-            world = plugin.value
-            if callable(world) and not hasattr(world, "begin"):
-                world = world(robot, task)
-    elif hasattr(world, "world"):
-        world = world.world(robot, task)
-    names = ("name", "compiled", "period_s", "normals", "plants", "begin", "see", "step", "truth")
-    missing = [name for name in names if not hasattr(world, name)]
-    if missing:
-        raise InputError(f"world: a {type(world).__name__} lacks {', '.join(missing)}; give it what `World` has")
-    if abs(world.period_s - task.period_s) > 1e-6:
-        raise InputError(
-            f"world: its decision period is {world.period_s} s, the task's {task.period_s} s; make them equal"
-        )
-    found: World = world
-    return found
+    plugin = find_plugin(world, "world") if isinstance(world, str) else object_plugin(world, "world")
+    with plugin.running():
+        found = plugin.value
+        if hasattr(found, "world"):
+            found = found.world(robot, task)
+        elif isinstance(found, type) or (callable(found) and not hasattr(found, "begin")):
+            found = found(robot, task)
+        names = ("name", "compiled", "period_s", "normals", "plants", "begin", "see", "step", "truth")
+        missing = [name for name in names if not hasattr(found, name)]
+        if missing:
+            raise InputError(f"a {type(found).__name__} lacks {', '.join(missing)}; give it what `World` has")
+        if abs(found.period_s - task.period_s) > 1e-6:
+            periods = f"{found.period_s:g} s, the task's {task.period_s:g} s"
+            raise InputError(f"the decision period of a {type(found).__name__} is {periods}; make them equal")
+        return _checked(single_precision(found) if is_tree(found) else found, task)
 
 
-def _named(controllers: Any) -> dict[str, Any]:
-    """Return the controllers by the names that results give them; equal names get -2, -3."""
-    if isinstance(controllers, str | Path) or hasattr(controllers, "step"):
+def _checked(world: Any, task: Task) -> World:
+    """Let a world pass one decision, in NumPy and, where it is compiled, traced."""
+    cells = task.replace(lengths_s=task.lengths_s[:1]).cells()[:1]
+
+    def decision(world: Any, engagement: Engagement, normals: Any) -> tuple[Any, Any]:
+        state = world.begin(engagement, normals)
+        state, shot = world.step(state, aim(world.see(state).command), normals[:, 0])
+        return world.see(state), shot
+
+    drawn = draw(cells, 3, 0, "stopping", world.normals, world.plants)
+    for kind, answer in zip((Seen, Shot), decision(world, *drawn), strict=True):
+        if not isinstance(answer, kind) or any(np.shape(each)[:1] != (3,) for each in leaves(answer)):
+            expected = f"expected a {kind.__name__} of arrays as long as there are engagements"
+            raise InputError(f"a {type(world).__name__} returns a {type(answer).__name__}, {expected}; correct it")
+    if world.compiled and has_jax():
+        import_jax().eval_shape(decision, world, *drawn)
+    checked: World = world
+    return checked
+
+
+def _named(controllers: Any) -> list[tuple[str, Any]]:
+    """Return the controllers with the names that results give them; equal names of one seed get -2, -3."""
+    if isinstance(controllers, str) or callable(controllers) or hasattr(controllers, "step"):
         controllers = (controllers,)
     pairs: Iterable[tuple[str, Any]]
     pairs = controllers.items() if isinstance(controllers, Mapping) else ((_name(each), each) for each in controllers)
-    named: dict[str, Any] = {}
+    named: dict[tuple[str, int | None], Any] = {}
     for name, value in pairs:
-        same = [other for other in named if other == name or other.startswith(f"{name}-")]
-        taken = any(_seed(named[other]) == _seed(value) for other in same) and name in named
-        named[f"{name}-{len(same) + 1}" if taken else name] = value
+        names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
+        free = next(each for each in names if (each, _seed(value)) not in named)
+        named[free, _seed(value)] = value
     if not named:
         raise InputError('controllers: there is none; give one, such as "kalman"')
-    return named
+    return [(name, value) for (name, _), value in named.items()]
 
 
 def _name(controller: Any) -> str:
@@ -182,10 +203,20 @@ def _contender(name: str, value: Any, robot: Robot, task: Task, tuning: Mapping[
     return Contender(name, make_controller(value, robot, task, chosen), kind)
 
 
-def _check(named: Mapping[str, Any], world: World, robot: Robot, task: Task) -> None:
-    """Let a user's controllers and policies decide once, before anything takes long; refuse unknown names."""
+def check_controllers(named: list[tuple[str, Any]], world: World, robot: Robot, task: Task) -> None:
+    """Let a user's controllers and policies decide once, before anything takes long; refuse unknown names.
+
+    Args:
+      named: names, and controllers as `evaluate` takes them.
+      world: where they are to shoot.
+      robot: its records.
+      task: of any lengths.
+
+    Raises:
+      InputError: if one can't be made, its code fails, or what it returns is no decision.
+    """
     part = task.replace(lengths_s=task.lengths_s[:1])
-    made = [_contender(name, value, robot, part, {}) for name, value in named.items()]
+    made = [_contender(name, value, robot, part, {}) for name, value in named]
     if any(each.controller is None for each in made) and not hasattr(world, "shoot"):
         raise InputError(f"perfect aim needs a simulator with shoot(), {world.name} has none; leave {PERFECT} out")
     own = [each for each in made if each.kind in ("user", "policy")]
@@ -193,7 +224,8 @@ def _check(named: Mapping[str, Any], world: World, robot: Robot, task: Task) -> 
         engagement, normals = draw(part.cells()[:1], 3, 0, "stopping", world.normals, world.plants)
         seen = map_arrays(np.asarray, world.see(world.begin(engagement, normals)))
         for each in own:
-            check_decision(each.controller, seen, world.truth(engagement))
+            truth = world.truth(engagement) if getattr(each.controller, "needs_truth", False) else None
+            check_decision(each.controller, seen, truth)
 
 
 def _tune(names: list[str], robot: Robot, task: Task) -> dict[str, Tuning]:
@@ -209,7 +241,7 @@ def _tune(names: list[str], robot: Robot, task: Task) -> dict[str, Tuning]:
 
 
 def _shoot(
-    named: Mapping[str, Any],
+    named: list[tuple[str, Any]],
     tuning: Mapping[str, Tuning],
     world: World,
     robot: Robot,
@@ -225,7 +257,7 @@ def _shoot(
         for part, suites in zip(parts, cells, strict=True):
             drawn, outcomes = draw(suites, engagements, seed, "evaluation", world.normals, world.plants), []
             decisions = suites[0].decisions
-            for name, value in named.items():
+            for name, value in named:
 
                 def report(members: int, before: int = done, each: int = decisions, note: str = name) -> None:
                     advance(before + members * each, note)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from archerfish2.arrays import map_arrays
 from archerfish2.controllers.registry import GRIDS, make_controller
 from archerfish2.dynamics.aiming import line_of_sight
-from archerfish2.evaluation.evaluate import find_world, load_robot, load_task
+from archerfish2.errors import InputError
+from archerfish2.evaluation.evaluate import check_controllers, find_world, load_robot, load_task
 from archerfish2.evaluation.rollout import run_engagements
 from archerfish2.evaluation.suites import draw
 from archerfish2.evaluation.tuning import tune
@@ -78,7 +79,10 @@ def rollout(
     """
     robot, task = load_robot(robot), load_task(task)
     part = task.replace(lengths_s=task.lengths_s[-1:])
+    if not (1 <= engagements <= 100_000 and seed >= 0):
+        raise InputError(f"engagements must be 1…100000 and seed at least 0, got {engagements} and {seed}; correct it")
     found, cells = find_world(world, robot, part), part.cells()
+    check_controllers([("", controller)], found, robot, part)
     each = -(-engagements // len(cells))
     engagement, normals = draw(cells, each, seed, "evaluation", found.normals, found.plants)
     places = [place % len(cells) * each + place // len(cells) for place in range(engagements)]
