@@ -7,7 +7,7 @@ by `tree`; JAX takes such dataclasses once it is loaded, and nothing here loads 
 import dataclasses
 import sys
 from collections.abc import Callable
-from typing import Any, dataclass_transform
+from typing import Any, TypeVar, cast, dataclass_transform
 
 import numpy as np
 
@@ -33,6 +33,7 @@ def lift(parameter: Array, array: Array) -> Array:
     return parameter.reshape((1,) * (array.ndim - parameter.ndim) + parameter.shape)
 
 
+T = TypeVar("T")  # a tree of arrays
 _fields: dict[type, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {}  # data, static, left out
 _pending: list[type] = []  # not registered with JAX yet
 
@@ -116,17 +117,17 @@ def leaves(value: Any) -> list[Array]:
     return found
 
 
-def single_precision(value: Any) -> Any:
+def single_precision(value: T) -> T:
     """Return a tree with its floats as NumPy's float32; Python numbers become arrays."""
 
     def convert(array: Array) -> Array:
         array = np.asarray(array)
         return array.astype(np.float32) if array.dtype.kind == "f" else array
 
-    return map_arrays(convert, value)
+    return cast(T, map_arrays(convert, value))
 
 
-def select(condition: Array, one: Any, other: Any) -> Any:
+def select(condition: Array, one: T, other: T) -> T:
     """Choose between equal trees per member of a batch.
 
     Args:
@@ -139,10 +140,10 @@ def select(condition: Array, one: Any, other: Any) -> Any:
     def choose(a: Array, b: Array) -> Array:
         return xp.where(xp.reshape(condition, condition.shape + (1,) * (a.ndim - condition.ndim)), a, b)
 
-    return map_arrays(choose, one, other)
+    return cast(T, map_arrays(choose, one, other))
 
 
-def fold(function: Callable[[Any, Any], Any], state: Any, items: Any, axis: int) -> Any:
+def fold(function: Callable[[T, Any], T], state: T, items: Any, axis: int) -> T:
     """Apply state = function(state, item) along an axis: a Python loop, under JAX one compiled loop.
 
     Args:
@@ -163,12 +164,12 @@ def fold(function: Callable[[Any, Any], Any], state: Any, items: Any, axis: int)
     return state
 
 
-def repeat(function: Callable[[Any], Any], count: int, state: Any) -> Any:
+def repeat(function: Callable[[T], T], count: int, state: T) -> T:
     """Apply a function to a tree of arrays a fixed number of times: a Python loop, under JAX one compiled loop."""
     if _is_jax(*leaves(state)):
         import jax
 
-        return jax.lax.fori_loop(0, count, lambda _, each: function(each), state)
+        return jax.lax.fori_loop(0, count, lambda _, each: function(each), state)  # type: ignore[no-any-return]
     for _ in range(count):
         state = function(state)
     return state

@@ -82,13 +82,13 @@ class ConstantVelocity(Predictor):
 
     def update(self, state: AgedTrack, seen: Detection) -> AgedTrack:
         """Update with a detection; beyond the gate begin with it."""
-        xp = namespace(state.age)
-        elapsed = xp.where(seen.fresh, state.age - seen.age, 0.0 * seen.age)
-        track = moved(kalman_filter.predict(self.noise, state.track, elapsed), -seen.own)
+        # The age first: computed once, where a choice between elapsed times is repeated for each entry of a matrix.
+        age = namespace(state.age).where(seen.fresh, seen.age, state.age)
+        track = moved(kalman_filter.predict(self.noise, state.track, state.age - age), -seen.own)
         after = moved(kalman_filter.update(self.noise, track, seen.place - seen.own, seen.fresh), seen.own)
         if self.gate is not None:
             after = select(seen.fresh & (seen.distance > self.gate), self._begin(seen, seen.fresh | True), after)
-        return AgedTrack(after, xp.where(seen.fresh, seen.age, state.age))
+        return AgedTrack(after, age)
 
     def _begin(self, seen: Detection, shown: Array) -> Track:
         return moved(kalman_filter.begin_track(self.noise, seen.place - seen.own, shown), seen.own)

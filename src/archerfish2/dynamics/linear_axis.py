@@ -157,7 +157,7 @@ def scaled(axis: LinearAxis) -> LinearAxis:
 
 
 def padded(array: Array, states: int, size: int) -> Matrix:
-    """Pad the last axes of an array, as many as `states`, with zeros to the size of a larger state."""
+    """Pad the last axes of an array, as many as `states`, with zeros to the size of a larger state, B + (size, ...)."""
     return np.pad(array, [(0, 0)] * (array.ndim - states) + [(0, size - array.shape[-1])] * states)
 
 

@@ -124,7 +124,7 @@ def flat_fire_crossing(position: Array, velocity: Array, plane_x: Array, drag: A
 
 
 def printed_crossing(position: Array, velocity: Array, plane_x: Array, drag: Array) -> Crossing:
-    """Cross the plane x = plane_x by eq (5); arguments as in `flat_fire_crossing`."""
+    """Cross the plane x = plane_x by eq (5), shape B; arguments as in `flat_fire_crossing`."""
     time = _expm1_over(drag, plane_x - position[..., 0]) / velocity[..., 0]
     end = position + printed_position(velocity, drag, time)
     return Crossing(end[..., 1], end[..., 2], time)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish2.arrays import Array, is_tree, map_arrays
+from archerfish2.arrays import Array, is_tree, map_arrays, namespace
 from archerfish2.compiled import has_jax, import_jax
 from archerfish2.dynamics.aiming import intercept
 from archerfish2.errors import InputError
@@ -19,11 +19,11 @@ from archerfish2.protocols import Command, Controller, Engagement, Seen, Shot, W
 
 
 class Rollout(NamedTuple):
-    """Every decision of N engagements, NumPy's arrays (N, T, ...)."""
+    """Every decision of engagements of batch shape B, NumPy's arrays B + (T, ...)."""
 
     seen: Seen
     command: Command  # as the controller asked
-    in_force: Array  # command during the period, after all limits [rad], (N, T, 2)
+    in_force: Array  # command during the period, after all limits [rad], B + (T, 2)
     shot: Shot
 
 
@@ -48,36 +48,47 @@ def count(world: World, controller: Controller, engagement: Engagement, normals:
       InputError: if a command is not finite.
     """
     if _compiled(world) and _compiled(controller):
-        fired, hit, acceleration, finite = _run("count", world, controller, engagement, normals)
+        fired, hit, bend, finite = _run("count", world, controller, engagement, normals)
         if finite:
-            return Counted(fired.T, hit.T, float(acceleration))
+            return Counted(fired.T, hit.T, float(bend) / world.period_s**2)
     shots = rollout(world, controller, engagement, normals)
     _check_finite(type(controller).__name__, shots.in_force)
     fired, hit = shots.shot.fired, shots.shot.fired & (shots.shot.margin >= 0.0)
     yaw = np.stack([shots.in_force[..., 1], shots.shot.angle[..., 1]])
-    return Counted(fired, hit, float(_largest_acceleration(np.moveaxis(yaw, -1, 0), world.period_s)))
+    return Counted(fired, hit, float(_largest_bend(np.moveaxis(yaw, -1, 0))) / world.period_s**2)
 
 
 def rollout(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Rollout:
-    """Let a controller shoot and return everything of every decision; arguments as of `count`."""
+    """Let a controller shoot and return everything of every decision.
+
+    Args:
+      world: where.
+      controller: any.
+      engagement: of any batch shape B.
+      normals: standard normals of all decisions, shape B + (T, world.normals).
+
+    Raises:
+      InputError: if a command is not finite, where one of the two can't be compiled.
+    """
+    axis = normals.ndim - 2  # T in what is returned
     if _compiled(world) and _compiled(controller):
-        steps = _run("rollout", world, controller, engagement, normals)
-        return map_arrays(lambda each: np.moveaxis(each, 0, 1), steps)
+        in_force, (seen, command, shot) = _run("rollout", world, controller, engagement, normals)
+        return Rollout(*map_arrays(lambda each: np.moveaxis(each, 0, axis), (seen, command, in_force, shot)))
     begin, see, step = (_method(world, name) for name in ("begin", "see", "step"))
     reset, decide = (_method(controller, name) for name in ("reset", "step"))
     state = begin(engagement, normals)
     truth = world.truth(engagement) if getattr(controller, "needs_truth", False) else None
     seen = map_arrays(np.asarray, see(state))
     memory, decisions = reset(seen, truth), []
-    for place in range(normals.shape[1]):
+    for place in range(normals.shape[axis]):
         memory, command = decide(memory, seen)
         command = map_arrays(np.asarray, command)
-        _check_finite(type(controller).__name__, command.angle[:, None])
-        state, shot = step(state, command, normals[:, place])
+        _check_finite(type(controller).__name__, command.angle.reshape(-1, 1, 2), place)
+        state, shot = step(state, command, normals[..., place, :])
         after = map_arrays(np.asarray, see(state))
         decisions.append(Rollout(seen, command, after.command, map_arrays(np.asarray, shot)))
         seen = after
-    return map_arrays(lambda *each: np.stack(each, axis=1), *decisions)
+    return Rollout(*map_arrays(lambda *each: np.stack(each, axis=axis), *decisions))
 
 
 def count_perfect_aim(world: Any, engagement: Engagement, normals: Array) -> Counted:
@@ -86,7 +97,7 @@ def count_perfect_aim(world: Any, engagement: Engagement, normals: Array) -> Cou
     Args:
       world: a simulator, with `shoot`.
       engagement: N of them.
-      normals: as of `count`.
+      normals: standard normals of all decisions, shape (N, T, world.normals).
     """
     if _compiled(world):
         hit = _run("perfect", world, engagement, normals).T
@@ -131,55 +142,54 @@ def _programs() -> dict[str, Any]:
     return {**methods, "count": jax.jit(_count), "rollout": jax.jit(_scan), "perfect": jax.jit(_perfect)}
 
 
-def _scan(world: World, controller: Controller, engagement: Engagement, normals: Array, keep: Any = Rollout) -> Any:
-    """Return what `keep` takes of (seen, command, command in force, shot), decisions first."""
+def _scan(
+    world: World, controller: Controller, engagement: Engagement, normals: Array, keep: Any = lambda *each: each
+) -> tuple[Array, Any]:
+    """Return the commands in force and what `keep` takes of (seen, command, shot), decisions first."""
     jax = import_jax()
     state = world.begin(engagement, normals)
     truth = world.truth(engagement) if getattr(controller, "needs_truth", False) else None
     memory = controller.reset(world.see(state), truth)
 
-    def step(carry: Any, drawn: Array) -> Any:
+    def step(carry: Any, place: Array) -> Any:
         state, memory = carry
         # Seen here, not carried: what a world lacks (a base that moves, an age) is a constant to the compiler.
         seen = world.see(state)
         memory, command = controller.step(memory, seen)
+        drawn = jax.lax.dynamic_index_in_dim(normals, place, -2, keepdims=False)
         state, shot = world.step(state, command, drawn)
-        return (state, memory), keep(seen, command, world.see(state).command, shot)
+        return (state, memory), (seen.command, keep(seen, command, shot))
 
     # Never unrolled: two decisions in one iteration run at 1.6 times the cost.
-    return jax.lax.scan(step, (state, memory), jax.numpy.swapaxes(normals, 0, 1))[1]
+    places = jax.numpy.arange(normals.shape[-2])
+    (state, _), (before, kept) = jax.lax.scan(step, (state, memory), places)
+    return jax.numpy.concat([before[1:], world.see(state).command[None]]), kept
 
 
 def _count(world: World, controller: Controller, engagement: Engagement, normals: Array) -> tuple[Array, ...]:
-    jax = import_jax()
+    xp = import_jax().numpy
 
-    def keep(seen: Seen, command: Array, shot: Shot) -> tuple[Array, ...]:  # noqa: ARG001
-        hit = shot.fired & (shot.margin >= 0.0)
-        return (
-            shot.fired,
-            hit,
-            jax.numpy.stack([command[..., 1], shot.angle[..., 1]]),
-            jax.numpy.isfinite(command).all(),
-        )
+    def keep(seen: Seen, command: Command, shot: Shot) -> tuple[Array, ...]:  # noqa: ARG001
+        return shot.fired, shot.fired & (shot.margin >= 0.0), shot.angle[..., 1]
 
-    fired, hit, yaw, finite = _scan(world, controller, engagement, normals, keep)
-    return fired, hit, _largest_acceleration(yaw, world.period), finite.all()
+    in_force, (fired, hit, yaw) = _scan(world, controller, engagement, normals, keep)
+    return fired, hit, _largest_bend(xp.stack([in_force[..., 1], yaw], axis=1)), xp.isfinite(in_force).all()
 
 
-def _largest_acceleration(angles: Array, period: Array) -> Array:
-    """Return the largest mean acceleration over a period [rad/s²], from rest at zero; angles (T, ...)."""
-    xp = np if isinstance(angles, np.ndarray) else import_jax().numpy
+def _largest_bend(angles: Array) -> Array:
+    """Return the largest second difference over the first axis [rad], from rest at zero; angles (T, ...)."""
+    xp = namespace(angles)
     from_rest = xp.concat([xp.zeros_like(angles[:1])] * 2 + [angles], axis=0)
-    return xp.max(xp.abs(xp.diff(from_rest, n=2, axis=0))) / period**2
+    return xp.max(xp.abs(xp.diff(from_rest, n=2, axis=0)))
 
 
-def _check_finite(name: str, angles: NDArray[np.float32]) -> None:
-    """Refuse commands that no gimbal can follow, (N, T, 2)."""
+def _check_finite(name: str, angles: NDArray[np.float32], before: int = 0) -> None:
+    """Refuse commands that no gimbal can follow, (N, T, 2), so many decisions after the first."""
     wrong = np.argwhere(~np.isfinite(angles))
     if len(wrong):
         engagement, decision, axis = wrong[0]
         value, engagements = angles[engagement, decision, axis], len(np.unique(wrong[:, 0]))
         raise InputError(
-            f"{name}: commands a {('pitch', 'yaw')[axis]} of {value} rad at decision {decision + 1}, in {engagements} "
-            f"of {len(angles)} engagements, expected finite angles; guard divisions and roots in its step"
+            f"{name}: commands a {('pitch', 'yaw')[axis]} of {value} rad at decision {before + decision + 1}, in "
+            f"{engagements} of {len(angles)} engagements, expected finite angles; guard divisions and roots in its step"
         )

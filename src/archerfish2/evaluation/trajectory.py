@@ -49,9 +49,9 @@ class Trajectory(NamedTuple):
         from archerfish2.evaluation.plots import trajectory
 
         away = np.degrees(np.asarray(line_of_sight(self.target[engagement])))
-        angles = [np.degrees(each[engagement]) for each in (self.in_force, self.shot.angle)]
+        commands, angles = (np.degrees(each[engagement]) for each in (self.in_force, self.shot.angle))
         period = float(self.times[1] - self.times[0]) if len(self.times) > 1 else 0.0
-        return trajectory(self.times + period, away, *angles, self.shot.miss[engagement], self.hit[engagement])
+        return trajectory(self.times + period, away, commands, angles, self.shot.miss[engagement], self.hit[engagement])
 
 
 def rollout(

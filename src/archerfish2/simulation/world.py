@@ -122,7 +122,7 @@ class SimulatedWorld:
     muzzles: Muzzle | None  # k draws, (k,); None: the best estimate for all
     limits: CommandLimits
     hit_radius: Array  # largest miss distance that hits [m], ()
-    name: str = ""
+    name: str = ""  # by which results call it
 
     compiled = True
 

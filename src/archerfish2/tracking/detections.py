@@ -6,12 +6,13 @@ the own pivot at the exposure, so filters update relative to that pivot.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from archerfish2.arrays import Array, fold, lift, namespace, select
 from archerfish2.dynamics.muzzle import direction
 from archerfish2.protocols import Base, Frames, Seen
 
+T = TypeVar("T")  # state of a tracker
 GUESS_DISTANCE_M, GUESS_AGE_S = 3.0, 1.0
 """Where a target is assumed ahead of the barrel while no frame has shown any, and the age of that guess."""
 
@@ -94,7 +95,7 @@ def unwrapped(angle: Array, command: Array) -> Array:
     return angle + turn * xp.round((command - angle) / (2.0 * xp.pi))
 
 
-def _fold(function: Callable[[Any, Frames], Any], state: Any, seen: Seen) -> Any:
+def _fold(function: Callable[[T, Frames], T], state: T, seen: Seen) -> T:
     return fold(function, state, seen.frames, seen.elapsed.ndim)
 
 
