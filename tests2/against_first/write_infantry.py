@@ -1,6 +1,6 @@
 """Write tests2/infantry: the robot that the first edition identified in its laboratory, as the second edition keeps it.
 
-    python tests2/against_first/write_infantry.py
+python tests2/against_first/write_infantry.py
 """
 
 from dataclasses import asdict

@@ -93,9 +93,9 @@ def write_setting(name: str) -> None:
         }
         seen = hit.reshape(cells, -1).sum(axis=1)
         print(name, spec, seen, differ, f"{time.process_time() - begun:.0f} s", flush=True)  # noqa: T201
-    where = {"robot": robot, "command_limit": limit, "task": target, "length_s": seconds}
-    shape = (cells, count, hit.shape[-1])
-    write_json(FOLDER / f"{name}.json", {**where, "seed": 0, "shape": shape, **plain(found)})
+    where = {"robot": robot, "task": target, "length_s": seconds, "command_limit": limit, "seed": 0}
+    shape = (cells, count, hit.shape[-1])  # cells, engagements, decisions
+    write_json(FOLDER / f"{name}.json", {"setting": {**where, "shape": shape}, **plain(found)})
 
 
 def write_tuning() -> None:
