@@ -16,14 +16,14 @@ def in_numpy(conformance):
     def run(batch):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(rollout, "has_jax", lambda: False)
-            return rollout.rollout(*conformance.build(), *conformance.engagements(batch, DECISIONS))
+            return rollout.run_engagements(*conformance.build(), *conformance.engagements(batch, DECISIONS))
 
     return run
 
 
 def test_numpy_and_jax_have_equal_outcomes(conformance, in_numpy, batch) -> None:
     plain = in_numpy(batch)
-    compiled = rollout.rollout(*conformance.build(), *conformance.engagements(batch, DECISIONS))
+    compiled = rollout.run_engagements(*conformance.build(), *conformance.engagements(batch, DECISIONS))
     assert map_arrays(np.shape, compiled) == map_arrays(np.shape, plain)
     for ours, theirs in ((plain.shot, compiled.shot), (plain.seen.frames, compiled.seen.frames)):
         for name, each in ours._asdict().items():
