@@ -35,8 +35,8 @@ def driving(count: int, speed: float) -> np.ndarray:
 
 @pytest.mark.parametrize("name", PREDICTORS)
 def test_numpy_and_jax_agree(name, batch, agree, follow) -> None:
-    found = np.random.default_rng(93).normal(0.0, 0.003, (4, *batch, 3))
-    found = found + np.expand_dims(driving(4, 0.3), tuple(range(1, found.ndim - 1)))
+    found = np.random.default_rng(93).normal(0.0, 1e-3, (4, *batch, 3))
+    found = found + np.expand_dims(parabola(0.3, 0.1).position(DT * np.arange(4)), tuple(range(1, found.ndim - 1)))
 
     def ahead(predictor, found, time):
         relative = follow(predictor, found)
