@@ -126,9 +126,7 @@ def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | 
         meant = f"perhaps you meant {near[0]}" if near else "name one of these"
         expected = f"{', '.join(NAMES)}, or one of your own ({FORMS})"
         raise InputError(f"controller must be one of {expected}, got {controller!r}; {meant}")
-    plugin = (
-        find_plugin(controller, "controller") if isinstance(controller, str) else find_plugin(controller, "controller")
-    )
+    plugin = find_plugin(controller, "controller")
     with plugin.running():
         built = plugin.value
         if isinstance(built, type) or (callable(built) and not hasattr(built, "step")):
