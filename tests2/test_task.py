@@ -1,5 +1,8 @@
 """Tasks: names and files, cells and their streams, and how engagements are drawn."""
 
+import contextlib
+import json
+
 import numpy as np
 import pytest
 
@@ -68,3 +71,20 @@ def test_what_a_file_has_wrong_is_named_in_one_line(tmp_path, text, problem) -> 
         Task.load(tmp_path / "task.toml")
     assert str(error.value).startswith(f"{tmp_path / 'task.toml'}: ")
     assert problem in str(error.value).partition("\n")[0]
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(400, marks=pytest.mark.slow)])
+def test_any_mutated_file_is_a_task_or_refused_in_one_line(tmp_path, mutations, accepted, count):
+    path = tmp_path / "mine.toml"
+    Task.load("paper").save(path)
+    fields = dict(line.split(" = ", 1) for line in path.read_text().splitlines())
+    as_json = ("{" + ", ".join(f'"{name}": {value}' for name, value in fields.items()) + "}").encode()
+    for number, content in enumerate(mutations(as_json, count, 2)):
+        with contextlib.suppress(ValueError, AttributeError, RecursionError):  # what is no object stays as it is
+            lines = [f"{name} = {json.dumps(value)}" for name, value in json.loads(content).items()]
+            content = "\n".join(lines).encode("utf-8", "surrogatepass")
+        path.write_bytes(content if number % 2 else content[: len(content) - number])
+        task = accepted(lambda: Task.load(path))
+        if task is not None:
+            task.save(path)
+            assert Task.load(path) == task

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
-    from archerfish2.controllers.registry import Tuning as Tuning
     from archerfish2.errors import InputError as InputError
     from archerfish2.evaluation.evaluate import evaluate as evaluate
     from archerfish2.evaluation.results import Results as Results

@@ -2,6 +2,7 @@
 
 import difflib
 import importlib
+import inspect
 import os
 import signal
 import sys
@@ -71,8 +72,8 @@ def main(arguments: Sequence[str]) -> None:
         else:
             import tyro
 
-            options = tyro.cli(_command(name), args=arguments[1:], prog=f"archerfish2 {name}")
-            options.run()
+            words: dict[str, Any] = {"prog": f"archerfish2 {name}", "description": inspect.getdoc(_command(name))}
+            tyro.cli(_command(name), args=arguments[1:], config=(tyro.conf.FlagCreatePairsOff,), **words).run()
     except InputError as error:
         print(f"archerfish2: {one_line(str(error))}", file=sys.stderr)  # noqa: T201
         sys.exit(INPUT_ERROR)

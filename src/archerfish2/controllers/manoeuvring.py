@@ -40,11 +40,10 @@ class Manoeuvring(LikeliestHit):
 
     def update(self, state: ManoeuvringTrack, seen: Detection) -> ManoeuvringTrack:
         """Update with a detection."""
-        xp = namespace(state.age)
-        elapsed = xp.where(seen.fresh, state.age - seen.age, 0.0 * seen.age)
+        age = namespace(state.age).where(seen.fresh, seen.age, state.age)
         models, place = _moved(state.models, -seen.own), seen.place - seen.own
-        models = step_models(self.noise, self.rates, models, elapsed, place, seen.fresh)
-        return ManoeuvringTrack(_moved(models, seen.own), xp.where(seen.fresh, seen.age, state.age))
+        models = step_models(self.noise, self.rates, models, state.age - age, place, seen.fresh)
+        return ManoeuvringTrack(_moved(models, seen.own), age)
 
     def places(self, state: ManoeuvringTrack, time: Array) -> Places:
         """Return where the target may be a time [s] from now, shape B.

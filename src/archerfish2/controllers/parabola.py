@@ -60,8 +60,7 @@ class ParabolaAware(Predictor):
 
     def position_after(self, relative: tuple[ParabolaTrack, Base], time: Array) -> Array:
         """Follow the parabola and turn back at its ends; relative to the own pivot [m], shape B + (3,)."""
-        state, base = relative
-        return relative_place(self._follow(state, state.age + time), base, time)
+        return relative_place(self._follow(relative[0], relative[0].age + time), relative[1], time)
 
     def predicted(self, state: ParabolaTrack, age: Array) -> Array:
         """Return where the target was so long [s] before now, in O [m], shape B → B + (3,)."""
@@ -166,13 +165,13 @@ class ParabolaFilter(LikeliestHit):
             outer = left[..., :, None] * left[..., None, :]
             return xp.sum(outer * state.covariance, axis=(-2, -1))[..., None]
 
-        level = xp.stack([middle[0] + depth, middle[1] + lateral], axis=-1)
-        return Places(level, state.height[..., None], variance)
+        return Places(xp.stack([middle[0] + depth, middle[1] + lateral], axis=-1), state.height[..., None], variance)
 
     def update(self, state: Hypotheses, seen: Detection) -> Hypotheses:
         """Update with a detection."""
         xp, place = namespace(state.age), seen.place - seen.own
-        clock = xp.where(seen.fresh, state.clock + state.age - seen.age, state.clock)
+        age = xp.where(seen.fresh, seen.age, state.age)
+        clock = state.clock + state.age - age
         measured = kalman_filter.measurement_covariance(self.noise, place)
         precision, _ = kalman_filter.inverse_and_determinant(state.covariance + measured)
         gain = kalman_filter.matrix_product(state.covariance, precision)
@@ -192,7 +191,6 @@ class ParabolaFilter(LikeliestHit):
         share = xp.where(seen.fresh, state.height_variance / (state.height_variance + noise), 0.0)
         height = state.height + share * (seen.place[..., 2] - state.height)
         variance = (1.0 - share) * state.height_variance
-        age = xp.where(seen.fresh, seen.age, state.age)
         return Hypotheses(depth, lateral, evidence, covariance, height, variance, clock, age, state.drawn)
 
     def _against_middle(self, phase: Array, speed: Array, time: Array) -> tuple[Array, Array]:
@@ -243,8 +241,7 @@ def systematic_draw(weight: Array, draws: int) -> tuple[Array, Array]:
         return state[0] + (within < left), within
 
     # A loop and no chain of sums, which a compiler would repeat in each of the many predictions that use the rows.
-    row, _ = fold(count, (xp.zeros_like(column), xp.zeros_like(left)), drawn, weight.ndim - 2)
-    return row, column
+    return fold(count, (xp.zeros_like(column), xp.zeros_like(left)), drawn, weight.ndim - 2)[0], column
 
 
 def _entry(matrix: Array, row: int, column: int) -> Array:
@@ -269,11 +266,10 @@ def make_parabola_filter(
       speeds: number of hypotheses, evenly from zero to the largest; all but zero are as likely as each other.
       phases: number of hypotheses.
     """
-    prior = np.array([STILL, *[(1.0 - STILL) / (speeds - 1)] * (speeds - 1)])
     return ParabolaFilter(
         speed=task.max_speed_m_s * np.arange(speeds) / (speeds - 1),
         phase=np.arange(phases) / phases,
-        log_prior=np.log(prior),
+        log_prior=np.log([STILL, *[(1.0 - STILL) / (speeds - 1)] * (speeds - 1)]),
         half_width=np.sqrt(np.asarray(task.rise_m / task.curvature_1_m)),
         curvature=np.asarray(task.curvature_1_m),
         middles=np.array([[np.min(task.ranges_m), np.max(task.ranges_m)], [-task.lateral_m, task.lateral_m]]),

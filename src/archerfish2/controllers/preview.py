@@ -129,8 +129,7 @@ def make_preview(model: GimbalModel, limits: CommandLimits, period_s: float, hor
         bounded = hessian + bounding(penalty, horizon)
         matrices.append((response, free, np.linalg.inv(hessian), np.linalg.inv(bounded), penalty))
     response, free, optimum, inverse, penalty = (np.array(each) for each in zip(*matrices, strict=True))
-    smoothings, period = np.full(2, smoothing), np.asarray(period_s)
-    return Preview(response, free, optimum, inverse, penalty, smoothings, limits, period)
+    return Preview(response, free, optimum, inverse, penalty, np.full(2, smoothing), limits, np.asarray(period_s))
 
 
 def row_matrices(horizon: int) -> tuple[Array, Array, Array]:

@@ -1,13 +1,13 @@
 """Controllers by name, each built for a robot and a task, and a user's own; what is tuned of them, on which grids."""
 
 import difflib
-import sys
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from archerfish2.arrays import is_tree, leaves, map_arrays, single_precision
+from archerfish2.compiled import has_jax, import_jax
 from archerfish2.controllers.kalman import ConstantVelocity, DirectAim, Predictor
 from archerfish2.controllers.manoeuvring import Manoeuvring
 from archerfish2.controllers.oracle import make_oracle
@@ -15,7 +15,7 @@ from archerfish2.controllers.parabola import make_parabola_aware, make_parabola_
 from archerfish2.controllers.preview_aim import SMOOTHING, Hold, make_preview_aim
 from archerfish2.errors import InputError
 from archerfish2.paper.conditions import assumed_conditions, paper_tuning
-from archerfish2.plugins import FORMS, Plugin, find_plugin, is_plugin
+from archerfish2.plugins import FORMS, find_plugin, is_plugin
 from archerfish2.protocols import Command, Seen, Truth
 from archerfish2.records.record import Struct
 from archerfish2.robot import Robot
@@ -91,11 +91,9 @@ def _build(name: str, robot: Robot, task: Task, tuning: Tuning) -> Any:
     acceleration = np.asarray(tuning.acceleration_sd)
     noise = noise_from_record(sensing, tuning.acceleration_sd) if sensing else TrackerNoise(acceleration, sd, sd)
     noise = noise._replace(initial_speed=np.asarray(tuning.initial_speed))
-    predictor: Predictor = ConstantVelocity(noise, np.asarray(tuning.velocity_decay))
+    predictor: Predictor = Hold() if name == "no-lead" else ConstantVelocity(noise, np.asarray(tuning.velocity_decay))
     if name in ("kalman", "kalman-paper"):
         return DirectAim(predictor, muzzle, robot.command_limits(task), period + tuning.extra_lead_s, period)
-    if name == "no-lead":
-        predictor = Hold()
     if name == "imm-lq":
         rates = ModelRates(*(np.asarray(each) for each in (tuning.turn_rate, STOP_RATE, STILL)))
         predictor = Manoeuvring(noise, rates, np.asarray(task.hit_radius_m), muzzle.sd[1])
@@ -128,7 +126,7 @@ def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | 
         meant = f"perhaps you meant {near[0]}" if near else "name one of these"
         expected = f"{', '.join(NAMES)}, or one of your own ({FORMS})"
         raise InputError(f"controller must be one of {expected}, got {controller!r}; {meant}")
-    plugin = find_plugin(controller, "controller") if isinstance(controller, str) else _plugin(controller)
+    plugin = find_plugin(controller, "controller")
     with plugin.running():
         built = plugin.value
         if isinstance(built, type) or (callable(built) and not hasattr(built, "step")):
@@ -143,15 +141,10 @@ def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | 
         return single_precision(built)
 
 
-def _plugin(value: Any) -> Plugin:
-    """Return an object as if it had been found by name."""
-    file = getattr(sys.modules.get(getattr(value, "__module__", "")), "__file__", None) or ""
-    name = getattr(value, "__name__", type(value).__name__)
-    return Plugin(f"{file}:{name}", "controller", name, value, file)
-
-
 def check_decision(controller: Any, seen: Seen, truth: Truth | None = None) -> None:
-    """Let a controller decide once, in NumPy, and refuse what is no decision, in one line that names its file and line.
+    """Let a controller decide once, in NumPy and, where it is compiled, traced; refuse what is no decision.
+
+    What is refused is said in one line that names the controller's file and line.
 
     Args:
       controller: to try; what it does is not judged.
@@ -162,14 +155,15 @@ def check_decision(controller: Any, seen: Seen, truth: Truth | None = None) -> N
       InputError: if its code fails, it returns anything but a state and a command, the command has other shapes or
         types, or angles that are not finite, or a compiled controller's state changes its structure.
     """
-    plugin, code = _plugin(controller), getattr(controller.step, "__code__", None)
+    plugin, code = find_plugin(controller, "controller"), getattr(controller.step, "__code__", None)
     place = f"line {code.co_firstlineno}: " if code else ""
     with plugin.running():
         state = controller.reset(seen, truth)
         answer = controller.step(state, seen)
         if not isinstance(answer, tuple) or len(answer) != 2 or not isinstance(answer[1], Command):
-            kind = f"a {type(answer).__name__}"
-            raise InputError(f"{place}step returns {kind}, expected (state, Command); protocols.aim(angle) makes one")
+            raise InputError(
+                f"{place}step returns a {type(answer).__name__}, expected (state, Command); see protocols.aim"
+            )
         after, command = answer
         for name, shape in Command((2,), (2,), (), ())._asdict().items():
             value, expected = np.asarray(getattr(command, name)), (*seen.elapsed.shape, *shape)
@@ -179,8 +173,11 @@ def check_decision(controller: Any, seen: Seen, truth: Truth | None = None) -> N
                 raise InputError(f"{place}step commands fire of {value.dtype}, expected bool; compare, as in x > 0.5")
             if name in ("angle", "rate") and not np.all(np.isfinite(value)):
                 raise InputError(f"{place}step commands {name} that are not finite, expected rad; correct it")
-        if getattr(controller, "compiled", is_tree(controller)) and _outline(after) != _outline(state):
-            raise InputError(f"{place}step returns a state unlike that of reset, expected equal shapes; correct it")
+        if getattr(controller, "compiled", is_tree(controller)):
+            if _outline(after) != _outline(state):
+                raise InputError(f"{place}step returns a state unlike that of reset, expected equal shapes; correct it")
+            if has_jax():
+                import_jax().eval_shape(lambda c, now, truth: c.step(c.reset(now, truth), now), controller, seen, truth)
 
 
 def _outline(state: Any) -> str:

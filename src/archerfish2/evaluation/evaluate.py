@@ -1,8 +1,8 @@
 """The evaluation of any controllers in any world: engagements drawn once, hits counted, differences paired."""
 
+import itertools
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, cast
 
@@ -10,42 +10,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish2 import progress, provenance
-from archerfish2.arrays import map_arrays
-from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, check_decision, make_controller
+from archerfish2.controllers.registry import Tuning
 from archerfish2.errors import InputError
+from archerfish2.evaluation.contenders import (
+    Contender,
+    check_controllers,
+    load,
+    make_contender,
+    named_controllers,
+    tune_controllers,
+)
 from archerfish2.evaluation.hit_rate import hit_rate, paired_difference
 from archerfish2.evaluation.published import with_bounds
-from archerfish2.evaluation.results import Cell, Comparison, Kind, Results, pairs_to_compare
-from archerfish2.evaluation.rollout import count, count_perfect_aim
+from archerfish2.evaluation.results import Cell, Comparison, Results, pairs_to_compare
+from archerfish2.evaluation.rollout import Counted, count, count_perfect_aim
 from archerfish2.evaluation.suites import draw
-from archerfish2.evaluation.tuning import BUDGET, tune
 from archerfish2.paper.tables import printed_rate
-from archerfish2.plugins import find_plugin
-from archerfish2.protocols import Controller, Engagement, World
+from archerfish2.protocols import World
 from archerfish2.robot import Robot
-from archerfish2.simulation.world import SimulatedWorld, make_world
+from archerfish2.simulation.user_world import find_world
 from archerfish2.task import Suite, Task
 
-PERFECT = "perfect"
-"""Name of perfect aim, which only dispersion makes miss."""
 
-
-class Contender(NamedTuple):
-    """A controller under the name that results give it."""
-
-    name: str  # its own
-    controller: Controller | None  # for the length that is shot; None: perfect aim
-    kind: Kind
-    seed: int | None = None  # of a policy's training
-
-
-class _Shot(NamedTuple):
+class _Shots(NamedTuple):
     """What one contender did in all cells of one length."""
 
     contender: Contender
+    counted: Counted
     hit: NDArray[np.bool_]  # (cells, engagements, T)
     fired: NDArray[np.bool_]  # (cells, engagements, T)
-    yaw_acceleration: float | None
 
 
 def evaluate(
@@ -65,8 +58,8 @@ def evaluate(
         and `step`; or a mapping from the names that results give them.
       robot: its records, or their folder; the paper's if not given.
       task: or its name or TOML file.
-      world: where to shoot instead of in the robot's simulator: a `World`, "./FILE.py:NAME", or anything with
-        `world(robot, task)`.
+      world: where to shoot instead of in the robot's simulator: a `World`, a function of robot and task that returns
+        one, "./FILE.py:NAME" of either, or anything with `world(robot, task)`.
       engagements: per cell, at least 2.
       seed: of engagements and dispersion.
       tuned: whether classical controllers are tuned for robot and task first, on draws that no evaluation has; what
@@ -75,24 +68,24 @@ def evaluate(
     Raises:
       InputError: if something that was given can't be used, or a user's code fails.
     """
-    robot, task = load_robot(robot), load_task(task)
+    robot, task = load(robot, task)
     if not 2 <= engagements <= 1_000_000:
         raise InputError(f"engagements must be 2…1000000 for an interval, got {engagements}; give more of them")
-    found = find_world(world, robot, task)
-    named = _named(controllers)
-    durations: dict[str, float] = {}
-    with _timed(durations, "checks"):
-        _check(named, found, robot, task)
-    with _timed(durations, "tuning"):
-        tuning = _tune([value for value in named.values() if isinstance(value, str)], robot, task) if tuned else {}
-    with _timed(durations, "evaluation"):
-        shots = _shoot(named, tuning, found, robot, task, (engagements, seed))
+    if seed < 0:
+        raise InputError(f"seed must be at least 0, got {seed}; choose another")
+    moments = [time.monotonic()]
+    found, named = find_world(world, robot, task), named_controllers(controllers)
+    check_controllers(named, found, robot, task)
+    moments.append(time.monotonic())
+    tuning = tune_controllers(named, robot, task) if tuned else {}
+    moments.append(time.monotonic())
     cells: list[Cell] = []
     comparisons: list[Comparison] = []
-    for suites, outcomes in shots:
-        cells += [_cell(suite, index, shot, found, task) for shot in outcomes for index, suite in enumerate(suites)]
+    for suites, outcomes in _shoot(named, tuning, found, robot, task, (engagements, seed)):
+        cells += [_cell(suite, index, shots, found, task) for shots in outcomes for index, suite in enumerate(suites)]
         comparisons += _comparisons(suites, outcomes, found, task)
-    simulated = isinstance(found, SimulatedWorld) and world is None
+    moments.append(time.monotonic())
+    stages = zip(("checks", "tuning", "evaluation"), itertools.pairwise(moments), strict=True)
     return Results(
         seed=seed,
         commit=provenance.code_commit(),
@@ -100,153 +93,43 @@ def evaluate(
         tasks=(task,),
         robots={found.name: {"robot": robot.name, "digest": robot.digest()}},
         tuning={f"{found.name}/{task.command_limit}": tuning} if tuning else {},
-        cells=with_bounds(cells, robot, task, seed) if simulated else tuple(cells),
+        cells=with_bounds(cells, robot, task, seed) if world is None else tuple(cells),
         comparisons=tuple(comparisons),
-        durations=durations,
+        durations={stage: round(end - begin, 2) for stage, (begin, end) in stages},
     )
 
 
-def load_robot(robot: Robot | str | Path | None) -> Robot:
-    """Return a robot, or that of a folder; the paper's if none is given."""
-    return Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
-
-
-def load_task(task: Task | str | Path) -> Task:
-    """Return a task, or that of a name or TOML file."""
-    return task if isinstance(task, Task) else Task.load(task)
-
-
-def find_world(world: Any, robot: Robot, task: Task) -> World:
-    """Return the robot's simulator, or the world that was given instead; see `evaluate`.
-
-    Raises:
-      InputError: if it lacks what a world has, or has another decision period than the task.
-    """
-    if world is None:
-        return make_world(robot, task)
-    if isinstance(world, str):
-        plugin = find_plugin(world, "world")
-        with plugin.running():
-            world = plugin.value
-            if callable(world) and not hasattr(world, "begin"):
-                world = world(robot, task)
-    elif hasattr(world, "world"):
-        world = world.world(robot, task)
-    names = ("name", "compiled", "period_s", "normals", "plants", "begin", "see", "step", "truth")
-    missing = [name for name in names if not hasattr(world, name)]
-    if missing:
-        raise InputError(f"world: a {type(world).__name__} lacks {', '.join(missing)}; give it what `World` has")
-    if abs(world.period_s - task.period_s) > 1e-6:
-        raise InputError(
-            f"world: its decision period is {world.period_s} s, the task's {task.period_s} s; make them equal"
-        )
-    found: World = world
-    return found
-
-
-def _named(controllers: Any) -> dict[str, Any]:
-    """Return the controllers by the names that results give them; equal names get -2, -3."""
-    if isinstance(controllers, str | Path) or hasattr(controllers, "step"):
-        controllers = (controllers,)
-    pairs: Iterable[tuple[str, Any]]
-    pairs = controllers.items() if isinstance(controllers, Mapping) else ((_name(each), each) for each in controllers)
-    named: dict[str, Any] = {}
-    for name, value in pairs:
-        same = [other for other in named if other == name or other.startswith(f"{name}-")]
-        taken = any(_seed(named[other]) == _seed(value) for other in same) and name in named
-        named[f"{name}-{len(same) + 1}" if taken else name] = value
-    if not named:
-        raise InputError('controllers: there is none; give one, such as "kalman"')
-    return named
-
-
-def _name(controller: Any) -> str:
-    if isinstance(controller, str):
-        return controller.rpartition(":")[2]
-    facts = getattr(controller, "facts", None)
-    return "policy" if facts is not None else getattr(controller, "__name__", type(controller).__name__)
-
-
-def _seed(controller: Any) -> int | None:
-    seed: int | None = getattr(getattr(controller, "facts", None), "seed", None)
-    return seed
-
-
-def _contender(name: str, value: Any, robot: Robot, task: Task, tuning: Mapping[str, Tuning]) -> Contender:
-    if isinstance(value, str) and value == PERFECT:
-        return Contender(name, None, "perfect")
-    kind: Kind = "classical" if isinstance(value, str) and value in NAMES else "user"
-    if getattr(value, "facts", None) is not None:
-        return Contender(name, value, "policy", _seed(value))
-    chosen = tuning.get(value) if isinstance(value, str) else None
-    return Contender(name, make_controller(value, robot, task, chosen), kind)
-
-
-def _check(named: Mapping[str, Any], world: World, robot: Robot, task: Task) -> None:
-    """Let a user's controllers and policies decide once, before anything takes long; refuse unknown names."""
-    part = task.replace(lengths_s=task.lengths_s[:1])
-    made = [_contender(name, value, robot, part, {}) for name, value in named.items()]
-    if any(each.controller is None for each in made) and not hasattr(world, "shoot"):
-        raise InputError(f"perfect aim needs a simulator with shoot(), {world.name} has none; leave {PERFECT} out")
-    own = [each for each in made if each.kind in ("user", "policy")]
-    if own:
-        engagement, normals = draw(part.cells()[:1], 3, 0, "stopping", world.normals, world.plants)
-        seen = map_arrays(np.asarray, world.see(world.begin(engagement, normals)))
-        for each in own:
-            check_decision(each.controller, seen, world.truth(engagement))
-
-
-def _tune(names: list[str], robot: Robot, task: Task) -> dict[str, Tuning]:
-    names, tuning = [each for each in dict.fromkeys(names) if each in GRIDS], {}
-    with progress.bar("tuning", len(names) or 1, "controllers") as advance:
-        for done, name in enumerate(names):
-
-            def report(tried: int, best: float, done: int = done, name: str = name) -> None:
-                advance(done + tried / BUDGET, f"{name}: {tried} settings, best {100 * best:.1f} %")
-
-            tuning[name] = tune(name, robot, task, report)
-    return tuning
-
-
 def _shoot(
-    named: Mapping[str, Any],
+    named: list[tuple[str, Any]],
     tuning: Mapping[str, Tuning],
     world: World,
     robot: Robot,
     task: Task,
     draws: tuple[int, int],
-) -> list[tuple[tuple[Suite, ...], list[_Shot]]]:
+) -> Iterator[tuple[tuple[Suite, ...], list[_Shots]]]:
     """Let all controllers shoot in the cells of each length; `draws`: engagements per cell, and their seed."""
-    engagements, seed = draws
     parts = [task.replace(lengths_s=(length,)) for length in task.lengths_s]
     cells = [part.cells() for part in parts]
-    total, done, found = len(named) * sum(engagements * suite.decisions for each in cells for suite in each), 0, []
+    done, total = 0, len(named) * draws[0] * sum(suite.decisions for suites in cells for suite in suites)
     with progress.bar("evaluating", total, "shots") as advance:
         for part, suites in zip(parts, cells, strict=True):
-            drawn, outcomes = draw(suites, engagements, seed, "evaluation", world.normals, world.plants), []
-            decisions = suites[0].decisions
-            for name, value in named.items():
+            engagement, normals = draw(suites, *draws, "evaluation", world.normals, world.plants)
+            outcomes = []
+            for name, value in named:
 
-                def report(members: int, before: int = done, each: int = decisions, note: str = name) -> None:
-                    advance(before + members * each, note)
+                def report(members: int, before: int = done, each: int = normals.shape[1], name: str = name) -> None:
+                    advance(before + members * each, name)
 
                 report(0)
-                contender = _contender(name, value, robot, part, tuning)
-                outcomes.append(_shot(contender, world, drawn, len(suites), report))
-                done += len(drawn[1]) * decisions
-            found.append((suites, outcomes))
-    return found
-
-
-def _shot(
-    contender: Contender, world: World, drawn: tuple[Engagement, Any], cells: int, report: Callable[[int], None]
-) -> _Shot:
-    if contender.controller is None:
-        counted = count_perfect_aim(world, *drawn)
-    else:
-        counted = count(world, contender.controller, *drawn, report)
-    hit, fired = (each.reshape(cells, -1, each.shape[-1]) for each in (counted.hit, counted.fired))
-    return _Shot(contender, hit, fired, counted.yaw_acceleration)
+                one = make_contender(name, value, robot, part, tuning)
+                if one.controller is None:
+                    counted = count_perfect_aim(world, engagement, normals)
+                else:
+                    counted = count(world, one.controller, engagement, normals, report)
+                done += counted.hit.size
+                by_cell = (each.reshape(len(suites), -1, each.shape[-1]) for each in (counted.hit, counted.fired))
+                outcomes.append(_Shots(one, counted, *by_cell))
+            yield suites, outcomes
 
 
 def _label(suite: Suite, contender: Contender, world: World, task: Task) -> dict[str, Any]:
@@ -261,8 +144,8 @@ def _label(suite: Suite, contender: Contender, world: World, task: Task) -> dict
     }
 
 
-def _cell(suite: Suite, index: int, shot: _Shot, world: World, task: Task) -> Cell:
-    hit, fired, contender = shot.hit[index], shot.fired[index], shot.contender
+def _cell(suite: Suite, index: int, shots: _Shots, world: World, task: Task) -> Cell:
+    hit, fired, contender = shots.hit[index], shots.fired[index], shots.contender
     rate = hit_rate(hit)
     policy, table = contender.kind == "policy", cast(Literal["II", "III"] | None, suite.table)
     return Cell(
@@ -276,24 +159,17 @@ def _cell(suite: Suite, index: int, shot: _Shot, world: World, task: Task) -> Ce
         low=rate.low,
         high=rate.high,
         paper=printed_rate(table, suite.range_m, contender.name, is_policy=policy) if table else None,
-        yaw_rad_s2=shot.yaw_acceleration,
+        yaw_rad_s2=shots.counted.yaw_acceleration,
     )
 
 
-def _comparisons(suites: tuple[Suite, ...], shots: list[_Shot], world: World, task: Task) -> Iterator[Comparison]:
-    contenders = [shot.contender for shot in shots]
+def _comparisons(suites: tuple[Suite, ...], outcomes: list[_Shots], world: World, task: Task) -> Iterator[Comparison]:
+    contenders = [each.contender for each in outcomes]
     for one, other in pairs_to_compare([(each.name, each.kind) for each in contenders]):
         for index, suite in enumerate(suites):
-            difference = paired_difference(shots[one].hit[index], shots[other].hit[index])
+            difference = paired_difference(outcomes[one].hit[index], outcomes[other].hit[index])
             yield Comparison(
                 **_label(suite, contenders[one], world, task),
                 against=contenders[other].name,
                 **difference._asdict(),
             )
-
-
-@contextmanager
-def _timed(durations: dict[str, float], stage: str) -> Iterator[None]:
-    begun = time.monotonic()
-    yield
-    durations[stage] = round(time.monotonic() - begun, 2)

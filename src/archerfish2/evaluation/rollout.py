@@ -104,14 +104,14 @@ def run_engagements(world: World, controller: Controller, engagement: Engagement
     reset, decide = (_method(controller, name) for name in ("reset", "step"))
     state = begin(engagement, normals)
     truth = world.truth(engagement) if getattr(controller, "needs_truth", False) else None
-    seen = map_arrays(np.asarray, see(state))
+    seen = map_arrays(np.array, see(state))  # copies: PyTorch takes no arrays that are read-only, as JAX's are
     memory, decisions = reset(seen, truth), []
     for place in range(normals.shape[axis]):
         memory, command = decide(memory, seen)
         command = map_arrays(np.asarray, command)
         _check_finite(type(controller).__name__, command.angle.reshape(-1, 1, 2), place)
         state, shot = step(state, command, normals[..., place, :])
-        after = map_arrays(np.asarray, see(state))
+        after = map_arrays(np.array, see(state))
         decisions.append(Rollout(seen, command, after.command, map_arrays(np.asarray, shot)))
         seen = after
     return Rollout(*map_arrays(lambda *each: np.stack(each, axis=axis), *decisions))

@@ -53,8 +53,8 @@ def begin_models(noise: TrackerNoise, rates: ModelRates, plate: Array, shown: Ar
     """
     xp = namespace(plate)
     driving = begin_track(noise, plate, shown)
-    at_rest = begin_track(noise._replace(initial_speed=0.0 * noise.initial_speed), plate, shown)
-    track = map_arrays(lambda *each: xp.stack(each, axis=plate.ndim - 1), at_rest, driving, driving)
+    still_track = begin_track(noise._replace(initial_speed=0.0 * noise.initial_speed), plate, shown)
+    track = map_arrays(lambda *each: xp.stack(each, axis=plate.ndim - 1), still_track, driving, driving)
     still = rates.still + 0.0 * plate[..., 0]
     return ModelTracks(track, xp.stack([still, 1.0 - still, 0.0 * still], axis=-1))
 
