@@ -266,6 +266,7 @@ def _shoot(
                 contender = _contender(name, value, robot, part, tuning)
                 outcomes.append(_shot(contender, world, drawn, len(suites), report))
                 done += len(drawn[1]) * decisions
+                advance(done, name)
             found.append((suites, outcomes))
     return found
 
