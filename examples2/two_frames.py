@@ -20,7 +20,8 @@ class TwoFrames(NamedTuple):
         (before, velocity, age), latest, xp = state, first_detection(seen), namespace(seen.elapsed)
         new, age = latest.fresh & (seen.elapsed > 0.0), age + seen.elapsed  # the first step gets reset's frames again
         between = xp.where(new, age - latest.age, 1.0)[..., None]
-        velocity = xp.where(new[..., None], (latest.place - before) / between, velocity)
+        measured = xp.clip((latest.place - before) / between, -2.0, 2.0)  # frames are noisy, robots no faster [m/s]
+        velocity = xp.where(new[..., None], measured, velocity)
         place, age = select(new, (latest.place, latest.age), (before, age))
         delay = self.period + 0.0 * age
         angle = intercept(lambda time: place + velocity * (age + time)[..., None], delay, self.muzzle).angle

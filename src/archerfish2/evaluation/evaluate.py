@@ -127,6 +127,7 @@ def _shoot(
                 else:
                     counted = count(world, one.controller, engagement, normals, report)
                 done += counted.hit.size
+                report(len(normals))
                 by_cell = (each.reshape(len(suites), -1, each.shape[-1]) for each in (counted.hit, counted.fired))
                 outcomes.append(_Shots(one, counted, *by_cell))
             yield suites, outcomes

@@ -1,0 +1,59 @@
+"""The command evaluate: what it writes and prints, and how it ends."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from archerfish2 import Results
+from archerfish2.cli.main import main
+from archerfish2.controllers.registry import NAMES
+from archerfish2.task import DRAWN, EQ_7
+
+# What a shell runs in its background ignores SIGINT, and so would what that starts.
+CODE = "from signal import *; signal(SIGINT, default_int_handler); from archerfish2.cli.main import *; program()"
+FAULTS = {
+    "--controllers kalmn": "archerfish2: controller must be one of kalman, ",
+    "--task papr": "archerfish2: papr: field motion: expected one of paper, static, ",
+    "--engagments 4": "Unrecognized options: --engagments",
+}
+
+
+def start(engagements, out):
+    words = f"evaluate --task paper --controllers kalman no-lead --engagements {engagements} --out {out}".split()
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen([sys.executable, "-c", CODE, *words], cwd=Path(__file__).parents[2] / "src", **pipes)
+
+
+def test_it_writes_and_prints_every_figure(tmp_path):
+    printed, faults = start(4, tmp_path).communicate(timeout=120)
+    assert (faults, "Table III, dynamic targets: paper, limit gate" in printed) == ("", True)
+    assert {each.name for each in tmp_path.iterdir()} == {"results.json", "report.html", "run.json", "run.lock"}
+    assert all(f"{100 * each.rate:.1f} (" in printed for each in Results.load(tmp_path).cells)
+
+
+def test_an_interrupt_leaves_nothing(tmp_path):
+    process = start(100_000, tmp_path / "out")
+    while process.poll() is None and not [*tmp_path.glob("out/.unfinished-*")]:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=60)[1] == "archerfish2: interrupted\n"
+    assert (process.returncode, [*tmp_path.iterdir()]) == (130, [])
+
+
+@pytest.mark.parametrize("words", FAULTS)
+def test_a_fault_ends_with_status_2(tmp_path, monkeypatch, capsys, words):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit, match="2"):
+        main(["evaluate", *words.split()])
+    assert FAULTS[words] in (message := capsys.readouterr().err)
+    assert (message.count("\n") == 1, [*tmp_path.iterdir()]) == (message.startswith("archerfish2: "), [])
+
+
+def test_help_names_every_controller_and_task(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["evaluate", "--help"])
+    assert {*NAMES, "perfect", *EQ_7, *DRAWN} <= {*capsys.readouterr().out.replace(",", "").replace(":", "").split()}

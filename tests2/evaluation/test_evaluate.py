@@ -1,0 +1,123 @@
+"""Evaluations: what is paired, named, counted, tuned, refused and shown."""
+
+import itertools
+import math
+
+import pytest
+
+import archerfish2 as af
+from archerfish2.controllers.registry import GRIDS, make_controller, tuning_at
+from archerfish2.evaluation import tuning
+from archerfish2.protocols import aim
+
+ROBOT, TASK = af.Robot.paper(), af.Task.load("dynamic").replace(ranges_m=((2, 3),))
+OTHER = ROBOT.replace(name="other", muzzle=ROBOT.muzzle.replace(speed=15.0))
+BEST = (3, -1, 0, 2)  # on the grids of kalman
+
+
+def rate(settings):
+    """A hill over the grids of kalman, which would go on beyond the bound of the velocity's decay."""
+    steps = math.log2(settings.acceleration_sd / 4.0) - BEST[0], math.log2(settings.initial_speed / 0.25) - BEST[1]
+    steps += (5.0 * (settings.velocity_decay - 1.2), settings.extra_lead_s / 0.02 - BEST[3])
+    return 0.9 - 0.01 * sum(each**2 for each in steps)
+
+
+class Held:
+    """Aims where the target is, fires every n-th decision, and fails at some decision."""
+
+    compiled = False
+
+    def __init__(self, every=1, failing=math.inf):
+        self.inner, self.every, self.failing = make_controller("no-lead", ROBOT, TASK), every, failing
+
+    def reset(self, seen, truth=None):
+        return 0, self.inner.reset(seen)
+
+    def step(self, state, seen):
+        inner, command = self.inner.step(state[1], seen)
+        angle = command.angle + (math.nan if state[0] >= self.failing else 0.0)
+        return (state[0] + 1, inner), aim(angle)._replace(fire=(0.0 * seen.elapsed + state[0]) % self.every == 0.0)
+
+
+REFUSED = {
+    ("engagements", 1): "engagements must be 2…1000000 for an interval, got 1",
+    ("seed", -1): "seed must be at least 0, got -1",
+    ("controllers", ()): "there is none; give one",
+    ("robot", OTHER): "kalman-paper has settings of the paper's robot alone, got other",
+    ("controllers", Held(failing=9)): "commands a pitch of nan rad at decision 10, in 4 of 4 engagements, expected",
+    ("world", object()): "a object lacks name, compiled, period_s",
+}
+
+
+@pytest.fixture
+def searched(monkeypatch):
+    """Names that were searched for, on the hill instead of in a simulator."""
+    names = []
+    monkeypatch.setattr(tuning, "rates", lambda name, robot, task: names.append(name) or rate)
+    return names
+
+
+def test_all_have_the_same_engagements_and_dispersion_and_equal_names_a_number():
+    results = af.evaluate(["no-lead", Held(), "no-lead", Held()], task=TASK, engagements=4)
+    assert [each.controller for each in results.cells] == ["no-lead", "Held", "no-lead-2", "Held-2"]
+    for name in ("Held", "no-lead-2"):
+        (found,) = results.compare(name, "no-lead")
+        assert found.low < found.difference == 0.0 < found.high
+    beside = af.evaluate("no-lead", task=TASK.replace(motion="paper"), engagements=4)
+    assert beside.cells[1].hits == results.cells[0].hits
+    assert af.evaluate("no-lead", task=TASK, engagements=4, seed=1).cells[0].hits != results.cells[0].hits
+
+
+def test_a_decision_without_fire_is_a_miss_and_changes_no_other_shot():
+    (cell,) = af.evaluate(Held(every=2), task=TASK, engagements=4).cells
+    hit = af.rollout(Held(), task=TASK, engagements=4).hit
+    assert (cell.hits, cell.shots, cell.withheld, cell.decisions) == (hit[:, ::2].sum(), 100, 100, 200)
+
+
+def test_a_search_finds_the_best_setting_and_tries_all_beside_it():
+    found = tuning.search("kalman", rate)
+    tried = [settings for settings, _ in found.tried]
+    assert (found.tuning, found.hit_rate) == (tuning_at("kalman", BEST), max(value for _, value in found.tried))
+    for (axis, grid), by in itertools.product(enumerate(GRIDS["kalman"].values()), (-1, 1)):
+        beside = tuning_at("kalman", (*BEST[:axis], BEST[axis] + by, *BEST[axis + 1 :]))
+        assert (beside in tried) == (grid.last is None or by < 0)
+    endless = tuning.search("kalman", lambda settings: 0.5 + settings.extra_lead_s - math.log(settings.initial_speed))
+    assert len(tried) < len(endless.tried) <= tuning.BUDGET
+
+
+def test_a_tuning_is_kept_for_its_robot_and_task(searched, tmp_path, monkeypatch):
+    monkeypatch.setenv("ARCHERFISH_CACHE", str(tmp_path / "cache"))
+    OTHER.save(tmp_path)
+    places = [af.Robot.load(tmp_path), OTHER]  # a robot's folder, and the user's cache
+    for robot, name in itertools.product(places * 2, ("one", "another")):
+        assert af.tune("kalman", robot, TASK.replace(name=name)) == tuning_at("kalman", BEST)
+    assert (len(searched), len([*tmp_path.glob("tuning.json"), *tmp_path.glob("cache/tuning/*.json")])) == (2, 2)
+    af.tune("kalman", places[0], TASK.replace(command_limit="box"))
+    af.tune("kalman", OTHER.replace(muzzle=ROBOT.muzzle.replace(speed=16.0)), TASK)
+    assert len(searched) == 4
+    monkeypatch.setenv("ARCHERFISH_CACHE", "off")
+    af.tune("kalman", OTHER, TASK)
+    af.tune("kalman", ROBOT, af.Task.load("paper"))  # comes with Archerfish
+    assert len(searched) == 5
+
+
+def test_without_jax_the_counts_are_the_same(run_python):
+    code = "import archerfish2 as a\nprint([x.hits for x in a.evaluate(['kalman'], task='paper', engagements=4).cells])"
+    here = [each.hits for each in af.evaluate(["kalman"], task="paper", engagements=4).cells]
+    assert run_python(code, blocked=("jax",)) == f"{here}\n"
+
+
+@pytest.mark.parametrize("given", REFUSED)
+def test_what_can_not_be_evaluated_is_refused_in_one_line(given):
+    with pytest.raises(af.InputError, match=REFUSED[given]) as error:
+        af.evaluate(**{"controllers": ("no-lead", "kalman-paper"), "task": TASK, "engagements": 4} | dict([given]))
+    assert "\n" not in str(error.value)
+
+
+def test_a_terminal_shows_what_is_tuned_and_shot(searched, monkeypatch, capsys):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    monkeypatch.setenv("ARCHERFISH_CACHE", "off")
+    af.evaluate(["kalman", "no-lead"], task=TASK, engagements=4)
+    shown = capsys.readouterr().err
+    texts = ("tuning", "kalman: ", " settings, best 89.", "evaluating", "no-lead", "400/400")
+    assert [text for text in texts if text not in shown] == []
