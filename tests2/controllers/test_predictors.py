@@ -43,33 +43,30 @@ def test_numpy_and_jax_agree(name, batch, agree, follow) -> None:
         return predictor.position_after(relative, time), predictor.mean_after(relative, time)
 
     # The sharp choice of the best place magnifies rounding.
-    for place in agree(ahead, PREDICTORS[name], found, np.full(batch, 0.2), rtol=0, atol=2e-3):
-        assert place.shape == (*batch, 3)
+    places = agree(ahead, PREDICTORS[name], found, np.full(batch, 0.2), rtol=0, atol=2e-3)
+    assert [each.shape for each in places] == [(*batch, 3)] * 2
 
 
 @pytest.mark.parametrize("name", PREDICTORS)
 def test_predictions_are_against_the_own_base_wherever_it_is_and_moves(name, follow) -> None:
     predictor, found, time = PREDICTORS[name], driving(20, 0.3), np.asarray(0.2)
     own, speed = np.array([0.5, -0.2, 0.2]), np.array([0.1, 0.3, 0.0])
-    here, (elsewhere, moving) = (
-        follow(predictor, found),
-        (follow(predictor, found + own, own=(own, v)) for v in (0.0, speed)),
-    )
+    here, *others = (follow(predictor, found + at, own=(at, v)) for at, v in ((0.0, 0.0), (own, 0.0), (own, speed)))
     for predict in (predictor.mean_after, predictor.position_after):
-        assert_allclose(predict(elsewhere, time), predict(here, time), atol=1e-6)
+        assert_allclose(predict(others[0], time), predict(here, time), atol=1e-6)
         # At the exposure the base was elsewhere, and so was the direction of the noise.
-        assert_allclose(predict(moving, time), predict(here, time) - 0.2 * speed, atol=5e-3)
+        assert_allclose(predict(others[1], time), predict(here, time) - 0.2 * speed, atol=5e-3)
 
 
 @pytest.mark.parametrize("name", PREDICTORS)
 def test_slots_carry_no_identity_and_a_frame_may_show_nothing(name, follow, seen) -> None:
     # A second plate beside the first, in changing slots, and then a frame without any: only time passes.
-    predictor, found, two = PREDICTORS[name], driving(20, 0.3), np.full((1, 2), True)
+    predictor, found = PREDICTORS[name], driving(20, 0.3)
     state = predictor.reset(seen(found[0]))
-    for step, place in enumerate(np.append(found[1:], found[-1:], axis=0), 1):
-        both = np.stack([place, place + 0.5])[None, :: 1 - step % 2 * 2]
-        both = {"position": both, "found": two} if step < 20 else {"position": 0.0 * both, "found": ~two}
-        state = predictor.step(state, seen(place)._replace(frames=seen(place).frames._replace(**both)))
+    for step, place in enumerate([*found[1:], found[-1]], 1):
+        slots = np.stack([place, place + 0.5])[None, :: 1 - step % 2 * 2] * (step < 20)
+        frames = seen(place).frames._replace(position=slots, found=np.full((1, 2), step < 20))
+        state = predictor.step(state, seen(place)._replace(frames=frames))
     late = predictor.against_pivot(state, seen(place).base)
     for predict in (predictor.mean_after, predictor.position_after):  # the models may change meanwhile
         assert_allclose(predict(late, np.asarray(0.1)), predict(follow(predictor, found), np.asarray(0.12)), atol=3e-3)
