@@ -44,9 +44,14 @@ def first_edition() -> dict[str, Callable[[], int]]:
 
     def steps(members: int) -> Callable[[], int]:
         drawn = _members(ground.trials.engagements, ground.trials.draws, members)
-        return _stepped(
-            lambda world, state, angle, each: world.shoot(state, fire_always(angle), each), ground.world, drawn
-        )
+
+        def begin(world: Any, engagement: Any, normals: Any) -> Any:
+            return world.begin(engagement, normals[:, 0])
+
+        def step(world: Any, state: Any, angle: Any, normals: Any) -> Any:
+            return world.shoot(state, fire_always(angle), normals)
+
+        return _stepped(begin, step, ground.world, drawn)
 
     return {name: evaluation(name) for name in CONTROLLERS} | {f"step, {n}": steps(n) for n in MEMBERS}
 
