@@ -1,7 +1,6 @@
 import importlib.metadata
 import pickle
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -10,10 +9,18 @@ from archerfish2.plugins import find_plugin, is_plugin
 
 MINE = "import beside\nclass Aim:\n  answer = beside.ANSWER\n  def __init__(self):\n    raise RuntimeError('no\\nmore')"
 FILES = {"mine": MINE, "beside": "ANSWER = 42", "broken": "x = 1\nx = = 2\n", "needy": "\nimport no_such_module\n"}
+FAULTS = {
+    "./none.py:Aim": "there is no file ./none.py; expected ./FILE.py:NAME",
+    "./mine.py:Other": "has no 'Other', but Aim; name one of these",
+    "none:Aim": "none:Aim: ModuleNotFoundError: No module named 'none'",
+    "none": "controller 'none' is not installed; expected",
+    "./broken.py:Aim": "broken.py:Aim: line 2: SyntaxError: invalid syntax",
+    "./needy.py:Aim": "needy.py:Aim: line 2: ModuleNotFoundError: No module named 'no_such_module'; correct it",
+}
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(tmp_path, monkeypatch):
     for name, code in FILES.items():
         (tmp_path / f"{name}.py").write_text(code)
     monkeypatch.chdir(tmp_path)
@@ -21,48 +28,34 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_file_is_run_once_however_it_is_named_and_may_import_what_lies_beside_it(here: Path) -> None:
+def test_a_file_is_run_once_however_it_is_named_and_may_import_what_lies_beside_it(here):
     first = find_plugin("./mine.py:Aim", "controller")
     (here / "mine.py").write_text("raise SystemExit")
     same = (find_plugin(spec, "controller") for spec in ("mine:Aim", f"{here}/mine.py:Aim", first.spec))
     assert all(each.value is first.value for each in (*same, pickle.loads(pickle.dumps(first))))
     assert (first.name, first.value.answer, first.file) == ("Aim", 42, str(here / "mine.py"))
     assert first.value.__module__.startswith("archerfish2_plugin_mine_")
-    assert str(here) not in sys.path
-    assert not list(here.glob("__pycache__/mine*"))
+    assert (str(here) in sys.path, list(here.glob("__pycache__/mine*"))) == (False, [])
 
 
-def test_an_installed_module_and_an_entry_point_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_installed_module_and_an_entry_point_are_found(monkeypatch):
     assert find_plugin("json:dumps", "controller").file == ""
     entry = importlib.metadata.EntryPoint("fast", "json.decoder:JSONDecoder.decode", "archerfish.controllers")
-    found = importlib.metadata.EntryPoints([entry])
-    monkeypatch.setattr(importlib.metadata, "entry_points", lambda **words: found.select(**words))
+    monkeypatch.setattr(importlib.metadata, "entry_points", importlib.metadata.EntryPoints([entry]).select)
     plugin = find_plugin("fast", "controller")
     assert (plugin.name, plugin.value.__qualname__) == ("fast", "JSONDecoder.decode")
     assert [is_plugin(spec, "controller") for spec in ("fast", "x:Y", "kalman")] == [True, True, False]
 
 
-@pytest.mark.parametrize(
-    ("spec", "complaint"),
-    [
-        ("./none.py:Aim", "there is no file ./none.py; expected ./FILE.py:NAME"),
-        ("./mine.py:Other", "has no 'Other', but Aim; name one of these"),
-        ("none:Aim", "none:Aim: ModuleNotFoundError: No module named 'none'"),
-        ("none", "controller 'none' is not installed; expected"),
-        ("./broken.py:Aim", "broken.py:Aim: line 2: SyntaxError: invalid syntax"),
-        ("./needy.py:Aim", "needy.py:Aim: line 2: ModuleNotFoundError: No module named 'no_such_module'; correct it"),
-    ],
-)
-def test_what_can_not_be_found_or_run_is_named(here: Path, spec: str, complaint: str) -> None:
+@pytest.mark.parametrize("spec", FAULTS)
+def test_what_can_not_be_found_or_run_is_named(here, spec, refused):
     for _ in range(2):
-        with pytest.raises(InputError, match=complaint):
-            find_plugin(spec, "controller")
+        refused(FAULTS[spec], find_plugin, spec, "controller")
 
 
-def test_what_a_user_s_code_raises_is_one_line_with_its_place(here: Path) -> None:
+def test_what_a_user_s_code_raises_is_one_line_with_its_place(here, refused):
     plugin = find_plugin("./mine.py:Aim", "controller")
-    with pytest.raises(InputError, match=r"mine.py:Aim: line 5: RuntimeError: no; correct it$"), plugin.running():
-        plugin.value()
+    refused(r"mine.py:Aim: line 5: RuntimeError: no; correct it$", plugin.running()(plugin.value))
     with pytest.raises(InputError, match=r"^[^:]*mine.py:Aim: wants more$"), plugin.running(), plugin.running():
         raise InputError("wants more")
     with pytest.raises(InputError, match=r"TracerBoolConversionError: .*; it runs compiled"), plugin.running():

@@ -1,5 +1,5 @@
 import itertools
-from types import SimpleNamespace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,40 +17,36 @@ CLASSICAL = ["oracle", "kalman", "kalman-paper", "kalman-lq", "imm-lq", "parabol
 OTHERS = [("six-number", "policy", 0), ("mine", "user", None), *((each, "classical", None) for each in CLASSICAL)]
 OTHERS.append(("perfect", "perfect", None))
 MOTIONS = ["still", "parabola", "pass", "strafe", "stop-and-go", "sinusoid", "circle", "singer"]
-PAPER = Task.load("paper")
+PAPER, ROBOT, INFANTRY = Task.load("paper"), Robot.paper(), Robot.load(Path(__file__).parents[1] / "infantry")
 PLACE = {"world": "paper", "length_s": 1.0, "command_limit": "gate"}
 
 
 def evaluated(motions, contenders, engagements, **place):
     """Results with made-up hits: the later a controller in the list, the fewer."""
-    generator, cells, comparisons = np.random.default_rng(1), [], []
+    generator, cells, pairs = np.random.default_rng(1), [], []
     for motion, near in itertools.product(motions, (1.0, 2.0, 3.0, 4.0)):
         cell = PLACE | place | {"motion": motion, "range_m": (near, near + 1.0)}
         labels = [cell | {"controller": name, "seed": seed} for name, _, seed in contenders]
         rates = 0.9 - 0.03 * np.arange(len(contenders))[:, None, None]
         hits = generator.random((len(contenders), engagements, 50)) < rates + generator.normal(0, 0.1, (engagements, 1))
+        table = {"static": "II", "dynamic": "III"}.get(motion)
         for label, (_, kind, _), hit in zip(labels, contenders, hits, strict=True):
             k, n, _, low, high = hit_rate(hit)
-            withheld, table = int(kind == "user"), {"static": "II", "dynamic": "III"}.get(motion)
-            facts = {"hits": k, "shots": n - withheld, "withheld": withheld, "low": low, "high": high, "table": table}
-            facts |= {"paper": 83.8 if table and kind == "policy" else None, "yaw_rad_s2": 50.0}
-            cells.append(Cell(**label, **facts, kind=kind, engagements=engagements))
+            facts = label | {"withheld": int(kind == "user"), "paper": 83.8 if table and kind == "policy" else None}
+            facts |= {"hits": k, "shots": n - facts["withheld"], "low": low, "high": high, "yaw_rad_s2": 50.0}
+            cells.append(Cell(**facts, kind=kind, table=table, engagements=engagements))
         for one, other in pairs_to_compare([each[:2] for each in contenders]):
             difference = paired_difference(hits[one], hits[other])._asdict()
-            comparisons.append(Comparison(**labels[one], **difference, against=contenders[other][0]))
+            pairs.append(Comparison(**labels[one], **difference, against=contenders[other][0]))
     empty = {name: {} for name in ("versions", "robots", "tuning", "durations")}
-    return Results(seed=0, commit="abc", tasks=(), cells=tuple(cells), comparisons=tuple(comparisons), **empty)
-
-
-def widest(results):
-    return max(map(len, repr(results).split("\n")))
+    return Results(seed=0, commit="abc", tasks=(), cells=tuple(cells), comparisons=tuple(pairs), **empty)
 
 
 @pytest.fixture(scope="module")
 def paper():
     """The paper's cells with bounds, of one training each."""
     found = evaluated(("static", "dynamic"), [*TRAINED[:1], *OTHERS], 500)
-    return found.replace(cells=with_bounds(found.cells, Robot.paper(), PAPER, 0))
+    return found.replace(cells=with_bounds(found.cells, ROBOT, PAPER, 0))
 
 
 @pytest.fixture(scope="module")
@@ -59,15 +55,19 @@ def motions():
     return evaluated(MOTIONS, TRAINED + OTHERS, 4)
 
 
-def test_every_rate_and_its_interval_are_printed_within_110_columns(paper):
-    text = repr(paper)
-    assert widest(paper) <= 110
+def test_every_rate_and_its_interval_are_printed_within_110_columns(paper, motions):
+    text, empty = repr(paper), evaluated([], OTHERS, 4)
     for cell in paper.cells:
         assert f"{100 * cell.rate:.1f} ({100 * cell.low:.1f}–{100 * cell.high:.1f})" in text
     for said in ("Table II, static targets", "policy (printed)", "83.80", "mine (no fire)", "the 95 %", "Bound: "):
         assert said in text
     bound = next(line for line in text.split("\n") if line.startswith("bound "))
     assert bound.split() == ["bound", "87.8", "90.5", "91.1", "91.9", "90.3"]
+    drop = paper.comparisons[0].replace(against="simulated/policy")  # to a robot
+    assert "policy − simulated/policy" in repr(paper.replace(comparisons=(drop,)))
+    assert max(len(line) for each in (paper, motions) for line in repr(each).split("\n")) <= 110
+    assert repr(empty).startswith("Results: seed 0, commit abc, 0 cells")
+    assert empty.report().headline == "No controller was evaluated."
 
 
 def test_many_motions_share_a_table_of_means_and_trainings_a_row_with_their_spread(motions):
@@ -82,7 +82,6 @@ def test_many_motions_share_a_table_of_means_and_trainings_a_row_with_their_spre
     # The same engagements again are no new engagements.
     again = [each.replace(seed=9) for each in trainings[0]]
     assert mean([*trainings[0], *again])[:3] == pytest.approx(mean(trainings[0])[:3])
-    assert widest(motions) <= 110
 
 
 def test_a_cell_is_better_where_the_whole_interval_is_above_zero(paper):
@@ -90,20 +89,21 @@ def test_a_cell_is_better_where_the_whole_interval_is_above_zero(paper):
     (row,) = [line for line in repr(paper).split("\n") if line.startswith("policy − oracle")]
     assert row.split()[-3:] == [str(sum(each.low > 0 for each in own)), "0", "8"]
     assert all(" (".join(entry_texts(mean([each]))) in repr(own) for each in own)
-    assert widest(own) <= 110
+    assert max(map(len, repr(own).split("\n"))) <= 110
 
 
 def test_bounds_are_of_these_engagements_of_this_robot_alone(paper):
     cells = evaluated(("dynamic",), OTHERS[2:], 500, command_limit="box").cells
-    bounded = with_bounds(cells, Robot.paper(), PAPER, 0)
+    bounded = with_bounds(cells, ROBOT, PAPER, 0)
     bounds = {each.controller: each.bound for each in bounded}
     assert (bounds["kalman"], bounds["oracle"], bounds["perfect"]) == pytest.approx((0.982, 0.982, None), abs=1e-3)
     assert "bound of oracle" in repr(paper.replace(cells=bounded, comparisons=()))
-    robot, other = Robot.paper(), SimpleNamespace(name="paper", digest=lambda: "of other records")
-    for where in ((robot, PAPER, 1), (other, PAPER, 0), (robot, PAPER.replace(lateral_m=0.5), 0)):
-        assert with_bounds(cells, *where) == cells
-    fewer = tuple(each.replace(engagements=499) for each in cells)
-    assert with_bounds(fewer, robot, PAPER, 0) == fewer
+    fewer, refitted = [each.replace(engagements=250) for each in cells], ROBOT.replace(muzzle=INFANTRY.muzzle)
+    wider = PAPER.replace(lateral_m=0.5)
+    others = [(fewer, ROBOT, PAPER, 0), (cells, ROBOT, PAPER, 1), (cells, refitted, PAPER, 0), (cells, ROBOT, wider, 0)]
+    assert all(with_bounds(*each) == (*each[0],) for each in others)
+    cells = with_bounds(evaluated(("static", "dynamic"), OTHERS[2:], 250).cells, INFANTRY, PAPER, 0)
+    assert all((each.bound is None) == (each.kind == "perfect") for each in cells)
 
 
 def test_the_plot_has_a_panel_per_motion_and_every_controller_looks_different(paper, motions):
@@ -123,13 +123,3 @@ def test_the_page_has_a_headline_for_any_policy_and_the_cells_beside_the_papers(
     assert f"policy: {rate}\u00a0% ({interval}) of all decisions hit (paper, limit gate" in page
     for text in ("policy − kalman-lq", "<td>83.80</td>", "one training, seed 2", "rad/s²", "of the bound"):
         assert text in page
-
-
-def test_a_drop_to_a_robot_is_a_difference_to_the_same_controller_in_its_simulator(paper):
-    drop = paper.comparisons[0].replace(against="simulated/policy")
-    assert "policy − simulated/policy" in repr(paper.replace(comparisons=(drop,)))
-
-
-def test_an_evaluation_of_nothing_prints():
-    assert repr(evaluated([], OTHERS, 4)).startswith("Results: seed 0, commit abc, 0 cells")
-    assert evaluated([], OTHERS, 4).report().headline == "No controller was evaluated."
