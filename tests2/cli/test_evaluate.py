@@ -10,6 +10,7 @@ import pytest
 
 from archerfish2 import Results
 from archerfish2.cli.main import main
+from archerfish2.cli.signals import stop_requests
 from archerfish2.controllers.registry import NAMES
 from archerfish2.task import DRAWN, EQ_7
 
@@ -42,6 +43,13 @@ def test_an_interrupt_leaves_nothing(tmp_path):
     process.send_signal(signal.SIGINT)
     assert process.communicate(timeout=60)[1] == "archerfish2: interrupted\n"
     assert (process.returncode, [*tmp_path.iterdir()]) == (130, [])
+
+
+def test_an_interrupt_that_a_destructor_drops_comes_again():
+    drops = type("Drops", (), {"__del__": lambda _: signal.raise_signal(signal.SIGINT)})
+    with pytest.raises(KeyboardInterrupt), stop_requests():
+        drops()
+        time.sleep(30)
 
 
 @pytest.mark.parametrize("words", FAULTS)

@@ -4,15 +4,15 @@ import difflib
 import importlib
 import inspect
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from archerfish2 import __version__
+from archerfish2.cli.signals import Stopped, stop_requests
 from archerfish2.errors import InputError, one_line
 
-INPUT_ERROR, INTERRUPTED, TERMINATED = 2, 130, 143
+INPUT_ERROR = 2
 COMMANDS = {"evaluate": ("archerfish2.cli.evaluate", "Evaluate")}
 """Command → module and class. Named, not imported: a command waits for the libraries of no other one."""
 _OVERVIEW = """\
@@ -30,23 +30,24 @@ replaces what it reads, nor, without --overwrite, what it did not write itself."
 
 def program() -> NoReturn:
     """Run as a program: the arguments of the process, and its exit status."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     # Many threads make the small matrix products of a robot's model slower; set before NumPy is imported.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    status: Any = 0
     try:
-        main(sys.argv[1:])
-    except KeyboardInterrupt:
-        print("archerfish2: interrupted", file=sys.stderr)  # noqa: T201
-        status = INTERRUPTED
-    except SystemExit as ended:
-        status = ended.code
-    sys.stdout.flush()
-    sys.stderr.flush()
-    if status in (INTERRUPTED, TERMINATED):
-        os._exit(status)  # the usual end would free what a compiler's threads still use
-    sys.exit(status)
+        with stop_requests():
+            try:
+                main(sys.argv[1:])
+            finally:
+                sys.stdout.flush()
+    except BrokenPipeError:  # the reader of the output has gone, and Python would flush once more
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except Stopped as stopped:
+        print(f"archerfish2: {stopped.word}", file=sys.stderr)  # noqa: T201
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(stopped.status)  # the usual end would free what a compiler's threads still use
+    sys.exit(0)
 
 
 def main(arguments: Sequence[str]) -> None:
