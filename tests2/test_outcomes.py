@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from archerfish2.controllers.registry import Tuning, make_controller
-from archerfish2.evaluation.published import with_bounds
-from archerfish2.evaluation.results import Cell
 from archerfish2.evaluation.rollout import count, count_perfect_aim
 from archerfish2.evaluation.suites import draw
 from archerfish2.records.json_files import read_json
@@ -19,12 +17,12 @@ from archerfish2.task import Task
 
 HERE = Path(__file__).parent
 STORED = {path.stem: read_json(path) for path in sorted((HERE / "outcomes").glob("*.json")) if path.stem != "tuning"}
-SLOW = {
-    ("infantry", "no-lead"),
-    ("any-1s", "kalman"),
-    ("any-1s", "imm-lq"),
-    *(("any-3s", each) for each in STORED["any-3s"]),
-}
+SLOW = {("infantry", "no-lead"), ("any-1s", "kalman"), ("any-1s", "imm-lq")}
+CASES = [
+    pytest.param(name, each, marks=[pytest.mark.slow] * (name == "any-3s" or (name, each) in SLOW))
+    for name, stored in STORED.items()
+    for each in sorted(stored.keys() - {"setting"})
+]
 
 
 @functools.cache
@@ -36,14 +34,6 @@ def engagements(name):
     world = make_world(robot, task)
     drawn = draw(task.cells(), setting["shape"][1], setting["seed"], "evaluation", world.normals, world.plants)
     return robot, task, world, drawn
-
-
-CASES = [
-    pytest.param(name, each, marks=[pytest.mark.slow] if (name, each) in SLOW else [])
-    for name, stored in STORED.items()
-    for each in stored
-    if each != "setting"
-]
 
 
 @pytest.mark.parametrize(("name", "controller"), CASES)
@@ -62,13 +52,3 @@ def test_a_controller_hits_where_it_hit_in_the_first_edition(name, controller) -
     # As many as the first edition differs from itself in batches of another size, twice; or 0.1 %.
     allowed = np.maximum(np.ceil(1e-3 * hit.size / cells), 2 * np.array(stored["differ"]))
     assert np.all(differ <= allowed), f"{differ.tolist()} shots of each cell differ, of {hit.size // cells}"
-
-
-def test_the_bounds_that_are_published_for_it_are_found() -> None:
-    robot, task = Robot.load(HERE / "infantry"), Task.load("paper")
-    counts = {"hits": 0, "shots": 12500, "withheld": 0, "engagements": 250, "low": 0.0, "high": 1.0, "seed": None}
-    place = {"world": "infantry", "length_s": 1.0, "command_limit": "gate", "controller": "kalman", "kind": "classical"}
-    at = [{"table": each.table, "motion": each.motion, "range_m": each.range_m} for each in task.cells()]
-    cells = tuple(Cell(**place, **counts, **each) for each in at)
-    assert {each.bound is not None for each in with_bounds(cells, robot, task, 0)} == {True}
-    assert with_bounds(cells, robot, task, 1) == cells

@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from archerfish2.arrays import map_arrays
+from archerfish2.arrays import leaves, map_arrays
 from archerfish2.evaluation import rollout
 
 DECISIONS = 100
@@ -22,12 +22,11 @@ def in_numpy(conformance):
 
 
 def test_numpy_and_jax_have_equal_outcomes(conformance, in_numpy, batch) -> None:
-    plain = in_numpy(batch)
     compiled = rollout.run_engagements(*conformance.build(), *conformance.engagements(batch, DECISIONS))
+    plain = in_numpy(batch)
     assert map_arrays(np.shape, compiled) == map_arrays(np.shape, plain)
-    for ours, theirs in ((plain.shot, compiled.shot), (plain.seen.frames, compiled.seen.frames)):
-        for name, each in ours._asdict().items():
-            np.testing.assert_allclose(getattr(theirs, name), each, atol=1e-3, err_msg=name)
+    for ours, theirs in zip(*(leaves((each.shot, each.seen.frames)) for each in (plain, compiled)), strict=True):
+        np.testing.assert_allclose(theirs, ours, atol=1e-3)
     np.testing.assert_array_equal(compiled.shot.margin >= 0.0, plain.shot.margin >= 0.0)
 
 
@@ -41,8 +40,7 @@ def test_pellets_hit_all_four_plates_and_nothing_is_fired_long_after_the_last_de
         assert np.abs(age - 0.3).min() > 1e-4
         np.testing.assert_array_equal(shot.fired[:, place], age < 0.3)
     assert 0.3 < shot.fired.mean() < 0.7
-    yaw = seen.base.yaw + 0.02 * seen.base.yaw_rate
-    assert np.abs(in_force[..., 1] - yaw).max() < np.radians(75.001)
+    assert np.abs(in_force[..., 1] - seen.base.yaw - 0.02 * seen.base.yaw_rate).max() < np.radians(75.001)
 
 
 def test_places_of_frames_that_are_not_used_are_zeros(in_numpy) -> None:
@@ -55,20 +53,18 @@ def test_places_of_frames_that_are_not_used_are_zeros(in_numpy) -> None:
 @pytest.mark.slow  # 15 s to compile
 def test_gradients_are_finite_through_world_and_controller(conformance, quick_jit) -> None:
     jax = pytest.importorskip("jax")
-    engagement, normals = conformance.engagements((2,), 4)
 
-    def loss(parts, drawn):
-        world, controller, engagement = parts
-        state = world.begin(engagement, drawn)
-
-        def step(carry, each):
+    def loss(parts, normals):
+        def step(carry, drawn):
             memory, command = controller.step(carry[1], world.see(carry[0]))
-            state, shot = world.step(carry[0], command, each)
+            state, shot = world.step(carry[0], command, drawn)
             return (state, memory), jax.numpy.maximum(shot.margin, -1.0)
 
-        return jax.lax.scan(step, (state, controller.reset(world.see(state))), drawn.swapaxes(0, 1))[1].mean()
+        world, controller, engagement = parts
+        state = world.begin(engagement, normals)
+        return jax.lax.scan(step, (state, controller.reset(world.see(state))), normals.swapaxes(0, 1))[1].mean()
 
-    world, controller, engagement = jax.tree.map(jax.numpy.asarray, (*conformance.build(), engagement))
+    (world, controller), (engagement, normals) = conformance.build(), conformance.engagements((2,), 4)
     gradient = quick_jit(jax.grad(loss, allow_int=True))((world, controller, engagement), normals)
     assert all(np.isfinite(each).all() for each in jax.tree.leaves(gradient) if each.dtype == np.float32)
     early, late = (dataclasses.replace(controller, lead=controller.lead + by) for by in (-1e-3, 1e-3))
