@@ -5,7 +5,6 @@ import json
 
 import pytest
 
-from archerfish2.paper.conditions import assumed_conditions
 from archerfish2.records.json_files import plain
 from archerfish2.task import Task
 
@@ -25,15 +24,6 @@ def as_toml(content):
         lines = [f"{name} = {json.dumps(value)}" for name, value in json.loads(content).items()]
         return "\n".join(lines).encode("utf-8", "surrogatepass")
     return content
-
-
-def test_the_defaults_are_the_papers_assumed_conditions():
-    c = assumed_conditions()
-    place = {"lateral_m": c.max_lateral_offset, "height_m": c.armor_height, "start": (c.start_pitch, c.start_yaw)}
-    shape = {"curvature_1_m": c.parabola_curvature, "rise_m": c.parabola_rise, "max_speed_m_s": c.max_lateral_speed}
-    times = {"period_s": c.control_period_s, "lengths_s": (c.engagement_s,), "hit_radius_m": c.hit_radius}
-    assert Task.load("paper") == Task(motion="paper", name="paper", ranges_m=c.range_bins, **place, **shape, **times)
-    assert Task() == Task.load("any") == Task(name="any", motion="any", lengths_s=(1.0, 3.0))
 
 
 def test_cells_have_the_same_stream_whichever_are_beside_them():

@@ -1,10 +1,20 @@
-import json
+"""Results: their file, joins and comparisons, and the tables, plot and page of them."""
 
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from archerfish2.controllers.registry import Tuning
+from archerfish2.evaluation.hit_rate import hit_rate, paired_difference
+from archerfish2.evaluation.published import with_bounds
 from archerfish2.evaluation.results import Cell, Comparison, Results, pairs_to_compare
+from archerfish2.evaluation.tables import mean, rate_tables
 from archerfish2.records.json_files import plain
+from archerfish2.reports.table import entry_texts
+from archerfish2.robot import Robot
 from archerfish2.task import Task
 
 LABEL = {"world": "paper", "motion": "dynamic", "range_m": (1, 2), "length_s": 1.0, "command_limit": "gate"}
@@ -32,6 +42,46 @@ CONTRADICTIONS = {
     "robots: digest of paper differs": {"robots": {"paper": {"digest": "other"}}},
     "tuning: kalman of paper/gate differs": {"tuning": {"paper/gate": {"kalman": Tuning(acceleration_sd=5.0)}}},
 }
+TRAINED = [("policy", "policy", seed) for seed in (2, 0, 1)]
+CLASSICAL = ["oracle", "kalman", "kalman-paper", "kalman-lq", "imm-lq", "parabola-lq", "no-lead"]
+OTHERS = [("six-number", "policy", 0), ("mine", "user", None), *((each, "classical", None) for each in CLASSICAL)]
+OTHERS.append(("perfect", "perfect", None))
+MOTIONS = ["still", "parabola", "pass", "strafe", "stop-and-go", "sinusoid", "circle", "singer"]
+PAPER, ROBOT, INFANTRY = Task.load("paper"), Robot.paper(), Robot.load(Path(__file__).parents[1] / "infantry")
+
+
+def evaluated(motions, contenders, engagements, **place):
+    """Results with made-up hits: the later a controller in the list, the fewer."""
+    generator, cells, pairs = np.random.default_rng(1), [], []
+    for motion, near in itertools.product(motions, (1.0, 2.0, 3.0, 4.0)):
+        cell = LABEL | place | {"motion": motion, "range_m": (near, near + 1.0)}
+        labels = [cell | {"controller": name, "seed": seed} for name, _, seed in contenders]
+        rates = 0.9 - 0.03 * np.arange(len(contenders))[:, None, None]
+        hits = generator.random((len(contenders), engagements, 50)) < rates + generator.normal(0, 0.1, (engagements, 1))
+        table = {"static": "II", "dynamic": "III"}.get(motion)
+        for label, (_, kind, _), hit in zip(labels, contenders, hits, strict=True):
+            k, n, _, low, high = hit_rate(hit)
+            facts = label | {"withheld": int(kind == "user"), "paper": 83.8 if table and kind == "policy" else None}
+            facts |= {"hits": k, "shots": n - facts["withheld"], "low": low, "high": high, "yaw_rad_s2": 50.0}
+            cells.append(Cell(**facts, kind=kind, table=table, engagements=engagements))
+        for one, other in pairs_to_compare([each[:2] for each in contenders]):
+            difference = paired_difference(hits[one], hits[other])._asdict()
+            pairs.append(Comparison(**labels[one], **difference, against=contenders[other][0]))
+    empty = {name: {} for name in ("versions", "robots", "tuning", "durations")}
+    return Results(seed=0, commit="abc", tasks=(), cells=tuple(cells), comparisons=tuple(pairs), **empty)
+
+
+@pytest.fixture(scope="module")
+def paper():
+    """The paper's cells with bounds, of one training each."""
+    found = evaluated(("static", "dynamic"), [*TRAINED[:1], *OTHERS], 500)
+    return found.replace(cells=with_bounds(found.cells, ROBOT, PAPER, 0))
+
+
+@pytest.fixture(scope="module")
+def motions():
+    """Eight motions, several trainings."""
+    return evaluated(MOTIONS, TRAINED + OTHERS, 4)
 
 
 def test_results_survive_the_disk_in_a_file_or_its_folder(tmp_path):
@@ -81,3 +131,73 @@ def test_rows_for_a_data_frame_are_plain():
     row = RESULTS.to_dicts()[1]
     assert (row["range_low_m"], row["range_high_m"], row["rate"], row["paper"]) == (1.0, 2.0, 0.8, 72.1)
     assert all(isinstance(value, str | int | float | None) for value in row.values())
+
+
+def test_every_rate_and_its_interval_are_printed_within_110_columns(paper, motions):
+    text, empty = repr(paper), evaluated([], OTHERS, 4)
+    for cell in paper.cells:
+        assert f"{100 * cell.rate:.1f} ({100 * cell.low:.1f}–{100 * cell.high:.1f})" in text
+    for said in ("Table II, static targets", "policy (printed)", "83.80", "mine (no fire)", "the 95 %", "Bound: "):
+        assert said in text
+    bound = next(line for line in text.split("\n") if line.startswith("bound "))
+    assert bound.split() == ["bound", "87.8", "90.5", "91.1", "91.9", "90.3"]
+    drop = paper.comparisons[0].replace(against="simulated/policy")  # to a robot
+    assert "policy − simulated/policy" in repr(paper.replace(comparisons=(drop,)))
+    assert max(len(line) for each in (paper, motions) for line in repr(each).split("\n")) <= 110
+    assert repr(empty).startswith("Results: seed 0, commit abc, 0 cells")
+    assert empty.report().headline == "No controller was evaluated."
+
+
+def test_many_motions_share_a_table_of_means_and_trainings_a_row_with_their_spread(motions):
+    (table,) = rate_tables(motions.cells)
+    rows = {row[0]: row for row in table.rows}
+    own = [each.rate for each in motions.cells if (each.controller, each.motion) == ("kalman", "circle")]
+    assert rows["kalman"][table.columns.index("circle")].value == pytest.approx(100 * np.mean(own))
+    trainings = [[each for each in motions.cells if each.key[-2:] == ("policy", seed)] for seed in range(3)]
+    rates = [100 * np.mean([each.rate for each in own]) for own in trainings]
+    assert rows["policy, 3 seeds"][-1].value == pytest.approx(np.mean(rates))
+    assert rows["policy (seeds)"][-1] == f"{min(rates):.1f}–{max(rates):.1f}"
+    # The same engagements again are no new engagements.
+    again = [each.replace(seed=9) for each in trainings[0]]
+    assert mean([*trainings[0], *again])[:3] == pytest.approx(mean(trainings[0])[:3])
+
+
+def test_a_cell_is_better_where_the_whole_interval_is_above_zero(paper):
+    own = paper.compare("policy", "oracle")
+    (row,) = [line for line in repr(paper).split("\n") if line.startswith("policy − oracle")]
+    assert row.split()[-3:] == [str(sum(each.low > 0 for each in own)), "0", "8"]
+    assert all(" (".join(entry_texts(mean([each]))) in repr(own) for each in own)
+    assert max(map(len, repr(own).split("\n"))) <= 110
+
+
+def test_bounds_are_of_these_engagements_of_this_robot_alone(paper):
+    cells = evaluated(("dynamic",), OTHERS[2:], 500, command_limit="box").cells
+    bounded = with_bounds(cells, ROBOT, PAPER, 0)
+    bounds = {each.controller: each.bound for each in bounded}
+    assert (bounds["kalman"], bounds["oracle"], bounds["perfect"]) == pytest.approx((0.982, 0.982, None), abs=1e-3)
+    assert "bound of oracle" in repr(paper.replace(cells=bounded, comparisons=()))
+    fewer, refitted = [each.replace(engagements=250) for each in cells], ROBOT.replace(muzzle=INFANTRY.muzzle)
+    wider = PAPER.replace(lateral_m=0.5)
+    others = [(fewer, ROBOT, PAPER, 0), (cells, ROBOT, PAPER, 1), (cells, refitted, PAPER, 0), (cells, ROBOT, wider, 0)]
+    assert all(with_bounds(*each) == (*each[0],) for each in others)
+    cells = with_bounds(evaluated(("static", "dynamic"), OTHERS[2:], 250).cells, INFANTRY, PAPER, 0)
+    assert all((each.bound is None) == (each.kind == "perfect") for each in cells)
+
+
+def test_the_plot_has_a_panel_per_motion_and_every_controller_looks_different(paper, motions):
+    figure = paper.plot()
+    names = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert {*CLASSICAL, "policy", "mine", "perfect", "bound", "hollow: the paper"} < names
+    lines = [each for each in figure.axes[1].lines if each.get_linestyle() != "None"]
+    assert len({(each.get_color(), each.get_marker()) for each in lines}) == len(lines) == len(OTHERS) + 2
+    joined = motions.join(evaluated(MOTIONS, TRAINED[:1], 4, length_s=3.0))
+    assert [axes.get_title("left") for axes in joined.plot().axes][::8] == ["still, 1 s", "still, 3 s"]
+
+
+def test_the_page_has_a_headline_for_any_policy_and_the_cells_beside_the_papers(paper, tmp_path):
+    paper.report().write_page(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    rate, interval = entry_texts(mean([each for each in paper.cells if each.controller == "policy"]))
+    assert f"policy: {rate}\u00a0% ({interval}) of all decisions hit (paper, limit gate" in page
+    for text in ("policy − kalman-lq", "<td>83.80</td>", "one training, seed 2", "rad/s²", "of the bound"):
+        assert text in page

@@ -1,30 +1,47 @@
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy import signal
 
+from archerfish2.dynamics.linear_axis import gimbal_draws
 from archerfish2.records.json_files import plain, write_json
-from archerfish2.records.limits import AxisLimits
 from archerfish2.records.plant import PlantRecord
+from archerfish2.robot import RECORDS, PartVerdict, Robot
 
 FAULTS = [
     ("pitch", {"A": [["1"]]}, r"field A: expected float, got str"),
-    ("pitch", {"B": [[True], [1.0]]}, r"field B: expected float, got bool"),
     ("pitch", {"D": [[1.0], [1.0, 2.0]]}, r"field D: .*inhomogeneous"),
     ("pitch", {"A": []}, r"expected 1…64 states, got 0"),
     ("pitch", {"A": [[1e13, 0.0], [0.0, 1.0]]}, r"field A: expected float <= 1000000000000.0"),
     ("pitch", {"draws": {"A": [[[1.0]]]}}, r"field draws\[A\]: expected shape \(1, 2, 2\), got \(1, 1, 1\)"),
     ("pitch", {"draw_delays": [7, 8]}, r"field draw_delays: expected shape \(3,\), got \(2,\)"),
-    ("pitch", {"delay_samples": -1}, r"field delay_samples: expected int >= 0, got -1"),
-    ("pitch", {"output_names": ["angle", "rate"]}, r"field output_names: expected shape \(1,\), got \(2,\)"),
-    ("pitch", {"provenance": {"a": {"b": {"c": 1}}}}, r"field provenance"),
     ("muzzle", {"speed": 0.0}, r"field speed: expected float >= 0.1, got 0.0"),
     ("muzzle", {"intervals": {"speed": [2.0, 1.0]}}, r"intervals.speed: expected low ≤ high, got 2 and 1"),
     ("limits", {"yaw": {"low": 1.0, "high": 0.5, "max_rate": 1.0, "max_acceleration": 1.0}}, r"low < high, got 1"),
     ("sensing", {"link": {"feedback_rate_hz": 9.0, "command_latency": -1e-3}}, r"link.command_latency: .* -0.001"),
 ]
+AXIS_FAULTS = [
+    ({"B": np.ones((1, 2)), "D": np.zeros((1, 2)), "input_names": ("a", "b")}, "yaw has 2 inputs"),
+    ({"A": np.ones((1, 1))}, "yaw has a pole of magnitude 1, expected less"),
+    ({"C": -np.ones((1, 1))}, "yaw has a steady gain of -1, expected more than 0"),
+    ({"delay_samples": 101}, "yaw has a delay of 1.01 s, expected 1 s or less"),
+    ({"sample_period_s": 9e-6}, "yaw has a sampling period of 9e-06 s"),
+]
+
+
+@pytest.fixture(scope="module")
+def robot():
+    """A robot that has everything: draws with delays of their own, sensing, verdicts, something assumed."""
+    found = Robot.load(Path(__file__).parents[1] / "infantry")
+    plants = {"pitch": found.pitch, "yaw": found.yaw}
+    for axis, each in plants.items():
+        draws = {name: matrices[:3] for name, matrices in each.draws.items()}
+        plants[axis] = each.replace(draws=draws, draw_delays=each.draw_delays[:3])
+    parts = {"pitch": PartVerdict(usable=True, headline="fits"), "yaw": PartVerdict(usable=False, headline="drifts")}
+    return found.replace(name="mine", **plants).replace(assumed=("muzzle",), parts=parts)
 
 
 @pytest.mark.parametrize("name", ["pitch", "muzzle", "sensing", "limits"])
@@ -54,7 +71,7 @@ def test_a_latency_has_a_basis_and_what_is_measured_the_name_of_its_interval(rob
 
 
 def test_numbers_of_numpy_are_numbers_and_those_that_are_not_finite_are_refused(robot, refused):
-    assert AxisLimits(low=np.float32(-1.0), high=np.int64(1), max_rate=12, max_acceleration=67.0).high == 1.0
+    assert robot.limits.yaw.replace(low=np.float32(-1.0), high=np.int64(1)).high == 1.0
     assert type(robot.muzzle.replace(speed=18).speed) is float
     for value in (float("nan"), float("inf")):
         refused("field D: expected float", robot.pitch.replace, D=np.array([[value]]))
@@ -85,3 +102,46 @@ def test_what_no_plant_can_be_made_of_is_refused(refused):
     integrator = PlantRecord.from_state_space(1.0, 1.0, 1.0, 0.0, 0.01, delay_samples=3000)
     refused("integrates", integrator.with_dc_gain, 1.0)
     refused("delay of 3000 samples has 3001 states", integrator.to_state_space)
+
+
+def test_a_robot_is_read_back_and_what_is_replaced_is_no_longer_assumed_or_judged(tmp_path, robot, refused):
+    robot.save(tmp_path)
+    again = Robot.load(tmp_path, accept_unusable=True)
+    assert (again.name, again.assumed, again.folder) == ("mine", ("muzzle",), tmp_path)
+    assert again.digest() == robot.digest() != Robot.paper().digest()
+    refused(r"yaw.json: is not usable: drifts; identify it again, or .*--accept-unusable", Robot.load, tmp_path)
+    new = again.replace(yaw=Robot.paper().yaw, muzzle=robot.muzzle.replace(speed=20.0), sensing=None)
+    assert (new.assumed, list(new.parts), new.folder) == ((), ["pitch"], None)
+    new.save(tmp_path)
+    assert Robot.load(tmp_path).record_digests() == new.record_digests()
+    axes = "pitch: order 2, delay 1 ms, 3 draws; yaw: order 4, delay 0 ms"
+    assert repr(Robot.load(tmp_path)) == repr(new) == f"Robot(mine; {axes}; muzzle: 20 m/s)"
+
+
+def test_a_folder_of_records_is_a_robot_whose_missing_parts_are_assumed(tmp_path, robot, refused):
+    robot.save(tmp_path)
+    (tmp_path / "limits.json").unlink()
+    refused("expected a folder with limits.json", Robot.load, tmp_path, accept_unusable=True)
+    (tmp_path / "robot.json").unlink()
+    found = Robot.load(tmp_path)
+    assert (found.name, found.assumed) == (tmp_path.name, ("limits",))
+    assert found.record_digests()["limits"] == Robot.paper().record_digests()["limits"]
+    (tmp_path / "pitch.json").write_bytes((tmp_path / "yaw.json").read_bytes())
+    refused(f"{tmp_path}: pitch is the plant of the yaw axis, .*; swap the two", Robot.load, tmp_path)
+
+
+@pytest.mark.parametrize(("change", "complaint"), AXIS_FAULTS)
+def test_what_can_not_be_the_axis_of_a_gimbal_is_refused(robot, change, complaint, refused):
+    plant = PlantRecord.from_state_space(0.5, 0.5, 1.0, 0.0, 0.01)
+    assert robot.replace(yaw=plant).yaw is plant
+    refused(complaint, lambda: robot.replace(yaw=plant.replace(**change)))
+
+
+@pytest.mark.parametrize("name", [*RECORDS, "robot"])
+def test_a_mutated_file_is_refused_or_is_of_a_robot_that_works(tmp_path, robot, mutated, name):
+    robot.save(tmp_path)
+    for found in mutated(tmp_path / f"{name}.json", lambda: Robot.load(tmp_path, accept_unusable=True), 27):
+        found.save(tmp_path / "copy")
+        assert Robot.load(tmp_path / "copy", accept_unusable=True).digest() == found.digest()
+        models = (found.gimbal(0.02), gimbal_draws(found.pitch, found.yaw, 0.02))
+        assert all(np.all(np.isfinite(each)) for model in models for each in model)

@@ -1,0 +1,209 @@
+"""Controllers: what their predictors see ahead, the program of those with a model of the plant, and their names."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.interpolate import CubicHermiteSpline
+from scipy.optimize import nnls
+
+from archerfish2.arrays import leaves, map_arrays
+from archerfish2.controllers import kalman, manoeuvring, parabola, preview_aim
+from archerfish2.controllers.preview import make_preview
+from archerfish2.controllers.registry import NAMES, make_controller
+from archerfish2.dynamics.command_limits import CommandLimits
+from archerfish2.dynamics.linear_axis import advance, gimbal_angle, rest_state
+from archerfish2.protocols import Barrel, Base, Frames, GimbalFeedback, Seen, Truth
+from archerfish2.robot import Robot
+from archerfish2.targets.motion import Parabola
+from archerfish2.task import Task
+from archerfish2.tracking.interacting_models import ModelRates
+from archerfish2.tracking.kalman_filter import TrackerNoise, measurement_covariance
+
+WIDTH, REACH, SCATTER, DT, AGE = np.sqrt(0.04 / 3.0), 0.06, 0.003, 0.02, 0.04
+NOISE = TrackerNoise(*map(np.asarray, (1.0, 1e-3, 1e-3, 0.015, 0.0017, 0.25)))
+RATES, TASK, ROBOT = ModelRates(*map(np.asarray, (1.5, 0.1, 0.5))), Task.load("dynamic"), Robot.paper()
+MODELS = manoeuvring.Manoeuvring(NOISE, RATES, np.asarray(REACH), np.asarray(SCATTER))
+EXACT, FILTER = parabola.make_parabola_aware(TASK), parabola.make_parabola_filter(TASK, SCATTER, NOISE)
+PREDICTORS = {"hold": preview_aim.Hold(), "velocity": kalman.ConstantVelocity(NOISE, np.asarray(1.0))}
+PREDICTORS |= {"models": MODELS, "exact": EXACT, "filter": FILTER}
+N, MODEL = 8, ROBOT.gimbal(DT)
+LIMITS = CommandLimits(*(np.full(2, each) for each in (-0.35, 0.35, 8.0, 200.0, 1e6)))
+
+
+def seen(place, elapsed=0.02, age=0.04, own=(0.0, 0.0)):
+    """What is seen of a plate, B + (3,), by a resting gimbal whose base is at a place and moves at a velocity."""
+    zero, pair, here = 0.0 * place[..., 0], 0.0 * place[..., :2], place[..., :1] == place[..., :1]
+    frames = Frames(here, zero[..., None] + age, here[..., None], place[..., None, None, :], zero[..., None, None])
+    base, barrel = Base(*(0.0 * place + each for each in own), zero, zero), Barrel(zero, zero)
+    return Seen(zero + elapsed, GimbalFeedback(pair, pair, zero), pair, frames, base, barrel)
+
+
+def follow(predictor, places, **facts):
+    """Return a predictor's estimate against the own pivot after places, (T,) + B + (3,), seen alike."""
+    state = predictor.step(predictor.reset(seen(places[0], **facts)), seen(places[0], elapsed=0.0, **facts))
+    for place in places[1:]:
+        state = predictor.step(state, seen(place, **facts))
+    return predictor.against_pivot(state, seen(places[-1], **facts).base)
+
+
+def eq_7(speed, phase, vertex=(4.0, -0.5, 0.1)):
+    zero = 0.0 * np.asarray(speed)
+    return Parabola(vertex + 0.0 * zero[..., None], speed + zero, phase + zero, WIDTH + zero, 3.0 + zero)
+
+
+def driving(count, speed):
+    """Detections of a target at 3 m that drives left through y = 0 when the last decision is made."""
+    lateral = speed * (DT * (np.arange(count) - count + 1) - AGE)
+    return np.stack([np.full(count, 3.0), lateral, np.full(count, 0.1)], axis=-1)
+
+
+@pytest.mark.parametrize("name", PREDICTORS)
+def test_numpy_and_jax_predict_alike(name, batch, agree):
+    found = eq_7(0.3, 0.1).position(DT * np.arange(4)).reshape(4, *(1 for _ in batch), 3)
+    found = found + np.random.default_rng(93).normal(0.0, 1e-3, (4, *batch, 3))
+
+    def ahead(predictor, found, time):
+        relative = follow(predictor, found)
+        return predictor.position_after(relative, time), predictor.mean_after(relative, time)
+
+    # The sharp choice of the best place magnifies rounding.
+    places = agree(ahead, PREDICTORS[name], found, np.full(batch, 0.2), rtol=0, atol=2e-3)
+    assert [each.shape for each in places] == [(*batch, 3)] * 2
+
+
+@pytest.mark.parametrize("name", PREDICTORS)
+def test_predictions_are_against_the_own_base_wherever_it_is_and_moves(name):
+    predictor, found, time = PREDICTORS[name], driving(20, 0.3), np.asarray(0.2)
+    own, speed = np.array([0.5, -0.2, 0.2]), np.array([0.1, 0.3, 0.0])
+    here, *others = (follow(predictor, found + at, own=(at, v)) for at, v in ((0.0, 0.0), (own, 0.0), (own, speed)))
+    for predict in (predictor.mean_after, predictor.position_after):
+        assert_allclose(predict(others[0], time), predict(here, time), atol=1e-6)
+        # At the exposure the base was elsewhere, and so was the direction of the noise.
+        assert_allclose(predict(others[1], time), predict(here, time) - 0.2 * speed, atol=5e-3)
+
+
+@pytest.mark.parametrize("name", PREDICTORS)
+def test_slots_carry_no_identity_and_a_frame_may_show_nothing(name):
+    # A second plate beside the first, in changing slots, and then a frame without any: only time passes.
+    predictor, found = PREDICTORS[name], driving(20, 0.3)
+    state = predictor.reset(seen(found[0]))
+    for step, place in enumerate([*found[1:], found[-1]], 1):
+        slots = np.stack([place, place + 0.5])[None, :: 1 - step % 2 * 2] * (step < 20)
+        frames = seen(place).frames._replace(position=slots, found=np.full((1, 2), step < 20))
+        state = predictor.step(state, seen(place)._replace(frames=frames))
+    late = predictor.against_pivot(state, seen(place).base)
+    for predict in (predictor.mean_after, predictor.position_after):  # the models may change meanwhile
+        assert_allclose(predict(late, np.asarray(0.1)), predict(follow(predictor, found), np.asarray(0.12)), atol=3e-3)
+
+
+@pytest.mark.parametrize("phase", np.linspace(0.0, 0.95, 7))
+def test_a_parabola_is_predicted_exactly_from_the_third_frame_through_all_turns(phase):
+    motion, worst = eq_7(0.35, phase), []
+    state = EXACT.reset(seen(motion.position(np.asarray(0.0)), age=0.0))
+    for step in range(1, 150):
+        state = EXACT.step(state, seen(motion.position(np.asarray(DT * step)), age=0.0))
+        later = EXACT.position_after((state, seen(motion.vertex).base), np.asarray(0.3))
+        worst.append(np.abs(later - motion.position(np.asarray(DT * step + 0.3))).max())
+    assert max(worst[2:]) < 1e-8
+
+
+def test_the_evidence_is_that_of_every_hypothesis_by_itself():
+    # The recursion against batch least squares for the middle: the likelihood of all frames at the best middle.
+    grid = eq_7(FILTER.speed[:, None] + 0.0 * FILTER.phase, FILTER.phase, np.zeros(3))
+    own = np.stack([grid.position(DT * step + 0.0 * grid.speed)[..., :2] for step in range(12)])
+    found = np.random.default_rng(91).normal(0.0, 0.01, (12, 3)) + eq_7(0.2, 0.3).position(DT * np.arange(12))
+    state, weights = follow(FILTER, found)[0], np.linalg.inv(measurement_covariance(NOISE, found))
+    off = found[:, None, None, :2] - own
+    best = np.einsum("ij,tjk,tvpk->vpi", np.linalg.inv(weights.sum(0)), weights, off)
+    expected = FILTER.log_prior[:, None] - 0.5 * np.einsum("tvpi,tij,tvpj->vp", off - best, weights, off - best)
+    assert_allclose(state.evidence, expected - expected.max(), atol=1e-6)
+    assert_allclose(np.stack([state.depth, state.lateral], axis=-1), best, rtol=1e-8)
+
+
+def test_no_aim_hits_noticeably_more_of_targets_that_turn_at_random():
+    # 20,000 targets that turn back at 1.5 per second, counted at every aim.
+    rng, time = np.random.default_rng(6), 0.25 + AGE
+    first = rng.exponential(1.0 / 1.5, 20_000)
+    second = first + rng.exponential(1.0 / 1.5, 20_000)
+    driven = np.minimum(time, first) - np.clip(time, first, second) + first + np.maximum(time - second, 0.0)
+    lateral = 0.35 * (driven - AGE) + 3.0 * SCATTER * rng.standard_normal(20_000)
+    aim = MODELS.position_after(follow(MODELS, driving(40, 0.35)), np.asarray(0.25))[1]
+    rates = [np.mean(np.abs(lateral - each) <= REACH) for each in (aim, *np.linspace(-0.1, 0.15, 101))]
+    assert rates[0] > max(rates) - 0.03
+
+
+def problem(seed, batch=()):
+    """State, command, its rate, path, yaw of the base."""
+    rng = np.random.default_rng(seed)
+    command = rng.uniform(-0.2, 0.2, (*batch, 2))
+    state = rest_state(MODEL, command) * rng.uniform(0.8, 1.2, MODEL.input.shape)
+    path = rng.uniform(-0.4, 0.4, 2) + np.cumsum(rng.normal(0.0, 0.01, (*batch, N, 2)), axis=-2)
+    return state, command, rng.uniform(-1.0, 1.0, (*batch, 2)), path, np.linspace(0.0, 0.1, N) + 0.0 * path[..., 0]
+
+
+def by_active_set(axis, state, command, rate, path, base_yaw):
+    """The program by stepping the plant, as a least-distance problem that Lawson and Hanson's NNLS solves exactly."""
+
+    def angles(begun, commands):
+        states = itertools.accumulate(commands, lambda each, u: advance(MODEL, each, np.full(2, u)), initial=begun)
+        return np.array([gimbal_angle(MODEL, each)[axis] for each in states])[1:]
+
+    one, now = np.eye(N), command[axis]
+    difference, response = one - np.eye(N, k=-1), np.stack([angles(0.0 * state, each) for each in one], axis=1)
+    right = (path[:, axis] - angles(state, np.zeros(N))) @ response + 1e-3 * now * one[0]
+    inverse = np.linalg.inv(np.linalg.cholesky(response.T @ response + 1e-3 * difference.T @ difference).T)
+    optimum, rows = inverse @ inverse.T @ right, np.concatenate([one, difference, difference @ difference])
+    middle = np.array([axis * base_yaw, now * one[0], (now + DT * rate[axis]) * one[0] - now * one[1]])
+    spans, inequality = np.array([[0.35], [8.0 * DT], [200.0 * DT**2]]), np.vstack([rows, -rows])
+    bound = np.concatenate([(middle - spans).ravel(), (-middle - spans).ravel()]) - inequality @ optimum
+    system, wanted = np.vstack([(inequality @ inverse).T, bound]), np.eye(N + 1)[-1]
+    residual = system @ nnls(system, wanted)[0] - wanted
+    return optimum - inverse @ residual[:-1] / residual[-1]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_program_is_solved_within_all_its_bounds(seed):
+    preview = dataclasses.replace(make_preview(MODEL, LIMITS, DT, N, 1e-3), iterations=3000)
+    found = preview.track(*problem(seed))
+    for axis in range(2):  # the last commands hardly matter to the angles
+        assert_allclose(found[:2, axis], by_active_set(axis, *problem(seed))[:2], atol=5e-4)
+
+
+def test_numpy_and_jax_solve_the_program_alike(batch, agree):
+    preview, arguments = make_preview(MODEL, LIMITS, DT, N, 1e-3), problem(1, batch)
+    assert agree(lambda preview, *each: preview.track(*each), preview, *arguments, atol=1e-4).shape == (*batch, N, 2)
+
+
+def test_past_angles_are_those_of_scipys_hermite_spline(batch, agree):
+    rng = np.random.default_rng(54)
+    past, age = rng.normal(0.0, 0.3, (*batch, 5, 2, 2)), rng.uniform(0.0, 0.12, batch)
+    found = agree(preview_aim.angle_then, past, age, np.asarray(DT))
+    for index in np.ndindex(batch):
+        spline = CubicHermiteSpline(DT * np.arange(-4, 1), past[index][::-1, 0], past[index][::-1, 1])
+        assert_allclose(found[index], spline(-min(age[index], 4 * DT)), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_one_robot_decides_as_a_batch_does_in_float32(name):
+    def decide(target, members):
+        truth, commands = Truth(target, ROBOT.gimbal(0.02), ROBOT.muzzle_model()), []
+        moments = [seen(target.at(np.full(members, time)).position[..., 0, :]) for time in np.arange(0.0, 0.1, 0.02)]
+        state = controller.reset(moments[0], truth)
+        for moment in moments:
+            state, command = controller.step(state, moment)
+            commands.append(command.angle)
+        return np.array(commands)
+
+    scenario, controller = TASK.scenario(), make_controller(name, ROBOT, TASK)
+    target = scenario.draw(np.random.default_rng(21).random((4, scenario.uniforms))).target
+    assert_allclose(decide(map_arrays(lambda each: each[1], target), ()), decide(target, (4,))[:, 1], atol=2e-4)
+    assert {each.dtype.str for each in leaves(controller) if each.dtype.kind == "f"} == {"<f4"}
+
+
+def test_what_cannot_be_built_is_refused(refused):
+    refused("perhaps you meant kalman", make_controller, "kalmn", ROBOT, TASK)
+    refused("one length", make_controller, "oracle", ROBOT, TASK.replace(lengths_s=(1.0, 3.0)))
+    refused("expected reset", make_controller, object(), ROBOT, TASK)
