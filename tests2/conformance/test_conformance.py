@@ -1,5 +1,3 @@
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -48,25 +46,3 @@ def test_places_of_frames_that_are_not_used_are_zeros(in_numpy) -> None:
     assert 0.8 < received.mean() < 0.95
     assert not any(each.any() for each in (found[~received], age[~received], position[~found], normal_yaw[~found]))
     assert position[found].all()
-
-
-@pytest.mark.slow  # 15 s to compile
-def test_gradients_are_finite_through_world_and_controller(conformance, quick_jit) -> None:
-    jax = pytest.importorskip("jax")
-
-    def loss(parts, normals):
-        def step(carry, drawn):
-            memory, command = controller.step(carry[1], world.see(carry[0]))
-            state, shot = world.step(carry[0], command, drawn)
-            return (state, memory), jax.numpy.maximum(shot.margin, -1.0)
-
-        world, controller, engagement = parts
-        state = world.begin(engagement, normals)
-        return jax.lax.scan(step, (state, controller.reset(world.see(state))), normals.swapaxes(0, 1))[1].mean()
-
-    (world, controller), (engagement, normals) = conformance.build(), conformance.engagements((2,), 4)
-    gradient = quick_jit(jax.grad(loss, allow_int=True))((world, controller, engagement), normals)
-    assert all(np.isfinite(each).all() for each in jax.tree.leaves(gradient) if each.dtype == np.float32)
-    early, late = (dataclasses.replace(controller, lead=controller.lead + by) for by in (-1e-3, 1e-3))
-    low, high = (float(quick_jit(loss)((world, each, engagement), normals)) for each in (early, late))
-    assert float(gradient[1].lead) == pytest.approx((high - low) / 2e-3, rel=0.05)

@@ -20,7 +20,7 @@ from archerfish2.robot import Robot
 from archerfish2.targets.motion import Parabola
 from archerfish2.task import Task
 from archerfish2.tracking.interacting_models import ModelRates
-from archerfish2.tracking.kalman_filter import TrackerNoise, measurement_covariance
+from archerfish2.tracking.kalman_filter import TrackerNoise
 
 WIDTH, REACH, SCATTER, DT, AGE = np.sqrt(0.04 / 3.0), 0.06, 0.003, 0.02, 0.04
 NOISE = TrackerNoise(*map(np.asarray, (1.0, 1e-3, 1e-3, 0.015, 0.0017, 0.25)))
@@ -108,19 +108,6 @@ def test_a_parabola_is_predicted_exactly_from_the_third_frame_through_all_turns(
         later = EXACT.position_after((state, seen(motion.vertex).base), np.asarray(0.3))
         worst.append(np.abs(later - motion.position(np.asarray(DT * step + 0.3))).max())
     assert max(worst[2:]) < 1e-8
-
-
-def test_the_evidence_is_that_of_every_hypothesis_by_itself():
-    # The recursion against batch least squares for the middle: the likelihood of all frames at the best middle.
-    grid = eq_7(FILTER.speed[:, None] + 0.0 * FILTER.phase, FILTER.phase, np.zeros(3))
-    own = np.stack([grid.position(DT * step + 0.0 * grid.speed)[..., :2] for step in range(12)])
-    found = np.random.default_rng(91).normal(0.0, 0.01, (12, 3)) + eq_7(0.2, 0.3).position(DT * np.arange(12))
-    state, weights = follow(FILTER, found)[0], np.linalg.inv(measurement_covariance(NOISE, found))
-    off = found[:, None, None, :2] - own
-    best = np.einsum("ij,tjk,tvpk->vpi", np.linalg.inv(weights.sum(0)), weights, off)
-    expected = FILTER.log_prior[:, None] - 0.5 * np.einsum("tvpi,tij,tvpj->vp", off - best, weights, off - best)
-    assert_allclose(state.evidence, expected - expected.max(), atol=1e-6)
-    assert_allclose(np.stack([state.depth, state.lateral], axis=-1), best, rtol=1e-8)
 
 
 def test_no_aim_hits_noticeably_more_of_targets_that_turn_at_random():

@@ -9,10 +9,9 @@ from scipy.integrate import solve_ivp
 from scipy.signal import dlsim
 
 from archerfish2.arrays import single_precision
-from archerfish2.dynamics import aiming, command_limits, delayed_axis, linear_axis, muzzle, pellet, rigid_axis, slew
+from archerfish2.dynamics import command_limits, delayed_axis, linear_axis, muzzle, pellet, rigid_axis, slew
 from archerfish2.paper.gimbal import gate_limits
 from archerfish2.records.plant import PlantRecord
-from archerfish2.robot import Robot
 
 ONE, SECOND = np.asarray(0), PlantRecord.second_order(5.0, 0.6)
 PITCH = PlantRecord.second_order(12.0, 0.6, delay_s=3e-3).replace(D=np.array([[0.2]]))
@@ -135,18 +134,6 @@ def test_a_pellet_leaves_at_the_gimbals_angles_with_dispersion_and_the_velocity_
     moving, resting = (muzzle.pellet_at_muzzle(gun, angle, each, drawn)[1] for each in (rate, 0.0 * rate))
     assert_allclose(moving - resting, (after - before) / (2 * step), atol=1e-8)
     assert_allclose(resting, 18.1 * muzzle.direction(np.array([0.15 + 0.01 + 0.008, -0.6 - 0.02 - 0.003])))
-
-
-@pytest.mark.parametrize(("speed", "bound"), [(0, 1e-6), (2, 3e-3)])
-def test_the_mean_pellet_passes_through_the_target_that_it_is_aimed_at(speed, bound):
-    distance, yaw, z = np.random.default_rng(12).uniform([1.0, -1.2, -1.0], [8.0, 1.2, 1.0], (200, 3)).T
-    start, gun = np.stack([distance * np.cos(yaw), distance * np.sin(yaw), z], axis=-1), Robot.paper().muzzle_model()
-    place = lambda time: start + speed * time[:, None] * [-0.3, 0.9, 0.3]  # noqa: E731
-    angle, time = aiming.intercept(place, 0.0 * z + 0.05, gun)
-    fired, then = muzzle.pellet_at_muzzle(gun, angle, 0.0 * angle, 0.0 * start), place(0.05 + time)
-    y, height, flown = pellet.flat_fire_crossing(*fired, then[:, 0], gun.drag)
-    assert np.max(np.abs([(y - then[:, 1]) * np.cos(yaw), height - then[:, 2]])) < bound
-    assert_allclose(time, flown, rtol=3e-3)
 
 
 def commands(limits, desired, ask=lambda each, now: each):
