@@ -21,6 +21,8 @@ from archerfish2.tracking.kalman_filter import TrackerNoise
 
 SLOTS, FACING, MISSED, BLIND = 2, 0.5, -1.28, (0.7, 1.7)
 """Slots of a frame; cosine at which a plate is found; normal below which a frame is missed; nothing is found [s]."""
+OWN_VELOCITY, AGES, HALF = map(np.float32, ([0.0, 1.0, 0.0], [0.021, 0.014, 0.008], [0.065, 0.06]))
+"""Of the base [m/s]; of the frames at a decision, oldest first [s]; half width and half height of a plate [m]."""
 PER_FRAME = 2 + 3 * SLOTS
 """Normals of a frame: whether it is missed, order of the slots, noise of the places."""
 
@@ -53,16 +55,11 @@ class ConformanceWorld:
     gimbal: GimbalModel
     muzzle: Muzzle
     limits: CommandLimits  # of yaw against the base
-    velocity: Array  # of the base [m/s], (3,)
-    yaw_rate: Array  # of the base [rad/s], ()
-    ages: Array  # of the frames at a decision, oldest first [s], (F,)
-    noise: Array  # of a seen place [m], ()
-    half: Array  # half width and half height of a plate [m], (2,)
     name: str = ""
 
     compiled, plants = True, 1
     period_s = property(lambda self: float(self.period))
-    normals = property(lambda self: 3 + PER_FRAME * len(self.ages))
+    normals = property(lambda self: 3 + PER_FRAME * len(AGES))
 
     def begin(self, engagement: p.Engagement, normals: Array) -> WorldState:
         """Begin at rest; the hardware is gimbal and frames."""
@@ -91,7 +88,7 @@ class ConformanceWorld:
         angle, rate = gimbal_angle(self.gimbal, gimbal), gimbal_rate(self.gimbal, gimbal)
         position, velocity = pellet_at_muzzle(self.muzzle, angle, rate, normals[..., :3])
         miss, flown, front = self._crossings(target, time, position + base.position, velocity + base.velocity)
-        margin = xp.where(front, xp.min(lift(self.half, miss) - xp.abs(miss), axis=-1), -1e3)
+        margin = xp.where(front, xp.min(lift(HALF, miss) - xp.abs(miss), axis=-1), -1e3)
         plate = xp.argmax(margin, axis=-1)[..., None]
         margin, flown, front = (xp.take_along_axis(each, plate, axis=-1)[..., 0] for each in (margin, flown, front))
         miss = xp.take_along_axis(miss, plate[..., None], axis=-2)[..., 0, :]
@@ -102,15 +99,15 @@ class ConformanceWorld:
         return p.Truth(engagement.target, self.gimbal, self.muzzle)
 
     def _base(self, time: Array) -> p.Base:
-        velocity = lift(self.velocity, time[..., None]) + 0.0 * time[..., None]
-        return p.Base(velocity * time[..., None], velocity, self.yaw_rate * (time - 1.0), self.yaw_rate + 0.0 * time)
+        velocity = lift(OWN_VELOCITY, time[..., None]) + 0.0 * time[..., None]
+        return p.Base(velocity * time[..., None], velocity, time - 1.0, 0.0 * time + 1.0)  # turns at 1 rad/s
 
     def _frames(self, target: FourPlates, time: Array, normals: Array) -> p.Frames:
         xp = namespace(time)
-        ages = lift(self.ages, time[..., None]) + 0.0 * time[..., None]  # B + (F,)
+        ages = lift(AGES, time[..., None]) + 0.0 * time[..., None]  # B + (F,)
         exposed = time[..., None] - ages
         place, normal = (xp.moveaxis(each, 0, time.ndim) for each in target.at(xp.moveaxis(exposed, -1, 0)))
-        own = lift(self.velocity, exposed[..., None]) * exposed[..., None]
+        own = self._base(exposed).position
         facing = xp.cos(line_of_sight(own[..., None, :] - place)[..., 1] - normal)
         drawn = normals[..., 3:].reshape((*ages.shape, PER_FRAME))
         order = xp.argsort(-facing, axis=-1)[..., :SLOTS]
@@ -118,7 +115,7 @@ class ConformanceWorld:
         received = drawn[..., 0] > MISSED
         shown = received & ~((exposed > BLIND[0]) & (exposed < BLIND[1]))
         found = (xp.take_along_axis(facing, order, axis=-1) > FACING) & shown[..., None]
-        noise = self.noise * drawn[..., 2:].reshape((*ages.shape, SLOTS, 3))
+        noise = 0.003 * drawn[..., 2:].reshape((*ages.shape, SLOTS, 3))
         place = xp.where(found[..., None], xp.take_along_axis(place, order[..., None], axis=-2) + noise, 0.0)
         normal = xp.where(found, xp.take_along_axis(normal, order, axis=-1), 0.0)
         return p.Frames(received, xp.where(received, ages, 0.0), found, place, normal)
@@ -150,10 +147,9 @@ def build() -> tuple[ConformanceWorld, DirectAim]:
     """Return the world and a controller that aims at the nearest plate."""
     robot, period = Robot.paper(), 0.02
     parts = robot.gimbal(period), robot.muzzle_model(), robot.command_limits(Task(motion="paper"))
-    facts = np.array([0.0, 1.0, 0.0]), 1.0, np.array([0.021, 0.014, 0.008]), 0.003, np.array([0.065, 0.06])
     tracker = ConstantVelocity(TrackerNoise(12.0, 0.004, 0.004, 0.0, 0.0, 2.0), 1.0, gate=0.2)
     controller = DirectAim(tracker, *parts[1:], lead=period + 0.012, period=period, patience=0.3)
-    return single_precision((ConformanceWorld(period, *parts, *facts, name="conformance"), controller))
+    return single_precision((ConformanceWorld(period, *parts, name="conformance"), controller))
 
 
 def engagements(batch: tuple[int, ...], decisions: int, seed: int = 0) -> tuple[p.Engagement, Array]:

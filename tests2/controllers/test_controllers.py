@@ -1,4 +1,4 @@
-"""Controllers: what their predictors see ahead, the program of those with a model of the plant, and their names."""
+"""Controllers: filters against textbooks, what predictors see ahead, the program that keeps the limits, names."""
 
 import dataclasses
 import itertools
@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.interpolate import CubicHermiteSpline
+from scipy.linalg import expm
 from scipy.optimize import nnls
+from scipy.stats import multivariate_normal
 
 from archerfish2.arrays import leaves, map_arrays
 from archerfish2.controllers import kalman, manoeuvring, parabola, preview_aim
@@ -19,18 +21,22 @@ from archerfish2.protocols import Barrel, Base, Frames, GimbalFeedback, Seen, Tr
 from archerfish2.robot import Robot
 from archerfish2.targets.motion import Parabola
 from archerfish2.task import Task
-from archerfish2.tracking.interacting_models import ModelRates
-from archerfish2.tracking.kalman_filter import TrackerNoise
+from archerfish2.tracking import interacting_models, kalman_filter
+from archerfish2.tracking.detections import unwrapped
 
 WIDTH, REACH, SCATTER, DT, AGE = np.sqrt(0.04 / 3.0), 0.06, 0.003, 0.02, 0.04
-NOISE = TrackerNoise(*map(np.asarray, (1.0, 1e-3, 1e-3, 0.015, 0.0017, 0.25)))
-RATES, TASK, ROBOT = ModelRates(*map(np.asarray, (1.5, 0.1, 0.5))), Task.load("dynamic"), Robot.paper()
+NOISE = kalman_filter.TrackerNoise(*map(np.asarray, (1.0, 1e-3, 1e-3, 0.015, 0.0017, 0.25)))
+RATES = interacting_models.ModelRates(*map(np.asarray, (1.5, 0.1, 0.5)))
+TASK, ROBOT = Task.load("dynamic"), Robot.paper()
 MODELS = manoeuvring.Manoeuvring(NOISE, RATES, np.asarray(REACH), np.asarray(SCATTER))
 EXACT, FILTER = parabola.make_parabola_aware(TASK), parabola.make_parabola_filter(TASK, SCATTER, NOISE)
 PREDICTORS = {"hold": preview_aim.Hold(), "velocity": kalman.ConstantVelocity(NOISE, np.asarray(1.0))}
 PREDICTORS |= {"models": MODELS, "exact": EXACT, "filter": FILTER}
 N, MODEL = 8, ROBOT.gimbal(DT)
 LIMITS = CommandLimits(*(np.full(2, each) for each in (-0.35, 0.35, 8.0, 200.0, 1e6)))
+STEPS = np.arange(40)[:, None]
+# A target that drives left at 0.4 m/s and turns back at a step, seen with noise.
+TURNING = np.random.default_rng(41).normal([3.0, -0.2, 0.1] + [0.0, 0.008, 0.0] * np.minimum(STEPS, 50 - STEPS), 0.004)
 
 
 def seen(place, elapsed=0.02, age=0.04, own=(0.0, 0.0)):
@@ -49,6 +55,14 @@ def follow(predictor, places, **facts):
     return predictor.against_pivot(state, seen(places[-1], **facts).base)
 
 
+def tracked(places):
+    """Return the track of the plain filter after places."""
+    track = kalman_filter.begin_track(NOISE, places[0])
+    for place in places[1:]:
+        track = kalman_filter.update(NOISE, kalman_filter.predict(NOISE, track, DT), place, np.asarray(True))
+    return track
+
+
 def eq_7(speed, phase, vertex=(4.0, -0.5, 0.1)):
     zero = 0.0 * np.asarray(speed)
     return Parabola(vertex + 0.0 * zero[..., None], speed + zero, phase + zero, WIDTH + zero, 3.0 + zero)
@@ -58,6 +72,42 @@ def driving(count, speed):
     """Detections of a target at 3 m that drives left through y = 0 when the last decision is made."""
     lateral = speed * (DT * (np.arange(count) - count + 1) - AGE)
     return np.stack([np.full(count, 3.0), lateral, np.full(count, 0.1)], axis=-1)
+
+
+def test_the_filter_is_that_of_any_textbook():
+    step, push = np.eye(4) + DT * np.eye(4, k=2), np.vstack([DT**2 / 2 * np.eye(2), DT * np.eye(2)])
+    angle, level = np.arctan2(*TURNING[:, 1::-1].T), np.hypot(*TURNING[:, :2].T)
+    turn = np.moveaxis(np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]), -1, 0)
+    variance = np.array([1e-6 + (0.015 * level) ** 2, 1e-6 + (0.0017 * level) ** 2]).T
+    measured = turn * variance[:, None, :] @ turn.mT
+    mean, covariance = np.append(TURNING[0, :2], [0.0, 0.0]), 0.25**2 * np.eye(4)
+    covariance[:2, :2] = measured[0]
+    for index in range(1, 40):
+        mean, covariance = step @ mean, step @ covariance @ step.T + push @ push.T
+        spread, place = covariance[:2, :2] + measured[index], TURNING[index]
+        density = multivariate_normal(mean[:2], spread).logpdf(place[:2]) + np.log(2.0 * np.pi)
+        before = kalman_filter.predict(NOISE, tracked(TURNING[:index]), DT)
+        assert_allclose(kalman_filter.log_likelihood(NOISE, before, place), density, rtol=1e-7)
+        gain = covariance[:, :2] @ np.linalg.inv(spread)
+        mean, covariance = mean + gain @ (place[:2] - mean[:2]), covariance - gain @ covariance[:2]
+    assert_allclose(tracked(TURNING).mean, mean, rtol=1e-8, atol=1e-11)
+    assert_allclose(tracked(TURNING).covariance, covariance, rtol=1e-7, atol=1e-13)
+
+
+def test_models_that_never_change_are_the_plain_filter_and_changes_a_markov_process():
+    never, step = interacting_models.ModelRates(*[np.asarray(0.0)] * 3), np.asarray(DT)
+    tracks = interacting_models.begin_models(NOISE, never, TURNING[0])
+    for place in TURNING[1:]:
+        tracks = interacting_models.step_models(NOISE, never, tracks, step, place, np.asarray(True))
+    assert_allclose(tracks.probability, [0.0, 1.0, 0.0], atol=1e-12)
+    assert_allclose(tracks.track.mean[interacting_models.ONWARD], tracked(TURNING).mean, rtol=1e-12)
+    turns = 1.5 * np.array([[0.0, 0.0, 0.0], [0.0, -1.0, 1.0], [0.0, 1.0, -1.0]])
+    found = interacting_models.transition_probabilities(RATES._replace(stop=np.asarray(0.0)), np.asarray(0.3))
+    assert_allclose(found, expm(0.3 * turns), atol=1e-12)
+
+
+def test_yaw_goes_on_beyond_half_a_turn():
+    assert_allclose(unwrapped(np.array([3.0, -3.0]), np.array([-3.0, 9.4])), [3.0, 4.0 * np.pi - 3.0])
 
 
 @pytest.mark.parametrize("name", PREDICTORS)
