@@ -23,7 +23,6 @@ def here(tmp_path, monkeypatch):
     for name, code in FILES.items():
         (tmp_path / f"{name}.py").write_text(code)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.delitem(sys.modules, "beside", raising=False)
     return tmp_path
 
 

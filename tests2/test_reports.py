@@ -70,7 +70,7 @@ def test_a_page_needs_nothing_but_itself_and_escapes_every_text(tmp_path, refuse
     refused("can't be written", REPORT.write_page, tmp_path / "new" / "page.html" / "inside.html")
 
 
-def test_svg_is_the_same_every_time_and_the_style_leaves_the_global_settings_alone():
+def test_svg_is_the_same_every_time_no_two_curves_look_alike_and_the_global_settings_stay():
     before, label = dict(mpl.rcParams), 'pitch "true" & found'
     text, again = (svg_text(figure(), prefix="fig4", label=label) for _ in range(2))
     assert (text, dict(mpl.rcParams)) == (again, before)
@@ -78,7 +78,4 @@ def test_svg_is_the_same_every_time_and_the_style_leaves_the_global_settings_alo
     assert root.attrib["aria-label"] == label
     ids = {each.attrib["id"] for each in root.iter() if "id" in each.attrib}
     assert {f"fig4-{each}" for each in re.findall(r"url\(#fig4-([^)]+)\)", text)} <= ids
-
-
-def test_no_two_curves_look_alike():
     assert len({(look(place)["color"], look(place)["marker"]) for place in range(56)}) == 56

@@ -31,10 +31,8 @@ for row in HOUSE.split("\n"):
 for name in MAY.keys() - {"evaluation", "studies", "viewer", "cli"}:
     MAY[name] -= {"virtual_robot"}
 
-TEXT = re.compile(
-    r"(?i)\b(told|hears?|heard|foretell\w*|foretold|anew|whom|wish(es|ed)?|fights?|fought"
-    r"|(entrant|rival|workbench|stand-in|sighting)(e?s)?)\b"
-)
+WORDS = r"told|hear[sd]?|foret\w+|anew|whom|wish\w*|f(igh|ough)t\w*|(entrant|rival|workbench|stand-in|sighting)\w*"
+TEXT = re.compile(rf"(?i)\b({WORDS})\b")
 """Words that stand in no text; the help of a command is text of its source."""
 PARTS = {"way", "chance", "sight", "bench", "standing", "ground"}
 """Words that are no part of an identifier."""

@@ -22,8 +22,8 @@ def as_toml(content):
     """Write the fields of a JSON object as TOML; what is no object stays as it is."""
     with contextlib.suppress(ValueError, AttributeError, RecursionError):
         lines = [f"{name} = {json.dumps(value)}" for name, value in json.loads(content).items()]
-        return "\n".join(lines).encode("utf-8", "surrogatepass")
-    return content
+        content = "\n".join(lines).encode("utf-8", "surrogatepass")
+    return content[: len(content) - len(content) % 3 * 7]  # some are cut
 
 
 def test_cells_have_the_same_stream_whichever_are_beside_them():
@@ -44,10 +44,9 @@ def test_what_a_file_has_wrong_is_named(tmp_path, text, refused):
     refused(f"^{tmp_path / 'task.toml'}: .*{FAULTS[text]}", Task.load, tmp_path / "task.toml")
 
 
-@pytest.mark.parametrize("cut", [None, -20])
-def test_any_mutated_file_is_a_task_or_refused(tmp_path, mutated, cut):
+def test_any_mutated_file_is_a_task_or_refused(tmp_path, mutated):
     path = tmp_path / "mine.toml"
     path.write_text(json.dumps(plain(Task.load("paper"))))
-    for task in mutated(path, lambda: Task.load(path), 30, convert=lambda content: as_toml(content)[:cut]):
+    for task in mutated(path, lambda: Task.load(path), 60, convert=as_toml):
         task.save(path)
         assert Task.load(path) == task

@@ -39,10 +39,3 @@ def test_pellets_hit_all_four_plates_and_nothing_is_fired_long_after_the_last_de
         np.testing.assert_array_equal(shot.fired[:, place], age < 0.3)
     assert 0.3 < shot.fired.mean() < 0.7
     assert np.abs(in_force[..., 1] - seen.base.yaw - 0.02 * seen.base.yaw_rate).max() < np.radians(75.001)
-
-
-def test_places_of_frames_that_are_not_used_are_zeros(in_numpy) -> None:
-    received, age, found, position, normal_yaw = in_numpy((12,)).seen.frames
-    assert 0.8 < received.mean() < 0.95
-    assert not any(each.any() for each in (found[~received], age[~received], position[~found], normal_yaw[~found]))
-    assert position[found].all()

@@ -56,16 +56,6 @@ def test_a_parabola_keeps_eq_7_and_turns_back_at_its_ends():
     assert_allclose(parabola(0.3).position(np.asarray(0.2)), parabola().position(np.asarray(0.2 + 0.3 * CYCLE)))
 
 
-def test_a_path_is_linear_between_its_points_and_rests_outside():
-    rng = np.random.default_rng(9)
-    path = motion.Path(rng.normal(size=(2, 5, 3)), rng.uniform(-0.3, 0.3, 2), rng.uniform(0.1, 0.5, 2))
-    for time in (-1.0, -0.29, 0.1, 0.123, 1.9, 9.0):
-        for member, axis in np.ndindex(2, 3):
-            steps = (time - path.begin[member]) / path.step[member]
-            expected = np.interp(steps, range(5), path.places[member, :, axis])
-            assert_allclose(path.position(np.full(2, time))[member, axis], expected, atol=1e-12)
-
-
 @pytest.mark.parametrize("duration", [1.0, 3.0])
 @pytest.mark.parametrize("name", [*kinds.KINDS, "any"])
 def test_a_target_stays_in_front_and_is_no_faster_than_a_robot(name, duration):
