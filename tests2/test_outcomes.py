@@ -46,9 +46,8 @@ def test_a_controller_hits_where_it_hit_in_the_first_edition(name, controller) -
     else:
         tuning = stored["tuning"] and Tuning(**stored["tuning"])
         hit = count(world, make_controller(controller, robot, task, tuning), *drawn).hit
-    bits = np.frombuffer(base64.b64decode(stored["hits"]), np.uint8)
-    expected = np.unpackbits(bits, count=hit.size).astype(bool).reshape(hit.shape)
-    differ = (hit != expected).reshape(cells, -1).sum(axis=1)
+    expected = np.unpackbits(np.frombuffer(base64.b64decode(stored["hits"]), np.uint8), count=hit.size)
+    differ = (hit.ravel() != expected).reshape(cells, -1).sum(axis=1)
     # As many as the first edition differs from itself in batches of another size, twice; or 0.1 %.
     allowed = np.maximum(np.ceil(1e-3 * hit.size / cells), 2 * np.array(stored["differ"]))
     assert np.all(differ <= allowed), f"{differ.tolist()} shots of each cell differ, of {hit.size // cells}"

@@ -1,4 +1,4 @@
-"""Tasks: names and files, and the streams of their cells."""
+"""Tasks and their files."""
 
 import contextlib
 import json
@@ -24,12 +24,6 @@ def as_toml(content):
         lines = [f"{name} = {json.dumps(value)}" for name, value in json.loads(content).items()]
         content = "\n".join(lines).encode("utf-8", "surrogatepass")
     return content[: len(content) - len(content) % 3 * 7]  # some are cut
-
-
-def test_cells_have_the_same_stream_whichever_are_beside_them():
-    cells, strafe = (Task.load(each).replace(ranges_m=((2, 3), (4, 5))).cells() for each in ("any", "strafe"))
-    assert [(each.stream, each.decisions) for each in cells[:3]] == [(0, 50), (1, 50), (4, 50)]
-    assert [each[:6] for each in strafe] == [each[:6] for each in (*cells[6:8], *cells[22:24])]
 
 
 def test_a_file_keeps_a_task(tmp_path):

@@ -95,7 +95,8 @@ def test_the_matrices_that_are_given_out_contain_the_delay(delay):
     assert_allclose(signal.dlsim(plant.to_state_space(), u)[1], signal.dlsim((*matrices, 0.01), late)[1], atol=1e-12)
 
 
-def test_what_no_plant_can_be_made_of_is_refused(refused):
+def test_what_no_plant_can_be_made_of_is_refused(robot, refused):
+    refused("json:dumps: gives a str for yaw, expected a PlantRecord", robot.replace, yaw="json:dumps")
     refused(r"delay_s must be a multiple .* got 0.0123", PlantRecord.second_order, 9.8, 0.4, delay_s=0.0123)
     refused("natural_hz must be > 0", PlantRecord.second_order, -1.0, 0.4)
     integrator = PlantRecord.from_state_space(1.0, 1.0, 1.0, 0.0, 0.01, delay_samples=3000)
