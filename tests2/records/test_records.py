@@ -36,12 +36,11 @@ AXIS_FAULTS = [
 def robot():
     """A robot that has everything: draws with delays of their own, sensing, verdicts, something assumed."""
     found = Robot.load(Path(__file__).parents[1] / "infantry")
-    plants = {"pitch": found.pitch, "yaw": found.yaw}
-    for axis, each in plants.items():
-        draws = {name: matrices[:3] for name, matrices in each.draws.items()}
-        plants[axis] = each.replace(draws=draws, draw_delays=each.draw_delays[:3])
+    for axis, plant in (("pitch", found.pitch), ("yaw", found.yaw)):
+        draws = {name: matrices[:3] for name, matrices in plant.draws.items()}
+        found = found.replace(**{axis: plant.replace(draws=draws, draw_delays=plant.draw_delays[:3])})
     parts = {"pitch": PartVerdict(usable=True, headline="fits"), "yaw": PartVerdict(usable=False, headline="drifts")}
-    return found.replace(name="mine", **plants).replace(assumed=("muzzle",), parts=parts)
+    return found.replace(name="mine", assumed=("muzzle",), parts=parts)
 
 
 @pytest.mark.parametrize("name", ["pitch", "muzzle", "sensing", "limits"])
