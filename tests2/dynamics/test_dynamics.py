@@ -1,7 +1,5 @@
 """Axes, pellets and command limits, against SciPy, hand calculation and limit cases."""
 
-import math
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -9,7 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import dlsim
 
 from archerfish2.arrays import single_precision
-from archerfish2.dynamics import aiming, command_limits, delayed_axis, linear_axis, muzzle, pellet, rigid_axis, slew
+from archerfish2.dynamics import aiming, command_limits, delayed_axis, linear_axis, muzzle, pellet, rigid_axis
 from archerfish2.paper.gimbal import gate_limits
 from archerfish2.records.plant import PlantRecord
 
@@ -147,12 +145,12 @@ def test_the_mean_pellet_passes_through_the_target_that_it_is_aimed_at():
         assert np.max(np.abs(found[:2].T - then[:, 1:])) < bound
 
 
-def commands(limits, desired, ask=lambda each, now: each):
+def commands(limits, desired):
     """Return the commands that come of desired ones, from rest at zero, two zeros first."""
     found = [np.zeros(desired.shape[1:], np.float32)] * 2
     for each in desired.astype(np.float32):
         rate = (found[-1] - found[-2]) / PERIOD
-        found.append(command_limits.limit_command(limits, ask(each, found[-1]), found[-1], rate, 0.0 * each, PERIOD))
+        found.append(command_limits.limit_command(limits, each, found[-1], rate, 0.0 * each, PERIOD))
     return np.array(found)
 
 
@@ -174,14 +172,6 @@ def test_the_gate_keeps_range_rate_and_acceleration_whatever_is_asked_and_uses_t
 def test_a_limited_lead_holds_yaw_near_the_line_of_sight_and_in_its_range(target, expected):
     zero, degrees = np.zeros(2), np.radians([[-10.0, 80.0], [3.0, target], [-10.0, expected]])
     assert_allclose(command_limits.limit_command(LEAD, degrees[0], zero, zero, degrees[1], 0.02), degrees[2], rtol=1e-6)
-
-
-def test_a_slew_takes_the_gate_to_its_aim_in_the_shortest_time_and_stops_there():
-    aim = np.array([0.1, -1.2], np.float32)
-    found = commands(GATE, np.tile(aim, (20, 1)), lambda each, now: slew.approach(GATE, each, now, PERIOD))
-    assert np.all(found[:, 1] >= aim[1] - 1e-6)
-    assert np.argmax(found[1:, 1] == aim[1]) <= math.ceil(2.0 * math.sqrt(1.2 / GATE.max_acceleration[1]) / 0.02) + 1
-    assert np.array_equal(found[-1], aim)
 
 
 def test_numpy_and_jax_compute_alike_what_the_worlds_do_not_use(batch, agree):

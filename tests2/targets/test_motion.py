@@ -70,6 +70,14 @@ def test_a_target_stays_in_front_and_is_no_faster_than_a_robot(name, duration):
         assert_allclose(places[:, motion.ZERO], PLACE, atol=1e-12)
 
 
+def test_any_mixes_the_motions_by_their_weights():
+    drawn, place = np.full((2470, mixture.path_uniforms("any")), 0.5), np.tile([3.0, 0.0, 0.2], (2470, 1))
+    drawn[:, 0] = (np.arange(2470) + 0.5) / 2470
+    places = mixture.drawn_path("any", place, drawn, np.asarray(1.0), SWING).places
+    ends = np.flatnonzero([True, *np.any(places[1:] != places[:-1], axis=(1, 2)), True])
+    assert_allclose(np.diff(ends), [300, 150, 500, 100, 500, 60, 60, 200, 600], atol=1)
+
+
 def test_numpy_and_jax_agree_at_several_times_at_once_as_at_each(batch, agree):
     def at(scenario, swing, place, drawn, duration, moving, times):
         moved = [each(drawn, duration) for each in kinds.KINDS.values()]
