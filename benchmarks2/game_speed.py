@@ -22,14 +22,10 @@ from typing import Any
 ROOT = Path(__file__).parents[1]
 CONTROLLERS = ("kalman", "kalman-lq", "imm-lq", "oracle")
 MEMBERS = (512, 4096)
-STEPS = 50
 
 
 def first_edition() -> dict[str, Callable[[], int]]:
     """Return what is measured of the first edition: name → a function that returns how many shots or decisions."""
-    import jax
-    import numpy as np
-
     from archerfish.cli.evaluation_run import EvaluationTask, classical_entrant, make_ground
     from archerfish.cli.setting import SettingFiles, load_setting
     from archerfish.controllers.roster import Tuning
@@ -47,20 +43,21 @@ def first_edition() -> dict[str, Callable[[], int]]:
         return lambda: fight(ground.world, controller, ground.trials).hits(0.06).size
 
     def steps(members: int) -> Callable[[], int]:
-        world, engagements, normals = jax.tree.map(
-            jax.numpy.asarray, (ground.world, *_members(ground.trials.engagements, ground.trials.draws, members))
-        )
-        program = jax.jit(lambda world, state, angle, drawn: world.shoot(state, fire_always(angle), drawn)[0])
-        begun = jax.jit(lambda world, *rest: world.begin(*rest))(world, engagements, normals[:, 0])
-        return _stepped(lambda state, angle: program(world, state, angle, normals[:, 0]), begun, members, np)
+        drawn = _members(ground.trials.engagements, ground.trials.draws, members)
+
+        def begin(world: Any, engagement: Any, normals: Any) -> Any:
+            return world.begin(engagement, normals[:, 0])
+
+        def step(world: Any, state: Any, angle: Any, normals: Any) -> Any:
+            return world.shoot(state, fire_always(angle), normals)
+
+        return _stepped(begin, step, ground.world, drawn)
 
     return {name: evaluation(name) for name in CONTROLLERS} | {f"step, {n}": steps(n) for n in MEMBERS}
 
 
 def second_edition() -> dict[str, Callable[[], int]]:
     """Return the same of the second edition."""
-    import numpy as np
-
     from archerfish2.compiled import import_jax
     from archerfish2.controllers.registry import make_controller
     from archerfish2.evaluation.rollout import count
@@ -71,7 +68,8 @@ def second_edition() -> dict[str, Callable[[], int]]:
     from archerfish2.simulation.world import make_world
     from archerfish2.task import Task
 
-    jax, robot, task = import_jax(), Robot.paper(), Task.load("paper")
+    import_jax()
+    robot, task = Robot.paper(), Task.load("paper")
     world = make_world(robot, task)
     engagements, normals = draw(task.cells(), 100, 0, "evaluation", world.normals, world.plants)
 
@@ -80,10 +78,15 @@ def second_edition() -> dict[str, Callable[[], int]]:
         return lambda: count(world, controller, engagements, normals).hit.size
 
     def steps(members: int) -> Callable[[], int]:
-        own, engagement, drawn = jax.tree.map(jax.numpy.asarray, (world, *_members(engagements, normals, members)))
-        program = jax.jit(lambda world, state, angle, drawn: world.step(state, aim(angle), drawn)[0])
-        begun = jax.jit(lambda world, *rest: world.begin(*rest))(own, engagement, drawn[:, :1])
-        return _stepped(lambda state, angle: program(own, state, angle, drawn[:, 0]), begun, members, np)
+        drawn = _members(engagements, normals, members)
+
+        def begin(world: Any, engagement: Any, normals: Any) -> Any:
+            return world.begin(engagement, normals)
+
+        def step(world: Any, state: Any, angle: Any, normals: Any) -> Any:
+            return world.step(state, aim(angle), normals)
+
+        return _stepped(begin, step, world, drawn)
 
     return {name: evaluation(name) for name in CONTROLLERS} | {f"step, {n}": steps(n) for n in MEMBERS}
 
@@ -96,16 +99,24 @@ def _members(engagements: Any, normals: Any, count: int) -> tuple[Any, Any]:
     return jax.tree.map(lambda each: np.asarray(each)[places], engagements), normals[places]
 
 
-def _stepped(step: Callable[[Any, Any], Any], begun: Any, members: int, np: Any) -> Callable[[], int]:
+def _stepped(
+    begin: Callable[..., Any], step: Callable[..., Any], world: Any, drawn: tuple[Any, Any]
+) -> Callable[[], int]:
+    """Return a run of all decisions under constant commands, in one compiled loop as a training has it."""
     jax: Any = importlib.import_module("jax")
-    angle = jax.numpy.asarray(np.full((members, 2), 0.05, np.float32))
+
+    def program(world: Any, engagement: Any, normals: Any, angle: Any) -> Any:
+        begun = begin(world, engagement, normals)
+        scanned = jax.numpy.swapaxes(normals, 0, 1)
+        return jax.lax.scan(lambda state, each: step(world, state, angle, each), begun, scanned)[1].miss.sum()
+
+    compiled, normals = jax.jit(program), drawn[1]
+    angle = 0.0 * normals[:, 0, :2] + 0.05
+    arguments = jax.tree.map(jax.numpy.asarray, (world, *drawn, angle))
 
     def run() -> int:
-        state = begun
-        for _ in range(STEPS):
-            state = step(state, angle)
-        jax.block_until_ready(state)
-        return members * STEPS
+        jax.block_until_ready(compiled(*arguments))
+        return int(normals.shape[0] * normals.shape[1])
 
     return run
 

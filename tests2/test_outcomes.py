@@ -19,7 +19,12 @@ from archerfish2.task import Task
 
 HERE = Path(__file__).parent
 STORED = {path.stem: read_json(path) for path in sorted((HERE / "outcomes").glob("*.json")) if path.stem != "tuning"}
-SLOW = ("any-3s",)
+SLOW = {
+    ("infantry", "no-lead"),
+    ("any-1s", "kalman"),
+    ("any-1s", "imm-lq"),
+    *(("any-3s", each) for each in STORED["any-3s"]),
+}
 
 
 @functools.cache
@@ -34,7 +39,7 @@ def engagements(name):
 
 
 CASES = [
-    pytest.param(name, each, marks=[pytest.mark.slow] if name in SLOW else [])
+    pytest.param(name, each, marks=[pytest.mark.slow] if (name, each) in SLOW else [])
     for name, stored in STORED.items()
     for each in stored
     if each != "setting"

@@ -73,16 +73,20 @@ def is_plugin(spec: str, kind: str) -> bool:
     return names_code(spec) or spec in importlib.metadata.entry_points(group=f"archerfish.{kind}s").names
 
 
-def find_plugin(spec: str, kind: str) -> Plugin:
+def find_plugin(spec: Any, kind: str) -> Plugin:
     """Find something of a user's own.
 
     Args:
-      spec: ./FILE.py:NAME, MODULE:NAME, or the name of an entry point.
+      spec: ./FILE.py:NAME, MODULE:NAME, or the name of an entry point; or the object itself.
       kind: what is looked for: "controller", "motion", "plant", "world" …
 
     Raises:
       InputError: if there is no such file, module, name or entry point, or its code fails.
     """
+    if not isinstance(spec, str):
+        file = getattr(sys.modules.get(getattr(spec, "__module__", "")), "__file__", None) or ""
+        name = getattr(spec, "__name__", type(spec).__name__)
+        return Plugin(f"{file}:{name}", kind, name, spec, file)
     where, _, name = spec.rpartition(":")
     path = Path(where if where.endswith(".py") else where.replace(".", "/") + ".py").resolve()
     is_file, attribute = bool(where) and path.is_file(), name

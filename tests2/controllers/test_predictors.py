@@ -35,10 +35,8 @@ def driving(count: int, speed: float) -> np.ndarray:
 
 @pytest.mark.parametrize("name", PREDICTORS)
 def test_numpy_and_jax_agree(name, batch, agree, follow) -> None:
-    rng = np.random.default_rng(93)
-    motion = parabola(rng.uniform(0.1, 0.35, batch), 0.1)
-    found = np.stack([motion.position(DT * step + 0.0 * motion.speed) for step in range(4)])
-    found = found + rng.normal(0.0, 0.003, found.shape)
+    found = np.random.default_rng(93).normal(0.0, 1e-3, (4, *batch, 3))
+    found = found + np.expand_dims(parabola(0.3, 0.1).position(DT * np.arange(4)), tuple(range(1, found.ndim - 1)))
 
     def ahead(predictor, found, time):
         relative = follow(predictor, found)
@@ -51,10 +49,12 @@ def test_numpy_and_jax_agree(name, batch, agree, follow) -> None:
 
 @pytest.mark.parametrize("name", PREDICTORS)
 def test_predictions_are_against_the_own_base_wherever_it_is_and_moves(name, follow) -> None:
-    predictor, own, speed = PREDICTORS[name], np.array([0.5, -0.2, 0.2]), np.array([0.1, 0.3, 0.0])
-    found, time = driving(20, 0.3), np.asarray(0.2)
-    here, elsewhere = follow(predictor, found), follow(predictor, found + own, own=(own, 0.0))
-    moving = follow(predictor, found + own, own=(own, speed))
+    predictor, found, time = PREDICTORS[name], driving(20, 0.3), np.asarray(0.2)
+    own, speed = np.array([0.5, -0.2, 0.2]), np.array([0.1, 0.3, 0.0])
+    here, (elsewhere, moving) = (
+        follow(predictor, found),
+        (follow(predictor, found + own, own=(own, v)) for v in (0.0, speed)),
+    )
     for predict in (predictor.mean_after, predictor.position_after):
         assert_allclose(predict(elsewhere, time), predict(here, time), atol=1e-6)
         # At the exposure the base was elsewhere, and so was the direction of the noise.
@@ -63,18 +63,16 @@ def test_predictions_are_against_the_own_base_wherever_it_is_and_moves(name, fol
 
 @pytest.mark.parametrize("name", PREDICTORS)
 def test_slots_carry_no_identity_and_a_frame_may_show_nothing(name, follow, seen) -> None:
-    # A second plate beside the first, in changing slots, and frames without any, which leave only time to pass.
-    predictor, found = PREDICTORS[name], driving(20, 0.3)
-    state, empty, one = predictor.reset(seen(found[0])), np.zeros((1, 2, 3)), np.full((1, 2), True)
-    for step, place in enumerate(found[1:], 1):
-        both = np.stack([place, place + 0.5])[:: 1 - step % 2 * 2]
-        two = seen(place).frames._replace(position=both[None], found=one)
-        state = predictor.step(state, seen(place)._replace(frames=two))
-    state = predictor.step(state, seen(place)._replace(frames=two._replace(position=empty, found=~one)))
+    # A second plate beside the first, in changing slots, and then a frame without any: only time passes.
+    predictor, found, two = PREDICTORS[name], driving(20, 0.3), np.full((1, 2), True)
+    state = predictor.reset(seen(found[0]))
+    for step, place in enumerate(np.append(found[1:], found[-1:], axis=0), 1):
+        both = np.stack([place, place + 0.5])[None, :: 1 - step % 2 * 2]
+        both = {"position": both, "found": two} if step < 20 else {"position": 0.0 * both, "found": ~two}
+        state = predictor.step(state, seen(place)._replace(frames=seen(place).frames._replace(**both)))
     late = predictor.against_pivot(state, seen(place).base)
     for predict in (predictor.mean_after, predictor.position_after):  # the models may change meanwhile
-        expected = predict(follow(predictor, found), np.asarray(0.12))
-        assert_allclose(predict(late, np.asarray(0.1)), expected, atol=3e-3)
+        assert_allclose(predict(late, np.asarray(0.1)), predict(follow(predictor, found), np.asarray(0.12)), atol=3e-3)
 
 
 @pytest.mark.parametrize("phase", np.linspace(0.0, 0.95, 7))

@@ -1,11 +1,13 @@
 """Controllers by name, and a user's own."""
 
+import contextlib
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from archerfish2.arrays import leaves, map_arrays
-from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, check_decision, make_controller, tuning_at
+from archerfish2.controllers.registry import NAMES, check_decision, make_controller, tuning_at
 from archerfish2.errors import InputError
 from archerfish2.records.sensing import CameraRecord, LinkRecord, SensingRecord
 from archerfish2.robot import Robot
@@ -36,22 +38,14 @@ def test_one_robot_decides_as_a_batch_does(name, shoot) -> None:
         assert_allclose(one.angle, command.angle[step, 1], atol=2e-4)
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("kalman-paper", "oracle")])
+@pytest.mark.parametrize("name", ["kalman", "kalman-lq", "imm-lq", "parabola-lq"])
 def test_a_controller_has_the_cameras_noise_and_its_tuning_in_float32(name) -> None:
-    tuning = Tuning(acceleration_sd=3.0, extra_lead_s=-0.06, smoothing=0.2, initial_speed=0.3, velocity_decay=0.8)
+    tuning = tuning_at(name).replace(acceleration_sd=3.0, extra_lead_s=-0.06, initial_speed=0.3)
     controller = make_controller(name, SENSING, TASK, tuning)
     assert {each.dtype.str for each in leaves(controller) if each.dtype.kind == "f"} == {"<f4"}
-    if name != "no-lead":
-        assert_allclose(
-            np.array([*controller.predictor.noise], float), [3.0, 1e-3, 1e-3, 0.015, 0.0017, 0.3], rtol=1e-6
-        )
-    assert_allclose(controller.lead, -0.04 if name == "kalman" else -0.06)
-
-
-def test_a_search_begins_where_the_grids_do() -> None:
-    assert tuning_at("kalman") == Tuning(acceleration_sd=4.0, initial_speed=0.25)
-    assert tuning_at("imm-lq", (1, 0, 0, -1, 2)).extra_lead_s == 0.04
-    assert [GRIDS["kalman-lq"]["smoothing"].value(index) for index in (-1, 0, 1)] == [0.025, 0.1, 0.4]
+    noise = np.array([*controller.predictor.noise, controller.lead], float)
+    assert_allclose(noise, [3.0, 1e-3, 1e-3, 0.015, 0.0017, 0.3, -0.04 if name == "kalman" else -0.06], rtol=1e-6)
+    assert name == "kalman" or controller.preview.smoothing[0] == np.float32(0.1)
 
 
 @pytest.mark.parametrize(("name", "robot", "message"), [
@@ -64,7 +58,8 @@ def test_what_cannot_be_built_is_refused(name, robot, message) -> None:
 
 
 @pytest.mark.parametrize(("returns", "message"), [
-    ("(state, aim(seen.command))", None), ("seen.command", "line 5: step returns a ndarray, expected .state, Command."),
+    ("(state, aim(seen.command))", None),
+    ("seen.command", "own.py:Own: line 5: step returns a ndarray, expected .state, Command."),
     ("(state, aim(seen.command[..., None]))", r"angle of shape \(4, 2, 1\), expected \(4, 2\)"),
     ("(state, aim(seen.command)._replace(fire=seen.elapsed))", "fire of float32"),
     ("(state, aim(seen.command / 0.0))", "not finite"), ("seen.nothing", "line 5: AttributeError"),
@@ -74,10 +69,5 @@ def test_a_decision_of_a_users_own_is_checked(returns, message, tmp_path, shoot)
     controller = make_controller(f"{tmp_path}/own.py:Own", ROBOT, TASK)
     first = map_arrays(lambda each: each[0], shoot("kalman", decisions=5)[0])
     assert make_controller(controller, ROBOT, TASK) is controller
-    with np.errstate(all="ignore"):
-        if message is None:
-            check_decision(controller, first)
-        else:
-            with pytest.raises(InputError, match=message) as error:
-                check_decision(controller, first)
-            assert "own.py:Own: " in str(error.value)
+    with np.errstate(all="ignore"), pytest.raises(InputError, match=message) if message else contextlib.nullcontext():
+        check_decision(controller, first)

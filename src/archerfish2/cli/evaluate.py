@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 import tyro
 
 from archerfish2 import storage
-from archerfish2.evaluation.evaluate import evaluate, load_robot, load_task
+from archerfish2.evaluation.contenders import load
+from archerfish2.evaluation.evaluate import evaluate
 from archerfish2.evaluation.results import Results
 
 
@@ -70,7 +71,7 @@ class Evaluate:
 
     def run(self) -> None:
         """Evaluate, write, print."""
-        robot, task = load_robot(self.robot), load_task(self.task)
+        robot, task = load(self.robot, self.task)
         if self.command_limit is not None:
             task = task.replace(command_limit=self.command_limit)
         out = self.out or (self.robot / "evaluation" if self.robot else Path("runs/evaluate"))

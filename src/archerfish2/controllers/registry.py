@@ -1,7 +1,6 @@
 """Controllers by name, each built for a robot and a task, and a user's own; what is tuned of them, on which grids."""
 
 import difflib
-import sys
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -16,7 +15,7 @@ from archerfish2.controllers.parabola import make_parabola_aware, make_parabola_
 from archerfish2.controllers.preview_aim import SMOOTHING, Hold, make_preview_aim
 from archerfish2.errors import InputError
 from archerfish2.paper.conditions import assumed_conditions, paper_tuning
-from archerfish2.plugins import FORMS, Plugin, find_plugin, is_plugin
+from archerfish2.plugins import FORMS, find_plugin, is_plugin
 from archerfish2.protocols import Command, Seen, Truth
 from archerfish2.records.record import Struct
 from archerfish2.robot import Robot
@@ -127,7 +126,7 @@ def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | 
         meant = f"perhaps you meant {near[0]}" if near else "name one of these"
         expected = f"{', '.join(NAMES)}, or one of your own ({FORMS})"
         raise InputError(f"controller must be one of {expected}, got {controller!r}; {meant}")
-    plugin = find_plugin(controller, "controller") if isinstance(controller, str) else object_plugin(controller)
+    plugin = find_plugin(controller, "controller")
     with plugin.running():
         built = plugin.value
         if isinstance(built, type) or (callable(built) and not hasattr(built, "step")):
@@ -140,13 +139,6 @@ def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | 
         if not is_tree(built) or {np.asarray(each).dtype.kind for each in leaves(built)} - set("fiub"):
             raise InputError(f"is {kind}, expected a tree of arrays; make it one, or write compiled = False in it")
         return single_precision(built)
-
-
-def object_plugin(value: Any, kind: str = "controller") -> Plugin:
-    """Return an object as if it had been found by name."""
-    file = getattr(sys.modules.get(getattr(value, "__module__", "")), "__file__", None) or ""
-    name = getattr(value, "__name__", type(value).__name__)
-    return Plugin(f"{file}:{name}", kind, name, value, file)
 
 
 def check_decision(controller: Any, seen: Seen, truth: Truth | None = None) -> None:
@@ -163,7 +155,7 @@ def check_decision(controller: Any, seen: Seen, truth: Truth | None = None) -> N
       InputError: if its code fails, it returns anything but a state and a command, the command has other shapes or
         types, or angles that are not finite, or a compiled controller's state changes its structure.
     """
-    plugin, code = object_plugin(controller), getattr(controller.step, "__code__", None)
+    plugin, code = find_plugin(controller, "controller"), getattr(controller.step, "__code__", None)
     place = f"line {code.co_firstlineno}: " if code else ""
     with plugin.running():
         state = controller.reset(seen, truth)

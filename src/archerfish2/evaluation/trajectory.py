@@ -7,15 +7,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish2.arrays import map_arrays
-from archerfish2.controllers.registry import GRIDS, make_controller
 from archerfish2.dynamics.aiming import line_of_sight
 from archerfish2.errors import InputError
-from archerfish2.evaluation.evaluate import check_controllers, find_world, load_robot, load_task
+from archerfish2.evaluation.contenders import (
+    check_controllers,
+    load,
+    make_contender,
+    named_controllers,
+    tune_controllers,
+)
 from archerfish2.evaluation.rollout import run_engagements
 from archerfish2.evaluation.suites import draw
-from archerfish2.evaluation.tuning import tune
 from archerfish2.protocols import Command, Engagement, Seen, Shot
 from archerfish2.robot import Robot
+from archerfish2.simulation.user_world import find_world
 from archerfish2.task import Task
 
 if TYPE_CHECKING:
@@ -77,18 +82,20 @@ def rollout(
     Raises:
       InputError: if something that was given can't be used, or a user's code fails.
     """
-    robot, task = load_robot(robot), load_task(task)
+    robot, task = load(robot, task)
     part = task.replace(lengths_s=task.lengths_s[-1:])
     if not (1 <= engagements <= 100_000 and seed >= 0):
         raise InputError(f"engagements must be 1…100000 and seed at least 0, got {engagements} and {seed}; correct it")
     found, cells = find_world(world, robot, part), part.cells()
-    check_controllers([("", controller)], found, robot, part)
+    named = named_controllers(controller if isinstance(controller, str) else {"": controller})
+    check_controllers(named, found, robot, part)
     each = -(-engagements // len(cells))
     engagement, normals = draw(cells, each, seed, "evaluation", found.normals, found.plants)
     places = [place % len(cells) * each + place // len(cells) for place in range(engagements)]
     engagement, normals = map_arrays(lambda values: values[places], engagement), normals[places]
-    tuning = tune(controller, robot, task) if isinstance(controller, str) and controller in GRIDS else None
-    made = make_controller(controller, robot, part, tuning)
+    made = make_contender(*named[0], robot, part, tune_controllers(named, robot, task)).controller
+    if made is None:
+        raise InputError("perfect aim has no trajectory; name a controller")
     seen, command, in_force, shot = run_engagements(found, made, engagement, normals)
     times = np.arange(normals.shape[1], dtype=np.float32) * np.float32(found.period_s)
     fired_at = (times + np.float32(found.period_s))[:, None] + np.zeros((1, engagements), np.float32)

@@ -1,0 +1,127 @@
+"""Who shoots where: robots, tasks, worlds and controllers as they are given, made and tried before the work."""
+
+import itertools
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from archerfish2 import progress
+from archerfish2.arrays import map_arrays
+from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, check_decision, make_controller
+from archerfish2.errors import InputError
+from archerfish2.evaluation.results import Kind
+from archerfish2.evaluation.suites import draw
+from archerfish2.evaluation.tuning import BUDGET, tune
+from archerfish2.protocols import Controller, World
+from archerfish2.robot import Robot
+from archerfish2.task import Task
+
+PERFECT = "perfect"
+"""Name of perfect aim, which only dispersion makes miss."""
+
+
+class Contender(NamedTuple):
+    """A controller under the name that results give it."""
+
+    name: str  # its own
+    controller: Controller | None  # for the length that is shot; None: perfect aim
+    kind: Kind
+    seed: int | None = None  # of a policy's training
+
+
+def load(robot: Robot | str | Path | None, task: Task | str | Path) -> tuple[Robot, Task]:
+    """Return a robot, or that of a folder, or the paper's; and a task, or that of a name or TOML file."""
+    robot = Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
+    return robot, task if isinstance(task, Task) else Task.load(task)
+
+
+def named_controllers(controllers: Any) -> list[tuple[str, Any]]:
+    """Return controllers with the names that results give them; equal names of one seed get -2, -3.
+
+    Args:
+      controllers: as `evaluate` takes them.
+
+    Raises:
+      InputError: if there is none.
+    """
+    if isinstance(controllers, str) or callable(controllers) or hasattr(controllers, "step"):
+        controllers = (controllers,)
+    pairs: Iterable[tuple[str, Any]]
+    pairs = controllers.items() if isinstance(controllers, Mapping) else ((_name(each), each) for each in controllers)
+    named: dict[tuple[str, int | None], Any] = {}
+    for name, value in pairs:
+        seed = getattr(getattr(value, "facts", None), "seed", None)
+        names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
+        named[next(each for each in names if (each, seed) not in named), seed] = value
+    if not named:
+        raise InputError('controllers: there is none; give one, such as "kalman"')
+    return [(name, value) for (name, _), value in named.items()]
+
+
+def _name(controller: Any) -> str:
+    if isinstance(controller, str):
+        return controller.rpartition(":")[2]
+    return "policy" if hasattr(controller, "facts") else getattr(controller, "__name__", type(controller).__name__)
+
+
+def make_contender(name: str, value: Any, robot: Robot, task: Task, tuning: Mapping[str, Tuning]) -> Contender:
+    """Make a controller for a robot and a task of one length.
+
+    Args:
+      name: that results give it.
+      value: as `evaluate` takes it.
+      robot: its records.
+      task: of one length.
+      tuning: by name; where its search begins for a controller that is not among them.
+
+    Raises:
+      InputError: if it can't be made.
+    """
+    if hasattr(value, "facts"):
+        return Contender(name, value, "policy", value.facts.seed)
+    word = value if isinstance(value, str) else ""
+    if word == PERFECT:
+        return Contender(name, None, "perfect")
+    made = make_controller(value, robot, task, tuning.get(word))
+    return Contender(name, made, "classical" if word in NAMES else "user")
+
+
+def check_controllers(named: list[tuple[str, Any]], world: World, robot: Robot, task: Task) -> None:
+    """Let a user's controllers and policies decide once, before anything takes long; refuse unknown names.
+
+    Args:
+      named: names, and controllers as `evaluate` takes them.
+      world: where they are to shoot.
+      robot: its records.
+      task: of any lengths.
+
+    Raises:
+      InputError: if one can't be made, its code fails, or what it returns is no decision.
+    """
+    part = task.replace(lengths_s=task.lengths_s[:1])
+    made = [make_contender(name, value, robot, part, {}) for name, value in named]
+    if any(each.controller is None for each in made) and not hasattr(world, "shoot"):
+        raise InputError(f"perfect aim needs a simulator with shoot(), {world.name} has none; leave {PERFECT} out")
+    own = [each for each in made if each.kind in ("user", "policy")]
+    if own:
+        engagement, normals = draw(part.cells()[:1], 3, 0, "stopping", world.normals, world.plants)
+        seen = map_arrays(np.asarray, world.see(world.begin(engagement, normals)))
+        for each in own:
+            truth = world.truth(engagement) if getattr(each.controller, "needs_truth", False) else None
+            check_decision(each.controller, seen, truth)
+
+
+def tune_controllers(named: list[tuple[str, Any]], robot: Robot, task: Task) -> dict[str, Tuning]:
+    """Return the settings of all controllers that are tuned, by name; arguments as of `check_controllers`."""
+    names = [value for value in dict.fromkeys(each for _, each in named if isinstance(each, str)) if value in GRIDS]
+    tuning: dict[str, Tuning] = {}
+    with progress.bar("tuning", len(names) or 1, "controllers") as advance:
+        for name in names:
+
+            def report(tried: int, best: float, name: str = name) -> None:
+                advance(len(tuning) + tried / BUDGET, f"{name}: {tried} settings, best {100 * best:.1f} %")
+
+            tuning[name] = tune(name, robot, task, report)
+    return tuning

@@ -1,0 +1,65 @@
+"""A user's own world in the place of the robot's simulator: found, and tried before the work."""
+
+from typing import Any
+
+import numpy as np
+
+from archerfish2.arrays import is_tree, leaves, single_precision
+from archerfish2.compiled import has_jax, import_jax
+from archerfish2.errors import InputError
+from archerfish2.plugins import find_plugin
+from archerfish2.protocols import Engagement, Seen, Shot, World, aim
+from archerfish2.robot import Robot
+from archerfish2.simulation.world import make_world
+from archerfish2.task import Task
+
+
+def find_world(world: Any, robot: Robot, task: Task) -> World:
+    """Return the robot's simulator, or the world that was given instead.
+
+    Args:
+      world: as `evaluate` takes it.
+      robot: its records.
+      task: whose decision period the world must have.
+
+    Raises:
+      InputError: if it lacks what a world has, has another decision period than the task, or its code fails.
+    """
+    if world is None:
+        return make_world(robot, task)
+    plugin = find_plugin(world, "world")
+    with plugin.running():
+        found = plugin.value
+        if hasattr(found, "world"):
+            found = found.world(robot, task)
+        elif isinstance(found, type) or (callable(found) and not hasattr(found, "begin")):
+            found = found(robot, task)
+        names = ("name", "compiled", "period_s", "normals", "plants", "begin", "see", "step", "truth")
+        missing = [name for name in names if not hasattr(found, name)]
+        if missing:
+            raise InputError(f"a {type(found).__name__} lacks {', '.join(missing)}; give it what `World` has")
+        if abs(found.period_s - task.period_s) > 1e-6:
+            periods = f"{found.period_s:g} s, the task's {task.period_s:g} s"
+            raise InputError(f"the decision period of a {type(found).__name__} is {periods}; make them equal")
+        return _checked(single_precision(found) if is_tree(found) else found, task)
+
+
+def _checked(world: Any, task: Task) -> World:
+    """Let a world pass one decision, in NumPy and, where it is compiled, traced."""
+    scenario = task.cells()[0].scenario
+    engagement = scenario.draw(np.linspace(0.1, 0.9, 3 * scenario.uniforms, dtype=np.float32).reshape(3, -1))
+
+    def decision(world: Any, engagement: Engagement, normals: Any) -> tuple[Any, Any]:
+        state = world.begin(engagement, normals)
+        state, shot = world.step(state, aim(world.see(state).command), normals[:, 0])
+        return world.see(state), shot
+
+    drawn = engagement, np.zeros((3, 2, world.normals), np.float32)
+    for kind, answer in zip((Seen, Shot), decision(world, *drawn), strict=True):
+        if not isinstance(answer, kind) or any(np.shape(each)[:1] != (3,) for each in leaves(answer)):
+            expected = f"expected a {kind.__name__} of arrays as long as there are engagements"
+            raise InputError(f"a {type(world).__name__} returns a {type(answer).__name__}, {expected}; correct it")
+    if world.compiled and has_jax():
+        import_jax().eval_shape(decision, world, *drawn)
+    checked: World = world
+    return checked
