@@ -116,5 +116,5 @@ def test_a_terminal_shows_what_is_tuned_and_shot(searched, monkeypatch, capsys):
     monkeypatch.setenv("ARCHERFISH_CACHE", "off")
     af.evaluate(["kalman", "no-lead"], task=TASK, engagements=4)
     shown = capsys.readouterr().err
-    texts = ("tuning", "kalman: ", " settings, best 89.", "evaluating", "no-lead", "400/400")
+    texts = ("tuning", "settings/s", "kalman, best 89.", "evaluating", "no-lead", "400/400")
     assert [text for text in texts if text not in shown] == []

@@ -117,11 +117,12 @@ def tune_controllers(named: list[tuple[str, Any]], robot: Robot, task: Task) -> 
     """Return the settings of all controllers that are tuned, by name; arguments as of `check_controllers`."""
     names = [value for value in dict.fromkeys(each for _, each in named if isinstance(each, str)) if value in GRIDS]
     tuning: dict[str, Tuning] = {}
-    with progress.bar("tuning", len(names) or 1, "controllers") as advance:
+    with progress.bar("tuning", BUDGET * len(names) or 1, "settings") as advance:
         for name in names:
 
             def report(tried: int, best: float, name: str = name) -> None:
-                advance(len(tuning) + tried / BUDGET, f"{name}: {tried} settings, best {100 * best:.1f} %")
+                advance(BUDGET * len(tuning) + tried, f"{name}, best {100 * best:.1f} %" if tried else name)
 
+            report(0, 0.0)
             tuning[name] = tune(name, robot, task, report)
     return tuning

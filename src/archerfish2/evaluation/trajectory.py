@@ -50,6 +50,11 @@ class Trajectory(NamedTuple):
         """Whether each decision hit, shape (N, T)."""
         return np.asarray(self.shot.fired & (self.shot.margin >= 0.0))
 
+    def __repr__(self) -> str:
+        engagements, decisions = self.hit.shape
+        rate, fields = 100 * self.hit.mean(), ", ".join(self._fields)
+        return f"Trajectory({engagements} engagements of {decisions} decisions, {rate:.1f} % hit; {fields})"
+
     def plot(self, engagement: int = 0) -> "Figure":
         """Draw yaw, pitch and miss of an engagement against time."""
         from archerfish2.evaluation.plots import trajectory
