@@ -69,7 +69,7 @@ def trajectory(times: Any, target: Any, commands: Any, angles: Any, miss: Any, h
         distance = 1e3 * (miss**2).sum(-1) ** 0.5
         for chosen, label, place in ((hit, "hit", 0), (~hit, "miss", 1)):
             axes[2, 0].plot(times[chosen], distance[chosen], **{**look(place), "linestyle": ""}, label=label)
-        axes[2, 0].set(xlabel="time [s]", ylabel="distance from the centre [mm]")
+        axes[2, 0].set(xlabel="time [s]", ylabel="miss [mm]")
         axes[2, 0].legend(ncols=2)
     return figure
 
