@@ -45,8 +45,9 @@ def test_an_interrupt_leaves_nothing(tmp_path):
     assert (process.returncode, [*tmp_path.iterdir()]) == (130, [])
 
 
-def test_an_interrupt_that_a_destructor_drops_comes_again():
-    drops = type("Drops", (), {"__del__": lambda _: signal.raise_signal(signal.SIGINT)})
+def test_a_signal_that_a_destructor_drops_comes_again():
+    # A program that a shell starts in its background ignores SIGINT; SIGTERM it gets.
+    drops = type("Drops", (), {"__del__": lambda _: signal.raise_signal(signal.SIGTERM)})
     with pytest.raises(KeyboardInterrupt), stop_requests():
         drops()
         time.sleep(30)
