@@ -10,13 +10,17 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from archerfish2.errors import file_error
+import numpy as np
 
+from archerfish2.errors import InputError, file_error, one_line
+
+LARGEST = 64_000_000
+"""Bytes of the largest file that is read whole."""
 LOCK, RUN, RUN_SCHEMA = "run.lock", "run.json", "archerfish.run/1"
 
 
@@ -73,6 +77,52 @@ def file_hash(path: Path) -> str:
     """Return the SHA-256 of a file, as hex digits."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def write_arrays(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
+    """Write arrays to a .safetensors file whole, with facts as JSON, and the arrays' SHA-256, in its header.
+
+    Raises:
+      InputError: if it can't be written.
+    """
+    from safetensors.numpy import save
+
+    arrays = {name: np.ascontiguousarray(arrays[name]) for name in sorted(arrays)}
+    header = {"facts": json.dumps(facts, allow_nan=False), "sha256": _arrays_hash(arrays)}
+    write_bytes(path, save(arrays, header))
+
+
+def read_arrays(path: Path, remedy: str) -> tuple[str, dict[str, Any]]:
+    """Return facts, as JSON, and arrays of a .safetensors file.
+
+    Raises:
+      InputError: if it is missing, too large, damaged, or no such file.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        if not path.is_file():
+            raise file_error(path, "there is no such file", "check the path")
+        if (size := path.stat().st_size) > LARGEST:
+            raise file_error(path, f"has {size} bytes, expected at most {LARGEST}", remedy)
+        with safe_open(path, "np") as file:
+            header, arrays = file.metadata() or {}, {name: file.get_tensor(name) for name in sorted(file.keys())}
+    except OSError as error:
+        raise file_error(path, f"can't be read ({error.strerror})", "check the path") from error
+    except (SafetensorError, TypeError, ValueError, AttributeError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise file_error(path, f"is no .safetensors file ({one_line(str(error))[:200]})", remedy) from error
+    if header.keys() != {"facts", "sha256"} or header["sha256"] != _arrays_hash(arrays):
+        raise file_error(path, "was not written by archerfish, or is damaged", remedy)
+    return header["facts"], arrays
+
+
+def _arrays_hash(arrays: Mapping[str, Any]) -> str:
+    digest = hashlib.sha256()
+    for name, array in arrays.items():
+        digest.update(f"{name} {array.dtype} {array.shape} ".encode() + array.tobytes())
+    return digest.hexdigest()
 
 
 @contextmanager

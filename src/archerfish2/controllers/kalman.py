@@ -115,7 +115,8 @@ class DirectAim:
         relative = self.predictor.against_pivot(state, seen.base)
         lead = 0.0 * seen.elapsed + self.lead
         angle = intercept(partial(self.predictor.position_after, relative), lead, self.muzzle).angle
-        command = aim(approach(self.limits, unwrapped(angle, seen.command), seen.command, self.period))
+        rate, acceleration = self.limits.max_rate, self.limits.max_acceleration
+        command = aim(approach(unwrapped(angle, seen.command), seen.command, rate, acceleration, self.period))
         if self.patience is not None:
             command = command._replace(fire=state.age < self.patience)
         return state, command

@@ -17,7 +17,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from archerfish2.errors import InputError, file_error, one_line
-from archerfish2.storage import write_bytes
+from archerfish2.storage import LARGEST, write_bytes
 
 T = TypeVar("T")
 Matrix = NDArray[np.float64]
@@ -25,8 +25,6 @@ Counts = NDArray[np.int64]
 Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
 """A finite number; msgspec's bounds refuse NaN, too."""
 Count = Annotated[int, Meta(ge=0, le=1_000_000)]
-LARGEST = 64_000_000
-"""Bytes of the largest file that is read as a record."""
 
 
 def read_json(path: Path, remedy: str = "write the file again") -> Any:
@@ -36,6 +34,23 @@ def read_json(path: Path, remedy: str = "write the file again") -> Any:
       InputError: if it is missing, unreadable, larger than `LARGEST` or not JSON; neither NaN, infinity nor a field
         that is there twice, which Python would read, are.
     """
+    try:
+        if not path.is_file():
+            raise file_error(path, "there is no such file", "check the path")
+        if (size := path.stat().st_size) > LARGEST:
+            raise file_error(path, f"has {size} bytes, expected at most {LARGEST}", remedy)
+        text = path.read_bytes().decode("utf-8-sig")
+    except InputError:
+        raise
+    except OSError as error:
+        raise file_error(path, f"can't be read ({error.strerror})", "check the path") from error
+    except ValueError as error:
+        raise file_error(path, f"is not JSON ({one_line(str(error))[:200]})", remedy) from error
+    return parse_json(text, path, remedy)
+
+
+def parse_json(text: str, path: Path, remedy: str) -> Any:
+    """Return the content of JSON text in a file; see `read_json`."""
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         fields = dict(pairs)
@@ -47,16 +62,7 @@ def read_json(path: Path, remedy: str = "write the file again") -> Any:
         raise ValueError(f"{constant} is no number")
 
     try:
-        if not path.is_file():
-            raise file_error(path, "there is no such file", "check the path")
-        if (size := path.stat().st_size) > LARGEST:
-            raise file_error(path, f"has {size} bytes, expected at most {LARGEST}", remedy)
-        text = path.read_bytes().decode("utf-8-sig")
         return json.loads(text, object_pairs_hook=unique, parse_constant=refuse)
-    except InputError:
-        raise
-    except OSError as error:
-        raise file_error(path, f"can't be read ({error.strerror})", "check the path") from error
     except (ValueError, RecursionError) as error:
         raise file_error(path, f"is not JSON ({one_line(str(error))[:200]})", remedy) from error
 
@@ -73,7 +79,11 @@ def read_struct(path: Path, kind: type[T], schema: str, remedy: str) -> T:
     Raises:
       InputError: naming the field, what it is and what was expected.
     """
-    content = read_json(path, remedy)
+    return to_struct(read_json(path, remedy), path, kind, schema, remedy)
+
+
+def to_struct(content: Any, path: Path, kind: type[T], schema: str, remedy: str) -> T:
+    """Return the content of a JSON file as a struct; see `read_struct`."""
     found = content.pop("schema", None) if isinstance(content, dict) else type(content).__name__
     if found != schema:
         raise file_error(path, f'field schema: expected "{schema}", got {reprlib.repr(found)}', remedy)

@@ -138,12 +138,28 @@ def log_likelihood(noise: TrackerNoise, track: Track, plate: Array) -> Array:
     Returns:
       Shape B.
     """
+    distance, determinant = _innovation(noise, track, plate)
+    return -0.5 * (distance + namespace(determinant).log(determinant))
+
+
+def squared_innovation(noise: TrackerNoise, track: Track, plate: Array) -> Array:
+    """Return the squared innovation of a measurement, one on average where the filter is right, shape B.
+
+    Args:
+      noise: what the filter assumes.
+      track: predicted to the time of the measurement.
+      plate: position [m], shape B + (3,); x and y count.
+    """
+    return 0.5 * _innovation(noise, track, plate)[0]
+
+
+def _innovation(noise: TrackerNoise, track: Track, plate: Array) -> tuple[Array, Array]:
+    """Return the innovation's square in standard deviations, of two coordinates, and its covariance's determinant."""
     xp = namespace(track.mean, plate)
     spread = track.covariance[..., :2, :2] + measurement_covariance(noise, plate)
     inverse, determinant = inverse_and_determinant(spread)
     innovation = plate[..., :2] - track.mean[..., :2]
-    distance = xp.sum(innovation * xp.sum(inverse * innovation[..., None, :], axis=-1), axis=-1)
-    return -0.5 * (distance + xp.log(determinant))
+    return xp.sum(innovation * xp.sum(inverse * innovation[..., None, :], axis=-1), axis=-1), determinant
 
 
 def inverse_and_determinant(spread: Array) -> tuple[Array, Array]:

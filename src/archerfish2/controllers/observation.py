@@ -1,0 +1,418 @@
+"""What a policy sees and how it acts: an observation is a list of blocks of numbers, an action an offset from an aim.
+
+Kinds of observation are lists of blocks. `paper`: the six numbers of the paper. `history`: the last decisions, scaled
+and differenced; raw ones are the same facts in a form that a small network hardly learns from. Both aim at the latest
+detection. `tracked`: a Kalman filter's estimate and a second of history, for a camera and a link that are late and
+noisy. `multimodel`: several trackers side by side and longer memories, for targets that move in any way, since no one
+tracker fits a target that may stand, drive on, turn back or swing. These two aim at where the filter that follows turns
+takes the target to be now, and the command is the next one on the fastest slew to what the action asks for.
+"""
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from msgspec import Meta
+
+from archerfish2.arrays import Array, lift, map_arrays, namespace, select, single_precision, tree, without_gradient
+from archerfish2.controllers.blocks import KINDS, Block
+from archerfish2.dynamics.aiming import aim_at
+from archerfish2.dynamics.muzzle import Muzzle
+from archerfish2.dynamics.slew import approach
+from archerfish2.errors import InputError
+from archerfish2.plugins import find_plugin
+from archerfish2.protocols import Barrel, Base, Command, Frames, GimbalFeedback, Seen, aim
+from archerfish2.records.record import Struct
+from archerfish2.robot import Robot
+from archerfish2.task import Task
+from archerfish2.tracking import kalman_filter
+from archerfish2.tracking.detections import Detection, first_detection, unwrapped, update_with_frames
+from archerfish2.tracking.interacting_models import ModelRates, begin_models, step_models
+from archerfish2.tracking.kalman_filter import TrackerNoise, noise_from_record
+from archerfish2.tracking.legendre_memory import Window, constant_history, legendre_window, with_sample
+
+FRAMES, DETECTIONS = 4, 8
+"""Decisions and raw detections that are remembered."""
+WINDOWS = ((12, 1.0), (6, 1.0), (14, 3.0))
+"""Legendre coefficients and length [s] of the histories of azimuth, distance, and azimuth for long."""
+ACTION_SCALES = {"box": (0.1, 0.3), "gate": (0.03, 0.1), "los-2deg": (0.03, 0.1)}
+"""Command limit → offset of the command from the aim per unit of action, pitch and yaw [rad]: wide where the command
+may overdrive the gimbal, narrow where it can't, so that exploration does not dominate the last milliradians."""
+ACCELERATION, SLOW_ACCELERATION = {"tracked": 3.0, "multimodel": 4.0}, 0.2
+"""What the trackers assume of a target's acceleration, as a standard deviation [m/s²]."""
+EXACT_SD = 5e-4
+"""What they assume of a camera without noise [m]."""
+RATES = ModelRates(*(np.asarray(each) for each in (0.25, 0.1, 0.5)))
+"""Of the interacting models: turns and stops [1/s], share of the targets that stand at first."""
+_FORGETTING, _LARGEST_INNOVATION = 0.2, 50.0
+_Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
+_Magnitude = Annotated[float, Meta(ge=0.0, le=1e3)]
+_Offset = Annotated[float, Meta(ge=-1.0, le=1.0)]
+
+
+class TrackerFacts(Struct, frozen=True, kw_only=True):
+    """What the trackers assume of target and camera; see `TrackerNoise`."""
+
+    acceleration: _Positive
+    """[m/s²]."""
+    along: _Magnitude
+    """[m]."""
+    across: _Magnitude
+    """[m]."""
+    along_share: _Magnitude = 0.0
+    """Share of the distance."""
+    across_angle: _Magnitude = 0.0
+    """[rad]."""
+    initial_speed: _Positive = kalman_filter.INITIAL_SPEED
+    """[m/s]."""
+
+
+class ObserverFacts(Struct, frozen=True, kw_only=True):
+    """All numbers of an observer, as a policy's file has them."""
+
+    observation: Annotated[tuple[str, ...], Meta(min_length=1, max_length=100)]
+    """A kind of observation, and blocks of a user's own."""
+    frames: Annotated[int, Meta(ge=2, le=64)] = FRAMES
+    """Decisions that are remembered."""
+    period_s: Annotated[float, Meta(ge=1e-4, le=10.0)]
+    """Decision period [s]."""
+    action_scale: tuple[_Positive, _Positive]
+    """Offset of the command from the aim per unit of action, pitch and yaw [rad]."""
+    largest_move: tuple[_Positive, _Positive]
+    """Of the command from one decision to the next, pitch and yaw [rad]."""
+    braking: tuple[_Positive, _Positive]
+    """By how much that move may change from one decision to the next, pitch and yaw [rad]."""
+    speed: _Positive
+    """Of the pellets at the muzzle [m/s]."""
+    drag: _Magnitude
+    """[1/m]."""
+    length: _Magnitude
+    """From the pivot to the muzzle [m]."""
+    offset: tuple[_Offset, _Offset]
+    """Mean disturbance angles, pitch and yaw [rad]."""
+    tracker: TrackerFacts | None = None
+    """What the trackers assume; None for an observation without."""
+
+
+class Trackers(NamedTuple):
+    """What the trackers assume of target and camera; None where an observation has no such tracker."""
+
+    fast: TrackerNoise | None = None  # of the filter that follows turns, and of the models
+    slow: TrackerNoise | None = None  # of the filter that averages for long
+    rates: ModelRates | None = None  # of the interacting models
+
+
+class Tracks(NamedTuple):
+    """Estimates in O as of the latest detection; None as in `Trackers`."""
+
+    place: Array  # of that detection, B + (3,)
+    own: Array  # the own pivot at its exposure, in O [m], B + (3,)
+    age: Array  # of it at the latest decision [s], B
+    fast: Any  # Track
+    slow: Any  # Track
+    innovation: Array  # mean of the slow filter's last squared innovations, one where it is right, B
+    models: Any  # ModelTracks
+
+
+class Decisions(NamedTuple):
+    """Of the last decisions, the newest last, shapes B + (frames, ...); of one, without that axis."""
+
+    angle: Array  # of the gimbal [rad], (2,)
+    command: Array  # in force [rad], (2,)
+    aim: Array  # pitch, yaw [rad] and distance [m] of the latest detection, (3,); None with trackers
+
+
+class Detections(NamedTuple):
+    """The latest detection at the last decisions, the newest last, B + (detections,); of one, without that axis."""
+
+    azimuth: Array  # [rad]
+    distance: Array  # on level ground [m]
+
+
+class Memory(NamedTuple):
+    """What is remembered between decisions."""
+
+    tracks: Tracks
+    decisions: Decisions
+    detections: Detections
+    histories: tuple[Array, ...]  # Legendre coefficients, B + (d,) each
+    gimbal_age: Array  # of the latest feedback [s], B
+    base: Base  # now
+    clock: Array  # since the first decision [s], B
+
+
+class View(NamedTuple):
+    """A decision as the blocks need it, made once; tracks are relative to the own pivot and its velocity."""
+
+    memory: Memory
+    aim: Array  # at the target as estimated now [rad], B + (2,)
+    level: Array  # that estimate, x and y in O [m], B + (2,)
+    distance: Array  # of it [m], B + (1,)
+    azimuth: Array  # of it [rad], B + (1,)
+    sight: Array  # unit vector to it on level ground, B + (2,)
+    fast: Any  # Track
+    slow: Any  # Track
+
+    def across(self, level: Array) -> Array:
+        """Return the part of a level vector to the left of the line of sight, shape B + (2,) → B + (1,)."""
+        return self.sight[..., :1] * level[..., 1:] - self.sight[..., 1:] * level[..., :1]
+
+    def away(self, level: Array) -> Array:
+        """Return the part of a level vector along the line of sight, shape B + (2,) → B + (1,)."""
+        return namespace(level).sum(self.sight * level, axis=-1, keepdims=True)
+
+    def unwrapped(self, angle: Array) -> Array:
+        """Return pitch and yaw [rad] with the yaw nearest to that of the command, shape B + (2,)."""
+        return unwrapped(angle, self.memory.decisions.command[..., -1, :])
+
+
+@tree(static=("blocks", "frames", "detections"))
+class Observer:
+    """How a policy sees and acts; the same in NumPy on a robot and inside a compiled training."""
+
+    blocks: tuple[Block, ...]  # of the observation
+    trackers: Trackers
+    windows: tuple[Window, ...]  # of azimuth, distance, azimuth for long
+    frames: int  # decisions that are remembered
+    detections: int  # raw detections that are remembered
+    action_scale: Array  # offset from the aim per unit of action, pitch and yaw [rad], (2,)
+    largest_move: Array  # of the command from one decision to the next, pitch and yaw [rad], (2,)
+    braking: Array  # by how much that move may change, pitch and yaw [rad], (2,)
+    muzzle: Muzzle  # that the aim is computed for
+
+    def begin(self, seen: Seen) -> Memory:
+        """Return the memory at the first decision, as if nothing had moved before it; shape B."""
+        xp, first, (fast, slow, rates) = namespace(seen.command), first_detection(seen), self.trackers
+        relative, shown = without_gradient(first.place) - first.own, first.fresh
+        tracks = Tracks(
+            first.place,
+            first.own,
+            first.age,
+            fast and kalman_filter.begin_track(fast, relative, shown),
+            slow and kalman_filter.begin_track(slow, relative, shown),
+            None if slow is None else 1.0 + 0.0 * first.age,
+            fast and rates and begin_models(fast, rates, relative, shown),
+        )
+        tracks = _moved(tracks, first.own)
+        decision, detection = self._decision(tracks, seen), _detection(tracks, 0.0 * first.age)
+
+        def repeated(each: Any, count: int) -> Any:
+            return map_arrays(lambda array: xp.stack([array] * count, axis=first.age.ndim), each)
+
+        samples = zip(self.windows, (*detection, detection.azimuth), strict=False)
+        return Memory(
+            tracks,
+            repeated(decision, self.frames),
+            repeated(detection, self.detections),
+            tuple(constant_history(*each) for each in samples),
+            seen.gimbal.age,
+            seen.base,
+            0.0 * first.age,
+        )
+
+    def remember(self, memory: Memory, seen: Seen) -> Memory:
+        """Update the memory with what is seen at a decision, the first one included; shape B."""
+        xp, later = namespace(seen.command), seen.elapsed > 0.0
+        before = memory.tracks._replace(age=memory.tracks.age + seen.elapsed)
+        tracks: Tracks = update_with_frames(self._update, _predicted, before, seen)
+        decision, detection = self._decision(tracks, seen), _detection(tracks, memory.detections.azimuth[..., -1])
+
+        def pushed(series: Array, newest: Array) -> Array:
+            rest = series[(slice(None),) * later.ndim + (slice(1, None),)]
+            return xp.concat([rest, xp.expand_dims(newest, axis=later.ndim)], axis=later.ndim)
+
+        old: Any = (memory.decisions, memory.detections, memory.histories)
+        samples = zip(self.windows, memory.histories, (*detection, detection.azimuth), strict=False)
+        new = (*map_arrays(pushed, old[:2], (decision, detection)), tuple(with_sample(*each) for each in samples))
+        series: Any = select(later, new, old)
+        return Memory(tracks, *series, seen.gimbal.age, seen.base, memory.clock + seen.elapsed)
+
+    def view(self, memory: Memory) -> View:
+        """Return the decision as the blocks need it; shape B."""
+        xp, tracks, base = namespace(memory.clock), memory.tracks, memory.base
+        command, latest = memory.decisions.command[..., -1, :], memory.detections.azimuth[..., -1]
+        fast, slow = (
+            each and kalman_filter.against_pivot(each, base, tracks.age) for each in (tracks.fast, tracks.slow)
+        )
+        if fast is None:
+            relative, nearest = tracks.place - base.position, memory.decisions.aim[..., -1, :]
+            angle, distance = nearest[..., :2], nearest[..., 2:]
+        else:
+            relative = kalman_filter.position_after(fast, tracks.age)
+            angle = unwrapped(aim_at(relative, self.muzzle).angle, command)
+            distance = xp.sqrt(relative[..., 0] ** 2 + relative[..., 1] ** 2)[..., None]
+        azimuth = _near(xp.atan2(relative[..., 1], relative[..., 0]), latest)[..., None]
+        level, sight = relative[..., :2] + base.position[..., :2], relative[..., :2] / distance
+        return View(memory, angle, level, distance, azimuth, sight, fast, slow)
+
+    def observe(self, view: View) -> Array:
+        """Return the observation, shape B + (n,)."""
+        return namespace(view.aim).concat([block(self, view) for block in self.blocks], axis=-1)
+
+    def decode(self, view: View, action: Array) -> Command:
+        """Turn an action, shape B + (2,), into a command; zero aims at the target as estimated now."""
+        wanted = view.aim + lift(self.action_scale, action) * action
+        if self.trackers.fast is None:
+            return aim(wanted)
+        return aim(approach(wanted, view.memory.decisions.command[..., -1, :], self.largest_move, self.braking, 1.0))
+
+    def layout(self) -> list[tuple[str, int]]:
+        """Return name and size of the blocks, in order; in NumPy, with an observer of NumPy's arrays.
+
+        Raises:
+          InputError: if a block of a user's own fails, or returns another shape, or numbers that are not finite.
+        """
+        seen = _nothing_seen()
+        memory, sizes = self.remember(self.begin(seen), seen), []
+        for block in self.blocks:
+            plugin = find_plugin(block, "block")
+            with plugin.running():
+                numbers = np.asarray(block(self, self.view(memory)))
+                if numbers.shape[:-1] != (2,) or numbers.dtype.kind != "f" or not np.all(np.isfinite(numbers)):
+                    found = f"{numbers.dtype} of shape {numbers.shape}"
+                    raise InputError(f"returns {found} for a batch (2,), expected finite floats, (2, k); correct it")
+            sizes.append((plugin.name, numbers.shape[-1]))
+        return sizes
+
+    def _decision(self, tracks: Tracks, seen: Seen) -> Decisions:
+        if self.trackers.fast is not None:
+            return Decisions(seen.gimbal.angle, seen.command, None)
+        xp, relative = namespace(seen.command), tracks.place - seen.base.position
+        angle = unwrapped(aim_at(relative, self.muzzle).angle, seen.command)
+        distance = xp.sqrt(xp.sum(relative**2, axis=-1, keepdims=True))
+        return Decisions(seen.gimbal.angle, seen.command, xp.concat([angle, distance], axis=-1))
+
+    def _update(self, tracks: Tracks, seen: Detection) -> Tracks:
+        """Update with a detection; one that is not fresh leaves all but the age of its frame."""
+        xp, (fast, slow, rates) = namespace(seen.age), self.trackers
+        age, fresh = xp.where(seen.fresh, seen.age, tracks.age), seen.fresh
+        # What is seen hardly depends on what was commanded: no gradient goes back through the trackers.
+        relative, elapsed = without_gradient(seen.place) - seen.own, tracks.age - age
+        before, innovation = _moved(tracks, -seen.own), tracks.innovation
+        after: dict[str, Any] = {}
+        if fast is not None:
+            predicted = kalman_filter.predict(fast, before.fast, elapsed)
+            after["fast"] = kalman_filter.update(fast, predicted, relative, fresh)
+        if slow is not None:
+            predicted = kalman_filter.predict(slow, before.slow, elapsed)
+            after["slow"] = kalman_filter.update(slow, predicted, relative, fresh)
+            square = xp.minimum(kalman_filter.squared_innovation(slow, predicted, relative), _LARGEST_INNOVATION)
+            innovation = xp.where(fresh, innovation + _FORGETTING * (square - innovation), innovation)
+        if fast is not None and rates is not None:
+            after["models"] = step_models(fast, rates, before.models, elapsed, relative, fresh)
+        place, own = select(fresh, (seen.place, seen.own), (tracks.place, tracks.own))
+        return _moved(before._replace(**after), seen.own)._replace(place=place, own=own, age=age, innovation=innovation)
+
+
+def _predicted(tracks: Tracks, age: Array) -> Array:
+    """Return where the target was so long [s] before now, in O [m], shape B → B + (3,)."""
+    if tracks.fast is None:
+        return tracks.place
+    return kalman_filter.position_after(tracks.fast, tracks.age - age)
+
+
+def _moved(tracks: Tracks, by: Array) -> Tracks:
+    """Return the estimates against another origin; `by` is added to places [m], shape B + (3,)."""
+    fast, slow = (each and kalman_filter.moved(each, by) for each in (tracks.fast, tracks.slow))
+    models = tracks.models
+    if models is not None:
+        models = models._replace(track=kalman_filter.moved(models.track, by[..., None, :]))
+    return tracks._replace(fast=fast, slow=slow, models=models)
+
+
+def _detection(tracks: Tracks, azimuth: Array) -> Detections:
+    """Return the latest detection as the own pivot saw it, with the azimuth nearest to an earlier one, shape B."""
+    xp, relative = namespace(azimuth), tracks.place - tracks.own
+    found = _near(xp.atan2(relative[..., 1], relative[..., 0]), azimuth)
+    return Detections(found, xp.sqrt(relative[..., 0] ** 2 + relative[..., 1] ** 2))
+
+
+def _near(angle: Array, other: Array) -> Array:
+    """Return the same direction [rad] as near as can be to another."""
+    xp = namespace(angle)
+    return angle + 2.0 * xp.pi * xp.round((other - angle) / (2.0 * xp.pi))
+
+
+def _nothing_seen() -> Seen:
+    """Return a first decision of a batch (2,) with a detection 3 m ahead."""
+    flat = np.zeros(2, np.float32)
+    two, three = np.zeros((2, 2), np.float32), np.zeros((2, 3), np.float32)
+    place = np.tile(np.array([3.0, 0.0, 0.0], np.float32), (2, 1, 1, 1))
+    yes = np.ones((2, 1), bool)
+    frames = Frames(yes, flat[:, None], yes[..., None], place, flat[:, None, None])
+    return Seen(flat, GimbalFeedback(two, two, flat), two, frames, Base(three, three, flat, flat), Barrel(flat, flat))
+
+
+def observer_facts(observation: str | tuple[str, ...], robot: Robot, task: Task, frames: int = FRAMES) -> ObserverFacts:
+    """Return all numbers of the observer of a robot for a task.
+
+    Args:
+      observation: a kind of observation, or one followed by names of blocks of a user's own, as `find_plugin` takes
+        them.
+      robot: muzzle, camera and limits.
+      task: decision period and command limit.
+      frames: decisions that are remembered; `paper` has two.
+
+    Raises:
+      InputError: if the kind is unknown, or needs a sensing record that the robot lacks.
+    """
+    names = (observation,) if isinstance(observation, str) else tuple(observation)
+    kind = names[0] if names else ""
+    if kind not in KINDS:
+        raise InputError(f"observation must be one of {', '.join(KINDS)}, got {kind!r}; then blocks of your own")
+    tracker = None
+    if kind in ACCELERATION:
+        if robot.sensing is None and kind == "tracked":
+            raise InputError("observation tracked needs a robot with sensing.json; identify it, or take history")
+        noise = TrackerNoise(ACCELERATION[kind], EXACT_SD, EXACT_SD)
+        noise = noise if robot.sensing is None else noise_from_record(robot.sensing, ACCELERATION[kind])
+        tracker = TrackerFacts(**{name: float(value) for name, value in noise._asdict().items()})
+    limits, muzzle, period = robot.command_limits(task), robot.muzzle_model(), task.period_s
+    return ObserverFacts(
+        observation=names,
+        frames=2 if kind == "paper" else frames,
+        period_s=period,
+        action_scale=ACTION_SCALES[task.command_limit],
+        largest_move=tuple(limits.max_rate * period),
+        braking=tuple(limits.max_acceleration * period**2),
+        tracker=tracker,
+        offset=tuple(muzzle.offset),
+        **{name: float(getattr(muzzle, name)) for name in ("speed", "drag", "length")},
+    )
+
+
+def make_observer(facts: ObserverFacts, blocks: tuple[Any, ...] = ()) -> Observer:
+    """Build an observer in float32.
+
+    Args:
+      facts: its numbers.
+      blocks: of a user's own, names or functions, in the order of the facts.
+
+    Raises:
+      InputError: if there are other blocks than the facts name, or one fails.
+    """
+    kind, *names = facts.observation
+    if kind not in KINDS or (kind in ACCELERATION) != (facts.tracker is not None) or len(names) != len(blocks):
+        expected = f"one of {', '.join(KINDS)} with its tracker, then the blocks {', '.join(names) or 'of nobody'}"
+        raise InputError(f"observation: expected {expected}; got {kind} and {len(blocks)} blocks; give them")
+    trackers, windows = Trackers(), tuple[tuple[int, float], ...]()
+    if facts.tracker is not None:
+        fast = TrackerNoise(*(np.asarray(getattr(facts.tracker, name)) for name in TrackerNoise._fields))
+        trackers, windows = Trackers(fast), WINDOWS[:1]
+    if kind == "multimodel":
+        trackers, windows = Trackers(fast, fast._replace(acceleration=np.asarray(SLOW_ACCELERATION)), RATES), WINDOWS
+    zero = np.asarray(0.0)
+    muzzle = (facts.speed, zero, np.array(facts.offset), np.zeros(2), facts.drag, facts.length)
+    observer = Observer(
+        blocks=(*KINDS[kind], *(find_plugin(each, "block").value for each in blocks)),
+        trackers=trackers,
+        windows=tuple(legendre_window(order, length, facts.period_s) for order, length in windows),
+        frames=facts.frames,
+        detections=DETECTIONS if windows else 1,
+        action_scale=np.array(facts.action_scale),
+        largest_move=np.array(facts.largest_move),
+        braking=np.array(facts.braking),
+        muzzle=Muzzle(*(np.asarray(each) for each in muzzle)),
+    )
+    made: Observer = single_precision(observer)
+    made.layout()
+    return made

@@ -1,0 +1,124 @@
+"""A trained policy: an observer, a network, and one file that holds both; NumPy is enough to decide with it."""
+
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+import numpy as np
+from msgspec import Meta, field
+
+from archerfish2.arrays import Array, tree
+from archerfish2.controllers.network import Layer, Normaliser, forward, normalise
+from archerfish2.controllers.observation import Memory, Observer, ObserverFacts, make_observer
+from archerfish2.errors import InputError, file_error
+from archerfish2.protocols import Command, Seen, Truth
+from archerfish2.records.json_files import parse_json, plain, to_struct
+from archerfish2.records.record import Struct
+from archerfish2.storage import read_arrays, write_arrays
+from archerfish2.task import Task
+
+SCHEMA, REMEDY = "archerfish.policy/2", "train again"
+_LARGEST_NUMBER = 1e6
+"""In a policy's arrays: far beyond any that a training leaves."""
+_Text = Annotated[str, Meta(max_length=1000)]
+
+
+class PolicyFacts(Struct, frozen=True, kw_only=True):
+    """What a policy is, beside its weights."""
+
+    observer: ObserverFacts
+    """How it sees and acts."""
+    task: Task
+    """That it was trained on."""
+    robot: dict[str, str]
+    """SHA-256 of each record that it was trained in, by part."""
+    seed: Annotated[int, Meta(ge=0, le=2**53)] = 0
+    """Of its training."""
+    commit: _Text = ""
+    """Of the code that trained it."""
+    training: dict[str, Any] = field(default_factory=dict)
+    """Configuration and outcome of the training."""
+    remake: _Text = ""
+    """The command that trains it again."""
+
+
+@tree(left_out=("facts",))
+class Policy:
+    """A controller: the network's output for what is observed, as an offset from an aim; without randomness."""
+
+    observer: Observer
+    normaliser: Normaliser
+    actor: tuple[Layer, ...]
+    facts: PolicyFacts | None = None  # left out of programs, which depend on arrays alone
+
+    def reset(self, seen: Seen, truth: Truth | None = None) -> Memory:  # noqa: ARG002
+        """Return the memory at the beginning of an engagement."""
+        return self.observer.begin(seen)
+
+    def step(self, state: Memory, seen: Seen) -> tuple[Memory, Command]:
+        """Decide."""
+        memory = self.observer.remember(state, seen)
+        view = self.observer.view(memory)
+        return memory, self.observer.decode(view, self.action(self.observer.observe(view)))
+
+    def action(self, observation: Array) -> Array:
+        """Return the action for an observation, shape B + (n,) → B + (2,)."""
+        return forward(self.actor, normalise(self.normaliser, observation))
+
+    @classmethod
+    def load(cls, path: str | Path, blocks: tuple[Any, ...] = ()) -> Self:
+        """Read a policy.
+
+        Args:
+          path: a .safetensors file, or a folder with policy.safetensors.
+          blocks: of the observation that are a user's own, as `find_plugin` takes them: code that only a file names
+            is not run.
+
+        Raises:
+          InputError: if the file is no policy, is damaged, or a number is out of its bounds.
+        """
+        path = Path(path) / "policy.safetensors" if Path(path).is_dir() else Path(path)
+        text, arrays = read_arrays(path, REMEDY)
+        facts = to_struct(parse_json(text, path, REMEDY), path, PolicyFacts, SCHEMA, REMEDY)
+        if facts.observer.observation[1:] and not blocks:
+            names = ", ".join(facts.observer.observation[1:])
+            raise file_error(path, f"has blocks of a user's own ({names})", "give them: Policy.load(path, blocks=(…))")
+        try:
+            observer = make_observer(facts.observer, tuple(blocks))
+            return cls(observer, *_network(arrays, sum(size for _, size in observer.layout())), facts=facts)
+        except InputError as error:
+            raise file_error(path, str(error).removesuffix(f"; {REMEDY}"), REMEDY) from error
+
+    def save(self, path: str | Path) -> None:
+        """Write the policy to a .safetensors file.
+
+        Raises:
+          InputError: if it can't be written, or its facts are missing.
+        """
+        if self.facts is None:
+            raise InputError("a policy without facts can't be saved; take the one that train returns")
+        arrays = {"mean": self.normaliser.mean, "variance": self.normaliser.variance}
+        for index, layer in enumerate(self.actor):
+            arrays |= {f"weight.{index}": layer.weight, f"bias.{index}": layer.bias}
+        write_arrays(Path(path), {"schema": SCHEMA, **plain(self.facts)}, arrays)
+
+
+def _network(arrays: dict[str, Array], size: int) -> tuple[Normaliser, tuple[Layer, ...]]:
+    """Return normaliser and layers, checked to fit each other and an observation of a size."""
+    depth = len(arrays) // 2 - 1
+    names = {"mean", "variance", *(f"{kind}.{index}" for kind in ("weight", "bias") for index in range(depth))}
+    if depth < 1 or arrays.keys() != names:
+        raise InputError(f"expected mean, variance, weight.0, bias.0, …, got {', '.join(sorted(arrays))[:200]}")
+    layers = tuple(Layer(arrays[f"weight.{index}"], arrays[f"bias.{index}"]) for index in range(depth))
+    widths = [size, *(len(np.atleast_1d(layer.bias)) for layer in layers[:-1]), 2]
+    shapes: dict[str, tuple[int, ...]] = {"mean": (size,), "variance": (size,)}
+    for index in range(depth):
+        shapes |= {f"weight.{index}": tuple(widths[index : index + 2]), f"bias.{index}": (widths[index + 1],)}
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape or arrays[name].dtype != np.float32:
+            found = f"{arrays[name].dtype} of shape {arrays[name].shape}"
+            raise InputError(f"array {name}: expected float32 of shape {shape}, got {found}")
+        if not np.all(np.abs(arrays[name]) <= _LARGEST_NUMBER):
+            raise InputError(f"array {name}: expected numbers within ±{_LARGEST_NUMBER:g}, got others")
+    if not np.all(arrays["variance"] >= 0.0):
+        raise InputError(f"array variance: expected numbers ≥ 0, got {np.min(arrays['variance']):g}")
+    return Normaliser(arrays["mean"], arrays["variance"], np.asarray(0.0, np.float32)), layers
