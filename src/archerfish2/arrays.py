@@ -143,6 +143,18 @@ def select(condition: Array, one: T, other: T) -> T:
     return cast(T, map_arrays(choose, one, other))
 
 
+def when_any(condition: Array, function: Callable[[T, T], T], new: T, old: T) -> T:
+    """Return function(new, old) if a condition, shape B, holds anywhere, else `old`, a tree of the same shapes.
+
+    A compiled program doesn't run the function where the condition holds nowhere.
+    """
+    if _is_jax(condition):
+        import jax
+
+        return cast(T, jax.lax.cond(jax.numpy.any(condition), function, lambda _, other: other, new, old))
+    return function(new, old) if condition.any() else old
+
+
 def fold(function: Callable[[T, Any], T], state: T, items: Any, axis: int) -> T:
     """Apply state = function(state, item) along an axis: a Python loop, under JAX one compiled loop.
 

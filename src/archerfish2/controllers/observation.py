@@ -199,15 +199,9 @@ class Observer:
             return map_arrays(lambda array: xp.stack([array] * count, axis=first.age.ndim), each)
 
         samples = zip(self.windows, (*detection, detection.azimuth), strict=False)
-        return Memory(
-            tracks,
-            repeated(decision, self.frames),
-            repeated(detection, self.detections),
-            tuple(constant_history(*each) for each in samples),
-            seen.gimbal.age,
-            seen.base,
-            0.0 * first.age,
-        )
+        series = repeated(decision, self.frames), repeated(detection, self.detections)
+        histories = tuple(constant_history(*each) for each in samples)
+        return Memory(tracks, *series, histories, seen.gimbal.age, seen.base, 0.0 * first.age)
 
     def remember(self, memory: Memory, seen: Seen) -> Memory:
         """Update the memory with what is seen at a decision, the first one included; shape B."""

@@ -6,7 +6,8 @@ exposure: an error of that moment shows where the gimbal turns. Every engagement
 leave open: axes, delays of link and camera, error of the camera's time offset.
 """
 
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -213,6 +214,21 @@ def quantised(sensing: Sensing, draw: Array, angle: Array) -> Array:
     quantum = sensing.feedback_quantum[draw][..., None]
     step = xp.maximum(quantum, 1e-9)
     return xp.where(lift(quantum, angle) > 0.0, xp.round(angle / step) * step, angle)
+
+
+def with_open_nearness(world: Any) -> Any:
+    """Return a world whose camera's noise grows towards it by another power in each draw, evenly from 0 to 1.
+
+    The noise across the line of sight was measured at one distance. Whether it is the same angle nearer by, as of a
+    detector's pixels, or the same length, as of a plate's blurred edges, the record leaves open: a policy should do
+    well in either case. A world without a camera, or of a single draw, stays as it is.
+    """
+    sensing = getattr(world.hardware, "sensing", None)
+    if sensing is None or len(sensing.nearness) == 1:
+        return world
+    drawn = np.random.default_rng(58).permutation(np.linspace(0.0, 1.0, len(sensing.nearness)))
+    sensing = sensing._replace(nearness=drawn.astype(sensing.across.dtype))
+    return replace(world, hardware=replace(world.hardware, sensing=sensing))
 
 
 def sensing_from_record(record: SensingRecord, draws: int, seed: int = 0) -> Sensing:

@@ -1,0 +1,190 @@
+"""Settings of a training; the one place of their defaults, which follow robot and task."""
+
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta
+
+from archerfish2.controllers.observation import FRAMES
+from archerfish2.errors import InputError
+from archerfish2.records.record import Struct
+from archerfish2.robot import Robot
+from archerfish2.task import DRAWN, Task
+
+MAX_LOG_STD = 20.0
+"""Largest magnitude of a logarithm of a standard deviation: far beyond any that learns."""
+MAX_BATCH = 2**20
+"""Decisions in a batch; its shuffling needs the rest of 32 bits for random ones."""
+SHOWN_SHARE = 0.7
+"""Of a task's still targets, with a camera: noise alone makes them move a little, so fewer are enough."""
+Rate = Annotated[float, Meta(gt=0.0, le=1e6)]
+Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+LogStd = Annotated[float, Meta(ge=-MAX_LOG_STD, le=MAX_LOG_STD)]
+Count = Annotated[int, Meta(ge=1, le=MAX_BATCH)]
+Steps = Annotated[int, Meta(ge=1, le=10**12)]
+Width = Annotated[int, Meta(ge=1, le=8192)]
+
+
+class _Sized(Struct, frozen=True, kw_only=True):
+    """What both trainers' settings have in common."""
+
+    @property
+    def batch(self) -> int:
+        """Decisions of an iteration, over all environments."""
+        raise NotImplementedError
+
+    @property
+    def iterations(self) -> int:
+        """Updates of the whole training."""
+        return max(1, round(getattr(self, "steps", 0) / self.batch))
+
+    def _check(self, parts: int, number: int, names: str) -> None:
+        if number % parts:
+            raise InputError(f"{type(self).__name__}: {names} = {number} must divide into {parts} parts; change one")
+
+
+class GradientConfig(_Sized, frozen=True, kw_only=True):
+    """Settings of the analytic policy gradient."""
+
+    steps: Steps | None = None
+    """Decisions to train for, over all environments; rounded to whole windows, then up to calls of four."""
+    environments: Count = 128
+    """Engagements that run side by side."""
+    window: Annotated[int, Meta(ge=1, le=1000)] = 16
+    """Decisions that a gradient goes back over, and that lie between two updates."""
+    shards: Annotated[int, Meta(ge=1, le=64)] = 2
+    """Parts that the environments are split into, to keep as many processor cores busy."""
+    hidden: Width | None = None
+    """Neurons of the first hidden layer of the policy (paper: 256)."""
+    layers: Annotated[int, Meta(ge=1, le=8)] = 2
+    """Hidden layers, each with half of the neurons of the one before; the paper has one."""
+    learning_rate: Rate = 3e-3
+    """Adam step."""
+    anneal: bool = True
+    """Whether the learning rate falls linearly, to a twentieth."""
+    gradient_norm: Rate = 0.1
+    """Gradients are scaled to at most this norm."""
+    engagement_norm: Rate = 0.3
+    """While it goes back through a window, the gradient of one engagement's rewards [m] by the normalised observation
+    is scaled to at most this norm at every decision; a million leaves it as it is."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._check(self.shards, self.environments, "environments")
+        if self.hidden is not None and self.hidden >> (self.layers - 1) < 1:
+            raise InputError(f"GradientConfig: {self.layers} layers halve {self.hidden} neurons to none; take fewer")
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Neurons of each hidden layer."""
+        return tuple((self.hidden or 0) >> layer for layer in range(self.layers))
+
+    @property
+    def batch(self) -> int:
+        """Decisions of an iteration, over all environments."""
+        return self.environments * self.window
+
+
+class PpoConfig(_Sized, frozen=True, kw_only=True):
+    """Settings of PPO; the paper's where it prints them."""
+
+    steps: Steps | None = None
+    """Decisions to train for, over all environments; rounded to whole batches, then up to calls of four."""
+    environments: Count = 512
+    """Engagements that run side by side."""
+    rollout: Annotated[int, Meta(ge=1, le=1000)] = 25
+    """Decisions per environment between two updates."""
+    minibatches: Count = 8
+    """Parts that a batch is split into."""
+    epochs: Annotated[int, Meta(ge=1, le=1000)] = 4
+    """Passes over each batch."""
+    shards: Annotated[int, Meta(ge=1, le=64)] = 2
+    """Parts that the environments and every minibatch are split into, to keep as many processor cores busy; as a part
+    shuffles its own decisions, another number gives other weights."""
+    hidden: Width = 256
+    """Neurons of the hidden layer of the actor and of the critic (paper)."""
+    actor_learning_rate: Rate = 1e-3
+    """Adam step of the actor (paper)."""
+    critic_learning_rate: Rate = 3e-3
+    """Adam step of the critic (paper)."""
+    anneal: bool = True
+    """Whether the learning rates fall linearly, to a tenth."""
+    clip: Rate = 0.2
+    """Clipping ε of eq (10) (paper)."""
+    discount: Share | None = None
+    """γ."""
+    trace: Share = 0.9
+    """λ of the advantages."""
+    entropy: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
+    """Weight of the entropy bonus."""
+    gradient_norm: Rate = 0.5
+    """Gradients are scaled to at most this norm, for each network by itself."""
+    log_std: LogStd = -1.0
+    """Logarithm of the actions' standard deviation at the beginning."""
+    log_std_floor: LogStd = -4.0
+    """It never falls below this."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._check(self.shards, self.environments, "environments")
+        self._check(self.minibatches * self.shards, self.batch, "environments × rollout")
+        if self.batch > MAX_BATCH or self.log_std < self.log_std_floor:
+            expected = f"environments × rollout of at most {MAX_BATCH}, and log_std of at least log_std_floor"
+            raise InputError(f"PpoConfig: expected {expected}, got {self.batch}, and {self.log_std}; correct it")
+
+    @property
+    def batch(self) -> int:
+        """Decisions of an iteration, over all environments."""
+        return self.environments * self.rollout
+
+
+class TrainConfig(Struct, frozen=True, kw_only=True):
+    """Settings of a training; None is filled by `resolved`."""
+
+    trainer: Literal["gradient", "ppo"] | None = None
+    """Analytic policy gradient, or PPO as the paper has it."""
+    observation: str | tuple[str, ...] | None = None
+    """A kind of observation (`controllers.blocks.KINDS`), then blocks of a user's own."""
+    frames: Annotated[int, Meta(ge=2, le=64)] = FRAMES
+    """Decisions that an observation remembers."""
+    reward: str = "auto"
+    """"eq-8", "hit", "smooth-hit", or one of a user's own; "auto" takes what suits trainer and observation."""
+    still_share: Share | None = None
+    """Share of targets of eq (7), or of a user's motion, that don't move."""
+    gradient: GradientConfig = GradientConfig()
+    """Of the analytic policy gradient."""
+    ppo: PpoConfig = PpoConfig()
+    """Of PPO."""
+    checkpoint_every_s: Annotated[float, Meta(ge=0.0, le=1e6)] = 30.0
+    """At most so much is lost when the process is killed [s]."""
+
+    @property
+    def settings(self) -> Any:
+        """Settings of the trainer."""
+        return self.ppo if self.trainer == "ppo" else self.gradient
+
+    @property
+    def kind(self) -> str:
+        """Kind of observation."""
+        return self.observation if isinstance(self.observation, str) else (self.observation or ("",))[0]
+
+    def resolved(self, robot: Robot, task: Task) -> "TrainConfig":
+        """Return the settings with a value in the place of every None, for a robot and a task."""
+        drawn, late = task.motion in DRAWN, robot.sensing is not None
+        usual = "multimodel" if drawn else "tracked" if late else "history"
+        made = self.replace(observation=self.observation or usual)
+        six = made.kind == "paper"
+        made = made.replace(trainer=made.trainer or ("ppo" if six else "gradient"))
+        steps, hidden = (20_000_000, 512) if drawn else (8_000_000 if late else 4_000_000, 256)
+        if task.motion == "kinds":
+            steps = 9_000_000
+        gradient = made.gradient.replace(steps=made.gradient.steps or steps, hidden=made.gradient.hidden or hidden)
+        discount = (0.9 if six and late else 0.95) if made.ppo.discount is None else made.ppo.discount
+        ppo = made.ppo.replace(steps=made.ppo.steps or (1_200_000 if six and late else 2_000_000), discount=discount)
+        if made.still_share is None:
+            share = 0.0 if drawn else task.still_share * (SHOWN_SHARE if made.kind == "tracked" else 1.0)
+            made = made.replace(still_share=share)
+        if made.reward == "auto":
+            smooth = "eq-8" if six else "smooth-hit"
+            counted = "hit" if made.kind in ("tracked", "multimodel") else "eq-8"
+            made = made.replace(reward=smooth if made.trainer == "gradient" else counted)
+        return made.replace(gradient=gradient, ppo=ppo)
