@@ -103,6 +103,8 @@ def _rollout(
     actor, critic = learner.actor, learner.critic
     std, (keys, batch) = jnp.exp(actor.log_std)[None, :], (jax.random.split(key, 3), sizes["environments"])
 
+    kept: Any  # of each decision: reward, value, next value, whether it terminated, whether it was truncated
+
     def act(carry: tuple[Any, Array], draws: tuple[Array, Array]) -> tuple[tuple[Any, Array], Any]:
         state, observation = carry
         normal = normalise(learner.normaliser, observation)
@@ -114,13 +116,13 @@ def _rollout(
         value = forward(critic, normal)[..., 0]
         next_value = forward(critic, normalise(learner.normaliser, step.final_observation))[..., 0]
         hit = step.shot.fired & (step.shot.margin >= 0.0)
-        kept = (step.reward, value, next_value, step.terminated, step.truncated)
+        after = (step.reward, value, next_value, step.terminated, step.truncated)
         return (state, step.observation), (
             observation,
             normal,
             action,
             chosen,
-            kept,
+            after,
             hit,
             magnitude(step.final_observation),
         )
@@ -134,7 +136,7 @@ def _rollout(
     (state, observation), (raw, normal, action, chosen, kept, hits, final) = jax.lax.scan(
         act, (learner.environment, learner.observation), draws
     )
-    gained = advantages(*kept, discount=settings["discount"], trace=settings["trace"])
+    gained = advantages(*kept, settings["discount"], settings["trace"])
     numbers = jnp.stack([chosen, gained, gained + kept[1]], axis=-1)
     table = jnp.concatenate([jnp.ones((*gained.shape, 1)), normal, action, numbers], axis=-1)
     # The statistics change between iterations only: rollout and updates see the same numbers.
