@@ -199,9 +199,9 @@ class Observer:
             return map_arrays(lambda array: xp.stack([array] * count, axis=first.age.ndim), each)
 
         samples = zip(self.windows, (*detection, detection.azimuth), strict=False)
-        series = repeated(decision, self.frames), repeated(detection, self.detections)
+        decisions, detections = repeated(decision, self.frames), repeated(detection, self.detections)
         histories = tuple(constant_history(*each) for each in samples)
-        return Memory(tracks, *series, histories, seen.gimbal.age, seen.base, 0.0 * first.age)
+        return Memory(tracks, decisions, detections, histories, seen.gimbal.age, seen.base, 0.0 * first.age)
 
     def remember(self, memory: Memory, seen: Seen) -> Memory:
         """Update the memory with what is seen at a decision, the first one included; shape B."""
@@ -217,8 +217,9 @@ class Observer:
         old: Any = (memory.decisions, memory.detections, memory.histories)
         samples = zip(self.windows, memory.histories, (*detection, detection.azimuth), strict=False)
         new = (*map_arrays(pushed, old[:2], (decision, detection)), tuple(with_sample(*each) for each in samples))
-        series: Any = select(later, new, old)
-        return Memory(tracks, *series, seen.gimbal.age, seen.base, memory.clock + seen.elapsed)
+        decisions, detections, histories = select(later, new, old)
+        clock = memory.clock + seen.elapsed
+        return Memory(tracks, decisions, detections, histories, seen.gimbal.age, seen.base, clock)
 
     def view(self, memory: Memory) -> View:
         """Return the decision as the blocks need it; shape B."""
