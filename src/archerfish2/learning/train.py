@@ -89,7 +89,7 @@ def train(
             shards.claim_devices(begun.config.settings.shards)
             environment = make_environment(begun.robot, begun.task, begun.config, _given(begun, task, config, reward))
         learner, rows = _run(jax, environment, begun, folder)
-        policy = _policy(environment, learner, begun, rows, Path(out or resume) if folder else None)
+        policy = _policy(environment, learner, begun, rows, folder.path if folder else None)
         if folder is not None:
             folder.finish(policy)
     return policy
