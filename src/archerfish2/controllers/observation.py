@@ -148,17 +148,17 @@ class View(NamedTuple):
     level: Array  # that estimate, x and y in O [m], B + (2,)
     distance: Array  # of it [m], B + (1,)
     azimuth: Array  # of it [rad], B + (1,)
-    sight: Array  # unit vector to it on level ground, B + (2,)
+    direction: Array  # unit vector to it on level ground, B + (2,)
     fast: Any  # Track
     slow: Any  # Track
 
     def across(self, level: Array) -> Array:
         """Return the part of a level vector to the left of the line of sight, shape B + (2,) → B + (1,)."""
-        return self.sight[..., :1] * level[..., 1:] - self.sight[..., 1:] * level[..., :1]
+        return self.direction[..., :1] * level[..., 1:] - self.direction[..., 1:] * level[..., :1]
 
     def away(self, level: Array) -> Array:
         """Return the part of a level vector along the line of sight, shape B + (2,) → B + (1,)."""
-        return namespace(level).sum(self.sight * level, axis=-1, keepdims=True)
+        return namespace(level).sum(self.direction * level, axis=-1, keepdims=True)
 
     def unwrapped(self, angle: Array) -> Array:
         """Return pitch and yaw [rad] with the yaw nearest to that of the command, shape B + (2,)."""
@@ -236,8 +236,8 @@ class Observer:
             angle = unwrapped(aim_at(relative, self.muzzle).angle, command)
             distance = xp.sqrt(relative[..., 0] ** 2 + relative[..., 1] ** 2)[..., None]
         azimuth = _near(xp.atan2(relative[..., 1], relative[..., 0]), latest)[..., None]
-        level, sight = relative[..., :2] + base.position[..., :2], relative[..., :2] / distance
-        return View(memory, angle, level, distance, azimuth, sight, fast, slow)
+        level, direction = relative[..., :2] + base.position[..., :2], relative[..., :2] / distance
+        return View(memory, angle, level, distance, azimuth, direction, fast, slow)
 
     def observe(self, view: View) -> Array:
         """Return the observation, shape B + (n,)."""
