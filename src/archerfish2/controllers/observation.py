@@ -13,7 +13,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from msgspec import Meta
 
-from archerfish2.arrays import Array, lift, map_arrays, namespace, select, single_precision, tree, without_gradient
+from archerfish2.arrays import Array, lift, map_arrays, namespace, select, single_precision, tree
 from archerfish2.controllers.blocks import KINDS, Block
 from archerfish2.dynamics.aiming import aim_at
 from archerfish2.dynamics.muzzle import Muzzle
@@ -25,10 +25,11 @@ from archerfish2.records.record import Struct
 from archerfish2.robot import Robot
 from archerfish2.task import Task
 from archerfish2.tracking import kalman_filter
-from archerfish2.tracking.detections import Detection, first_detection, unwrapped, update_with_frames
-from archerfish2.tracking.interacting_models import ModelRates, begin_models, step_models
+from archerfish2.tracking.detections import unwrapped
+from archerfish2.tracking.interacting_models import ModelRates
 from archerfish2.tracking.kalman_filter import TrackerNoise, noise_from_record
 from archerfish2.tracking.legendre_memory import Window, constant_history, legendre_window, with_sample
+from archerfish2.tracking.side_by_side import Trackers, Tracks
 
 FRAMES, DETECTIONS = 4, 8
 """Decisions and raw detections that are remembered."""
@@ -43,7 +44,6 @@ EXACT_SD = 5e-4
 """What they assume of a camera without noise [m]."""
 RATES = ModelRates(*(np.asarray(each) for each in (0.25, 0.1, 0.5)))
 """Of the interacting models: turns and stops [1/s], share of the targets that stand at first."""
-_FORGETTING, _LARGEST_INNOVATION = 0.2, 50.0
 _Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 _Magnitude = Annotated[float, Meta(ge=0.0, le=1e3)]
 _Offset = Annotated[float, Meta(ge=-1.0, le=1.0)]
@@ -91,26 +91,6 @@ class ObserverFacts(Struct, frozen=True, kw_only=True):
     """Mean disturbance angles, pitch and yaw [rad]."""
     tracker: TrackerFacts | None = None
     """What the trackers assume; None for an observation without."""
-
-
-class Trackers(NamedTuple):
-    """What the trackers assume of target and camera; None where an observation has no such tracker."""
-
-    fast: TrackerNoise | None = None  # of the filter that follows turns, and of the models
-    slow: TrackerNoise | None = None  # of the filter that averages for long
-    rates: ModelRates | None = None  # of the interacting models
-
-
-class Tracks(NamedTuple):
-    """Estimates in O as of the latest detection; None as in `Trackers`."""
-
-    place: Array  # of that detection, B + (3,)
-    own: Array  # the own pivot at its exposure, in O [m], B + (3,)
-    age: Array  # of it at the latest decision [s], B
-    fast: Any  # Track
-    slow: Any  # Track
-    innovation: Array  # mean of the slow filter's last squared innovations, one where it is right, B
-    models: Any  # ModelTracks
 
 
 class Decisions(NamedTuple):
@@ -181,33 +161,21 @@ class Observer:
 
     def begin(self, seen: Seen) -> Memory:
         """Return the memory at the first decision, as if nothing had moved before it; shape B."""
-        xp, first, (fast, slow, rates) = namespace(seen.command), first_detection(seen), self.trackers
-        relative, shown = without_gradient(first.place) - first.own, first.fresh
-        tracks = Tracks(
-            first.place,
-            first.own,
-            first.age,
-            fast and kalman_filter.begin_track(fast, relative, shown),
-            slow and kalman_filter.begin_track(slow, relative, shown),
-            None if slow is None else 1.0 + 0.0 * first.age,
-            fast and rates and begin_models(fast, rates, relative, shown),
-        )
-        tracks = _moved(tracks, first.own)
-        decision, detection = self._decision(tracks, seen), _detection(tracks, 0.0 * first.age)
+        xp, tracks, zero = namespace(seen.command), self.trackers.begin(seen), 0.0 * seen.elapsed
+        decision, detection = self._decision(tracks, seen), _detection(tracks, zero)
 
         def repeated(each: Any, count: int) -> Any:
-            return map_arrays(lambda array: xp.stack([array] * count, axis=first.age.ndim), each)
+            return map_arrays(lambda array: xp.stack([array] * count, axis=zero.ndim), each)
 
         samples = zip(self.windows, (*detection, detection.azimuth), strict=False)
         decisions, detections = repeated(decision, self.frames), repeated(detection, self.detections)
         histories = tuple(constant_history(*each) for each in samples)
-        return Memory(tracks, decisions, detections, histories, seen.gimbal.age, seen.base, 0.0 * first.age)
+        return Memory(tracks, decisions, detections, histories, seen.gimbal.age, seen.base, zero)
 
     def remember(self, memory: Memory, seen: Seen) -> Memory:
         """Update the memory with what is seen at a decision, the first one included; shape B."""
         xp, later = namespace(seen.command), seen.elapsed > 0.0
-        before = memory.tracks._replace(age=memory.tracks.age + seen.elapsed)
-        tracks: Tracks = update_with_frames(self._update, _predicted, before, seen)
+        tracks = self.trackers.update(memory.tracks, seen)
         decision, detection = self._decision(tracks, seen), _detection(tracks, memory.detections.azimuth[..., -1])
 
         def pushed(series: Array, newest: Array) -> Array:
@@ -275,43 +243,6 @@ class Observer:
         angle = unwrapped(aim_at(relative, self.muzzle).angle, seen.command)
         distance = xp.sqrt(xp.sum(relative**2, axis=-1, keepdims=True))
         return Decisions(seen.gimbal.angle, seen.command, xp.concat([angle, distance], axis=-1))
-
-    def _update(self, tracks: Tracks, seen: Detection) -> Tracks:
-        """Update with a detection; one that is not fresh leaves all but the age of its frame."""
-        xp, (fast, slow, rates) = namespace(seen.age), self.trackers
-        age, fresh = xp.where(seen.fresh, seen.age, tracks.age), seen.fresh
-        # What is seen hardly depends on what was commanded: no gradient goes back through the trackers.
-        relative, elapsed = without_gradient(seen.place) - seen.own, tracks.age - age
-        before, innovation = _moved(tracks, -seen.own), tracks.innovation
-        after: dict[str, Any] = {}
-        if fast is not None:
-            predicted = kalman_filter.predict(fast, before.fast, elapsed)
-            after["fast"] = kalman_filter.update(fast, predicted, relative, fresh)
-        if slow is not None:
-            predicted = kalman_filter.predict(slow, before.slow, elapsed)
-            after["slow"] = kalman_filter.update(slow, predicted, relative, fresh)
-            square = xp.minimum(kalman_filter.squared_innovation(slow, predicted, relative), _LARGEST_INNOVATION)
-            innovation = xp.where(fresh, innovation + _FORGETTING * (square - innovation), innovation)
-        if fast is not None and rates is not None:
-            after["models"] = step_models(fast, rates, before.models, elapsed, relative, fresh)
-        place, own = select(fresh, (seen.place, seen.own), (tracks.place, tracks.own))
-        return _moved(before._replace(**after), seen.own)._replace(place=place, own=own, age=age, innovation=innovation)
-
-
-def _predicted(tracks: Tracks, age: Array) -> Array:
-    """Return where the target was so long [s] before now, in O [m], shape B → B + (3,)."""
-    if tracks.fast is None:
-        return tracks.place
-    return kalman_filter.position_after(tracks.fast, tracks.age - age)
-
-
-def _moved(tracks: Tracks, by: Array) -> Tracks:
-    """Return the estimates against another origin; `by` is added to places [m], shape B + (3,)."""
-    fast, slow = (each and kalman_filter.moved(each, by) for each in (tracks.fast, tracks.slow))
-    models = tracks.models
-    if models is not None:
-        models = models._replace(track=kalman_filter.moved(models.track, by[..., None, :]))
-    return tracks._replace(fast=fast, slow=slow, models=models)
 
 
 def _detection(tracks: Tracks, azimuth: Array) -> Detections:
