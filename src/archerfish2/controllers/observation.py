@@ -49,23 +49,6 @@ _Magnitude = Annotated[float, Meta(ge=0.0, le=1e3)]
 _Offset = Annotated[float, Meta(ge=-1.0, le=1.0)]
 
 
-class TrackerFacts(Struct, frozen=True, kw_only=True):
-    """What the trackers assume of target and camera; see `TrackerNoise`."""
-
-    acceleration: _Positive
-    """[m/s²]."""
-    along: _Magnitude
-    """[m]."""
-    across: _Magnitude
-    """[m]."""
-    along_share: _Magnitude = 0.0
-    """Share of the distance."""
-    across_angle: _Magnitude = 0.0
-    """[rad]."""
-    initial_speed: _Positive = kalman_filter.INITIAL_SPEED
-    """[m/s]."""
-
-
 class ObserverFacts(Struct, frozen=True, kw_only=True):
     """All numbers of an observer, as a policy's file has them."""
 
@@ -89,8 +72,8 @@ class ObserverFacts(Struct, frozen=True, kw_only=True):
     """From the pivot to the muzzle [m]."""
     offset: tuple[_Offset, _Offset]
     """Mean disturbance angles, pitch and yaw [rad]."""
-    tracker: TrackerFacts | None = None
-    """What the trackers assume; None for an observation without."""
+    tracker: dict[str, _Magnitude] | None = None
+    """What the trackers assume, as `TrackerNoise`; None for an observation without."""
 
 
 class Decisions(NamedTuple):
@@ -291,7 +274,7 @@ def observer_facts(observation: str | tuple[str, ...], robot: Robot, task: Task,
             raise InputError("observation tracked needs a robot with sensing.json; identify it, or take history")
         noise = TrackerNoise(ACCELERATION[kind], EXACT_SD, EXACT_SD)
         noise = noise if robot.sensing is None else noise_from_record(robot.sensing, ACCELERATION[kind])
-        tracker = TrackerFacts(**{name: float(value) for name, value in noise._asdict().items()})
+        tracker = {name: float(value) for name, value in noise._asdict().items()}
     limits, muzzle, period = robot.command_limits(task), robot.muzzle_model(), task.period_s
     return ObserverFacts(
         observation=names,
@@ -322,7 +305,9 @@ def make_observer(facts: ObserverFacts, blocks: tuple[Any, ...] = ()) -> Observe
         raise InputError(f"observation: expected {expected}; got {kind} and {len(blocks)} blocks; give them")
     trackers, windows = Trackers(), tuple[tuple[int, float], ...]()
     if facts.tracker is not None:
-        fast = TrackerNoise(*(np.asarray(getattr(facts.tracker, name)) for name in TrackerNoise._fields))
+        if {*facts.tracker} != {*TrackerNoise._fields}:
+            raise InputError(f"tracker: expected {', '.join(TrackerNoise._fields)}, got {', '.join(facts.tracker)}")
+        fast = TrackerNoise(**{name: np.asarray(value) for name, value in facts.tracker.items()})
         trackers, windows = Trackers(fast), WINDOWS[:1]
     if kind == "multimodel":
         trackers, windows = Trackers(fast, fast._replace(acceleration=np.asarray(SLOW_ACCELERATION)), RATES), WINDOWS
