@@ -88,7 +88,7 @@ def write_arrays(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, Any]
     """
     from safetensors.numpy import save
 
-    arrays = {name: np.ascontiguousarray(arrays[name]) for name in sorted(arrays)}
+    arrays = {name: np.asarray(arrays[name], order="C") for name in sorted(arrays)}
     header = {"facts": json.dumps(facts, allow_nan=False), "sha256": _arrays_hash(arrays)}
     write_bytes(path, save(arrays, header))
 
