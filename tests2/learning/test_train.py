@@ -13,6 +13,7 @@ import pytest
 import archerfish2 as af
 from archerfish2.arrays import leaves
 from archerfish2.learning import learner as learners
+from archerfish2.learning import run_folder
 from archerfish2.learning.config import GradientConfig, PpoConfig, TrainConfig
 
 pytest.importorskip("jax")
