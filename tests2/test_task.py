@@ -6,7 +6,7 @@ import json
 import pytest
 
 from archerfish2.records.json_files import plain
-from archerfish2.task import Task
+from archerfish2.task import DRAWN, Task
 
 FAULTS = {
     "period_s = 0": "field period_s: expected float >= 0.0001, got 0",
@@ -54,3 +54,12 @@ def test_any_mutated_file_is_a_task_or_refused(tmp_path, mutated):
     for task in mutated(path, lambda: Task.load(path), 60, convert=as_toml):
         task.save(path)
         assert Task.load(path) == task
+
+
+def test_a_mixture_is_trained_on_and_its_cells_are_the_eight_kinds():
+    found, other = ([each[1:6] for each in Task.load(name).cells()] for name in ("any", "kinds"))
+    kinds = [Task.load(name).cells()[0].motion for name in DRAWN[2:]]
+    assert [each[0] for each in found[:32]] == [name for name in kinds for _ in range(4)]
+    assert [each[3] for each in found] == 2 * [*range(32)]
+    assert found == other
+    assert {each.scenario.motion for each in Task.load("any").cells()} == set(kinds)

@@ -16,13 +16,13 @@ from archerfish2.protocols import Engagement
 from archerfish2.records.record import Angle, Struct, Text
 from archerfish2.storage import write_bytes
 from archerfish2.targets.kinds import KINDS
-from archerfish2.targets.mixture import ANY, drawn_path, path_uniforms
+from archerfish2.targets.mixture import MIXTURES, drawn_path, path_uniforms
 from archerfish2.targets.motion import LONGEST_S, Parabola, StillOrMoving, disc
 from archerfish2.targets.user_motion import UNIFORMS, check_places, find_motion, user_target
 
 EQ_7 = ("paper", "static", "dynamic")
 """Motions of the paper's targets: all of them, those of Table II, those of Table III."""
-DRAWN = (ANY, *KINDS)
+DRAWN = (*MIXTURES, *KINDS)
 """Motions whose parameters are drawn for each target."""
 _FIRST = 6  # uniform draws of every engagement: distance, side, speed, phase, still or moving and length, plant
 _RANGES = ((1.0, 2.0), (2.0, 3.0), (3.0, 4.0), (4.0, 5.0))
@@ -115,7 +115,11 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
 
     name: Text = ""
     """By which results call it; the motion's if empty."""
+<<<<<<< HEAD
     motion: Text = ANY
+=======
+    motion: _Text = "any"
+>>>>>>> process
     """One of `EQ_7` or `DRAWN`, or a user's: ./FILE.py:NAME, MODULE:NAME or an entry point."""
     ranges_m: Annotated[tuple[tuple[_Positive, _Positive], ...], Meta(min_length=1, max_length=100)] = _RANGES
     """Distances of the targets' places [m], cells each; training draws from the nearest to the farthest."""
@@ -221,7 +225,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
           InputError: if a user's motion can't be used.
         """
         if self.motion in DRAWN:
-            kinds: list[Any] = [(None, k, k, 0.0, at) for at, k in enumerate(KINDS) if self.motion in (ANY, k)]
+            kinds: list[Any] = [(None, k, k, 0.0, at) for at, k in enumerate(KINDS) if self.motion in (*MIXTURES, k)]
         else:
             motion = self._motion()
             table, name = ("III", "dynamic") if motion == "paper" else (None, motion.name)

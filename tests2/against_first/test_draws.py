@@ -62,9 +62,9 @@ def test_the_eight_cells_of_the_paper(purpose) -> None:
 
 
 @pytest.mark.parametrize("length", [1.0, 3.0])
-@pytest.mark.parametrize("name", ["any", "pass", "singer"])
+@pytest.mark.parametrize("name", ["any", "kinds", "pass", "singer"])
 def test_the_cells_of_motions(name, length) -> None:
-    names = {} if name == "any" else {"names": (name,)}
+    names = {} if name in ("any", "kinds") else {"names": (name,)}
     compare(Task.load(name), first.motion_suites(CONDITIONS, length, 1, **names), length, "evaluation", 1, 6)
 
 
@@ -74,14 +74,14 @@ def test_still_and_dynamic_cells_of_a_users_motion(tmp_path) -> None:
     compare(Task.load(spec), suites, 1.0, "evaluation", 1, 6)
 
 
-@pytest.mark.parametrize("name", ["paper", "static", "dynamic", "any", "strafe"])
+@pytest.mark.parametrize("name", ["paper", "static", "dynamic", "kinds", "strafe"])
 def test_engagements_of_a_training(name) -> None:
     if name in ("paper", "static", "dynamic"):
         share = {"paper": 0.5, "static": 1.0, "dynamic": 0.0}[name]
         expected = make_scenario(CONDITIONS, static_share=share, plants=7)
     else:
         lasting = dataclasses.replace(CONDITIONS, engagement_s=LONG_S)
-        expected = make_scenario(lasting, plants=7, motion=drawn_motion(name), short=SHORT)
+        expected = make_scenario(lasting, plants=7, motion=drawn_motion({"kinds": "any"}.get(name, name)), short=SHORT)
     scenario = Task.load(name).scenario(7)
     assert scenario.uniforms == expected.uniforms
     uniforms = np.random.default_rng(5).random((64, scenario.uniforms), np.float32)

@@ -19,12 +19,12 @@ def float32(*values: float) -> tuple[np.ndarray, ...]:
     return tuple(np.asarray(each, np.float32) for each in values)
 
 
-@pytest.mark.parametrize("name", [*kinds.KINDS, "any"])
+@pytest.mark.parametrize("name", [*kinds.KINDS, "kinds"])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_drawn_paths_are_those_of_the_first_edition(name, shape) -> None:
     conditions, rng = assumed_conditions(), np.random.default_rng(7)
     eq_7 = float32(conditions.max_lateral_speed, conditions.reversal_half_width, conditions.parabola_rise)
-    first = drawn.drawn_motion(name)
+    first = drawn.drawn_motion({"kinds": "any"}.get(name, name))
     assert mixture.path_uniforms(name) == first.chances
     place = rng.uniform([1.0, -0.7, 0.1], [5.0, 0.7, 0.3], (*shape, 3)).astype(np.float32)
     uniforms = rng.random((*shape, first.chances), dtype=np.float32)
@@ -49,8 +49,8 @@ def test_the_table_is_that_of_the_first_edition() -> None:
             for mine, first in zip(ours[name].values(), theirs[name].values(), strict=True):
                 assert mine.unit == first.unit
                 assert_array_equal(mine.draw(uniform), first.draw(uniform))
-    assert [*drawn.MIXTURE.values()] == [*mixture.WEIGHTS]
-    assert mixture.path_uniforms("any") == variation.CHANCES + kinds.UNIFORMS + 1
+    assert [*drawn.MIXTURE.values()] == [*mixture.MIXTURES["kinds"].values()]
+    assert mixture.path_uniforms("kinds") == variation.CHANCES + kinds.UNIFORMS + 1
     assert_array_equal(motion.TIMES, path.TIMES)
 
 

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 from archerfish2.targets import kinds, mixture, motion
 from archerfish2.targets.distributions import LARGEST_SPEED
+from archerfish2.targets.process import random_process
 from archerfish2.targets.user_motion import find_motion, user_target
 from archerfish2.task import Task
 
@@ -57,7 +58,7 @@ def test_a_parabola_keeps_eq_7_and_turns_back_at_its_ends():
 
 
 @pytest.mark.parametrize("duration", [1.0, 3.0])
-@pytest.mark.parametrize("name", [*kinds.KINDS, "any"])
+@pytest.mark.parametrize("name", [*kinds.KINDS, *mixture.MIXTURES])
 def test_a_target_stays_in_front_and_is_no_faster_than_a_robot(name, duration):
     path = mixture.drawn_path(name, PLACE, uniforms(400), np.full(400, duration), SWING)
     places = path.places[:, duration + motion.FLIGHT_S + 1e-9 >= motion.TIMES]
@@ -70,18 +71,21 @@ def test_a_target_stays_in_front_and_is_no_faster_than_a_robot(name, duration):
         assert_allclose(places[:, motion.ZERO], PLACE, atol=1e-12)
 
 
-def test_any_mixes_the_motions_by_their_weights():
-    drawn, place = np.full((2470, mixture.path_uniforms("any")), 0.5), np.tile([3.0, 0.0, 0.2], (2470, 1))
-    drawn[:, 0] = (np.arange(2470) + 0.5) / 2470
-    places = mixture.drawn_path("any", place, drawn, np.asarray(1.0), SWING).places
-    ends = np.flatnonzero([True, *np.any(places[1:] != places[:-1], axis=(1, 2)), True])
-    assert_allclose(np.diff(ends), [300, 150, 500, 100, 500, 60, 60, 200, 600], atol=1)
+@pytest.mark.parametrize("name", mixture.MIXTURES)
+def test_a_training_mixes_the_motions_by_their_weights(name):
+    counts = {"any": [4, 12, 10, 8, 8, 6, 38, 114], "kinds": [30, 15, 50, 10, 50, 6, 6, 20, 60]}[name]
+    scenario, total = Task.load(name).scenario(), sum(counts)
+    drawn = np.full((total, scenario.uniforms), 0.4)
+    drawn[:, 6] = (np.arange(total) + 0.5) / total  # which kind: spaced evenly, so that no alarm is by accident
+    places = scenario.draw(drawn).target.motion.places
+    ends = np.flatnonzero([True, *np.any(np.abs(places[1:] - places[:-1]) > 1e-6, axis=(1, 2)), True])
+    assert np.diff(ends).tolist() == counts
 
 
 def test_numpy_and_jax_agree_at_several_times_at_once_as_at_each(batch, agree):
     def at(scenario, swing, place, drawn, duration, moving, times):
         moved = [each(drawn, duration) for each in kinds.KINDS.values()]
-        moved += [kinds.eq_7(drawn, *SWING), mixture.varied(moved[2], drawn)]
+        moved += [kinds.eq_7(drawn, *SWING), mixture.varied(moved[2], drawn), random_process(drawn, duration)]
         discs = [motion.disc(mixture.path_about(place, each, duration), place) for each in moved]
         targets = [motion.disc(swing, place), *(motion.StillOrMoving(place, moving, each) for each in discs)]
         return scenario.draw(drawn[..., :6]), [each.at(times) for each in targets]

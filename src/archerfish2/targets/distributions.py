@@ -37,34 +37,33 @@ class Distribution(NamedTuple):
 LARGEST_SPEED = 3.0
 """Of any target [m/s]: the chassis of an infantry robot reaches no more."""
 LARGEST_ACCELERATION = 8.0
-"""Of targets in curves [m/s²]; the largest of `_ACCELERATION`."""
+"""Of targets in curves [m/s²]; the largest of targets that drive and stop or turn."""
 
 # Infantry robots in matches, the faster half (the slower one stands): median 0.31, then 1.0, 1.7, 2.05 and 2.6 m/s at
 # 75, 90, 95 and 99 % of all.
 _SPEED = Distribution((0.31, 1.0, 1.7, 2.05, 2.6, 3.0), "m/s", share=(0.0, 0.5, 0.8, 0.9, 0.98, 1.0))
 _DIRECTION = Distribution((-90.0, 90.0), "°")  # 0 is across the line of sight; robots approach and retreat as well
-_COURSE = Distribution((-180.0, 180.0), "°")  # of Singer's first velocity
+_COURSE = Distribution((-180.0, 180.0), "°")  # of Singer's first velocity, and of the process
 _WIDTH = Distribution((0.08, 0.6), "m", True)  # half width or amplitude: eq (7) has 0.115; wider and narrower about it
-_DEPTH = Distribution((0.0, 0.12), "m")  # towards the gimbal between turns: 0.04 in eq (7), from none to threefold
-_RADIUS = Distribution((0.15, 1.0), "m", True)  # from a robot that turns about itself to a wide arc
 _TURNS = Distribution((0.4, 4.0), "s", True)  # the paper's turn back every 0.66 s or later, some after many seconds
-_LEG = Distribution((0.4, 3.0), "s", True)  # mean of each target, driving and stopped alike; assumed
-_FREQUENCY = Distribution((0.25, 1.5), "Hz", True)  # as the parabola's turns; slower where 8 m/s² would not do
-_IRREGULARITY = Distribution((0.1, 1.0), "")  # 0 turns at equal times, 1 at times without memory
-_ACCELERATION = Distribution((3.0, 8.0), "m/s²")  # assumed: 6 m/s² in the public simulator that states one
 _NOISE = Distribution((0.3, 2.0), "m/s²", True)  # change of velocity in a second: 0.4, 1.3 m/s at 50, 90 %
 _MEMORY = Distribution((0.3, 1.5), "s", True)  # Singer 1970 gives seconds for vehicles; assumed shorter
 
 _LINE = {"speed": _SPEED, "direction": _DIRECTION}
-_DRIVING = {"irregularity": _IRREGULARITY, "acceleration": _ACCELERATION}
+# Irregularity 0 turns at equal times, 1 at times without memory. Assumed: 6 m/s² in the public simulator that has one.
+_DRIVING = {"irregularity": Distribution((0.1, 1.0), ""), "acceleration": Distribution((3.0, 8.0), "m/s²")}
 TABLE: Mapping[str, Mapping[str, Distribution]] = {
     "still": {},
-    "parabola": {"half width": _WIDTH, "time between turns": _TURNS, "depth": _DEPTH},
+    # Depth towards the gimbal between turns: 0.04 in eq (7), from none to threefold.
+    "parabola": {"half width": _WIDTH, "time between turns": _TURNS, "depth": Distribution((0.0, 0.12), "m")},
     "pass": _LINE,
     "strafe": {**_LINE, "time between turns": _TURNS, **_DRIVING},
-    "stop-and-go": {**_LINE, "time of a leg": _LEG, **_DRIVING},
-    "sinusoid": {"amplitude": _WIDTH, "frequency": _FREQUENCY, "direction": _DIRECTION},
-    "circle": {"radius": _RADIUS, "speed": _SPEED},
+    # Mean time of each target, driving and stopped alike; assumed.
+    "stop-and-go": {**_LINE, "time of a leg": Distribution((0.4, 3.0), "s", True), **_DRIVING},
+    # As the parabola's turns; slower where 8 m/s² would not do.
+    "sinusoid": {"amplitude": _WIDTH, "frequency": Distribution((0.25, 1.5), "Hz", True), "direction": _DIRECTION},
+    # From a robot that turns about itself to a wide arc.
+    "circle": {"radius": Distribution((0.15, 1.0), "m", True), "speed": _SPEED},
     "singer": {"speed": _SPEED, "direction": _COURSE, "acceleration": _NOISE, "time constant": _MEMORY},
 }
 """Motion → parameter → distribution."""
@@ -75,6 +74,12 @@ VARIATION: Mapping[str, Distribution] = {
     "direction": _DIRECTION,  # of the sway
 }
 """Parameter → distribution, of `mixture.varied`."""
+# Of the process with habits, all assumed, and wider than what robots do.
+DWELL, LEG_SPEED = Distribution((0.1, 2.0), "s", True), Distribution((0.1, 2.5), "m/s", True)
+"""How long a leg of `process.random_process` lasts, and how fast it is driven."""
+_TURN_RATE = Distribution((-1.5, 1.5), "rad/s")  # of those that turn steadily
+HABITS = {"acceleration": Distribution((3.0, 15.0), "m/s²", True), "heading": _COURSE, "turn rate": _TURN_RATE}
+"""Parameter → distribution, of all legs of a target of that process."""
 
 
 def draw_parameters(distributions: Mapping[str, Distribution], uniforms: Array) -> tuple[Array, ...]:

@@ -4,18 +4,15 @@ Each is a function of uniform draws, shape B + (n,), and of the engagement's dur
 displacements from the target's place, shape B + (N, 2).
 """
 
-import itertools
 import math
-from collections.abc import Callable, Mapping
+from itertools import accumulate
 
 import numpy as np
-from numpy.typing import NDArray
 
 from archerfish2.arrays import Array, lift, namespace
 from archerfish2.targets.distributions import LARGEST_ACCELERATION, TABLE, along, draw_parameters
 from archerfish2.targets.motion import BEGIN_S, STEP_S, TIMES, ZERO, triangle_wave
 
-_SHORTEST_RAMP_S = 1e-3  # shortest time that a change of velocity takes
 _LEGS = 12  # turns, or starts and stops, that are drawn; after the last a target continues as it moves
 _KNOT_S = 0.2  # between moments at which Singer's acceleration is drawn, linear between them
 _KNOTS = 1 + math.ceil((float(TIMES[-1]) - BEGIN_S) / _KNOT_S - 1e-9)
@@ -44,11 +41,11 @@ def eq_7(uniforms: Array, speed: Array, half_width: Array, rise: Array) -> Array
 
 def _parabola(uniforms: Array, duration: Array) -> Array:  # noqa: ARG001
     """Eq (7) with width, speed and curvature of each target."""
-    half_width, turns, rise = (each[..., None] for each in draw_parameters(TABLE["parabola"], uniforms))
+    half_width, turns, rise = draw_parameters(TABLE["parabola"], uniforms[..., None, :])
     return _swing(uniforms[..., 3, None] + _times(turns) / (2.0 * turns), half_width, rise)
 
 
-def _straight(uniforms: Array, duration: Array) -> Array:
+def _pass(uniforms: Array, duration: Array) -> Array:
     """Straight lines that pass the place at some moment of the engagement."""
     xp = namespace(uniforms)
     speed, heading = draw_parameters(TABLE["pass"], uniforms)
@@ -60,24 +57,18 @@ def _straight(uniforms: Array, duration: Array) -> Array:
 def _strafe(uniforms: Array, duration: Array) -> Array:  # noqa: ARG001
     """To and fro at one speed, with turns at random times."""
     xp = namespace(uniforms)
-    speed, heading, mean, irregularity, acceleration = draw_parameters(TABLE["strafe"], uniforms)
-    to_left = xp.where(uniforms[..., 5] < 0.5, 0.0, math.pi)
-    ends = leg_ends(mean, irregularity, uniforms[..., 7 : 7 + _LEGS], uniforms[..., 6])
-    changes = speed[..., None] * lift(xp.asarray([-2.0, 2.0] * (_LEGS // 2), dtype=uniforms.dtype), ends)
-    return along(heading + to_left, driven(speed, changes, ends, acceleration))
+    side = xp.asarray([(-1.0) ** leg for leg in range(_LEGS + 1)], dtype=uniforms.dtype)
+    heading, distance = _driving("strafe", uniforms, lift(side, uniforms))
+    return along(heading + xp.where(uniforms[..., 5] < 0.5, 0.0, math.pi), distance)
 
 
 def _stop_and_go(uniforms: Array, duration: Array) -> Array:  # noqa: ARG001
     """Driving and stopping in turn, each time to either side."""
-    xp = namespace(uniforms)
-    speed, heading, mean, irregularity, acceleration = draw_parameters(TABLE["stop-and-go"], uniforms)
-    ends = leg_ends(mean, irregularity, uniforms[..., 7 : 7 + _LEGS], uniforms[..., 6])
-    side = xp.where(uniforms[..., 7 + _LEGS : 8 + _LEGS + _LEGS // 2] < 0.5, -1.0, 1.0)
+    xp, leg = namespace(uniforms), np.arange(_LEGS + 1)
+    side = xp.where(uniforms[..., 7 + _LEGS + leg // 2] < 0.5, -1.0, 1.0)
     # Half of the targets drive when the path begins.
-    driving = uniforms[..., 5] < 0.5
-    velocity = [xp.where(driving == (leg % 2 == 0), side[..., leg // 2], 0.0) for leg in range(_LEGS + 1)]
-    changes = speed[..., None] * xp.stack([after - before for before, after in itertools.pairwise(velocity)], axis=-1)
-    return along(heading, driven(speed * velocity[0], changes, ends, acceleration))
+    drives = (uniforms[..., 5, None] < 0.5) == lift(xp.asarray(leg % 2 == 0), uniforms)
+    return along(*_driving("stop-and-go", uniforms, xp.where(drives, side, 0.0)))
 
 
 def _sinusoid(uniforms: Array, duration: Array) -> Array:  # noqa: ARG001
@@ -107,61 +98,55 @@ def _singer(uniforms: Array, duration: Array) -> Array:  # noqa: ARG001
     one, two = (uniforms[..., 4 + part * _KNOTS : 4 + (part + 1) * _KNOTS] for part in range(2))
     radius = xp.sqrt(-2.0 * xp.log(1.0 - xp.clip(one, 0.0, 1.0 - 1e-6)))
     kept = xp.exp(-_KNOT_S / memory)
-    scale = sd * xp.sqrt(1.0 - kept**2)
-    integral = xp.asarray(_INTEGRAL, dtype=uniforms.dtype)
+    sizes = [sd] + [sd * xp.sqrt(1.0 - kept**2)] * (_KNOTS - 1)
     displacements = []
     for turn, share in ((xp.sin, _FORWARD_SHARE), (xp.cos, 1.0)):
         normal = radius * turn(2.0 * math.pi * two)
-        acceleration = [sd * normal[..., 0]]
-        for knot in range(1, _KNOTS):
-            acceleration.append(kept * acceleration[-1] + scale * normal[..., knot])
-        displacement = share * (xp.stack(acceleration, axis=-1) @ integral)
+        noise = [size * normal[..., knot] for knot, size in enumerate(sizes)]
+        acceleration = xp.stack([*accumulate(noise, lambda before, new: kept * before + new)], axis=-1)
+        displacement = share * (acceleration @ xp.asarray(_INTEGRAL, dtype=uniforms.dtype))
         displacements.append(displacement + (speed * turn(heading))[..., None] * _times(speed[..., None]))
     return xp.stack(displacements, axis=-1)
 
 
-_FUNCTIONS = (_still, _parabola, _straight, _strafe, _stop_and_go, _sinusoid, _circle, _singer)
-KINDS: Mapping[str, Callable[[Array, Array], Array]] = dict(zip(TABLE, _FUNCTIONS, strict=True))
-"""In the order of the table."""
+KINDS = dict(zip(TABLE, (_still, _parabola, _pass, _strafe, _stop_and_go, _sinusoid, _circle, _singer), strict=True))
+"""Name → function, in the order of the table."""
 
 
-def leg_ends(mean: Array, irregularity: Array, uniforms: Array, first: Array) -> Array:
-    """Draw the moments at which legs end [s], shape B + (L,).
+def _driving(name: str, uniforms: Array, share: Array) -> tuple[Array, Array]:
+    """Return heading and distance at velocities that are shares of the speed, shape B + (_LEGS + 1,), leg by leg.
 
     A leg lasts m ((1 − r) + r E) with an exponentially distributed E: at r = 1 ends come without memory (a Poisson
     process), at r = 0 at equal times.
-
-    Args:
-      mean: m, of a leg's length [s], shape B.
-      irregularity: r, shape B.
-      uniforms: uniform draws, shape B + (L,).
-      first: uniform draw: how much of the first leg is left when the path begins, shape B.
     """
     xp = namespace(uniforms)
-    exponential = -xp.log(1.0 - xp.clip(uniforms, 0.0, 1.0 - 1e-6))
-    lengths = mean[..., None] * ((1.0 - irregularity[..., None]) + irregularity[..., None] * exponential)
-    left = xp.concat([first[..., None] * lengths[..., :1], lengths[..., 1:]], axis=-1)
-    return BEGIN_S + xp.cumulative_sum(left, axis=-1)
+    speed, heading, mean, irregularity, acceleration = draw_parameters(TABLE[name], uniforms[..., None, :])
+    exponential = -xp.log(1.0 - xp.clip(uniforms[..., 7 : 7 + _LEGS], 0.0, 1.0 - 1e-6))
+    lengths = mean * ((1.0 - irregularity) + irregularity * exponential)
+    distance = driven((speed * share)[..., None, :], lengths, uniforms[..., 6, None], acceleration)
+    return heading[..., 0], distance[..., 0, :]
 
 
-def driven(first: Array, change: Array, moment: Array, acceleration: Array) -> Array:
-    """Return the distance along a line at a velocity that changes at some moments, zero at time zero [m], B + (N,).
+def driven(velocity: Array, lengths: Array, left: Array, acceleration: Array) -> Array:
+    """Return displacements of targets that drive legs, zero at time zero [m], shape B + (D, N) of D directions.
+
+    Changes of velocity at constant acceleration add up: a leg that is shorter than they are may brake harder.
 
     Args:
-      first: velocity before the first change [m/s], shape B.
-      change: of the velocity at each moment, at constant acceleration [m/s], shape B + (L,).
-      moment: at which it begins [s], shape B + (L,).
-      acceleration: magnitude [m/s²], shape B.
+      velocity: of the legs [m/s], shape B + (D, L + 1).
+      lengths: of the legs but the last [s], shape B + (L,).
+      left: share of the first leg that is left when the path begins, shape B + (1,).
+      acceleration: magnitude [m/s²], shape B + (1,).
     """
-    xp = namespace(change, moment)
-    time = _times(first[..., None])
-    distance = first[..., None] * time
-    ramp = xp.maximum(xp.abs(change) / acceleration[..., None], _SHORTEST_RAMP_S)
-    for leg in range(change.shape[-1]):
-        begin, length, step = (each[..., leg, None] for each in (moment, ramp, change))
-        since = xp.maximum(time - begin, 0.0)
-        ramped = xp.minimum(since, length)
-        distance = distance + step * (ramped**2 / (2.0 * length) + since - ramped)
+    xp, change = namespace(velocity), velocity[..., 1:] - velocity[..., :-1]
+    moment = BEGIN_S + xp.cumulative_sum(xp.concat([left * lengths[..., :1], lengths[..., 1:]], axis=-1), axis=-1)
+    ramp = xp.maximum(xp.sqrt(xp.sum(change**2, axis=-2)) / acceleration, 1e-3)[..., None]  # no change is sudden
+    since = xp.maximum(_times(ramp) - moment[..., None], 0.0)
+    ramped = xp.minimum(since, ramp)
+    gained = change[..., None] * (ramped**2 / (2.0 * ramp) + since - ramped)[..., None, :, :]
+    first = velocity[..., :1, None] * _times(gained)
+    # One sum: compiled, a loop over the legs takes ten times as long.
+    distance = xp.sum(xp.concat([first, gained], axis=-2), axis=-2)
     return distance - distance[..., ZERO, None]
 
 
@@ -188,15 +173,9 @@ def _swing(cycles: Array, half_width: Array, rise: Array) -> Array:
     return namespace(share).stack([rise * share**2, half_width * share], axis=-1)
 
 
-def _integrals() -> NDArray[np.float64]:
-    """Return the matrix from accelerations at the knots to displacements at `TIMES`, (K, N), at rest at time zero."""
-
-    def integral(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        summed = np.pad(np.cumsum(STEP_S * 0.5 * (values[:, 1:] + values[:, :-1]), axis=1), ((0, 0), (1, 0)))
-        return summed - summed[:, ZERO, None]
-
-    share = (TIMES - BEGIN_S) / _KNOT_S
-    return integral(integral(np.maximum(1.0 - np.abs(share[None, :] - np.arange(_KNOTS)[:, None]), 0.0)))
-
-
-_INTEGRAL = _integrals()
+# From Singer's accelerations at the knots to displacements at `TIMES`, (K, N), at rest at time zero: what is linear
+# between the knots, integrated twice.
+_INTEGRAL = np.maximum(1.0 - np.abs((TIMES - BEGIN_S) / _KNOT_S - np.arange(_KNOTS)[:, None]), 0.0)
+for _ in range(2):
+    _INTEGRAL = np.pad(np.cumsum(STEP_S * 0.5 * (_INTEGRAL[:, 1:] + _INTEGRAL[:, :-1]), axis=1), ((0, 0), (1, 0)))
+    _INTEGRAL = _INTEGRAL - _INTEGRAL[:, ZERO, None]

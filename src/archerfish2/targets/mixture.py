@@ -1,55 +1,59 @@
-"""Paths of drawn motions, one kind alone or "any": all of them and eq (7), mixed by weights and varied.
+"""Paths of drawn motions: one kind alone, or a mixture of several.
 
-Without variations a policy takes slow targets for those of eq (7), the only slow ones in its training, and is wrong
-about targets that do two things at once.
+In a mixture the kinds of the table are varied: without that a policy takes slow targets for those of eq (7), the only
+slow ones in its training, and is wrong about targets that do two things at once.
 """
-
-from itertools import accumulate
 
 from archerfish2.arrays import Array, lift, namespace
 from archerfish2.targets.distributions import LARGEST_SPEED, VARIATION, along, draw_parameters
 from archerfish2.targets.kinds import KINDS, UNIFORMS, eq_7, sine
 from archerfish2.targets.motion import BEGIN_S, FLIGHT_S, STEP_S, TIMES, Path
+from archerfish2.targets.process import PROCESS_UNIFORMS, random_process
 
-ANY = "any"
-WEIGHTS = (3.0, 1.5, 5.0, 1.0, 5.0, 0.6, 0.6, 2.0, 6.0)
-"""How often "any" draws each kind, in the table's order, and eq (7). Motions where a classical tracker is nearly best
-count more, for there a policy has most to lose; with equal weights it takes every target that stops for one that turns
-back. Chosen on draws that no evaluation has."""
-_STARTS = tuple(accumulate((each / sum(WEIGHTS) for each in WEIGHTS), initial=0.0))[:-1]
+_SMOOTH = {"still": 2.0, "parabola": 6.0, "pass": 5.0, "sinusoid": 4.0, "circle": 4.0, "singer": 3.0}
+MIXTURES = {
+    "any": {**_SMOOTH, "eq 7": 19.0, "process": 57.0},
+    "kinds": {**dict(zip(KINDS, (3.0, 1.5, 5.0, 1.0, 5.0, 0.6, 0.6, 2.0), strict=True)), "eq 7": 6.0},
+}
+"""Mixture → kind → how often it is drawn. Those of the table come first, and are varied.
+
+"any": whatever robots do. The process is there for motions that are not in the table: more of it costs hits on those
+that are, less of it costs hits on targets that wait, dash and stagger. Close to the best of twelve that were measured.
+"kinds": the table and eq (7). Motions where a classical tracker is nearly best count more, for there a policy has most
+to lose; with equal weights it takes every target that stops for one that turns back. Chosen on draws that no
+evaluation has."""
 LARGEST_LATERAL, LARGEST_FORWARD = 1.2, 0.4
 """Largest displacement to the side and towards the gimbal, as shares of the distance: 50° to either side, where the yaw
 axis ends at 75°, and never nearer than 0.6 of the distance that the cell names."""
+_VARIED = 2 + len(VARIATION)  # uniform draws of the variation
 SLOWER, SWAYING = 0.15, 0.2
 """Shares of the targets that are slower, and that sway; chosen on draws that no evaluation has."""
 
 
 def path_uniforms(name: str) -> int:
     """Return how many uniform draws a path takes: which kind, the kind's, the variation's; none for "paper"."""
-    return {"paper": 0, ANY: 3 + UNIFORMS + len(VARIATION)}.get(name, 1 + UNIFORMS)
+    return {"paper": 0, "any": 1 + PROCESS_UNIFORMS + _VARIED, "kinds": 1 + UNIFORMS + _VARIED}.get(name, 1 + UNIFORMS)
 
 
 def drawn_path(name: str, place: Array, uniforms: Array, duration: Array, swing: tuple[Array, Array, Array]) -> Path:
     """Draw paths.
 
     Args:
-      name: "any" or one of `kinds.KINDS`.
+      name: of `MIXTURES` or `kinds.KINDS`.
       place: middle or begin of the path [m], shape B + (3,).
       uniforms: shape B + (path_uniforms(name),).
       duration: of the engagement [s], shape B.
-      swing: largest speed [m/s], half width [m] and rise [m] of the targets of eq (7) in "any", shape () each.
+      swing: largest speed [m/s], half width [m] and rise [m] of the targets of eq (7) in a mixture, shape () each.
     """
-    xp = namespace(place, uniforms)
-    drawn = uniforms[..., 1:]
-    if name != ANY:
-        return path_about(place, KINDS[name](drawn, duration), duration)
-    displacement: Array = 0.0
-    for kind, start in zip(KINDS.values(), _STARTS, strict=False):
-        displacement = xp.where((uniforms[..., 0] >= start)[..., None, None], kind(drawn, duration), displacement)
-    # Eq (7) is not varied.
-    displacement = varied(displacement, uniforms[..., 1 + UNIFORMS :])
-    mine = (uniforms[..., 0] >= _STARTS[-1])[..., None, None]
-    return path_about(place, xp.where(mine, eq_7(drawn, *swing), displacement), duration)
+    xp, drawn, mixture = namespace(place, uniforms), uniforms[..., 1:], MIXTURES.get(name, {name: 1.0})
+    functions = {**KINDS, "eq 7": lambda each, _: eq_7(each, *swing), "process": random_process}
+    start, which, displacement = 0.0, uniforms[..., 0, None, None], 0.0 * drawn[..., :1, None]
+    for kind, weight in mixture.items():
+        if kind == "eq 7":
+            displacement = varied(displacement, uniforms[..., -_VARIED:])
+        displacement = xp.where(which >= start, functions[kind](drawn, duration), displacement)
+        start += weight / sum(mixture.values())
+    return path_about(place, displacement, duration)
 
 
 def varied(displacement: Array, uniforms: Array) -> Array:
@@ -61,22 +65,11 @@ def varied(displacement: Array, uniforms: Array) -> Array:
     """
     xp, which = namespace(displacement, uniforms), uniforms[..., 0]
     pace, amplitude, frequency, heading = draw_parameters(VARIATION, uniforms[..., 1:])
-    slower = at_pace(displacement, xp.where(which < SLOWER, pace, 1.0 + 0.0 * pace))
-    swaying = xp.where(which >= 1.0 - SWAYING, amplitude, 0.0 * amplitude)[..., None]
-    return slower + along(heading, swaying * sine(amplitude, frequency, uniforms[..., 5]))
-
-
-def at_pace(displacement: Array, pace: Array) -> Array:
-    """Return displacements at a share of their speed, the same at time zero.
-
-    Args:
-      displacement: at `motion.TIMES` [m], shape B + (N, 2).
-      pace: share, 0…1, shape B.
-    """
-    xp = namespace(displacement, pace)
+    pace = xp.where(which < SLOWER, pace, 1.0 + 0.0 * pace)
     times = xp.reshape(xp.asarray(TIMES, dtype=displacement.dtype), (-1,) + (1,) * pace.ndim)
-    slowed = Path(displacement, 0.0 * pace + BEGIN_S, 0.0 * pace + STEP_S)
-    return xp.moveaxis(slowed.position(lift(pace, times) * times), 0, -2)
+    slower = Path(displacement, 0.0 * pace + BEGIN_S, 0.0 * pace + STEP_S).position(lift(pace, times) * times)
+    swaying = xp.where(which >= 1.0 - SWAYING, amplitude, 0.0 * amplitude)[..., None]
+    return xp.moveaxis(slower, 0, -2) + along(heading, swaying * sine(amplitude, frequency, uniforms[..., 5]))
 
 
 def path_about(place: Array, displacement: Array, duration: Array) -> Path:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from archerfish2.arrays import Array, lift, map_arrays, namespace, tree
+from archerfish2.arrays import Array, lift, map_arrays, namespace, select, tree
 from archerfish2.protocols import Plates
 
 STEP_S = 0.02
@@ -105,10 +105,8 @@ class StillOrMoving:
     def at(self, time: Array) -> Plates:
         """Return the plates at times [s] of shape B or (N,) + B."""
         moved, still = self.target.at(time), self.target.at(0.0 * time)
-        xp, moving = namespace(self.place, time), lift(self.moving[..., None], moved.normal_yaw)
-        still_position = still.position - still.position[..., :1, :] + lift(self.place[..., None, :], still.position)
-        position = xp.where(moving[..., None], moved.position, still_position)
-        return Plates(position, xp.where(moving, moved.normal_yaw, still.normal_yaw))
+        place = still.position - still.position[..., :1, :] + lift(self.place[..., None, :], still.position)
+        return select(lift(self.moving, time), Plates(*moved), Plates(place, still.normal_yaw))
 
 
 def disc(motion: Any, place: Array) -> Disc:
