@@ -115,11 +115,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
 
     name: Text = ""
     """By which results call it; the motion's if empty."""
-<<<<<<< HEAD
-    motion: Text = ANY
-=======
-    motion: _Text = "any"
->>>>>>> process
+    motion: Text = "any"
     """One of `EQ_7` or `DRAWN`, or a user's: ./FILE.py:NAME, MODULE:NAME or an entry point."""
     ranges_m: Annotated[tuple[tuple[_Positive, _Positive], ...], Meta(min_length=1, max_length=100)] = _RANGES
     """Distances of the targets' places [m], cells each; training draws from the nearest to the farthest."""
