@@ -38,7 +38,9 @@ def first_edition() -> dict[str, Callable[[], int]]:
         state = placed(trainer.begin(environment, config, jax.random.key(0)), config.shards, SPLIT)
         return _repeated(lambda learner: trainer.advance(environment, config, learner, CALLS)[0], state, config.batch)
 
-    names: dict[str, Any] = {name: INFANTRY / f"{name}.json" for name in ("pitch", "yaw", "muzzle", "sensing", "limits")}
+    names: dict[str, Any] = {
+        name: INFANTRY / f"{name}.json" for name in ("pitch", "yaw", "muzzle", "sensing", "limits")
+    }
     paper, infantry = load_setting(SettingFiles()), load_setting(SettingFiles(**names))
     ppo, gradient = PpoConfig(), GradientConfig(steps=9_000_000, hidden=512)
     usual: dict[str, Any] = {"frames": 4, "command_limit": "gate", "ppo": ppo, "seed": 0, "gradient": gradient}

@@ -264,8 +264,8 @@ def observer_facts(observation: str | tuple[str, ...], robot: Robot, task: Task,
     Raises:
       InputError: if the kind is unknown, or needs a sensing record that the robot lacks.
     """
-    names = (observation,) if isinstance(observation, str) else tuple(observation)
-    kind = names[0] if names else ""
+    names = (observation,) if isinstance(observation, str) else (*observation, *(() if observation else ("",)))
+    kind = names[0]
     if kind not in KINDS:
         raise InputError(f"observation must be one of {', '.join(KINDS)}, got {kind!r}; then blocks of your own")
     tracker = None
@@ -311,9 +311,8 @@ def make_observer(facts: ObserverFacts, blocks: tuple[Any, ...] = ()) -> Observe
         trackers, windows = Trackers(fast), WINDOWS[:1]
     if kind == "multimodel":
         trackers, windows = Trackers(fast, fast._replace(acceleration=np.asarray(SLOW_ACCELERATION)), RATES), WINDOWS
-    zero = np.asarray(0.0)
-    muzzle = (facts.speed, zero, np.array(facts.offset), np.zeros(2), facts.drag, facts.length)
-    observer = Observer(
+    muzzle = (facts.speed, 0.0, facts.offset, (0.0, 0.0), facts.drag, facts.length)
+    observer: Observer = Observer(
         blocks=(*KINDS[kind], *(find_plugin(each, "block").value for each in blocks)),
         trackers=trackers,
         windows=tuple(legendre_window(order, length, facts.period_s) for order, length in windows),
@@ -322,8 +321,8 @@ def make_observer(facts: ObserverFacts, blocks: tuple[Any, ...] = ()) -> Observe
         action_scale=np.array(facts.action_scale),
         largest_move=np.array(facts.largest_move),
         braking=np.array(facts.braking),
-        muzzle=Muzzle(*(np.asarray(each) for each in muzzle)),
+        muzzle=Muzzle(*(np.array(each) for each in muzzle)),
     )
-    made: Observer = single_precision(observer)
-    made.layout()
-    return made
+    observer = single_precision(observer)
+    observer.layout()
+    return observer

@@ -115,8 +115,7 @@ def _network(arrays: dict[str, Array], size: int) -> tuple[Normaliser, tuple[Lay
         shapes |= {f"weight.{index}": tuple(widths[index : index + 2]), f"bias.{index}": (widths[index + 1],)}
     for name, shape in shapes.items():
         if arrays[name].shape != shape or arrays[name].dtype != np.float32:
-            found = f"{arrays[name].dtype} of shape {arrays[name].shape}"
-            raise InputError(f"array {name}: expected float32 of shape {shape}, got {found}")
+            raise InputError(f"array {name}: expected float32 {shape}, got {arrays[name].dtype} {arrays[name].shape}")
         if not np.all(np.abs(arrays[name]) <= _LARGEST_NUMBER):
             raise InputError(f"array {name}: expected numbers within ±{_LARGEST_NUMBER:g}, got others")
     if not np.all(arrays["variance"] >= 0.0):

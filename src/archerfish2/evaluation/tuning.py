@@ -11,7 +11,7 @@ been tried, and none is at an edge of what was.
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from msgspec import Meta
 
@@ -99,26 +99,16 @@ def tune(name: str, robot: Robot, task: Task, progress: Progress = lambda *_: No
     """
     if robot.digest() == Robot.paper().digest() and task.replace(command_limit="gate") == Task.load("paper"):
         return Tuning(**paper_tuning(task.command_limit)[name])
-    key = Entry(
-        controller=name,
-        robot=robot.digest(),
-        task=task.replace(name=""),
-        grids=repr(GRIDS[name]),
-        version=__version__,
-        tuning=tuning_at(name),
-        hit_rate=0.0,
-        tried=1,
-    )
+    facts: dict[str, Any] = {"controller": name, "robot": robot.digest(), "grids": repr(GRIDS[name])}
+    task, start = task.replace(name=""), tuning_at(name)
+    key = Entry(**facts, task=task, version=__version__, tuning=start, hit_rate=0.0, tried=1)
     path = _place(robot)
     for each in _read(path):
         if each.replace(tuning=key.tuning, hit_rate=0.0, tried=1) == key:
             return each.tuning
     tuned = search(name, rates(name, robot, task), progress)
     if path is not None:
-        with (
-            suppress(InputError),
-            locked(path.parent, timeout_s=10.0),
-        ):  # a folder that can't be written: it works without
+        with suppress(InputError), locked(path.parent, timeout_s=10.0):  # a read-only folder: it works without
             made = key.replace(tuning=tuned.tuning, hit_rate=tuned.hit_rate, tried=len(tuned.tried))
             write_json(path, {"schema": SCHEMA, **plain(Kept(tunings=(*_read(path), made)))})
     return tuned.tuning
