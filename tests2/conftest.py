@@ -2,12 +2,8 @@
 
 import copy
 import functools
-import hashlib
-import importlib.metadata
-import importlib.util
 import json
 import os
-import platform
 import random
 import runpy
 import subprocess
@@ -20,25 +16,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from archerfish2 import compiled
 from archerfish2.arrays import register, single_precision
 from archerfish2.errors import InputError
 
 ROOT = Path(__file__).parents[1]
 
 
-def kept_programs() -> str:
-    """Folder of JAX's cache, one for each processor and version."""
-    facts = Path("/proc/cpuinfo")
-    lines = facts.read_text(errors="replace").splitlines() if facts.is_file() else [platform.processor()]
-    flags = sorted({each for each in lines if each.startswith(("model name", "flags", "Features"))})
-    processor = hashlib.sha256("\n".join([platform.machine(), *flags]).encode()).hexdigest()[:12]
-    version = importlib.util.find_spec("jaxlib") and importlib.metadata.version("jaxlib")
-    return str(ROOT / ".venv" / f"jax-{version}-{processor}")
-
+with pytest.MonkeyPatch.context() as patch:
+    patch.setenv("ARCHERFISH_CACHE", str(ROOT / ".venv"))
+    KEPT = str(compiled._programs_folder()) if compiled.has_jax() else ""
 
 # Before the first import of JAX; workers and the processes that tests start share them.
 os.environ.update(
-    JAX_COMPILATION_CACHE_DIR=kept_programs(),
+    JAX_COMPILATION_CACHE_DIR=KEPT,
     JAX_COMPILATION_CACHE_MAX_SIZE="2000000000",  # JAX locks its writes only where the size is limited
     JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS="0.2",
     JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES="-1",

@@ -134,6 +134,8 @@ def test_everything_down_to_export_and_the_evaluation_import_without_the_large_l
 def test_the_package_itself_imports_none_of_the_large_libraries(run_python):
     large = ("numpy", "jax", "scipy", "matplotlib", "gymnasium")
     assert run_python(f"import archerfish2, sys\nprint(*[each for each in {large} if each in sys.modules])") == "\n"
+    code = "import os; del os.environ['OMP_NUM_THREADS']; import archerfish2.cli.main as m; print(*os.environ)"
+    assert "OMP_NUM_THREADS" not in run_python(code)  # set by the program alone, not for who imports it
 
 
 def test_texts_are_plain_english_and_identifiers_technical_terms():

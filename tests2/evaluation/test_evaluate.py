@@ -40,6 +40,7 @@ class Held:
 
 
 REFUSED = {
+    ("controllers", 42): "is a int, expected reset",
     ("engagements", 1): "engagements must be 2…1000000 for an interval, got 1",
     ("seed", -1): "seed must be at least 0, got -1",
     ("controllers", ()): "there is none; give one",
@@ -114,7 +115,11 @@ def test_what_can_not_be_evaluated_is_refused_in_one_line(given, refused):
 def test_a_terminal_shows_what_is_tuned_and_shot(searched, monkeypatch, capsys):
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     monkeypatch.setenv("ARCHERFISH_CACHE", "off")
-    af.evaluate(["kalman", "no-lead"], task=TASK, engagements=4)
+    assert {*af.evaluate(["kalman", "no-lead"], task=TASK, engagements=4).durations} == {
+        "checks",
+        "tuning",
+        "evaluation",
+    }
     shown = capsys.readouterr().err
     texts = ("tuning", "settings/s", "kalman, best 89.", "evaluating", "no-lead", "400/400")
     assert [text for text in texts if text not in shown] == []

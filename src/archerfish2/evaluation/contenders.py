@@ -54,7 +54,7 @@ def named_controllers(controllers: Any) -> list[tuple[str, Any]]:
     Raises:
       InputError: if there is none.
     """
-    if isinstance(controllers, str) or callable(controllers) or hasattr(controllers, "step"):
+    if isinstance(controllers, str) or not isinstance(controllers, Iterable) or hasattr(controllers, "step"):
         controllers = (controllers,)
     pairs: Iterable[tuple[str, Any]]
     pairs = controllers.items() if isinstance(controllers, Mapping) else ((_name(each), each) for each in controllers)

@@ -36,4 +36,4 @@ class MuzzleRecord(Record, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_intervals(self.intervals)
+        check_intervals(self.intervals, self.__struct_fields__)

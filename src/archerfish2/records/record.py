@@ -1,6 +1,7 @@
 """Records: strict structs whose fields are checked, whether a file or a program makes them."""
 
 import functools
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
@@ -77,8 +78,10 @@ class Record(Struct, frozen=True, kw_only=True):
         write_json(Path(path), {"schema": self.schema, **plain(self)})
 
 
-def check_intervals(intervals: Intervals) -> None:
-    """Refuse intervals whose ends are swapped."""
+def check_intervals(intervals: Intervals, names: Collection[str]) -> None:
+    """Refuse intervals of other fields than those of some names, and those whose ends are swapped."""
     for name, (low, high) in intervals.items():
+        if name not in names:
+            raise InputError(f"intervals.{name}: there is no such field; expected {', '.join(names)}")
         if low > high:
             raise InputError(f"intervals.{name}: expected low ≤ high, got {low:g} and {high:g}")

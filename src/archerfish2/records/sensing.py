@@ -1,6 +1,6 @@
 """The sensing record: when and how well a robot sees, and how late it moves."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from msgspec import Meta, field
 
@@ -86,7 +86,9 @@ class SensingRecord(Record, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_intervals(self.intervals)
+        parts: Any = {"camera": self.camera, "link": self.link}
+        names = [f"{part}.{name}" for part, each in parts.items() for name in each.__struct_fields__]
+        check_intervals(self.intervals, names)
 
     def values(self) -> dict[str, float]:
         """Return the measured values by their names in `intervals`, such as "camera.latency"."""
