@@ -5,21 +5,12 @@ Each edition runs in a process of its own; the two alternate, and medians of the
 at least 0.95 of the first edition's figures. The machine should do nothing else.
 """
 
-import argparse
 import importlib
-import importlib.metadata
-import json
-import os
-import platform
-import statistics
-import subprocess
-import sys
-import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[1]
+import alternating
+
 CONTROLLERS = ("kalman", "kalman-lq", "imm-lq", "oracle")
 MEMBERS = (512, 4096)
 
@@ -121,77 +112,6 @@ def _stepped(
     return run
 
 
-def work(edition: str) -> None:
-    """Serve a parent: for each name on standard input run it and print count, wall and processor time [s]."""
-    functions = {"first": first_edition, "second": second_edition}[edition]()
-    for function in functions.values():
-        function()
-    print("ready", flush=True)
-    for line in sys.stdin:
-        wall, spent, count = time.perf_counter(), time.process_time(), 0
-        while time.perf_counter() - wall < 0.4:
-            count += functions[line.strip()]()
-        print(json.dumps([count, time.perf_counter() - wall, time.process_time() - spent]), flush=True)
-
-
-def main() -> None:
-    """Measure, print a table and write results/game_speed.json."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--pairs", type=int, default=7)
-    parser.add_argument("--edition", choices=("first", "second"), help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.edition:
-        work(options.edition)
-        return
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "TF_CPP_MIN_LOG_LEVEL": "3"}
-    processes = {
-        edition: subprocess.Popen(
-            [sys.executable, __file__, "--edition", edition],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env=environment,
-        )
-        for edition in ("first", "second")
-    }
-
-    def measure(edition: str, name: str) -> tuple[float, float]:
-        process = processes[edition]
-        assert process.stdin is not None
-        assert process.stdout is not None
-        process.stdin.write(f"{name}\n")
-        process.stdin.flush()
-        count, wall, spent = json.loads(process.stdout.readline())
-        return count / wall, count / spent
-
-    for process in processes.values():
-        assert process.stdout is not None
-        process.stdout.readline()
-    rows = {}
-    print(f"{'':12} {'first':>12} {'second':>12} {'ratio':>7} {'of processor time':>18}   per second, medians")
-    for name in (*CONTROLLERS, *(f"step, {n}" for n in MEMBERS)):
-        pairs = []
-        for number in range(options.pairs):
-            order = ("first", "second") if number % 2 else ("second", "first")
-            pairs.append({edition: measure(edition, name) for edition in order})
-        first, second = (statistics.median(pair[edition][0] for pair in pairs) for edition in ("first", "second"))
-        ratios = [statistics.median(pair["second"][k] / pair["first"][k] for pair in pairs) for k in range(2)]
-        rows[name] = {"first": round(first), "second": round(second), "ratio": round(ratios[0], 3)}
-        rows[name]["ratio_of_processor_time"] = round(ratios[1], 3)
-        print(f"{name:12} {first:12,.0f} {second:12,.0f} {ratios[0]:7.3f} {ratios[1]:18.3f}", flush=True)
-    for process in processes.values():
-        process.terminate()
-    conditions = {
-        "pairs": options.pairs,
-        "cores": os.cpu_count(),
-        "machine": platform.machine(),
-        "load": round(os.getloadavg()[0], 1),
-        "versions": {name: importlib.metadata.version(name) for name in ("jax", "numpy")},
-    }
-    path = ROOT / "benchmarks2" / "results" / "game_speed.json"
-    path.parent.mkdir(exist_ok=True)
-    path.write_text(json.dumps({"conditions": conditions, "per_second": rows}, indent=2) + "\n")
-
-
 if __name__ == "__main__":
-    main()
+    NAMES = (*CONTROLLERS, *(f"step, {n}" for n in MEMBERS))
+    alternating.run(__doc__, __file__, {"first": first_edition, "second": second_edition}, NAMES, pairs=7)

@@ -7,7 +7,7 @@ import pytest
 from archerfish2.plugins import find_plugin, is_plugin
 
 MINE, NEEDY = "import beside\nclass Aim:\n  answer = beside.ANSWER", "\nimport no_such_module\n"
-FILES = {"mine": MINE, "beside": "ANSWER = 42", "broken": "x = 1\nx = = 2\n", "needy": NEEDY}
+FILES = {"mine": MINE, "other": MINE, "beside": "ANSWER = 42", "broken": "x = 1\nx = = 2\n", "needy": NEEDY}
 FAULTS = {
     "./none.py:Aim": "there is no file ./none.py; expected ./FILE.py:NAME",
     "./mine.py:Other": "has no 'Other', but Aim; name one of these",
@@ -26,13 +26,16 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_file_is_run_once_however_it_is_named_and_may_import_what_lies_beside_it(here):
+def test_a_file_is_run_once_however_it_is_named_and_may_import_what_lies_beside_it(here, monkeypatch):
     first = find_plugin("./mine.py:Aim", "controller")
     (here / "mine.py").write_text("raise SystemExit")
     same = (find_plugin(spec, "controller") for spec in ("mine:Aim", f"{here}/mine.py:Aim", first.spec))
     assert all(each.value is first.value for each in (*same, pickle.loads(pickle.dumps(first))))
     assert (first.name, first.value.answer, first.file) == ("Aim", 42, str(here / "mine.py"))
     assert first.value.__module__.startswith("archerfish2_plugin_mine_")
+    monkeypatch.syspath_prepend(here)
+    find_plugin("./other.py:Aim", "controller")
+    assert sys.path.pop(0) == str(here)  # a user's own entry stays where it is
     assert (str(here) in sys.path, list(here.glob("__pycache__/mine*"))) == (False, [])
 
 

@@ -17,6 +17,8 @@ FAULTS = {
     "ranges_m = " + 9999 * "[": "recursion",
 }
 
+RANGES = ({}, {"ranges_m": ((2, 3),)}, {"ranges_m": ((2, 4), (2, 3))})
+
 
 def as_toml(content):
     """Write the fields of a JSON object as TOML; what is no object stays as it is."""
@@ -30,6 +32,14 @@ def test_a_file_keeps_a_task(tmp_path):
     task = Task.load("strafe").replace(name='Läufer "1"', ranges_m=[[2, 3.5]], lengths_s=(0.5,), start=(0.1, -0.2))
     task.save(tmp_path / "task.toml")
     assert Task.load(tmp_path / "task.toml") == task
+
+
+def test_what_a_motion_gives_a_task_changes_with_it_and_a_range_keeps_its_engagements(refused):
+    assert Task().replace(motion="paper") == Task.load("paper")
+    assert Task.load("paper").replace(motion="any", lengths_s=(1.0,)) == Task(lengths_s=(1.0,))
+    refused("Task: there is no field lenght; fields are name, motion", Task().replace, lenght=2)
+    whole, near, own = (Task(motion="static", **each).cells() for each in RANGES)
+    assert [each.stream for each in (whole[1], near[0], *own)] == [1, 1, 1004, 1]
 
 
 @pytest.mark.parametrize("text", FAULTS)

@@ -55,7 +55,9 @@ class Plugin:
             raise (error if text.startswith(self.spec) else InputError(f"{self.spec}: {text}")) from error
         except (Exception, SystemExit) as error:
             lines = [each.lineno for each in traceback.extract_tb(error.__traceback__) if each.filename == self.file]
-            line = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
+            if isinstance(error, SyntaxError) and error.filename == self.file:
+                lines.append(error.lineno)
+            line = lines[-1] if lines else None
             place, name = f"line {line}: " if line else "", type(error).__name__
             text = one_line(f"{name}: {(str(error).strip().splitlines() or [''])[0]}")[:240]
             compiled = "it runs compiled, for many engagements at once: write xp = namespace(x) and xp.where for if"
@@ -88,8 +90,11 @@ def find_plugin(spec: Any, kind: str) -> Plugin:
         name = getattr(spec, "__name__", type(spec).__name__)
         return Plugin(f"{file}:{name}", kind, name, spec, file)
     where, _, name = spec.rpartition(":")
-    path = Path(where if where.endswith(".py") else where.replace(".", "/") + ".py").resolve()
-    is_file, attribute = bool(where) and path.is_file(), name
+    try:
+        path = Path(where if where.endswith(".py") else where.replace(".", "/") + ".py").resolve()
+        is_file, attribute = bool(where) and path.is_file(), name
+    except (OSError, ValueError) as error:
+        raise InputError(f"{kind} {one_line(spec)[:100]!r} can't be a name of a file; expected {FORMS}") from error
     if is_file:
         spec = f"{path}:{name}"
     elif where.endswith(".py"):
@@ -116,12 +121,14 @@ def _module(path: Path) -> types.ModuleType:
     if name not in sys.modules:
         module = sys.modules[name] = types.ModuleType(name)
         module.__file__ = str(path)
-        sys.path.append(str(path.parent))  # what lies beside it; what is installed comes first
+        beside = [str(path.parent)] if str(path.parent) not in sys.path else []
+        sys.path += beside  # what is installed comes first
         try:
             exec(compile(path.read_bytes(), str(path), "exec", dont_inherit=True), module.__dict__)
         except BaseException:
             del sys.modules[name]
             raise
         finally:
-            sys.path.remove(str(path.parent))
+            for each in beside:
+                sys.path.remove(each)
     return sys.modules[name]

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol, Self, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
 from msgspec import Meta, field
@@ -25,7 +25,7 @@ from archerfish2.records.sensing import SensingRecord
 SCHEMA = "archerfish.robot/1"
 SHORTEST_PERIOD_S, LONGEST_DELAY_S = 1e-5, 1.0
 """Of the plants of a gimbal [s]: what lies beyond is no gimbal, and would make its model huge."""
-Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]{1,100}$")]
+Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f\ud800-\udfff]{1,100}\Z")]
 Part = Literal["pitch", "yaw", "muzzle", "sensing", "limits"]
 _KINDS: tuple[type[Record], ...] = (PlantRecord, PlantRecord, MuzzleRecord, SensingRecord, LimitsRecord)
 RECORDS = dict(zip(get_args(Part), _KINDS, strict=True))
@@ -48,7 +48,7 @@ class PartVerdict(Struct, frozen=True, kw_only=True):
 
 
 class RobotFacts(Struct, frozen=True, kw_only=True):
-    """The content of robot.json."""
+    """What is known of a robot beside its records."""
 
     name: Name
     """By which results call the robot."""
@@ -58,12 +58,11 @@ class RobotFacts(Struct, frozen=True, kw_only=True):
     """Verdicts of the identification."""
 
 
-class HasLimit(Protocol):
-    """A task, as far as a robot needs it."""
+class _Written(RobotFacts, frozen=True, kw_only=True):
+    """The content of robot.json."""
 
-    @property
-    def command_limit(self) -> str:
-        """Name of the command limit."""
+    records: tuple[Part, ...] = ()
+    """Of which there are files."""
 
 
 class Robot(RobotFacts, frozen=True, kw_only=True):
@@ -112,10 +111,10 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
           InputError: if a record is missing or damaged, or a part is not usable.
         """
         folder = Path(folder)
-        facts = RobotFacts(name=folder.resolve().name[:100] or "robot")
+        facts = _Written(name=folder.resolve().name[:100] or "robot")
         is_written = (folder / "robot.json").exists()
         if is_written:
-            facts = read_struct(folder / "robot.json", RobotFacts, SCHEMA, "identify again")
+            facts = read_struct(folder / "robot.json", _Written, SCHEMA, "identify again")
         for part, verdict in facts.parts.items():
             if not (verdict.usable or accept_unusable):
                 problem, remedy = f"is not usable: {verdict.headline}", verdict.next_step or "identify it again"
@@ -124,7 +123,7 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
                 )
         files = {part: folder / f"{part}.json" for part in RECORDS}
         found: dict[str, Any] = {part: RECORDS[part].load(path) for part, path in files.items() if path.exists()}
-        needed = {"pitch", "yaw", *(("muzzle", "limits") if is_written else ())}
+        needed = {"pitch", "yaw", *facts.records, *facts.parts, *(("muzzle", "limits") if is_written else ())}
         if missing := sorted(needed - found.keys()):
             raise file_error(folder, f"expected a folder with {missing[0]}.json", "name that of a robot")
         if not is_written:
@@ -144,7 +143,8 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
                 record.save(folder / f"{part}.json")
             else:
                 (folder / f"{part}.json").unlink(missing_ok=True)
-        facts = {"name": self.name, "assumed": self.assumed, "parts": self.parts}
+        records = [part for part in RECORDS if getattr(self, part) is not None]
+        facts = {"name": self.name, "assumed": self.assumed, "parts": self.parts, "records": records}
         write_json(folder / "robot.json", {"schema": SCHEMA, **plain(facts)})
 
     def replace(self, **changes: Any) -> Self:
@@ -186,8 +186,8 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         latency_s = (self.sensing.link.command_latency or 0.0) if self.sensing else 0.0
         return gimbal_model(self.pitch, self.yaw, period_s, latency_s)
 
-    def command_limits(self, task: HasLimit) -> CommandLimits:
-        """Return the limits of the commands in a task."""
+    def command_limits(self, task: Any) -> CommandLimits:
+        """Return the limits of the commands in a `Task`."""
         return named_limits(task.command_limit, self.limits, assumed_conditions().line_of_sight_lead)
 
     def muzzle_model(self) -> Muzzle:

@@ -42,7 +42,7 @@ def write_bytes(path: Path, content: bytes) -> None:
       InputError: if it can't be written, or something other than a regular file is in its place.
     """
     beside = path.with_name(f".unfinished-{secrets.token_hex(6)}")
-    with _writing(path):
+    with writing(path):
         check_regular(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -57,7 +57,8 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 @contextmanager
-def _writing(path: Path) -> Iterator[None]:
+def writing(path: Path) -> Iterator[None]:
+    """Turn what the system says when a file can't be written into an `InputError`."""
     try:
         yield
     except OSError as error:
@@ -87,7 +88,7 @@ def write_arrays(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, Any]
     """
     from safetensors.numpy import save
 
-    arrays = {name: np.ascontiguousarray(arrays[name]) for name in sorted(arrays)}
+    arrays = {name: np.asarray(arrays[name], order="C") for name in sorted(arrays)}
     header = {"facts": json.dumps(facts, allow_nan=False), "sha256": _arrays_hash(arrays)}
     write_bytes(path, save(arrays, header))
 
@@ -139,7 +140,7 @@ def locked(folder: Path, timeout_s: float = 0.0) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     lock = FileLock(folder / LOCK)
-    with _writing(folder):
+    with writing(folder):
         check_regular(folder / LOCK)
         folder.mkdir(parents=True, exist_ok=True)
         try:
@@ -178,14 +179,14 @@ def output_folder(
         runs = _read_runs(out)
         own = {*runs.get(command, {}).get("files", ()), *([RUN] if runs else [])}
         try:
-            with _writing(out):
+            with writing(out):
                 _check_targets(out, (*names, *own), own, inputs, overwrite)
                 for each in out.glob(".unfinished-*/"):  # of processes that were killed
                     shutil.rmtree(each, ignore_errors=True)
                 hidden.mkdir()
             yield hidden
             files = sorted(each.relative_to(hidden).as_posix() for each in hidden.rglob("*") if each.is_file())
-            with _writing(out):
+            with writing(out):
                 _check_targets(out, (*files, RUN), own, inputs, overwrite)
                 for name in files:
                     (out / name).parent.mkdir(parents=True, exist_ok=True)

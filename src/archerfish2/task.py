@@ -13,7 +13,7 @@ from archerfish2.arrays import Array, lift, namespace, single_precision, tree
 from archerfish2.errors import InputError, file_error, one_line
 from archerfish2.plugins import is_plugin, names_code
 from archerfish2.protocols import Engagement
-from archerfish2.records.record import Angle, Struct
+from archerfish2.records.record import Angle, Struct, Text
 from archerfish2.storage import write_bytes
 from archerfish2.targets.kinds import KINDS
 from archerfish2.targets.mixture import MIXTURES, drawn_path, path_uniforms
@@ -26,7 +26,6 @@ DRAWN = (*MIXTURES, *KINDS)
 """Motions whose parameters are drawn for each target."""
 _FIRST = 6  # uniform draws of every engagement: distance, side, speed, phase, still or moving and length, plant
 _RANGES = ((1.0, 2.0), (2.0, 3.0), (3.0, 4.0), (4.0, 5.0))
-_Text = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f\ud800-\udfff]*\Z", max_length=1000)]
 _Positive = Annotated[float, Meta(ge=1e-4, le=1000.0)]
 _Magnitude = Annotated[float, Meta(ge=0.0, le=1000.0)]
 _Share = Annotated[float, Meta(ge=0.0, le=1.0)]
@@ -114,9 +113,9 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
       InputError: naming a field that is out of its bounds.
     """
 
-    name: _Text = ""
+    name: Text = ""
     """By which results call it; the motion's if empty."""
-    motion: _Text = "any"
+    motion: Text = "any"
     """One of `EQ_7` or `DRAWN`, or a user's: ./FILE.py:NAME, MODULE:NAME or an entry point."""
     ranges_m: Annotated[tuple[tuple[_Positive, _Positive], ...], Meta(min_length=1, max_length=100)] = _RANGES
     """Distances of the targets' places [m], cells each; training draws from the nearest to the farthest."""
@@ -156,6 +155,13 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
             expected = f"the smaller one first, and lengths of {self.period_s:g}…{longest:g} s"
             found = f"{self.ranges_m} and {self.lengths_s}"
             raise InputError(f"Task: fields ranges_m and lengths_s: expected {expected}, got {found}; correct it")
+
+    def replace(self, **changes: Any) -> Self:
+        """Return the same task with some fields changed; name and lengths that a motion gave change with it."""
+        if changes.get("motion", self.motion) != self.motion:
+            usual, given = type(self)(motion=self.motion), {"name": self.name, "lengths_s": self.lengths_s}
+            changes = {f: type(v)() for f, v in given.items() if v == getattr(usual, f)} | changes
+        return super().replace(**changes)
 
     @classmethod
     def load(cls, name: str | Path, motion: str | None = None) -> Self:
@@ -221,10 +227,14 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
             table, name = ("III", "dynamic") if motion == "paper" else (None, motion.name)
             kinds = [("II", "static", motion, 1.0, 0), (table, name, motion, 0.0, 1)]
             kinds = {"static": kinds[:1], "dynamic": kinds[1:]}.get(self.motion, kinds)
-        width, suites = max(4, len(self.ranges_m)), []
-        for length, kind, (place, range_m) in itertools.product(self.lengths_s, kinds, enumerate(self.ranges_m)):
+        # A range of the default ones has the random numbers of its place among them, whichever are beside it.
+        places = {range_m: place for place, range_m in enumerate(dict.fromkeys((*_RANGES, *self.ranges_m)))}
+        suites = []
+        for length, kind, range_m in itertools.product(self.lengths_s, kinds, self.ranges_m):
             table, name, motion, share, block = kind
-            cell = table if length == 1.0 else None, name, range_m, length, width * block + place
+            place = places[range_m]
+            stream = place + (4 * block if place < len(_RANGES) else 1000 * (block + 1))
+            cell = table if length == 1.0 else None, name, range_m, length, stream
             scenario = self._scenario(motion, [range_m], [length], share)
             suites.append(Suite(*cell, round(length / self.period_s), scenario))
         return tuple(suites)

@@ -17,7 +17,7 @@ from archerfish.simulation.setting import make_scenario, paper_muzzle
 from archerfish.simulation.setting import make_world as make_first_world
 from archerfish2.arrays import register
 from archerfish2.controllers.network import Layer, Normaliser
-from archerfish2.controllers.observation import Decisions, Detections, Memory, ObserverFacts, Tracks, make_observer
+from archerfish2.controllers.observation import Decisions, Detections, Memory, ObserverFacts, make_observer
 from archerfish2.controllers.policy import Policy, PolicyFacts
 from archerfish2.evaluation.rollout import count
 from archerfish2.evaluation.suites import draw
@@ -26,6 +26,7 @@ from archerfish2.simulation.world import make_world
 from archerfish2.task import Task
 from archerfish2.tracking.interacting_models import ModelTracks
 from archerfish2.tracking.kalman_filter import Track
+from archerfish2.tracking.side_by_side import Tracks
 
 pytestmark = pytest.mark.against_first
 POLICIES = {"paper": "paper-box-0", "history": "history-gate-0", "tracked": "tracked-infantry-0",

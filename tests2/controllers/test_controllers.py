@@ -14,7 +14,7 @@ from scipy.stats import multivariate_normal
 from archerfish2.arrays import leaves, map_arrays
 from archerfish2.controllers import kalman, manoeuvring, parabola, preview_aim
 from archerfish2.controllers.preview import make_preview
-from archerfish2.controllers.registry import NAMES, make_controller
+from archerfish2.controllers.registry import NAMES, make_controller, tuning_at
 from archerfish2.dynamics.command_limits import CommandLimits
 from archerfish2.dynamics.linear_axis import advance, gimbal_angle, rest_state
 from archerfish2.protocols import Barrel, Base, Frames, GimbalFeedback, Seen, Truth
@@ -229,4 +229,6 @@ def test_one_robot_decides_as_a_batch_does_in_float32(name):
 def test_what_cannot_be_built_is_refused(refused):
     refused("perhaps you meant kalman", make_controller, "kalmn", ROBOT, TASK)
     refused("one length", make_controller, "oracle", ROBOT, TASK.replace(lengths_s=(1.0, 3.0)))
+    refused("is a ndarray, expected reset", make_controller, np.zeros(3), ROBOT, TASK)
+    refused("smoothing: expected float >= 1e-09, got -1.0", tuning_at("kalman-lq").replace, smoothing=-1.0)
     refused("expected reset", make_controller, object(), ROBOT, TASK)

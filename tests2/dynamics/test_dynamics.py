@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 from scipy.signal import dlsim
 
 from archerfish2.arrays import single_precision
 from archerfish2.dynamics import aiming, command_limits, delayed_axis, linear_axis, muzzle, pellet, rigid_axis
+from archerfish2.dynamics.slew import approach
 from archerfish2.paper.gimbal import gate_limits
 from archerfish2.records.plant import PlantRecord
 
@@ -166,6 +167,16 @@ def test_the_gate_keeps_range_rate_and_acceleration_whatever_is_asked_and_uses_t
         assert np.all(acceleration <= GATE.max_acceleration * 1.005)
     assert_allclose([found[76, 0], found[-1, 0], acceleration], [LOW, HIGH, GATE.max_acceleration], rtol=5e-3)
     assert np.abs(rate[..., 1]).max() == pytest.approx(12.0, rel=1e-4)  # without a limit 13 rad/s halfway
+
+
+def test_the_slew_to_an_aim_keeps_its_rate_and_stops_there():
+    aim, path = np.array([0.1, 1.3]), [np.zeros(2)]
+    for _ in range(60):
+        path.append(approach(GATE, aim, path[-1], PERIOD))
+    rate = np.diff(path, axis=0) / PERIOD
+    assert_array_equal(path[-1], aim)
+    assert rate[:, 1].max() == pytest.approx(12.0)
+    assert np.all(np.diff(rate, axis=0)[1:] / PERIOD >= -GATE.max_acceleration * 1.001)
 
 
 @pytest.mark.parametrize(("target", "expected"), [(17.0, 19.0), (80.0, 75.0)])

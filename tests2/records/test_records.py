@@ -119,11 +119,14 @@ def test_a_robot_is_read_back_and_what_is_replaced_is_no_longer_assumed_or_judge
 
 def test_a_folder_of_records_is_a_robot_whose_missing_parts_are_assumed(tmp_path, robot, refused):
     robot.save(tmp_path)
+    for part in ("sensing", "limits"):
+        (tmp_path / f"{part}.json").unlink()
+        refused(f"expected a folder with {part}.json", Robot.load, tmp_path, accept_unusable=True)
+        robot.replace(sensing=None).save(tmp_path)
     (tmp_path / "limits.json").unlink()
-    refused("expected a folder with limits.json", Robot.load, tmp_path, accept_unusable=True)
     (tmp_path / "robot.json").unlink()
     found = Robot.load(tmp_path)
-    assert (found.name, found.assumed) == (tmp_path.name, ("limits",))
+    assert (found.name, found.assumed) == (tmp_path.name, ("sensing", "limits"))
     assert found.record_digests()["limits"] == Robot.paper().record_digests()["limits"]
     (tmp_path / "pitch.json").write_bytes((tmp_path / "yaw.json").read_bytes())
     refused(f"{tmp_path}: pitch is the plant of the yaw axis, .*; swap the two", Robot.load, tmp_path)

@@ -70,6 +70,16 @@ def test_a_shot_is_scored_where_it_crosses_the_plates_plane():
     assert shot.plate.tolist() == [0, -1, 0]
 
 
+def test_a_pellet_that_flies_away_from_the_plate_crosses_nothing():
+    wide = Robot.paper().limits.yaw.replace(low=-3.2, high=3.2)
+    there = make_world(Robot.paper().replace(limits=Robot.paper().limits.replace(yaw=wide)), Task(motion="static"))
+    engagement, normals, _ = drawn(there, (4,), 1)
+    angle = np.array([[-0.04, np.pi], [0.0, np.pi / 2], [0.0, -np.pi / 2], [0.0, -3.1]], np.float32)
+    shot = there.shoot(engagement, 0.0 * normals[:, 0, 0], angle, 0.0 * angle, angle[:, 0] < 1.0, 0.0 * normals[:, 0])
+    assert (shot.margin.tolist(), shot.miss.tolist()) == ([-1e3] * 4, [[1e3, 1e3]] * 4)
+    assert np.isnan(shot.flight_time).all()
+
+
 @pytest.mark.parametrize("record", [None, LATE])
 def test_the_limits_hold_whatever_is_asked_and_without_a_command_a_gimbal_rests(record):
     there = world("gate", sensing=record)
@@ -92,7 +102,15 @@ def test_an_engagement_chooses_its_plant_and_its_muzzle(record):
     assert there.plants == 3
     assert_allclose(angle / angle[1], [3.0, 1.0, 2.0], rtol=1e-4)
     assert np.unique(there.muzzle_of(engagement).offset[..., 1]).size == (3 if record else 1)
-    assert not there.truth(engagement).muzzle.offset.any()
+    best = there.truth(engagement)
+    assert not best.muzzle.offset.any()
+    assert_allclose(best.gimbal.input, Robot.paper().gimbal(0.02).input, rtol=1e-6)
+
+
+def test_what_no_controller_could_use_is_refused(refused):
+    refused("frames are up to 2.01 s old .*, expected at most 0.3", world, sensing=sensing(latency=2.0))
+    refused("feedback is up to 0.3", world, sensing=sensing(feedback_latency=0.3))
+    refused("begins at a yaw of 3 rad, expected -1.31…1.31", make_world, Robot.paper(), Task(start=(0.0, 3.0)))
 
 
 def test_without_latency_and_noise_camera_and_link_change_nothing():

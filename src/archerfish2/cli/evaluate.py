@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import tyro
 
 from archerfish2 import storage
-from archerfish2.evaluation.contenders import load
+from archerfish2.evaluation.contenders import is_policy, load
 from archerfish2.evaluation.evaluate import evaluate
 from archerfish2.evaluation.results import Results
 
@@ -30,6 +30,7 @@ class Evaluate:
       oracle        has the target's path in advance
       kalman-paper  kalman as the paper's figures calibrate it; the paper's robot alone
       perfect       perfect aim: what dispersion alone leaves
+      FOLDER, FILE.safetensors: a policy of archerfish2 train
       ./FILE.py:NAME, MODULE:NAME: your own (docs2/bring_your_own.md)
 
     Tasks:
@@ -47,8 +48,9 @@ class Evaluate:
 
     robot: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[ROBOT]", help_behavior_hint="")] = None
     """Folder of a robot's records; the paper's gimbal if not given."""
-    controllers: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME…")] = ("kalman", "kalman-lq", "oracle")
-    """Who shoots; differences are to the first."""
+    controllers: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME…", help_behavior_hint="")] = ()
+    """Who shoots; differences are to the first. If not given: ROBOT/policy if there is one, kalman, kalman-lq,
+    oracle."""
     task: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "any"
     """What is shot at."""
     command_limit: Annotated[
@@ -76,10 +78,12 @@ class Evaluate:
             task = task.replace(command_limit=self.command_limit)
         out = self.out or (self.robot / "evaluation" if self.robot else Path("runs/evaluate"))
         inputs = [Path(each) for each in (self.task, *(each.rpartition(":")[0] for each in self.controllers))]
+        own = [str(self.robot / "policy")] if self.robot and is_policy(self.robot / "policy") else []
+        controllers = self.controllers or (*own, "kalman", "kalman-lq", "oracle")
         names, facts = ("results.json", "report.html"), {"options": " ".join(sys.argv[2:])}
         with storage.output_folder(out, "evaluate", inputs, self.overwrite, facts, names) as folder:
             results: Results = evaluate(
-                self.controllers,
+                controllers,
                 robot,
                 task,
                 world=self.world or None,

@@ -13,7 +13,7 @@ from archerfish2.cli.signals import Stopped, stop_requests
 from archerfish2.errors import InputError, one_line
 
 INPUT_ERROR = 2
-COMMANDS = {"evaluate": ("archerfish2.cli.evaluate", "Evaluate")}
+COMMANDS = {"train": ("archerfish2.cli.train", "Train"), "evaluate": ("archerfish2.cli.evaluate", "Evaluate")}
 """Command → module and class. Named, not imported: a command waits for the libraries of no other one."""
 _OVERVIEW = """\
 usage: archerfish2 COMMAND [OPTIONS]

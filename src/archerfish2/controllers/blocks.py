@@ -26,10 +26,8 @@ _LEAD_S = 0.06
 
 def paper(_: "Observer", view: "View") -> Array:
     """Return the paper's six numbers: the gimbal's angles at two moments, the target's yaw and range."""
-    xp, aim = namespace(view.aim), view.aim
-    return xp.concat(
-        [2.0 * _flat(view, view.memory.decisions.angle), 2.0 * aim[..., 1:], 0.5 * (view.distance - 3.0)], axis=-1
-    )
+    angles = _flat(view, view.memory.decisions.angle)
+    return namespace(angles).concat([2.0 * angles, 2.0 * view.aim[..., 1:], 0.5 * (view.distance - 3.0)], axis=-1)
 
 
 def error(_: "Observer", view: "View") -> Array:
@@ -160,22 +158,10 @@ def models(_: "Observer", view: "View") -> Array:
     onward, turned = velocity[..., ONWARD, :], velocity[..., TURNED, :]
     off = track.mean[..., STILL, :2] - view.level
     left = view.across(onward)
-    return xp.concat(
-        [
-            probability,
-            0.3 * xp.log((still + _RARE) / (1.0 - still + _RARE)),
-            0.3 * xp.log((turns + _RARE) / (drives + _RARE)),
-            2.0 * left,
-            xp.tanh(3.0 * left),
-            xp.tanh(10.0 * left),
-            2.0 * view.away(onward),
-            2.0 * view.across(turned),
-            2.0 * view.away(turned),
-            10.0 * view.across(off),
-            10.0 * view.away(off),
-        ],
-        axis=-1,
-    )
+    odds = 0.3 * xp.log((still + _RARE) / (1.0 - still + _RARE)), 0.3 * xp.log((turns + _RARE) / (drives + _RARE))
+    speed = 2.0 * left, xp.tanh(3.0 * left), xp.tanh(10.0 * left), 2.0 * view.away(onward)
+    others = 2.0 * view.across(turned), 2.0 * view.away(turned), 10.0 * view.across(off), 10.0 * view.away(off)
+    return xp.concat((probability, *odds, *speed, *others), axis=-1)
 
 
 def slow(observer: "Observer", view: "View") -> Array:
@@ -187,20 +173,9 @@ def slow(observer: "Observer", view: "View") -> Array:
     point = intercept(lambda time: position_after(track, memory.tracks.age + time), lead, observer.muzzle).angle
     ahead = view.unwrapped(without_gradient(point)) - view.aim
     left, innovation = _METRES * view.across(off), memory.tracks.innovation[..., None]
-    return xp.concat(
-        [
-            left,
-            xp.tanh(2.0 * left),
-            5.0 * view.across(faster),
-            5.0 * view.away(faster),
-            5.0 * view.across(track.mean[..., 2:]),
-            10.0 * ahead,
-            10.0 * view.distance * ahead[..., 1:],
-            xp.log(innovation),
-            xp.tanh(0.25 * innovation),
-        ],
-        axis=-1,
-    )
+    speed = 5.0 * view.across(faster), 5.0 * view.away(faster), 5.0 * view.across(track.mean[..., 2:])
+    others = 10.0 * ahead, 10.0 * view.distance * ahead[..., 1:], xp.log(innovation), xp.tanh(0.25 * innovation)
+    return xp.concat((left, xp.tanh(2.0 * left), *speed, *others), axis=-1)
 
 
 def _coarse_and_fine(angle: Array) -> Array:

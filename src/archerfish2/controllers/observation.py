@@ -13,7 +13,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from msgspec import Meta
 
-from archerfish2.arrays import Array, lift, map_arrays, namespace, select, single_precision, tree, without_gradient
+from archerfish2.arrays import Array, lift, map_arrays, namespace, select, single_precision, tree
 from archerfish2.controllers.blocks import KINDS, Block
 from archerfish2.dynamics.aiming import aim_at
 from archerfish2.dynamics.muzzle import Muzzle
@@ -25,10 +25,11 @@ from archerfish2.records.record import Struct
 from archerfish2.robot import Robot
 from archerfish2.task import Task
 from archerfish2.tracking import kalman_filter
-from archerfish2.tracking.detections import Detection, first_detection, unwrapped, update_with_frames
-from archerfish2.tracking.interacting_models import ModelRates, begin_models, step_models
+from archerfish2.tracking.detections import unwrapped
+from archerfish2.tracking.interacting_models import ModelRates
 from archerfish2.tracking.kalman_filter import TrackerNoise, noise_from_record
 from archerfish2.tracking.legendre_memory import Window, constant_history, legendre_window, with_sample
+from archerfish2.tracking.side_by_side import Trackers, Tracks
 
 FRAMES, DETECTIONS = 4, 8
 """Decisions and raw detections that are remembered."""
@@ -43,27 +44,9 @@ EXACT_SD = 5e-4
 """What they assume of a camera without noise [m]."""
 RATES = ModelRates(*(np.asarray(each) for each in (0.25, 0.1, 0.5)))
 """Of the interacting models: turns and stops [1/s], share of the targets that stand at first."""
-_FORGETTING, _LARGEST_INNOVATION = 0.2, 50.0
 _Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 _Magnitude = Annotated[float, Meta(ge=0.0, le=1e3)]
 _Offset = Annotated[float, Meta(ge=-1.0, le=1.0)]
-
-
-class TrackerFacts(Struct, frozen=True, kw_only=True):
-    """What the trackers assume of target and camera; see `TrackerNoise`."""
-
-    acceleration: _Positive
-    """[m/s²]."""
-    along: _Magnitude
-    """[m]."""
-    across: _Magnitude
-    """[m]."""
-    along_share: _Magnitude = 0.0
-    """Share of the distance."""
-    across_angle: _Magnitude = 0.0
-    """[rad]."""
-    initial_speed: _Positive = kalman_filter.INITIAL_SPEED
-    """[m/s]."""
 
 
 class ObserverFacts(Struct, frozen=True, kw_only=True):
@@ -89,28 +72,8 @@ class ObserverFacts(Struct, frozen=True, kw_only=True):
     """From the pivot to the muzzle [m]."""
     offset: tuple[_Offset, _Offset]
     """Mean disturbance angles, pitch and yaw [rad]."""
-    tracker: TrackerFacts | None = None
-    """What the trackers assume; None for an observation without."""
-
-
-class Trackers(NamedTuple):
-    """What the trackers assume of target and camera; None where an observation has no such tracker."""
-
-    fast: TrackerNoise | None = None  # of the filter that follows turns, and of the models
-    slow: TrackerNoise | None = None  # of the filter that averages for long
-    rates: ModelRates | None = None  # of the interacting models
-
-
-class Tracks(NamedTuple):
-    """Estimates in O as of the latest detection; None as in `Trackers`."""
-
-    place: Array  # of that detection, B + (3,)
-    own: Array  # the own pivot at its exposure, in O [m], B + (3,)
-    age: Array  # of it at the latest decision [s], B
-    fast: Any  # Track
-    slow: Any  # Track
-    innovation: Array  # mean of the slow filter's last squared innovations, one where it is right, B
-    models: Any  # ModelTracks
+    tracker: dict[str, _Magnitude] | None = None
+    """What the trackers assume, as `TrackerNoise`; None for an observation without."""
 
 
 class Decisions(NamedTuple):
@@ -148,17 +111,17 @@ class View(NamedTuple):
     level: Array  # that estimate, x and y in O [m], B + (2,)
     distance: Array  # of it [m], B + (1,)
     azimuth: Array  # of it [rad], B + (1,)
-    sight: Array  # unit vector to it on level ground, B + (2,)
+    direction: Array  # unit vector to it on level ground, B + (2,)
     fast: Any  # Track
     slow: Any  # Track
 
     def across(self, level: Array) -> Array:
         """Return the part of a level vector to the left of the line of sight, shape B + (2,) → B + (1,)."""
-        return self.sight[..., :1] * level[..., 1:] - self.sight[..., 1:] * level[..., :1]
+        return self.direction[..., :1] * level[..., 1:] - self.direction[..., 1:] * level[..., :1]
 
     def away(self, level: Array) -> Array:
         """Return the part of a level vector along the line of sight, shape B + (2,) → B + (1,)."""
-        return namespace(level).sum(self.sight * level, axis=-1, keepdims=True)
+        return namespace(level).sum(self.direction * level, axis=-1, keepdims=True)
 
     def unwrapped(self, angle: Array) -> Array:
         """Return pitch and yaw [rad] with the yaw nearest to that of the command, shape B + (2,)."""
@@ -181,33 +144,21 @@ class Observer:
 
     def begin(self, seen: Seen) -> Memory:
         """Return the memory at the first decision, as if nothing had moved before it; shape B."""
-        xp, first, (fast, slow, rates) = namespace(seen.command), first_detection(seen), self.trackers
-        relative, shown = without_gradient(first.place) - first.own, first.fresh
-        tracks = Tracks(
-            first.place,
-            first.own,
-            first.age,
-            fast and kalman_filter.begin_track(fast, relative, shown),
-            slow and kalman_filter.begin_track(slow, relative, shown),
-            None if slow is None else 1.0 + 0.0 * first.age,
-            fast and rates and begin_models(fast, rates, relative, shown),
-        )
-        tracks = _moved(tracks, first.own)
-        decision, detection = self._decision(tracks, seen), _detection(tracks, 0.0 * first.age)
+        xp, tracks, zero = namespace(seen.command), self.trackers.begin(seen), 0.0 * seen.elapsed
+        decision, detection = self._decision(tracks, seen), _detection(tracks, zero)
 
         def repeated(each: Any, count: int) -> Any:
-            return map_arrays(lambda array: xp.stack([array] * count, axis=first.age.ndim), each)
+            return map_arrays(lambda array: xp.stack([array] * count, axis=zero.ndim), each)
 
         samples = zip(self.windows, (*detection, detection.azimuth), strict=False)
-        series = repeated(decision, self.frames), repeated(detection, self.detections)
+        decisions, detections = repeated(decision, self.frames), repeated(detection, self.detections)
         histories = tuple(constant_history(*each) for each in samples)
-        return Memory(tracks, *series, histories, seen.gimbal.age, seen.base, 0.0 * first.age)
+        return Memory(tracks, decisions, detections, histories, seen.gimbal.age, seen.base, zero)
 
     def remember(self, memory: Memory, seen: Seen) -> Memory:
         """Update the memory with what is seen at a decision, the first one included; shape B."""
         xp, later = namespace(seen.command), seen.elapsed > 0.0
-        before = memory.tracks._replace(age=memory.tracks.age + seen.elapsed)
-        tracks: Tracks = update_with_frames(self._update, _predicted, before, seen)
+        tracks = self.trackers.update(memory.tracks, seen)
         decision, detection = self._decision(tracks, seen), _detection(tracks, memory.detections.azimuth[..., -1])
 
         def pushed(series: Array, newest: Array) -> Array:
@@ -217,8 +168,9 @@ class Observer:
         old: Any = (memory.decisions, memory.detections, memory.histories)
         samples = zip(self.windows, memory.histories, (*detection, detection.azimuth), strict=False)
         new = (*map_arrays(pushed, old[:2], (decision, detection)), tuple(with_sample(*each) for each in samples))
-        series: Any = select(later, new, old)
-        return Memory(tracks, *series, seen.gimbal.age, seen.base, memory.clock + seen.elapsed)
+        decisions, detections, histories = select(later, new, old)
+        clock = memory.clock + seen.elapsed
+        return Memory(tracks, decisions, detections, histories, seen.gimbal.age, seen.base, clock)
 
     def view(self, memory: Memory) -> View:
         """Return the decision as the blocks need it; shape B."""
@@ -235,8 +187,8 @@ class Observer:
             angle = unwrapped(aim_at(relative, self.muzzle).angle, command)
             distance = xp.sqrt(relative[..., 0] ** 2 + relative[..., 1] ** 2)[..., None]
         azimuth = _near(xp.atan2(relative[..., 1], relative[..., 0]), latest)[..., None]
-        level, sight = relative[..., :2] + base.position[..., :2], relative[..., :2] / distance
-        return View(memory, angle, level, distance, azimuth, sight, fast, slow)
+        level, direction = relative[..., :2] + base.position[..., :2], relative[..., :2] / distance
+        return View(memory, angle, level, distance, azimuth, direction, fast, slow)
 
     def observe(self, view: View) -> Array:
         """Return the observation, shape B + (n,)."""
@@ -274,43 +226,6 @@ class Observer:
         angle = unwrapped(aim_at(relative, self.muzzle).angle, seen.command)
         distance = xp.sqrt(xp.sum(relative**2, axis=-1, keepdims=True))
         return Decisions(seen.gimbal.angle, seen.command, xp.concat([angle, distance], axis=-1))
-
-    def _update(self, tracks: Tracks, seen: Detection) -> Tracks:
-        """Update with a detection; one that is not fresh leaves all but the age of its frame."""
-        xp, (fast, slow, rates) = namespace(seen.age), self.trackers
-        age, fresh = xp.where(seen.fresh, seen.age, tracks.age), seen.fresh
-        # What is seen hardly depends on what was commanded: no gradient goes back through the trackers.
-        relative, elapsed = without_gradient(seen.place) - seen.own, tracks.age - age
-        before, innovation = _moved(tracks, -seen.own), tracks.innovation
-        after: dict[str, Any] = {}
-        if fast is not None:
-            predicted = kalman_filter.predict(fast, before.fast, elapsed)
-            after["fast"] = kalman_filter.update(fast, predicted, relative, fresh)
-        if slow is not None:
-            predicted = kalman_filter.predict(slow, before.slow, elapsed)
-            after["slow"] = kalman_filter.update(slow, predicted, relative, fresh)
-            square = xp.minimum(kalman_filter.squared_innovation(slow, predicted, relative), _LARGEST_INNOVATION)
-            innovation = xp.where(fresh, innovation + _FORGETTING * (square - innovation), innovation)
-        if fast is not None and rates is not None:
-            after["models"] = step_models(fast, rates, before.models, elapsed, relative, fresh)
-        place, own = select(fresh, (seen.place, seen.own), (tracks.place, tracks.own))
-        return _moved(before._replace(**after), seen.own)._replace(place=place, own=own, age=age, innovation=innovation)
-
-
-def _predicted(tracks: Tracks, age: Array) -> Array:
-    """Return where the target was so long [s] before now, in O [m], shape B → B + (3,)."""
-    if tracks.fast is None:
-        return tracks.place
-    return kalman_filter.position_after(tracks.fast, tracks.age - age)
-
-
-def _moved(tracks: Tracks, by: Array) -> Tracks:
-    """Return the estimates against another origin; `by` is added to places [m], shape B + (3,)."""
-    fast, slow = (each and kalman_filter.moved(each, by) for each in (tracks.fast, tracks.slow))
-    models = tracks.models
-    if models is not None:
-        models = models._replace(track=kalman_filter.moved(models.track, by[..., None, :]))
-    return tracks._replace(fast=fast, slow=slow, models=models)
 
 
 def _detection(tracks: Tracks, azimuth: Array) -> Detections:
@@ -359,7 +274,7 @@ def observer_facts(observation: str | tuple[str, ...], robot: Robot, task: Task,
             raise InputError("observation tracked needs a robot with sensing.json; identify it, or take history")
         noise = TrackerNoise(ACCELERATION[kind], EXACT_SD, EXACT_SD)
         noise = noise if robot.sensing is None else noise_from_record(robot.sensing, ACCELERATION[kind])
-        tracker = TrackerFacts(**{name: float(value) for name, value in noise._asdict().items()})
+        tracker = {name: float(value) for name, value in noise._asdict().items()}
     limits, muzzle, period = robot.command_limits(task), robot.muzzle_model(), task.period_s
     return ObserverFacts(
         observation=names,
@@ -390,7 +305,9 @@ def make_observer(facts: ObserverFacts, blocks: tuple[Any, ...] = ()) -> Observe
         raise InputError(f"observation: expected {expected}; got {kind} and {len(blocks)} blocks; give them")
     trackers, windows = Trackers(), tuple[tuple[int, float], ...]()
     if facts.tracker is not None:
-        fast = TrackerNoise(*(np.asarray(getattr(facts.tracker, name)) for name in TrackerNoise._fields))
+        if {*facts.tracker} != {*TrackerNoise._fields}:
+            raise InputError(f"tracker: expected {', '.join(TrackerNoise._fields)}, got {', '.join(facts.tracker)}")
+        fast = TrackerNoise(**{name: np.asarray(value) for name, value in facts.tracker.items()})
         trackers, windows = Trackers(fast), WINDOWS[:1]
     if kind == "multimodel":
         trackers, windows = Trackers(fast, fast._replace(acceleration=np.asarray(SLOW_ACCELERATION)), RATES), WINDOWS

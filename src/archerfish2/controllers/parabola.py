@@ -210,7 +210,7 @@ class ParabolaFilter(LikeliestHit):
             scale = _entry(covariance, axis, axis) ** -0.5
             below, above = (distribution((self.middles[axis, end] - mean) * scale) for end in range(2))
             share = share * (above - below)
-        # A target from elsewhere is none that can't be.
+        # A target outside the range keeps a small weight.
         row, column = systematic_draw(xp.exp(evidence) * (share + 1e-9), self.draws)
         index, flat = row * self.phase.shape[0] + column, (*evidence.shape[:-2], -1)
         means = (xp.take_along_axis(xp.reshape(each, flat), index, axis=-1) for each in (depth, lateral))
@@ -245,7 +245,7 @@ def systematic_draw(weight: Array, draws: int) -> tuple[Array, Array]:
 
 
 def _entry(matrix: Array, row: int, column: int) -> Array:
-    """Return an entry of 2×2 matrices, to meet a grid: shape B + (2, 2) → B + (1, 1)."""
+    """Return an entry of 2×2 matrices, to broadcast against a grid: shape B + (2, 2) → B + (1, 1)."""
     return matrix[..., row, column, None, None]
 
 

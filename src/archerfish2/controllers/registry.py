@@ -2,9 +2,10 @@
 
 import difflib
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from msgspec import Meta
 
 from archerfish2.arrays import is_tree, leaves, map_arrays, single_precision
 from archerfish2.compiled import has_jax, import_jax
@@ -31,18 +32,18 @@ by a camera without noise [m]: a larger value, which does a Kalman filter good, 
 class Tuning(Struct, frozen=True, kw_only=True, eq=True):
     """What is tuned of a controller; each has a use for some of it."""
 
-    acceleration_sd: float
+    acceleration_sd: Annotated[float, Meta(ge=0.0, le=1e6)]
     """Process noise of the Kalman filter, as a standard deviation of the target's acceleration [m/s²]."""
-    extra_lead_s: float = 0.0
+    extra_lead_s: Annotated[float, Meta(ge=-10.0, le=10.0)] = 0.0
     """Lead beyond what the controller has a model of, as for the lag of a gimbal; negative where targets turn back
     before pellets arrive [s]."""
-    smoothing: float = SMOOTHING
+    smoothing: Annotated[float, Meta(ge=1e-9, le=1e9)] = SMOOTHING
     """Weight of the changes of the command in a preview, against squared angle errors."""
-    initial_speed: float = INITIAL_SPEED
+    initial_speed: Annotated[float, Meta(ge=1e-6, le=1e6)] = INITIAL_SPEED
     """Standard deviation of the target's speed at the first detection that the filter assumes [m/s]."""
-    velocity_decay: float = 1.0
+    velocity_decay: Annotated[float, Meta(ge=0.0, le=10.0)] = 1.0
     """Share of the estimated velocity at which the target is predicted to go on, 0…1."""
-    turn_rate: float = 1.0
+    turn_rate: Annotated[float, Meta(ge=0.0, le=1e6)] = 1.0
     """How often a target is taken to turn back [1/s]."""
 
 
@@ -115,17 +116,18 @@ def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | 
     Raises:
       InputError: if it can't be found, is not for this robot or task, its code fails, or what is built is none.
     """
-    if controller == "kalman-paper":
+    name = controller if isinstance(controller, str) else ""
+    if name == "kalman-paper":
         if robot.digest() != type(robot).paper().digest():
             raise InputError(f"kalman-paper has settings of the paper's robot alone, got {robot.name}; take kalman")
-        tuning = tuning or Tuning(**paper_tuning(task.command_limit)[controller])
-    if controller in NAMES:
-        return single_precision(_build(controller, robot, task, tuning or tuning_at(controller)))
-    if isinstance(controller, str) and not is_plugin(controller, "controller") and not controller.endswith(".py"):
-        near = difflib.get_close_matches(controller.lower(), NAMES, 1)
+        tuning = tuning or Tuning(**paper_tuning(task.command_limit)[name])
+    if name in NAMES:
+        return single_precision(_build(name, robot, task, tuning or tuning_at(name)))
+    if name and not is_plugin(name, "controller") and not name.endswith(".py"):
+        near = difflib.get_close_matches(name.lower(), NAMES, 1)
         meant = f"perhaps you meant {near[0]}" if near else "name one of these"
         expected = f"{', '.join(NAMES)}, or one of your own ({FORMS})"
-        raise InputError(f"controller must be one of {expected}, got {controller!r}; {meant}")
+        raise InputError(f"controller must be one of {expected}, got {name!r}; {meant}")
     plugin = find_plugin(controller, "controller")
     with plugin.running():
         built = plugin.value

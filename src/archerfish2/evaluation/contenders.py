@@ -9,6 +9,7 @@ import numpy as np
 
 from archerfish2 import progress
 from archerfish2.arrays import map_arrays
+from archerfish2.controllers.policy import Policy
 from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, check_decision, make_controller
 from archerfish2.errors import InputError
 from archerfish2.evaluation.results import Kind
@@ -37,6 +38,13 @@ def load(robot: Robot | str | Path | None, task: Task | str | Path) -> tuple[Rob
     return robot, task if isinstance(task, Task) else Task.load(task)
 
 
+def is_policy(value: Any) -> bool:
+    """Whether a value names a policy: a .safetensors file, or a folder with policy.safetensors."""
+    if not isinstance(value, str | Path):
+        return False
+    return str(value).endswith(".safetensors") or (Path(value) / "policy.safetensors").is_file()
+
+
 def named_controllers(controllers: Any) -> list[tuple[str, Any]]:
     """Return controllers with the names that results give them; equal names of one seed get -2, -3.
 
@@ -50,6 +58,7 @@ def named_controllers(controllers: Any) -> list[tuple[str, Any]]:
         controllers = (controllers,)
     pairs: Iterable[tuple[str, Any]]
     pairs = controllers.items() if isinstance(controllers, Mapping) else ((_name(each), each) for each in controllers)
+    pairs = [(name, Policy.load(value) if is_policy(value) else value) for name, value in pairs]
     named: dict[tuple[str, int | None], Any] = {}
     for name, value in pairs:
         seed = getattr(getattr(value, "facts", None), "seed", None)
@@ -61,6 +70,8 @@ def named_controllers(controllers: Any) -> list[tuple[str, Any]]:
 
 
 def _name(controller: Any) -> str:
+    if is_policy(controller):
+        return Path(controller).stem
     if isinstance(controller, str):
         return controller.rpartition(":")[2]
     return "policy" if hasattr(controller, "facts") else getattr(controller, "__name__", type(controller).__name__)
@@ -80,6 +91,9 @@ def make_contender(name: str, value: Any, robot: Robot, task: Task, tuning: Mapp
       InputError: if it can't be made.
     """
     if hasattr(value, "facts"):
+        period = value.facts.observer.period_s
+        if period != task.period_s:
+            raise InputError(f"{name} decides every {period:g} s, expected {task.period_s:g} s; train again")
         return Contender(name, value, "policy", value.facts.seed)
     word = value if isinstance(value, str) else ""
     if word == PERFECT:

@@ -21,7 +21,10 @@ REWARDS = {"eq-8": (1.0, 0.0, 0.0), "hit": (1.0, 0.1, 0.0), "smooth-hit": (0.1, 
 
 
 def make_environment(
-    robot: Robot | str | Path | None = None, task: Task | str | Path = "any", config: TrainConfig | None = None
+    robot: Robot | str | Path | None = None,
+    task: Task | str | Path = "any",
+    config: TrainConfig | None = None,
+    reward: Any = None,
 ) -> Environment:
     """Build the environment that `train` trains in, in float32.
 
@@ -29,6 +32,7 @@ def make_environment(
       robot: a robot or its folder; the paper's if not given.
       task: a task, its name or its file.
       config: observation, reward and share of still targets; by default those of `train`.
+      reward: in the place of the settings'; a name, or a user's function.
 
     Raises:
       InputError: if robot, task and settings don't fit each other, or a user's code fails.
@@ -45,7 +49,7 @@ def make_environment(
     # Who sees old detections alone, or six numbers of them, leaves the critic to learn where the target really is.
     sees_truth = config.trainer == "ppo" and (robot.sensing is not None or config.kind in ("tracked", "multimodel"))
     environment: Environment = single_precision(
-        Environment(world, scenario, observer, _reward(config.reward, task), sees_truth)
+        Environment(world, scenario, observer, _reward(reward or config.reward, task), sees_truth)
     )
     return environment
 

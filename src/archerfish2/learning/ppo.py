@@ -103,8 +103,6 @@ def _rollout(
     actor, critic = learner.actor, learner.critic
     std, (keys, batch) = jnp.exp(actor.log_std)[None, :], (jax.random.split(key, 3), sizes["environments"])
 
-    kept: Any  # of each decision: reward, value, next value, whether it terminated, whether it was truncated
-
     def act(carry: tuple[Any, Array], draws: tuple[Array, Array]) -> tuple[tuple[Any, Array], Any]:
         state, observation = carry
         normal = normalise(learner.normaliser, observation)
@@ -117,15 +115,8 @@ def _rollout(
         next_value = forward(critic, normalise(learner.normaliser, step.final_observation))[..., 0]
         hit = step.shot.fired & (step.shot.margin >= 0.0)
         after = (step.reward, value, next_value, step.terminated, step.truncated)
-        return (state, step.observation), (
-            observation,
-            normal,
-            action,
-            chosen,
-            after,
-            hit,
-            magnitude(step.final_observation),
-        )
+        final = magnitude(step.final_observation)
+        return (state, step.observation), (observation, normal, action, chosen, after, hit, final)
 
     # Columns: to draw a few numbers in a row, many times, takes several times as long.
     draws = (
@@ -133,18 +124,18 @@ def _rollout(
         jax.random.normal(keys[1], (sizes["rollout"], environment.normals, batch)),
     )
     fresh = fresh_engagements(environment, keys[2], batch)
-    (state, observation), (raw, normal, action, chosen, kept, hits, final) = jax.lax.scan(
-        act, (learner.environment, learner.observation), draws
-    )
-    gained = advantages(*kept, settings["discount"], settings["trace"])
-    numbers = jnp.stack([chosen, gained, gained + kept[1]], axis=-1)
+    (state, observation), played = jax.lax.scan(act, (learner.environment, learner.observation), draws)
+    raw, normal, action, chosen, kept, hits, final = played
+    rewards, values, *rest = kept
+    gained = advantages(rewards, values, *rest, discount=settings["discount"], trace=settings["trace"])
+    numbers = jnp.stack([chosen, gained, gained + values], axis=-1)
     table = jnp.concatenate([jnp.ones((*gained.shape, 1)), normal, action, numbers], axis=-1)
     # The statistics change between iterations only: rollout and updates see the same numbers.
     normaliser = updated(learner.normaliser, raw)
     acted = learner._replace(environment=state, observation=observation, normaliser=normaliser)
-    mean_reward, hit_share = averaged((jnp.mean(kept[0]), jnp.mean(jnp.float32(hits))))
+    mean_reward, hit_share = averaged((jnp.mean(rewards), jnp.mean(jnp.float32(hits))))
     watched = {"observation": magnitude(raw, observation, final), "action": magnitude(action)}
-    watched["reward"] = magnitude(kept[0])
+    watched["reward"] = magnitude(rewards)
     return acted, table.reshape(-1, table.shape[-1]), {"mean_reward": mean_reward, "hit_share": hit_share}, watched
 
 
@@ -154,6 +145,7 @@ def advantages(
     next_values: Array,
     terminated: Array,
     truncated: Array,
+    *,
     discount: Array | float,
     trace: Array | float,
 ) -> Array:

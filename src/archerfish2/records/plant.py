@@ -10,7 +10,7 @@ from msgspec import Meta, field
 
 from archerfish2.errors import InputError
 from archerfish2.records.json_files import Count, Counts, Matrix
-from archerfish2.records.record import Provenance, Record
+from archerfish2.records.record import Provenance, Record, Text
 
 LARGEST = {"states": 64, "inputs": 16, "outputs": 16, "draws": 1000}
 _LARGEST_EXPANDED = 2000
@@ -38,7 +38,7 @@ class PlantRecord(Record, frozen=True, kw_only=True):
     """Input delay [samples]."""
     sample_period_s: Annotated[float, Meta(ge=1e-6, le=1e6)]
     """Sampling period [s]."""
-    axis: str = "axis"
+    axis: Text = "axis"
     """Which axis this is: "pitch", "yaw", or any name."""
     input_names: Names = ("command",)
     """Names of the m inputs."""
@@ -80,12 +80,7 @@ class PlantRecord(Record, frozen=True, kw_only=True):
 
     @classmethod
     def second_order(
-        cls,
-        natural_hz: float,
-        damping: float,
-        delay_s: float = 0.0,
-        sample_period_s: float = 1e-3,
-        gain: float = 1.0,
+        cls, natural_hz: float, damping: float, delay_s: float = 0.0, sample_period_s: float = 1e-3, gain: float = 1.0
     ) -> Self:
         """Return gain ω² / (s² + 2 ζ ω s + ω²) under commands that are held for a sampling period.
 
@@ -131,16 +126,9 @@ class PlantRecord(Record, frozen=True, kw_only=True):
           InputError: if the matrices don't fit together.
         """
         A, B, C, D = (np.atleast_2d(each) for each in (A, B, C, D))
-        return cls(
-            A=A,
-            B=B,
-            C=C,
-            D=D,
-            delay_samples=delay_samples,
-            sample_period_s=dt,
-            input_names=_names("command", B.shape[-1]),
-            output_names=_names("angle", len(C)),
-        )
+        D = np.full((len(C), B.shape[-1]), D[0, 0]) if D.size == 1 else D
+        names: Any = {"input_names": _names("command", B.shape[-1]), "output_names": _names("angle", len(C))}
+        return cls(A=A, B=B, C=C, D=D, delay_samples=delay_samples, sample_period_s=dt, **names)
 
     def to_state_space(self) -> tuple[Matrix, Matrix, Matrix, Matrix, float]:
         """Return A, B, C, D and the sampling period, with the delay as further states.

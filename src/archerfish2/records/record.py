@@ -10,6 +10,8 @@ from msgspec import Meta
 from archerfish2.errors import InputError
 from archerfish2.records.json_files import Number, decode, fault, plain, read_struct, write_json
 
+Text = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f\ud800-\udfff]*\Z", max_length=1000)]
+"""A text in one line."""
 Angle = Annotated[float, Meta(ge=-100.0, le=100.0)]
 """[rad]."""
 Time = Annotated[float, Meta(ge=-10.0, le=10.0)]
@@ -44,6 +46,9 @@ class Struct(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     def replace(self, **changes: Any) -> Self:
         """Return the same record with some fields changed."""
+        if unknown := sorted(changes.keys() - {*self.__struct_fields__}):
+            fields = ", ".join(self.__struct_fields__)
+            raise InputError(f"{type(self).__name__}: there is no field {unknown[0]}; fields are {fields}")
         return type(self)(**{name: getattr(self, name) for name in self.__struct_fields__} | changes)
 
 

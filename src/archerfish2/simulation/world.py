@@ -21,6 +21,7 @@ from archerfish2.errors import InputError
 from archerfish2.protocols import Barrel, Base, Command, Engagement, Frames, GimbalFeedback, Seen, Shot, Truth
 from archerfish2.records.muzzle import MuzzleRecord
 from archerfish2.simulation.camera import LinkedHardware, Sensing, jittered, sensing_from_record
+from archerfish2.targets.motion import BEGIN_S
 
 if TYPE_CHECKING:
     from archerfish2.robot import Robot
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 CROSSING_ROUNDS = 3
 """Rounds of the search for the plane that a pellet crosses; each shrinks the error by the ratio of the two speeds."""
+SLOWEST = 1e-3
+"""Share of the muzzle speed towards the plate with which a pellet is taken to reach it."""
 OUT = -1e3
 """Margin without pellet or crossing [m]: finite, so that a mean or a reward of margins needs no mask."""
 OLDEST_FEEDBACK_S = 0.25
@@ -192,6 +195,9 @@ class SimulatedWorld:
         if muzzle.speed.ndim < time.ndim and muzzle.speed.ndim:
             muzzle = map_arrays(lambda each: each[(None,) * (time.ndim - muzzle.speed.ndim)], muzzle)
         position, velocity = pellet_at_muzzle(muzzle, angle, rate, normals[..., :PELLET_NORMALS])
+        # A pellet that flies backwards crosses no plate. Replaced before any arithmetic, which has no value for it.
+        forward = velocity[..., 0] > SLOWEST * muzzle.speed
+        velocity = xp.where(forward[..., None], velocity, xp.abs(velocity) + lift(muzzle.speed[..., None], velocity))
         plate = _place(engagement, time)
         crossing = flat_fire_crossing(position, velocity, plate[..., 0], muzzle.drag)
         for _ in range(CROSSING_ROUNDS):
@@ -200,7 +206,7 @@ class SimulatedWorld:
         miss = xp.stack([crossing.lateral - plate[..., 1], crossing.height - plate[..., 2]], axis=-1)
         # A square root has no gradient at zero: the guard is below a float32's last place of any miss that matters.
         margin = self.hit_radius - xp.sqrt(xp.sum(miss**2, axis=-1) + 1e-20)
-        return scored(fire, 0.0 * time, miss, margin, fire == fire, crossing.time, angle)
+        return scored(fire, 0.0 * time, miss, margin, forward & (crossing.time > 0.0), crossing.time, angle)
 
     def muzzle_of(self, engagement: Engagement) -> Muzzle:
         """Return the muzzle of each engagement, shape () or B."""
@@ -237,6 +243,11 @@ def make_world(robot: "Robot", task: "Task") -> SimulatedWorld:
       InputError: if a plant does not fit the decision period, or feedback is older than a controller can use.
     """
     period, limits = task.period_s, robot.limits
+    for axis, angle in zip(("pitch", "yaw"), task.start, strict=True):
+        ends = getattr(limits, axis)
+        if not ends.low <= angle <= ends.high:
+            between = f"{ends.low:.3g}…{ends.high:.3g} rad"
+            raise InputError(f"the task begins at a {axis} of {angle:g} rad, expected {between}, as of {robot.name}")
     low, high = (np.array([getattr(axis, end) for axis in (limits.pitch, limits.yaw)]) for end in ("low", "high"))
     hardware: Any
     if robot.sensing is None:
@@ -267,6 +278,12 @@ def make_world(robot: "Robot", task: "Task") -> SimulatedWorld:
 
 def _periods_back(sensing: Sensing, period: float) -> int:
     """Return how many periods back the world must remember the axes for the oldest feedback."""
+    seen = jittered(sensing.latency, sensing.latency_jitter, np.full(len(sensing.latency), np.inf))
+    if (age := float(np.max(seen + sensing.frame_period))) > -BEGIN_S:
+        raise InputError(
+            f"frames are up to {age:.3g} s old by the sensing record, expected at most {-BEGIN_S} s; a camera of more "
+            "frames per second, or a quicker program, is needed"
+        )
     latency = jittered(sensing.feedback_latency, sensing.feedback_jitter, np.full(len(sensing.latency), np.inf))
     oldest = float(np.max(latency + sensing.feedback_period))
     if oldest > OLDEST_FEEDBACK_S:

@@ -37,7 +37,7 @@ def first_detection(seen: Seen) -> Detection:
     """
     xp = namespace(seen.command)
     guess = seen.base.position + GUESS_DISTANCE_M * direction(seen.command)
-    none = seen.elapsed > GUESS_AGE_S
+    none = seen.elapsed < 0.0  # false, of the batch's shape
     begun = Detection(guess, 0.0 * seen.elapsed, seen.base.position, seen.elapsed + GUESS_AGE_S, none)
 
     def latest(before: Detection, frame: Frames) -> Detection:

@@ -1,0 +1,252 @@
+"""The folder of a training: everything that it needs to continue, to the bit, after any end.
+
+`run.json` has the settings, the robot's records inside; `log.jsonl` a line per iteration; `checkpoint.safetensors` the
+learner, and `checkpoint.previous.safetensors` the one before, should the newer be damaged. At the end there are
+`policy.safetensors` and `curve.svg` in the place of the checkpoints; a training that diverged leaves `fault.json`.
+"""
+
+import json
+import shutil
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from msgspec import field as struct_field
+
+from archerfish2 import storage
+from archerfish2.errors import InputError, file_error
+from archerfish2.learning.config import TrainConfig
+from archerfish2.records.json_files import parse_json, plain, read_json, to_struct, write_json
+from archerfish2.records.record import Struct
+from archerfish2.reports.style import new_figure, plot_style, svg_text
+from archerfish2.robot import Robot
+from archerfish2.task import Task
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LOG, POLICY, CURVE, FAULT = "log.jsonl", "policy.safetensors", "curve.svg", "fault.json"
+CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
+REMEDY = "begin the training again"
+
+
+class Begun(Struct, frozen=True, kw_only=True):
+    """What a training was begun with."""
+
+    robot: Robot
+    """With all records."""
+    task: Task
+    """That is trained on."""
+    config: TrainConfig
+    """Resolved."""
+    seed: int
+    """Of everything random."""
+    devices: int = 1
+    """That the shards had, which decides the last bits."""
+    commit: str = ""
+    """Of the code."""
+    versions: dict[str, str] = struct_field(default_factory=dict)
+    """Of the libraries."""
+    code: dict[str, str] = struct_field(default_factory=dict)
+    """A user's code, name → SHA-256 of its file."""
+    files: tuple[str, ...] = ()
+    """In the folder, that belong to the training."""
+
+
+@dataclass
+class RunFolder:
+    """A training's folder, locked."""
+
+    path: Path
+    begun: Begun
+    rows: list[dict[str, Any]] = field(default_factory=list)  # of the log, one per iteration
+    logged: int = 0  # how many of them the file has
+
+    def log(self, rows: list[dict[str, Any]]) -> None:
+        """Append iterations to the log."""
+        self.rows += rows
+        with storage.writing(self.path / LOG), (self.path / LOG).open("a") as stream:
+            stream.writelines(json.dumps(row, allow_nan=False) + "\n" for row in rows)
+
+    def save(self, learner: Any) -> None:
+        """Write a checkpoint; the one before is kept."""
+        with storage.writing(self.path):
+            if (self.path / CHECKPOINT).exists():
+                (self.path / CHECKPOINT).replace(self.path / PREVIOUS)
+        storage.write_arrays(self.path / CHECKPOINT, {"iterations": len(self.rows)}, _arrays(learner))
+
+    def restore(self, learner: Any) -> Any:
+        """Return the learner of the latest checkpoint that is whole, and cut the log to it; the given one without any.
+
+        Args:
+          learner: that the training began with, for the structure.
+
+        Raises:
+          InputError: if a checkpoint is of other settings, or both are damaged.
+        """
+        faults = []
+        for path in (self.path / CHECKPOINT, self.path / PREVIOUS):
+            if not path.exists():
+                continue
+            try:
+                text, arrays = storage.read_arrays(path, REMEDY)
+                restored, count = _learner(path, arrays, learner), int(parse_json(text, path, REMEDY)["iterations"])
+            except InputError as error:
+                faults.append(str(error))
+                continue
+            if faults:
+                warnings.warn(f"{faults[0]}: continuing from the checkpoint before", stacklevel=2)
+            self._cut(count)
+            return restored
+        if faults:
+            raise InputError(f"{self.path}: no checkpoint is whole ({'; '.join(faults)})")
+        self._cut(0)
+        return learner
+
+    def _cut(self, count: int) -> None:
+        path = self.path / LOG
+        lines = path.read_text().splitlines()[:count] if path.exists() else []
+        self.rows = [json.loads(line) for line in lines]
+        if len(self.rows) < count:
+            raise file_error(path, f"has {len(self.rows)} iterations, expected {count}", REMEDY)
+        storage.write_bytes(path, "".join(f"{line}\n" for line in lines).encode())
+
+    def finish(self, policy: Any) -> None:
+        """Write the results, and remove the checkpoints and what an earlier training left."""
+        storage.write_bytes(self.path / CURVE, svg_text(learning_curve(self.rows)).encode())
+        files = (LOG, CURVE, POLICY)
+        _write(self.path, self.begun.replace(files=files))
+        policy.save(self.path / POLICY)
+        for name in (CHECKPOINT, PREVIOUS, FAULT):
+            (self.path / name).unlink(missing_ok=True)
+        shutil.rmtree(_before(self.path), ignore_errors=True)
+
+    def diverged(self, learner: Any, facts: dict[str, Any]) -> None:
+        """Write the learner of before the fault, and what happened."""
+        self.save(learner)
+        write_json(self.path / FAULT, {"schema": "archerfish.fault/1", **facts})
+
+
+@contextmanager
+def new_run(path: Path, begun: Begun) -> Iterator[RunFolder]:
+    """Make the folder of a training and hold its lock; a finished one in its place is moved aside until the end.
+
+    Raises:
+      InputError: if the folder is in use, has an unfinished training, or something that is no training's.
+    """
+    if path.exists() and not path.is_dir():
+        raise file_error(path, "is no folder", "name another one")
+    with storage.locked(path):
+        names = {each.name for each in path.iterdir()} - {storage.LOCK}
+        if names and not (path / storage.RUN).exists():
+            raise file_error(path, f"has files of something else, as {min(names)}", "choose another folder")
+        if names and not (path / POLICY).exists():
+            raise file_error(path, "has an unfinished training", f"continue it: --resume {path}")
+        own = {storage.RUN, *(read_run(path).files if names else ())}
+        if others := sorted(names - own):
+            raise file_error(path, f"has files of something else, as {others[0]}", "choose another folder")
+        if names:
+            before = _before(path)
+            if before.exists():
+                raise file_error(before, "is in the place where the earlier training is moved", "move it away")
+            with storage.writing(before):
+                before.mkdir()
+                for name in names:
+                    (path / name).replace(before / name)
+        _write(path, begun)
+        yield RunFolder(path, begun)
+
+
+@contextmanager
+def resumed_run(path: Path) -> Iterator[RunFolder]:
+    """Open the folder of an unfinished training and hold its lock.
+
+    Raises:
+      InputError: if it is in use, has no training or a finished one, or is damaged.
+    """
+    if not (path / storage.RUN).is_file():
+        raise file_error(path, "has no training", "name the folder of an unfinished one")
+    with storage.locked(path):
+        if (path / POLICY).exists():
+            raise file_error(path, "has a finished training", "begin another one")
+        yield RunFolder(path, read_run(path))
+
+
+def read_run(path: Path) -> Begun:
+    """Return what the training of a folder was begun with.
+
+    Raises:
+      InputError: if its run.json is damaged, or of another command.
+    """
+    file = path / storage.RUN
+    content = read_json(file, REMEDY)
+    if not isinstance(content, dict) or not isinstance(content.get("train"), dict):
+        raise file_error(file, "is not that of a training", "choose another folder")
+    return to_struct({"schema": content.get("schema"), **content["train"]}, file, Begun, storage.RUN_SCHEMA, REMEDY)
+
+
+def learning_curve(rows: list[dict[str, Any]], *, title: str = "Training") -> "Figure":
+    """Draw hit share and mean reward of a training against its decisions.
+
+    Args:
+      rows: of the log.
+      title: above.
+    """
+    decisions = np.array([row["decisions"] for row in rows]) / 1e6
+    with plot_style():
+        figure, axes = new_figure(2, 1, height=4.6, sharex=True)
+        for place, (name, label, scale) in enumerate(
+            (("hit_share", "hits [%]", 100.0), ("mean_reward", "reward [m]", 1.0))
+        ):
+            axes[place, 0].plot(decisions, scale * np.array([row[name] for row in rows], float))
+            axes[place, 0].set_ylabel(label)
+        axes[0, 0].set_title(title)
+        axes[1, 0].set_xlabel("decisions [million]")
+    return figure
+
+
+def _before(path: Path) -> Path:
+    return path.with_name(f"{path.name}.before")
+
+
+def _write(path: Path, begun: Begun) -> None:
+    write_json(path / storage.RUN, {"schema": storage.RUN_SCHEMA, "train": plain(begun)})
+
+
+def _named(learner: Any) -> list[tuple[str, Any]]:
+    import jax
+
+    leaves = jax.tree_util.tree_leaves_with_path(learner)
+    return [(jax.tree_util.keystr(path), leaf) for path, leaf in leaves]
+
+
+def _is_key(leaf: Any) -> bool:
+    import jax
+
+    return bool(jax.numpy.issubdtype(leaf.dtype, jax.dtypes.prng_key))
+
+
+def _arrays(learner: Any) -> dict[str, Any]:
+    """Return the arrays of a learner by their places; PRNG keys as the numbers that they are made of."""
+    import jax
+
+    return {name: np.asarray(jax.random.key_data(leaf) if _is_key(leaf) else leaf) for name, leaf in _named(learner)}
+
+
+def _learner(path: Path, arrays: dict[str, Any], like: Any) -> Any:
+    import jax
+
+    expected = _arrays(like)
+    for name, array in expected.items():
+        found = arrays.get(name)
+        if found is None or found.shape != array.shape or found.dtype != array.dtype:
+            raise file_error(path, f"array {name}: expected {array.dtype} of shape {array.shape}", REMEDY)
+    leaves = []
+    for name, leaf in _named(like):
+        array = jax.numpy.asarray(arrays[name])
+        leaves.append(jax.random.wrap_key_data(array) if _is_key(leaf) else array)
+    return jax.tree.unflatten(jax.tree.structure(like), leaves)

@@ -1,0 +1,248 @@
+"""A whole training: iterations in compiled calls, watched, stored and stopped between them."""
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from archerfish2 import progress
+from archerfish2.arrays import map_arrays
+from archerfish2.compiled import import_jax
+from archerfish2.controllers.observation import observer_facts
+from archerfish2.controllers.policy import Policy, PolicyFacts
+from archerfish2.errors import InputError
+from archerfish2.learning.config import TrainConfig
+from archerfish2.learning.environments import make_environment
+from archerfish2.learning.run_folder import Begun, RunFolder, new_run, resumed_run
+from archerfish2.plugins import find_plugin, names_code
+from archerfish2.provenance import code_commit, library_versions
+from archerfish2.records.json_files import plain
+from archerfish2.robot import Robot
+from archerfish2.storage import file_hash
+from archerfish2.task import DRAWN, EQ_7, Task
+
+CHUNK = 4
+"""Iterations per compiled call; between calls there are checkpoints, and a training can be stopped."""
+_LOOK = "look at the robot's records and the motion: it comes from the simulated robot"
+_REMEDIES = {"observation": _LOOK, "reward": _LOOK, "action": "lower the learning rates or log_std"}
+
+
+def train(
+    robot: Robot | str | Path | None = None,
+    task: Task | str | Path = "any",
+    *,
+    config: TrainConfig | None = None,
+    trainer: Literal["gradient", "ppo"] | None = None,
+    seed: int = 0,
+    steps: int | None = None,
+    out: str | Path | None = None,
+    resume: str | Path | None = None,
+    reward: Any = None,
+) -> Policy:
+    """Train a policy; the same seed gives the same weights, bit for bit, on the same machine and versions.
+
+    In the main thread, Ctrl-C and SIGTERM write a checkpoint, then end the training; a second one ends it at once.
+
+    Args:
+      robot: a robot or its folder; the paper's if not given.
+      task: a task, its name or its file.
+      config: settings; what it leaves open follows robot and task.
+      trainer: "gradient" or "ppo", in the place of the settings'.
+      seed: of everything random.
+      steps: decisions to train for, in the place of the settings'.
+      out: folder for the policy and everything about its training; nothing is written if not given.
+      resume: folder of an unfinished training to continue; then all but a user's own code is there.
+      reward: "eq-8", "hit", "smooth-hit", or one of a user's own, a name as `find_plugin` takes it or the function.
+
+    Raises:
+      InputError: if something can't be used, the folder is in use or has something else, or the training diverges.
+    """
+    jax = import_jax()
+    from archerfish2.learning import shards
+
+    if resume is None:
+        robot = Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
+        task = task if isinstance(task, Task) else Task.load(task)
+        config = _settings(config or TrainConfig(), trainer, steps, reward).resolved(robot, task)
+        begun = Begun(
+            robot=robot.replace(folder=None),
+            task=task,
+            config=config,
+            seed=seed,
+            devices=shards.claim_devices(config.settings.shards),
+            commit=code_commit(),
+            versions=library_versions(),
+            code=_code(task, config, reward),
+        )
+        environment = make_environment(robot, task, config, reward)
+        opened: Any = nullcontext(None) if out is None else new_run(Path(out), begun)
+    else:
+        opened = resumed_run(Path(resume))
+    with opened as folder:
+        if resume is not None:
+            begun = folder.begun
+            shards.claim_devices(begun.config.settings.shards)
+            environment = make_environment(begun.robot, begun.task, begun.config, _given(begun, task, config, reward))
+        learner, rows = _run(jax, environment, begun, folder)
+        policy = _policy(environment, learner, begun, rows, folder.path if folder else None)
+        if folder is not None:
+            folder.finish(policy)
+    return policy
+
+
+def _settings(config: TrainConfig, trainer: Any, steps: int | None, reward: Any) -> TrainConfig:
+    """Return settings with what is given beside them in their place."""
+    config = config.replace(trainer=trainer) if trainer else config
+    if reward is not None:
+        config = config.replace(reward=reward if isinstance(reward, str) else find_plugin(reward, "reward").spec)
+    if steps is not None:
+        config = config.replace(gradient=config.gradient.replace(steps=steps), ppo=config.ppo.replace(steps=steps))
+    return config
+
+
+def _own(task: Task, config: TrainConfig, reward: Any) -> dict[str, Any]:
+    """Return a user's code by kind and name: the motion, the reward, the blocks of the observation."""
+    blocks = () if isinstance(config.observation, str) else (config.observation or ())[1:]
+    own = {f"block {name}": name for name in blocks}
+    if task.motion not in (*EQ_7, *DRAWN):
+        own[f"motion {task.motion}"] = task.motion
+    if names_code(config.reward):
+        own[f"reward {config.reward}"] = reward or config.reward
+    return own
+
+
+def _code(task: Task, config: TrainConfig, reward: Any) -> dict[str, str]:
+    """Return the SHA-256 of each file of a user's code; of what is no file nothing is known."""
+    found = {name: find_plugin(each, name.partition(" ")[0]).file for name, each in _own(task, config, reward).items()}
+    return {name: file_hash(Path(file)) if file else "" for name, file in found.items()}
+
+
+def _given(begun: Begun, task: Task | str | Path, config: TrainConfig | None, reward: Any) -> Any:
+    """Return the reward to continue with, once all of a user's code is known to be given, and as it was.
+
+    Code that only a file names is not run.
+    """
+    motion = task.motion if isinstance(task, Task) else str(task)
+    blocks = () if config is None or isinstance(config.observation, str) else (config.observation or ())[1:]
+    reward = reward if reward is not None or config is None or config.reward == "auto" else config.reward
+    named = reward if isinstance(reward, str) or reward is None else find_plugin(reward, "reward").spec
+    now = {f"block {each}" for each in blocks} | {f"motion {motion}", f"reward {named}"}
+    if missing := sorted(begun.code.keys() - now):
+        raise InputError(f"this training has a {missing[0]} of your own; give it again, as the training was begun")
+    for name, digest in _code(begun.task, begun.config, reward).items():
+        if digest != begun.code.get(name, ""):
+            raise InputError(f"{name} has changed since the training was begun; put it back, or begin another training")
+    return reward if names_code(begun.config.reward) else None
+
+
+def _run(jax: Any, environment: Any, begun: Begun, folder: RunFolder | None) -> tuple[Any, list[dict[str, Any]]]:
+    """Return the learner at the end, and a row of metrics per iteration."""
+    from archerfish2.learning import gradient, learner, ppo, shards
+
+    config, trainer = begun.config.settings, {"ppo": ppo, "gradient": gradient}[str(begun.config.trainer)]
+    environment = jax.tree.map(jax.numpy.asarray, environment)
+    state = trainer.begin(environment, config, jax.random.key(begun.seed))
+    rows: list[dict[str, Any]] = []
+    if folder is not None:
+        state, rows = folder.restore(state), folder.rows
+    state = shards.placed(state, config.shards, learner.SPLIT)
+    total, stored = -(-config.iterations // CHUNK) * CHUNK, time.monotonic()
+    with progress.bar("training", total * config.batch, "decisions") as advance, _stop_requests() as stop:
+        while len(rows) < total:
+            if rows:
+                advance(len(rows) * config.batch, f"of the latest shots {rows[-1]['hit_share']:.1%} hit")
+            state, metrics = trainer.advance(environment, config, state, CHUNK)
+            new, fault = _rows({name: np.asarray(each) for name, each in metrics.items()}, len(rows), config.batch)
+            if folder is None:
+                rows += new
+            else:
+                folder.log(new)
+            if fault:
+                raise _diverged(fault, len(rows), config.batch, folder, state)
+            due = stop or time.monotonic() - stored >= begun.config.checkpoint_every_s
+            if folder is not None and due and len(rows) < total:
+                folder.save(state)
+                stored = time.monotonic()
+            if stop:
+                break
+    if stop:  # once more, to whoever handled it before
+        signal.raise_signal(stop[0])
+    return state, rows
+
+
+def _rows(metrics: dict[str, Any], done: int, batch: int) -> tuple[list[dict[str, Any]], str]:
+    """Return a row per good iteration, and what was first bad, "" if nothing was."""
+    from archerfish2.learning.learner import WATCHED
+
+    bad = ~(metrics.pop("watched") <= np.array(list(WATCHED.values())))
+    good = int(np.argmax(bad.any(axis=1))) if bad.any() else len(bad)
+    rows = [
+        {"iteration": done + i + 1, "decisions": (done + i + 1) * batch, **{n: float(a[i]) for n, a in metrics.items()}}
+        for i in range(good)
+    ]
+    return rows, list(WATCHED)[int(np.argmax(bad[good]))] if good < len(bad) else ""
+
+
+def _diverged(first: str, done: int, batch: int, folder: RunFolder | None, learner: Any) -> InputError:
+    where = ""
+    if folder is not None:
+        folder.diverged(learner, {"iteration": done + 1, "first": first})
+        where = f"; {folder.path} has the last good checkpoint"
+    return InputError(
+        f"training diverged after {done * batch} decisions, in iteration {done + 1}: {first} not finite, or growing "
+        f"beyond all bounds; {_REMEDIES.get(first, 'lower the learning rates')}{where}"
+    )
+
+
+@contextmanager
+def _stop_requests() -> Iterator[list[int]]:
+    """Yield a list that gets the number of a signal that asks to stop; a second one is handled as it was before."""
+    found: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield found
+        return
+    handled = (signal.SIGINT, signal.SIGTERM)
+    before = {each: signal.getsignal(each) for each in handled}
+
+    def stop(number: int, _: Any) -> None:
+        found.append(number)
+        restore()
+
+    def restore() -> None:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+
+    try:
+        for each in handled:
+            if before[each] not in (signal.SIG_IGN, None):
+                signal.signal(each, stop)
+        yield found
+    finally:
+        restore()
+
+
+def _policy(environment: Any, learner: Any, begun: Begun, rows: list[dict[str, Any]], out: Path | None) -> Policy:
+    """Return the policy of a learner, in NumPy: its mean action."""
+    layers, seen = learner.actor.layers, learner.actor.layers[0].weight.shape[0]
+    config, task = begun.config, begun.task
+    observation: Any = (config.observation,) if isinstance(config.observation, str) else config.observation
+    words = ["archerfish2 train", *([str(out.parent)] if out else []), f"--task {task.name} --seed {begun.seed}"]
+    facts = PolicyFacts(
+        observer=observer_facts(observation, begun.robot, task, config.frames),
+        task=task,
+        robot=begun.robot.record_digests(),
+        seed=begun.seed,
+        commit=begun.commit,
+        training={"config": plain(config), **(rows[-1] if rows else {})},
+        remake=" ".join(words),
+    )
+    normaliser = learner.normaliser._replace(
+        mean=learner.normaliser.mean[:seen], variance=learner.normaliser.variance[:seen]
+    )
+    normaliser, layers = map_arrays(np.asarray, (normaliser, layers))
+    return Policy(environment.observer, normaliser, layers, facts=facts)

@@ -1,0 +1,190 @@
+"""Trainings: their folders, how they end, and how they continue."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import archerfish2 as af
+from archerfish2.arrays import leaves
+from archerfish2.learning import learner as learners
+from archerfish2.learning import run_folder
+from archerfish2.learning.config import GradientConfig, PpoConfig, TrainConfig
+
+pytest.importorskip("jax")
+ROOT = Path(__file__).parents[2]
+SMALL = {"environments": 32, "hidden": 16, "shards": 2}
+GRADIENT = GradientConfig(**SMALL, window=5, steps=32 * 5 * 12)
+PPO = PpoConfig(**SMALL, rollout=5, minibatches=2, epochs=1, steps=32 * 5 * 12)
+CONFIG = TrainConfig(gradient=GRADIENT, ppo=PPO, checkpoint_every_s=0.0)
+CODE = "import archerfish2.cli.main as m, archerfish2.learning.train as t\n{}m.program()"
+WORDS = (
+    "train --task paper --set checkpoint_every_s=0 gradient.environments=32 gradient.hidden=16 gradient.window=5 "
+    "--steps 1920 --out"
+)
+
+
+def weights(policy):
+    return [each.tobytes() for each in leaves((policy.normaliser[:2], policy.actor))]
+
+
+def start(words, before=""):
+    command = [sys.executable, "-c", CODE.format(before), *words.split()]
+    pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(command, env={**os.environ, "PYTHONPATH": str(ROOT / "src")}, **pipes)
+
+
+@pytest.fixture(scope="module")
+def expected():
+    """Weights of an unbroken training, by trainer."""
+    found = {}
+
+    def of(trainer):
+        if trainer not in found:
+            found[trainer] = weights(af.train(task="paper", config=CONFIG, trainer=trainer))
+        return found[trainer]
+
+    return of
+
+
+@pytest.fixture
+def stopped(monkeypatch):
+    """Have a training end after a number of compiled calls."""
+
+    def after(calls, error=KeyboardInterrupt):
+        from archerfish2.learning import gradient, ppo
+
+        for trainer in (gradient, ppo):
+            left = [calls]
+
+            def advance(*arguments, whole=trainer.advance, left=left):
+                left[0] -= 1
+                if left[0] < 0:
+                    raise error
+                return whole(*arguments)
+
+            monkeypatch.setattr(trainer, "advance", advance)
+
+    return after
+
+
+@pytest.mark.parametrize("trainer", ["gradient", "ppo"])
+def test_a_training_that_was_stopped_continues_to_the_same_weights(tmp_path, trainer, stopped, expected, monkeypatch):
+    whole, out = expected(trainer), tmp_path / "out"
+    stopped(2)
+    with pytest.raises(KeyboardInterrupt):
+        af.train(task="paper", config=CONFIG, trainer=trainer, out=out)
+    assert {each.name for each in out.iterdir()} >= {"run.json", "log.jsonl", "checkpoint.safetensors"}
+    monkeypatch.undo()
+    policy = af.train(resume=out)
+    assert weights(policy) == whole == weights(af.Policy.load(out))
+    assert {each.name for each in out.iterdir()} == {
+        "run.json",
+        "run.lock",
+        "log.jsonl",
+        "curve.svg",
+        "policy.safetensors",
+    }
+    rows = [json.loads(line) for line in (out / "log.jsonl").read_text().splitlines()]
+    assert [row["iteration"] for row in rows] == list(range(1, 13))
+    assert {"mean_reward", "hit_share", "gradient_norm"} <= rows[0].keys()
+    assert ("value_error" in rows[0]) == (trainer == "ppo")
+
+
+def test_a_damaged_checkpoint_gives_way_to_the_one_before(tmp_path, stopped, expected, monkeypatch, refused):
+    whole = expected("gradient")
+    stopped(2)
+    with pytest.raises(KeyboardInterrupt):
+        af.train(task="paper", config=CONFIG, out=tmp_path)
+    monkeypatch.undo()
+    newest, before = tmp_path / run_folder.CHECKPOINT, tmp_path / run_folder.PREVIOUS
+    content = bytearray(newest.read_bytes())
+    content[-9] ^= 1
+    newest.write_bytes(content)
+    kept = before.read_bytes()
+    before.write_bytes(kept[:1000])
+    refused("no checkpoint is whole .*damaged.*begin the training again", af.train, resume=tmp_path)
+    before.write_bytes(kept)
+    with pytest.warns(UserWarning, match="damaged.*continuing from the checkpoint before"):
+        assert weights(af.train(resume=tmp_path)) == whole
+
+
+def test_a_signal_checkpoints_and_ends_and_a_kill_loses_nothing(tmp_path, expected):
+    out = tmp_path / "out"
+    raised = "r = t._rows\nt._rows = lambda *a: (t.signal.raise_signal({}), r(*a))[1]\n"
+    process = start(f"{WORDS} {out}", raised.format(int(signal.SIGTERM)))
+    assert (process.communicate(timeout=120)[1], process.returncode) == ("archerfish2: terminated\n", 143)
+    assert (out / run_folder.CHECKPOINT).exists()
+    process = start(f"train --resume {out}", raised.format(int(signal.SIGKILL)))
+    process.communicate(timeout=120)
+    assert process.returncode == -signal.SIGKILL
+    assert weights(af.train(resume=out)) == expected("gradient")
+
+
+def test_a_folder_has_one_writer_and_an_earlier_training_stays_until_the_end(tmp_path, stopped, monkeypatch, refused):
+    out, before = tmp_path / "out", tmp_path / "out.before"
+    first = af.train(task="paper", config=CONFIG, out=out)
+    refused("has a finished training", af.train, resume=out)
+    stopped(1)
+    with pytest.raises(KeyboardInterrupt):
+        af.train(task="paper", config=CONFIG, seed=1, out=out)
+    assert weights(af.Policy.load(before)) == weights(first)
+    refused(f"has an unfinished training; continue it: --resume {out}", af.train, task="paper", out=out)
+    monkeypatch.undo()
+    with run_folder.resumed_run(out):
+        refused("in use by another process", af.train, resume=out)
+    assert weights(af.train(resume=out)) != weights(first)
+    assert not before.exists()
+    (out / "mine.txt").touch()
+    refused("has files of something else, as mine.txt", af.train, task="paper", out=out)
+    refused("has no training", af.train, resume=tmp_path / "none")
+
+
+def test_a_disk_that_is_full_leaves_the_checkpoint_before(tmp_path, monkeypatch, refused, expected):
+    written = run_folder.RunFolder.save
+
+    def full(folder, learner):
+        if len(folder.rows) > 4:
+            monkeypatch.setattr(os, "fsync", lambda _: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+        written(folder, learner)
+
+    monkeypatch.setattr(run_folder.RunFolder, "save", full)
+    refused("can't be written .No space left on device", af.train, task="paper", config=CONFIG, out=tmp_path)
+    monkeypatch.undo()
+    assert weights(af.train(resume=tmp_path)) == expected("gradient")
+
+
+def test_a_training_that_diverges_keeps_the_last_good_learner(tmp_path, refused):
+    wild = CONFIG.replace(ppo=PPO.replace(actor_learning_rate=1e6))
+    refused(r"diverged after \d+ decisions, in iteration \d+: \w+ not finite", af.train, task="paper", config=wild,
+            trainer="ppo", out=tmp_path)  # fmt: skip
+    fault = json.loads((tmp_path / run_folder.FAULT).read_text())
+    assert fault["first"] in learners.WATCHED
+    assert (tmp_path / run_folder.CHECKPOINT).exists()
+
+
+def test_code_of_a_users_own_is_given_again_and_may_not_change(tmp_path, stopped, monkeypatch, refused):
+    (tmp_path / "mine.py").write_text(
+        "from archerfish2.arrays import namespace\n"
+        "def near(shot, command, seen): return namespace(shot.margin).clip(shot.margin, -0.5, 0.06)\n"
+        "def clock(observer, view): return view.memory.clock[..., None]\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    config = CONFIG.replace(observation=("history", "./mine.py:clock"))
+    stopped(1)
+    with pytest.raises(KeyboardInterrupt):
+        af.train(task="paper", config=config, reward="./mine.py:near", out="out")
+    monkeypatch.undo()
+    monkeypatch.chdir(tmp_path)
+    refused("has a block .*mine.py:clock of your own; give it again", af.train, resume="out")
+    policy = af.train(resume="out", config=config, reward="./mine.py:near")
+    assert policy.facts.observer.observation[0] == "history"
+    refused("blocks of a user's own", af.Policy.load, "out")
+    loaded = af.Policy.load("out", blocks=("./mine.py:clock",))
+    assert loaded.observer.layout()[-1] == ("clock", 1)
+    assert np.isfinite(af.rollout(loaded, task=af.Task.load("static"), engagements=4).in_force).all()
