@@ -56,10 +56,7 @@ def test_any_mutated_file_is_a_task_or_refused(tmp_path, mutated):
         assert Task.load(path) == task
 
 
-def test_a_mixture_is_trained_on_and_its_cells_are_the_eight_kinds():
-    found, other = ([each[1:6] for each in Task.load(name).cells()] for name in ("any", "kinds"))
-    kinds = [Task.load(name).cells()[0].motion for name in DRAWN[2:]]
-    assert [each[0] for each in found[:32]] == [name for name in kinds for _ in range(4)]
-    assert [each[3] for each in found] == 2 * [*range(32)]
+def test_mixtures_are_trained_on_and_evaluated_kind_by_kind():
+    found, other = ([each[:6] for each in Task.load(name).cells()] for name in ("any", "kinds"))
     assert found == other
-    assert {each.scenario.motion for each in Task.load("any").cells()} == set(kinds)
+    assert [each[1] for each in found[::4]] == 2 * list(DRAWN[2:])

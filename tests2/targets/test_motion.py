@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from archerfish2.targets import kinds, mixture, motion
+from archerfish2.targets import kinds, mixture, motion, process
 from archerfish2.targets.distributions import LARGEST_SPEED
-from archerfish2.targets.process import random_process
 from archerfish2.targets.user_motion import find_motion, user_target
 from archerfish2.task import Task
 
@@ -85,7 +84,7 @@ def test_a_training_mixes_the_motions_by_their_weights(name):
 def test_numpy_and_jax_agree_at_several_times_at_once_as_at_each(batch, agree):
     def at(scenario, swing, place, drawn, duration, moving, times):
         moved = [each(drawn, duration) for each in kinds.KINDS.values()]
-        moved += [kinds.eq_7(drawn, *SWING), mixture.varied(moved[2], drawn), random_process(drawn, duration)]
+        moved += [kinds.eq_7(drawn, *SWING), mixture.varied(moved[2], drawn), process.random_process(drawn, duration)]
         discs = [motion.disc(mixture.path_about(place, each, duration), place) for each in moved]
         targets = [motion.disc(swing, place), *(motion.StillOrMoving(place, moving, each) for each in discs)]
         return scenario.draw(drawn[..., :6]), [each.at(times) for each in targets]

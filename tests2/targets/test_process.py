@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from archerfish2.targets.motion import STEP_S, ZERO
-from archerfish2.targets.process import PROCESS_UNIFORMS, random_process
+from archerfish2.targets.process import LEGS, PROCESS_UNIFORMS, random_process
 
 ACCELERATION, RATE, LEFT, DWELL, DWELL_VARIES, SPEED_VARIES, REST, KEEPS, FORM = 0, 2, 3, 4, 5, 7, 8, 9, 10
 
@@ -18,7 +18,7 @@ def two_legs():
     """Draw targets of which all legs last 2 s; return uniforms, displacements, and velocities of the first two legs."""
     uniforms = np.random.default_rng(8).random((4000, PROCESS_UNIFORMS))
     uniforms[:, [LEFT, DWELL, DWELL_VARIES]] = 1.0, 1.0, 0.0
-    uniforms[:2000, REST] = 0.5
+    uniforms[:2500, REST] = np.repeat([0.5, 1.0], [2000, 500])
     moved = np.concatenate([random_process(each, np.ones(len(each))) for each in np.split(uniforms, 10)])
     return uniforms, moved, (moved[:, [100, 200]] - moved[:, [99, 199]]) / STEP_S  # at the ends of the legs
 
@@ -32,7 +32,8 @@ def test_targets_drive_and_stand_as_often_and_as_fast_as_their_distributions_hav
     speed = np.linalg.norm(velocity, axis=-1)
     drives = speed > 1e-9
     check_share(drives[:2000].ravel(), 1.0 - 0.9 * 0.5**1.57)
-    check_share(drives[2000:, 0], 1.0 - 0.9 / 2.57)
+    check_share(drives[2000:2500].ravel(), 0.1)
+    check_share(drives[2500:, 0], 1.0 - 0.9 / 2.57)
     assert speed[drives].min() > 0.1 - 1e-9
     assert speed[drives].max() < 2.5 + 1e-9
     check_share(speed[drives[:, 0], 0] < 0.5, 0.5)  # the logarithm's middle of 0.1 and 2.5
@@ -51,8 +52,16 @@ def test_directions_change_by_the_habits(two_legs):
     assert_allclose(sine[line], 0.0, atol=1e-9)
     assert np.all(np.abs(sine[~line & ~steady]) < np.sin(0.6))
     assert_allclose(np.abs(sine[steady]), np.abs(np.sin(2.0 * (3.0 * uniforms[steady, RATE] - 1.5))), atol=1e-9)
-    keeping = line & (uniforms[:, KEEPS] > 0.5)
-    check_share(np.sum(first * then, axis=-1)[keeping] > 0.0, 0.75)
+    check_share(np.sum(first * then, axis=-1)[line & (uniforms[:, KEEPS] > 0.5)] > 0.0, 0.75)
+
+
+def test_legs_last_for_the_usual_dwell_of_the_target_or_for_their_own():
+    uniforms = np.random.default_rng(9).random((40, PROCESS_UNIFORMS))
+    uniforms[:, [ACCELERATION, LEFT, SPEED_VARIES, REST, KEEPS, FORM]] = 1.0, 1.0, 0.0, 0.0, 0.0, 0.0
+    uniforms[:, DWELL_VARIES] = np.repeat([0.0, 1.0], 20)
+    uniforms[:20, DWELL], uniforms[20:, 11 : 11 + LEGS] = 2 * [np.log(4.0) / np.log(20.0)]  # 0.4 s, of 0.1 to 2 s
+    moved = random_process(uniforms, np.ones(40))
+    assert_allclose(moved[:, 60:], moved[:, 20:-40], atol=1e-9)  # to and fro from 0.1 s on: every 0.8 s it is the same
 
 
 def test_legs_longer_than_their_ramp_change_speed_at_the_targets_acceleration(two_legs):
