@@ -72,9 +72,11 @@ def second_edition() -> dict[str, Callable[[], int]]:
     from archerfish2.compiled import import_jax
 
     jax = import_jax()
-    from archerfish2.learning import gradient, learner, ppo, shards
+    from archerfish2.learning import learner, shards
     from archerfish2.learning.config import TrainConfig
     from archerfish2.learning.environments import make_environment
+    from archerfish2.learning.gradient import GRADIENT
+    from archerfish2.learning.ppo import PPO
     from archerfish2.robot import Robot
     from archerfish2.task import Task
 
@@ -109,8 +111,8 @@ def second_edition() -> dict[str, Callable[[], int]]:
         return jax.lax.scan(block, state, (blocks, jax.numpy.arange(len(blocks))))
 
     return {
-        "ppo, paper": training(ppo, in_paper, ready[0].ppo),
-        "gradient, kinds": training(gradient, in_kinds, ready[1].gradient),
+        "ppo, paper": training(PPO, in_paper, ready[0].ppo),
+        "gradient, kinds": training(GRADIENT, in_kinds, ready[1].gradient),
         "environment": _environment_alone(in_paper, stepped, shards.over_shards),
     }
 

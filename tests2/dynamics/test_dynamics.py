@@ -172,7 +172,7 @@ def test_the_gate_keeps_range_rate_and_acceleration_whatever_is_asked_and_uses_t
 def test_the_slew_to_an_aim_keeps_its_rate_and_stops_there():
     aim, path = np.array([0.1, 1.3]), [np.zeros(2)]
     for _ in range(60):
-        path.append(approach(GATE, aim, path[-1], PERIOD))
+        path.append(approach(aim, path[-1], GATE.max_rate, GATE.max_acceleration, PERIOD))
     rate = np.diff(path, axis=0) / PERIOD
     assert_array_equal(path[-1], aim)
     assert rate[:, 1].max() == pytest.approx(12.0)

@@ -59,16 +59,17 @@ def stopped(monkeypatch):
     def after(calls, error=KeyboardInterrupt):
         from archerfish2.learning import gradient, ppo
 
-        for trainer in (gradient, ppo):
-            left = [calls]
+        left = [calls]
+        for module, name in ((gradient, "GRADIENT"), (ppo, "PPO")):
+            trainer = getattr(module, name)
 
-            def advance(*arguments, whole=trainer.advance, left=left):
+            def advance(*arguments, whole=trainer.advance):
                 left[0] -= 1
                 if left[0] < 0:
                     raise error
                 return whole(*arguments)
 
-            monkeypatch.setattr(trainer, "advance", advance)
+            monkeypatch.setattr(module, name, trainer._replace(advance=advance))
 
     return after
 

@@ -47,7 +47,7 @@ def rest(observer: "Observer", view: "View") -> Array:
     return _coarse_and_fine(view.aim - command[..., -1, :] - further)
 
 
-def aim(_: "Observer", view: "View") -> Array:
+def aimed(_: "Observer", view: "View") -> Array:
     """Return pitch and yaw of the aim."""
     return 2.0 * view.aim
 
@@ -196,9 +196,9 @@ _SLEW = (lag, gimbal_moves, command_moves)
 KINDS: dict[str, tuple[Any, ...]] = {
     "paper": (paper,),
     "history": (error, aim_yaw, distance, lag, gimbal_moves, aim_moves, command_moves, rest),
-    "tracked": (error, aim, distance, across, rest, *_SLEW, away, ages, clock, nearness, detection, bearings,
+    "tracked": (error, aimed, distance, across, rest, *_SLEW, away, ages, clock, nearness, detection, bearings,
                 histories),
-    "multimodel": (error, aim, distance, nearness, rest, *_SLEW, ages, clock, speeds, detection, bearings,
+    "multimodel": (error, aimed, distance, nearness, rest, *_SLEW, ages, clock, speeds, detection, bearings,
                    fine_bearings, distances, histories, models, slow),
 }
 # fmt: on

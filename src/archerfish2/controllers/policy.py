@@ -47,7 +47,7 @@ class Policy:
 
     observer: Observer
     normaliser: Normaliser
-    actor: tuple[Layer, ...]
+    actor: tuple[Layer, ...]  # its network
     facts: PolicyFacts | None = None  # left out of programs, which depend on arrays alone
 
     def reset(self, seen: Seen, truth: Truth | None = None) -> Memory:  # noqa: ARG002

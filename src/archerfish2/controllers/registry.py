@@ -28,26 +28,22 @@ STOP_RATE, STILL, EXACT_SD = 0.1, 0.5, 2e-4
 """What interacting models assume: rate of stopping [1/s], share that stands at first, standard deviation of detections
 by a camera without noise [m]: a larger value, which does a Kalman filter good, hides turns."""
 
-# Wide: a search goes as far as a hit rate does not fall.
-_Magnitude = Annotated[float, Meta(ge=0.0, le=1e100)]
-_Positive = Annotated[float, Meta(ge=1e-100, le=1e100)]
-
 
 class Tuning(Struct, frozen=True, kw_only=True, eq=True):
     """What is tuned of a controller; each has a use for some of it."""
 
-    acceleration_sd: _Magnitude
+    acceleration_sd: Annotated[float, Meta(ge=0.0, le=1e100)]
     """Process noise of the Kalman filter, as a standard deviation of the target's acceleration [m/s²]."""
     extra_lead_s: Annotated[float, Meta(ge=-10.0, le=10.0)] = 0.0
     """Lead beyond what the controller has a model of, as for the lag of a gimbal; negative where targets turn back
     before pellets arrive [s]."""
-    smoothing: _Positive = SMOOTHING
+    smoothing: Annotated[float, Meta(ge=1e-100, le=1e100)] = SMOOTHING
     """Weight of the changes of the command in a preview, against squared angle errors."""
-    initial_speed: _Positive = INITIAL_SPEED
+    initial_speed: Annotated[float, Meta(ge=1e-100, le=1e100)] = INITIAL_SPEED
     """Standard deviation of the target's speed at the first detection that the filter assumes [m/s]."""
-    velocity_decay: _Magnitude = 1.0
+    velocity_decay: Annotated[float, Meta(ge=0.0, le=1e100)] = 1.0
     """Share of the estimated velocity at which the target is predicted to go on, 0…1."""
-    turn_rate: _Magnitude = 1.0
+    turn_rate: Annotated[float, Meta(ge=0.0, le=1e100)] = 1.0
     """How often a target is taken to turn back [1/s]."""
 
 

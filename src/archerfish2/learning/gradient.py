@@ -22,6 +22,7 @@ from archerfish2.learning.learner import (
     Actor,
     Learner,
     Metrics,
+    Trainer,
     adam_step,
     begin_learner,
     fresh_engagements,
@@ -36,13 +37,13 @@ LAST_RATE = 0.05
 """Share of the learning rate that annealing leaves: less than PPO's, for the last milliradians need small steps."""
 
 
-def begin(environment: Environment, config: GradientConfig, key: Array) -> Learner:
+def _begin(environment: Environment, config: GradientConfig, key: Array) -> Learner:
     """Begin a training, without a critic, of an actor that always acts as its mean."""
     learner: Learner = begin_learner(environment, key, jnp.zeros(0), config.environments, config.widths, False)
     return learner
 
 
-def advance(environment: Environment, config: GradientConfig, learner: Learner, count: int) -> tuple[Learner, Metrics]:
+def _advance(environment: Environment, config: GradientConfig, learner: Learner, count: int) -> tuple[Learner, Metrics]:
     """Run iterations; see `learner.iterate`."""
     names = ("learning_rate", "gradient_norm", "engagement_norm")
     settings = {name: jnp.float32(getattr(config, name)) for name in names}
@@ -81,6 +82,10 @@ def _iteration(
     watched = {"observation": magnitude(observations, observation), "action": magnitude(actions)}
     watched |= {"reward": magnitude(rewards), "gradient": norm}
     return after, {"mean_reward": mean_reward, "hit_share": hit_share, "gradient_norm": norm}, watched
+
+
+GRADIENT = Trainer(_begin, _advance)
+"""The analytic policy gradient."""
 
 
 def window_loss(

@@ -29,7 +29,7 @@ Parameters = TypeVar("Parameters")
 class Actor(NamedTuple):
     """The policy's distribution: a network for the mean, a free standard deviation per action."""
 
-    layers: tuple[Layer, ...]
+    layers: tuple[Layer, ...]  # of the mean
     log_std: Array  # logarithm of the standard deviation of each action, (2,); (0,) if it always acts as its mean
 
     def mean(self, observation: Array) -> Array:
@@ -50,8 +50,15 @@ class Learner(NamedTuple):
     normaliser: Normaliser
     environment: Any  # state of the environments
     observation: Array  # for the next decision, (B, n)
-    key: Array  # of the next iteration
+    key: Array  # PRNG key of the next iteration, ()
     iteration: Array  # iterations done, ()
+
+
+class Trainer(NamedTuple):
+    """A way of training."""
+
+    begin: Callable[[Environment, Any, Array], Learner]  # (environment, settings, PRNG key) →
+    advance: Callable[[Environment, Any, Learner, int], tuple[Learner, Metrics]]  # runs iterations; see `iterate`
 
 
 SPLIT = Learner(**{name: name in ("environment", "observation") for name in Learner._fields})  # type: ignore[arg-type]
@@ -96,6 +103,11 @@ def fresh_engagements(environment: Environment, key: Array, batch: int) -> Any:
     """Draw what replaces the engagements that end in a window, once for all its decisions.
 
     In the paper's task that is nothing, but to draw the paths of `any` at every step takes longer than all else.
+
+    Args:
+      environment: where.
+      key: PRNG key, shape (); is consumed.
+      batch: engagements.
     """
     keys = jax.random.split(key)
     normals = jax.random.normal(keys[0], (batch, environment.normals))

@@ -19,6 +19,7 @@ from archerfish2.learning.learner import (
     Actor,
     Learner,
     Metrics,
+    Trainer,
     adam_step,
     begin_learner,
     fresh_engagements,
@@ -53,14 +54,14 @@ class Batch(NamedTuple):
     target: Array  # what the critic should have returned, (B,)
 
 
-def begin(environment: Environment, config: PpoConfig, key: Array) -> Learner:
+def _begin(environment: Environment, config: PpoConfig, key: Array) -> Learner:
     """Begin a training."""
     log_std = jnp.full(2, jnp.float32(config.log_std))
     learner: Learner = begin_learner(environment, key, log_std, config.environments, (config.hidden,), True)
     return learner
 
 
-def advance(environment: Environment, config: PpoConfig, learner: Learner, count: int) -> tuple[Learner, Metrics]:
+def _advance(environment: Environment, config: PpoConfig, learner: Learner, count: int) -> tuple[Learner, Metrics]:
     """Run iterations; see `learner.iterate`."""
     settings = {name: jnp.float32(getattr(config, name)) for name in _SETTINGS}
     settings["anneal_over"] = jnp.float32(config.iterations if config.anneal else 1e9)
@@ -94,6 +95,10 @@ def _iteration(
     metrics |= jax.tree.map(jnp.mean, measured) | {"std": jnp.mean(jnp.exp(actor.log_std))}
     after = acted._replace(actor=actor, critic=critic, moments=moments, key=key, iteration=learner.iteration + 1)
     return after, metrics, watched
+
+
+PPO = Trainer(_begin, _advance)
+"""Eqs (9) and (10)."""
 
 
 def _rollout(

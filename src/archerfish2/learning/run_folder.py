@@ -61,7 +61,7 @@ class Begun(Struct, frozen=True, kw_only=True):
 class RunFolder:
     """A training's folder, locked."""
 
-    path: Path
+    path: Path  # of the folder
     begun: Begun
     rows: list[dict[str, Any]] = field(default_factory=list)  # of the log, one per iteration
     logged: int = 0  # how many of them the file has

@@ -103,7 +103,7 @@ def over_shards(function: Callable[..., Any], count: int, split: Any, given: Any
 
 
 def own_key(key: Array) -> Array:
-    """Return a shard's own PRNG key, from one that all share."""
+    """Return a shard's own PRNG key, shape (), from one that all share."""
     return jax.random.fold_in(key, lax.axis_index(AXIS))
 
 

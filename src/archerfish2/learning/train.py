@@ -142,9 +142,11 @@ def _given(begun: Begun, task: Task | str | Path, config: TrainConfig | None, re
 
 def _run(jax: Any, environment: Any, begun: Begun, folder: RunFolder | None) -> tuple[Any, list[dict[str, Any]]]:
     """Return the learner at the end, and a row of metrics per iteration."""
-    from archerfish2.learning import gradient, learner, ppo, shards
+    from archerfish2.learning import learner, shards
+    from archerfish2.learning.gradient import GRADIENT
+    from archerfish2.learning.ppo import PPO
 
-    config, trainer = begun.config.settings, {"ppo": ppo, "gradient": gradient}[str(begun.config.trainer)]
+    config, trainer = begun.config.settings, PPO if begun.config.trainer == "ppo" else GRADIENT
     environment = jax.tree.map(jax.numpy.asarray, environment)
     state = trainer.begin(environment, config, jax.random.key(begun.seed))
     rows: list[dict[str, Any]] = []

@@ -12,8 +12,7 @@ from archerfish2.errors import InputError
 from archerfish2.records.json_files import Count, Counts, Matrix
 from archerfish2.records.record import Provenance, Record, Text
 
-LARGEST = {"states": 64, "inputs": 16, "outputs": 16, "draws": 1000}
-_LARGEST_EXPANDED = 2000
+LARGEST, _LARGEST_EXPANDED = {"states": 64, "inputs": 16, "outputs": 16, "draws": 1000}, 2000
 """States, those of the delay included, of the largest plant that is written out."""
 Names = Annotated[tuple[str, ...], Meta(min_length=1)]
 

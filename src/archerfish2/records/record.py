@@ -23,8 +23,7 @@ Deviation = Annotated[float, Meta(ge=0.0, le=10.0)]
 """A standard deviation [rad or m]."""
 Intervals = dict[str, tuple[Number, Number]]
 """95 % interval of each estimated field."""
-Fact = str | int | Number | None
-Provenance = dict[str, Fact | list[str] | dict[str, Fact]]
+Provenance = dict[str, str | int | Number | list[str] | dict[str, str | int | Number | None] | None]
 """Seed, commit, library versions and input hashes of the making."""
 
 

@@ -122,7 +122,7 @@ class Environment:
         return state._replace(left=state.left - phase * state.left // phases), observation
 
     def fresh(self, normals: Array, uniforms: Array) -> tuple[EnvironmentState, Array]:
-        """Begin a batch; arguments and result as of `begin`."""
+        """Begin a batch, not staggered; see `begin` for arguments, shapes and result."""
         xp, engagement = namespace(normals, uniforms), self.scenario.draw(uniforms)
         world = self.world.begin(engagement, normals[..., None, :])
         memory = self.observer.begin(self.world.see(world))
