@@ -4,26 +4,17 @@ Names load when they are used, so importing this imports nothing else.
 """
 
 import importlib
+import sys
 from typing import Any
 
 __version__ = "0.2.0"
 
-_PLACES = {
-    "InputError": "errors",
-    "MuzzleRecord": "records.muzzle",
-    "PlantRecord": "records.plant",
-    "Policy": "controllers.policy",
-    "Results": "evaluation.results",
-    "Robot": "robot",
-    "Task": "task",
-    "TrainConfig": "learning.config",
-    "evaluate": "evaluation.evaluate",
-    "make_environment": "learning.environments",
-    "make_world": "simulation.world",
-    "rollout": "evaluation.trajectory",
-    "train": "learning.train",
-    "tune": "evaluation.tuning",
-}
+# Name=module.
+_NAMES = """InputError=errors MuzzleRecord=records.muzzle PlantRecord=records.plant Policy=controllers.policy
+Results=evaluation.results Robot=robot Task=task TrainConfig=learning.config evaluate=evaluation.evaluate
+make_environment=learning.environments make_world=simulation.world rollout=evaluation.trajectory train=learning.train
+tune=evaluation.tuning"""
+_PLACES = dict(each.split("=") for each in _NAMES.split())
 __all__ = [*_PLACES, "__version__"]
 
 
@@ -37,3 +28,8 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return list(__all__)
+
+
+if hasattr(gymnasium := sys.modules.get("gymnasium"), "register"):  # by `gymnasium.make("archerfish2:…")`, for one
+    place = f"{__name__}.learning.gymnasium:Shooting"
+    gymnasium.register(f"{__name__}/Shooting-v0", entry_point=f"{place}Env", vector_entry_point=f"{place}VectorEnv")
