@@ -4,8 +4,9 @@ Names load when they are used, so importing this imports nothing else.
 """
 
 import importlib
-import sys
 from typing import Any
+
+from archerfish2.simulation.registration import name_environments
 
 __version__ = "0.2.0"
 
@@ -30,6 +31,4 @@ def __dir__() -> list[str]:
     return list(__all__)
 
 
-if hasattr(gymnasium := sys.modules.get("gymnasium"), "register"):  # by `gymnasium.make("archerfish2:…")`, for one
-    place = f"{__name__}.learning.gymnasium:Shooting"
-    gymnasium.register(f"{__name__}/Shooting-v0", entry_point=f"{place}Env", vector_entry_point=f"{place}VectorEnv")
+name_environments()
