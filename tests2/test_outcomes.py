@@ -17,10 +17,13 @@ from archerfish2.task import Task
 
 HERE = Path(__file__).parent
 STORED = {path.stem: read_json(path) for path in sorted((HERE / "outcomes").glob("*.json")) if path.stem != "tuning"}
-SLOW = {(name, "oracle") for name in ("infantry", "any-1s", "paper-box")}  # to compile; the others are in `make test`
-SLOW |= {("infantry", "no-lead"), ("infantry", "imm-lq"), ("any-1s", "kalman"), ("any-1s", "imm-lq")}
+QUICK = {  # those that compile in `make test`; the others are in `make test-slow`, and live in `make test-first`
+    *(("paper-gate", each) for each in STORED["paper-gate"]),
+    *(("paper-box", each) for each in ("kalman", "kalman-paper", "perfect")),
+    *(("infantry", each) for each in ("kalman-lq", "parabola-lq")),
+}
 CASES = [
-    pytest.param(name, each, marks=[pytest.mark.slow] * (name == "any-3s" or (name, each) in SLOW))
+    pytest.param(name, each, marks=[pytest.mark.slow] * ((name, each) not in QUICK))
     for name, stored in STORED.items()
     for each in sorted(stored.keys() - {"setting"})
 ]

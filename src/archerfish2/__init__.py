@@ -1,6 +1,6 @@
 """Archerfish: from the logs of a two-axis gimbal to a policy that out-shoots classical auto-aim.
 
-Names load when they are used, so importing this imports nothing else.
+Names load when they are used, so importing this imports none of the libraries.
 """
 
 import importlib

@@ -89,7 +89,8 @@ def write_arrays(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, Any]
     from safetensors.numpy import save
 
     arrays = {name: np.asarray(arrays[name], order="C") for name in sorted(arrays)}
-    header = {"facts": json.dumps(facts, allow_nan=False), "sha256": _arrays_hash(arrays)}
+    # One field: the library writes several in any order.
+    header = {"archerfish": f"{_arrays_hash(arrays)} {json.dumps(facts, allow_nan=False)}"}
     write_bytes(path, save(arrays, header))
 
 
@@ -114,9 +115,10 @@ def read_arrays(path: Path, remedy: str) -> tuple[str, dict[str, Any]]:
         if isinstance(error, InputError):
             raise
         raise file_error(path, f"is no .safetensors file ({one_line(str(error))[:200]})", remedy) from error
-    if header.keys() != {"facts", "sha256"} or header["sha256"] != _arrays_hash(arrays):
+    digest, _, facts = header.get("archerfish", "").partition(" ")
+    if digest != _arrays_hash(arrays):
         raise file_error(path, "was not written by archerfish, or is damaged", remedy)
-    return header["facts"], arrays
+    return facts, arrays
 
 
 def _arrays_hash(arrays: Mapping[str, Any]) -> str:

@@ -19,16 +19,20 @@ FAULTS = {
 }
 
 
-def test_a_policy_is_trained_for_a_robot_and_evaluated_with_it(tmp_path, capsys):
+def test_a_policy_is_trained_for_a_robot_and_evaluated_with_it(tmp_path, capsys, monkeypatch):
     robot = tmp_path / "mine"
     af.Robot.paper().save(robot)
     main(["train", str(robot), *f"--task static --steps 640 --seed 3 --set {SMALL}".split()])
     assert f"archerfish2 evaluate {robot} --controllers {robot}/policy kalman" in capsys.readouterr().out
-    main(["evaluate", str(robot), *["--task", "static", "--engagements", "4", "--untuned"]])
-    printed = capsys.readouterr().out
-    assert "\npolicy " in printed
-    (first, *_) = af.Results.load(robot / "evaluation").cells
-    assert (first.controller, first.kind, first.seed) == ("policy", "policy", 3)
+    own = []
+    monkeypatch.setattr(
+        "archerfish2.cli.evaluate.evaluate", lambda controllers, *_, **__: own.extend(controllers) or 1 / 0
+    )
+    with pytest.raises(ZeroDivisionError):
+        main(["evaluate", str(robot)])
+    assert own == [str(robot / "policy"), "kalman", "kalman-lq", "oracle"]
+    (cell, *_) = af.evaluate(own[0], robot, "static", engagements=4).cells
+    assert (cell.controller, cell.kind, cell.seed) == ("policy", "policy", 3)
 
 
 @pytest.mark.parametrize("words", FAULTS)

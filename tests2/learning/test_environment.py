@@ -66,7 +66,7 @@ def test_a_policy_acts_in_the_environment_as_in_an_evaluation():
 
 
 def test_numpy_and_jax_step_alike(agree):
-    environment = af.make_environment("tests2/infantry", "kinds")
+    environment = af.make_environment("tests2/infantry", "dynamic")
 
     def run(environment, normals, uniforms, action):
         state, first = environment.begin(normals, uniforms)

@@ -73,13 +73,13 @@ def test_no_transition_is_lost_or_repeated(environment, steps):
 
 
 def test_seeds_repeat_and_differ_and_a_batch_may_be_staggered(environment):
-    envs = ShootingVectorEnv(20, environment=environment, staggered=True)
-    first, again = envs.reset(seed=5)[0], envs.reset(seed=[5 + place for place in range(20)])[0]
+    envs = ShootingVectorEnv(3, environment=environment, staggered=True)
+    first, again = envs.reset(seed=5)[0], envs.reset(seed=[5, 6, 7])[0]
     assert_array_equal(first, again)
     assert not np.array_equal(envs.reset()[0], first)
-    assert len(np.unique(first, axis=0)) == 20
-    ends = [np.flatnonzero(envs.step(np.zeros((20, 2), np.float32))[3]) for _ in range(5)]
-    assert all(len(each) for each in ends)
+    assert len(np.unique(first, axis=0)) == 3
+    ended = np.any([envs.step(np.zeros((3, 2), np.float32))[3] for _ in range(4)], axis=0)
+    assert ended[2]  # of 5 or 10 decisions, 0.6 are cut off
 
 
 def test_actions_beyond_the_bound_are_clipped_and_what_is_no_action_is_refused(environment, refused):
@@ -112,10 +112,10 @@ def test_what_can_not_be_made_or_reset_is_named(environment, refused):
 
 
 def test_a_picture_shows_gimbal_target_and_pellets(environment):
-    envs = ShootingVectorEnv(2, render_mode="rgb_array", environment=environment)
+    envs = ShootingVectorEnv(3, render_mode="rgb_array", environment=environment)
     envs.reset(seed=0)
     before = envs.render()
-    envs.step(np.ones((2, 2), np.float32))
+    envs.step(np.ones((3, 2), np.float32))
     after = envs.render()
     assert before[0].shape == (picture.HEIGHT, picture.FIELD_WIDTH + picture.NEAR_WIDTH, 3)
     assert all(np.any(one != other) for one, other in zip(before, after, strict=True))

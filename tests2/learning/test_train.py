@@ -169,6 +169,7 @@ def test_a_training_that_diverges_keeps_the_last_good_learner(tmp_path, refused)
     assert (tmp_path / run_folder.CHECKPOINT).exists()
 
 
+@pytest.mark.slow
 def test_code_of_a_users_own_is_given_again_and_may_not_change(tmp_path, stopped, monkeypatch, refused):
     (tmp_path / "mine.py").write_text(
         "from archerfish2.arrays import namespace\n"

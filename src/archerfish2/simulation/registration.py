@@ -23,15 +23,21 @@ def _register(gymnasium: Any) -> None:
 class _WhenImported:
     """A finder that is asked for every import, and adds the registration to that of Gymnasium."""
 
+    looking = False
+
     def find_spec(self, name: str, *_: Any) -> Any:
-        if name != "gymnasium":
+        if name != "gymnasium" or self.looking:
             return None
-        sys.meta_path.remove(self)
-        spec: Any = importlib.util.find_spec(name)
+        self.looking = True
+        try:
+            spec: Any = importlib.util.find_spec(name)
+        finally:
+            self.looking = False
         if spec is not None:
             load = spec.loader.exec_module
 
             def load_and_register(module: Any) -> None:
+                sys.meta_path.remove(self)
                 load(module)
                 _register(module)
 
