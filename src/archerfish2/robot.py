@@ -110,18 +110,16 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         Raises:
           InputError: if a record is missing or damaged, or a part is not usable.
         """
-        folder = Path(folder)
+        folder = Path(folder).absolute()
         facts = _Written(name=folder.resolve().name[:100] or "robot")
         is_written = (folder / "robot.json").exists()
         if is_written:
             facts = read_struct(folder / "robot.json", _Written, SCHEMA, "identify again")
+        files = {part: folder / f"{part}.json" for part in RECORDS}
         for part, verdict in facts.parts.items():
             if not (verdict.usable or accept_unusable):
                 problem, remedy = f"is not usable: {verdict.headline}", verdict.next_step or "identify it again"
-                raise file_error(
-                    folder / f"{part}.json", one_line(problem), one_line(f"{remedy}, or pass --accept-unusable")
-                )
-        files = {part: folder / f"{part}.json" for part in RECORDS}
+                raise file_error(files[part], one_line(problem), one_line(f"{remedy}, or pass accept_unusable=True"))
         found: dict[str, Any] = {part: RECORDS[part].load(path) for part, path in files.items() if path.exists()}
         needed = {"pitch", "yaw", *facts.records, *facts.parts, *(("muzzle", "limits") if is_written else ())}
         if missing := sorted(needed - found.keys()):

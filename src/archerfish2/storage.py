@@ -129,21 +129,22 @@ def _arrays_hash(arrays: Mapping[str, Any]) -> str:
 
 
 @contextmanager
-def locked(folder: Path, timeout_s: float = 0.0) -> Iterator[None]:
+def locked(folder: Path, timeout_s: float = 0.0, name: str = LOCK) -> Iterator[None]:
     """Hold the lock of a folder, which is made if missing, for a block; it ends with its holder, however that ends.
 
     Args:
       folder: to lock.
       timeout_s: how long to wait for another process [s].
+      name: of the lock's file.
 
     Raises:
       InputError: if another process holds it, or the folder can't be written.
     """
     from filelock import FileLock, Timeout
 
-    lock = FileLock(folder / LOCK)
+    lock = FileLock(folder / name)
     with writing(folder):
-        check_regular(folder / LOCK)
+        check_regular(folder / name)
         folder.mkdir(parents=True, exist_ok=True)
         try:
             lock.acquire(timeout=timeout_s)
@@ -182,7 +183,7 @@ def output_folder(
         own = {*runs.get(command, {}).get("files", ()), *([RUN] if runs else [])}
         try:
             with writing(out):
-                _check_targets(out, (*names, *own), own, inputs, overwrite)
+                _check_targets(out, (*names, *own, RUN), own, inputs, overwrite)
                 for each in out.glob(".unfinished-*/"):  # of processes that were killed
                     shutil.rmtree(each, ignore_errors=True)
                 hidden.mkdir()

@@ -62,6 +62,18 @@ def test_a_fault_ends_with_status_2(tmp_path, monkeypatch, capsys, words):
     assert (message.count("\n") == 1, [*tmp_path.iterdir()]) == (message.startswith("archerfish2: "), [])
 
 
+def test_every_option_reaches_the_evaluation(tmp_path, monkeypatch):
+    given = []
+    evaluate = lambda *words, **more: given.extend((*words, more)) or 1 / 0  # noqa: E731
+    monkeypatch.setattr("archerfish2.cli.evaluate.evaluate", evaluate)
+    words = "--controllers no-lead --task static --command-limit box --world ./w.py:W --engagements 7 --seed 3"
+    with pytest.raises(ZeroDivisionError):
+        main(["evaluate", *words.split(), "--untuned", "--out", str(tmp_path / "out")])
+    controllers, robot, task, more = given
+    assert (controllers, robot.name, task.name, task.command_limit) == (("no-lead",), "paper", "static", "box")
+    assert more == {"world": "./w.py:W", "engagements": 7, "seed": 3, "tuned": False}
+
+
 def test_help_names_every_controller_and_task(capsys):
     with pytest.raises(SystemExit, match="0"):
         main(["evaluate", "--help"])

@@ -2,16 +2,20 @@
 
 import itertools
 import math
+from types import SimpleNamespace
 
 import pytest
 
 import archerfish2 as af
 from archerfish2.controllers.registry import GRIDS, make_controller, tuning_at
 from archerfish2.evaluation import tuning
+from archerfish2.evaluation.rollout import count
+from archerfish2.evaluation.suites import draw
 from archerfish2.protocols import aim
 
 ROBOT, TASK = af.Robot.paper(), af.Task.load("dynamic").replace(ranges_m=((2, 3),))
 OTHER = ROBOT.replace(name="other", muzzle=ROBOT.muzzle.replace(speed=15.0))
+RATES = tuning.rates
 BEST = (3, -1, 0, 2)  # on the grids of kalman
 
 
@@ -39,7 +43,22 @@ class Held:
         return (state[0] + 1, inner), aim(angle)._replace(fire=(0.0 * seen.elapsed + state[0]) % self.every == 0.0)
 
 
+class Late(Held):
+    """Fails with an error of its own at the fourth decision."""
+
+    def step(self, state, seen):
+        return super().step(state, seen) if state[0] < 3 else [][state[0]]
+
+
+class Elsewhere(Held):
+    """A policy of another robot, as far as an evaluation looks."""
+
+    facts = SimpleNamespace(robot={"pitch": "another"}, seed=0, observer=SimpleNamespace(period_s=0.02))
+
+
 REFUSED = {
+    ("controllers", Late()): r"test_evaluate.py:Late: line \d+: IndexError: list index out of range; correct it",
+    ("controllers", Elsewhere()): "was trained for another robot than paper; name that robot's folder",
     ("controllers", 42): "is a int, expected reset",
     ("engagements", 1): "engagements must be 2…1000000 for an interval, got 1",
     ("seed", -1): "seed must be at least 0, got -1",
@@ -82,6 +101,24 @@ def test_a_search_finds_the_best_setting_and_tries_all_beside_it():
         assert (beside in tried) == (grid.last is None or by < 0)
     endless = tuning.search("kalman", lambda settings: 0.5 + settings.extra_lead_s - math.log(settings.initial_speed))
     assert len(tried) < len(endless.tried) <= tuning.BUDGET
+
+
+def test_what_was_tuned_is_what_shoots_and_differences_are_those_of_the_rates(searched, monkeypatch):
+    monkeypatch.setenv("ARCHERFISH_CACHE", "off")
+    results = af.evaluate(["kalman", "no-lead"], OTHER, TASK, engagements=4, seed=1)
+    (untuned,) = af.evaluate("kalman", OTHER, TASK, engagements=4, seed=1, tuned=False).cells
+    world, best = af.make_world(OTHER, TASK), tuning_at("kalman", BEST)
+    assert results.tuning == {"other/gate": {"kalman": best}}
+    assert results.robots["other"]["digest"] == OTHER.digest()
+    drawn = draw(TASK.cells(), 4, 1, "evaluation", world.normals, world.plants)
+    hits = count(world, make_controller("kalman", OTHER, TASK, best), *drawn).hit.sum()
+    assert results.cells[0].hits == hits != untuned.hits
+    (pair,) = results.comparisons
+    assert pair.difference == pytest.approx((results.cells[1].hits - results.cells[0].hits) / 200)
+    monkeypatch.setattr(tuning, "ENGAGEMENTS", 32)
+    drawn = draw(TASK.cells(), 4, 0, "tuning", world.normals, world.plants)
+    expected = count(world, make_controller("kalman", OTHER, TASK, best), *drawn).hit.mean()
+    assert RATES("kalman", OTHER, TASK)(best) == pytest.approx(expected)
 
 
 def test_a_tuning_is_kept_for_its_robot_and_task(searched, tmp_path, monkeypatch):

@@ -30,6 +30,7 @@ class Contender(NamedTuple):
     controller: Controller | None  # for the length that is shot; None: perfect aim
     kind: Kind
     seed: int | None = None  # of a policy's training
+    word: str = ""  # by which it was given, of those here
 
 
 def load(robot: Robot | str | Path | None, task: Task | str | Path) -> tuple[Robot, Task]:
@@ -40,9 +41,8 @@ def load(robot: Robot | str | Path | None, task: Task | str | Path) -> tuple[Rob
 
 def is_policy(value: Any) -> bool:
     """Whether a value names a policy: a .safetensors file, or a folder with policy.safetensors."""
-    if not isinstance(value, str | Path):
-        return False
-    return str(value).endswith(".safetensors") or (Path(value) / "policy.safetensors").is_file()
+    named = isinstance(value, str | Path) and len(str(value)) < 300
+    return named and (str(value).endswith(".safetensors") or Path(value, "policy.safetensors").is_file())
 
 
 def named_controllers(controllers: Any) -> list[tuple[str, Any]]:
@@ -94,12 +94,14 @@ def make_contender(name: str, value: Any, robot: Robot, task: Task, tuning: Mapp
         period = value.facts.observer.period_s
         if period != task.period_s:
             raise InputError(f"{name} decides every {period:g} s, expected {task.period_s:g} s; train again")
+        if value.facts.robot not in ({}, own := robot.record_digests()) and own == Robot.paper().record_digests():
+            raise InputError(f"{name} was trained for another robot than {robot.name}; name that robot's folder")
         return Contender(name, value, "policy", value.facts.seed)
     word = value if isinstance(value, str) else ""
     if word == PERFECT:
         return Contender(name, None, "perfect")
     made = make_controller(value, robot, task, tuning.get(word))
-    return Contender(name, made, "classical" if word in NAMES else "user")
+    return Contender(name, made, "classical" if word in NAMES else "user", word=word)
 
 
 def check_controllers(named: list[tuple[str, Any]], world: World, robot: Robot, task: Task) -> None:

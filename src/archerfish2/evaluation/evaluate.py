@@ -80,10 +80,11 @@ def evaluate(
     tuning = tune_controllers(named, robot, task) if tuned else {}
     moments.append(time.monotonic())
     cells: list[Cell] = []
-    comparisons: list[Comparison] = []
+    comparisons, informed = list[Comparison](), set[str]()
     for suites, outcomes in _shoot(named, tuning, found, robot, task, (engagements, seed)):
         cells += [_cell(suite, index, shots, found, task) for shots in outcomes for index, suite in enumerate(suites)]
         comparisons += _comparisons(suites, outcomes, found, task)
+        informed |= {e.contender.name for e in outcomes if getattr(e.contender.controller, "needs_truth", False)}
     moments.append(time.monotonic())
     stages = zip(("checks", "tuning", "evaluation"), itertools.pairwise(moments), strict=True)
     return Results(
@@ -91,9 +92,9 @@ def evaluate(
         commit=provenance.code_commit(),
         versions=provenance.library_versions(),
         tasks=(task,),
-        robots={found.name: {"robot": robot.name, "digest": robot.digest()}},
+        robots={found.name: {"robot": robot.name, "digest": robot.digest(), "assumed": ", ".join(robot.assumed)}},
         tuning={f"{found.name}/{task.command_limit}": tuning} if tuning else {},
-        cells=with_bounds(cells, robot, task, seed) if world is None else tuple(cells),
+        cells=with_bounds(cells, robot, task, seed, informed=informed) if world is None else tuple(cells),
         comparisons=tuple(comparisons),
         durations={stage: round(end - begin, 2) for stage, (begin, end) in stages},
     )
@@ -134,33 +135,24 @@ def _shoot(
 
 
 def _label(suite: Suite, contender: Contender, world: World, task: Task) -> dict[str, Any]:
-    return {
-        "world": world.name,
-        "motion": suite.motion,
-        "range_m": suite.range_m,
-        "length_s": suite.length_s,
-        "command_limit": task.command_limit,
-        "controller": contender.name,
-        "seed": contender.seed,
-    }
+    facts = {name: getattr(suite, name) for name in ("motion", "range_m", "length_s")}
+    facts |= {"world": world.name, "command_limit": task.command_limit}
+    return facts | {"controller": contender.name, "seed": contender.seed}
 
 
 def _cell(suite: Suite, index: int, shots: _Shots, world: World, task: Task) -> Cell:
     hit, fired, contender = shots.hit[index], shots.fired[index], shots.contender
-    rate = hit_rate(hit)
-    policy, table = contender.kind == "policy", cast(Literal["II", "III"] | None, suite.table)
+    rate, table = hit_rate(hit), cast(Literal["II", "III"] | None, suite.table)
+    policy, counts = contender.kind == "policy", ("hits", "engagements", "low", "high")
     return Cell(
         **_label(suite, contender, world, task),
         table=table,
         kind=contender.kind,
-        hits=rate.hits,
         shots=int(fired.sum()),
         withheld=int((~fired).sum()),
-        engagements=rate.engagements,
-        low=rate.low,
-        high=rate.high,
-        paper=printed_rate(table, suite.range_m, contender.name, is_policy=policy) if table else None,
+        paper=printed_rate(table, suite.range_m, contender.word, is_policy=policy) if table else None,
         yaw_rad_s2=shots.counted.yaw_acceleration,
+        **{name: getattr(rate, name) for name in counts},
     )
 
 
@@ -169,8 +161,5 @@ def _comparisons(suites: tuple[Suite, ...], outcomes: list[_Shots], world: World
     for one, other in pairs_to_compare([(each.name, each.kind) for each in contenders]):
         for index, suite in enumerate(suites):
             difference = paired_difference(outcomes[one].hit[index], outcomes[other].hit[index])
-            yield Comparison(
-                **_label(suite, contenders[one], world, task),
-                against=contenders[other].name,
-                **difference._asdict(),
-            )
+            facts = {"against": contenders[other].name, **difference._asdict()}
+            yield Comparison(**_label(suite, contenders[one], world, task), **facts)

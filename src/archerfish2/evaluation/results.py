@@ -228,13 +228,12 @@ class Results(Record, frozen=True, kw_only=True):
         Raises:
           InputError: if the pair is not there.
         """
-        found = [each for each in self.comparisons if (each.controller, each.against) == (a, b)]
-        found = found or [_reversed(each) for each in self.comparisons if (each.controller, each.against) == (b, a)]
+        both = [_reversed(each) for each in self.comparisons if (each.controller, each.against) == (b, a)]
+        both += [each for each in self.comparisons if (each.controller, each.against) == (a, b)]
+        found = {(*each.place, each.motion, each.range_m, each.seed): each for each in both}.values()
         if not found:
             there = ", ".join(dict.fromkeys(f"{each.controller} with {each.against}" for each in self.comparisons))
-            raise InputError(
-                f"no comparison of {a} with {b}; there are {there or 'none'}; evaluate with {b} as the first"
-            )
+            raise InputError(f"no comparison of {a} with {b}; there are {there or 'none'}; evaluate with {b} first")
         return Comparisons(found)
 
     def to_dicts(self) -> list[dict[str, Any]]:

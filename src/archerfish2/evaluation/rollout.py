@@ -15,6 +15,7 @@ from archerfish2.arrays import Array, is_tree, map_arrays, namespace
 from archerfish2.compiled import has_jax, import_jax
 from archerfish2.dynamics.aiming import intercept
 from archerfish2.errors import InputError
+from archerfish2.plugins import find_plugin
 from archerfish2.protocols import Command, Controller, Engagement, Seen, Shot, World
 
 LARGEST = 2048
@@ -107,11 +108,13 @@ def run_engagements(world: World, controller: Controller, engagement: Engagement
     seen = map_arrays(np.array, see(state))  # copies: PyTorch takes no arrays that are read-only, as JAX's are
     memory, decisions = reset(seen, truth), []
     for place in range(normals.shape[axis]):
-        memory, command = decide(memory, seen)
-        command = map_arrays(np.asarray, command)
+        with find_plugin(controller, "controller").running():
+            memory, command = decide(memory, seen)
+            command = map_arrays(np.asarray, command)
         _check_finite(type(controller).__name__, command.angle.reshape(-1, 1, 2), place)
-        state, shot = step(state, command, normals[..., place, :])
-        after = map_arrays(np.array, see(state))
+        with find_plugin(world, "world").running():
+            state, shot = step(state, command, normals[..., place, :])
+            after = map_arrays(np.array, see(state))
         decisions.append(Rollout(seen, command, after.command, map_arrays(np.asarray, shot)))
         seen = after
     return Rollout(*map_arrays(lambda *each: np.stack(each, axis=axis), *decisions))

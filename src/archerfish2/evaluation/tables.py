@@ -143,7 +143,10 @@ def notes(results: "Results") -> list[str]:
         DIFFERENCES: bool(results.comparisons),
         BOUNDS: any(each.bound is not None for each in results.cells),
     }
-    return [text for text, is_there in said.items() if is_there]
+    assumed = [
+        f"Assumed of {n}, not identified: {f['assumed']}." for n, f in results.robots.items() if f.get("assumed")
+    ]
+    return [text for text, is_there in said.items() if is_there] + assumed
 
 
 def comparisons_text(comparisons: Iterable[Comparison]) -> str:

@@ -22,12 +22,13 @@ from archerfish2.errors import InputError
 from archerfish2.evaluation.rollout import count
 from archerfish2.evaluation.suites import draw
 from archerfish2.paper.conditions import paper_tuning
+from archerfish2.plugins import find_plugin
 from archerfish2.records.json_files import plain, read_struct, write_json
 from archerfish2.records.record import Struct
 from archerfish2.robot import Robot
 from archerfish2.simulation.world import make_world
-from archerfish2.storage import locked
-from archerfish2.task import Task
+from archerfish2.storage import file_hash, locked
+from archerfish2.task import DRAWN, EQ_7, Task
 
 BUDGET = 60
 """Settings that are tried at most, per controller."""
@@ -97,9 +98,10 @@ def tune(name: str, robot: Robot, task: Task, progress: Progress = lambda *_: No
     Raises:
       InputError: if the world can't be built, or what is kept can't be read.
     """
-    if robot.digest() == Robot.paper().digest() and task.replace(command_limit="gate") == Task.load("paper"):
+    shipped = task.replace(command_limit="gate", name="") == Task.load("paper")
+    if shipped and robot.digest() == Robot.paper().digest():
         return Tuning(**paper_tuning(task.command_limit)[name])
-    facts: dict[str, Any] = {"controller": name, "robot": robot.digest(), "grids": repr(GRIDS[name])}
+    facts: dict[str, Any] = {"controller": name, "robot": robot.digest(), "grids": f"{GRIDS[name]!r} {_code(task)}"}
     task, start = task.replace(name=""), tuning_at(name)
     key = Entry(**facts, task=task, version=__version__, tuning=start, hit_rate=0.0, tried=1)
     path = _place(robot)
@@ -108,10 +110,16 @@ def tune(name: str, robot: Robot, task: Task, progress: Progress = lambda *_: No
             return each.tuning
     tuned = search(name, rates(name, robot, task), progress)
     if path is not None:
-        with suppress(InputError), locked(path.parent, timeout_s=10.0):  # a read-only folder: it works without
+        with suppress(InputError), locked(path.parent, 10.0, "tuning.lock"):  # a read-only folder: it works without
             made = key.replace(tuning=tuned.tuning, hit_rate=tuned.hit_rate, tried=len(tuned.tried))
             write_json(path, {"schema": SCHEMA, **plain(Kept(tunings=(*_read(path), made)))})
     return tuned.tuning
+
+
+def _code(task: Task) -> str:
+    """Return the SHA-256 of the file of a user's motion; its name may be that of another file tomorrow."""
+    file = "" if task.motion in (*EQ_7, *DRAWN) else find_plugin(task.motion, "motion").file
+    return file and file_hash(Path(file))
 
 
 def _place(robot: Robot) -> Path | None:
