@@ -1,5 +1,6 @@
 """What policies see and command, and their files."""
 
+import dataclasses
 import itertools
 import json
 import struct
@@ -16,6 +17,8 @@ from archerfish2.controllers.blocks import KINDS
 from archerfish2.controllers.network import Layer, Normaliser
 from archerfish2.controllers.observation import make_observer, observer_facts
 from archerfish2.controllers.policy import Policy, PolicyFacts
+from archerfish2.dynamics.muzzle import pellet_at_muzzle
+from archerfish2.dynamics.pellet import flat_fire_crossing
 from archerfish2.protocols import Barrel, Base, Frames, GimbalFeedback, Seen
 from archerfish2.robot import Robot
 from archerfish2.task import Task
@@ -31,26 +34,50 @@ def facts(kind):
     return observer_facts(kind, SENSING if kind == "tracked" else PAPER, TASK)
 
 
-def sequence(batch, steps=8, mirror=1.0, shift=(0.0, 0.0, 0.0), turns=0, frames=1, slots=1):
-    """Decisions at which a target drives past; in a mirror, elsewhere, or with a gimbal that has turned around."""
+def observers(kind):
+    """An observer, and the same with commands that may jump."""
+    observer, wide = make_observer(facts(kind)), np.full(2, 1e3, np.float32)
+    return observer, dataclasses.replace(observer, largest_move=wide, braking=wide)
+
+
+def sequence(batch, steps=8, mirror=1.0, turn=0.0, shift=(0.0, 0.0, 0.0), drive=(0.0, 0.0, 0.0), frames=1, slots=1):
+    """Decisions at which a target drives past; in a mirror, turned about the vertical, seen from another base."""
     rng, zero = np.random.default_rng(3), np.zeros(batch)
-    side, shift, found = np.array([1.0, mirror]), np.array(shift), []
+    shift, drive, found = np.array(shift), np.array(drive), []
+    rotation = np.array([[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
     speed, begin = rng.uniform(-1.0, 1.0, batch), rng.uniform(-0.3, 0.3, batch)
     for step in range(steps):
-        angle, command = (rng.normal(0.0, 0.05, (*batch, 2)) * side for _ in range(2))
+        angle, command = (rng.normal(0.0, 0.05, (*batch, 2)) * [1.0, mirror] + [0.0, turn] for _ in range(2))
         age = 0.03 - 0.005 * np.arange(frames) + np.zeros((*batch, frames))
         y = mirror * (begin[..., None] + speed[..., None] * (0.02 * step - age))
-        place = np.stack([3.0 + 0.0 * y, y, 0.1 + 0.0 * y], axis=-1)[..., None, :] + shift
-        place = np.repeat(place, slots, axis=-2) + 0.5 * np.arange(slots)[:, None] * side[1] * [0.0, 1.0, 0.0]
+        place = np.stack([3.0 + 0.0 * y, y, 0.1 + 0.0 * y], axis=-1)[..., None, :]
+        place = np.repeat(place, slots, axis=-2) + mirror * np.arange(slots)[:, None] * [0.0, 0.5, 0.0]
+        own = shift + drive * (0.02 * step - age[..., None])
         shown = np.full((*batch, frames, slots), step != 3)
-        turned = np.array([0.0, 2.0 * np.pi * turns])
-        base = Base(np.broadcast_to(shift, (*batch, 3)), np.zeros((*batch, 3)), zero, zero)
-        gimbal = GimbalFeedback(angle + turned, 0.0 * angle, zero + 0.002)
-        seen = Frames(
-            np.ones((*batch, frames), bool), age, shown, np.where(shown[..., None], place, 0.0), 0.0 * y[..., None]
-        )
-        found.append(Seen(zero + 0.02 * (step > 0), gimbal, command + turned, seen, base, Barrel(zero + 18.0, zero)))
+        place = np.where(shown[..., None], place @ rotation + own[..., None, :], 0.0)
+        seen = Frames(np.ones((*batch, frames), bool), age, shown, place, 0.0 * place[..., 0])
+        pivot, velocity = (np.broadcast_to(each, (*batch, 3)) for each in (shift + 0.02 * step * drive, drive))
+        base = Base(pivot, velocity, zero + shift[0], zero + drive[0])
+        gimbal = GimbalFeedback(angle, 0.0 * angle, zero + 0.002)
+        found.append(Seen(zero + 0.02 * (step > 0), gimbal, command, seen, base, Barrel(zero + 18.0, zero)))
     return single_precision(tuple(found))
+
+
+def seen_at(place, command=(0.0, 0.0), lag=(0.0, 0.0), elapsed=0.02, age=0.045):
+    """A decision of one robot that sees one plate."""
+    flat, three, command = np.zeros(()), np.zeros(3), np.asarray(command)
+    frames = Frames(np.array([True]), np.array([age]), np.array([[True]]), np.array([[place]]), np.zeros((1, 1)))
+    gimbal = GimbalFeedback(command - lag, np.zeros(2), flat + 0.01)
+    return single_precision(
+        Seen(flat + elapsed, gimbal, command, frames, Base(three, three, flat, flat), Barrel(flat, flat))
+    )
+
+
+def remembered(observer, seen):
+    memory = observer.begin(seen[0])
+    for each in seen:
+        memory = observer.remember(memory, each)
+    return memory
 
 
 def observed(observer, seen, action=0.5):
@@ -61,6 +88,11 @@ def observed(observer, seen, action=0.5):
         view = observer.view(memory)
         found.append((observer.observe(view), observer.decode(view, action + 0.0 * view.aim).angle))
     return tuple(found)
+
+
+def by_block(observer, numbers):
+    names, sizes = zip(*observer.layout(), strict=True)
+    return dict(zip(names, np.split(numbers, np.cumsum(sizes)[:-1], axis=-1), strict=True))
 
 
 LARGE = [(kind, batch) for kind in TRACKING for batch in ((), (3,))]  # to compile; (2, 3) is in `make test`
@@ -75,22 +107,91 @@ def test_numpy_and_jax_observe_and_command_alike(kind, batch, agree):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_observations_have_their_size_mirror_images_and_depend_on_relative_places(kind):
+def test_one_robot_sees_what_it_sees_in_a_batch_and_left_and_right_are_mirror_images(kind):
     observer = make_observer(facts(kind))
     assert sum(size for _, size in observer.layout()) == SIZES[kind]
-    plain, mirrored, elsewhere, around = (
-        observed(observer, sequence((4,), **each), 0.0)
-        for each in ({}, {"mirror": -1.0}, {"shift": (0.5, -0.25, 0.125)}, {"turns": -1})
+    together, image = (observed(observer, sequence((2, 3), frames=2, mirror=side), 0.0) for side in (1.0, -1.0))
+    alone = observed(observer, map_arrays(lambda each: each[1, 2], sequence((2, 3), frames=2)), 0.0)
+    assert_allclose(alone[-1][0], together[-1][0][1, 2], atol=1e-3)
+    assert_allclose([each for _, each in image], [each * [1.0, -1.0] for _, each in together], atol=1e-5)
+    numbers, mirrored = (np.stack([each for each, _ in found])[2:] for found in (together, image))
+    same, opposite = (np.isclose(sign * mirrored, numbers, atol=1e-4).all((0, 1, 2)) for sign in (1.0, -1.0))
+    assert np.all(same | opposite)
+    assert np.sum(~same) == {"paper": 3, "history": 16, "tracked": 35, "multimodel": 70}[kind]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_only_where_the_target_is_from_the_base_counts(kind):
+    observer, turn = make_observer(facts(kind)), 4.0  # more than half a turn
+    plain, elsewhere, turned = (
+        observed(observer, sequence((4,), **each), 0.0) for each in ({}, {"shift": (0.5, -0.25, 0.125)}, {"turn": turn})
     )
-    for (numbers, angle), (image, opposite), (moved, same), (_, turned) in zip(
-        plain, mirrored, elsewhere, around, strict=True
-    ):
-        assert_allclose(np.abs(image), np.abs(numbers), atol=2e-3)
-        assert_allclose(opposite, angle * [1.0, -1.0], atol=1e-5)
-        assert_allclose(moved, numbers, atol=2e-3)
-        assert_allclose(same, angle, atol=1e-5)
-        if kind != "paper":  # whose last angles are not relative to anything
-            assert_allclose(turned - angle, np.tile([0.0, -2.0 * np.pi], (4, 1)), atol=1e-5)
+    for (numbers, angle), (same, command), (others, beyond) in zip(plain, elsewhere, turned, strict=True):
+        assert_allclose(same, numbers, atol=2e-3)
+        assert_allclose([command - angle, beyond - angle - [0.0, turn]], 0.0, atol=1e-5)
+        off = by_block(observer, others - numbers)
+        for name in off.keys() & {"paper", "aimed", "aim_yaw"}:  # which alone have the yaw itself
+            off[name] -= 2.0 * turn * np.array({"paper": [0, 1, 0, 1, 1, 0], "aimed": [0, 1], "aim_yaw": [1]}[name])
+        assert_allclose(np.concatenate([*off.values()], axis=-1), 0.0, atol=3e-3)
+
+
+@pytest.mark.parametrize("kind", TRACKING)
+def test_once_the_tracks_are_begun_a_base_that_drives_sees_what_one_that_stands_does(kind):
+    observer = make_observer(facts(kind))
+    (numbers, angle), (same, command) = (
+        observed(observer, sequence((4,), steps=60, drive=each), 0.0)[-1] for each in ((0.0,) * 3, (0.5, -1.0, 0.0))
+    )
+    off = by_block(observer, same - numbers)
+    kept = [each for name, each in off.items() if name not in ("models", "slow")]  # what stands, stands in the world
+    assert_allclose(np.concatenate(kept, axis=-1), 0.0, atol=2e-3)
+    assert_allclose(command, angle, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_zero_aims_at_where_the_target_is_now_or_was_seen_and_one_is_an_action_scale(kind):
+    free, speed = observers(kind)[1], np.array([-0.2, 0.6, 0.0])
+    seen = [seen_at([3.0, -0.5, 0.1] + speed * (0.02 * step - 0.045)) for step in range(50)]
+    view, zero = free.view(remembered(free, seen)), np.zeros(2, np.float32)
+    aim = free.decode(view, zero).angle
+    time, position = 0.98 - 0.045 * (kind not in TRACKING), pellet_at_muzzle(free.muzzle, aim, zero, np.zeros(3))
+    target = [3.0, -0.5, 0.1] + time * speed
+    crossing = flat_fire_crossing(*position, target[0], free.muzzle.drag)
+    assert_allclose([crossing.lateral, crossing.height], target[1:], atol=2e-3)
+    assert_allclose(free.decode(view, np.array([1.0, -0.5], np.float32)).angle - aim, [0.03, -0.05], rtol=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["history", *TRACKING])
+def test_blocks_are_scaled_as_by_hand(kind):
+    observer, free = observers(kind)
+    place, lag, move = np.array([4.0, 0.5, 0.1]), np.array([0.01, -0.03]), np.array([0.002, 0.01])
+    aim = free.decode(free.view(free.begin(seen_at(place))), np.zeros(2, np.float32)).angle
+    commands = aim - [[0.05, 0.1]] + move * np.arange(6)[:, None]
+    seen = [seen_at(place, each, lag, 0.02 * (step > 0)) for step, each in enumerate(commands)]
+    found = by_block(observer, observer.observe(observer.view(remembered(observer, seen))))
+    error, rest = aim - commands[-1] + lag, aim - commands[-1] - move**2 / (2.0 * observer.braking)
+    for name, off in (("error", error), ("rest", rest)):
+        assert_allclose(found[name], [*2.0 * off, *np.tanh(100.0 / 3.0 * off)], atol=1e-4)
+    assert_allclose(found["lag"], [*2.0 * lag] * 2, atol=1e-5)
+    assert_allclose(found["command_moves"], [*2.0 * move] * 3, atol=1e-5)
+    assert_allclose(found["gimbal_moves"], [*10.0 * move] * 3, atol=1e-5)
+    assert_allclose(
+        found["distance"], 0.5 * ((np.hypot(4.0, 0.5) if kind in TRACKING else np.hypot(4.0, 0.5099)) - 3.0), atol=1e-4
+    )
+    if kind in TRACKING:
+        assert_allclose(found["ages"], [0.9, 0.2], rtol=1e-5)
+        assert_allclose(found["clock"], [0.1, np.tanh(0.4)], rtol=1e-5)
+        assert_allclose([*found["bearings"], *found["histories"]], 0.0, atol=1e-3)
+
+
+def test_trackers_know_the_speed_and_which_model_fits():
+    for speed in (0.0, 1.0):
+        seen = [seen_at([3.0, 0.02 * step * speed - 0.5, 0.1], age=0.0) for step in range(40)]
+        for kind, name, scale in (("tracked", "across", 5.0), ("multimodel", "speeds", 5.0)):
+            observer = make_observer(facts(kind))
+            found = by_block(observer, observer.observe(observer.view(remembered(observer, seen))))
+            assert found[name][0] == pytest.approx(scale * speed, rel=0.05, abs=0.05)
+        still, onward = found["models"][:2]  # the last: of multimodel
+        assert (still > 0.5, onward > 0.5) == (speed == 0.0, speed == 1.0)
 
 
 def test_of_several_slots_the_one_nearest_to_the_prediction_counts():
@@ -100,17 +201,31 @@ def test_of_several_slots_the_one_nearest_to_the_prediction_counts():
 
 
 @pytest.mark.parametrize("kind", TRACKING)
-def test_commands_keep_the_largest_move_and_can_stop(kind):
-    observer, (first, *_) = make_observer(facts(kind)), sequence((3,))
-    memory, commands, rng = observer.begin(first), [first.command] * 2, np.random.default_rng(1)
-    for step in range(60):
-        seen = first._replace(elapsed=first.elapsed + np.float32(0.02 * (step > 0)), command=commands[-1])
-        memory = observer.remember(memory, seen)
-        action = rng.choice([-20.0, 20.0], (3, 2)).astype(np.float32) if step % 15 == 0 else action  # noqa: F821
-        commands.append(observer.decode(observer.view(memory), action).angle)
-    moves = np.diff(np.float64(commands), axis=0)
-    assert np.all(np.abs(moves) <= observer.largest_move * (1.0 + 1e-5))
-    assert np.abs(moves).max() == pytest.approx(observer.largest_move.max(), rel=1e-3)
+def test_commands_keep_the_largest_move_brake_in_time_and_arrive(kind):
+    observer, first = make_observer(facts(kind)), seen_at([3.0, 0.4, 0.1], elapsed=0.0)
+    free, memory, commands = observers(kind)[1], observer.begin(first), [first.command] * 2
+    for step in range(120):
+        action = np.array([4.0, 10.0], np.float32) * (-1.0) ** (step // 30)
+        now = first._replace(elapsed=np.float32(0.02 * (step > 0)), command=commands[-1])
+        memory = observer.remember(memory, now)
+        commands.append(observer.decode(view := observer.view(memory), action).angle)
+        move, before = np.abs(commands[-1] - commands[-2]), np.abs(commands[-2] - commands[-3])
+        assert np.all(move <= observer.largest_move * (1.0 + 1e-5))
+        if step % 30:
+            assert np.all(before - move <= observer.braking * 1.001 + 1e-6)
+        if step % 30 == 29:
+            assert_allclose(commands[-1], free.decode(view, action).angle, atol=1e-6)
+    assert np.any(np.abs(np.diff(commands, axis=0)) >= 0.999 * observer.largest_move)
+
+
+def test_while_nothing_is_seen_all_numbers_are_finite_and_afterwards_the_target_is_found():
+    for kind in KINDS:
+        observer, free = observers(kind)
+        seen = [seen_at([3.0, 0.5, 0.1], (0.1, -0.2), elapsed=0.02 * (step > 0), age=0.0) for step in range(80)]
+        dark = [each._replace(frames=map_arrays(np.zeros_like, each.frames)) for each in seen[:60]]
+        assert np.isfinite([each for each, _ in observed(observer, dark)]).all()
+        commands = [command for _, command in observed(free, [*dark, *seen[60:]], 0.0)]
+        assert_allclose(commands[-1][1], np.arctan2(0.5, 3.0), atol=1e-3)
 
 
 def test_a_window_is_the_exact_step_of_its_equation_and_keeps_the_last_second():
@@ -176,17 +291,20 @@ def test_a_policy_is_read_back_to_the_bit_and_decides_without_jax_and_scipy(tmp_
     assert np.isfinite(json.loads(printed)).all()
 
 
-def changed(content, change):
-    """A policy's file with changed facts."""
+def parts_of(content):
+    """The header of a policy's file, the SHA-256 of its arrays, its facts, and the rest."""
     size = struct.unpack("<Q", content[:8])[0]
     header = json.loads(content[8 : 8 + size])
-    digest, _, old = header["__metadata__"]["archerfish"].partition(" ")
-    made = json.loads(old)
-    part, _, name = change[0].rpartition(".")
-    (made[part] if part else made)[name] = change[1]
-    header["__metadata__"]["archerfish"] = f"{digest} {json.dumps(made)}"
-    text = json.dumps(header).encode()
-    return struct.pack("<Q", len(text)) + text + content[8 + size :]
+    digest, _, text = header["__metadata__"]["archerfish"].partition(" ")
+    return header, digest, text, content[8 + size :]
+
+
+def with_facts(content, text):
+    """A policy's file with other facts."""
+    header, digest, _, rest = parts_of(content)
+    header["__metadata__"]["archerfish"] = f"{digest} {text}"
+    made = json.dumps(header).encode()
+    return struct.pack("<Q", len(made)) + made + rest
 
 
 FACTS = [
@@ -198,6 +316,7 @@ FACTS = [
     ("observer.tracker", None, "expected one of paper"),
     ("observer.observation", ["sextant"], "observation: expected one of paper"),
     ("observer.observation", ["multimodel", "./mine.py:Mine"], "has blocks of a user's own"),
+    ("observer.period_s", 1, ""),
     ("nobody", 1, "unknown field"),
     ("seed", "1", "field seed: expected int, got"),
 ]
@@ -206,14 +325,27 @@ FACTS = [
 @pytest.mark.parametrize(("name", "value", "complaint"), FACTS)
 def test_bad_facts_are_named(tmp_path, policy, refused, name, value, complaint):
     policy.save(path := tmp_path / "policy.safetensors")
-    path.write_bytes(changed(path.read_bytes(), (name, value)))
-    refused(f"^{path}: .*{complaint}", Policy.load, path)
+    content = path.read_bytes()
+    made = json.loads(parts_of(content)[2])
+    part, _, field = name.rpartition(".")
+    (made[part] if part else made)[field] = value
+    path.write_bytes(with_facts(content, json.dumps(made)))
+    if complaint:
+        refused(f"^{path}: .*{complaint}", Policy.load, path)
+    else:
+        assert Policy.load(path).facts.observer.period_s == value
 
 
-def test_a_whole_number_is_a_period(tmp_path, policy):
+def test_mutated_facts_are_refused_or_give_a_policy_that_decides(tmp_path, policy, mutated):
     policy.save(path := tmp_path / "policy.safetensors")
-    path.write_bytes(changed(path.read_bytes(), ("observer.period_s", 1)))
-    assert Policy.load(path).facts.observer.period_s == 1.0
+    content, read = path.read_bytes(), lambda: Policy.load(path)
+    path.write_text(parts_of(content)[2])
+    seen = [seen_at([3.0, 0.01 * step, 0.1], elapsed=0.02 * (step > 0)) for step in range(5)]
+    for found in mutated(path, read, 150, convert=lambda text: with_facts(content, text.decode(errors="replace"))):
+        memory = found.reset(seen[0])
+        for each in seen:
+            memory, command = found.step(memory, each)
+            assert np.isfinite(command.angle).all(), found.facts
 
 
 def test_bad_arrays_and_damaged_files_are_named(tmp_path, policy, refused):
