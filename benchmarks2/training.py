@@ -41,7 +41,7 @@ def first_edition() -> dict[str, Callable[[], int]]:
     names: dict[str, Any] = {
         name: INFANTRY / f"{name}.json" for name in ("pitch", "yaw", "muzzle", "sensing", "limits")
     }
-    paper, infantry = load_setting(SettingFiles()), load_setting(SettingFiles(**names))
+    paper, infantry = load_setting(SettingFiles()), load_setting(SettingFiles(**names, robot="infantry"))
     ppo, gradient = PpoConfig(), GradientConfig(steps=9_000_000, hidden=512)
     usual: dict[str, Any] = {"frames": 4, "command_limit": "gate", "ppo": ppo, "seed": 0, "gradient": gradient}
     in_paper = _environment(TrainingTask(setting=paper, static_share=0.5, observation="history", **usual))
