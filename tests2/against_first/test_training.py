@@ -46,8 +46,8 @@ CASES = [
     ("ppo", "paper", 1, "paper"),
     ("ppo", "history", 2, "paper"),
 ]
-# At the usual rates PPO multiplies rounding errors by 2 to 50 in each iteration: after eight the editions' weights differ
-# by 3.6 %, and those of the first by 4.6 % from its own where its actor begins with another last bit.
+# At the usual rates PPO multiplies rounding errors by 2 to 50 in each iteration: after eight the weights of both differ
+# by 3.6 %, those of the first by 4.6 % from its own where its actor begins with another last bit.
 SLOWLY = {"actor_learning_rate": 1e-5, "critic_learning_rate": 3e-5}
 
 

@@ -38,11 +38,11 @@ def test_advantages_stop_at_both_ends_and_bootstrap_from_the_truncated_one():
 def test_the_objective_is_that_of_eq_10():
     layers = (Layer(jnp.zeros((1, 3)), jnp.zeros(3)), Layer(jnp.zeros((3, 2)), jnp.array([0.5, -0.5])))
     actor = learner.Actor(layers, jnp.log(jnp.array([0.5, 2.0])))
-    action, advantage, before = np.array([[0.7, 0.1], [0.4, -2.0]]), np.array([1.5, -0.5]), np.array([-2.3, -2.2])
+    action, advantage, before = np.array([[0.7, 0.1], [0.4, -2.0]]), np.array([1.5, -0.5]), np.array([-2.3, -1.5])
     scaled = (action - [0.5, -0.5]) / [0.5, 2.0]
     density = np.sum(-0.5 * scaled**2 - np.log([0.5, 2.0]) - 0.5 * np.log(2.0 * np.pi), axis=1)
     ratio = np.exp(density - before)
-    assert ratio[0] > 1.2  # so that it is clipped
+    assert ratio[0] > 1.2 and ratio[1] < 0.8  # so that both are clipped
     expected = np.minimum(ratio * advantage, np.clip(ratio, 0.8, 1.2) * advantage).mean()
     entropy = np.sum(np.log([0.5, 2.0]) + 0.5 * np.log(2.0 * np.pi * np.e))
     batch = ppo.Batch(jnp.ones((2, 2)), *map(jnp.asarray, (action, before, advantage)), jnp.array([1.0, 2.0]))
