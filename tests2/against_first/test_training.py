@@ -33,18 +33,21 @@ from archerfish2.learning.ppo import PPO  # noqa: E402
 from archerfish2.learning.shards import placed  # noqa: E402
 from archerfish2.robot import Robot  # noqa: E402
 from archerfish2.task import Task  # noqa: E402
+from archerfish2.tracking import side_by_side  # noqa: E402
 
 pytestmark = pytest.mark.against_first
 ENVIRONMENTS, ITERATIONS = 64, 8
 CASES = [
     ("gradient", "history", 1, "paper"),
     ("gradient", "history", 2, "paper"),
+    ("gradient", "tracked", 2, "infantry"),
     ("gradient", "multimodel", 2, "paper"),
     ("gradient", "multimodel", 2, "infantry"),
     ("ppo", "paper", 1, "paper"),
     ("ppo", "history", 2, "paper"),
 ]
-# At the usual rates PPO multiplies a rounding error by 3 to 60 in each iteration, in either edition.
+# At the usual rates PPO multiplies rounding errors by 2 to 50 in each iteration: after eight the weights of both differ
+# by 3.6 %, those of the first by 4.6 % from its own where its actor begins with another last bit.
 SLOWLY = {"actor_learning_rate": 1e-5, "critic_learning_rate": 3e-5}
 
 
@@ -57,7 +60,10 @@ def weights(*trees):
 
 
 @pytest.mark.parametrize(("trainer", "kind", "shards", "robot"), CASES)
-def test_weights_are_those_of_the_first_edition(trainer, kind, shards, robot, reference) -> None:
+def test_weights_are_those_of_the_first_edition(trainer, kind, shards, robot, reference, monkeypatch) -> None:
+    if kind == "tracked":
+        # For this kind alone the first edition's gradient goes back through the trackers; with that, both are equal.
+        monkeypatch.setattr(side_by_side, "without_gradient", lambda array: array)
     # Engagements of 10,000 decisions: none ends, for what replaces it is drawn at other moments.
     conditions, folder = replace(assumed_conditions(), engagement_s=200.0), reference / "infantry"
     if robot == "paper":

@@ -1,10 +1,11 @@
 """The two trainers, part by part against calculations by hand, and the defaults of their settings."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 import archerfish2 as af
 from archerfish2.controllers.network import Layer, Normaliser
@@ -13,7 +14,7 @@ from archerfish2.learning.config import GradientConfig, PpoConfig, TrainConfig
 jax = pytest.importorskip("jax")
 jnp = jax.numpy
 
-from archerfish2.learning import gradient, learner, ppo  # noqa: E402
+from archerfish2.learning import gradient, learner, ppo, shards  # noqa: E402
 from archerfish2.learning.shards import AXIS, averaged, largest, over_shards, placed  # noqa: E402
 
 PAPER, INFANTRY = af.Robot.paper(), af.Robot.load("tests2/infantry")
@@ -37,11 +38,11 @@ def test_advantages_stop_at_both_ends_and_bootstrap_from_the_truncated_one():
 def test_the_objective_is_that_of_eq_10():
     layers = (Layer(jnp.zeros((1, 3)), jnp.zeros(3)), Layer(jnp.zeros((3, 2)), jnp.array([0.5, -0.5])))
     actor = learner.Actor(layers, jnp.log(jnp.array([0.5, 2.0])))
-    action, advantage, before = np.array([[0.7, 0.1], [0.4, -2.0]]), np.array([1.5, -0.5]), np.array([-2.3, -2.2])
+    action, advantage, before = np.array([[0.7, 0.1], [0.4, -2.0]]), np.array([1.5, -0.5]), np.array([-2.3, -1.5])
     scaled = (action - [0.5, -0.5]) / [0.5, 2.0]
     density = np.sum(-0.5 * scaled**2 - np.log([0.5, 2.0]) - 0.5 * np.log(2.0 * np.pi), axis=1)
     ratio = np.exp(density - before)
-    assert ratio[0] > 1.2  # so that it is clipped
+    assert ratio[0] > 1.2 and ratio[1] < 0.8  # so that both are clipped
     expected = np.minimum(ratio * advantage, np.clip(ratio, 0.8, 1.2) * advantage).mean()
     entropy = np.sum(np.log([0.5, 2.0]) + 0.5 * np.log(2.0 * np.pi * np.e))
     batch = ppo.Batch(jnp.ones((2, 2)), *map(jnp.asarray, (action, before, advantage)), jnp.array([1.0, 2.0]))
@@ -95,25 +96,38 @@ def test_the_gradient_of_an_engagement_is_clipped_alone():
 
 
 def test_the_gradient_of_a_window_is_its_slope(quick_jit):
-    config = GradientConfig(**SMALL, layers=1, shards=1)
-    environment = jax.tree.map(jnp.asarray, af.make_environment(PAPER, "dynamic"))
-    state = gradient.GRADIENT.begin(environment, config, jax.random.key(1))
-    normals = jax.random.normal(jax.random.key(2), (4, environment.normals, 32))
-    fresh = (state.environment, state.observation)
+    # Seven decisions of engagements of five and ten: the gradient also stops where another engagement begins.
+    task = af.Task.load("dynamic").replace(lengths_s=(0.1, 0.2), short_share=0.5)
+    environment, rng = af.make_environment(PAPER, task), np.random.default_rng(0)
+    config = GradientConfig(environments=8, hidden=8, layers=1, shards=1)
+    state = gradient.GRADIENT.begin(jax.tree.map(jnp.asarray, environment), config, jax.random.key(1))
+    fresh = environment.fresh(rng.standard_normal((8, environment.normals)), rng.random((8, environment.uniforms)))
+    normals = rng.standard_normal((7, environment.normals, 8))
 
-    def of(actor):
-        return gradient.window_loss(actor, environment, state, normals, fresh, jnp.inf)[0]
+    def double(array):
+        array = np.asarray(array)
+        return jnp.asarray(array, jnp.float64 if array.dtype.kind == "f" else array.dtype)
 
-    loss, rng = quick_jit(of), np.random.default_rng(0)
-    slope = quick_jit(jax.grad(of))(state.actor)
-    along = jax.tree.map(lambda each: jnp.asarray(rng.normal(0.0, 1.0, each.shape), jnp.float32), state.actor)
-    both = [loss(jax.tree.map(lambda a, d, by=by: a + by * d, state.actor, along)) for by in (1e-2, -1e-2)]
-    expected = sum(float(jnp.sum(a * b)) for a, b in zip(jax.tree.leaves(slope), jax.tree.leaves(along), strict=True))
-    assert float(both[0] - both[1]) / 2e-2 == pytest.approx(expected, rel=0.02)
+    with jax.enable_x64(True):
+        given = jax.tree.map(double, (environment, state._replace(key=jnp.zeros(())), normals, fresh))
+        run = quick_jit(jax.value_and_grad(gradient.window_loss, has_aux=True))
+
+        def loss(actor):
+            return run(actor, *given, jnp.inf)
+
+        actor = given[1].actor
+        for _ in range(3):
+            along = jax.tree.map(lambda each: double(rng.standard_normal(each.shape)), actor)
+            near = [jax.tree.map(lambda a, d, by=by: a + by * d, actor, along) for by in (1e-6, -1e-6)]
+            (ahead, _), (behind, _) = (loss(each)[0] for each in near)
+            pairs = zip(jax.tree.leaves(loss(actor)[1]), jax.tree.leaves(along), strict=True)
+            assert sum(float(jnp.sum(a * b)) for a, b in pairs) == pytest.approx(float(ahead - behind) / 2e-6, rel=1e-4)
+        ended = np.asarray(loss(actor)[0][1][0].left) > 5
+        assert ended.any()
 
 
 @pytest.mark.parametrize("trainer", ["gradient", pytest.param("ppo", marks=pytest.mark.slow)])
-def test_a_number_that_is_not_finite_is_found_in_its_iteration_and_leaves_the_learner_before_it(trainer):
+def test_a_number_that_is_not_finite_is_named_and_leaves_the_learner_before_it(trainer):
     made = gradient.GRADIENT if trainer == "gradient" else ppo.PPO
     config = GradientConfig(**SMALL, window=5) if trainer == "gradient" else PpoConfig(
         **SMALL, rollout=5, minibatches=2, epochs=1, discount=0.9)  # fmt: skip
@@ -127,13 +141,48 @@ def test_a_number_that_is_not_finite_is_found_in_its_iteration_and_leaves_the_le
         set() if trainer == "gradient" else {"value_error", "divergence", "clipped_share", "std"}
     )
     layers = after.actor.layers
-    broken = (layers[0]._replace(bias=layers[0].bias * jnp.nan), *layers[1:])
-    broken = placed(after._replace(actor=after.actor._replace(layers=broken)), 2, learner.SPLIT)
-    kept, metrics = made.advance(environment, config, broken, 4)
-    bad = ~(np.asarray(metrics["watched"]) <= np.array(list(learner.WATCHED.values())))
-    assert list(learner.WATCHED)[int(np.argmax(bad[0]))] in ("observation", "action")
-    assert int(kept.iteration) == int(broken.iteration) == 4
-    assert np.array_equal(kept.observation, broken.observation)
+    lost = (layers[0]._replace(bias=layers[0].bias * jnp.nan), *layers[1:])
+    lost = placed(after._replace(actor=after.actor._replace(layers=lost)), 2, learner.SPLIT)
+    poor = dataclasses.replace(environment, reward=dataclasses.replace(environment.reward, hit=jnp.float32(jnp.nan)))
+    for where, before, first in ((environment, lost, ("observation", "action")), (poor, after, ("reward",))):
+        kept, metrics = made.advance(where, config, before, 4)
+        bad = ~(np.asarray(metrics["watched"]) <= np.array(list(learner.WATCHED.values())))
+        assert {list(learner.WATCHED)[int(np.argmax(each))] for each in bad} <= {*first}
+        for ours, theirs in zip(jax.tree.leaves(kept), jax.tree.leaves(before), strict=True):
+            assert_array_equal(*(jax.random.key_data(e) if e.dtype == before.key.dtype else e for e in (ours, theirs)))
+
+
+def test_iterations_end_with_the_one_before_the_first_bad_one_in_any_shard():
+    def iteration(environment, settings, before, sizes):
+        assert sizes["environments"] == 2
+        after = before._replace(iteration=before.iteration + 1, observation=before.observation * 2.0)
+        wrong = (before.iteration == 2) & (before.observation[0, 0] < 0.0)
+        return after, {"number": after.iteration}, {"reward": jnp.where(wrong, jnp.nan, 1.0)}
+
+    actor, rows = learner.Actor((), jnp.zeros(2)), jnp.array([[1.0], [2.0], [-3.0], [4.0]])
+    nothing = Normaliser(jnp.zeros(1), jnp.ones(1), jnp.float32(0))
+    state = learner.Learner(actor, (), (), nothing, (), rows, jax.random.key(0), jnp.int32(0))
+    sizes, state = (("environments", 4), ("shards", 2)), placed(state, 2, learner.SPLIT)
+    kept, metrics = learner.iterate(iteration, (), {}, state, sizes, 4)
+    assert (int(kept.iteration), metrics["number"].tolist()) == (2, [1, 2, 3, 3])
+    assert_array_equal(kept.observation, 4.0 * rows)
+    assert np.isinf(metrics["watched"][:, 2]).tolist() == [False, False, True, True]
+
+
+@pytest.mark.slow
+def test_shards_on_a_device_each_and_side_by_side_on_one_train_alike(monkeypatch):
+    environment = jax.tree.map(jnp.asarray, af.make_environment(PAPER, "static"))
+    config = GradientConfig(**SMALL, window=5, steps=10_000)
+    begun = gradient.GRADIENT.begin(environment, config, jax.random.key(0))
+    apart = placed(begun, 2, learner.SPLIT)
+    for _ in range(2):
+        apart, _ = gradient.GRADIENT.advance(environment, config, apart, 2)
+    monkeypatch.setattr(shards, "_have_devices", lambda count: False)
+    together, _ = gradient.GRADIENT.advance(environment, config, begun, 4)
+    assert len(apart.observation.sharding.device_set) == 2
+    assert len(together.observation.sharding.device_set) == 1
+    for ours, theirs in zip(*(jax.tree.leaves(each.actor) for each in (apart, together)), strict=True):
+        assert_allclose(ours, theirs, atol=1e-5)
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])  # there are two devices; four shards run side by side on one
