@@ -9,8 +9,6 @@ compiled; without JAX, or in a process that was forked while JAX was loaded, whe
 NumPy.
 """
 
-import os
-import sys
 from collections import deque
 from typing import Any
 
@@ -21,7 +19,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from archerfish2.arrays import map_arrays, namespace
-from archerfish2.compiled import has_jax, import_jax
+from archerfish2.compiled import forked, has_jax, import_jax
 from archerfish2.errors import InputError
 from archerfish2.learning.environments import make_environment
 from archerfish2.simulation.environment import Environment
@@ -33,10 +31,6 @@ OBSERVATION_BOUND = 1e6
 """Far beyond any number of an observation; Gymnasium advises against spaces without bounds."""
 Floats = NDArray[np.float32]
 Flags = NDArray[np.bool_]
-_forked: list[bool] = []  # not empty in a process that was forked while JAX was loaded
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=lambda: _forked.append(True) if sys.modules.get("jax") else None)
 
 
 class _Engagements:
@@ -56,7 +50,7 @@ class _Engagements:
             raise InputError(f"environment must be from make_environment, got {self.plain!r}; or give robot and task")
         self.environment = self.plain = map_arrays(np.asarray, self.plain)
         self.bound, self.programs = np.float32(action_bound), dict[Any, Any]()
-        if has_jax() and not _forked:
+        if has_jax():
             jax = import_jax()
             self.environment = jax.tree.map(jax.numpy.asarray, self.plain)
             self.programs = {each: jax.jit(each) for each in (Environment.begin, Environment.fresh, _step, _alone)}
@@ -74,7 +68,7 @@ class _Engagements:
 
     def run(self, function: Any, *arguments: Any) -> Any:
         """Return what a function of the environment gives, compiled if that is possible."""
-        if self.programs and not _forked:
+        if self.programs and not forked:
             return self.programs[function](self.environment, *arguments)
         return function(self.plain, *map_arrays(np.asarray, arguments))
 
