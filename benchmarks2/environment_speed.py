@@ -1,8 +1,9 @@
-"""Steps of the vector environment per second against the first edition's, for targets of any motion.
+"""Steps of the environments for Gymnasium per second against the first edition's.
 
 Each edition runs in a process of its own; the two alternate: `python benchmarks2/environment_speed.py`. 256 engagements
-on tests2/infantry with the observation of a training. Goal: 20 of the first edition's figures. Writes
-results/environment_speed.json.
+side by side, on tests2/infantry for targets of any motion with the observation of a training (goal: 20 of the first
+edition's figures) and in the paper's task; and a single environment in the paper's task. The environment without an
+adapter is in training.py. Writes results/environment_speed.json.
 """
 
 from collections.abc import Callable
@@ -13,7 +14,7 @@ import alternating
 
 ROOT = Path(__file__).parents[1]
 INFANTRY = ROOT.parent / "shared" / "second_edition" / "reference" / "infantry"
-MEMBERS, STEPS = 256, 50
+MEMBERS, STEPS, NAMES = 256, 50, ("vector, any", "vector, paper", "single, paper")
 
 
 def first_edition() -> dict[str, Callable[[], int]]:
@@ -26,31 +27,42 @@ def first_edition() -> dict[str, Callable[[], int]]:
     records = {"muzzle": read_muzzle, "sensing": read_sensing, "limits": read_limits}
     given: dict[str, Any] = {name: read(INFANTRY / f"{name}.json") for name, read in records.items()}
     given |= {"plant": str(INFANTRY), "target": "any", "observation": "multimodel"}
-    return {"vector, any": _stepped("archerfish/Shooting-v0", given)}
+    return _works("archerfish/Shooting-v0", given, {"target": "dynamic"})
 
 
 def second_edition() -> dict[str, Callable[[], int]]:
     """Return the same of the second edition."""
     given = {"robot": str(ROOT / "tests2" / "infantry"), "task": "kinds"}
-    return {"vector, any": _stepped("archerfish2:archerfish2/Shooting-v0", given)}
+    return _works("archerfish2:archerfish2/Shooting-v0", given, {"task": "paper"})
 
 
-def _stepped(name: str, options: dict[str, Any]) -> Callable[[], int]:
+def _works(name: str, of_any: dict[str, Any], of_paper: dict[str, Any]) -> dict[str, Callable[[], int]]:
     import gymnasium
     import numpy as np
 
-    envs = gymnasium.make_vec(name, num_envs=MEMBERS, **options)
-    envs.reset(seed=0)
-    actions = np.zeros((MEMBERS, 2), np.float32)
+    def many(options: dict[str, Any]) -> Callable[[], int]:
+        envs = gymnasium.make_vec(name, num_envs=MEMBERS, **options)
+        envs.reset(seed=0)
+        actions = np.zeros((MEMBERS, 2), np.float32)
 
-    def run() -> int:
+        def run() -> int:
+            for _ in range(STEPS):
+                envs.step(actions)
+            return STEPS * MEMBERS
+
+        return run
+
+    env, action = gymnasium.make(name, **of_paper), np.zeros(2, np.float32)
+
+    def one() -> int:
+        env.reset(seed=0)
         for _ in range(STEPS):
-            envs.step(actions)
-        return STEPS * MEMBERS
+            env.step(action)
+        return STEPS
 
-    return run
+    return dict(zip(NAMES, (many(of_any), many(of_paper), one), strict=True))
 
 
 if __name__ == "__main__":
     EDITIONS = {"first": first_edition, "second": second_edition}
-    alternating.run(__doc__, __file__, EDITIONS, ("vector, any",), pairs=7)
+    alternating.run(__doc__, __file__, EDITIONS, NAMES, pairs=7)

@@ -5,6 +5,7 @@ import importlib.metadata
 import importlib.util
 import os
 import platform
+import sys
 import warnings
 from contextlib import suppress
 from pathlib import Path
@@ -13,10 +14,16 @@ from typing import Any
 from archerfish2 import arrays
 from archerfish2.errors import InputError
 
+forked: list[bool] = []
+"""Not empty in a process that was forked while JAX was loaded: its threads are missing there, so that it would hang."""
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=lambda: forked.append(True) if sys.modules.get("jax") else None)
+
 
 def has_jax() -> bool:
-    """Whether JAX is installed."""
-    return importlib.util.find_spec("jax") is not None
+    """Whether JAX is installed, and works in this process."""
+    return not forked and importlib.util.find_spec("jax") is not None
 
 
 def import_jax() -> Any:

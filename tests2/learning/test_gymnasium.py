@@ -1,8 +1,6 @@
 """The environment for other libraries: no transition is lost, and wrong things are answered as users expect."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +27,18 @@ envs = gymnasium.make_vec("archerfish2/Shooting-v0", num_envs=2, vectorization_m
 print(envs.reset(seed=3)[0].shape, envs.step(envs.action_space.sample())[1].shape)
 envs.close()
 """
+HANDED_OVER = """
+import multiprocessing, warnings, gymnasium
+warnings.simplefilter("ignore")
+env = gymnasium.make("archerfish2:archerfish2/Shooting-v0", task="paper")
+env.reset(seed=0)
+env.step(env.action_space.sample())
+fork = multiprocessing.get_context("fork")
+queue = fork.Queue()
+process = fork.Process(target=lambda: queue.put(env.step(env.action_space.sample())[0].shape))
+process.start()
+print(queue.get(timeout=50))
+"""
 
 
 @pytest.fixture(scope="module")
@@ -46,36 +56,71 @@ def test_gymnasium_finds_no_fault_in_it_and_it_has_the_environment_of_a_training
     assert envs.metadata["autoreset_mode"] is gymnasium.vector.AutoresetMode.SAME_STEP
 
 
+def alone(environment, seed):
+    """Play one engagement after the other straight in the environment: (observation, step) with actions sent in."""
+    generator, _ = gymnasium.utils.seeding.np_random(seed)
+    (noise,), step, length = generator.spawn(1), None, 0
+    while True:
+        normals = generator.standard_normal((1, environment.normals), np.float32)
+        state, observation = environment.fresh(normals, generator.random((1, environment.uniforms), np.float32))
+        action, length = (yield observation[0], step, length), 0
+        while True:
+            normals = noise.standard_normal((1, environment.normals), np.float32)
+            before = (state, observation)
+            state, step = environment.step(state, np.clip(action, -1, 1)[None], normals, before)
+            length += 1
+            if step.truncated[0]:
+                break
+            action = yield step.observation[0], step, length
+
+
 @pytest.mark.parametrize("steps", [60, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_no_transition_is_lost_or_repeated(environment, steps):
-    envs = ShootingVectorEnv(3, environment=environment)
-    singles = [ShootingEnv(environment=environment) for _ in range(3)]
+    envs, one = ShootingVectorEnv(3, environment=environment), ShootingEnv(environment=environment)
     rng, (observation, _) = np.random.default_rng(0), envs.reset(seed=10)
-    alone = [each.reset(seed=10 + place)[0] for place, each in enumerate(singles)]
-    lengths, since = set(), np.zeros(3, int)
+    games = [alone(environment, 10 + place) for place in range(3)]
+    expected, lengths = [next(each) for each in games], set()
+    assert_allclose(one.reset(seed=10)[0], observation[0], atol=2e-3)
     for _ in range(steps):
-        assert_allclose(observation, np.stack(alone), atol=2e-3)
+        assert_allclose(observation, [each[0] for each in expected], atol=2e-3)
         action = rng.uniform(-1.2, 1.2, (3, 2)).astype(np.float32)
         observation, reward, terminated, truncated, infos = envs.step(action)
-        given = [each.step(own) for each, own in zip(singles, action, strict=True)]
+        expected = [each.send(own) for each, own in zip(games, action, strict=True)]
+        given = [each[1] for each in expected]
         assert not terminated.any()
-        assert_array_equal(truncated, [each[3] for each in given])
-        assert_allclose(reward, [each[1] for each in given], atol=1e-3)
-        assert_allclose(infos["miss"], [each[4]["miss"] for each in given], atol=1e-3)
-        since += 1
-        for place in range(3):
-            alone[place] = given[place][0]
-            if truncated[place]:
-                assert_allclose(infos["final_obs"][place], alone[place], atol=2e-3)
-                lengths.add(int(since[place]))
-                alone[place], since[place] = singles[place].reset()[0], 0
+        assert_array_equal(truncated, [each.truncated[0] for each in given])
+        assert_allclose(reward, [each.reward[0] for each in given], atol=1e-3)
+        assert_allclose(infos["miss"], [each.shot.miss[0] for each in given], atol=1e-3)
+        for place in np.flatnonzero(truncated):
+            assert_allclose(infos["final_obs"][place], given[place].final_observation[0], atol=2e-3)
+            lengths.add(expected[place][2])
+        last, reward, _, ended, info = one.step(action[0])
+        assert (ended, info["hit"]) == (truncated[0], infos["hit"][0])
+        assert_allclose(last, given[0].final_observation[0], atol=2e-3)
+        assert_allclose([reward, *info["miss"]], [given[0].reward[0], *given[0].shot.miss[0]], atol=1e-3)
+        if ended:
+            assert_allclose(one.reset()[0], observation[0], atol=2e-3)
     assert lengths == {5, 10}
+
+
+def test_new_engagements_are_drawn_once_a_block_and_not_at_every_step(environment, monkeypatch):
+    monkeypatch.setattr("archerfish2.learning.gymnasium._forked", [True])  # in NumPy, where each call is counted
+    envs, drawn, draw = ShootingVectorEnv(4, environment=environment), [], type(environment.scenario).draw
+    monkeypatch.setattr(
+        type(environment.scenario), "draw", lambda self, uniforms: drawn.append(1) or draw(self, uniforms)
+    )
+    envs.reset(seed=0)
+    for _ in range(60):
+        envs.step(np.zeros((4, 2), np.float32))
+    assert len(drawn) <= 2 + 60 / 5  # no engagement is shorter than five decisions
 
 
 def test_seeds_repeat_and_differ_and_a_batch_may_be_staggered(environment):
     envs = ShootingVectorEnv(3, environment=environment, staggered=True)
-    first, again = envs.reset(seed=5)[0], envs.reset(seed=[5, 6, 7])[0]
-    assert_array_equal(first, again)
+    first = envs.reset(seed=5)[0]
+    for seed in ([5, 6, 7], np.array([5, 6, 7]), np.int64(5)):
+        assert_array_equal(first, envs.reset(seed=seed)[0])
+    assert envs.np_random_seed == 5
     assert not np.array_equal(envs.reset()[0], first)
     assert len(np.unique(first, axis=0)) == 3
     ended = np.any([envs.step(np.zeros((3, 2), np.float32))[3] for _ in range(4)], axis=0)
@@ -85,16 +130,28 @@ def test_seeds_repeat_and_differ_and_a_batch_may_be_staggered(environment):
 def test_actions_beyond_the_bound_are_clipped_and_what_is_no_action_is_refused(environment, refused):
     env = ShootingEnv(environment=environment, action_bound=0.5)
     rewards = []
-    for action in ([9.0, -9.0], np.array([0.5, -0.5]), np.array([1, -1])):  # lists, float64 and integers, too
-        env.reset(seed=0)
+    for action in ([9.0, -9.0], np.array([0.5, -0.5]), np.array([1, -1]), np.array([1e300, -1e300])):
+        env.reset(seed=0)  # lists, float64 and integers, too
         rewards.append(env.step(action)[1])
-    assert rewards[0] == rewards[1] == rewards[2]
-    for action in (np.zeros(3), np.zeros((1, 2)), np.array([np.nan, 0.0]), np.array(["a", "b"]), None):
-        refused(r"an action must be finite numbers of shape \(2,\), pitch and yaw, got", env.step, action)
-    refused("of shape .3, 2.,", ShootingVectorEnv(3, environment=environment).unwrapped._all.action, [0.0, 0.0], (3, 2))
+    assert len(set(rewards)) == 1
+    wrong = {"float64 of shape (3,)": np.zeros(3), "<U1 of": np.array(["a", "b"]), "bool of": np.array([True, False])}
+    wrong |= {
+        "a number that is not finite": np.array([np.nan, 0.0]),
+        "object of": [[0.0], 0.0],
+        "object of shape ()": None,
+    }
+    for what, action in wrong.items():
+        refused(re.escape(f"finite numbers of shape (2,), pitch and yaw, got {what}"), env.step, action)
+    envs = ShootingVectorEnv(3, environment=environment)
+    envs.reset(seed=0)
+    refused("of shape .3, 2., pitch and yaw, got float64 of shape .2,", envs.step, [0.0, 0.0])
     while not env.step(np.zeros(2, np.float32))[3]:
         pass
-    for call in (env.step, ShootingEnv(environment=environment).step):
+    for call in (
+        env.step,
+        ShootingEnv(environment=environment).step,
+        ShootingVectorEnv(2, environment=environment).step,
+    ):
         with pytest.raises(gymnasium.error.ResetNeeded):
             call(np.zeros(2, np.float32))
 
@@ -102,11 +159,12 @@ def test_actions_beyond_the_bound_are_clipped_and_what_is_no_action_is_refused(e
 def test_what_can_not_be_made_or_reset_is_named(environment, refused):
     refused("options robot, task, .*; got plant", ShootingEnv, plant="x")
     refused("got render_mode 'human'", ShootingEnv, "human")
-    refused("an environment is given, so", ShootingEnv, environment=environment, task="paper")
+    refused("an environment is given, so task", ShootingEnv, environment=environment, task="paper")
+    refused("environment must be from make_environment, got 3", ShootingEnv, environment=3)
     refused("action_bound must be finite and > 0, got 0", ShootingEnv, environment=environment, action_bound=0)
     refused("num_envs must be at least 1, got 0", ShootingVectorEnv, 0)
     envs = ShootingVectorEnv(2, environment=environment)
-    refused("seed must be at least 0, got -1", envs.reset, seed=[0, -1])
+    refused("seed must be an integer of at least 0, got -1", envs.reset, seed=[0, -1])
     refused("seed must be one per environment: expected 2, got 3", envs.reset, seed=[1, 2, 3])
     refused("reset takes no options, got reset_mask", envs.reset, options={"reset_mask": [True]})
 
@@ -125,21 +183,41 @@ def test_a_picture_shows_gimbal_target_and_pellets(environment):
     assert columns.mean() < picture.FIELD_WIDTH / 2  # to the left
 
 
-def test_environments_in_forked_processes_answer():
-    run = [sys.executable, "-c", FORKED]
-    printed = subprocess.run(run, cwd=ROOT / "src", capture_output=True, text=True, timeout=60, check=True).stdout
-    assert printed.split("\n")[0] == "(2, 35) (2,)"
+@pytest.mark.parametrize(("code", "printed"), [(FORKED, "(2, 35) (2,)\n"), (HANDED_OVER, "(35,)\n")])
+def test_environments_in_forked_processes_answer(code, printed, run_python):
+    assert run_python(code, timeout_s=60) == printed
 
 
-def test_the_page_runs(monkeypatch, tmp_path):
+ALONE = "import sys, archerfish2; assert not {'gymnasium', 'jax'} & sys.modules.keys(); import gymnasium"
+
+
+@pytest.mark.parametrize("imports", ["import gymnasium, archerfish2", ALONE])
+def test_gymnasium_has_the_name_whichever_is_imported_first(imports, run_python):
+    printed = run_python(f"{imports}; print(gymnasium.spec('archerfish2/Shooting-v0').vector_entry_point)")
+    assert printed == "archerfish2.learning.gymnasium:ShootingVectorEnv\n"
+
+
+SMALL = {
+    "num_envs=64": "num_envs=4",
+    "range(1000)": "range(20)",
+    "Env(512": "Env(8",
+    "batch_size=1600": "batch_size=50",
+}
+SMALL |= {"learn(3_000_000)": "learn(200)", "engagements=100": "engagements=2", "[256]": "[16]"}
+
+
+@pytest.mark.parametrize("package", ["gymnasium", "stable_baselines3"])
+def test_the_page_runs(package, monkeypatch, tmp_path):
+    pytest.importorskip(package)
+    monkeypatch.setattr("archerfish2.evaluation.tuning.rates", lambda *_: lambda settings: 0.5)
+    monkeypatch.setenv("ARCHERFISH_CACHE", "off")
     monkeypatch.chdir(tmp_path)
-    page = (ROOT / "docs2" / "gymnasium.md").read_text()
-    blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    assert sum("stable_baselines3" in each for each in blocks) == 1
-    scope = {}
-    for each in blocks:
-        if "stable_baselines3" not in each:
-            exec(each.replace("num_envs=64", "num_envs=4").replace("range(1000)", "range(20)"), scope)
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs2" / "gymnasium.md").read_text(), re.DOTALL)
+    assert ["stable_baselines3" in each for each in blocks] == [False, False, True]
+    code = "".join(each for each in blocks if ("stable_baselines3" in each) is (package != "gymnasium"))
+    for usual, small in SMALL.items():
+        code = code.replace(usual, small)
+    exec(code, {})
 
 
 def test_stable_baselines_trains_in_it_and_plays_in_an_evaluation(environment):
