@@ -104,7 +104,7 @@ def test_no_transition_is_lost_or_repeated(environment, steps):
 
 
 def test_new_engagements_are_drawn_once_a_block_and_not_at_every_step(environment, monkeypatch):
-    monkeypatch.setattr("archerfish2.learning.gymnasium._forked", [True])  # in NumPy, where each call is counted
+    monkeypatch.setattr("archerfish2.learning.gymnasium.forked", [True])  # in NumPy, where each call is counted
     envs, drawn, draw = ShootingVectorEnv(4, environment=environment), [], type(environment.scenario).draw
     monkeypatch.setattr(
         type(environment.scenario), "draw", lambda self, uniforms: drawn.append(1) or draw(self, uniforms)
