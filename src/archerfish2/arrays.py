@@ -11,6 +11,7 @@ from typing import Any, TypeVar, cast, dataclass_transform
 
 import numpy as np
 
+_NUMPY = (np.ndarray, np.generic)
 Array = Any
 """An array of NumPy or JAX. Shapes are in the docstrings; B stands for any batch shape, () included."""
 
@@ -20,9 +21,10 @@ def namespace(*arrays: Array) -> Any:
 
     Any other namespace wins over NumPy's, so that constants built with NumPy combine with traced arrays.
     """
-    found = {each.__array_namespace__() for each in arrays if hasattr(each, "__array_namespace__")}
-    others = found - {np}
-    return others.pop() if others else np
+    for each in arrays:
+        if not isinstance(each, _NUMPY) and hasattr(each, "__array_namespace__"):
+            return each.__array_namespace__()
+    return np
 
 
 def lift(parameter: Array, array: Array) -> Array:
@@ -136,6 +138,8 @@ def select(condition: Array, one: T, other: T) -> T:
       other: the same shapes.
     """
     xp = namespace(condition)
+    if xp is np and condition.ndim == 0:
+        return one if condition else other
 
     def choose(a: Array, b: Array) -> Array:
         return xp.where(xp.reshape(condition, condition.shape + (1,) * (a.ndim - condition.ndim)), a, b)

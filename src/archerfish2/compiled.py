@@ -1,7 +1,6 @@
 """JAX with our settings, imported where it is needed and not before."""
 
 import hashlib
-import importlib.metadata
 import importlib.util
 import os
 import platform
@@ -51,6 +50,8 @@ def import_jax() -> Any:
 
 def _programs_folder() -> Path | None:
     """Return the folder for programs compiled for this kind of machine."""
+    import importlib.metadata  # slow to load
+
     # A home may be shared between machines, and a program for one processor may crash on another.
     facts = platform.machine() + platform.processor()
     with suppress(OSError):

@@ -6,7 +6,7 @@ Names come from the command line or from Python: code that a data file names is 
 """
 
 import hashlib
-import importlib.metadata
+import importlib
 import operator
 import sys
 import traceback
@@ -72,7 +72,7 @@ def names_code(spec: str) -> bool:
 
 def is_plugin(spec: str, kind: str) -> bool:
     """Whether a name is one of a user's own code, and neither a file of data nor something built in."""
-    return names_code(spec) or spec in importlib.metadata.entry_points(group=f"archerfish.{kind}s").names
+    return names_code(spec) or spec in _entry_points(kind).names
 
 
 def find_plugin(spec: Any, kind: str) -> Plugin:
@@ -100,7 +100,7 @@ def find_plugin(spec: Any, kind: str) -> Plugin:
     elif where.endswith(".py"):
         raise InputError(f"{kind} {spec!r}: there is no file {where}; expected {FORMS}")
     elif not where:
-        found = {each.value for each in importlib.metadata.entry_points(group=f"archerfish.{kind}s", name=spec)}
+        found = {each.value for each in _entry_points(kind).select(name=spec)}
         if len(found) != 1:
             state = f"is in several packages, as {' and '.join(sorted(found))}" if found else "is not installed"
             raise InputError(f"{kind} {spec!r} {state}; expected {FORMS}")
@@ -132,3 +132,8 @@ def _module(path: Path) -> types.ModuleType:
             for each in beside:
                 sys.path.remove(each)
     return sys.modules[name]
+
+
+def _entry_points(kind: str) -> Any:
+    # Imported here, as it is slow to load.
+    return importlib.import_module("importlib.metadata").entry_points(group=f"archerfish.{kind}s")

@@ -9,6 +9,8 @@ engagement begins. Angles are in O; yaw is continuous, not wrapped; the mechanic
 
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from archerfish2.arrays import Array
 from archerfish2.dynamics.linear_axis import GimbalModel
 from archerfish2.dynamics.muzzle import Muzzle
@@ -61,6 +63,14 @@ class Seen(NamedTuple):
     frames: Frames
     base: Base
     barrel: Barrel
+
+
+def seen_ahead(count: int) -> Seen:
+    """Return what is seen at a first decision, with all at rest and a plate 3 m ahead, in float32, shape (count,)."""
+    zero, two, three = (np.zeros((count, *shape), np.float32) for shape in ((), (2,), (3,)))
+    yes, ahead = np.ones((count, 1), bool), np.tile(np.array([3.0, 0.0, 0.0], np.float32), (count, 1, 1, 1))
+    frames = Frames(yes, zero[:, None], yes[..., None], ahead, zero[:, None, None])
+    return Seen(zero, GimbalFeedback(two, two, zero), two, frames, Base(three, three, zero, zero), Barrel(zero, zero))
 
 
 class Command(NamedTuple):

@@ -8,7 +8,6 @@ replaces what another one, or the user, has written.
 import hashlib
 import json
 import os
-import secrets
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -17,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from archerfish2.errors import InputError, file_error, one_line
+from archerfish2.errors import file_error, one_line
 
 LARGEST = 64_000_000
 """Bytes of the largest file that is read whole."""
@@ -41,7 +40,7 @@ def write_bytes(path: Path, content: bytes) -> None:
     Raises:
       InputError: if it can't be written, or something other than a regular file is in its place.
     """
-    beside = path.with_name(f".unfinished-{secrets.token_hex(6)}")
+    beside = path.with_name(f".unfinished-{os.urandom(6).hex()}")
     with writing(path):
         check_regular(path)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -102,18 +101,16 @@ def read_arrays(path: Path, remedy: str) -> tuple[str, dict[str, Any]]:
     """
     from safetensors import SafetensorError, safe_open
 
+    if not path.is_file():
+        raise file_error(path, "there is no such file", "check the path")
+    if (size := path.stat().st_size) > LARGEST:
+        raise file_error(path, f"has {size} bytes, expected at most {LARGEST}", remedy)
     try:
-        if not path.is_file():
-            raise file_error(path, "there is no such file", "check the path")
-        if (size := path.stat().st_size) > LARGEST:
-            raise file_error(path, f"has {size} bytes, expected at most {LARGEST}", remedy)
         with safe_open(path, "np") as file:
             header, arrays = file.metadata() or {}, {name: file.get_tensor(name) for name in sorted(file.keys())}
     except OSError as error:
         raise file_error(path, f"can't be read ({error.strerror})", "check the path") from error
     except (SafetensorError, TypeError, ValueError, AttributeError) as error:
-        if isinstance(error, InputError):
-            raise
         raise file_error(path, f"is no .safetensors file ({one_line(str(error))[:200]})", remedy) from error
     digest, _, facts = header.get("archerfish", "").partition(" ")
     if digest != _arrays_hash(arrays):
@@ -177,7 +174,7 @@ def output_folder(
       InputError: if the folder can't be written or is in use, or something in it may not be replaced.
     """
     made = [each for each in (out, *out.parents) if not each.exists()]
-    hidden, inputs = out / f".unfinished-{secrets.token_hex(6)}", tuple(inputs)
+    hidden, inputs = out / f".unfinished-{os.urandom(6).hex()}", tuple(inputs)
     with locked(out):
         runs = _read_runs(out)
         own = {*runs.get(command, {}).get("files", ()), *([RUN] if runs else [])}

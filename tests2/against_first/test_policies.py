@@ -69,9 +69,8 @@ def memory_of(kind: str, theirs: Any, seen: Any) -> Memory:
     own, zero = 0.0 * place, 0.0 * seen.elapsed
     if kind in ("paper", "history"):
         decisions = Decisions(theirs[..., 0:2], theirs[..., 5:7], theirs[..., 2:5])
-        azimuth = np.arctan2(place[..., 1], place[..., 0])[..., None]
         tracks = Tracks(place, own, zero, None, None, None, None)
-        return Memory(tracks, decisions, Detections(azimuth, 0.0 * azimuth), (), seen.gimbal_age, base, zero)
+        return Memory(tracks, decisions, None, (), seen.gimbal_age, base, zero)
     many = kind == "multimodel"
     tracks = Tracks(place, own, theirs.plate_age, Track(*(theirs.fast if many else theirs.track)), None, None, None)
     detections, histories = Detections(theirs.bearing, 0.0 * theirs.bearing), (theirs.history,) if not many else ()

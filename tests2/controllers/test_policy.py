@@ -20,6 +20,7 @@ from archerfish2.controllers.policy import Policy, PolicyFacts
 from archerfish2.dynamics.muzzle import pellet_at_muzzle
 from archerfish2.dynamics.pellet import flat_fire_crossing
 from archerfish2.protocols import Barrel, Base, Frames, GimbalFeedback, Seen
+from archerfish2.records.json_files import plain
 from archerfish2.robot import Robot
 from archerfish2.task import Task
 from archerfish2.tracking.legendre_memory import constant_history, legendre_window, with_sample
@@ -235,6 +236,17 @@ def test_while_nothing_is_seen_all_numbers_are_finite_and_afterwards_the_target_
         assert_allclose(commands[-1][1], np.arctan2(0.5, 3.0), atol=1e-3)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_detection_far_away_or_straight_above_leaves_all_numbers_finite(kind):
+    observer = make_observer(facts(kind))
+    memory = observer.begin(seen_at([3.0, 0.0, 0.1]))
+    for place in ([200.0, 10.0, 0.0], [0.0, 0.0, 3.0], [0.0, 0.0, 0.0], [3.0, 0.0, 0.1]):
+        memory = observer.remember(memory, seen_at(place, elapsed=0.02))
+        view = observer.view(memory)
+        assert np.isfinite(observer.decode(view, np.zeros((1, 2))).angle).all()
+        assert all(np.isfinite(each).all() for each in leaves((observer.observe(view), memory)))
+
+
 def test_a_window_is_the_exact_step_of_its_equation_and_keeps_the_last_second():
     order, length, period = 12, 1.0, 0.02
     window, i = legendre_window(order, length, period), np.arange(order)
@@ -261,9 +273,10 @@ def test_a_block_of_a_users_own_is_added_and_its_faults_are_named(tmp_path, monk
     monkeypatch.chdir(tmp_path)
     made = observer_facts(("history", "./mine.py:clock"), PAPER, TASK)
     assert make_observer(made, ("./mine.py:clock",)).layout()[-1] == ("clock", 1)
-    refused("expected .* then the blocks ./mine.py:clock; got history and 0 blocks", make_observer, made)
-    refused("mine.py:flat: returns float32 of shape .2,. for a batch", make_observer, made, ("./mine.py:flat",))
-    refused("mine.py:lost: line 3: AttributeError", make_observer, made, ("./mine.py:lost",))
+    refused("history has 1 blocks of a user's own, got 0; give ./mine.py:clock", make_observer, made)
+    refused("got 1; leave them out", make_observer, observer_facts("history", PAPER, TASK), ("./mine.py:clock",))
+    refused("returns float32 of shape .2,. for a batch", make_observer(made, ("./mine.py:flat",)).layout)
+    refused("mine.py:lost: line 3: AttributeError", make_observer(made, ("./mine.py:lost",)).layout)
 
 
 @pytest.fixture
@@ -279,9 +292,9 @@ def policy():
 
 DECIDE = """
 import numpy as np
-from archerfish2.controllers.observation import _nothing_seen
+from archerfish2.protocols import seen_ahead
 from archerfish2.controllers.policy import Policy
-policy, seen = Policy.load(PATH), _nothing_seen()
+policy, seen = Policy.load(PATH), seen_ahead(2)
 print(policy.step(policy.reset(seen), seen)[1].angle.tolist())
 """
 
@@ -321,6 +334,8 @@ FACTS = [
     ("observer.period_s", 0.0, "field observer.period_s: expected float >= 0.0001"),
     ("observer.braking", [1.0], "field observer.braking: expected array of length 2"),
     ("observer.tracker", None, "expected one of paper"),
+    ("observer.tracker", {**plain(facts("tracked").tracker), "along": 1e-5}, "tracker.along: expected float >= 0.0001"),
+    ("observer.speed", 0.1, "field observer.speed: expected float >= 2.0"),
     ("observer.observation", ["sextant"], "observation: expected one of paper"),
     ("observer.observation", ["multimodel", "./mine.py:Mine"], "has blocks of a user's own"),
     ("observer.period_s", 1, ""),

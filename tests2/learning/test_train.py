@@ -160,6 +160,12 @@ def test_a_disk_that_is_full_leaves_the_checkpoint_before(tmp_path, monkeypatch,
     assert weights(af.train(resume=tmp_path)) == expected("gradient")
 
 
+def test_a_window_is_no_longer_than_the_shortest_engagement(refused):
+    task = af.Task.load("paper").replace(lengths_s=(0.2, 1.0))
+    refused("gradient: window = 16, and engagements of 10 decisions", af.train, task=task)
+    refused("ppo: rollout = 25, and engagements of 10 decisions", af.train, task=task, trainer="ppo")
+
+
 def test_a_training_that_diverges_keeps_the_last_good_learner(tmp_path, refused):
     wild = CONFIG.replace(ppo=PPO.replace(actor_learning_rate=1e6))
     refused(r"diverged after \d+ decisions, in iteration \d+: \w+ not finite", af.train, task="paper", config=wild,

@@ -156,7 +156,7 @@ def models(_: "Observer", view: "View") -> Array:
     velocity = track.mean[..., 2:] - view.memory.base.velocity[..., None, :2]
     still, drives, turns = (probability[..., index, None] for index in (STILL, ONWARD, TURNED))
     onward, turned = velocity[..., ONWARD, :], velocity[..., TURNED, :]
-    off = track.mean[..., STILL, :2] - view.level
+    off = track.mean[..., STILL, :2] - (view.relative[..., :2] + view.memory.base.position[..., :2])
     left = view.across(onward)
     odds = 0.3 * xp.log((still + _RARE) / (1.0 - still + _RARE)), 0.3 * xp.log((turns + _RARE) / (drives + _RARE))
     speed = 2.0 * left, xp.tanh(3.0 * left), xp.tanh(10.0 * left), 2.0 * view.away(onward)

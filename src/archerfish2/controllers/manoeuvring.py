@@ -9,8 +9,8 @@ from archerfish2.arrays import Array, lift, namespace, tree
 from archerfish2.controllers.hit_window import LikeliestHit, Places
 from archerfish2.protocols import Seen
 from archerfish2.tracking.detections import Detection, first_detection
-from archerfish2.tracking.interacting_models import ModelRates, ModelTracks, begin_models, step_models
-from archerfish2.tracking.kalman_filter import TrackerNoise, moved
+from archerfish2.tracking.interacting_models import ModelRates, ModelTracks, begin_models, moved_models, step_models
+from archerfish2.tracking.kalman_filter import TrackerNoise
 
 TURNS = 5
 """Moments within the prediction that stand for all at which the target may turn back."""
@@ -36,14 +36,14 @@ class Manoeuvring(LikeliestHit):
         """Begin at the first decision."""
         first = first_detection(seen)
         models = begin_models(self.noise, self.rates, first.place - first.own, first.fresh)
-        return ManoeuvringTrack(_moved(models, first.own), first.age)
+        return ManoeuvringTrack(moved_models(models, first.own), first.age)
 
     def update(self, state: ManoeuvringTrack, seen: Detection) -> ManoeuvringTrack:
         """Update with a detection."""
         age = namespace(state.age).where(seen.fresh, seen.age, state.age)
-        models, place = _moved(state.models, -seen.own), seen.place - seen.own
+        models, place = moved_models(state.models, -seen.own), seen.place - seen.own
         models = step_models(self.noise, self.rates, models, state.age - age, place, seen.fresh)
-        return ManoeuvringTrack(_moved(models, seen.own), age)
+        return ManoeuvringTrack(moved_models(models, seen.own), age)
 
     def places(self, state: ManoeuvringTrack, time: Array) -> Places:
         """Return where the target may be a time [s] from now, shape B.
@@ -73,7 +73,3 @@ class Manoeuvring(LikeliestHit):
 
         level = mean[..., :2] + drive[..., None] * mean[..., 2:]
         return Places(level, track.height[..., :1], variance, probability)
-
-
-def _moved(models: ModelTracks, by: Array) -> ModelTracks:
-    return models._replace(track=moved(models.track, by[..., None, :]))

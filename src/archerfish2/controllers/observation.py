@@ -8,6 +8,8 @@ tracker fits a target that may stand, drive on, turn back or swing. These two ai
 takes the target to be now, and the command is the next one on the fastest slew to what the action asks for.
 """
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -20,14 +22,13 @@ from archerfish2.dynamics.muzzle import Muzzle
 from archerfish2.dynamics.slew import approach
 from archerfish2.errors import InputError
 from archerfish2.plugins import find_plugin
-from archerfish2.protocols import Barrel, Base, Command, Frames, GimbalFeedback, Seen, aim
+from archerfish2.protocols import Base, Command, Seen, aim, seen_ahead
 from archerfish2.records.record import Struct
 from archerfish2.robot import Robot
 from archerfish2.task import Task
-from archerfish2.tracking import kalman_filter
-from archerfish2.tracking.detections import unwrapped
+from archerfish2.tracking.detections import azimuth_near, level_distance, unwrapped
 from archerfish2.tracking.interacting_models import ModelRates
-from archerfish2.tracking.kalman_filter import TrackerNoise, noise_from_record
+from archerfish2.tracking.kalman_filter import TrackerNoise, against_pivot, noise_from_record, position_after
 from archerfish2.tracking.legendre_memory import Window, constant_history, legendre_window, with_sample
 from archerfish2.tracking.side_by_side import Trackers, Tracks
 
@@ -47,6 +48,19 @@ RATES = ModelRates(*(np.asarray(each) for each in (0.25, 0.1, 0.5)))
 _Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 _Magnitude = Annotated[float, Meta(ge=0.0, le=1e3)]
 _Offset = Annotated[float, Meta(ge=-1.0, le=1.0)]
+_Deviation = Annotated[float, Meta(ge=1e-4, le=0.03)]
+_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+
+
+class TrackerFacts(Struct, frozen=True, kw_only=True):
+    """What the trackers assume, as `TrackerNoise`."""
+
+    acceleration: _Magnitude  # [m/s²]
+    along: _Deviation  # [m]
+    across: _Deviation  # [m]
+    along_share: _Share  # of the distance
+    across_angle: _Share  # [rad]
+    initial_speed: _Magnitude  # [m/s]
 
 
 class ObserverFacts(Struct, frozen=True, kw_only=True):
@@ -64,7 +78,7 @@ class ObserverFacts(Struct, frozen=True, kw_only=True):
     """Of the command from one decision to the next, pitch and yaw [rad]."""
     braking: tuple[_Positive, _Positive]
     """By how much that move may change from one decision to the next, pitch and yaw [rad]."""
-    speed: _Positive
+    speed: Annotated[float, Meta(ge=2.0, le=1e3)]
     """Of the pellets at the muzzle [m/s]."""
     drag: _Magnitude
     """[1/m]."""
@@ -72,8 +86,8 @@ class ObserverFacts(Struct, frozen=True, kw_only=True):
     """From the pivot to the muzzle [m]."""
     offset: tuple[_Offset, _Offset]
     """Mean disturbance angles, pitch and yaw [rad]."""
-    tracker: dict[str, _Magnitude] | None = None
-    """What the trackers assume, as `TrackerNoise`; None for an observation without."""
+    tracker: TrackerFacts | None = None
+    """None for an observation without."""
 
 
 class Decisions(NamedTuple):
@@ -96,24 +110,41 @@ class Memory(NamedTuple):
 
     tracks: Tracks
     decisions: Decisions
-    detections: Detections
+    detections: Any  # Detections; None without trackers
     histories: tuple[Array, ...]  # Legendre coefficients, B + (d,) each
     gimbal_age: Array  # of the latest feedback [s], B
     base: Base  # now
     clock: Array  # since the first decision [s], B
 
 
-class View(NamedTuple):
-    """A decision as the blocks need it, made once; tracks are relative to the own pivot and its velocity."""
+@dataclass(frozen=True, eq=False)
+class View:
+    """A decision as the blocks need it; tracks are relative to the own pivot and its velocity."""
 
     memory: Memory
     aim: Array  # at the target as estimated now [rad], B + (2,)
-    level: Array  # that estimate, x and y in O [m], B + (2,)
-    distance: Array  # of it [m], B + (1,)
-    azimuth: Array  # of it [rad], B + (1,)
-    direction: Array  # unit vector to it on level ground, B + (2,)
+    relative: Array  # that estimate, against the own pivot [m], B + (3,)
     fast: Any  # Track
     slow: Any  # Track
+
+    @cached_property
+    def distance(self) -> Array:
+        """Distance of the target, on level ground with trackers, of its latest detection without [m], B + (1,)."""
+        if self.fast is None:
+            return self.memory.decisions.aim[..., -1, 2:]
+        return level_distance(self.relative)[..., None]
+
+    @cached_property
+    def azimuth(self) -> Array:
+        """Azimuth of the target, nearest to that of its latest detection, or to the command's yaw [rad], B + (1,)."""
+        detections, command = self.memory.detections, self.memory.decisions.command
+        near = command[..., -1, 1] if detections is None else detections.azimuth[..., -1]
+        return azimuth_near(self.relative, near)[..., None]
+
+    @cached_property
+    def direction(self) -> Array:
+        """Unit vector to the target on level ground, B + (2,)."""
+        return self.relative[..., :2] / self.distance
 
     def across(self, level: Array) -> Array:
         """Return the part of a level vector to the left of the line of sight, shape B + (2,) → B + (1,)."""
@@ -128,7 +159,7 @@ class View(NamedTuple):
         return unwrapped(angle, self.memory.decisions.command[..., -1, :])
 
 
-@tree(static=("blocks", "frames", "detections"))
+@tree(static=("blocks", "frames"))
 class Observer:
     """How a policy sees and acts; the same in NumPy on a robot and inside a compiled training."""
 
@@ -136,7 +167,6 @@ class Observer:
     trackers: Trackers
     windows: tuple[Window, ...]  # of azimuth, distance, azimuth for long
     frames: int  # decisions that are remembered
-    detections: int  # raw detections that are remembered
     action_scale: Array  # offset from the aim per unit of action, pitch and yaw [rad], (2,)
     largest_move: Array  # of the command from one decision to the next, pitch and yaw [rad], (2,)
     braking: Array  # by how much that move may change, pitch and yaw [rad], (2,)
@@ -145,50 +175,43 @@ class Observer:
     def begin(self, seen: Seen) -> Memory:
         """Return the memory at the first decision, as if nothing had moved before it; shape B."""
         xp, tracks, zero = namespace(seen.command), self.trackers.begin(seen), 0.0 * seen.elapsed
-        decision, detection = self._decision(tracks, seen), _detection(tracks, zero)
+        decision, detection = self._decision(tracks, seen), self._detection(tracks, zero)
 
         def repeated(each: Any, count: int) -> Any:
             return map_arrays(lambda array: xp.stack([array] * count, axis=zero.ndim), each)
 
-        samples = zip(self.windows, (*detection, detection.azimuth), strict=False)
-        decisions, detections = repeated(decision, self.frames), repeated(detection, self.detections)
-        histories = tuple(constant_history(*each) for each in samples)
+        decisions, detections = repeated(decision, self.frames), repeated(detection, DETECTIONS)
+        samples = detection and zip(self.windows, (*detection, detection.azimuth), strict=False)
+        histories = tuple(constant_history(*each) for each in samples or ())
         return Memory(tracks, decisions, detections, histories, seen.gimbal.age, seen.base, zero)
 
     def remember(self, memory: Memory, seen: Seen) -> Memory:
         """Update the memory with what is seen at a decision, the first one included; shape B."""
         xp, later = namespace(seen.command), seen.elapsed > 0.0
         tracks = self.trackers.update(memory.tracks, seen)
-        decision, detection = self._decision(tracks, seen), _detection(tracks, memory.detections.azimuth[..., -1])
+        before = memory.detections and memory.detections.azimuth[..., -1]
+        decision, detection = self._decision(tracks, seen), self._detection(tracks, before)
+        batch = (slice(None),) * later.ndim
 
         def pushed(series: Array, newest: Array) -> Array:
-            rest = series[(slice(None),) * later.ndim + (slice(1, None),)]
-            return xp.concat([rest, xp.expand_dims(newest, axis=later.ndim)], axis=later.ndim)
+            return xp.concat([series[(*batch, slice(1, None))], newest[(*batch, None)]], axis=later.ndim)
 
         old: Any = (memory.decisions, memory.detections, memory.histories)
-        samples = zip(self.windows, memory.histories, (*detection, detection.azimuth), strict=False)
-        new = (*map_arrays(pushed, old[:2], (decision, detection)), tuple(with_sample(*each) for each in samples))
-        decisions, detections, histories = select(later, new, old)
+        samples = detection and zip(self.windows, memory.histories, (*detection, detection.azimuth), strict=False)
+        histories = tuple(with_sample(*each) for each in samples or ())
+        new = (*map_arrays(pushed, old[:2], (decision, detection)), histories)
         clock = memory.clock + seen.elapsed
-        return Memory(tracks, decisions, detections, histories, seen.gimbal.age, seen.base, clock)
+        return Memory._make((tracks, *select(later, new, old), seen.gimbal.age, seen.base, clock))
 
     def view(self, memory: Memory) -> View:
         """Return the decision as the blocks need it; shape B."""
-        xp, tracks, base = namespace(memory.clock), memory.tracks, memory.base
-        command, latest = memory.decisions.command[..., -1, :], memory.detections.azimuth[..., -1]
-        fast, slow = (
-            each and kalman_filter.against_pivot(each, base, tracks.age) for each in (tracks.fast, tracks.slow)
-        )
-        if fast is None:
-            relative, nearest = tracks.place - base.position, memory.decisions.aim[..., -1, :]
-            angle, distance = nearest[..., :2], nearest[..., 2:]
-        else:
-            relative = kalman_filter.position_after(fast, tracks.age)
-            angle = unwrapped(aim_at(relative, self.muzzle).angle, command)
-            distance = xp.sqrt(relative[..., 0] ** 2 + relative[..., 1] ** 2)[..., None]
-        azimuth = _near(xp.atan2(relative[..., 1], relative[..., 0]), latest)[..., None]
-        level, direction = relative[..., :2] + base.position[..., :2], relative[..., :2] / distance
-        return View(memory, angle, level, distance, azimuth, direction, fast, slow)
+        tracks, base = memory.tracks, memory.base
+        if tracks.fast is None:
+            return View(memory, memory.decisions.aim[..., -1, :2], tracks.place - base.position, None, None)
+        fast, slow = (each and against_pivot(each, base, tracks.age) for each in (tracks.fast, tracks.slow))
+        relative = position_after(fast, tracks.age)
+        angle = unwrapped(aim_at(relative, self.muzzle).angle, memory.decisions.command[..., -1, :])
+        return View(memory, angle, relative, fast, slow)
 
     def observe(self, view: View) -> Array:
         """Return the observation, shape B + (n,)."""
@@ -207,8 +230,12 @@ class Observer:
         Raises:
           InputError: if a block of a user's own fails, or returns another shape, or numbers that are not finite.
         """
-        seen = _nothing_seen()
-        memory, sizes = self.remember(self.begin(seen), seen), []
+        seen, sizes = seen_ahead(2), []
+        memory = self.begin(seen)
+        for elapsed in (0.0, *[0.02] * 4):
+            memory = self.remember(memory, seen._replace(elapsed=seen.elapsed + np.float32(elapsed)))
+        if not np.all(np.isfinite(self.decode(self.view(memory), 0.0 * seen.command).angle)):
+            raise InputError("the observer gives commands that are not finite; train again")
         for block in self.blocks:
             plugin = find_plugin(block, "block")
             with plugin.running():
@@ -227,28 +254,12 @@ class Observer:
         distance = xp.sqrt(xp.sum(relative**2, axis=-1, keepdims=True))
         return Decisions(seen.gimbal.angle, seen.command, xp.concat([angle, distance], axis=-1))
 
-
-def _detection(tracks: Tracks, azimuth: Array) -> Detections:
-    """Return the latest detection as the own pivot saw it, with the azimuth nearest to an earlier one, shape B."""
-    xp, relative = namespace(azimuth), tracks.place - tracks.own
-    found = _near(xp.atan2(relative[..., 1], relative[..., 0]), azimuth)
-    return Detections(found, xp.sqrt(relative[..., 0] ** 2 + relative[..., 1] ** 2))
-
-
-def _near(angle: Array, other: Array) -> Array:
-    """Return the same direction [rad] as near as can be to another."""
-    xp = namespace(angle)
-    return angle + 2.0 * xp.pi * xp.round((other - angle) / (2.0 * xp.pi))
-
-
-def _nothing_seen() -> Seen:
-    """Return a first decision of a batch (2,) with a detection 3 m ahead."""
-    flat = np.zeros(2, np.float32)
-    two, three = np.zeros((2, 2), np.float32), np.zeros((2, 3), np.float32)
-    place = np.tile(np.array([3.0, 0.0, 0.0], np.float32), (2, 1, 1, 1))
-    yes = np.ones((2, 1), bool)
-    frames = Frames(yes, flat[:, None], yes[..., None], place, flat[:, None, None])
-    return Seen(flat, GimbalFeedback(two, two, flat), two, frames, Base(three, three, flat, flat), Barrel(flat, flat))
+    def _detection(self, tracks: Tracks, azimuth: Array) -> Detections | None:
+        """Return the latest detection as the own pivot saw it, with the azimuth nearest to an earlier one, shape B."""
+        if self.trackers.fast is None:
+            return None
+        relative = tracks.place - tracks.own
+        return Detections(azimuth_near(relative, azimuth), level_distance(relative))
 
 
 def observer_facts(observation: str | tuple[str, ...], robot: Robot, task: Task, frames: int = FRAMES) -> ObserverFacts:
@@ -264,8 +275,7 @@ def observer_facts(observation: str | tuple[str, ...], robot: Robot, task: Task,
     Raises:
       InputError: if the kind is unknown, or needs a sensing record that the robot lacks.
     """
-    names = (observation,) if isinstance(observation, str) else (*observation, *(() if observation else ("",)))
-    kind = names[0]
+    kind, *own = (observation,) if isinstance(observation, str) else observation or ("",)
     if kind not in KINDS:
         raise InputError(f"observation must be one of {', '.join(KINDS)}, got {kind!r}; then blocks of your own")
     tracker = None
@@ -274,10 +284,10 @@ def observer_facts(observation: str | tuple[str, ...], robot: Robot, task: Task,
             raise InputError("observation tracked needs a robot with sensing.json; identify it, or take history")
         noise = TrackerNoise(ACCELERATION[kind], EXACT_SD, EXACT_SD)
         noise = noise if robot.sensing is None else noise_from_record(robot.sensing, ACCELERATION[kind])
-        tracker = {name: float(value) for name, value in noise._asdict().items()}
+        tracker = TrackerFacts(**{name: float(value) for name, value in noise._asdict().items()})
     limits, muzzle, period = robot.command_limits(task), robot.muzzle_model(), task.period_s
     return ObserverFacts(
-        observation=names,
+        observation=(kind, *own),
         frames=2 if kind == "paper" else frames,
         period_s=period,
         action_scale=ACTION_SCALES[task.command_limit],
@@ -297,17 +307,17 @@ def make_observer(facts: ObserverFacts, blocks: tuple[Any, ...] = ()) -> Observe
       blocks: of a user's own, names or functions, in the order of the facts.
 
     Raises:
-      InputError: if there are other blocks than the facts name, or one fails.
+      InputError: if there are other blocks than the facts name.
     """
     kind, *names = facts.observation
-    if kind not in KINDS or (kind in ACCELERATION) != (facts.tracker is not None) or len(names) != len(blocks):
-        expected = f"one of {', '.join(KINDS)} with its tracker, then the blocks {', '.join(names) or 'of nobody'}"
-        raise InputError(f"observation: expected {expected}; got {kind} and {len(blocks)} blocks; give them")
+    if kind not in KINDS or (kind in ACCELERATION) != (facts.tracker is not None):
+        raise InputError(f"observation: expected one of {', '.join(KINDS)}, with its tracker, got {kind}; correct it")
+    if len(names) != len(blocks):
+        remedy = f"give {', '.join(names)}" if names else "leave them out"
+        raise InputError(f"observation {kind} has {len(names)} blocks of a user's own, got {len(blocks)}; {remedy}")
     trackers, windows = Trackers(), tuple[tuple[int, float], ...]()
     if facts.tracker is not None:
-        if {*facts.tracker} != {*TrackerNoise._fields}:
-            raise InputError(f"tracker: expected {', '.join(TrackerNoise._fields)}, got {', '.join(facts.tracker)}")
-        fast = TrackerNoise(**{name: np.asarray(value) for name, value in facts.tracker.items()})
+        fast = TrackerNoise(*(np.asarray(getattr(facts.tracker, name)) for name in TrackerNoise._fields))
         trackers, windows = Trackers(fast), WINDOWS[:1]
     if kind == "multimodel":
         trackers, windows = Trackers(fast, fast._replace(acceleration=np.asarray(SLOW_ACCELERATION)), RATES), WINDOWS
@@ -317,12 +327,9 @@ def make_observer(facts: ObserverFacts, blocks: tuple[Any, ...] = ()) -> Observe
         trackers=trackers,
         windows=tuple(legendre_window(order, length, facts.period_s) for order, length in windows),
         frames=facts.frames,
-        detections=DETECTIONS if windows else 1,
         action_scale=np.array(facts.action_scale),
         largest_move=np.array(facts.largest_move),
         braking=np.array(facts.braking),
         muzzle=Muzzle(*(np.array(each) for each in muzzle)),
     )
-    observer = single_precision(observer)
-    observer.layout()
-    return observer
+    return single_precision(observer)

@@ -19,7 +19,7 @@ from archerfish2.targets.motion import triangle_wave
 from archerfish2.task import Task
 from archerfish2.tracking import kalman_filter
 from archerfish2.tracking.detections import Detection, first_detection, relative_place
-from archerfish2.tracking.kalman_filter import UNSEEN_SD, TrackerNoise
+from archerfish2.tracking.kalman_filter import TrackerNoise
 
 SPEEDS, PHASES, DRAWN = 48, 160, 96
 """Hypotheses of either kind, and how many are drawn to predict from. Finer ones change no hit rate by 0.1 points."""
@@ -137,16 +137,12 @@ class ParabolaFilter(LikeliestHit):
     def reset(self, seen: Seen) -> Hypotheses:
         """Begin at the first decision."""
         first = first_detection(seen)
-        xp = namespace(first.place)
         place, zero = first.place - first.own, 0.0 * first.age
         depth, lateral = self._swing(zero)
         evidence = 0.0 * depth + lift(self.log_prior[:, None], depth)
         depth, lateral = (first.place[..., axis, None, None] - each for axis, each in enumerate((depth, lateral)))
-        # A place that no frame has shown is a guess: it weighs next to nothing against the first detection.
-        covariance = kalman_filter.measurement_covariance(self.noise, place)
-        guess = UNSEEN_SD**2 * lift(xp.eye(2, dtype=place.dtype), covariance) + 0.0 * covariance
-        covariance = xp.where(first.fresh[..., None, None], covariance, guess)
-        variance = xp.where(first.fresh, kalman_filter.height_noise(self.noise, place), UNSEEN_SD**2 + zero)
+        track = kalman_filter.begin_track(self.noise, place, first.fresh)
+        covariance, variance = track.covariance[..., :2, :2], track.height_variance
         drawn = self._drawn(depth, lateral, evidence, covariance)
         return Hypotheses(depth, lateral, evidence, covariance, first.place[..., 2], variance, zero, first.age, drawn)
 

@@ -79,9 +79,8 @@ class Policy:
         path = Path(path) / "policy.safetensors" if Path(path).is_dir() else Path(path)
         text, arrays = read_arrays(path, REMEDY)
         facts = to_struct(parse_json(text, path, REMEDY), path, PolicyFacts, SCHEMA, REMEDY)
-        if facts.observer.observation[1:] and not blocks:
-            names = ", ".join(facts.observer.observation[1:])
-            raise file_error(path, f"has blocks of a user's own ({names})", "give them: Policy.load(path, blocks=(…))")
+        if (own := ", ".join(facts.observer.observation[1:])) and not blocks:
+            raise file_error(path, f"has blocks of a user's own ({own})", "give them: Policy.load(path, blocks=(…))")
         try:
             observer = make_observer(facts.observer, tuple(blocks))
             return cls(observer, *_network(arrays, sum(size for _, size in observer.layout())), facts=facts)

@@ -9,6 +9,8 @@ from archerfish2.dynamics.pellet import flat_fire_drop, flat_fire_time
 
 ITERATIONS = 3
 """Newton iterations: they leave less than 1e-7 rad at 18 m/s within 8 m, and less than 1e-4 rad at 12 m/s."""
+NEAREST, FARTHEST = 0.05, 20.0
+"""Distances that an aim is computed for [m]: far inside and far outside of what is shot at."""
 ROUNDS = 3
 """Rounds of the flight-time iteration; each shrinks the error by target speed over muzzle speed."""
 
@@ -24,14 +26,14 @@ def aim_at(point: Array, muzzle: Muzzle) -> Aim:
     """Solve for the gimbal's angles whose mean pellet passes through a point, drop and drag included.
 
     Args:
-      point: against the pivot [m], shape B + (3,); far enough away to be reached on the rising or flat arc.
+      point: against the pivot [m], shape B + (3,). For one that can't be reached the angles are finite, but of no use.
       muzzle: speed, mean disturbance angles, drag and length.
     """
     xp = namespace(point)
     level = xp.sqrt(point[..., 0] ** 2 + point[..., 1] ** 2)
     height, time, drop = point[..., 2], 0.0 * level, 0.0 * level
     for _ in range(ITERATIONS):
-        slant = xp.sqrt(level**2 + (height + drop) ** 2)
+        slant = xp.minimum(xp.maximum(xp.sqrt(level**2 + (height + drop) ** 2), NEAREST), FARTHEST)
         time = flat_fire_time(slant - muzzle.length, muzzle.speed, muzzle.drag)
         fall = flat_fire_drop(time, muzzle.drag * muzzle.speed)
         # Newton's step, as the fall grows with the square of the distance.

@@ -9,6 +9,8 @@ vertical. `flat_fire` is: it takes the speed along the line of departure as if g
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
 from archerfish2.arrays import Array, lift, namespace
 
 GRAVITY = 9.81
@@ -195,14 +197,14 @@ def _expm1_over(drag: Array, distance: Array) -> Array:
     A power series where z = k x is small, as it is for pellets: it is sure to the last bit, where the functions of
     libraries differ by several. What is left out is below 2e-14 of it.
     """
-    xp = namespace(drag, distance)
-    z = drag * distance
-    small = xp.abs(z) < _POWERS_BELOW
-    near, safe = xp.where(small, z, 0.0), xp.where(small, 1.0, z)
-    series = 0.0 * near + 1.0
-    for power in range(_POWERS, 0, -1):
-        series = 1.0 + near * series / (power + 1)
-    return distance * xp.where(small, series, xp.expm1(safe) / safe)
+
+    def series(z: Array) -> Array:
+        found = 0.0 * z + 1.0
+        for power in range(_POWERS, 0, -1):
+            found = 1.0 + z * found / (power + 1)
+        return found
+
+    return distance * _by_size(drag * distance, _POWERS_BELOW, series, lambda z: namespace(z).expm1(z) / z)
 
 
 def _log_remainder(z: Array) -> Array:
@@ -211,11 +213,20 @@ def _log_remainder(z: Array) -> Array:
     With s = z / (2 + z), log1p(z) = 2 (s + s³/3 + s⁵/5 + …) and z − 2 s = z² / (2 + z): what cancels is gone, and s is
     small. Six terms leave less than 1e-9 of it below z = 1/2.
     """
+
+    def series(z: Array) -> Array:
+        inverse = 1.0 / (2.0 + z)
+        square = (z * inverse) ** 2
+        terms = 1 / 3 + square * (1 / 5 + square * (1 / 7 + square * (1 / 9 + square * (1 / 11 + square / 13))))
+        return inverse - 2.0 * z * inverse**3 * terms
+
+    return _by_size(z, _SERIES_BELOW, series, lambda z: (z - namespace(z).log1p(z)) / z**2)
+
+
+def _by_size(z: Array, bound: float, near: Callable[[Array], Array], far: Callable[[Array], Array]) -> Array:
+    """Return near(z) where |z| is below a bound, else far(z); neither meets what is not its own."""
     xp = namespace(z)
-    small = xp.abs(z) < _SERIES_BELOW
-    near, safe = xp.where(small, z, 0.0), xp.where(small, 1.0, z)
-    inverse = 1.0 / (2.0 + near)
-    square = (near * inverse) ** 2
-    terms = 1 / 3 + square * (1 / 5 + square * (1 / 7 + square * (1 / 9 + square * (1 / 11 + square / 13))))
-    series = inverse - 2.0 * near * inverse**3 * terms
-    return xp.where(small, series, (safe - xp.log1p(safe)) / safe**2)
+    small = xp.abs(z) < bound
+    if xp is np and small.all():
+        return near(z)
+    return xp.where(small, near(xp.where(small, z, 0.0)), far(xp.where(small, 1.0, z)))

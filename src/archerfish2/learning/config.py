@@ -1,6 +1,6 @@
 """Settings of a training; the one place of their defaults, which follow robot and task."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta
 
@@ -27,15 +27,26 @@ Width = Annotated[int, Meta(ge=1, le=8192)]
 class _Sized(Struct, frozen=True, kw_only=True):
     """What both trainers' settings have in common."""
 
+    steps: Steps | None = None
+    """Decisions to train for, over all environments; rounded to whole batches, then up to calls of four."""
+    environments: Count = 128
+    """Engagements that run side by side."""
+    part: ClassVar[str]  # the field with the decisions of an engagement between two updates
+
+    @property
+    def decisions(self) -> int:
+        """Decisions of an engagement between two updates."""
+        return int(getattr(self, self.part))
+
     @property
     def batch(self) -> int:
         """Decisions of an iteration, over all environments."""
-        raise NotImplementedError
+        return self.environments * self.decisions
 
     @property
     def iterations(self) -> int:
         """Updates of the whole training."""
-        return max(1, round(getattr(self, "steps", 0) / self.batch))
+        return max(1, round((self.steps or 0) / self.batch))
 
     def _check(self, parts: int, number: int, names: str) -> None:
         if number % parts:
@@ -45,10 +56,7 @@ class _Sized(Struct, frozen=True, kw_only=True):
 class GradientConfig(_Sized, frozen=True, kw_only=True):
     """Settings of the analytic policy gradient."""
 
-    steps: Steps | None = None
-    """Decisions to train for, over all environments; rounded to whole windows, then up to calls of four."""
-    environments: Count = 128
-    """Engagements that run side by side."""
+    part = "window"
     window: Annotated[int, Meta(ge=1, le=1000)] = 16
     """Decisions that a gradient goes back over, and that lie between two updates."""
     shards: Annotated[int, Meta(ge=1, le=64)] = 2
@@ -78,17 +86,11 @@ class GradientConfig(_Sized, frozen=True, kw_only=True):
         """Neurons of each hidden layer."""
         return tuple((self.hidden or 0) >> layer for layer in range(self.layers))
 
-    @property
-    def batch(self) -> int:
-        """Decisions of an iteration, over all environments."""
-        return self.environments * self.window
-
 
 class PpoConfig(_Sized, frozen=True, kw_only=True):
     """Settings of PPO; the paper's where it prints them."""
 
-    steps: Steps | None = None
-    """Decisions to train for, over all environments; rounded to whole batches, then up to calls of four."""
+    part = "rollout"
     environments: Count = 512
     """Engagements that run side by side."""
     rollout: Annotated[int, Meta(ge=1, le=1000)] = 25
@@ -130,11 +132,6 @@ class PpoConfig(_Sized, frozen=True, kw_only=True):
         if self.batch > MAX_BATCH or self.log_std < self.log_std_floor:
             expected = f"environments × rollout of at most {MAX_BATCH}, and log_std of at least log_std_floor"
             raise InputError(f"PpoConfig: expected {expected}, got {self.batch}, and {self.log_std}; correct it")
-
-    @property
-    def batch(self) -> int:
-        """Decisions of an iteration, over all environments."""
-        return self.environments * self.rollout
 
 
 class TrainConfig(Struct, frozen=True, kw_only=True):

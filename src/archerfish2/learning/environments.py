@@ -42,6 +42,7 @@ def make_environment(
     config = (config or TrainConfig()).resolved(robot, task)
     observation = (config.observation,) if isinstance(config.observation, str) else config.observation or ()
     observer = make_observer(observer_facts(observation, robot, task, config.frames), observation[1:])
+    observer.layout()
     world = make_world(robot, task)
     if task.motion in DRAWN:
         world = with_open_nearness(world)

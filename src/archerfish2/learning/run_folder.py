@@ -95,8 +95,8 @@ class RunFolder:
             try:
                 text, arrays = storage.read_arrays(path, REMEDY)
                 restored, count = _learner(path, arrays, learner), int(parse_json(text, path, REMEDY)["iterations"])
-            except InputError as error:
-                faults.append(str(error))
+            except (InputError, KeyError, TypeError, ValueError) as error:
+                faults.append(str(error) if isinstance(error, InputError) else f"{path}: has no number of iterations")
                 continue
             if faults:
                 warnings.warn(f"{faults[0]}: continuing from the checkpoint before", stacklevel=2)
@@ -110,7 +110,7 @@ class RunFolder:
     def _cut(self, count: int) -> None:
         path = self.path / LOG
         lines = path.read_text().splitlines()[:count] if path.exists() else []
-        self.rows = [json.loads(line) for line in lines]
+        self.rows = [parse_json(line, path, REMEDY) for line in lines]
         if len(self.rows) < count:
             raise file_error(path, f"has {len(self.rows)} iterations, expected {count}", REMEDY)
         storage.write_bytes(path, "".join(f"{line}\n" for line in lines).encode())

@@ -69,6 +69,10 @@ def train(
         robot = Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
         task = task if isinstance(task, Task) else Task.load(task)
         config = _settings(config or TrainConfig(), trainer, steps, reward).resolved(robot, task)
+        settings, shortest = config.settings, round(min(task.lengths_s) / task.period_s)
+        if settings.decisions > shortest:  # what replaces the engagements that end is drawn once between two updates
+            found = f"{settings.part} = {settings.decisions}, and engagements of {shortest} decisions"
+            raise InputError(f"{config.trainer}: {found}; an engagement can't end twice between updates, lower it")
         begun = Begun(
             robot=robot.replace(folder=None),
             task=task,

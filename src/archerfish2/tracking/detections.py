@@ -95,6 +95,18 @@ def unwrapped(angle: Array, command: Array) -> Array:
     return angle + turn * xp.round((command - angle) / (2.0 * xp.pi))
 
 
+def azimuth_near(place: Array, other: Array) -> Array:
+    """Return the azimuth of a place, shape B + (3,), as near as can be to another, shape B [rad]."""
+    xp = namespace(place)
+    angle = xp.atan2(place[..., 1], place[..., 0])
+    return angle + 2.0 * xp.pi * xp.round((other - angle) / (2.0 * xp.pi))
+
+
+def level_distance(place: Array) -> Array:
+    """Return the distance on level ground [m], shape B + (3,) → B."""
+    return namespace(place).sqrt(place[..., 0] ** 2 + place[..., 1] ** 2)
+
+
 def _fold(function: Callable[[T, Frames], T], state: T, seen: Seen) -> T:
     return fold(function, state, seen.frames, seen.elapsed.ndim)
 

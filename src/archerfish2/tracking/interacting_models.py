@@ -15,6 +15,7 @@ from archerfish2.tracking.kalman_filter import (
     begin_track,
     covariance_blocks,
     log_likelihood,
+    moved,
     predict,
     update,
 )
@@ -146,3 +147,8 @@ def _changed(noise: TrackerNoise, track: Track, elapsed: Array) -> tuple[Array, 
     start = lift(xp.asarray(STARTS, dtype=upper.dtype)[..., None, None], upper) * noise.initial_speed**2
     speed = factor**2 * p[..., 2:, 2:] + start * lift(xp.eye(2, dtype=upper.dtype), upper)
     return mean, covariance_blocks(upper, factor * corner, speed)
+
+
+def moved_models(models: ModelTracks, by: Array) -> ModelTracks:
+    """Return the same estimates against another origin; `by` is added to places [m], shape B + (3,)."""
+    return models._replace(track=moved(models.track, by[..., None, :]))

@@ -181,7 +181,7 @@ def measurement_covariance(noise: TrackerNoise, plate: Array) -> Array:
     """Return the covariance of x and y with the noise along and across the line of sight [m²], shape B + (2, 2)."""
     xp = namespace(plate)
     level = plate[..., :2]
-    distance = xp.sqrt(xp.sum(level**2, axis=-1, keepdims=True))
+    distance = xp.maximum(xp.sqrt(xp.sum(level**2, axis=-1, keepdims=True)), 1e-6)  # not 0/0 straight above the pivot
     outward = level / distance
     along = outward[..., :, None] * outward[..., None, :]
     across = lift(xp.eye(2, dtype=plate.dtype), along) - along

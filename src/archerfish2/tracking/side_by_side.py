@@ -10,7 +10,7 @@ from archerfish2.arrays import Array, namespace, select, without_gradient
 from archerfish2.protocols import Seen
 from archerfish2.tracking import kalman_filter
 from archerfish2.tracking.detections import Detection, first_detection, update_with_frames
-from archerfish2.tracking.interacting_models import ModelRates, begin_models, step_models
+from archerfish2.tracking.interacting_models import ModelRates, begin_models, moved_models, step_models
 from archerfish2.tracking.kalman_filter import TrackerNoise
 
 FORGETTING, LARGEST_INNOVATION = 0.2, 50.0
@@ -21,7 +21,7 @@ class Tracks(NamedTuple):
     """Estimates in O as of the latest detection; None of trackers that are absent."""
 
     place: Array  # of that detection, B + (3,)
-    own: Array  # the own pivot at its exposure, in O [m], B + (3,)
+    own: Any  # the own pivot at its exposure, in O [m], B + (3,); None without the quick filter
     age: Array  # of it at the latest decision [s], B
     fast: Any  # Track
     slow: Any  # Track
@@ -42,7 +42,7 @@ class Trackers(NamedTuple):
         relative, shown = without_gradient(first.place) - first.own, first.fresh
         tracks = Tracks(
             first.place,
-            first.own,
+            fast and first.own,
             first.age,
             fast and kalman_filter.begin_track(fast, relative, shown),
             slow and kalman_filter.begin_track(slow, relative, shown),
@@ -75,7 +75,7 @@ class Trackers(NamedTuple):
             innovation = xp.where(fresh, innovation + FORGETTING * (square - innovation), innovation)
         if fast is not None and rates is not None:
             after["models"] = step_models(fast, rates, before.models, elapsed, relative, fresh)
-        place, own = select(fresh, (seen.place, seen.own), (tracks.place, tracks.own))
+        place, own = select(fresh, (seen.place, fast and seen.own), (tracks.place, tracks.own))
         return _moved(before._replace(**after), seen.own)._replace(place=place, own=own, age=age, innovation=innovation)
 
 
@@ -89,7 +89,5 @@ def _predicted(tracks: Tracks, age: Array) -> Array:
 def _moved(tracks: Tracks, by: Array) -> Tracks:
     """Return the estimates against another origin; `by` is added to places [m], shape B + (3,)."""
     fast, slow = (each and kalman_filter.moved(each, by) for each in (tracks.fast, tracks.slow))
-    models = tracks.models
-    if models is not None:
-        models = models._replace(track=kalman_filter.moved(models.track, by[..., None, :]))
+    models = tracks.models and moved_models(tracks.models, by)
     return tracks._replace(fast=fast, slow=slow, models=models)
