@@ -69,7 +69,7 @@ def memory_of(kind: str, theirs: Any, seen: Any) -> Memory:
     own, zero = 0.0 * place, 0.0 * seen.elapsed
     if kind in ("paper", "history"):
         decisions = Decisions(theirs[..., 0:2], theirs[..., 5:7], theirs[..., 2:5])
-        tracks = Tracks(place, own, zero, None, None, None, None)
+        tracks = Tracks(place, None, zero, None, None, None, None)
         return Memory(tracks, decisions, None, (), seen.gimbal_age, base, zero)
     many = kind == "multimodel"
     tracks = Tracks(place, own, theirs.plate_age, Track(*(theirs.fast if many else theirs.track)), None, None, None)
