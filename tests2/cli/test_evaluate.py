@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from archerfish2 import Results
+import archerfish2 as af
 from archerfish2.cli.main import main
 from archerfish2.cli.signals import stop_requests
 from archerfish2.controllers.registry import NAMES
@@ -33,7 +33,7 @@ def test_it_writes_and_prints_every_figure(tmp_path):
     printed, faults = start(4, tmp_path).communicate(timeout=120)
     assert (faults, "Table III, dynamic targets: paper, limit gate" in printed) == ("", True)
     assert {each.name for each in tmp_path.iterdir()} == {"results.json", "report.html", "run.json", "run.lock"}
-    assert all(f"{100 * each.rate:.1f} (" in printed for each in Results.load(tmp_path).cells)
+    assert all(f"{100 * each.rate:.1f} (" in printed for each in af.Results.load(tmp_path).cells)
 
 
 def test_an_interrupt_leaves_nothing(tmp_path):
@@ -66,9 +66,13 @@ def test_every_option_reaches_the_evaluation(tmp_path, monkeypatch):
     given = []
     evaluate = lambda *words, **more: given.extend((*words, more)) or 1 / 0  # noqa: E731
     monkeypatch.setattr("archerfish2.cli.evaluate.evaluate", evaluate)
-    words = "--controllers no-lead --task static --command-limit box --world ./w.py:W --engagements 7 --seed 3"
+    af.Robot.paper().replace(parts={"yaw": {"usable": False, "headline": "drifts"}}).save(tmp_path)
+    words = f"{tmp_path} --task static --command-limit box --world ./w.py:W --engagements 7 --seed 3 --untuned".split()
+    words += ["--out", str(tmp_path / "out"), "--controllers", "no-lead"]
+    with pytest.raises(SystemExit, match="2"):
+        main(["evaluate", *words])
     with pytest.raises(ZeroDivisionError):
-        main(["evaluate", *words.split(), "--untuned", "--out", str(tmp_path / "out")])
+        main(["evaluate", *words, "--accept-unusable"])
     controllers, robot, task, more = given
     assert (controllers, robot.name, task.name, task.command_limit) == (("no-lead",), "paper", "static", "box")
     assert more == {"world": "./w.py:W", "engagements": 7, "seed": 3, "tuned": False}
