@@ -17,46 +17,24 @@ from archerfish2.reports.table import entry_texts
 from archerfish2.robot import Robot
 from archerfish2.task import Task
 
-LABEL = {"world": "paper", "motion": "dynamic", "range_m": (1, 2), "length_s": 1.0, "command_limit": "gate"}
-COUNTS = {"hits": 80, "shots": 90, "withheld": 10, "engagements": 2, "low": 0.7, "high": 0.9}
-POLICY = Cell(**LABEL, **COUNTS, controller="policy", seed=0, kind="policy")
-FACTS = {"table": "III", "paper": 72.1, "bound": 0.9, "bound_error": 0.0, "yaw_rad_s2": 60.0}
-KALMAN = POLICY.replace(controller="kalman", seed=None, kind="classical", **FACTS)
-PAIR = Comparison(**LABEL, difference=0.1, low=0.05, high=0.2, controller="policy", seed=0, against="kalman")
-SETUP = {"seed": 3, "commit": "abc", "versions": {"numpy": "2"}, "robots": {"paper": {"digest": "12"}}}
+PAPER, ROBOT, INFANTRY = Task.load("paper"), Robot.paper(), Robot.load(Path(__file__).parents[1] / "infantry")
+SETUP = {"seed": 0, "commit": "abc", "versions": {"numpy": "2"}, "robots": {"paper": {"digest": "12"}}}
 SETUP |= {"tuning": {"paper/gate": {"kalman": Tuning(acceleration_sd=4.0)}}, "durations": {"tuning": 1.5}}
-RESULTS = Results(tasks=(Task(),), cells=(POLICY, KALMAN), comparisons=(PAIR,), **SETUP)
-FAULTS = [
-    ("cells", {"hits": 91}, "91 of 90 shots"),
-    ("cells", {"engagements": 101}, "0 < engagements ≤ decisions"),
-    ("cells", {"range_m": [2, 1]}, "the smaller distance first"),
-    ("cells", {"high": 0.75}, "interval is 0.7 to 0.75, expected one around the rate, 0.8"),
-    ("cells", {"bound": 0.9}, "expected both or neither"),
-    ("cells", {"seed": 1}, "a comparison of policy has no cell"),
-    ("cells", {"controller": "kalman", "seed": None}, "have one label"),
-    ("comparisons", {"low": 0.15}, "interval is 0.15 to 0.2, expected one around the difference, 0.1"),
-]
-CONTRADICTIONS = {
-    "seed of the results is": {"seed": 4},
-    "have one label": {"cells": (POLICY.replace(hits=79),)},
-    "robots: digest of paper differs": {"robots": {"paper": {"digest": "other"}}},
-    "tuning: kalman of paper/gate differs": {"tuning": {"paper/gate": {"kalman": Tuning(acceleration_sd=5.0)}}},
-}
 TRAINED = [("policy", "policy", seed) for seed in (2, 0, 1)]
-CLASSICAL = ["oracle", "kalman", "kalman-paper", "kalman-lq", "imm-lq", "parabola-lq", "no-lead"]
+CLASSICAL = ["kalman", "oracle", "kalman-paper", "kalman-lq", "imm-lq", "parabola-lq", "no-lead"]
 OTHERS = [("six-number", "policy", 0), ("mine", "user", None), *((each, "classical", None) for each in CLASSICAL)]
 OTHERS.append(("perfect", "perfect", None))
 MOTIONS = ["still", "parabola", "pass", "strafe", "stop-and-go", "sinusoid", "circle", "singer"]
-PAPER, ROBOT, INFANTRY = Task.load("paper"), Robot.paper(), Robot.load(Path(__file__).parents[1] / "infantry")
 
 
-def evaluated(motions, contenders, engagements, **place):
+def evaluated(motions, contenders, engagements, ranges=4, **place):
     """Results with made-up hits: the later a controller in the list, the fewer."""
     generator, cells, pairs = np.random.default_rng(1), [], []
-    for motion, near in itertools.product(motions, (1.0, 2.0, 3.0, 4.0)):
-        cell = LABEL | place | {"motion": motion, "range_m": (near, near + 1.0)}
-        labels = [cell | {"controller": name, "seed": seed} for name, _, seed in contenders]
-        rates = 0.9 - 0.03 * np.arange(len(contenders))[:, None, None]
+    rates = 0.9 - 0.03 * np.arange(len(contenders))[:, None, None]
+    place = {"world": "paper", "length_s": 1.0, "command_limit": "gate"} | place
+    for motion, near in itertools.product(motions, range(1, ranges + 1)):
+        label = place | {"motion": motion, "range_m": (near, near + 1)}
+        labels = [label | {"controller": name, "seed": seed} for name, _, seed in contenders]
         hits = generator.random((len(contenders), engagements, 50)) < rates + generator.normal(0, 0.1, (engagements, 1))
         table = {"static": "II", "dynamic": "III"}.get(motion)
         for label, (_, kind, _), hit in zip(labels, contenders, hits, strict=True):
@@ -67,15 +45,34 @@ def evaluated(motions, contenders, engagements, **place):
         for one, other in pairs_to_compare([each[:2] for each in contenders]):
             difference = paired_difference(hits[one], hits[other])._asdict()
             pairs.append(Comparison(**labels[one], **difference, against=contenders[other][0]))
-    empty = {name: {} for name in ("versions", "robots", "tuning", "durations")}
-    return Results(seed=0, commit="abc", tasks=(), cells=tuple(cells), comparisons=tuple(pairs), **empty)
+    cells = with_bounds(cells, ROBOT, PAPER, 0)
+    return Results(tasks=(PAPER,), cells=cells, comparisons=tuple(pairs), **SETUP)
+
+
+RESULTS = evaluated(["dynamic"], [TRAINED[0], OTHERS[2]], 500, ranges=1)
+(POLICY, KALMAN), (PAIR,) = RESULTS.cells, RESULTS.comparisons
+FAULTS = [
+    ("cells", {"hits": 25_001}, "25001 of 25000 shots"),
+    ("cells", {"engagements": 25_001}, "0 < engagements ≤ decisions"),
+    ("cells", {"range_m": [2, 1]}, "the smaller distance first"),
+    ("cells", {"high": POLICY.low}, f"interval is {POLICY.low} to {POLICY.low}, expected one around the rate"),
+    ("cells", {"bound": None}, "expected both or neither"),
+    ("cells", {"seed": 1}, "a comparison of policy has no cell"),
+    ("cells", {"controller": "kalman", "seed": None}, "have one label"),
+    ("comparisons", {"low": PAIR.high}, f"interval is {PAIR.high} to {PAIR.high}, expected one around the difference"),
+]
+CONTRADICTIONS = {
+    "seed of the results is": {"seed": 4},
+    "have one label": {"cells": (POLICY.replace(hits=POLICY.hits - 1),)},
+    "robots: digest of paper differs": {"robots": {"paper": {"digest": "other"}}},
+    "tuning: kalman of paper/gate differs": {"tuning": {"paper/gate": {"kalman": Tuning(acceleration_sd=5.0)}}},
+}
 
 
 @pytest.fixture(scope="module")
 def paper():
     """The paper's cells with bounds, of one training each."""
-    found = evaluated(("static", "dynamic"), [*TRAINED[:1], *OTHERS], 500)
-    return found.replace(cells=with_bounds(found.cells, ROBOT, PAPER, 0))
+    return evaluated(("static", "dynamic"), [*TRAINED[:1], *OTHERS], 500)
 
 
 @pytest.fixture(scope="module")
@@ -84,11 +81,12 @@ def motions():
     return evaluated(MOTIONS, TRAINED + OTHERS, 4)
 
 
-def test_results_survive_the_disk_in_a_file_or_its_folder(tmp_path):
+def test_results_survive_the_disk_in_a_file_or_its_folder_and_any_mutated_file_is_read_or_refused(tmp_path, mutated):
     RESULTS.save(tmp_path / "run")
-    Results.load(tmp_path / "run").save(tmp_path / "again.json")
-    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "run" / "results.json").read_bytes()
-    assert plain(Results.load(tmp_path / "again.json")) == plain(RESULTS)
+    Results.load(tmp_path / "run").save(file := tmp_path / "again.json")
+    assert file.read_bytes() == (tmp_path / "run" / "results.json").read_bytes()
+    assert plain(Results.load(file)) == plain(RESULTS)
+    assert all(repr(found) for found in mutated(file, lambda: Results.load(file), 60))
 
 
 @pytest.mark.parametrize(("part", "changes", "complaint"), FAULTS)
@@ -97,11 +95,6 @@ def test_a_damaged_file_is_refused(tmp_path, part, changes, complaint, refused):
     content[part][0].update(changes)
     (tmp_path / "results.json").write_text(json.dumps(content))
     refused(rf"results\.json: .*{complaint}.*evaluate again$", Results.load, tmp_path)
-
-
-def test_any_mutated_file_is_read_or_refused(tmp_path, mutated):
-    RESULTS.save(tmp_path)
-    assert all(repr(found) for found in mutated(tmp_path / "results.json", lambda: Results.load(tmp_path), 60))
 
 
 def test_joined_results_have_the_cells_of_both_once_and_contradict_each_other_nowhere(refused):
@@ -116,8 +109,9 @@ def test_joined_results_have_the_cells_of_both_once_and_contradict_each_other_no
 
 def test_a_pair_is_compared_in_both_directions(refused):
     (there,), (back,) = RESULTS.compare("policy", "kalman"), RESULTS.compare("kalman", "policy")
-    assert (there.difference, there.low, there.high) == (0.1, 0.05, 0.2)
-    assert (back.controller, back.difference, back.low, back.high) == ("kalman", -0.1, -0.2, -0.05)
+    assert plain(there) == plain(PAIR)
+    expected = ("kalman", -PAIR.difference, -PAIR.high, -PAIR.low)
+    assert (back.controller, back.difference, back.low, back.high) == expected
     refused("no comparison of policy with oracle; there are policy with kalman; ", RESULTS.compare, "policy", "oracle")
 
 
@@ -128,22 +122,25 @@ def test_policies_are_compared_with_classical_controllers_and_all_with_the_first
 
 
 def test_rows_for_a_data_frame_are_plain():
-    row = RESULTS.to_dicts()[1]
-    assert (row["range_low_m"], row["range_high_m"], row["rate"], row["paper"]) == (1.0, 2.0, 0.8, 72.1)
+    row = RESULTS.to_dicts()[0]
+    assert [row[name] for name in ("range_low_m", "range_high_m", "paper")] == [1.0, 2.0, 83.8]
+    assert row["rate"] == POLICY.hits / 25_000
     assert all(isinstance(value, str | int | float | None) for value in row.values())
 
 
 def test_every_rate_and_its_interval_are_printed_within_110_columns(paper, motions):
-    text, empty = repr(paper), evaluated([], OTHERS, 4)
+    text, empty, many = repr(paper), evaluated([], OTHERS, 4), evaluated(["pass"], OTHERS[:3], 500, ranges=30)
     for cell in paper.cells:
         assert f"{100 * cell.rate:.1f} ({100 * cell.low:.1f}–{100 * cell.high:.1f})" in text
+    assert {f"{100 * cell.low:.1f}–{100 * cell.high:.1f}" for cell in many.cells} < {*repr(many).split()}
+    assert all(f" {near}–{near + 1} m" in repr(many) for near in range(1, 31))
     for said in ("Table II, static targets", "policy (printed)", "83.80", "mine (no fire)", "the 95 %", "Bound: "):
         assert said in text
     bound = next(line for line in text.split("\n") if line.startswith("bound "))
     assert bound.split() == ["bound", "87.8", "90.5", "91.1", "91.9", "90.3"]
     drop = paper.comparisons[0].replace(against="simulated/policy")  # to a robot
     assert "policy − simulated/policy" in repr(paper.replace(comparisons=(drop,)))
-    assert max(len(line) for each in (paper, motions) for line in repr(each).split("\n")) <= 110
+    assert max(len(line) for each in (paper, motions, many) for line in repr(each).split("\n")) <= 110
     assert repr(empty).startswith("Results: seed 0, commit abc, 0 cells")
     assert empty.report().headline == "No controller was evaluated."
 
@@ -172,10 +169,9 @@ def test_a_cell_is_better_where_the_whole_interval_is_above_zero(paper):
 
 def test_bounds_are_of_these_engagements_of_this_robot_alone(paper):
     cells = evaluated(("dynamic",), OTHERS[2:], 500, command_limit="box").cells
-    bounded = with_bounds(cells, ROBOT, PAPER, 0)
-    bounds = {each.controller: each.bound for each in bounded}
+    bounds = {each.controller: each.bound for each in cells}
     assert (bounds["kalman"], bounds["oracle"], bounds["perfect"]) == pytest.approx((0.982, 0.982, None), abs=1e-3)
-    assert "bound of oracle" in repr(paper.replace(cells=bounded, comparisons=()))
+    assert "bound of oracle" in repr(paper.replace(cells=cells, comparisons=()))
     fewer, refitted = [each.replace(engagements=250) for each in cells], ROBOT.replace(muzzle=INFANTRY.muzzle)
     wider = PAPER.replace(lateral_m=0.5)
     others = [(fewer, ROBOT, PAPER, 0), (cells, ROBOT, PAPER, 1), (cells, refitted, PAPER, 0), (cells, ROBOT, wider, 0)]
