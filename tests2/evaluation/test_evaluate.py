@@ -50,13 +50,11 @@ def short(robot, task):
 
 ELSEWHERE = Held()  # a policy of another robot, as far as an evaluation looks
 ELSEWHERE.facts = SimpleNamespace(robot={"pitch": "another"}, seed=0, observer=SimpleNamespace(period_s=0.02))
-LATE = {  # found at some decision
-    Held(added={3: ()}): r"test_evaluate.py:Held: line \d+: ValueError: operands could not be .*; correct it",
-    Held(added={9: math.nan}): "commands a pitch of nan rad at decision 10, in 4 of 4 engagements, expected",
-}
 COUNTS = [*product(("engagements", "seed"), ("10", 10.0, True, -1)), ("engagements", 1), ("engagements", 10**9)]
 REFUSED = [
-    *(("controllers", *each) for each in LATE.items()),
+    # The first two are found at some decision, the others before anything is shot.
+    ("controllers", Held(added={3: ()}), r"test_evaluate.py:Held: line \d+: ValueError: .* broadcast.*; correct it"),
+    ("controllers", Held(added={9: math.nan}), "a pitch of nan rad at decision 10, in 4 of 4 engagements, expected"),
     ("controllers", ELSEWHERE, "was trained for another robot than paper; name that robot's folder"),
     ("controllers", 42, "is a int, expected reset"),
     ("controllers", (), "there is none; give one"),
@@ -88,6 +86,7 @@ def test_all_have_the_same_engagements_and_dispersion_and_equal_names_a_number(r
     assert {each.key for each in beside.join(results).cells} == {each.key for each in both}
     larger = af.evaluate("oracle", task=TASK.replace(hit_radius_m=0.1), engagements=4)
     refused("robots: hit_radius_m of paper differs: 0.06 and 0.1; ", results.join, larger)
+    refused("engagements must be a whole number, 1….* room for", af.rollout, "no-lead", task=TASK, engagements=10**9)
     assert af.evaluate("no-lead", task=TASK, engagements=4, seed=1).cells[0].hits != results.cells[0].hits
 
 
@@ -162,6 +161,7 @@ def test_what_can_not_be_evaluated_is_refused_in_one_line_before_anything_is_sho
     name, value, complaint, refused, monkeypatch
 ):
     monkeypatch.setattr(tuning, "rates", None)
-    monkeypatch.setattr("archerfish2.evaluation.evaluate.count", count if complaint in LATE.values() else None)
+    if value not in [late for _, late, _ in REFUSED[:2]]:
+        monkeypatch.setattr("archerfish2.evaluation.evaluate.count", None)
     usual = {"controllers": ("no-lead", "kalman-paper"), "task": TASK.replace(lengths_s=(0.5, 1.0)), "engagements": 4}
     refused(complaint, af.evaluate, **usual | {name: value})

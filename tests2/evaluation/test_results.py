@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import archerfish2 as af
 from archerfish2.controllers.registry import Tuning
 from archerfish2.evaluation.hit_rate import hit_rate, paired_difference
 from archerfish2.evaluation.published import with_bounds
@@ -14,10 +15,8 @@ from archerfish2.evaluation.results import Cell, Comparison, Results, pairs_to_c
 from archerfish2.evaluation.tables import mean, rate_tables
 from archerfish2.records.json_files import plain
 from archerfish2.reports.table import entry_texts
-from archerfish2.robot import Robot
-from archerfish2.task import Task
 
-PAPER, ROBOT, INFANTRY = Task.load("paper"), Robot.paper(), Robot.load(Path(__file__).parents[1] / "infantry")
+PAPER, ROBOT, INFANTRY = af.Task.load("paper"), af.Robot.paper(), af.Robot.load(Path(__file__).parents[1] / "infantry")
 SETUP = {"seed": 0, "commit": "abc", "versions": {"numpy": "2"}, "robots": {"paper": {"digest": "12"}}}
 SETUP |= {"tuning": {"paper/gate": {"kalman": Tuning(acceleration_sd=4.0)}}, "durations": {"tuning": 1.5}}
 TRAINED = [("policy", "policy", seed) for seed in (2, 0, 1)]
@@ -38,19 +37,19 @@ def evaluated(motions, contenders, engagements, ranges=4, **place):
         hits = generator.random((len(contenders), engagements, 50)) < rates + generator.normal(0, 0.1, (engagements, 1))
         table = {"static": "II", "dynamic": "III"}.get(motion)
         for label, (_, kind, _), hit in zip(labels, contenders, hits, strict=True):
-            k, n, _, low, high = hit_rate(hit)
-            facts = label | {"withheld": int(kind == "user"), "paper": 83.8 if table and kind == "policy" else None}
-            facts |= {"hits": k, "shots": n - facts["withheld"], "low": low, "high": high, "yaw_rad_s2": 50.0}
-            cells.append(Cell(**facts, kind=kind, table=table, engagements=engagements))
+            facts = label | hit_rate(hit)._asdict() | {"withheld": int(kind == "user"), "yaw_rad_s2": 50.0}
+            facts |= {"shots": facts.pop("decisions") - facts["withheld"], "kind": kind, "table": table}
+            cells.append(Cell(**facts, paper=83.8 if table and kind == "policy" else None))
         for one, other in pairs_to_compare([each[:2] for each in contenders]):
             difference = paired_difference(hits[one], hits[other])._asdict()
             pairs.append(Comparison(**labels[one], **difference, against=contenders[other][0]))
-    cells = with_bounds(cells, ROBOT, PAPER, 0)
-    return Results(tasks=(PAPER,), cells=cells, comparisons=tuple(pairs), **SETUP)
+    return Results(tasks=(PAPER,), cells=with_bounds(cells, ROBOT, PAPER, 0), comparisons=tuple(pairs), **SETUP)
 
 
 RESULTS = evaluated(["dynamic"], [TRAINED[0], OTHERS[2]], 500, ranges=1)
 (POLICY, KALMAN), (PAIR,) = RESULTS.cells, RESULTS.comparisons
+TABLES = evaluated(["static", "dynamic"], [*TRAINED[:1], *OTHERS], 500)  # the paper's, of one training each
+MANY = evaluated(MOTIONS, TRAINED + OTHERS, 4)  # motions and trainings
 FAULTS = [
     ("cells", {"hits": 25_001}, "25001 of 25000 shots"),
     ("cells", {"engagements": 25_001}, "0 < engagements ≤ decisions"),
@@ -67,18 +66,6 @@ CONTRADICTIONS = {
     "robots: digest of paper differs": {"robots": {"paper": {"digest": "other"}}},
     "tuning: kalman of paper/gate differs": {"tuning": {"paper/gate": {"kalman": Tuning(acceleration_sd=5.0)}}},
 }
-
-
-@pytest.fixture(scope="module")
-def paper():
-    """The paper's cells with bounds, of one training each."""
-    return evaluated(("static", "dynamic"), [*TRAINED[:1], *OTHERS], 500)
-
-
-@pytest.fixture(scope="module")
-def motions():
-    """Eight motions, several trainings."""
-    return evaluated(MOTIONS, TRAINED + OTHERS, 4)
 
 
 def test_results_survive_the_disk_in_a_file_or_its_folder_and_any_mutated_file_is_read_or_refused(tmp_path, mutated):
@@ -108,10 +95,9 @@ def test_joined_results_have_the_cells_of_both_once_and_contradict_each_other_no
 
 
 def test_a_pair_is_compared_in_both_directions(refused):
-    (there,), (back,) = RESULTS.compare("policy", "kalman"), RESULTS.compare("kalman", "policy")
-    assert plain(there) == plain(PAIR)
-    expected = ("kalman", -PAIR.difference, -PAIR.high, -PAIR.low)
-    assert (back.controller, back.difference, back.low, back.high) == expected
+    turned = {"difference": -PAIR.difference, "low": -PAIR.high, "high": -PAIR.low}
+    expected = [PAIR, PAIR.replace(controller="kalman", against="policy", **turned)]
+    assert plain([*RESULTS.compare("policy", "kalman"), *RESULTS.compare("kalman", "policy")]) == plain(expected)
     refused("no comparison of policy with oracle; there are policy with kalman; ", RESULTS.compare, "policy", "oracle")
 
 
@@ -122,35 +108,34 @@ def test_policies_are_compared_with_classical_controllers_and_all_with_the_first
 
 
 def test_rows_for_a_data_frame_are_plain():
-    row = RESULTS.to_dicts()[0]
-    assert [row[name] for name in ("range_low_m", "range_high_m", "paper")] == [1.0, 2.0, 83.8]
-    assert row["rate"] == POLICY.hits / 25_000
-    assert all(isinstance(value, str | int | float | None) for value in row.values())
+    facts = plain(POLICY) | {"range_low_m": 1.0, "range_high_m": 2.0, "rate": POLICY.hits / 25_000}
+    del facts["range_m"]
+    assert json.loads(json.dumps(RESULTS.to_dicts()))[0] == facts
 
 
-def test_every_rate_and_its_interval_are_printed_within_110_columns(paper, motions):
-    text, empty, many = repr(paper), evaluated([], OTHERS, 4), evaluated(["pass"], OTHERS[:3], 500, ranges=30)
-    for cell in paper.cells:
+def test_every_rate_and_its_interval_are_printed_within_110_columns():
+    text, empty, wide = repr(TABLES), evaluated([], OTHERS, 4), evaluated(["pass"], OTHERS[:3], 500, ranges=30)
+    for cell in TABLES.cells:
         assert f"{100 * cell.rate:.1f} ({100 * cell.low:.1f}–{100 * cell.high:.1f})" in text
-    assert {f"{100 * cell.low:.1f}–{100 * cell.high:.1f}" for cell in many.cells} < {*repr(many).split()}
-    assert all(f" {near}–{near + 1} m" in repr(many) for near in range(1, 31))
+    assert {f"{100 * cell.low:.1f}–{100 * cell.high:.1f}" for cell in wide.cells} < {*repr(wide).split()}
+    assert all(f" {near}–{near + 1} m" in repr(wide) for near in range(1, 31))
     for said in ("Table II, static targets", "policy (printed)", "83.80", "mine (no fire)", "the 95 %", "Bound: "):
         assert said in text
     bound = next(line for line in text.split("\n") if line.startswith("bound "))
     assert bound.split() == ["bound", "87.8", "90.5", "91.1", "91.9", "90.3"]
-    drop = paper.comparisons[0].replace(against="simulated/policy")  # to a robot
-    assert "policy − simulated/policy" in repr(paper.replace(comparisons=(drop,)))
-    assert max(len(line) for each in (paper, motions, many) for line in repr(each).split("\n")) <= 110
+    drop = TABLES.comparisons[0].replace(against="simulated/policy")  # to a robot
+    assert "policy − simulated/policy" in repr(TABLES.replace(comparisons=(drop,)))
+    assert max(len(line) for each in (TABLES, MANY, wide) for line in repr(each).split("\n")) <= 110
     assert repr(empty).startswith("Results: seed 0, commit abc, 0 cells")
     assert empty.report().headline == "No controller was evaluated."
 
 
-def test_many_motions_share_a_table_of_means_and_trainings_a_row_with_their_spread(motions):
-    (table,) = rate_tables(motions.cells)
+def test_many_motions_share_a_table_of_means_and_trainings_a_row_with_their_spread():
+    (table,) = rate_tables(MANY.cells)
     rows = {row[0]: row for row in table.rows}
-    own = [each.rate for each in motions.cells if (each.controller, each.motion) == ("kalman", "circle")]
+    own = [each.rate for each in MANY.cells if (each.controller, each.motion) == ("kalman", "circle")]
     assert rows["kalman"][table.columns.index("circle")].value == pytest.approx(100 * np.mean(own))
-    trainings = [[each for each in motions.cells if each.key[-2:] == ("policy", seed)] for seed in range(3)]
+    trainings = [[each for each in MANY.cells if each.key[-2:] == ("policy", seed)] for seed in range(3)]
     rates = [100 * np.mean([each.rate for each in own]) for own in trainings]
     assert rows["policy, 3 seeds"][-1].value == pytest.approx(np.mean(rates))
     assert rows["policy (seeds)"][-1] == f"{min(rates):.1f}–{max(rates):.1f}"
@@ -159,19 +144,19 @@ def test_many_motions_share_a_table_of_means_and_trainings_a_row_with_their_spre
     assert mean([*trainings[0], *again])[:3] == pytest.approx(mean(trainings[0])[:3])
 
 
-def test_a_cell_is_better_where_the_whole_interval_is_above_zero(paper):
-    own = paper.compare("policy", "oracle")
-    (row,) = [line for line in repr(paper).split("\n") if line.startswith("policy − oracle")]
+def test_a_cell_is_better_where_the_whole_interval_is_above_zero():
+    own = TABLES.compare("policy", "oracle")
+    (row,) = [line for line in repr(TABLES).split("\n") if line.startswith("policy − oracle")]
     assert row.split()[-3:] == [str(sum(each.low > 0 for each in own)), "0", "8"]
     assert all(" (".join(entry_texts(mean([each]))) in repr(own) for each in own)
     assert max(map(len, repr(own).split("\n"))) <= 110
 
 
-def test_bounds_are_of_these_engagements_of_this_robot_alone(paper):
+def test_bounds_are_of_these_engagements_of_this_robot_alone():
     cells = evaluated(("dynamic",), OTHERS[2:], 500, command_limit="box").cells
     bounds = {each.controller: each.bound for each in cells}
     assert (bounds["kalman"], bounds["oracle"], bounds["perfect"]) == pytest.approx((0.982, 0.982, None), abs=1e-3)
-    assert "bound of oracle" in repr(paper.replace(cells=cells, comparisons=()))
+    assert "bound of oracle" in repr(TABLES.replace(cells=cells, comparisons=()))
     fewer, refitted = [each.replace(engagements=250) for each in cells], ROBOT.replace(muzzle=INFANTRY.muzzle)
     wider = PAPER.replace(lateral_m=0.5)
     others = [(fewer, ROBOT, PAPER, 0), (cells, ROBOT, PAPER, 1), (cells, refitted, PAPER, 0), (cells, ROBOT, wider, 0)]
@@ -180,20 +165,20 @@ def test_bounds_are_of_these_engagements_of_this_robot_alone(paper):
     assert all((each.bound is None) == (each.kind == "perfect") for each in cells)
 
 
-def test_the_plot_has_a_panel_per_motion_and_every_controller_looks_different(paper, motions):
-    figure = paper.plot()
+def test_the_plot_has_a_panel_per_motion_and_every_controller_looks_different():
+    figure = TABLES.plot()
     names = {text.get_text() for text in figure.legends[0].get_texts()}
     assert {*CLASSICAL, "policy", "mine", "perfect", "bound", "hollow: the paper"} < names
     lines = [each for each in figure.axes[1].lines if each.get_linestyle() != "None"]
     assert len({(each.get_color(), each.get_marker()) for each in lines}) == len(lines) == len(OTHERS) + 2
-    joined = motions.join(evaluated(MOTIONS, TRAINED[:1], 4, length_s=3.0))
+    joined = MANY.join(evaluated(MOTIONS, TRAINED[:1], 4, length_s=3.0))
     assert [axes.get_title("left") for axes in joined.plot().axes][::8] == ["still, 1 s", "still, 3 s"]
 
 
-def test_the_page_has_a_headline_for_any_policy_and_the_cells_beside_the_papers(paper, tmp_path):
-    paper.report().write_page(tmp_path / "report.html")
+def test_the_page_has_a_headline_for_any_policy_and_the_cells_beside_the_papers(tmp_path):
+    TABLES.report().write_page(tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
-    rate, interval = entry_texts(mean([each for each in paper.cells if each.controller == "policy"]))
+    rate, interval = entry_texts(mean([each for each in TABLES.cells if each.controller == "policy"]))
     assert f"policy: {rate}\u00a0% ({interval}) of all decisions hit (paper, limit gate" in page
     for text in ("policy − kalman-lq", "<td>83.80</td>", "one training, seed 2", "rad/s²", "of the bound"):
         assert text in page
