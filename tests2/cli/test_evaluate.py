@@ -5,10 +5,11 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
-from archerfish2 import Results
+import archerfish2 as af
 from archerfish2.cli.main import main
 from archerfish2.cli.signals import stop_requests
 from archerfish2.controllers.registry import NAMES
@@ -33,7 +34,7 @@ def test_it_writes_and_prints_every_figure(tmp_path):
     printed, faults = start(4, tmp_path).communicate(timeout=120)
     assert (faults, "Table III, dynamic targets: paper, limit gate" in printed) == ("", True)
     assert {each.name for each in tmp_path.iterdir()} == {"results.json", "report.html", "run.json", "run.lock"}
-    assert all(f"{100 * each.rate:.1f} (" in printed for each in Results.load(tmp_path).cells)
+    assert all(f"{100 * each.rate:.1f} (" in printed for each in af.Results.load(tmp_path).cells)
 
 
 def test_an_interrupt_leaves_nothing(tmp_path):
@@ -63,13 +64,16 @@ def test_a_fault_ends_with_status_2(tmp_path, monkeypatch, capsys, words):
 
 
 def test_every_option_reaches_the_evaluation(tmp_path, monkeypatch):
-    given = []
-    evaluate = lambda *words, **more: given.extend((*words, more)) or 1 / 0  # noqa: E731
+    evaluate = Mock(side_effect=af.InputError("it was called"))
     monkeypatch.setattr("archerfish2.cli.evaluate.evaluate", evaluate)
-    words = "--controllers no-lead --task static --command-limit box --world ./w.py:W --engagements 7 --seed 3"
-    with pytest.raises(ZeroDivisionError):
-        main(["evaluate", *words.split(), "--untuned", "--out", str(tmp_path / "out")])
-    controllers, robot, task, more = given
+    af.Robot.paper().replace(parts={"yaw": {"usable": False, "headline": "drifts"}}).save(tmp_path)
+    words = f"{tmp_path} --task static --command-limit box --world ./w.py:W --engagements 7 --seed 3 --untuned".split()
+    words += ["--out", str(tmp_path / "out"), "--controllers", "no-lead"]
+    for more in ([], ["--accept-unusable"]):
+        with pytest.raises(SystemExit, match="2"):
+            main(["evaluate", *words, *more])
+        assert evaluate.call_count == len(more)
+    (controllers, robot, task), more = evaluate.call_args
     assert (controllers, robot.name, task.name, task.command_limit) == (("no-lead",), "paper", "static", "box")
     assert more == {"world": "./w.py:W", "engagements": 7, "seed": 3, "tuned": False}
 

@@ -1,7 +1,7 @@
 """Evaluations: what is paired, named, counted, tuned, refused and shown."""
 
-import itertools
 import math
+from itertools import product
 from types import SimpleNamespace
 
 import pytest
@@ -27,46 +27,44 @@ def rate(settings):
 
 
 class Held:
-    """Aims where the target is, fires every n-th decision, and fails at some decision."""
+    """Aims where the target is, or beside it at some decisions, and fires every n-th."""
 
     compiled = False
 
-    def __init__(self, every=1, failing=math.inf):
-        self.inner, self.every, self.failing = make_controller("no-lead", ROBOT, TASK), every, failing
+    def __init__(self, every=1, added=None):
+        self.inner, self.every, self.added = make_controller("no-lead", ROBOT, TASK), every, added or {}
 
     def reset(self, seen, truth=None):
         return 0, self.inner.reset(seen)
 
     def step(self, state, seen):
         inner, command = self.inner.step(state[1], seen)
-        angle = command.angle + (math.nan if state[0] >= self.failing else 0.0)
-        return (state[0] + 1, inner), aim(angle)._replace(fire=(0.0 * seen.elapsed + state[0]) % self.every == 0.0)
+        fire = (0.0 * seen.elapsed + state[0]) % self.every == 0.0
+        return (state[0] + 1, inner), aim(command.angle + self.added.get(state[0], 0.0))._replace(fire=fire)
 
 
-class Late(Held):
-    """Fails with an error of its own at the fourth decision."""
-
-    def step(self, state, seen):
-        return super().step(state, seen) if state[0] < 3 else [][state[0]]
+def short(robot, task):
+    """A controller for engagements of half a second alone."""
+    return {(0.5,): Held()}[task.lengths_s]
 
 
-class Elsewhere(Held):
-    """A policy of another robot, as far as an evaluation looks."""
-
-    facts = SimpleNamespace(robot={"pitch": "another"}, seed=0, observer=SimpleNamespace(period_s=0.02))
-
-
-REFUSED = {
-    ("controllers", Late()): r"test_evaluate.py:Late: line \d+: IndexError: list index out of range; correct it",
-    ("controllers", Elsewhere()): "was trained for another robot than paper; name that robot's folder",
-    ("controllers", 42): "is a int, expected reset",
-    ("engagements", 1): "engagements must be 2…1000000 for an interval, got 1",
-    ("seed", -1): "seed must be at least 0, got -1",
-    ("controllers", ()): "there is none; give one",
-    ("robot", OTHER): "kalman-paper has settings of the paper's robot alone, got other",
-    ("controllers", Held(failing=9)): "commands a pitch of nan rad at decision 10, in 4 of 4 engagements, expected",
-    ("world", object()): "a object lacks name, compiled, period_s",
-}
+ELSEWHERE = Held()  # a policy of another robot, as far as an evaluation looks
+ELSEWHERE.facts = SimpleNamespace(robot={"pitch": "another"}, seed=0, observer=SimpleNamespace(period_s=0.02))
+COUNTS = [*product(("engagements", "seed"), ("10", 10.0, True, -1)), ("engagements", 1), ("engagements", 10**9)]
+REFUSED = [
+    # The first two are found at some decision, the others before anything is shot.
+    ("controllers", Held(added={3: ()}), r"test_evaluate.py:Held: line \d+: ValueError: .* broadcast.*; correct it"),
+    ("controllers", Held(added={9: math.nan}), "a pitch of nan rad at decision 10, in 4 of 4 engagements, expected"),
+    ("controllers", ELSEWHERE, "was trained for another robot than paper; name that robot's folder"),
+    ("controllers", 42, "is a int, expected reset"),
+    ("controllers", (), "there is none; give one"),
+    ("controllers", ("kalman", "kalmn"), "got 'kalmn'; perhaps you meant kalman"),
+    ("controllers", {"": "no-lead"}, "field controller: expected str of length >= 1, got ''"),
+    ("controllers", ("no-lead", short), r"test_evaluate.py:short: line \d+: KeyError"),
+    ("robot", OTHER, "kalman-paper has settings of the paper's robot alone, got other"),
+    ("world", object(), "a object lacks name, compiled, period_s"),
+    *((name, value, f"{name} must be a whole number, .*, got {value!r}; choose another") for name, value in COUNTS),
+]
 
 
 @pytest.fixture
@@ -74,15 +72,21 @@ def searched(monkeypatch):
     """Names that were searched for, on the hill instead of in a simulator."""
     names = []
     monkeypatch.setattr(tuning, "rates", lambda name, robot, task: names.append(name) or rate)
+    monkeypatch.setenv("ARCHERFISH_CACHE", "off")
     return names
 
 
-def test_all_have_the_same_engagements_and_dispersion_and_equal_names_a_number():
+def test_all_have_the_same_engagements_and_dispersion_and_equal_names_a_number(refused):
     results = af.evaluate(["no-lead", Held(), "no-lead", Held()], task=TASK, engagements=4)
     assert [each.controller for each in results.cells] == ["no-lead", "Held", "no-lead-2", "Held-2"]
     assert all(each.low < each.difference == 0.0 < each.high for each in results.comparisons)
     beside = af.evaluate("no-lead", task=TASK.replace(motion="paper"), engagements=4)
     assert beside.cells[1].hits == results.cells[0].hits
+    both = beside.cells[:1] + results.cells  # once, what is in both
+    assert {each.key for each in beside.join(results).cells} == {each.key for each in both}
+    larger = af.evaluate("oracle", task=TASK.replace(hit_radius_m=0.1), engagements=4)
+    refused("robots: hit_radius_m of paper differs: 0.06 and 0.1; ", results.join, larger)
+    refused("engagements must be a whole number, 1….* room for", af.rollout, "no-lead", task=TASK, engagements=10**9)
     assert af.evaluate("no-lead", task=TASK, engagements=4, seed=1).cells[0].hits != results.cells[0].hits
 
 
@@ -96,36 +100,40 @@ def test_a_search_finds_the_best_setting_and_tries_all_beside_it():
     found = tuning.search("kalman", rate)
     tried = [settings for settings, _ in found.tried]
     assert (found.tuning, found.hit_rate) == (tuning_at("kalman", BEST), max(value for _, value in found.tried))
-    for (axis, grid), by in itertools.product(enumerate(GRIDS["kalman"].values()), (-1, 1)):
+    for (axis, grid), by in product(enumerate(GRIDS["kalman"].values()), (-1, 1)):
         beside = tuning_at("kalman", (*BEST[:axis], BEST[axis] + by, *BEST[axis + 1 :]))
         assert (beside in tried) == (grid.last is None or by < 0)
     endless = tuning.search("kalman", lambda settings: 0.5 + settings.extra_lead_s - math.log(settings.initial_speed))
     assert len(tried) < len(endless.tried) <= tuning.BUDGET
 
 
-def test_what_was_tuned_is_what_shoots_and_differences_are_those_of_the_rates(searched, monkeypatch):
-    monkeypatch.setenv("ARCHERFISH_CACHE", "off")
+def test_what_is_tuned_is_what_shoots_a_terminal_shows_both_and_differences_are_those_of_the_rates(
+    searched, monkeypatch, capsys
+):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     results = af.evaluate(["kalman", "no-lead"], OTHER, TASK, engagements=4, seed=1)
+    shown = capsys.readouterr().err
+    texts = ("tuning", "settings/s", "kalman, best 89.", "evaluating", "no-lead", "400/400")
+    assert [text for text in texts if text not in shown] == []
+    assert {*results.durations} == {"checks", "tuning", "evaluation"}
     (untuned,) = af.evaluate("kalman", OTHER, TASK, engagements=4, seed=1, tuned=False).cells
-    world, best = af.make_world(OTHER, TASK), tuning_at("kalman", BEST)
+    best = tuning_at("kalman", BEST)
     assert results.tuning == {"other/gate": {"kalman": best}}
     assert results.robots["other"]["digest"] == OTHER.digest()
-    drawn = draw(TASK.cells(), 4, 1, "evaluation", world.normals, world.plants)
-    hits = count(world, make_controller("kalman", OTHER, TASK, best), *drawn).hit.sum()
-    assert results.cells[0].hits == hits != untuned.hits
+    world, controller = af.make_world(OTHER, TASK), make_controller("kalman", OTHER, TASK, best)
+    evaluated, tuned = (draw(TASK.cells(), 4, *each) for each in ((1, "evaluation"), (0, "tuning")))
+    assert results.cells[0].hits == count(world, controller, *evaluated).hit.sum() != untuned.hits
     (pair,) = results.comparisons
     assert pair.difference == pytest.approx((results.cells[1].hits - results.cells[0].hits) / 200)
     monkeypatch.setattr(tuning, "ENGAGEMENTS", 32)
-    drawn = draw(TASK.cells(), 4, 0, "tuning", world.normals, world.plants)
-    expected = count(world, make_controller("kalman", OTHER, TASK, best), *drawn).hit.mean()
-    assert RATES("kalman", OTHER, TASK)(best) == pytest.approx(expected)
+    assert RATES("kalman", OTHER, TASK)(best) == pytest.approx(count(world, controller, *tuned).hit.mean())
 
 
 def test_a_tuning_is_kept_for_its_robot_and_task(searched, tmp_path, monkeypatch):
     monkeypatch.setenv("ARCHERFISH_CACHE", str(tmp_path / "cache"))
     OTHER.save(tmp_path)
     places = [af.Robot.load(tmp_path), OTHER]  # a robot's folder, and the user's cache
-    for robot, name in itertools.product(places * 2, ("one", "another")):
+    for robot, name in product(places * 2, ("one", "another")):
         assert af.tune("kalman", robot, TASK.replace(name=name)) == tuning_at("kalman", BEST)
     assert (len(searched), len([*tmp_path.glob("tuning.json"), *tmp_path.glob("cache/tuning/*.json")])) == (2, 2)
     af.tune("kalman", places[0], TASK.replace(command_limit="box"))
@@ -137,26 +145,23 @@ def test_a_tuning_is_kept_for_its_robot_and_task(searched, tmp_path, monkeypatch
     assert len(searched) == 5
 
 
+@pytest.mark.parametrize("name", ["kalmn", "no-lead", "kalman-paper", 3])
+def test_a_name_without_settings_is_not_tuned(name, refused):
+    refused(f"name must be one of kalman, .*, got {name!r}", af.tune, name, ROBOT, af.Task.load("paper"))
+
+
 def test_without_jax_the_counts_are_the_same(run_python):
     code = "import archerfish2 as a\nprint([x.hits for x in a.evaluate(['kalman'], task='paper', engagements=4).cells])"
     here = [each.hits for each in af.evaluate(["kalman"], task="paper", engagements=4).cells]
     assert run_python(code, blocked=("jax",)) == f"{here}\n"
 
 
-@pytest.mark.parametrize("given", REFUSED)
-def test_what_can_not_be_evaluated_is_refused_in_one_line(given, refused):
-    usual = {"controllers": ("no-lead", "kalman-paper"), "task": TASK, "engagements": 4}
-    refused(REFUSED[given], af.evaluate, **usual | dict([given]))
-
-
-def test_a_terminal_shows_what_is_tuned_and_shot(searched, monkeypatch, capsys):
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    monkeypatch.setenv("ARCHERFISH_CACHE", "off")
-    assert {*af.evaluate(["kalman", "no-lead"], task=TASK, engagements=4).durations} == {
-        "checks",
-        "tuning",
-        "evaluation",
-    }
-    shown = capsys.readouterr().err
-    texts = ("tuning", "settings/s", "kalman, best 89.", "evaluating", "no-lead", "400/400")
-    assert [text for text in texts if text not in shown] == []
+@pytest.mark.parametrize(("name", "value", "complaint"), REFUSED)
+def test_what_can_not_be_evaluated_is_refused_in_one_line_before_anything_is_shot(
+    name, value, complaint, refused, monkeypatch
+):
+    monkeypatch.setattr(tuning, "rates", None)
+    if value not in [late for _, late, _ in REFUSED[:2]]:
+        monkeypatch.setattr("archerfish2.evaluation.evaluate.count", None)
+    usual = {"controllers": ("no-lead", "kalman-paper"), "task": TASK.replace(lengths_s=(0.5, 1.0)), "engagements": 4}
+    refused(complaint, af.evaluate, **usual | {name: value})

@@ -1,4 +1,4 @@
-from typing import Any
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,23 +8,17 @@ from archerfish2.evaluation.rollout import count, run_engagements
 from archerfish2.protocols import aim
 
 
-class InNumPy:
-    """A world or a controller that can't be compiled."""
-
-    compiled = False
-
-    def __init__(self, inside):
-        self.inside = inside
-
-    def __getattr__(self, name):
-        return getattr(self.inside, name)
+def in_numpy(inside):
+    """Return a world or a controller as one that can't be compiled."""
+    names = [name for name in dir(inside) if not name.startswith("_")]
+    return SimpleNamespace(**{name: getattr(inside, name) for name in names} | {"compiled": False})
 
 
 @tree()
 class NoNumbers:
     """Commands NaN from a decision on."""
 
-    place: Any
+    place: float
 
     def reset(self, seen, truth=None):
         return 0.0 * seen.elapsed
@@ -36,16 +30,16 @@ class NoNumbers:
 def test_the_shots_are_the_same_whatever_of_the_two_is_compiled(conformance):
     (world, controller), drawn = conformance.build(), conformance.engagements((3,), 100)
     expected, counted = run_engagements(world, controller, *drawn), count(world, controller, *drawn)
-    for pair in ((InNumPy(world), controller), (world, InNumPy(controller)), (InNumPy(world), InNumPy(controller))):
+    plain, aiming = in_numpy(world), in_numpy(controller)
+    for pair in ((plain, controller), (world, aiming), (plain, aiming)):
         found, again = run_engagements(*pair, *drawn), count(*pair, *drawn)
         np.testing.assert_allclose(found.in_force, expected.in_force, atol=1e-4)
         assert again.yaw_acceleration == pytest.approx(counted.yaw_acceleration, rel=1e-2)
-        for shots in (found.shot, expected.shot):
-            np.testing.assert_array_equal([shots.fired, shots.fired & (shots.margin >= 0.0)], again[:2])
-            np.testing.assert_array_equal(again[:2], counted[:2])
+        for fired, hit in ((shots.fired, shots.fired & (shots.margin >= 0.0)) for shots in (found.shot, expected.shot)):
+            np.testing.assert_array_equal([[fired, hit], counted[:2]], [again[:2]] * 2)
 
 
-@pytest.mark.parametrize("kind", [lambda each: each, InNumPy])
+@pytest.mark.parametrize("kind", [lambda each: each, in_numpy])
 def test_a_command_that_is_not_finite_is_refused(conformance, kind, refused):
     world, controller = conformance.build()[0], kind(NoNumbers(np.float32(2.0)))
     complaint = "commands a pitch of nan rad at decision 3, in 3 of 3 engagements"

@@ -11,6 +11,7 @@ from archerfish2 import storage
 from archerfish2.evaluation.contenders import is_policy, load
 from archerfish2.evaluation.evaluate import evaluate
 from archerfish2.evaluation.results import Results
+from archerfish2.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,8 @@ class Evaluate:
     """Of engagements and dispersion."""
     untuned: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
     """Take classical controllers as they are before tuning."""
+    accept_unusable: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
+    """Take parts of the robot that their identification found not usable."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
     """Folder for the results; ROBOT/evaluation, or runs/evaluate without a robot."""
     overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
@@ -73,7 +76,8 @@ class Evaluate:
 
     def run(self) -> None:
         """Evaluate, write, print."""
-        robot, task = load(self.robot, self.task)
+        given = self.robot and Robot.load(self.robot, accept_unusable=self.accept_unusable)
+        robot, task = load(given, self.task)
         if self.command_limit is not None:
             task = task.replace(command_limit=self.command_limit)
         out = self.out or (self.robot / "evaluation" if self.robot else Path("runs/evaluate"))

@@ -12,12 +12,13 @@ from archerfish2.arrays import map_arrays
 from archerfish2.controllers.policy import Policy
 from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, check_decision, make_controller
 from archerfish2.errors import InputError
-from archerfish2.evaluation.results import Kind
+from archerfish2.evaluation.results import Kind, Label
 from archerfish2.evaluation.suites import draw
 from archerfish2.evaluation.tuning import BUDGET, tune
+from archerfish2.plugins import find_plugin
 from archerfish2.protocols import Controller, World
 from archerfish2.robot import Robot
-from archerfish2.task import Task
+from archerfish2.task import Suite, Task
 
 PERFECT = "perfect"
 """Name of perfect aim, which only dispersion makes miss."""
@@ -104,29 +105,37 @@ def make_contender(name: str, value: Any, robot: Robot, task: Task, tuning: Mapp
     return Contender(name, made, "classical" if word in NAMES else "user", word=word)
 
 
+def label(suite: Suite, contender: Contender, world: World, task: Task) -> dict[str, Any]:
+    """Return what a `Label` has of a controller in a cell."""
+    facts = {name: getattr(suite, name) for name in ("motion", "range_m", "length_s")}
+    facts |= {"world": world.name, "command_limit": task.command_limit}
+    return facts | {"controller": contender.name, "seed": contender.seed}
+
+
 def check_controllers(named: list[tuple[str, Any]], world: World, robot: Robot, task: Task) -> None:
-    """Let a user's controllers and policies decide once, before anything takes long; refuse unknown names.
+    """Refuse unknown names before anything takes long, and let a user's controllers and policies decide once.
 
     Args:
       named: names, and controllers as `evaluate` takes them.
       world: where they are to shoot.
       robot: its records.
-      task: of any lengths.
+      task: of any lengths, for each of which all are made.
 
     Raises:
-      InputError: if one can't be made, its code fails, or what it returns is no decision.
+      InputError: if one can't be made or shown in results, its code fails, or what it returns is no decision.
     """
-    part = task.replace(lengths_s=task.lengths_s[:1])
-    made = [make_contender(name, value, robot, part, {}) for name, value in named]
-    if any(each.controller is None for each in made) and not hasattr(world, "shoot"):
-        raise InputError(f"perfect aim needs a simulator with shoot(), {world.name} has none; leave {PERFECT} out")
-    own = [each for each in made if each.kind in ("user", "policy")]
-    if own:
-        engagement, normals = draw(part.cells()[:1], 3, 0, "stopping", world.normals, world.plants)
-        seen = map_arrays(np.asarray, world.see(world.begin(engagement, normals)))
-        for each in own:
-            truth = world.truth(engagement) if getattr(each.controller, "needs_truth", False) else None
-            check_decision(each.controller, seen, truth)
+    for part in (task.replace(lengths_s=(length,)) for length in task.lengths_s):
+        cells = part.cells()
+        engagement, normals = draw(cells, 3, 0, "stopping", world.normals, world.plants)
+        with find_plugin(world, "world").running():
+            seen = map_arrays(np.asarray, world.see(world.begin(engagement, normals)))
+        for each in [make_contender(name, value, robot, part, {}) for name, value in named]:
+            Label(**label(cells[0], each, world, part))
+            if each.controller is None and not hasattr(world, "shoot"):
+                raise InputError(f"perfect aim needs a simulator with shoot(), {world.name} has none; leave it out")
+            if each.kind in ("user", "policy"):
+                truth = world.truth(engagement) if getattr(each.controller, "needs_truth", False) else None
+                check_decision(each.controller, seen, truth)
 
 
 def tune_controllers(named: list[tuple[str, Any]], robot: Robot, task: Task) -> dict[str, Tuning]:

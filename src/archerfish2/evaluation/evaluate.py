@@ -11,31 +11,28 @@ from numpy.typing import NDArray
 
 from archerfish2 import progress, provenance
 from archerfish2.controllers.registry import Tuning
-from archerfish2.errors import InputError
-from archerfish2.evaluation.contenders import (
-    Contender,
-    check_controllers,
-    load,
-    make_contender,
-    named_controllers,
-    tune_controllers,
-)
+from archerfish2.evaluation import contenders
 from archerfish2.evaluation.hit_rate import hit_rate, paired_difference
 from archerfish2.evaluation.published import with_bounds
 from archerfish2.evaluation.results import Cell, Comparison, Results, pairs_to_compare
 from archerfish2.evaluation.rollout import Counted, count, count_perfect_aim
-from archerfish2.evaluation.suites import draw
+from archerfish2.evaluation.suites import check_counts, draw
+from archerfish2.evaluation.tuning import code_hash
 from archerfish2.paper.tables import printed_rate
 from archerfish2.protocols import World
+from archerfish2.records.json_files import plain
 from archerfish2.robot import Robot
 from archerfish2.simulation.user_world import find_world
 from archerfish2.task import Suite, Task
+
+_LABELLED = ("name", "motion", "ranges_m", "lengths_s", "command_limit", "short_share", "still_share")
+"""Fields of a task that the labels of its cells say, or that training alone uses."""
 
 
 class _Shots(NamedTuple):
     """What one contender did in all cells of one length."""
 
-    contender: Contender
+    contender: contenders.Contender
     counted: Counted
     hit: NDArray[np.bool_]  # (cells, engagements, T)
     fired: NDArray[np.bool_]  # (cells, engagements, T)
@@ -60,7 +57,7 @@ def evaluate(
       task: or its name or TOML file.
       world: where to shoot instead of in the robot's simulator: a `World`, a function of robot and task that returns
         one, "./FILE.py:NAME" of either, or anything with `world(robot, task)`.
-      engagements: per cell, at least 2.
+      engagements: per cell, at least 2; at most as many as 4 GB have room for.
       seed: of engagements and dispersion.
       tuned: whether classical controllers are tuned for robot and task first, on draws that no evaluation has; what
         was tuned before is kept.
@@ -68,16 +65,13 @@ def evaluate(
     Raises:
       InputError: if something that was given can't be used, or a user's code fails.
     """
-    robot, task = load(robot, task)
-    if not 2 <= engagements <= 1_000_000:
-        raise InputError(f"engagements must be 2…1000000 for an interval, got {engagements}; give more of them")
-    if seed < 0:
-        raise InputError(f"seed must be at least 0, got {seed}; choose another")
+    robot, task = contenders.load(robot, task)
     moments = [time.monotonic()]
-    found, named = find_world(world, robot, task), named_controllers(controllers)
-    check_controllers(named, found, robot, task)
+    found, named = find_world(world, robot, task), contenders.named_controllers(controllers)
+    check_counts(engagements, seed, 2, task.replace(lengths_s=task.lengths_s[-1:]).cells(), found.normals)
+    contenders.check_controllers(named, found, robot, task)
     moments.append(time.monotonic())
-    tuning = tune_controllers(named, robot, task) if tuned else {}
+    tuning = contenders.tune_controllers(named, robot, task) if tuned else {}
     moments.append(time.monotonic())
     cells: list[Cell] = []
     comparisons, informed = list[Comparison](), set[str]()
@@ -92,12 +86,19 @@ def evaluate(
         commit=provenance.code_commit(),
         versions=provenance.library_versions(),
         tasks=(task,),
-        robots={found.name: {"robot": robot.name, "digest": robot.digest(), "assumed": ", ".join(robot.assumed)}},
+        robots={found.name: _conditions(robot, task)},
         tuning={f"{found.name}/{task.command_limit}": tuning} if tuning else {},
         cells=with_bounds(cells, robot, task, seed, informed=informed) if world is None else tuple(cells),
         comparisons=tuple(comparisons),
         durations={stage: round(end - begin, 2) for stage, (begin, end) in stages},
     )
+
+
+def _conditions(robot: Robot, task: Task) -> dict[str, str]:
+    """Return what the cells of a world have in common, and their labels don't have."""
+    facts = {"robot": robot.name, "digest": robot.digest(), "assumed": ", ".join(robot.assumed)}
+    facts |= {name: str(value) for name, value in plain(task).items() if name not in _LABELLED}
+    return facts | {f"motion {task.cells()[-1].motion}": code_hash(task) or "built in"}
 
 
 def _shoot(
@@ -122,7 +123,7 @@ def _shoot(
                     advance(before + members * each, name)
 
                 report(0)
-                one = make_contender(name, value, robot, part, tuning)
+                one = contenders.make_contender(name, value, robot, part, tuning)
                 if one.controller is None:
                     counted = count_perfect_aim(world, engagement, normals)
                 else:
@@ -134,18 +135,12 @@ def _shoot(
             yield suites, outcomes
 
 
-def _label(suite: Suite, contender: Contender, world: World, task: Task) -> dict[str, Any]:
-    facts = {name: getattr(suite, name) for name in ("motion", "range_m", "length_s")}
-    facts |= {"world": world.name, "command_limit": task.command_limit}
-    return facts | {"controller": contender.name, "seed": contender.seed}
-
-
 def _cell(suite: Suite, index: int, shots: _Shots, world: World, task: Task) -> Cell:
     hit, fired, contender = shots.hit[index], shots.fired[index], shots.contender
     rate, table = hit_rate(hit), cast(Literal["II", "III"] | None, suite.table)
     policy, counts = contender.kind == "policy", ("hits", "engagements", "low", "high")
     return Cell(
-        **_label(suite, contender, world, task),
+        **contenders.label(suite, contender, world, task),
         table=table,
         kind=contender.kind,
         shots=int(fired.sum()),
@@ -157,9 +152,9 @@ def _cell(suite: Suite, index: int, shots: _Shots, world: World, task: Task) -> 
 
 
 def _comparisons(suites: tuple[Suite, ...], outcomes: list[_Shots], world: World, task: Task) -> Iterator[Comparison]:
-    contenders = [each.contender for each in outcomes]
-    for one, other in pairs_to_compare([(each.name, each.kind) for each in contenders]):
+    made = [each.contender for each in outcomes]
+    for one, other in pairs_to_compare([(each.name, each.kind) for each in made]):
         for index, suite in enumerate(suites):
             difference = paired_difference(outcomes[one].hit[index], outcomes[other].hit[index])
-            facts = {"against": contenders[other].name, **difference._asdict()}
-            yield Comparison(**_label(suite, contenders[one], world, task), **facts)
+            facts = {"against": made[other].name, **difference._asdict()}
+            yield Comparison(**contenders.label(suite, made[one], world, task), **facts)

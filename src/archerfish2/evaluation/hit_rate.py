@@ -79,10 +79,8 @@ def paired_difference(hit_a: ArrayLike, hit_b: ArrayLike) -> Difference:
     """
     a, b = _checked("hit_a", hit_a), _checked("hit_b", hit_b)
     if a.shape != b.shape:
-        raise InputError(
-            f"hit_a and hit_b have shapes {a.shape} and {b.shape}, expected equal ones; evaluate both controllers in "
-            "the same engagements"
-        )
+        remedy = "evaluate both controllers in the same engagements"
+        raise InputError(f"hit_a and hit_b have shapes {a.shape} and {b.shape}, expected equal ones; {remedy}")
     difference = (int(a.sum()) - int(b.sum())) / a.size
     by_engagement = a.mean(axis=1) - b.mean(axis=1)
     variance = float(np.var(by_engagement, ddof=1)) / len(a) + 1 / (a.size * len(a))
@@ -147,8 +145,7 @@ def _quantile(engagements: int) -> float:
 def _checked(name: str, hit: ArrayLike) -> NDArray[np.bool_]:
     hits = np.asarray(hit)
     if hits.dtype != np.bool_ or hits.ndim != 2 or hits.shape[0] < 2 or hits.shape[1] < 1:
-        raise InputError(
-            f"{name} is {hits.dtype} of shape {hits.shape}, expected bool of shape (engagements, decisions), at least "
-            "2 engagements of 1 decision; evaluate more engagements"
-        )
+        expected = "bool of shape (engagements, decisions), at least 2 engagements of 1 decision"
+        found = f"{hits.dtype} of shape {hits.shape}"
+        raise InputError(f"{name} is {found}, expected {expected}; evaluate more engagements")
     return hits

@@ -59,10 +59,9 @@ def trajectory(times: Any, target: Any, commands: Any, angles: Any, miss: Any, h
     """
     with plot_style():
         figure, axes = new_figure(3, 1, width=7.2, height=6.5, sharex=True)
+        curves = {"line of sight": target, "command": commands, "gimbal": angles}
         for panel, axis, name in ((axes[0, 0], 1, "yaw"), (axes[1, 0], 0, "pitch")):
-            for place, (values, label) in enumerate(
-                ((target, "line of sight"), (commands, "command"), (angles, "gimbal"))
-            ):
+            for place, (label, values) in enumerate(curves.items()):
                 panel.plot(times, values[:, axis], **{**look(place), "marker": ""}, label=label)
             panel.set_ylabel(f"{name} [°]")
         axes[0, 0].legend(ncols=3)

@@ -11,6 +11,7 @@ from archerfish2.records.json_files import plain
 from archerfish2.reports.report import Report
 from archerfish2.reports.table import Table, entry_texts
 
+_PROVENANCE = ("seed", "commit", "versions", "robots", "tuning")
 _LIMITS = {
     "box": "Limit box: only the angle ranges limit commands. The printed axes have no limit of speed or torque, so "
     "these figures are properties of the printed model, not of a robot.",
@@ -41,14 +42,7 @@ def evaluation_report(results: Results) -> Report:
             (f"Hit rate against range: {tables.place_text(*place)}", functools.partial(hit_rates, own, names=names))
             for place, own in places.items()
         ),
-        provenance={
-            "seed": results.seed,
-            "commit": results.commit,
-            "versions": results.versions,
-            "robots": results.robots,
-            "tuning": plain(results.tuning),
-            "seconds": results.durations,
-        },
+        provenance={name: plain(getattr(results, name)) for name in _PROVENANCE} | {"seconds": results.durations},
     )
 
 

@@ -157,7 +157,7 @@ class Results(Record, frozen=True, kw_only=True):
     tasks: tuple[Task, ...]
     """What was evaluated."""
     robots: dict[str, dict[str, str]]
-    """World → facts about its robot, such as the digest of its records."""
+    """World → what all of its cells have in common: digest of the robot's records, conditions of the task."""
     tuning: dict[str, dict[str, Tuning]]
     """"world/limit" → controller → its settings."""
     cells: tuple[Cell, ...]
@@ -202,7 +202,7 @@ class Results(Record, frozen=True, kw_only=True):
 
         Raises:
           InputError: if evaluation seed, commit or versions differ, or what is there of one cell, comparison, robot or
-            tuning.
+            tuning; if tasks of one robot differ in what labels of cells don't say, such as the speed of the targets.
         """
         parts = (self, *others)
         for name in ("seed", "commit", "versions"):
@@ -293,8 +293,10 @@ def _joined(name: str, parts: Sequence[Mapping[str, Mapping[str, Value]]]) -> di
     joined: dict[str, dict[str, Value]] = {}
     for key, facts in ((key, facts) for part in parts for key, facts in part.items()):
         for fact, value in facts.items():
-            if len(_unique([joined.setdefault(key, {}).setdefault(fact, value), value])) > 1:
-                raise InputError(f"{name}: {fact} of {key} differs; give different robots different names")
+            found = _unique([joined.setdefault(key, {}).setdefault(fact, value), value])
+            if len(found) > 1:
+                remedy = "give different robots different names, and evaluate one task with all that is to be joined"
+                raise InputError(f"{name}: {fact} of {key} differs: {found[0]} and {found[1]}; {remedy}")
     return joined
 
 

@@ -217,8 +217,7 @@ def _check_finite(name: str, angles: NDArray[np.float32], before: int = 0) -> No
     wrong = np.argwhere(~np.isfinite(angles))
     if len(wrong):
         engagement, decision, axis = wrong[0]
-        value, engagements = angles[engagement, decision, axis], len(np.unique(wrong[:, 0]))
-        raise InputError(
-            f"{name}: commands a {('pitch', 'yaw')[axis]} of {value} rad at decision {before + decision + 1}, in "
-            f"{engagements} of {len(angles)} engagements, expected finite angles; guard divisions and roots in its step"
-        )
+        command = f"commands a {('pitch', 'yaw')[axis]} of {angles[engagement, decision, axis]} rad"
+        place = f"at decision {before + decision + 1}, in {len(np.unique(wrong[:, 0]))} of {len(angles)} engagements"
+        remedy = "expected finite angles; guard divisions and roots in its step"
+        raise InputError(f"{name}: {command} {place}, {remedy}")

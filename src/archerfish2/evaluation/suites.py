@@ -1,18 +1,47 @@
 """The engagements of an evaluation's cells, drawn once for all controllers."""
 
 import dataclasses
+import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from archerfish2.arrays import map_arrays
+from archerfish2.errors import InputError, one_line
 from archerfish2.protocols import Engagement
 from archerfish2.task import Suite
 
 PURPOSES = {"evaluation": 0, "tuning": 1, "calibration": 2, "stopping": 3}
 """Streams of random numbers that never meet: what is tuned or calibrated is judged on other draws."""
+MOST_NUMBERS = 1_000_000_000
+"""Of float32 that are held at once: 4 GB."""
+_PATH = 24  # numbers of a target's path, and of its copy while cells are joined, for each uniform one, at most
 _FIRST = 6  # uniform draws whose stream the normals continue
+
+
+def check_counts(engagements: Any, seed: Any, least: int, cells: Sequence[Suite], numbers: int) -> None:
+    """Refuse what is no number of engagements, more of them than fit into memory, and what is no seed.
+
+    Args:
+      engagements: as given.
+      seed: as given.
+      least: engagements of a cell.
+      cells: that are drawn together.
+      numbers: that are held for each decision.
+
+    Raises:
+      InputError: saying what is expected.
+    """
+    most = MOST_NUMBERS // sum(cell.decisions * numbers + _PATH * cell.scenario.uniforms for cell in cells)
+    for name, value, low, high, expected in (
+        ("engagements", engagements, least, most, f"{least}…{most}, which 4 GB have room for"),
+        ("seed", seed, 0, math.inf, "at least 0"),
+    ):
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value <= high:
+            given = one_line(repr(value))[:100]
+            raise InputError(f"{name} must be a whole number, {expected}, got {given}; choose another")
 
 
 def draw(
@@ -34,8 +63,8 @@ def draw(
     Raises:
       InputError: if a user's motion fails, or its targets are not before the gimbal.
     """
-    drawn, noise = [], []
-    for cell in cells:
+    drawn, noise = [], np.empty((len(cells), engagements, cells[0].decisions, normals), np.float32)
+    for place, cell in enumerate(cells):
         stream = [seed, PURPOSES[purpose], cell.stream]
         generator = np.random.default_rng(stream)
         uniforms = generator.random((engagements, _FIRST), dtype=np.float32)
@@ -43,6 +72,6 @@ def draw(
         more = np.random.default_rng([*stream, 1]).random((engagements, cell.scenario.uniforms - _FIRST), np.float32)
         scenario = dataclasses.replace(cell.scenario, plants=np.float32(plants))
         drawn.append(scenario.draw(np.concatenate([uniforms, more], axis=-1)))
-        noise.append(generator.standard_normal((engagements, cell.decisions, normals), dtype=np.float32))
+        generator.standard_normal(dtype=np.float32, out=noise[place])  # in its place: two copies may be too many
     joined: Engagement = map_arrays(lambda *parts: np.concatenate(parts), *drawn)
-    return joined, np.concatenate(noise)
+    return joined, noise.reshape(-1, *noise.shape[2:])

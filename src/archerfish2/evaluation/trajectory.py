@@ -9,15 +9,9 @@ from numpy.typing import NDArray
 from archerfish2.arrays import map_arrays
 from archerfish2.dynamics.aiming import line_of_sight
 from archerfish2.errors import InputError
-from archerfish2.evaluation.contenders import (
-    check_controllers,
-    load,
-    make_contender,
-    named_controllers,
-    tune_controllers,
-)
+from archerfish2.evaluation import contenders
 from archerfish2.evaluation.rollout import run_engagements
-from archerfish2.evaluation.suites import draw
+from archerfish2.evaluation.suites import check_counts, draw
 from archerfish2.protocols import Command, Engagement, Seen, Shot
 from archerfish2.robot import Robot
 from archerfish2.simulation.user_world import find_world
@@ -25,6 +19,9 @@ from archerfish2.task import Task
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+_KEPT = 100
+"""Numbers of each decision, beside those that are drawn."""
 
 
 class Trajectory(NamedTuple):
@@ -81,24 +78,23 @@ def rollout(
       robot: its records, or their folder; the paper's if not given.
       task: or its name or TOML file.
       world: where to shoot instead of in the robot's simulator, as `evaluate` takes it.
-      engagements: N.
+      engagements: N, at most as many as 4 GB have room for.
       seed: of engagements and dispersion.
 
     Raises:
       InputError: if something that was given can't be used, or a user's code fails.
     """
-    robot, task = load(robot, task)
+    robot, task = contenders.load(robot, task)
     part = task.replace(lengths_s=task.lengths_s[-1:])
-    if not (1 <= engagements <= 100_000 and seed >= 0):
-        raise InputError(f"engagements must be 1…100000 and seed at least 0, got {engagements} and {seed}; correct it")
     found, cells = find_world(world, robot, part), part.cells()
-    named = named_controllers(controller if isinstance(controller, str) else {"": controller})
-    check_controllers(named, found, robot, part)
+    check_counts(engagements, seed, 1, cells[:1], found.normals + _KEPT)
+    named = contenders.named_controllers({"controller": controller})
+    contenders.check_controllers(named, found, robot, part)
     each = -(-engagements // len(cells))
     engagement, normals = draw(cells, each, seed, "evaluation", found.normals, found.plants)
     places = [place % len(cells) * each + place // len(cells) for place in range(engagements)]
     engagement, normals = map_arrays(lambda values: values[places], engagement), normals[places]
-    made = make_contender(*named[0], robot, part, tune_controllers(named, robot, task)).controller
+    made = contenders.make_contender(*named[0], robot, part, contenders.tune_controllers(named, robot, task)).controller
     if made is None:
         raise InputError("perfect aim has no trajectory; name a controller")
     seen, command, in_force, shot = run_engagements(found, made, engagement, normals)

@@ -18,7 +18,7 @@ from msgspec import Meta
 from archerfish2 import __version__
 from archerfish2.compiled import cache_folder
 from archerfish2.controllers.registry import GRIDS, Grid, Tuning, make_controller, tuning_at
-from archerfish2.errors import InputError
+from archerfish2.errors import InputError, one_line
 from archerfish2.evaluation.rollout import count
 from archerfish2.evaluation.suites import draw
 from archerfish2.paper.conditions import paper_tuning
@@ -96,12 +96,15 @@ def tune(name: str, robot: Robot, task: Task, progress: Progress = lambda *_: No
       progress: gets how many settings have been tried, and the best hit rate.
 
     Raises:
-      InputError: if the world can't be built, or what is kept can't be read.
+      InputError: if nothing is tuned of such a controller, the world can't be built, or what is kept can't be read.
     """
+    if not isinstance(name, str) or name not in GRIDS:
+        given = one_line(repr(name))[:100]
+        raise InputError(f"tune: name must be one of {', '.join(GRIDS)}, got {given}; other controllers are not tuned")
     shipped = task.replace(command_limit="gate", name="") == Task.load("paper")
     if shipped and robot.digest() == Robot.paper().digest():
         return Tuning(**paper_tuning(task.command_limit)[name])
-    facts: dict[str, Any] = {"controller": name, "robot": robot.digest(), "grids": f"{GRIDS[name]!r} {_code(task)}"}
+    facts: dict[str, Any] = {"controller": name, "robot": robot.digest(), "grids": f"{GRIDS[name]!r} {code_hash(task)}"}
     task, start = task.replace(name=""), tuning_at(name)
     key = Entry(**facts, task=task, version=__version__, tuning=start, hit_rate=0.0, tried=1)
     path = _place(robot)
@@ -116,8 +119,8 @@ def tune(name: str, robot: Robot, task: Task, progress: Progress = lambda *_: No
     return tuned.tuning
 
 
-def _code(task: Task) -> str:
-    """Return the SHA-256 of the file of a user's motion; its name may be that of another file tomorrow."""
+def code_hash(task: Task) -> str:
+    """Return the SHA-256 of the file of a user's motion, whose name may be that of another file tomorrow, else ""."""
     file = "" if task.motion in (*EQ_7, *DRAWN) else find_plugin(task.motion, "motion").file
     return file and file_hash(Path(file))
 

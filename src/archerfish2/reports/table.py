@@ -86,6 +86,8 @@ def number(value: float | None, digits: int = 4) -> str:
 def tables_text(tables: Sequence[Table], width: int | None = None) -> str:
     """Return tables as text; an interval is below its figure where beside it there is no room.
 
+    Columns that even so have no room follow below, each time after the first one.
+
     Args:
       tables: in their order.
       width: columns; that of the terminal, at most `WIDTH`, if not given.
@@ -106,16 +108,31 @@ def _table_text(table: Table, width: int) -> str:
         widest = [max(len(line) for text in column for line in text.split("\n")) for column in columns]
         if sum(widest) + gap * (len(widest) - 1) <= width:
             break
-    drawn = RichTable(box=None, pad_edge=False, padding=(0, gap, 0, 0))
-    for place, name in enumerate(headings):
-        drawn.add_column(name, justify="right" if place else "left", overflow="fold")
-    for row in texts:
-        drawn.add_row(*row)
     stream = io.StringIO()
     console = Console(file=stream, width=width, markup=False, emoji=False, highlight=False, color_system=None)
-    for part in (one_line(table.title), drawn, one_line(table.note)):
-        console.print(part) if part else None
+    console.print(one_line(table.title)) if table.title else None
+    for number, places in enumerate(_parts([each + gap for each in widest], width + gap)):
+        drawn = RichTable(box=None, pad_edge=False, padding=(0, gap, 0, 0))
+        for place in places:
+            drawn.add_column(headings[place], justify="right" if place else "left", overflow="fold")
+        for row in texts:
+            drawn.add_row(*(row[place] for place in places))
+        console.print("\n" if number else "", drawn, sep="", end="")
+    console.print(one_line(table.note)) if table.note else None
     return "\n".join(line.rstrip() for line in stream.getvalue().rstrip().split("\n"))
+
+
+def _parts(widths: Sequence[int], room: int) -> list[list[int]]:
+    """Divide columns among parts of a table that have room: the first one in all, which may fold to half of it."""
+    first = min(widths[0], max(room // 2, room - sum(widths[1:])))
+    parts, used = [[0]], first
+    for place, each in enumerate(widths[1:], 1):
+        if used + each > room and len(parts[-1]) > 1:
+            parts.append([0])
+            used = first
+        parts[-1].append(place)
+        used += each
+    return parts
 
 
 def table_dict(table: Table) -> dict[str, Any]:
