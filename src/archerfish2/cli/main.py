@@ -1,8 +1,11 @@
 """The command line: finds the command, prints faults in one line, and ends with the right status."""
 
+import contextlib
 import difflib
 import importlib
 import inspect
+import io
+import itertools
 import os
 import sys
 from collections.abc import Sequence
@@ -71,13 +74,28 @@ def main(arguments: Sequence[str]) -> None:
             meant = f"perhaps you meant {near[0]}" if near else "archerfish2 --help lists them"
             raise InputError(f"there is no command {name!r}, expected one of {', '.join(COMMANDS)}; {meant}")
         else:
-            import tyro
-
-            words: dict[str, Any] = {"prog": f"archerfish2 {name}", "description": inspect.getdoc(_command(name))}
-            tyro.cli(_command(name), args=arguments[1:], config=(tyro.conf.FlagCreatePairsOff,), **words).run()
+            _options(name, arguments[1:]).run()
     except InputError as error:
         print(f"archerfish2: {one_line(str(error))}", file=sys.stderr)  # noqa: T201
         sys.exit(INPUT_ERROR)
+
+
+def _options(name: str, arguments: Sequence[str]) -> Any:
+    """Return the options of a command; a fault in them, which tyro prints as a box of several lines, becomes one."""
+    import tyro
+
+    words: dict[str, Any] = {"prog": f"archerfish2 {name}", "description": inspect.getdoc(_command(name))}
+    printed = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(printed):
+            return tyro.cli(_command(name), args=arguments, config=(tyro.conf.FlagCreatePairsOff,), **words)
+    except SystemExit as end:
+        if not end.code:
+            raise
+        _, *rows = (line.strip("│ ") for line in printed.getvalue().splitlines())  # a title, the fault, a rule, help
+        parts = (list(part) for rule, part in itertools.groupby(rows, lambda row: not row.strip("─-")) if not rule)
+        fault = " ".join(next(parts, []))
+        raise InputError(f"{fault.rstrip('.')}; archerfish2 {name} --help explains the options") from end
 
 
 def _command(name: str) -> Any:
