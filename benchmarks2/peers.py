@@ -1,5 +1,6 @@
 """The environment of the libraries that trainings are compared with, made when it is first needed and then kept."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -25,3 +26,12 @@ def interpreter(given: Path | None = None) -> str:
         subprocess.run([str(python), "-m", "pip", "install", "--quiet", "-r", str(PINNED)], check=True)
         shutil.copyfile(PINNED, stamp)  # last, so that half an installation is made again
     return str(python)
+
+
+def versions(python: str) -> dict[str, str]:
+    """Return the versions of the libraries that a Python has of those that matter."""
+    code = """import importlib.metadata as m, json
+print(json.dumps({d.name: d.version for d in m.distributions() if d.name in
+      ("jax", "numpy", "torch", "brax", "stable_baselines3", "stable-baselines3")}))"""
+    found: dict[str, str] = json.loads(subprocess.check_output([python, "-c", code], text=True))
+    return found

@@ -59,7 +59,11 @@ def main() -> None:
         return
     settings = {"observation": options.observation, "command_limit": "box", "rounds": rounds, "turn_s": seconds}
     machine = {"cores": os.cpu_count(), "machine": platform.machine(), "load_before": round(load, 1)}
-    conditions = {**settings, **machine, "versions": {"ours": versions(sys.executable), "peers": versions(python)}}
+    conditions = {
+        **settings,
+        **machine,
+        "versions": {"ours": peers.versions(sys.executable), "peers": peers.versions(python)},
+    }
     RESULT.write_text(json.dumps({"conditions": conditions, "decisions": rows}, indent=1) + "\n")
     missed = [f"{name}: {rows[name]['ours_over_it']}, goal {goal}" for name, goal in GOALS.items()
               if rows[name]["ours_over_it"] < goal]  # fmt: skip
@@ -97,15 +101,6 @@ def measure(python: str, observation: str, rounds: int, seconds: float) -> dict[
         for process in processes.values():
             process.terminate()
     return {worker: [rates[worker] for rates in done] for worker in WORKERS}
-
-
-def versions(python: str) -> dict[str, str]:
-    """Return the versions of the libraries that a Python has of those that matter."""
-    code = """import importlib.metadata as m, json
-print(json.dumps({d.name: d.version for d in m.distributions() if d.name in
-      ("jax", "numpy", "torch", "brax", "stable_baselines3", "stable-baselines3")}))"""
-    found: dict[str, str] = json.loads(subprocess.check_output([python, "-c", code], text=True))
-    return found
 
 
 if __name__ == "__main__":
