@@ -63,10 +63,10 @@ PROGRAMS = {"tracing": "jaxpr_trace", "lowering": "jaxpr_to_mlir_module", "loadi
 """What the stage `programs` consists of: name → JAX's event."""
 
 
-class Way(NamedTuple):
-    """How an edition trains."""
+class Edition(NamedTuple):
+    """An edition and what it trains by."""
 
-    edition: str
+    name: str  # "first" or "second"
     trainer: str
     folder: Path  # for kept programs and policies
 
@@ -77,8 +77,8 @@ class Way(NamedTuple):
             code = code.replace(name, value)
         options = f"--target paper --observation history --command-limit box --trainer {self.trainer} --seed {seed}"
         options += f" --{self.trainer}.steps {steps} --overwrite --out {self.out}"
-        words = ["-c", code] if self.edition == "second" else ["-c", FIRST, "train", *options.split()]
-        kept = cache or self.folder / self.edition
+        words = ["-c", code] if self.name == "second" else ["-c", FIRST, "train", *options.split()]
+        kept = cache or self.folder / self.name
         environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "ARCHERFISH_CACHE": str(kept)}
         before, begun = os.times(), time.perf_counter()
         done = subprocess.run([sys.executable, *words], env=environment, capture_output=True, text=True, check=False)
@@ -91,11 +91,11 @@ class Way(NamedTuple):
     @property
     def out(self) -> Path:
         """Folder of the policy."""
-        return self.folder / f"{self.edition}-{self.trainer}"
+        return self.folder / f"{self.name}-{self.trainer}"
 
     def margin(self, engagements: int) -> float:
         """Return by how many points the policy is above the paper's PPO column, in the cell where it is least so."""
-        policy = af.Policy.load(self.out) if self.edition == "second" else READ_FIRST(self.out)
+        policy = af.Policy.load(self.out) if self.name == "second" else READ_FIRST(self.out)
         cells = af.evaluate({"policy": policy}, task=TASK, engagements=engagements, seed=1).cells
         return round(min(100.0 * each.rate - (each.paper or 0.0) for each in cells), 2)
 
@@ -110,13 +110,13 @@ class Way(NamedTuple):
                     break
             else:
                 return steps, margins
-        raise SystemExit(f"{self.edition} edition, {self.trainer}: not reached with {LENGTHS[-1]} decisions")
+        raise SystemExit(f"{self.name} edition, {self.trainer}: not reached with {LENGTHS[-1]} decisions")
 
 
-def stages(way: Way, steps: int, cache: Path | None) -> dict[str, float]:
+def stages(edition: Edition, steps: int, cache: Path | None) -> dict[str, float]:
     """Return the seconds of each stage of a training of the second edition."""
     begun = time.time()
-    *_, printed = way.train(steps, SEEDS[0], cache, STAGES)
+    *_, printed = edition.train(steps, SEEDS[0], cache, STAGES)
     moments, programs = json.loads(printed)
     moments = [("interpreter", begun), *moments, ("", time.time())]
     spent = [(name, end - since) for (name, since), (_, end) in itertools.pairwise(moments)]
@@ -136,29 +136,29 @@ def measure(
     trainer: str, folder: Path, seeds: tuple[int, ...], tried: tuple[int, ...], engagements: int
 ) -> dict[str, Any]:
     """Find how many decisions each edition needs, and time both."""
-    ways = {edition: Way(edition, trainer, folder) for edition in EDITIONS}
+    editions = {name: Edition(name, trainer, folder) for name in EDITIONS}
     found: dict[str, Any] = {}
-    for edition, way in ways.items():
-        steps, margins = way.enough(tried, engagements)
-        found[edition] = {"decisions": steps, "margins_tried": margins, "margins": []}
-        found[edition] |= {f"{state}{kind}_s": list[float]() for state in GOALS for kind in ("", "_processor")}
-        print(f"{trainer}, {edition} edition: {steps:,} decisions, margins {margins}", flush=True)
+    for name, edition in editions.items():
+        steps, margins = edition.enough(tried, engagements)
+        found[name] = {"decisions": steps, "margins_tried": margins, "margins": []}
+        found[name] |= {f"{state}{kind}_s": list[float]() for state in GOALS for kind in ("", "_processor")}
+        print(f"{trainer}, {name} edition: {steps:,} decisions, margins {margins}", flush=True)
     for state in GOALS:
         for number, seed in enumerate(seeds):
-            for edition in EDITIONS[:: 1 if number % 2 else -1]:
-                way, row = ways[edition], found[edition]
+            for name in EDITIONS[:: 1 if number % 2 else -1]:
+                edition, row = editions[name], found[name]
                 with tempfile.TemporaryDirectory() as empty:
                     cache = Path(empty) if state == "empty" else None
-                    wall, spent, _ = way.train(row["decisions"], seed, cache)
+                    wall, spent, _ = edition.train(row["decisions"], seed, cache)
                 row[f"{state}_s"].append(wall)
                 row[f"{state}_processor_s"].append(spent)
                 if state == "kept":
-                    row["margins"].append(way.margin(engagements))
-        both = (found[edition][f"{state}_s"] for edition in EDITIONS)
+                    row["margins"].append(edition.margin(engagements))
+        both = (found[name][f"{state}_s"] for name in EDITIONS)
         found[f"ratio_{state}"] = round(statistics.median(b / a for a, b in zip(*both, strict=True)), 3)
         with tempfile.TemporaryDirectory() as empty:
             cache, steps = Path(empty) if state == "empty" else None, found["second"]["decisions"]
-            found["second"][f"stages_{state}_s"] = stages(ways["second"], steps, cache)
+            found["second"][f"stages_{state}_s"] = stages(editions["second"], steps, cache)
     return found
 
 
