@@ -68,9 +68,11 @@ def compare(steps: int, seeds: tuple[int, ...], engagements: int) -> dict[str, A
     found: dict[str, Any] = {}
     for name in controllers:
         cells = [each for each in results.cells if each.controller == name]
-        rates = {f"{each.motion}, {each.range_m[0]:g}–{each.range_m[1]:g} m": (each.rate, each.low, each.high)
-                 for each in cells} | {"mean": (mean(cells) or ())[:3]}  # fmt: skip
-        found[name] = {cell: [round(100.0 * each, 2) for each in rate] for cell, rate in rates.items()}
+        rates = {"mean": (mean(cells) or ())[:3]}
+        for each in cells:
+            cell = f"{each.motion}, {each.range_m[0]:g}–{each.range_m[1]:g} m"
+            rates[cell] = 100.0 * each.rate, 100.0 * each.low, 100.0 * each.high
+        found[name] = {cell: [round(end, 2) for end in rate] for cell, rate in rates.items()}
     return found
 
 
