@@ -1,0 +1,105 @@
+"""Whether PPO of Stable-Baselines3 learns in our vector environment, and what checkers say about our environments.
+
+`python benchmarks2/learn_elsewhere.py` trains for 100,000 decisions with the settings of docs2/gymnasium.md, in the
+paper's task under `box`, and lets untrained and trained models shoot at the same targets, as the uncompiled controllers
+that users get. Goals: the mean hit rate of every trained model is above that of the untrained one, beyond both 95 %
+intervals, and `check_env` of Gymnasium and of Stable-Baselines3 warn of nothing. Writes results/learn_elsewhere.json.
+"""
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import peers
+
+RESULT = Path(__file__).parent / "results" / "learn_elsewhere.json"
+STEPS, SEEDS, ENGAGEMENTS = 100_000, (0, 1, 2), 200
+
+
+def trained(environment: Any, steps: int, seed: int) -> Any:
+    """Return a controller after so many decisions, rounded up to whole batches."""
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+
+    from archerfish2.learning.stable_baselines import Player, ShootingVecEnv
+
+    envs = VecNormalize(VecMonitor(ShootingVecEnv(512, environment=environment, staggered=True)), norm_reward=False)
+    settings = {"n_steps": 25, "batch_size": 1600, "n_epochs": 4, "gamma": 0.95, "gae_lambda": 0.9, "device": "cpu"}
+    policy = {"net_arch": [256], "log_std_init": -1.0}
+    model = PPO("MlpPolicy", envs, policy_kwargs=policy, seed=seed, **settings)
+    if steps:
+        model.learn(steps)
+    return Player(model, environment.observer, envs.normalize_obs)
+
+
+def complaints() -> list[str]:
+    """Return what the checkers of both libraries warn of; a fault ends the benchmark."""
+    import gymnasium
+    from gymnasium.utils.env_checker import check_env
+    from stable_baselines3.common.env_checker import check_env as check_for_sb3
+
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        for task in ("paper", "any"):
+            env = gymnasium.make("archerfish2:archerfish2/Shooting-v0", task=task, render_mode="rgb_array")
+            check_env(env.unwrapped)
+            check_for_sb3(env)
+            check_for_sb3(env.unwrapped)
+    return [str(each.message) for each in found]
+
+
+def compare(steps: int, seeds: tuple[int, ...], engagements: int) -> dict[str, Any]:
+    """Train, and return hit rates with intervals by controller."""
+    import archerfish2 as af
+    from archerfish2.evaluation.tables import mean
+
+    task = af.Task.load("paper").replace(command_limit="box")
+    environment = af.make_environment(task=task)
+    controllers = {"untrained": trained(environment, 0, seeds[0])}
+    controllers |= {f"seed {seed}": trained(environment, steps, seed) for seed in seeds}
+    results = af.evaluate(controllers, task=task, engagements=engagements, seed=0)
+    print(results)
+    found: dict[str, Any] = {}
+    for name in controllers:
+        cells = [each for each in results.cells if each.controller == name]
+        rates = {"mean": (mean(cells) or ())[:3]}
+        for each in cells:
+            cell = f"{each.motion}, {each.range_m[0]:g}–{each.range_m[1]:g} m"
+            rates[cell] = 100.0 * each.rate, 100.0 * each.low, 100.0 * each.high
+        found[name] = {cell: [round(end, 2) for end in rate] for cell, rate in rates.items()}
+    return found
+
+
+def main() -> None:
+    """Measure, print and write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--python", type=Path, help="one that has the peers; they are installed if not given")
+    parser.add_argument("--quick", action="store_true", help="one seed and few engagements; nothing is written")
+    parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if not options.inside:
+        words = [peers.interpreter(options.python), __file__, "--inside", *["--quick"] * options.quick]
+        raise SystemExit(subprocess.run(words, env=peers.SURROUNDINGS, check=False).returncode)
+    seeds, engagements = (SEEDS[:1], 20) if options.quick else (SEEDS, ENGAGEMENTS)
+    found, said = compare(STEPS, seeds, engagements), complaints()
+    print(*said or ["no warning of check_env"], sep="\n")
+    if not options.quick:
+        conditions = {"steps": STEPS, "engagements": engagements, "command_limit": "box", "observation": "history",
+                      "cores": os.cpu_count(), "machine": platform.machine(), "load": round(os.getloadavg()[0], 1),
+                      "versions": peers.versions(sys.executable)}  # fmt: skip
+        content = {"conditions": conditions, "rate_low_high_percent": found, "warnings_of_check_env": said}
+        RESULT.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+    high = found["untrained"]["mean"][2]
+    below = [name for name, rates in found.items() if name != "untrained" and rates["mean"][1] <= high]
+    if below or said:
+        raise SystemExit(f"missed: not above the untrained model: {below}; warnings: {len(said)}")
+
+
+if __name__ == "__main__":
+    main()
