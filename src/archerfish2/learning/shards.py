@@ -56,6 +56,8 @@ def placed(tree: Tree, count: int, split: Any) -> Tree:
     mesh = _mesh(count)
 
     def put(is_split: bool, part: Any) -> Any:
+        # What is split comes from NumPy: JAX would compile a program for each shape to split what is on a device.
+        part = jax.tree.map(np.asarray, part) if is_split else part
         return jax.device_put(part, NamedSharding(mesh, _place(is_split)))
 
     there: Tree = jax.tree.map(put, split, tree)
