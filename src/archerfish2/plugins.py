@@ -9,7 +9,6 @@ import hashlib
 import importlib
 import operator
 import sys
-import traceback
 import types
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -54,6 +53,8 @@ class Plugin:
             text = str(error)
             raise (error if text.startswith(self.spec) else InputError(f"{self.spec}: {text}")) from error
         except (Exception, SystemExit) as error:
+            import traceback  # slow to load
+
             lines = [each.lineno for each in traceback.extract_tb(error.__traceback__) if each.filename == self.file]
             if isinstance(error, SyntaxError) and error.filename == self.file:
                 lines.append(error.lineno)

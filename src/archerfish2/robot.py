@@ -119,7 +119,7 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         for part, verdict in facts.parts.items():
             if not (verdict.usable or accept_unusable):
                 problem, remedy = f"is not usable: {verdict.headline}", verdict.next_step or "identify it again"
-                raise file_error(files[part], one_line(problem), one_line(f"{remedy}, or accept it: accept_unusable=True, --accept-unusable"))
+                raise file_error(files[part], one_line(problem), one_line(f"{remedy}, or set accept_unusable"))
         found: dict[str, Any] = {part: RECORDS[part].load(path) for part, path in files.items() if path.exists()}
         needed = {"pitch", "yaw", *facts.records, *facts.parts, *(("muzzle", "limits") if is_written else ())}
         if missing := sorted(needed - found.keys()):

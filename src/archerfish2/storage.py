@@ -8,7 +8,6 @@ replaces what another one, or the user, has written.
 import hashlib
 import json
 import os
-import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -173,6 +172,8 @@ def output_folder(
     Raises:
       InputError: if the folder can't be written or is in use, or something in it may not be replaced.
     """
+    import shutil  # slow to load
+
     made = [each for each in (out, *out.parents) if not each.exists()]
     hidden, inputs = out / f".unfinished-{os.urandom(6).hex()}", tuple(inputs)
     with locked(out):

@@ -2,7 +2,6 @@
 
 import itertools
 import json
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
@@ -177,6 +176,8 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         path, content = Path(name), dict[str, Any](motion=str(name))
         try:
             if path.suffix == ".toml":
+                import tomllib  # slow to load
+
                 if not path.is_file() or path.stat().st_size > 1_000_000:
                     raise InputError("is no file of at most 1 MB")
                 content = {"name": path.stem} | tomllib.loads(path.read_bytes().decode("utf-8-sig"))
