@@ -16,6 +16,9 @@ FAULTS = {
     "--observation tracked": "observation tracked needs a robot with sensing.json",
     "--steps 0": "steps: expected int >= 1, got 0",
     "--resume none": "none: has no training",
+    "--resume none --seed 3": "the training's own settings; leave seed out",
+    "--set hidden=3": "there is no field hidden",
+    "--set ppo.epochs=2": "--set ppo.epochs=2 is not of the trainer gradient",
 }
 
 

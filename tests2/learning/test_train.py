@@ -119,7 +119,10 @@ def test_a_signal_checkpoints_and_ends_and_a_kill_loses_nothing(tmp_path, expect
     out = tmp_path / "out"
     raised = "r = t._rows\nt._rows = lambda *a: (t.signal.raise_signal({}), r(*a))[1]\n"
     process = start(f"{WORDS} {out}", raised.format(int(signal.SIGTERM)))
-    assert (process.communicate(timeout=120)[1], process.returncode) == ("archerfish2: terminated\n", 143)
+    assert (process.communicate(timeout=120)[1], process.returncode) == (
+        f"continue with --resume {out}\narcherfish2: terminated\n",
+        143,
+    )
     assert (out / run_folder.CHECKPOINT).exists()
     process = start(f"train --resume {out}", raised.format(int(signal.SIGKILL)))
     process.communicate(timeout=120)
@@ -162,8 +165,23 @@ def test_a_disk_that_is_full_leaves_the_checkpoint_before(tmp_path, monkeypatch,
 
 def test_a_window_is_no_longer_than_the_shortest_engagement(refused):
     task = af.Task.load("paper").replace(lengths_s=(0.2, 1.0))
-    refused("gradient: window = 16, and engagements of 10 decisions", af.train, task=task)
-    refused("ppo: rollout = 25, and engagements of 10 decisions", af.train, task=task, trainer="ppo")
+    refused("window = 16 exceeds an engagement of 10", af.train, task=task)
+    refused("rollout = 25 exceeds an engagement of 10", af.train, task=task, trainer="ppo")
+
+
+def test_a_reward_of_a_users_own_is_checked_and_does_not_hold_the_folder(tmp_path, monkeypatch, refused):
+    (tmp_path / "mine.py").write_text(
+        "def one(shot, command, seen): return 1.0\n"
+        "def branch(shot, command, seen): return shot.margin if shot.margin[0] > 0 else -shot.margin\n"
+        "def step(shot, command, seen): return 1.0 * (shot.margin >= 0.0)\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    complaints = {"one": "returns float of shape .., expected floats of shape", "branch": "line 2: Tracer.*xp.where",
+                  "step": "has no gradient; smooth it, or take trainer ppo"}  # fmt: skip
+    for name, complaint in complaints.items():
+        refused(complaint, af.train, task="paper", config=CONFIG, reward=f"./mine.py:{name}", out="out")
+    refused("field seed: expected int >= 0", af.train, task="paper", config=CONFIG, seed=-1, out="out")
+    assert af.train(task="paper", config=CONFIG, trainer="ppo", reward="./mine.py:step", out="out").facts.seed == 0
 
 
 def test_a_training_that_diverges_keeps_the_last_good_learner(tmp_path, refused):

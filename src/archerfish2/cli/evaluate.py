@@ -3,11 +3,12 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 
 from archerfish2 import storage
+from archerfish2.controllers.policy import Policy
 from archerfish2.evaluation.contenders import is_policy, load
 from archerfish2.evaluation.evaluate import evaluate
 from archerfish2.evaluation.results import Results
@@ -69,6 +70,8 @@ class Evaluate:
     """Take classical controllers as they are before tuning."""
     accept_unusable: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
     """Take parts of the robot that their identification found not usable."""
+    blocks: Annotated[tuple[str, ...], tyro.conf.arg(metavar="./FILE.py:NAME…", help_behavior_hint="")] = ()
+    """Of the observation of a policy, that are your own: code that only a file names is not run."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
     """Folder for the results; ROBOT/evaluation, or runs/evaluate without a robot."""
     overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
@@ -83,7 +86,9 @@ class Evaluate:
         out = self.out or (self.robot / "evaluation" if self.robot else Path("runs/evaluate"))
         inputs = [Path(each) for each in (self.task, *(each.rpartition(":")[0] for each in self.controllers))]
         own = [str(self.robot / "policy")] if self.robot and is_policy(self.robot / "policy") else []
-        controllers = self.controllers or (*own, "kalman", "kalman-lq", "oracle")
+        controllers: Any = self.controllers or (*own, "kalman", "kalman-lq", "oracle")
+        if self.blocks:
+            controllers = [Policy.load(each, self.blocks) if is_policy(each) else each for each in controllers]
         names, facts = ("results.json", "report.html"), {"options": " ".join(sys.argv[2:])}
         with storage.output_folder(out, "evaluate", inputs, self.overwrite, facts, names) as folder:
             results: Results = evaluate(

@@ -63,20 +63,31 @@ class Train:
 
     def run(self) -> None:
         """Train, print."""
-        config = TrainConfig(**self._settings())
+        config = TrainConfig().replace(**self._settings())
         if self.resume is not None:
+            names = ("robot", "command_limit", "trainer", "steps", "set", "seed", "out")
+            if ignored := [name for name in names if getattr(self, name)]:
+                raise InputError(f"--resume continues with the training's own settings; leave {', '.join(ignored)} out")
             policy, out = train(None, self.task, config=config, reward=self.reward, resume=self.resume), self.resume
         else:
             robot, task = load(self.robot, self.task)
             task = task if self.command_limit is None else task.replace(command_limit=self.command_limit)
             out = self.out or (self.robot / "policy" if self.robot else Path("runs/train"))
+            trainer = self.trainer or config.resolved(robot, task).trainer
+            if other := [
+                each for each in self.set if each.startswith("ppo." if trainer == "gradient" else "gradient.")
+            ]:
+                raise InputError(f"--set {other[0]} is not of the trainer {trainer}; leave it out, or name its trainer")
             given: dict[str, Any] = {"trainer": self.trainer, "steps": self.steps, "reward": self.reward}
             policy = train(robot, task, config=config, seed=self.seed, out=out, **given)
         last: Any = policy.facts and policy.facts.training
+        explored = ", with exploration" if last["config"]["trainer"] == "ppo" else ""
+        place = "[ROBOT] " if self.resume else f"{self.robot} " if self.robot else ""
+        own = "".join(f" --blocks {each}" for each in policy.facts.observer.observation[1:]) if policy.facts else ""
         print(  # noqa: T201
-            f"{last['decisions']:,} decisions; of the latest shots {last['hit_share']:.1%} hit, with exploration\n"
+            f"{last['decisions']:,} decisions; of the latest shots {last['hit_share']:.1%} hit{explored}\n"
             f"policy: {out / 'policy.safetensors'}; curve: {out / 'curve.svg'}\n"
-            f"next: archerfish2 evaluate {self.robot or ''} --controllers {out} kalman".replace("  ", " ")
+            f"next: archerfish2 evaluate {place}--controllers {out} kalman{own}"
         )
 
     def _settings(self) -> dict[str, Any]:
@@ -90,6 +101,8 @@ class Train:
             except ValueError:
                 value = text
             part, dot, field = name.partition(".")
+            if dot and not isinstance(settings.get(part, {}), dict):
+                raise InputError(f"--set gives {part} and {name}; leave one out")
             if dot:
                 settings.setdefault(part, {})[field] = value
             else:

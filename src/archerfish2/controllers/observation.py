@@ -144,7 +144,7 @@ class View:
     @cached_property
     def direction(self) -> Array:
         """Unit vector to the target on level ground, B + (2,)."""
-        return self.relative[..., :2] / self.distance
+        return self.relative[..., :2] / level_distance(self.relative)[..., None]
 
     def across(self, level: Array) -> Array:
         """Return the part of a level vector to the left of the line of sight, shape B + (2,) → B + (1,)."""

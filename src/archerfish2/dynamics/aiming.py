@@ -9,8 +9,8 @@ from archerfish2.dynamics.pellet import flat_fire_drop, flat_fire_time
 
 ITERATIONS = 3
 """Newton iterations: they leave less than 1e-7 rad at 18 m/s within 8 m, and less than 1e-4 rad at 12 m/s."""
-NEAREST, FARTHEST = 0.05, 20.0
-"""Distances that an aim is computed for [m]: far inside and far outside of what is shot at."""
+NEAREST, FARTHEST = 0.05, 1000.0
+"""Distances that an aim is computed for [m]: targets of a task are at most so far away."""
 ROUNDS = 3
 """Rounds of the flight-time iteration; each shrinks the error by target speed over muzzle speed."""
 

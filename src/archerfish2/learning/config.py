@@ -160,9 +160,14 @@ class TrainConfig(Struct, frozen=True, kw_only=True):
         return self.ppo if self.trainer == "ppo" else self.gradient
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Kind of observation and blocks of a user's own; of a kind that is not resolved yet nothing."""
+        return (self.observation,) if isinstance(self.observation, str) else self.observation or ()
+
+    @property
     def kind(self) -> str:
         """Kind of observation."""
-        return self.observation if isinstance(self.observation, str) else (self.observation or ("",))[0]
+        return (*self.names, "")[0]
 
     def resolved(self, robot: Robot, task: Task) -> "TrainConfig":
         """Return the settings with a value in the place of every None, for a robot and a task."""

@@ -40,8 +40,7 @@ def make_environment(
     robot = Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
     task = task if isinstance(task, Task) else Task.load(task)
     config = (config or TrainConfig()).resolved(robot, task)
-    observation = (config.observation,) if isinstance(config.observation, str) else config.observation or ()
-    observer = make_observer(observer_facts(observation, robot, task, config.frames), observation[1:])
+    observer = make_observer(observer_facts(config.names, robot, task, config.frames), config.names[1:])
     observer.layout()
     world = make_world(robot, task)
     if task.motion in DRAWN:
@@ -60,4 +59,4 @@ def _reward(name: Any, task: Task) -> Any:
         return Reward(*(np.asarray(each) for each in (*REWARDS[name], task.hit_radius_m)))
     if isinstance(name, str) and not is_plugin(name, "reward"):
         raise InputError(f"reward must be one of {', '.join(REWARDS)}, or one of your own ({FORMS}), got {name!r}")
-    return UserReward(find_plugin(name, "reward").value)
+    return UserReward(find_plugin(name, "reward"))

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import msgspec
 import numpy as np
-from msgspec import field as struct_field
 
 from archerfish2 import storage
 from archerfish2.errors import InputError, file_error
@@ -43,15 +43,15 @@ class Begun(Struct, frozen=True, kw_only=True):
     """That is trained on."""
     config: TrainConfig
     """Resolved."""
-    seed: int
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**53)]
     """Of everything random."""
     devices: int = 1
     """That the shards had, which decides the last bits."""
     commit: str = ""
     """Of the code."""
-    versions: dict[str, str] = struct_field(default_factory=dict)
+    versions: dict[str, str] = msgspec.field(default_factory=dict)
     """Of the libraries."""
-    code: dict[str, str] = struct_field(default_factory=dict)
+    code: dict[str, str] = msgspec.field(default_factory=dict)
     """A user's code, name → SHA-256 of its file."""
     files: tuple[str, ...] = ()
     """In the folder, that belong to the training."""
@@ -100,6 +100,7 @@ class RunFolder:
                 continue
             if faults:
                 warnings.warn(f"{faults[0]}: continuing from the checkpoint before", stacklevel=2)
+                (self.path / CHECKPOINT).unlink()  # so that it never takes the place of the one before
             self._cut(count)
             return restored
         if faults:
@@ -118,12 +119,11 @@ class RunFolder:
     def finish(self, policy: Any) -> None:
         """Write the results, and remove the checkpoints and what an earlier training left."""
         storage.write_bytes(self.path / CURVE, svg_text(learning_curve(self.rows)).encode())
-        files = (LOG, CURVE, POLICY)
-        _write(self.path, self.begun.replace(files=files))
+        _write(self.path, self.begun.replace(files=(LOG, CURVE, POLICY)))
         policy.save(self.path / POLICY)
         for name in (CHECKPOINT, PREVIOUS, FAULT):
             (self.path / name).unlink(missing_ok=True)
-        shutil.rmtree(_before(self.path), ignore_errors=True)
+        shutil.rmtree(self.path.with_name(f"{self.path.name}.before"), ignore_errors=True)
 
     def diverged(self, learner: Any, facts: dict[str, Any]) -> None:
         """Write the learner of before the fault, and what happened."""
@@ -133,7 +133,7 @@ class RunFolder:
 
 @contextmanager
 def new_run(path: Path, begun: Begun) -> Iterator[RunFolder]:
-    """Make the folder of a training and hold its lock; a finished one in its place is moved aside until the end.
+    """Make the folder of a training and hold its lock; one that can't continue is moved aside until the end.
 
     Raises:
       InputError: if the folder is in use, has an unfinished training, or something that is no training's.
@@ -141,16 +141,16 @@ def new_run(path: Path, begun: Begun) -> Iterator[RunFolder]:
     if path.exists() and not path.is_dir():
         raise file_error(path, "is no folder", "name another one")
     with storage.locked(path):
-        names = {each.name for each in path.iterdir()} - {storage.LOCK}
+        names = {each.name for each in path.iterdir() if not each.match(".unfinished-*")} - {storage.LOCK}
         if names and not (path / storage.RUN).exists():
             raise file_error(path, f"has files of something else, as {min(names)}", "choose another folder")
-        if names and not (path / POLICY).exists():
+        if {CHECKPOINT, PREVIOUS} & names and not {POLICY, FAULT} & names:
             raise file_error(path, "has an unfinished training", f"continue it: --resume {path}")
-        own = {storage.RUN, *(read_run(path).files if names else ())}
+        own = {storage.RUN, LOG, CHECKPOINT, PREVIOUS, FAULT, *(read_run(path).files if names else ())}
         if others := sorted(names - own):
             raise file_error(path, f"has files of something else, as {others[0]}", "choose another folder")
-        if names:
-            before = _before(path)
+        if {POLICY, CHECKPOINT, PREVIOUS} & names:
+            before = path.with_name(f"{path.name}.before")
             if before.exists():
                 raise file_error(before, "is in the place where the earlier training is moved", "move it away")
             with storage.writing(before):
@@ -207,10 +207,6 @@ def learning_curve(rows: list[dict[str, Any]], *, title: str = "Training") -> "F
         axes[0, 0].set_title(title)
         axes[1, 0].set_xlabel("decisions [million]")
     return figure
-
-
-def _before(path: Path) -> Path:
-    return path.with_name(f"{path.name}.before")
 
 
 def _write(path: Path, begun: Begun) -> None:

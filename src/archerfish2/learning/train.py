@@ -1,6 +1,7 @@
 """A whole training: iterations in compiled calls, watched, stored and stopped between them."""
 
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -28,7 +29,7 @@ from archerfish2.task import DRAWN, EQ_7, Task
 
 CHUNK = 4
 """Iterations per compiled call; between calls there are checkpoints, and a training can be stopped."""
-_LOOK = "look at the robot's records and the motion: it comes from the simulated robot"
+_LOOK = "look at the robot's records and the motion, and at a reward and blocks of your own"
 _REMEDIES = {"observation": _LOOK, "reward": _LOOK, "action": "lower the learning rates or log_std"}
 
 
@@ -69,10 +70,10 @@ def train(
         robot = Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
         task = task if isinstance(task, Task) else Task.load(task)
         config = _settings(config or TrainConfig(), trainer, steps, reward).resolved(robot, task)
-        settings, shortest = config.settings, round(min(task.lengths_s) / task.period_s)
+        # In single precision, as the simulator counts them.
+        settings, shortest = config.settings, round(float(np.float32(min(task.lengths_s)) / np.float32(task.period_s)))
         if settings.decisions > shortest:  # what replaces the engagements that end is drawn once between two updates
-            found = f"{settings.part} = {settings.decisions}, and engagements of {shortest} decisions"
-            raise InputError(f"{config.trainer}: {found}; an engagement can't end twice between updates, lower it")
+            raise InputError(f"{settings.part} = {settings.decisions} exceeds an engagement of {shortest}; lower it")
         begun = Begun(
             robot=robot.replace(folder=None),
             task=task,
@@ -90,10 +91,11 @@ def train(
     with opened as folder:
         if resume is not None:
             begun = folder.begun
-            shards.claim_devices(begun.config.settings.shards)
+            if (devices := shards.claim_devices(begun.config.settings.shards)) != begun.devices:
+                raise InputError(f"begun on {begun.devices} devices, got {devices}; set XLA_FLAGS as it was then")
             environment = make_environment(begun.robot, begun.task, begun.config, _given(begun, task, config, reward))
         learner, rows = _run(jax, environment, begun, folder)
-        policy = _policy(environment, learner, begun, rows, folder.path if folder else None)
+        policy = _policy(environment, learner, begun, rows)
         if folder is not None:
             folder.finish(policy)
     return policy
@@ -111,8 +113,7 @@ def _settings(config: TrainConfig, trainer: Any, steps: int | None, reward: Any)
 
 def _own(task: Task, config: TrainConfig, reward: Any) -> dict[str, Any]:
     """Return a user's code by kind and name: the motion, the reward, the blocks of the observation."""
-    blocks = () if isinstance(config.observation, str) else (config.observation or ())[1:]
-    own = {f"block {name}": name for name in blocks}
+    own = {f"block {name}": name for name in config.names[1:]}
     if task.motion not in (*EQ_7, *DRAWN):
         own[f"motion {task.motion}"] = task.motion
     if names_code(config.reward):
@@ -132,10 +133,9 @@ def _given(begun: Begun, task: Task | str | Path, config: TrainConfig | None, re
     Code that only a file names is not run.
     """
     motion = task.motion if isinstance(task, Task) else str(task)
-    blocks = () if config is None or isinstance(config.observation, str) else (config.observation or ())[1:]
     reward = reward if reward is not None or config is None or config.reward == "auto" else config.reward
     named = reward if isinstance(reward, str) or reward is None else find_plugin(reward, "reward").spec
-    now = {f"block {each}" for each in blocks} | {f"motion {motion}", f"reward {named}"}
+    now = {f"block {each}" for each in (config.names[1:] if config else ())} | {f"motion {motion}", f"reward {named}"}
     if missing := sorted(begun.code.keys() - now):
         raise InputError(f"this training has a {missing[0]} of your own; give it again, as the training was begun")
     for name, digest in _code(begun.task, begun.config, reward).items():
@@ -168,6 +168,8 @@ def _run(jax: Any, environment: Any, begun: Begun, folder: RunFolder | None) -> 
                 rows += new
             else:
                 folder.log(new)
+            if not any(row.get("gradient_norm", 1.0) for row in new) and not fault:
+                raise InputError(f"{begun.config.reward}: this reward has no gradient; smooth it, or take trainer ppo")
             if fault:
                 raise _diverged(fault, len(rows), config.batch, folder, state)
             due = stop or time.monotonic() - stored >= begun.config.checkpoint_every_s
@@ -177,7 +179,9 @@ def _run(jax: Any, environment: Any, begun: Begun, folder: RunFolder | None) -> 
             if stop:
                 break
     if stop:  # once more, to whoever handled it before
+        print(f"continue with --resume {folder.path}" if folder else "nothing is kept", file=sys.stderr)  # noqa: T201
         signal.raise_signal(stop[0])
+        raise KeyboardInterrupt  # where that one returned
     return state, rows
 
 
@@ -232,20 +236,18 @@ def _stop_requests() -> Iterator[list[int]]:
         restore()
 
 
-def _policy(environment: Any, learner: Any, begun: Begun, rows: list[dict[str, Any]], out: Path | None) -> Policy:
+def _policy(environment: Any, learner: Any, begun: Begun, rows: list[dict[str, Any]]) -> Policy:
     """Return the policy of a learner, in NumPy: its mean action."""
     layers, seen = learner.actor.layers, learner.actor.layers[0].weight.shape[0]
     config, task = begun.config, begun.task
-    observation: Any = (config.observation,) if isinstance(config.observation, str) else config.observation
-    words = ["archerfish2 train", *([str(out.parent)] if out else []), f"--task {task.name} --seed {begun.seed}"]
     facts = PolicyFacts(
-        observer=observer_facts(observation, begun.robot, task, config.frames),
+        observer=observer_facts(config.names, begun.robot, task, config.frames),
         task=task,
         robot=begun.robot.record_digests(),
         seed=begun.seed,
         commit=begun.commit,
         training={"config": plain(config), **(rows[-1] if rows else {})},
-        remake=" ".join(words),
+        remake=f"archerfish2 train --task {task.name} --seed {begun.seed}",
     )
     normaliser = learner.normaliser._replace(
         mean=learner.normaliser.mean[:seen], variance=learner.normaliser.variance[:seen]

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 from archerfish2.arrays import Array, namespace, select, tree, when_any
 from archerfish2.controllers.observation import Observer
+from archerfish2.errors import InputError
+from archerfish2.plugins import Plugin
 from archerfish2.protocols import Command, Seen, Shot
 from archerfish2.simulation.world import SimulatedWorld
 from archerfish2.task import Scenario
@@ -50,15 +52,26 @@ class Reward:
         return self.hit * worth - self.distance * (self.hit_radius - margin)
 
 
-@tree(static=("function",))
+@tree(static=("plugin",))
 class UserReward:
     """A user's reward."""
 
-    function: Any  # (shot, command, what is seen after it) → [m], shape B
+    plugin: Plugin  # (shot, command, what is seen after it) → [m], shape B
 
     def __call__(self, shot: Shot, command: Command, seen: Seen) -> Array:
-        """Return the reward [m], shape B."""
-        return self.function(shot, command, seen)
+        """Return the reward [m], shape B.
+
+        Raises:
+          InputError: if the user's code fails, or returns something else.
+        """
+        with self.plugin.running():
+            reward, expected = self.plugin.value(shot, command, seen), shot.margin.shape
+            if getattr(reward, "shape", None) != expected or reward.dtype.kind != "f":
+                found = f"{getattr(reward, 'dtype', type(reward).__name__)} of shape {getattr(reward, 'shape', ())}"
+                raise InputError(
+                    f"returns {found}, expected floats of shape {expected}, one per engagement; correct it"
+                )
+            return reward
 
 
 class EnvironmentState(NamedTuple):
