@@ -13,7 +13,7 @@ import pytest
 import archerfish2 as af
 from archerfish2.arrays import leaves
 from archerfish2.learning import learner as learners
-from archerfish2.learning import run_folder
+from archerfish2.learning import run_folder, train
 from archerfish2.learning.config import GradientConfig, PpoConfig, TrainConfig
 
 pytest.importorskip("jax")
@@ -128,6 +128,22 @@ def test_a_signal_checkpoints_and_ends_and_a_kill_loses_nothing(tmp_path, expect
     process.communicate(timeout=120)
     assert process.returncode == -signal.SIGKILL
     assert weights(af.train(resume=out)) == expected("gradient")
+
+
+def test_a_handler_that_returns_ends_no_training_as_finished(tmp_path, monkeypatch, expected, refused):
+    rows, before = train._rows, signal.signal(signal.SIGTERM, lambda *_: None)
+    monkeypatch.setattr(train, "_rows", lambda *given: (signal.raise_signal(signal.SIGTERM), rows(*given))[1])
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            af.train(task="paper", config=CONFIG, out=tmp_path)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    monkeypatch.undo()
+    begun = (tmp_path / "run.json").read_text()
+    (tmp_path / "run.json").write_text(begun.replace('"devices": 2', '"devices": 7'))
+    refused("begun on 7 devices, got .*device_count=7", af.train, resume=tmp_path)
+    (tmp_path / "run.json").write_text(begun)
+    assert weights(af.train(resume=tmp_path)) == expected("gradient")
 
 
 def test_a_folder_has_one_writer_and_an_earlier_training_stays_until_the_end(tmp_path, stopped, monkeypatch, refused):

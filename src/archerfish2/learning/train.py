@@ -92,7 +92,8 @@ def train(
         if resume is not None:
             begun = folder.begun
             if (devices := shards.claim_devices(begun.config.settings.shards)) != begun.devices:
-                raise InputError(f"begun on {begun.devices} devices, got {devices}; set XLA_FLAGS as it was then")
+                flag = f"XLA_FLAGS=--xla_force_host_platform_device_count={begun.devices}"
+                raise InputError(f"begun on {begun.devices} devices, got {devices}; in a new process set {flag}")
             environment = make_environment(begun.robot, begun.task, begun.config, _given(begun, task, config, reward))
         learner, rows = _run(jax, environment, begun, folder)
         policy = _policy(environment, learner, begun, rows)
@@ -216,8 +217,7 @@ def _stop_requests() -> Iterator[list[int]]:
     if threading.current_thread() is not threading.main_thread():
         yield found
         return
-    handled = (signal.SIGINT, signal.SIGTERM)
-    before = {each: signal.getsignal(each) for each in handled}
+    before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
 
     def stop(number: int, _: Any) -> None:
         found.append(number)
@@ -228,8 +228,8 @@ def _stop_requests() -> Iterator[list[int]]:
             signal.signal(each, handler)
 
     try:
-        for each in handled:
-            if before[each] not in (signal.SIG_IGN, None):
+        for each, handler in before.items():
+            if handler not in (signal.SIG_IGN, None):
                 signal.signal(each, stop)
         yield found
     finally:
