@@ -27,7 +27,7 @@ help:
 	@echo "make test-first run all tests of the first edition, and compare the second with it"
 	@echo "make test-slow  run the tests that take minutes"
 	@echo "make coverage   run the tests, and fail where they leave out more than 5 % of the lines"
-	@echo "make check      lint, formatting and types"
+	@echo "make check      lint, formatting, order of the packages and types"
 	@echo "make bench      run the benchmarks and write benchmarks/results/ and benchmarks2/results/"
 	@echo "make docs       build the documentation into site/"
 
@@ -57,6 +57,7 @@ coverage: $(INSTALLED)
 check: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-cache --no-logo
 	$(BIN)/mypy
 
 bench: $(INSTALLED)

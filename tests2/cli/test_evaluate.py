@@ -21,7 +21,6 @@ FAULTS = {
     "--controllers kalmn": "archerfish2: controller must be one of kalman, ",
     "--task papr": "archerfish2: papr: field motion: expected one of paper, static, ",
     "--nonsense 1": "archerfish2: Unrecognized options: --nonsense, 1; archerfish2 evaluate --help explains",
-    "--engagments 4": "archerfish2: Unrecognized options: --engagments",
     "--engagements four": "archerfish2: Error parsing --engagements: invalid literal for int() with base 10: 'four'; ",
 }
 

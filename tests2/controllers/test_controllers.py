@@ -227,8 +227,6 @@ def test_one_robot_decides_as_a_batch_does_in_float32(name):
 
 
 def test_what_cannot_be_built_is_refused(refused):
-    refused("perhaps you meant kalman", make_controller, "kalmn", ROBOT, TASK)
     refused("one length", make_controller, "oracle", ROBOT, TASK.replace(lengths_s=(1.0, 3.0)))
     refused("is a ndarray, expected reset", make_controller, np.zeros(3), ROBOT, TASK)
     refused("smoothing: expected float >= 1e-100, got -1.0", tuning_at("kalman-lq").replace, smoothing=-1.0)
-    refused("expected reset", make_controller, object(), ROBOT, TASK)

@@ -1,10 +1,12 @@
+"""Rollouts in the conformance world, compiled and not."""
+
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from archerfish2.arrays import namespace, tree
-from archerfish2.evaluation.rollout import count, run_engagements
+from archerfish2.arrays import leaves, map_arrays, namespace, tree
+from archerfish2.evaluation import rollout
 from archerfish2.protocols import aim
 
 
@@ -27,20 +29,45 @@ class NoNumbers:
         return state + 1.0, aim(seen.command + namespace(state).where(state < self.place, 0.0, float("nan"))[:, None])
 
 
+def test_numpy_and_jax_have_equal_outcomes(conformance, batch, monkeypatch):
+    given = *conformance.build(), *conformance.engagements(batch, 100)
+    compiled = rollout.run_engagements(*given)
+    monkeypatch.setattr(rollout, "has_jax", lambda: False)
+    plain = rollout.run_engagements(*given)
+    assert map_arrays(np.shape, compiled) == map_arrays(np.shape, plain)
+    for ours, theirs in zip(*(leaves((each.shot, each.seen.frames)) for each in (plain, compiled)), strict=True):
+        np.testing.assert_allclose(theirs, ours, atol=1e-3)
+    np.testing.assert_array_equal(compiled.shot.margin >= 0.0, plain.shot.margin >= 0.0)
+
+
+def test_pellets_hit_all_plates_and_none_is_fired_long_after_the_last_detection(conformance, monkeypatch):
+    monkeypatch.setattr(rollout, "has_jax", lambda: False)
+    seen, _, in_force, shot = rollout.run_engagements(*conformance.build(), *conformance.engagements((12,), 100))
+    assert np.bincount(shot.plate[shot.fired & (shot.margin >= 0.0)], minlength=4).min() > 30
+    assert (shot.plate[~shot.fired] == -1).all()
+    assert 0.8 < seen.frames.received.mean() < 0.95
+    newest, age = np.where(seen.frames.found.any(-1), seen.frames.age, np.inf).min(-1), np.ones(12)
+    for place in range(100):
+        age = np.minimum(age + seen.elapsed[:, place], newest[:, place])
+        assert np.abs(age - 0.3).min() > 1e-4
+        np.testing.assert_array_equal(shot.fired[:, place], age < 0.3)
+    assert 0.3 < shot.fired.mean() < 0.7
+    assert np.abs(in_force[..., 1] - seen.base.yaw - 0.02 * seen.base.yaw_rate).max() < np.radians(75.001)
+
+
 def test_the_shots_are_the_same_whatever_of_the_two_is_compiled(conformance):
     (world, controller), drawn = conformance.build(), conformance.engagements((3,), 100)
-    expected, counted = run_engagements(world, controller, *drawn), count(world, controller, *drawn)
+    expected, counted = rollout.run_engagements(world, controller, *drawn), rollout.count(world, controller, *drawn)
     plain, aiming = in_numpy(world), in_numpy(controller)
     for pair in ((plain, controller), (world, aiming), (plain, aiming)):
-        found, again = run_engagements(*pair, *drawn), count(*pair, *drawn)
+        found, again = rollout.run_engagements(*pair, *drawn), rollout.count(*pair, *drawn)
         np.testing.assert_allclose(found.in_force, expected.in_force, atol=1e-4)
         assert again.yaw_acceleration == pytest.approx(counted.yaw_acceleration, rel=1e-2)
         for fired, hit in ((shots.fired, shots.fired & (shots.margin >= 0.0)) for shots in (found.shot, expected.shot)):
             np.testing.assert_array_equal([[fired, hit], counted[:2]], [again[:2]] * 2)
 
 
-@pytest.mark.parametrize("kind", [lambda each: each, in_numpy])
-def test_a_command_that_is_not_finite_is_refused(conformance, kind, refused):
-    world, controller = conformance.build()[0], kind(NoNumbers(np.float32(2.0)))
+def test_a_compiled_command_that_is_not_finite_is_refused(conformance, refused):
+    world, controller = conformance.build()[0], NoNumbers(np.float32(2.0))
     complaint = "commands a pitch of nan rad at decision 3, in 3 of 3 engagements"
-    refused(complaint, count, world, controller, *conformance.engagements((3,), 5))
+    refused(complaint, rollout.count, world, controller, *conformance.engagements((3,), 5))

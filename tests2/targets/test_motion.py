@@ -70,17 +70,6 @@ def test_a_target_stays_in_front_and_is_no_faster_than_a_robot(name, duration):
         assert_allclose(places[:, motion.ZERO], PLACE, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", mixture.MIXTURES)
-def test_a_training_mixes_the_motions_by_their_weights(name):
-    counts = {"any": [4, 12, 10, 8, 8, 6, 38, 114], "kinds": [30, 15, 50, 10, 50, 6, 6, 20, 60]}[name]
-    scenario, total = Task.load(name).scenario(), sum(counts)
-    drawn = np.full((total, scenario.uniforms), 0.4)
-    drawn[:, 6] = (np.arange(total) + 0.5) / total  # which kind: spaced evenly, so that no alarm is by accident
-    places = scenario.draw(drawn).target.motion.places
-    ends = np.flatnonzero([True, *np.any(np.abs(places[1:] - places[:-1]) > 1e-6, axis=(1, 2)), True])
-    assert np.diff(ends).tolist() == counts
-
-
 def test_numpy_and_jax_agree_at_several_times_at_once_as_at_each(batch, agree):
     def at(scenario, swing, place, drawn, duration, moving, times):
         moved = [each(drawn, duration) for each in kinds.KINDS.values()]

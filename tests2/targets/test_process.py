@@ -1,4 +1,4 @@
-"""The random process with habits: statistics of drawn paths against hand calculation.
+"""The mixtures that trainings draw, and the random process with habits: statistics against hand calculation.
 
 Bounds on shares are five standard deviations: were seeds free, one alarm in a million would be false.
 """
@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from archerfish2.targets.mixture import MIXTURES
 from archerfish2.targets.motion import STEP_S, ZERO
 from archerfish2.targets.process import LEGS, PROCESS_UNIFORMS, random_process
+from archerfish2.task import Task
 
 ACCELERATION, RATE, LEFT, DWELL, DWELL_VARIES, SPEED_VARIES, REST, KEEPS, FORM = 0, 2, 3, 4, 5, 7, 8, 9, 10
 
@@ -71,3 +73,14 @@ def test_legs_longer_than_their_ramp_change_speed_at_the_targets_acceleration(tw
     assert np.all(most <= drawn * (1.0 + 1e-9))
     long = np.linalg.norm(velocity[:, 1] - velocity[:, 0], axis=-1) > 2.0 * STEP_S * drawn
     assert_allclose(most[long], drawn[long])
+
+
+@pytest.mark.parametrize("name", MIXTURES)
+def test_a_training_mixes_the_motions_by_their_weights(name):
+    counts = {"any": [4, 12, 10, 8, 8, 6, 38, 114], "kinds": [30, 15, 50, 10, 50, 6, 6, 20, 60]}[name]
+    scenario, total = Task.load(name).scenario(), sum(counts)
+    drawn = np.full((total, scenario.uniforms), 0.4)
+    drawn[:, 6] = (np.arange(total) + 0.5) / total  # which kind: spaced evenly, so that no alarm is by accident
+    places = scenario.draw(drawn).target.motion.places
+    ends = np.flatnonzero([True, *np.any(np.abs(places[1:] - places[:-1]) > 1e-6, axis=(1, 2)), True])
+    assert np.diff(ends).tolist() == counts
