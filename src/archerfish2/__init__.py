@@ -13,8 +13,8 @@ __version__ = "0.2.0"
 # Name=module.
 _NAMES = """InputError=errors MuzzleRecord=records.muzzle PlantRecord=records.plant Policy=controllers.policy
 Results=evaluation.results Robot=robot Task=task TrainConfig=learning.config evaluate=evaluation.evaluate
-make_environment=learning.environments make_world=simulation.world rollout=evaluation.trajectory train=learning.train
-tune=evaluation.tuning"""
+export=export.export make_environment=learning.environments make_world=simulation.world rollout=evaluation.trajectory
+train=learning.train tune=evaluation.tuning"""
 _PLACES = dict(each.split("=") for each in _NAMES.split())
 __all__ = [*_PLACES, "__version__"]
 

@@ -6,6 +6,7 @@ from archerfish2.evaluation.evaluate import evaluate as evaluate
 from archerfish2.evaluation.results import Results as Results
 from archerfish2.evaluation.trajectory import rollout as rollout
 from archerfish2.evaluation.tuning import tune as tune
+from archerfish2.export.export import export as export
 from archerfish2.learning.config import TrainConfig as TrainConfig
 from archerfish2.learning.environments import make_environment as make_environment
 from archerfish2.learning.train import train as train

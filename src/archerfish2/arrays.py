@@ -5,13 +5,13 @@ by `tree`; JAX takes such dataclasses once it is loaded, and nothing here loads 
 """
 
 import dataclasses
+import functools
 import sys
 from collections.abc import Callable
 from typing import Any, TypeVar, cast, dataclass_transform
 
 import numpy as np
 
-_NUMPY = (np.ndarray, np.generic)
 Array = Any
 """An array of NumPy or JAX. Shapes are in the docstrings; B stands for any batch shape, () included."""
 
@@ -22,7 +22,7 @@ def namespace(*arrays: Array) -> Any:
     Any other namespace wins over NumPy's, so that constants built with NumPy combine with traced arrays.
     """
     for each in arrays:
-        if not isinstance(each, _NUMPY) and hasattr(each, "__array_namespace__"):
+        if type(each) is not np.ndarray and not isinstance(each, np.generic) and hasattr(each, "__array_namespace__"):
             return each.__array_namespace__()
     return np
 
@@ -175,9 +175,9 @@ def fold(function: Callable[[T, Any], T], state: T, items: Any, axis: int) -> T:
 
         moved = map_arrays(lambda each: jax.numpy.moveaxis(each, axis, 0), items)
         return jax.lax.scan(lambda before, item: (function(before, item), None), state, moved)[0]
-    for place in range(count):
-        state = function(state, map_arrays(lambda each, at=(slice(None),) * axis + (place,): each[at], items))
-    return state
+    before = (slice(None),) * axis
+    rounds = [map_arrays(lambda each, at=(*before, place): each[at], items) for place in range(count)]
+    return cast(T, getattr(namespace(*arrays), "fold", functools.reduce)(function, rounds, state))
 
 
 def repeat(function: Callable[[T], T], count: int, state: T) -> T:
@@ -186,9 +186,13 @@ def repeat(function: Callable[[T], T], count: int, state: T) -> T:
         import jax
 
         return jax.lax.fori_loop(0, count, lambda _, each: function(each), state)  # type: ignore[no-any-return]
-    for _ in range(count):
-        state = function(state)
-    return state
+    fold = getattr(namespace(*leaves(state)), "fold", functools.reduce)
+    return cast(T, fold(lambda before, _: function(before), [()] * count, state))
+
+
+def over(function: Callable[[Array], Array], array: Array) -> Array:
+    """Return function(array), of which row by row depends on the same row alone; traced scalars in a loop over them."""
+    return getattr(namespace(array), "over", lambda *_: function(array))(function, array)
 
 
 def without_gradient(array: Array) -> Array:

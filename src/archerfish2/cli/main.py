@@ -16,7 +16,7 @@ from archerfish2.cli.signals import Stopped, stop_requests
 from archerfish2.errors import InputError, one_line
 
 INPUT_ERROR = 2
-COMMANDS = {"train": ("archerfish2.cli.train", "Train"), "evaluate": ("archerfish2.cli.evaluate", "Evaluate")}
+COMMANDS = {each.lower(): (f"archerfish2.cli.{each.lower()}", each) for each in ("Train", "Evaluate", "Export")}
 """Command → module and class. Named, not imported: a command waits for the libraries of no other one."""
 _OVERVIEW = """\
 usage: archerfish2 COMMAND [OPTIONS]

@@ -34,11 +34,10 @@ def normalise(normaliser: Normaliser, observation: Array) -> Array:
 def forward(layers: tuple[Layer, ...], inputs: Array) -> Array:
     """Run a network with ReLU between its layers, shape B + (n,) → B + (outputs,)."""
     xp = namespace(inputs)
-    for layer in layers[:-1]:
-        inputs = xp.maximum(_affine(layer, inputs), 0.0)
-    return _affine(layers[-1], inputs)
-
-
-def _affine(layer: Layer, inputs: Array) -> Array:
-    outputs = inputs @ layer.weight
-    return outputs + lift(layer.bias, outputs)
+    if hasattr(xp, "network"):  # traced, where it stays one
+        return xp.network(layers, inputs)
+    for place, layer in enumerate(layers):
+        inputs = xp.maximum(inputs, 0.0) if place else inputs
+        inputs = inputs @ layer.weight
+        inputs = inputs + lift(layer.bias, inputs)
+    return inputs

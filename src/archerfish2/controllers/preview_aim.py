@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from archerfish2.arrays import Array, lift, map_arrays, namespace, tree
+from archerfish2.arrays import Array, lift, map_arrays, namespace, over, tree
 from archerfish2.controllers.kalman import AgedTrack, Predictor
 from archerfish2.controllers.preview import Preview, make_preview
 from archerfish2.dynamics.aiming import intercept
@@ -106,7 +106,8 @@ class PreviewAim:
         starts = xp.reshape(count, (-1,) + (1,) * seen.elapsed.ndim) * self.preview.period + 0.0 * seen.elapsed[None]
         lifted = map_arrays(lambda each: each[None], self.predictor.against_pivot(track, seen.base))
         position, mean = (partial(each, lifted) for each in (self.predictor.position_after, self.predictor.mean_after))
-        angle = intercept(position, starts + self.preview.period + self.lead, self.muzzle, mean).angle
+        late, muzzle = self.preview.period + self.lead, self.muzzle
+        angle = over(lambda start: intercept(position, start + late, muzzle, mean).angle, starts)
         return xp.moveaxis(unwrapped(angle, seen.command[None]), 0, -2)
 
 

@@ -1,0 +1,41 @@
+"""`archerfish2 export`: a controller as a C file or an ONNX model."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from archerfish2.export.export import export
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write a controller as a C file, or as an ONNX model, that decides as it does here.
+
+    - NAME.c and NAME.h: C99 that calls nothing but math.h, allocates nothing and has no global state: a struct of what
+      is seen in, a command within the robot's limits out; C++ includes the header. Or NAME.onnx
+    - the file is compared with NumPy where a C compiler (or ONNX Runtime) is installed, and has a self-test inside
+    - a policy is exported for the robot that it was trained for; a classical controller with the settings that
+      evaluate has tuned for ROBOT and the task
+
+    Examples:
+      archerfish2 export my-robot
+      archerfish2 export my-robot --controller imm-lq --out imm_lq.c
+      archerfish2 export --controller runs/train --out policy.onnx
+    """
+
+    robot: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[ROBOT]", help_behavior_hint="")] = None
+    """Folder of a robot's records; the paper's gimbal if not given."""
+    controller: Annotated[str, tyro.conf.arg(metavar="NAME|FOLDER", help_behavior_hint="")] = ""
+    """A policy's file or folder, or kalman, kalman-lq, imm-lq, parabola-lq or no-lead; ROBOT/policy, or runs/train."""
+    task: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "any"
+    """Decision period and command limit, and what a classical controller is tuned for; a policy has its own."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """What to write, NAME.c or NAME.onnx; policy.c in ROBOT, or here."""
+
+    def run(self) -> None:
+        """Export, print."""
+        controller = self.controller or str(self.robot / "policy" if self.robot else Path("runs/train"))
+        out = self.out or (self.robot or Path()) / "policy.c"
+        print(export(controller, out, robot=self.robot, task=self.task))  # noqa: T201

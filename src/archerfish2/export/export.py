@@ -1,0 +1,129 @@
+"""`export`: any controller as a C file, or as an ONNX model, that decides as it does here."""
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from msgspec import ValidationError, convert
+
+from archerfish2.controllers.policy import Policy
+from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, make_controller
+from archerfish2.errors import InputError, file_error
+from archerfish2.export.c99 import print_c
+from archerfish2.export.check import DIFFERENCE, c_decision, compared, onnx_decision
+from archerfish2.export.decision import Gated, example_decisions, trace_decision
+from archerfish2.export.onnx import print_onnx
+from archerfish2.paper.conditions import paper_tuning
+from archerfish2.provenance import code_commit
+from archerfish2.records.json_files import decode, read_json
+from archerfish2.reports.report import Report
+from archerfish2.reports.table import Table
+from archerfish2.robot import Robot
+from archerfish2.storage import write_bytes
+from archerfish2.task import Task
+
+MARK = "Made by Archerfish"
+"""In every file that this writes: what has it may be replaced."""
+LARGEST = 5e-5
+"""Difference of a command from NumPy's that is taken as rounding [rad]."""
+EXAMPLES = 24  # decisions of the self-test
+UNCHECKED = "To compare it, install a C compiler or ONNX Runtime; a C file's self-test does the same on the robot."
+
+
+def export(
+    controller: Policy | str | Any,
+    path: str | Path,
+    robot: Robot | str | Path | None = None,
+    task: Task | str = "any",
+    tuning: Tuning | None = None,
+) -> Report:
+    """Write a controller as a C file with its header, or as an ONNX model, and compare it with NumPy.
+
+    It takes what is seen of one plate, on a base that may turn but not drive, and gives a command within the robot's
+    limits; docs2/export.md has the interface.
+
+    Args:
+      controller: a policy, or the file or folder of one; or a name, as `kalman`, `kalman-lq` or `imm-lq`; or a
+        compiled controller of one's own, whose formulas can be traced.
+      path: ends with .c or .onnx; a file in its place is replaced if this made it.
+      robot: for whose plant and limits; not given, the paper's, or that a policy was trained for if it is the paper's.
+      task: decision period and command limit; a policy has those of its own.
+      tuning: of a controller with a name; not given, what the robot's folder holds.
+
+    Returns:
+      What was written, how near it is to NumPy, and what was not checked.
+
+    Raises:
+      InputError: if the controller can't be exported for this robot, or a file can't be written.
+    """
+    path = Path(path)
+    if path.suffix not in (".c", ".onnx"):
+        raise InputError(f"{path}: expected a name that ends with .c or .onnx; name it so")
+    robot = Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
+    name, made, task = _controller(controller, robot, task, tuning)
+    if task.command_limit == "los-2deg":
+        raise InputError("los-2deg limits commands by where the target really is, as no robot knows; take gate or box")
+    gated = Gated(made, robot.command_limits(task), task.period_s)
+    try:
+        decision = trace_decision(gated)
+    except TypeError as error:
+        raise InputError(f"{name} can't be exported: {error}; see docs2/export.md") from error
+    facts = {
+        "title": f"{name}: a decision every {1e3 * task.period_s:g} ms for the robot {robot.name}",
+        "made": f"{MARK} {code_commit()[:12]}; do not edit.",
+        "period_s": task.period_s,
+        "limits": [float(each[axis]) for axis in range(2) for each in gated.limits[:4]],
+        "robot": robot.digest(),
+    }
+    if path.suffix == ".c":
+        files = print_c(decision, facts, path, list(example_decisions(gated, EXAMPLES)))
+        with tempfile.TemporaryDirectory() as folder:
+            for each, text in files.items():
+                write_bytes(Path(folder, each.name), text)
+            checked = compared(c_decision(Path(folder, path.name), len(decision.memory)), gated)
+    else:
+        files = {path: print_onnx(decision, facts)}
+        checked = compared(onnx_decision(files[path]), gated)
+    if not checked.get(DIFFERENCE, 0.0) <= LARGEST:
+        raise InputError(f"{path}: differs by {checked[DIFFERENCE]:.2g} rad from NumPy; nothing is written, report it")
+    for each in files:
+        if each.exists() and MARK.encode() not in each.read_bytes():
+            raise file_error(each, "was not written by this", "name another file, or remove it")
+    for each, content in files.items():
+        write_bytes(each, content)
+    sizes = {f"{each.name} [KiB]": round(len(content) / 1024) for each, content in files.items()}
+    tables = (Table("The file", ("", "figure"), tuple((sizes | checked).items())),)
+    found = f"decides as {name} does in NumPy" if checked else "is written, but was not compared with NumPy"
+    steps = () if checked else (UNCHECKED,)
+    return Report(f"Export of {name}", f"{path.name} {found}.", next_steps=steps, tables=tables)
+
+
+def _controller(given: Any, robot: Robot, task: Task | str, tuning: Tuning | None) -> tuple[str, Any, Task]:
+    """Return a name, the controller and its task."""
+    if isinstance(given, str | Path) and str(given) not in NAMES and Path(given).exists():
+        given = Policy.load(given)
+    if isinstance(given, Policy) and given.facts is not None:
+        if given.facts.robot != robot.record_digests():
+            raise InputError(f"the policy was trained for another robot than {robot.name}; name that robot's folder")
+        return "policy", given, given.facts.task
+    task, name = task if isinstance(task, Task) else Task.load(task), given if isinstance(given, str) else ""
+    if name == "oracle":
+        raise InputError("oracle knows the target's path, as no robot does; export another controller")
+    made = make_controller(given, robot, task, (tuning or _kept_tuning(name, robot, task)) if name in GRIDS else None)
+    return name or type(made).__name__, made, task
+
+
+def _kept_tuning(name: str, robot: Robot, task: Task) -> Tuning:
+    """Return the settings that come with Archerfish, or that an evaluation left in the robot's folder."""
+    if robot.digest() == Robot.paper().digest() and task.replace(command_limit="gate", name="") == Task.load("paper"):
+        return Tuning(**paper_tuning(task.command_limit)[name])
+    path = Path(robot.folder or "") / "tuning.json"
+    try:
+        for each in read_json(path)["tunings"] if robot.folder and path.is_file() else ():
+            known = each["controller"], each["robot"], convert(each["task"], Task, dec_hook=decode)
+            if known == (name, robot.digest(), task.replace(name="")):
+                return convert(each["tuning"], Tuning)
+    except (KeyError, TypeError, ValidationError) as error:
+        raise file_error(path, f"is not as evaluate leaves it ({error})", "remove it and evaluate again") from error
+    remedy = f'evaluate "{name}" there first, or give tuning=archerfish2.tune("{name}", robot, task)'
+    raise InputError(f"{name} is not tuned for {robot.name} and the task {task.name or task.motion}; {remedy}")

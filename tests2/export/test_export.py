@@ -1,0 +1,327 @@
+"""Printed decisions against NumPy's, in C and ONNX; the programs of the page; what can't be exported."""
+
+import ctypes
+import itertools
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import archerfish2 as af
+from archerfish2.arrays import fold, namespace, repeat
+from archerfish2.cli.main import main
+from archerfish2.controllers.network import Layer, Normaliser
+from archerfish2.controllers.observation import make_observer, observer_facts
+from archerfish2.controllers.policy import PolicyFacts
+from archerfish2.controllers.registry import make_controller, tuning_at
+from archerfish2.export import check, trace
+from archerfish2.export.c99 import print_c
+from archerfish2.export.decision import Decision, Gated, example_decisions, trace_decision
+from archerfish2.export.export import export
+from archerfish2.export.onnx import print_onnx
+from archerfish2.export.trace import Trace, scalars_of, schedule
+from archerfish2.protocols import aim
+
+PAPER, INFANTRY = af.Robot.paper(), af.Robot.load(Path(__file__).parents[1] / "infantry")
+TASK = af.Task.load("paper")
+PAGE = (Path(__file__).parents[2] / "docs2" / "export.md").read_text()
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-O0", "-shared", "-fPIC")
+POLICIES = {"paper": PAPER, "history": PAPER, "tracked": INFANTRY, "multimodel": INFANTRY}
+CONTROLLERS = ("kalman", "kalman-lq", "imm-lq", "no-lead")
+gcc = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+
+
+def policy(kind, robot):
+    """A policy with a network that nobody trained."""
+    facts, rng = observer_facts(kind, robot, TASK), np.random.default_rng(4)
+    observer = make_observer(facts)
+    widths = [sum(size for _, size in observer.layout()), 24, 16, 2]
+    layers = [rng.normal(0.0, 0.3, pair).astype(np.float32) for pair in itertools.pairwise(widths)]
+    actor = tuple(Layer(each, rng.normal(0.0, 0.1, each.shape[1]).astype(np.float32)) for each in layers)
+    mean, variance = rng.normal(0.0, 0.1, (2, widths[0])).astype(np.float32)
+    normaliser = Normaliser(mean, np.abs(variance) + 1.0, np.asarray(0.0, np.float32))
+    return af.Policy(observer, normaliser, actor, PolicyFacts(observer=facts, task=TASK, robot=robot.record_digests()))
+
+
+def made(name):
+    """A controller, gated, and its robot."""
+    robot = POLICIES.get(name, INFANTRY)
+    controller = policy(name, robot) if name in POLICIES else make_controller(name, robot, TASK)
+    return Gated(controller, robot.command_limits(TASK), TASK.period_s), controller, robot
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """Export a controller once; return its C file and, compiled with all warnings as errors, its decision."""
+    folder, kept = tmp_path_factory.mktemp("c"), {}
+
+    def get(name):
+        if name not in kept:
+            _, controller, robot = made(name)
+            path = folder / f"{name.replace('-', '_')}.c"
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(check, "FLAGS", STRICT)
+                patch.setattr("archerfish2.export.export.c_decision", lambda *_: None)  # compiled once, and kept
+                export(controller if name in POLICIES else name, path, robot, TASK, tuning_at(name))
+                kept[name] = path, check.c_decision(path, 300)
+        return kept[name]
+
+    return get
+
+
+@gcc
+@pytest.mark.parametrize("name", [*POLICIES, *CONTROLLERS])
+def test_c_decides_as_numpy_with_a_memory_of_its_own(exported, name):
+    path, decide = exported(name)
+    assert check.compared(decide, made(name)[0])[check.DIFFERENCE] < 5e-5
+    missing = subprocess.check_output(["nm", "-u", path.with_suffix(".so")], text=True)
+    names = {word.split("@")[0] for word in missing.split() if len(word) > 1}
+    names = {each for each in names if not each.startswith("_")}
+    assert names <= {f"{each}f" for each in (*trace._FUNCTIONS.split(), "atan2", "floor", "rint")}
+
+
+@pytest.mark.parametrize("name", [*POLICIES, *CONTROLLERS])
+def test_onnx_decides_as_numpy_with_a_memory_of_its_own(name):
+    pytest.importorskip("onnxruntime")
+    gated, _, _ = made(name)
+    decide = check.onnx_decision(print_onnx(trace_decision(gated), {}))
+    for given, command in example_decisions(gated, 6, seed=3):
+        found, fire, _ = decide(given)
+        assert_allclose(found, command.angle, atol=5e-5)
+        assert fire == command.fire
+
+
+EDGES = [0.0, -0.0, 1e-42, -1e-42, 1.0, -3.0, 0.02, 1e3, -1e30, 1e30, 3e38, np.nan, np.inf, -np.inf]
+
+
+@gcc
+@pytest.mark.parametrize("name", ["multimodel", "kalman-lq"])
+def test_no_input_gives_a_command_that_is_not_finite_or_out_of_range(exported, name):
+    gated, _, _ = made(name)
+    decide, rng = exported(name)[1], np.random.default_rng(8)
+    (usual, _), *_ = example_decisions(gated, 1)
+    low, high = (np.float32(each) for each in (gated.limits.low, gated.limits.high))
+    last, statuses = np.zeros(2), []
+    for _ in range(5000):
+        given = {key: value if rng.random() < 0.7 else 0.0 * value for key, value in usual.items() if key != "found"}
+        for key in rng.choice([*given], rng.integers(0, 3)):
+            drawn = rng.choice(EDGES, given[key].shape), rng.normal(0.0, 3.0, given[key].shape)
+            given[key] = np.float32(drawn[rng.integers(2)])
+        command, fire, status = decide(given | {"base_yaw": np.float32(0.0), "found": np.asarray(rng.random() < 0.8)})
+        wrong = not all(np.isfinite(each).all() for key, each in given.items() if key != "base_yaw")
+        assert np.all((command >= low) & (command <= high))
+        assert status == 1 or not wrong
+        if status:
+            assert (command.tolist(), fire) == (last.tolist(), False)
+        statuses.append(status)
+        last = command
+    assert 0.05 < np.mean(statuses) < 0.7
+    # However absurd what came before, it decides again.
+    assert [decide(given)[2] for given, _ in example_decisions(gated, 9)][3:] == [0] * 6
+
+
+@gcc
+@pytest.mark.parametrize("name", ["history", "kalman-lq"])
+def test_commands_keep_rate_and_acceleration_while_the_target_jumps(exported, name):
+    gated, _, _ = made(name)
+    decide, rng = exported(name)[1], np.random.default_rng(9)
+    (given, _), *_ = example_decisions(gated, 1)
+    commands = [decide(given)[0]] * 2
+    for at in range(300):
+        plate = np.float32(rng.uniform([1.0, -3.0, -1.0], [3.0, 3.0, 1.0]))
+        given |= {"plate": plate, "elapsed": np.float32(0.02), "command": commands[-1], "angle": commands[-2]}
+        commands.append(decide(given | {"found": np.asarray(at % 7 != 0)})[0])
+    rates = np.diff(np.array(commands[1:], np.float64), axis=0) / 0.02
+    assert np.all(np.abs(rates) <= gated.limits.max_rate + 5e-3)
+    assert np.all(np.abs(np.diff(rates[1:], axis=0)) / 0.02 <= gated.limits.max_acceleration * 1.01)
+
+
+def run(folder, words):
+    subprocess.run(words, cwd=folder, check=True)
+    return subprocess.check_output([folder / "main"], text=True)
+
+
+@gcc
+def test_the_programs_of_the_page_run_and_two_files_go_into_one(exported, tmp_path):
+    path, *_ = exported("history")
+    for end in (".c", ".h"):
+        text = path.with_suffix(end).read_text()
+        (tmp_path / f"policy{end}").write_text(text.replace("history", "policy").replace("HISTORY", "POLICY"))
+    first, second = (re.search(rf"```{kind}\n(.*?)```", PAGE, re.DOTALL)[1] for kind in ("c", "cpp"))
+    assert (first.count("\n"), second.count("\n")) < (13, 45)
+    (tmp_path / "main.c").write_text(first)
+    (tmp_path / "main.cpp").write_text(second)
+    warnings = ["-Wall", "-Wextra", "-Wconversion", "-Werror"]
+    printed = run(tmp_path, ["cc", "-std=c99", *warnings, "main.c", "policy.c", "-lm", "-o", "main"]).split()
+    assert printed[:3] == ["0", "0", "1"]
+    subprocess.run(["cc", "-std=c99", "-c", "policy.c"], cwd=tmp_path, check=True)
+    if shutil.which("c++"):
+        words = ["c++", "-std=c++17", *warnings, "main.cpp", "policy.o", "-lm", "-o", "main"]
+        pitch, yaw = map(float, run(tmp_path, words).split())
+        assert 0.02 < yaw < 0.3
+        assert abs(pitch) < 0.3
+    other, *_ = exported("no-lead")
+    both = "int main(void) { return policy_self_test() + no_lead_self_test(); }"
+    (tmp_path / "both.c").write_text(f'#include "policy.h"\n#include "no_lead.h"\n{both}')
+    run(tmp_path, ["cc", f"-I{other.parent}", "both.c", "policy.c", other, "-lm", "-o", "main"])
+
+
+@gcc
+def test_check_compares_the_contract(exported):
+    path, *_ = exported("no-lead")
+    library, limits = ctypes.CDLL(path.with_suffix(".so")), made("no-lead")[0].limits
+    eight = np.float32([each[axis] for axis in range(2) for each in limits[:4]])
+
+    def asked(period, numbers):
+        return library.no_lead_check(ctypes.c_float(period), (ctypes.c_float * 8)(*numbers))
+
+    assert (asked(0.02, eight), asked(0.01, eight), asked(np.nan, eight)) == (0, 1, 1)
+    assert [asked(0.02, eight + (0.01 + 0.01 * eight) * (np.arange(8) == at)) for at in range(8)] == [1] * 8
+
+
+def functions(x, y):
+    """All elementary functions of two arrays, whose results are numbers."""
+    xp = namespace(x)
+    names = "abs sign floor round sin cos tanh exp expm1 square"
+    of_one = [getattr(xp, each)(x) for each in names.split()]
+    safe = xp.abs(x)
+    of_one += [xp.sqrt(safe), xp.log(safe + 1e-30), xp.log1p(safe), x**3, -x, xp.clip(x, -1.0, 2.0)]
+    pairs = [xp.atan2(x, y), xp.maximum(x, y), xp.minimum(x, y), x + y, x - y, x * y, x / (y + 1e-3)]
+    both = (x < y) & (x <= 0.5) | ~(y > x) & (x >= -1.0) | (x == y) & (x != 1.0)
+    return xp.stack([*of_one, *pairs, xp.where(both, x, y), xp.where(both, 1.0, 0.0 * x)], axis=-1)
+
+
+def through_c(folder, outputs):
+    """Compile symbols of the input "plate" as a function, plate → numbers; without the guard, which refuses some."""
+    facts = {"title": "", "made": "", "period_s": 0.02, "limits": [0.0] * 8, "robot": ""}
+    examples = [*example_decisions(made("no-lead")[0], 1)]
+    for path, text in print_c(Decision(outputs, outputs[:2], True), facts, folder / "f.c", examples).items():
+        path.write_text(re.sub(r"return hold\(.*\);", ";", text.decode()))
+    subprocess.run(["cc", "-std=c99", "-O0", "-shared", "-fPIC", "f.c", "-o", "f.so", "-lm"], cwd=folder, check=True)
+    function = ctypes.CDLL(folder / "f.so").f_decide
+
+    def call(*values):
+        memory, seen = (ctypes.c_float * (len(outputs) + 3))(), np.zeros(15, np.float32)
+        seen[11 : 11 + len(values)] = values
+        function(memory, seen.tobytes(), (ctypes.c_float * 2)(), ctypes.byref(ctypes.c_int()))
+        return np.array(memory[: len(outputs)])
+
+    return call
+
+
+@gcc
+def test_elementary_functions_are_those_of_numpy_in_c_onnx_and_jax(tmp_path, quick_jit):
+    x = Trace().inputs("plate", (3,))
+    outputs = scalars_of(functions(x[..., 0], x[..., 1]))
+    edges = [0.0, -0.0, 1e-40, 1e-8, 0.5, -0.5, 1.5, 2.5, -2.5, 1.0, -1.0, 3.1415927, 80.0, -80.0, 1e5, -1e5]
+    x, y = (each.reshape(-1) for each in np.meshgrid(*[np.float32(edges)] * 2))
+    with np.errstate(all="ignore"):
+        expected, call = functions(x, y), through_c(tmp_path, outputs)
+    assert_allclose([call(*each) for each in zip(x, y, strict=True)], expected, rtol=2e-6, atol=1e-37)
+    assert np.isnan(call(np.nan, 1.0)[[1, 16, 17, 18]]).all()  # as NumPy
+    normal = np.all(np.abs([x, y]) != np.float32(1e-40), axis=0)  # which JAX takes for zero
+    assert_allclose(quick_jit(functions)(x, y)[normal], expected[normal], rtol=2e-5, atol=1e-6)
+    runtime = pytest.importorskip("onnxruntime")
+    session = runtime.InferenceSession(print_onnx(Decision(outputs, outputs[:2], True), {}))
+    types = {"tensor(float)": np.float32, "tensor(bool)": bool}
+    given = {each.name: np.zeros(each.shape, types[each.type]) for each in session.get_inputs()}
+    plates = np.stack([x, y, 0.0 * x], axis=-1)
+    found = [session.run(["next_memory"], given | {"plate": each})[0] for each in plates]
+    assert_allclose(found, expected, rtol=2e-5, atol=1e-6)
+
+
+class Pair(NamedTuple):
+    one: Any
+    other: Any
+
+
+@gcc
+def test_a_fold_over_frames_and_a_repetition_are_loops_that_give_what_numpy_gives(tmp_path):
+    def total(places):
+        begun = Pair(0.0 * places[..., 0, 0], 0.0 * places[..., 0, 1])
+        state = fold(lambda s, p: Pair(s.one * 0.5 + p[..., 0], s.other - p[..., 1] * s.one), begun, places, 0)
+        return repeat(lambda s: Pair(s.other, s.one + s.other), 5, state)
+
+    place, places = np.float32([0.3, -0.2, 0.7]), np.float32([[1.0, 2.0, 3.0], [0.5, 0.1, 0.2], [2.0, 0.3, 0.4]])
+    symbols = Trace().inputs("plate", (3,))[None] * places
+    outputs = scalars_of(total(symbols))
+    assert sum(isinstance(each, tuple) for each in schedule(outputs)) == 2
+    assert_allclose(through_c(tmp_path, outputs)(*place), scalars_of(total(place * places)), rtol=1e-6)
+
+
+class Own(NamedTuple):
+    """A controller of one's own, of one line."""
+
+    turn: Any
+
+    def reset(self, seen, truth=None):
+        return 0.0 * seen.command
+
+    def step(self, state, seen):
+        return state, aim(self.turn(seen.command))
+
+
+REFUSED = {
+    "it needs where or select": lambda angle: angle if angle[..., 0] > 0.0 else 0.0 * angle,
+    "a power of 0.5 can't be traced": lambda angle: abs(angle) ** 0.5,
+    "cosh can't be traced, only absolute, add": lambda angle: np.cosh(angle),
+}
+
+
+@pytest.mark.parametrize("complaint", REFUSED)
+def test_a_controller_whose_formulas_can_not_be_traced_is_refused(complaint):
+    own = Gated(Own(REFUSED[complaint]), PAPER.command_limits(TASK), 0.02)
+    with pytest.raises(TypeError, match=complaint):
+        trace_decision(own)
+
+
+def test_what_can_not_be_exported_is_refused_and_nothing_is_written(tmp_path, refused, monkeypatch):
+    (mine := tmp_path / "mine.c").write_text("int main(void) {}")
+    trained = policy("history", PAPER)
+    refused("expected a name that ends with .c or .onnx", export, trained, tmp_path / "policy.txt")
+    refused("mine.c: was not written by this; name another file", export, trained, mine)
+    refused("was trained for another robot than infantry", export, trained, tmp_path / "a.c", INFANTRY)
+    refused("oracle knows the target's path", export, "oracle", tmp_path / "a.c")
+    refused("kalman-lq is not tuned for paper and the task any; evaluate", export, "kalman-lq", tmp_path / "a.c")
+    refused("perhaps you meant kalman", export, "kalmn", tmp_path / "a.c")
+    near = TASK.replace(command_limit="los-2deg")
+    refused("as no robot knows; take gate or box", export, "no-lead", tmp_path / "a.c", PAPER, near)
+    monkeypatch.setattr("archerfish2.export.export.LARGEST", -1.0)
+    if shutil.which("cc"):
+        refused("differs by .* rad from NumPy; nothing is written", export, trained, tmp_path / "a.c")
+    assert [each.name for each in tmp_path.iterdir()] == ["mine.c"]
+
+
+def test_without_compiler_or_onnx_it_is_said_what_was_not_checked(tmp_path, refused, monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    for end in (".c", ".onnx"):
+        report = af.export("kalman", tmp_path / f"lq{end}", task="paper")
+        assert report.headline == f"lq{end} is written, but was not compared with NumPy."
+        assert "install a C compiler or ONNX Runtime" in report.next_steps[0]
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    refused("the package onnx is not installed", export, "kalman", tmp_path / "x.onnx", task="paper")
+
+
+@gcc
+def test_the_command_exports_with_the_settings_that_the_folder_holds(tmp_path, monkeypatch, capsys, refused):
+    monkeypatch.setattr("archerfish2.evaluation.tuning.rates", lambda *_: lambda each: 0.5 - each.smoothing)
+    INFANTRY.save(tmp_path)
+    robot = af.Robot.load(tmp_path)
+    tuning = af.tune("kalman-lq", robot, TASK)
+    main(["export", str(tmp_path), "--controller", "kalman-lq", "--task", "paper", "--out", str(tmp_path / "lq.c")])
+    assert "lq.c decides as kalman-lq does in NumPy." in capsys.readouterr().out
+    text = (tmp_path / "lq.c").read_text()
+    af.export("kalman-lq", tmp_path / "lq.c", robot, "paper", tuning)
+    assert (tmp_path / "lq.c").read_text() == text
+    policy("tracked", robot).save(tmp_path / "policy" / "policy.safetensors")
+    main(["export", str(tmp_path)])
+    assert {each.name for each in tmp_path.glob("policy.*")} == {"policy.c", "policy.h"}
+    (tmp_path / "tuning.json").write_text('{"tunings": [{"controller": "kalman-lq"}]}')
+    refused("tuning.json: is not as evaluate leaves it", export, "kalman-lq", tmp_path / "lq.c", robot, TASK)
