@@ -102,12 +102,17 @@ EDGES = [0.0, -0.0, 1e-42, -1e-42, 1.0, -3.0, 0.02, 1e3, -1e30, 1e30, 3e38, np.n
 
 @gcc
 @pytest.mark.parametrize("name", ["multimodel", "kalman-lq"])
-def test_no_input_gives_a_command_that_is_not_finite_or_out_of_range(exported, name):
+def test_no_input_gives_a_command_that_is_not_finite_or_out_of_range(exported, name, monkeypatch):
     gated, _, _ = made(name)
-    decide, rng = exported(name)[1], np.random.default_rng(8)
+    monkeypatch.setattr(check, "FLAGS", STRICT)
+    decide, rng = check.c_decision(exported(name)[0], 300), np.random.default_rng(8)
     (usual, _), *_ = example_decisions(gated, 1)
     low, high = (np.float32(each) for each in (gated.limits.low, gated.limits.high))
-    last, statuses = np.zeros(2), []
+    wrong = usual | {"elapsed": np.float32(np.nan), "command": np.float32([0.1, 9.0])}
+    command, fire, status = decide(wrong)
+    assert (command.tolist(), fire, status) == ([np.float32(0.1), high[1]], False, 1)  # in force, within the range
+    assert decide(usual | {"found": np.asarray(False)})[1:] == (False, 0)  # no plate was seen yet
+    last, statuses = decide(usual)[0], []
     for _ in range(5000):
         given = {key: value if rng.random() < 0.7 else 0.0 * value for key, value in usual.items() if key != "found"}
         for key in rng.choice([*given], rng.integers(0, 3)):
@@ -148,13 +153,13 @@ def run(folder, words):
 
 
 @gcc
-def test_the_programs_of_the_page_run_and_two_files_go_into_one(exported, tmp_path):
+def test_the_programs_of_the_page_run_and_two_files_go_into_one(exported, tmp_path, monkeypatch):
     path, *_ = exported("history")
     for end in (".c", ".h"):
         text = path.with_suffix(end).read_text()
         (tmp_path / f"policy{end}").write_text(text.replace("history", "policy").replace("HISTORY", "POLICY"))
     first, second = (re.search(rf"```{kind}\n(.*?)```", PAGE, re.DOTALL)[1] for kind in ("c", "cpp"))
-    assert (first.count("\n"), second.count("\n")) < (13, 45)
+    assert (first.count("\n"), second.count("\n")) < (11, 36)
     (tmp_path / "main.c").write_text(first)
     (tmp_path / "main.cpp").write_text(second)
     warnings = ["-Wall", "-Wextra", "-Wconversion", "-Werror"]
@@ -166,6 +171,11 @@ def test_the_programs_of_the_page_run_and_two_files_go_into_one(exported, tmp_pa
         pitch, yaw = map(float, run(tmp_path, words).split())
         assert 0.02 < yaw < 0.3
         assert abs(pitch) < 0.3
+    if pytest.importorskip("onnxruntime"):
+        monkeypatch.chdir(tmp_path)
+        Path("policy.onnx").write_bytes(print_onnx(trace_decision(made("history")[0]), {}))
+        exec(re.search(r"```python\n(.*?)```", PAGE, re.DOTALL)[1], found := {})
+        assert_allclose(found["command"], [float(each) for each in printed[3:]], atol=5e-3)
     other, *_ = exported("no-lead")
     both = "int main(void) { return policy_self_test() + no_lead_self_test(); }"
     (tmp_path / "both.c").write_text(f'#include "policy.h"\n#include "no_lead.h"\n{both}')
@@ -182,7 +192,8 @@ def test_check_compares_the_contract(exported):
         return library.no_lead_check(ctypes.c_float(period), (ctypes.c_float * 8)(*numbers))
 
     assert (asked(0.02, eight), asked(0.01, eight), asked(np.nan, eight)) == (0, 1, 1)
-    assert [asked(0.02, eight + (0.01 + 0.01 * eight) * (np.arange(8) == at)) for at in range(8)] == [1] * 8
+    wrong = (eight + (0.01 + 0.01 * eight) * (np.arange(8) == at) for at in range(8))
+    assert [asked(0.02, each) for each in wrong] == [*range(2, 10)]
 
 
 def functions(x, y):
@@ -207,7 +218,7 @@ def through_c(folder, outputs):
     function = ctypes.CDLL(folder / "f.so").f_decide
 
     def call(*values):
-        memory, seen = (ctypes.c_float * (len(outputs) + 3))(), np.zeros(15, np.float32)
+        memory, seen = (ctypes.c_float * (len(outputs) + 5))(), np.zeros(15, np.float32)
         seen[11 : 11 + len(values)] = values
         function(memory, seen.tobytes(), (ctypes.c_float * 2)(), ctypes.byref(ctypes.c_int()))
         return np.array(memory[: len(outputs)])
@@ -285,10 +296,21 @@ def test_what_can_not_be_exported_is_refused_and_nothing_is_written(tmp_path, re
     (mine := tmp_path / "mine.c").write_text("int main(void) {}")
     trained = policy("history", PAPER)
     refused("expected a name that ends with .c or .onnx", export, trained, tmp_path / "policy.txt")
-    refused("mine.c: was not written by this; name another file", export, trained, mine)
-    refused("was trained for another robot than infantry", export, trained, tmp_path / "a.c", INFANTRY)
+    refused("mine.c: was not written by export; name another file", export, trained, mine)
+    refused(
+        "was trained in other records than infantry's; name its folder, or train",
+        export,
+        trained,
+        tmp_path / "a.c",
+        INFANTRY,
+    )
     refused("oracle knows the target's path", export, "oracle", tmp_path / "a.c")
-    refused("kalman-lq is not tuned for paper and the task any; evaluate", export, "kalman-lq", tmp_path / "a.c")
+    refused(
+        "kalman-lq is not tuned for paper and this task; run archerfish2 evaluate FOLDER --task any",
+        export,
+        "kalman-lq",
+        tmp_path / "a.c",
+    )
     refused("perhaps you meant kalman", export, "kalmn", tmp_path / "a.c")
     near = TASK.replace(command_limit="los-2deg")
     refused("as no robot knows; take gate or box", export, "no-lead", tmp_path / "a.c", PAPER, near)
@@ -322,6 +344,9 @@ def test_the_command_exports_with_the_settings_that_the_folder_holds(tmp_path, m
     assert (tmp_path / "lq.c").read_text() == text
     policy("tracked", robot).save(tmp_path / "policy" / "policy.safetensors")
     main(["export", str(tmp_path)])
+    with pytest.raises(SystemExit, match="2"):
+        main(["export", "--out", str(tmp_path / "none.c")])
+    assert "runs/train: no such policy; train it" in capsys.readouterr().err
     assert {each.name for each in tmp_path.glob("policy.*")} == {"policy.c", "policy.h"}
     (tmp_path / "tuning.json").write_text('{"tunings": [{"controller": "kalman-lq"}]}')
     refused("tuning.json: is not as evaluate leaves it", export, "kalman-lq", tmp_path / "lq.c", robot, TASK)

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import tyro
 
+from archerfish2.controllers.registry import NAMES
+from archerfish2.errors import InputError
 from archerfish2.export.export import export
 
 
@@ -32,10 +34,13 @@ class Export:
     task: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "any"
     """Decision period and command limit, and what a classical controller is tuned for; a policy has its own."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
-    """What to write, NAME.c or NAME.onnx; policy.c in ROBOT, or here."""
+    """What to write, NAME.c or NAME.onnx; policy.c, or the controller's name, in ROBOT, or here."""
 
     def run(self) -> None:
         """Export, print."""
         controller = self.controller or str(self.robot / "policy" if self.robot else Path("runs/train"))
-        out = self.out or (self.robot or Path()) / "policy.c"
+        if not self.controller and not Path(controller).exists():
+            raise InputError(f"{controller}: no such policy; train it, or name --controller")
+        stem = controller.replace("-", "_") if controller in NAMES else "policy"
+        out = self.out or (self.robot or Path()) / f"{stem}.c"
         print(export(controller, out, robot=self.robot, task=self.task))  # noqa: T201

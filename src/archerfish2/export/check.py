@@ -45,7 +45,7 @@ def c_decision(source: Path, memory: int) -> Decide | None:
     loaded, name = ctypes.CDLL(str(library)), prefix(source)
     if failed := loaded[f"{name}_self_test"]():
         raise InputError(f"{source.name}: decision {failed} of its self-test is not that of NumPy; report it")
-    kept, command, fire = (ctypes.c_float * (memory + 3))(), (ctypes.c_float * 2)(), ctypes.c_int()
+    kept, command, fire = (ctypes.c_float * (memory + 5))(), (ctypes.c_float * 2)(), ctypes.c_int()
     loaded[f"{name}_reset"](kept)
 
     def decide(given: Mapping[str, Array]) -> tuple[Array, bool, int]:

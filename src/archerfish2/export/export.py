@@ -88,7 +88,7 @@ def export(
         raise InputError(f"{path}: differs by {checked[DIFFERENCE]:.2g} rad from NumPy; nothing is written, report it")
     for each in files:
         if each.exists() and MARK.encode() not in each.read_bytes():
-            raise file_error(each, "was not written by this", "name another file, or remove it")
+            raise file_error(each, "was not written by export", "name another file, or remove it")
     for each, content in files.items():
         write_bytes(each, content)
     sizes = {f"{each.name} [KiB]": round(len(content) / 1024) for each, content in files.items()}
@@ -104,7 +104,7 @@ def _controller(given: Any, robot: Robot, task: Task | str, tuning: Tuning | Non
         given = Policy.load(given)
     if isinstance(given, Policy) and given.facts is not None:
         if given.facts.robot != robot.record_digests():
-            raise InputError(f"the policy was trained for another robot than {robot.name}; name that robot's folder")
+            raise InputError(f"the policy was trained in other records than {robot.name}'s; name its folder, or train")
         return "policy", given, given.facts.task
     task, name = task if isinstance(task, Task) else Task.load(task), given if isinstance(given, str) else ""
     if name == "oracle":
@@ -125,5 +125,5 @@ def _kept_tuning(name: str, robot: Robot, task: Task) -> Tuning:
                 return convert(each["tuning"], Tuning)
     except (KeyError, TypeError, ValidationError) as error:
         raise file_error(path, f"is not as evaluate leaves it ({error})", "remove it and evaluate again") from error
-    remedy = f'evaluate "{name}" there first, or give tuning=archerfish2.tune("{name}", robot, task)'
-    raise InputError(f"{name} is not tuned for {robot.name} and the task {task.name or task.motion}; {remedy}")
+    words = f"archerfish2 evaluate {robot.folder or 'FOLDER'} --task {task.name} --controllers {name}"
+    raise InputError(f"{name} is not tuned for {robot.name} and this task; run {words}, or give tuning")
