@@ -112,6 +112,11 @@ def test_no_input_gives_a_command_that_is_not_finite_or_out_of_range(exported, n
     command, fire, status = decide(wrong)
     assert (command.tolist(), fire, status) == ([np.float32(0.1), high[1]], False, 1)  # in force, within the range
     assert decide(usual | {"found": np.asarray(False)})[1:] == (False, 0)  # no plate was seen yet
+    far = usual | {"base_yaw": np.float32(1.0), "elapsed": np.float32(0.02), "plate": np.float32([-1.0, 3.0, 0.0])}
+    command = usual["command"]
+    for _ in range(80):
+        command = decide(far | {"command": command, "angle": command})[0]
+    assert high[1] < command[1] <= high[1] + 1.0  # the range of the yaw turns with the base
     last, statuses = decide(usual)[0], []
     for _ in range(5000):
         given = {key: value if rng.random() < 0.7 else 0.0 * value for key, value in usual.items() if key != "found"}
@@ -128,6 +133,7 @@ def test_no_input_gives_a_command_that_is_not_finite_or_out_of_range(exported, n
         last = command
     assert 0.05 < np.mean(statuses) < 0.7
     # However absurd what came before, it decides again.
+    decide(usual | {"frame_age": np.float32(1e4), "found": np.asarray(True)})
     assert [decide(given)[2] for given, _ in example_decisions(gated, 9)][3:] == [0] * 6
 
 
@@ -145,6 +151,23 @@ def test_commands_keep_rate_and_acceleration_while_the_target_jumps(exported, na
     rates = np.diff(np.array(commands[1:], np.float64), axis=0) / 0.02
     assert np.all(np.abs(rates) <= gated.limits.max_rate + 5e-3)
     assert np.all(np.abs(np.diff(rates[1:], axis=0)) / 0.02 <= gated.limits.max_acceleration * 1.01)
+
+
+@gcc
+def test_the_first_decision_does_not_ask_how_much_time_passed_and_a_self_test_finds_what_is_wrong(
+    exported, tmp_path, monkeypatch, refused
+):
+    monkeypatch.setattr(check, "FLAGS", STRICT)
+    path, (given, command), *_ = exported("kalman")[0], *example_decisions(made("kalman")[0], 1)
+    first = check.c_decision(path, 300)(given | {"elapsed": np.float32(5.0)})[0]
+    assert_allclose(first, command.angle, atol=1e-6)
+    (tmp_path / "kalman.h").write_text(path.with_suffix(".h").read_text())
+    text = path.read_text()
+    rows = text[text.index("expected[") :].split("\n")
+    pitch, yaw, fire = rows[3].strip(" {},").split(", ")
+    for wrong in (f"{float(pitch[:-1]) + 3e-4}f, {yaw}, {fire}", f"{pitch}, {yaw}, 0.0f"):
+        (tmp_path / "kalman.c").write_text(text.replace(rows[3], f"    {{{wrong}}},"))
+        refused("decision 3 of its self-test is not that of NumPy", check.c_decision, tmp_path / "kalman.c", 300)
 
 
 def run(folder, words):
@@ -297,6 +320,9 @@ def test_what_can_not_be_exported_is_refused_and_nothing_is_written(tmp_path, re
     trained = policy("history", PAPER)
     refused("expected a name that ends with .c or .onnx", export, trained, tmp_path / "policy.txt")
     refused("mine.c: was not written by export; name another file", export, trained, mine)
+    mine.rename(mine := tmp_path / "mine.h")
+    refused("mine.h: was not written by export", export, trained, tmp_path / "mine.c")
+    refused("without quotes", export, trained, tmp_path / 'a".c')
     refused(
         "was trained in other records than infantry's; name its folder, or train",
         export,
@@ -317,7 +343,7 @@ def test_what_can_not_be_exported_is_refused_and_nothing_is_written(tmp_path, re
     monkeypatch.setattr("archerfish2.export.export.LARGEST", -1.0)
     if shutil.which("cc"):
         refused("differs by .* rad from NumPy; nothing is written", export, trained, tmp_path / "a.c")
-    assert [each.name for each in tmp_path.iterdir()] == ["mine.c"]
+    assert [each.name for each in tmp_path.iterdir()] == ["mine.h"]
 
 
 def test_without_compiler_or_onnx_it_is_said_what_was_not_checked(tmp_path, refused, monkeypatch):
@@ -342,6 +368,10 @@ def test_the_command_exports_with_the_settings_that_the_folder_holds(tmp_path, m
     text = (tmp_path / "lq.c").read_text()
     af.export("kalman-lq", tmp_path / "lq.c", robot, "paper", tuning)
     assert (tmp_path / "lq.c").read_text() == text
+    lighter = robot.replace(muzzle=robot.muzzle.replace(speed=20.0))
+    lighter.save(tmp_path)
+    refused("kalman-lq is not tuned", export, "kalman-lq", tmp_path / "lq.c", af.Robot.load(tmp_path), TASK)
+    robot.save(tmp_path)
     policy("tracked", robot).save(tmp_path / "policy" / "policy.safetensors")
     main(["export", str(tmp_path)])
     with pytest.raises(SystemExit, match="2"):

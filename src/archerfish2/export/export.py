@@ -57,8 +57,8 @@ def export(
       InputError: if the controller can't be exported for this robot, or a file can't be written.
     """
     path = Path(path)
-    if path.suffix not in (".c", ".onnx"):
-        raise InputError(f"{path}: expected a name that ends with .c or .onnx; name it so")
+    if path.suffix not in (".c", ".onnx") or not path.name.isprintable() or '"' in path.name:
+        raise InputError(f"{path}: expected a name that ends with .c or .onnx, without quotes; choose such a name")
     robot = Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
     name, made, task = _controller(controller, robot, task, tuning)
     if task.command_limit == "los-2deg":
