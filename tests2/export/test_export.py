@@ -112,7 +112,7 @@ def test_no_input_gives_a_command_that_is_not_finite_or_out_of_range(exported, n
     command, fire, status = decide(wrong)
     assert (command.tolist(), fire, status) == ([np.float32(0.1), high[1]], False, 1)  # in force, within the range
     assert decide(usual | {"found": np.asarray(False)})[1:] == (False, 0)  # no plate was seen yet
-    far = usual | {"base_yaw": np.float32(1.0), "elapsed": np.float32(0.02), "plate": np.float32([-1.0, 3.0, 0.0])}
+    far = usual | {"base_yaw": np.float32(1.0), "elapsed": np.float32(0.02), "plate": np.float32([-3.0, 3.0, 0.0])}
     command = usual["command"]
     for _ in range(80):
         command = decide(far | {"command": command, "angle": command})[0]
