@@ -22,7 +22,7 @@ from archerfish2.controllers.policy import PolicyFacts
 from archerfish2.controllers.registry import make_controller, tuning_at
 from archerfish2.export import check, trace
 from archerfish2.export.c99 import print_c
-from archerfish2.export.decision import Decision, Gated, example_decisions, trace_decision
+from archerfish2.export.decision import Decision, Gated, example_decisions, seen_of, trace_decision
 from archerfish2.export.export import export
 from archerfish2.export.onnx import print_onnx
 from archerfish2.export.trace import Trace, scalars_of, schedule
@@ -236,7 +236,7 @@ def through_c(folder, outputs):
     facts = {"title": "", "made": "", "period_s": 0.02, "limits": [0.0] * 8, "robot": ""}
     examples = [*example_decisions(made("no-lead")[0], 1)]
     for path, text in print_c(Decision(outputs, outputs[:2], True), facts, folder / "f.c", examples).items():
-        path.write_text(re.sub(r"return hold\(.*\);", ";", text.decode()))
+        path.write_text(re.sub(r"return f_hold\(.*\);", ";", text.decode()))
     subprocess.run(["cc", "-std=c99", "-O0", "-shared", "-fPIC", "f.c", "-o", "f.so", "-lm"], cwd=folder, check=True)
     function = ctypes.CDLL(folder / "f.so").f_decide
 
@@ -251,7 +251,7 @@ def through_c(folder, outputs):
 
 @gcc
 def test_elementary_functions_are_those_of_numpy_in_c_onnx_and_jax(tmp_path, quick_jit):
-    x = Trace().inputs("plate", (3,))
+    x = Trace().like(np.zeros(3), "input", "plate")
     outputs = scalars_of(functions(x[..., 0], x[..., 1]))
     edges = [0.0, -0.0, 1e-40, 1e-8, 0.5, -0.5, 1.5, 2.5, -2.5, 1.0, -1.0, 3.1415927, 80.0, -80.0, 1e5, -1e5]
     x, y = (each.reshape(-1) for each in np.meshgrid(*[np.float32(edges)] * 2))
@@ -283,7 +283,7 @@ def test_a_fold_over_frames_and_a_repetition_are_loops_that_give_what_numpy_give
         return repeat(lambda s: Pair(s.other, s.one + s.other), 5, state)
 
     place, places = np.float32([0.3, -0.2, 0.7]), np.float32([[1.0, 2.0, 3.0], [0.5, 0.1, 0.2], [2.0, 0.3, 0.4]])
-    symbols = Trace().inputs("plate", (3,))[None] * places
+    symbols = Trace().like(np.zeros(3), "input", "plate")[None] * places
     outputs = scalars_of(total(symbols))
     assert sum(isinstance(each, tuple) for each in schedule(outputs)) == 2
     assert_allclose(through_c(tmp_path, outputs)(*place), scalars_of(total(place * places)), rtol=1e-6)
@@ -340,14 +340,14 @@ def test_what_can_not_be_exported_is_refused_and_nothing_is_written(tmp_path, re
     refused("perhaps you meant kalman", export, "kalmn", tmp_path / "a.c")
     near = TASK.replace(command_limit="los-2deg")
     refused("as no robot knows; take gate or box", export, "no-lead", tmp_path / "a.c", PAPER, near)
-    monkeypatch.setattr("archerfish2.export.export.LARGEST", -1.0)
+    monkeypatch.setattr("archerfish2.export.export.MOST", -1.0)
     if shutil.which("cc"):
         refused("differs by .* rad from NumPy; nothing is written", export, trained, tmp_path / "a.c")
     assert [each.name for each in tmp_path.iterdir()] == ["mine.h"]
 
 
 def test_without_compiler_or_onnx_it_is_said_what_was_not_checked(tmp_path, refused, monkeypatch):
-    monkeypatch.setattr(shutil, "which", lambda _: None)
+    monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     for end in (".c", ".onnx"):
         report = af.export("kalman", tmp_path / f"lq{end}", task="paper")
@@ -380,3 +380,35 @@ def test_the_command_exports_with_the_settings_that_the_folder_holds(tmp_path, m
     assert {each.name for each in tmp_path.glob("policy.*")} == {"policy.c", "policy.h"}
     (tmp_path / "tuning.json").write_text('{"tunings": [{"controller": "kalman-lq"}]}')
     refused("tuning.json: is not as evaluate leaves it", export, "kalman-lq", tmp_path / "lq.c", robot, TASK)
+
+
+def test_commands_that_are_no_numbers_are_found_by_the_comparison(refused, tmp_path):
+    class Late(NamedTuple):
+        zero: Any
+
+        def reset(self, seen, truth=None):
+            return 0.0 * seen.elapsed
+
+        def step(self, state, seen):
+            xp = namespace(state)
+            return state + 1.0, aim(xp.where(state > 50.0, float("nan"), 0.1) + 0.0 * seen.command)
+
+    for end in [".c"] * bool(shutil.which("cc")) + [".onnx"]:
+        refused("differs by nan rad from NumPy; nothing is written", export, Late(np.zeros(())), tmp_path / f"x{end}")
+
+
+def test_a_missed_decision_and_reductions_with_options_are_minded(refused):
+    gated, _, _ = made("no-lead")
+    (given, _), *_ = example_decisions(gated, 1)
+    state, commands = gated.reset(seen_of(given)), []
+    for elapsed in (0.0, *[0.02] * 5, 0.04, 0.02):
+        given |= {"elapsed": np.float32(elapsed), "plate": np.float32([2.0, 2.0, 0.0]), "angle": given["command"]}
+        state, command = gated.step(state, seen_of(given))
+        commands.append(command.angle)
+        given = given | {"command": command.angle}
+    rates = np.diff(np.array(commands, np.float64), axis=0) / 0.02
+    assert abs(rates[5, 1]) <= gated.limits.max_acceleration[1] * 0.02 * 1.01  # from a command that stood still
+    x = Trace().like(np.zeros(3), "input", "plate")
+    for wrong in (lambda: np.max(x, initial=0.5), lambda: np.sum(x, where=x > 0.0), lambda: np.add.accumulate(x)):
+        with pytest.raises(TypeError, match="with such options can't be traced"):
+            wrong()

@@ -10,8 +10,6 @@ import numpy as np
 from archerfish2.export.decision import FIELDS, Decision
 from archerfish2.export.printing import Printer, printed
 
-_ROW = 12  # numbers on a line of a table
-
 
 def c_number(value: Any) -> str:
     """Return a number as C has it, exact in float32."""
@@ -26,7 +24,7 @@ def c_number(value: Any) -> str:
 def table(values: Any) -> str:
     """Return numbers as the content of an array, some on a line."""
     texts = [c_number(each).strip("()") for each in np.asarray(values).reshape(-1)]
-    return ",\n  ".join(", ".join(texts[at : at + _ROW]) for at in range(0, len(texts), _ROW))
+    return ",\n  ".join(", ".join(texts[at : at + 12]) for at in range(0, len(texts), 12))
 
 
 def prefix(path: Path) -> str:

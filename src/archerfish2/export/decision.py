@@ -43,7 +43,8 @@ class Gated:
         inner, command = self.controller.step(state.inner, seen)
         turned = namespace(seen.command).stack([0.0 * seen.base.yaw, seen.base.yaw], axis=-1)
         limits = self.limits._replace(low=self.limits.low + turned, high=self.limits.high + turned)
-        rate = (seen.command - state.command) / self.period
+        # Where a decision was missed the command has stood still since.
+        rate = (seen.elapsed < 1.5 * self.period)[..., None] * (seen.command - state.command) / self.period
         angle = limit_command(limits, command.angle, seen.command, rate, 0.0 * turned, self.period)
         return GatedState(inner, seen.command), command._replace(angle=angle)
 
@@ -72,8 +73,9 @@ def trace_decision(gated: Gated) -> Decision:
       TypeError: if the controller's formulas can't be traced.
     """
     trace = Trace()
-    given = {name: trace.inputs(name, (n,) * (n > 1), name == "found") for name, n in FIELDS.items()}
-    first = trace.inputs("first", (), is_bool=True)
+    shapes = {name: np.zeros((n,) * (n > 1), bool if name == "found" else float) for name, n in FIELDS.items()}
+    given = {name: trace.like(each, "input", name) for name, each in shapes.items()}
+    first = trace.like(np.asarray(True), "input", "first")
     seen = seen_of(given | {"elapsed": namespace(first).where(first, 0.0, given["elapsed"])})
     begun = gated.reset(seen)
     state, command = gated.step(select(first, begun, trace.like(begun, "input", "memory")), seen)

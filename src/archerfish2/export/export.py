@@ -10,7 +10,7 @@ from archerfish2.controllers.policy import Policy
 from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, make_controller
 from archerfish2.errors import InputError, file_error
 from archerfish2.export.c99 import print_c
-from archerfish2.export.check import DIFFERENCE, c_decision, compared, onnx_decision
+from archerfish2.export.check import DIFFERENCE, SHARE, c_decision, compared, onnx_decision
 from archerfish2.export.decision import Gated, example_decisions, trace_decision
 from archerfish2.export.onnx import print_onnx
 from archerfish2.paper.conditions import paper_tuning
@@ -19,13 +19,13 @@ from archerfish2.records.json_files import decode, read_json
 from archerfish2.reports.report import Report
 from archerfish2.reports.table import Table
 from archerfish2.robot import Robot
-from archerfish2.storage import write_bytes
+from archerfish2.storage import check_regular, write_bytes
 from archerfish2.task import Task
 
 MARK = "Made by Archerfish"
 """In every file that this writes: what has it may be replaced."""
-LARGEST = 5e-5
-"""Difference of a command from NumPy's that is taken as rounding [rad]."""
+MOST = 1.0
+"""Share of the decisions that may differ by more than rounding, where a choice between hypotheses turns [%]."""
 EXAMPLES = 24  # decisions of the self-test
 UNCHECKED = "To compare it, install a C compiler or ONNX Runtime; a C file's self-test does the same on the robot."
 
@@ -66,7 +66,7 @@ def export(
     gated = Gated(made, robot.command_limits(task), task.period_s)
     try:
         decision = trace_decision(gated)
-    except TypeError as error:
+    except (TypeError, ValueError, AttributeError, IndexError) as error:
         raise InputError(f"{name} can't be exported: {error}; see docs2/export.md") from error
     facts = {
         "title": f"{name}: a decision every {1e3 * task.period_s:g} ms for the robot {robot.name}",
@@ -84,9 +84,10 @@ def export(
     else:
         files = {path: print_onnx(decision, facts)}
         checked = compared(onnx_decision(files[path]), gated)
-    if not checked.get(DIFFERENCE, 0.0) <= LARGEST:
+    if not checked.get(SHARE, 0.0) <= MOST:
         raise InputError(f"{path}: differs by {checked[DIFFERENCE]:.2g} rad from NumPy; nothing is written, report it")
     for each in files:
+        check_regular(each)
         if each.exists() and MARK.encode() not in each.read_bytes():
             raise file_error(each, "was not written by export", "name another file, or remove it")
     for each, content in files.items():
@@ -100,7 +101,8 @@ def export(
 
 def _controller(given: Any, robot: Robot, task: Task | str, tuning: Tuning | None) -> tuple[str, Any, Task]:
     """Return a name, the controller and its task."""
-    if isinstance(given, str | Path) and str(given) not in NAMES and Path(given).exists():
+    given = str(given) if isinstance(given, Path) else given
+    if isinstance(given, str) and given not in NAMES and not given.endswith(".py") and Path(given).exists():
         given = Policy.load(given)
     if isinstance(given, Policy) and given.facts is not None:
         if given.facts.robot != robot.record_digests():
@@ -119,7 +121,7 @@ def _kept_tuning(name: str, robot: Robot, task: Task) -> Tuning:
         return Tuning(**paper_tuning(task.command_limit)[name])
     path = Path(robot.folder or "") / "tuning.json"
     try:
-        for each in read_json(path)["tunings"] if robot.folder and path.is_file() else ():
+        for each in reversed(read_json(path)["tunings"]) if robot.folder and path.is_file() else ():
             known = each["controller"], each["robot"], convert(each["task"], Task, dec_hook=decode)
             if known == (name, robot.digest(), task.replace(name="")):
                 return convert(each["tuning"], Tuning)

@@ -37,9 +37,8 @@ def print_onnx(decision: Decision, facts: Mapping[str, Any]) -> bytes:
     content = {"indices": lambda *numbers: constant(np.array(numbers)), "pair": lambda *at: constant(np.array([at]))}
     text = printed("decision.onnx.jinja", printer, decision, {**content, "zero": printer.number(0.0)})
     model = onnx.parser.parse_model(text)
-    tables = [(f"table_{at}", table) for at, table in enumerate(printer.tables)]
-    made = [onnx.numpy_helper.from_array(array, name) for name, array in [*constants.values(), *tables]]
-    model.graph.initializer.extend(made)
+    constants |= {at: (f"table_{at}", table) for at, table in enumerate(printer.tables)}
+    model.graph.initializer.extend(onnx.numpy_helper.from_array(array, name) for name, array in constants.values())
     onnx.helper.set_model_props(model, {name: str(value) for name, value in facts.items()})
     onnx.checker.check_model(model)
     return bytes(model.SerializeToString())

@@ -7,7 +7,6 @@ print.
 """
 
 import functools
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,8 +22,6 @@ OPERATIONS = f"{_BOOLEAN} {_NUMERIC} {_FUNCTIONS}".split()
 """All operations on scalars, by the names of NumPy's functions; the first ones give what is true or false."""
 _OTHER_NAMES = {"bitwise_and": "logical_and", "bitwise_or": "logical_or", "invert": "logical_not", "rint": "round"}
 _NEUTRAL = {"add": 0.0, "subtract": 0.0, "multiply": 1.0, "divide": 1.0}
-_LARGE = 64
-"""Entries from which a constant matrix stays one."""
 
 
 class Symbol:
@@ -92,10 +89,6 @@ class Trace:
         if key not in self.made:
             self.made[key] = Symbol(self, operation, arguments, is_bool)
         return self.made[key]
-
-    def inputs(self, name: str, shape: tuple[int, ...], is_bool: bool = False) -> Any:
-        """Return an array of inputs."""
-        return traced([self.symbol("input", name, at, is_bool=is_bool) for at in range(math.prod(shape))], shape)
 
     def like(self, tree: Any, operation: str, *of: Any) -> Any:
         """Return a tree of new symbols in the shapes of another one, numbered through all its arrays."""
@@ -179,7 +172,7 @@ def _reduced(function: Callable[..., Any], array: Any, axis: Any = 0, keepdims: 
 
 
 def _matrix_product(one: Any, other: Any) -> Any:
-    if not isinstance(other, Traced) and other.ndim == 2 and other.size >= _LARGE:
+    if not isinstance(other, Traced) and other.ndim == 2 and other.size >= 64:  # else it becomes scalars
         return _NAMESPACE.network([(other, np.zeros(other.shape[1]))], one)
     if other.ndim == 1:
         return (one * other).sum(axis=-1)
@@ -197,7 +190,8 @@ class Traced(np.ndarray[Any, Any]):
         """Apply one of NumPy's universal functions to each scalar, or along axes."""
         if ufunc is np.matmul:
             return _matrix_product(*inputs)
-        function = _operation(ufunc.__name__)
+        whole = method in ("__call__", "reduce") and options.get("where", True) is True and "initial" not in options
+        function = _operation(ufunc.__name__ if whole else f"{ufunc.__name__}.{method} with such options")
         return _each(function, *inputs) if method == "__call__" else _reduced(function, *inputs, **options)
 
     def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
