@@ -166,6 +166,8 @@ def appended(content, name, member, size=None):
     return archive.getvalue()
 
 
+# The type of an array's elements, at byte 185, is none.
+CRASHING = (SOUND := mat(time_s=T, u=U, y=Y))[:185] + b"\x10" + SOUND[186:]
 CLAIM = file_of(np.lib.format.write_array_header_1_0, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
 SIGNALS = np.column_stack([U, Y])
 ARRAYS = {
@@ -187,7 +189,8 @@ REFUSED |= {
     "a matrix": (npz(time_s=T, u=SIGNALS, y=Y), "no-column", r'shape \(40, 2\), expected one column; .*"u\[0\]"'),
     "an infinite element": (npz(time_s=T, u=U, y=np.where(T == 0.05, np.inf, Y)), "infinite", 'row 6: "y" is inf'),
     "half of MATLAB": (mat(time_s=T, u=U, y=Y)[:-200], "damaged", "is damaged"),
-    "a cell": (mat(time_s=T, u=U, y=np.array([Y, U[:3]], dtype=object)), "not-a-number", '"y" is of type object'),
+    "a cell": (mat(time_s=T, u=U, y=np.array([Y, U[:3]], dtype=object)), "damaged", "has objects"),
+    "a bit of MATLAB that crashes its reader": (CRASHING, "damaged", "is damaged.*the reader crashed"),
     "complex numbers": (mat(time_s=T, u=U, y=Y + 1j), "not-a-number", "of type complex"),
     "MATLAB 7.3": (b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM", "unknown-format", "save it with -v7"),
 }

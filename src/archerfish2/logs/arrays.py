@@ -1,8 +1,9 @@
 """Logs in array files: NumPy's .npz and MATLAB's .mat; nothing in them is ever executed."""
 
 import io
-import math
 import re
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,13 @@ from archerfish2.logs.recording import Values
 from archerfish2.logs.table import MAX_BYTES, LogTable, listed, log_fault
 
 _COLUMN = re.compile(r"(.+)\[(\d{1,9})\]")
+_CONVERT = f"""import io, math, sys, warnings, numpy, scipy.io
+warnings.simplefilter("error")  # of a name that is there twice
+content = io.BytesIO(sys.stdin.buffer.read())
+if sum(8 * math.prod(shape) for _, shape, _ in scipy.io.whosmat(content)) > {MAX_BYTES}:
+    sys.exit("its arrays have more than {MAX_BYTES >> 20} MB")
+numpy.savez(sys.stdout.buffer, **{{k: v for k, v in scipy.io.loadmat(content).items() if k[:2] != "__"}})"""
+"""Program that turns a MATLAB file into an .npz file."""
 
 
 def read_array_file(path: Path, content: bytes, wanted: Sequence[str], *, matlab: bool) -> LogTable:
@@ -26,11 +34,11 @@ def read_array_file(path: Path, content: bytes, wanted: Sequence[str], *, matlab
       matlab: whether it is a MATLAB file.
 
     Raises:
-      InputError: if it is damaged, or an array is missing, there twice, too large, not of real
-        numbers, or of another length than the others.
+      InputError: if it is damaged, or an array is missing, there twice, too large, not of real numbers, or of another
+        length than the others.
     """
     try:
-        return _read(path, content, wanted, matlab)
+        return _read(path, _converted(content) if matlab else content, wanted)
     except InputError:
         raise
     except Exception as error:  # the readers raise whatever a damaged byte leads them to
@@ -38,15 +46,18 @@ def read_array_file(path: Path, content: bytes, wanted: Sequence[str], *, matlab
         raise log_fault(path, problem, "write the file again, its signals as arrays of numbers", "damaged") from error
 
 
-def _read(path: Path, content: bytes, wanted: Sequence[str], matlab: bool) -> LogTable:
-    """Read the arrays that have the wanted signals, each of which must be there once and fit into the memory."""
-    if matlab:
-        from scipy.io import loadmat, whosmat
+def _converted(content: bytes) -> bytes:
+    """Return an .npz file, by a process of its own: a damaged byte can crash SciPy's reader (scipy/scipy#25349)."""
+    done = subprocess.run([sys.executable, "-c", _CONVERT], input=content, capture_output=True, check=False)
+    if done.returncode:
+        raise ValueError(done.stderr.decode(errors="replace").strip().rpartition("\n")[2] or "the reader crashed")
+    return done.stdout
 
-        there = [(name, 8 * math.prod(shape)) for name, shape, _ in whosmat(io.BytesIO(content))]
-    else:
-        archive = np.load(io.BytesIO(content), allow_pickle=False)
-        there = [(each.filename.removesuffix(".npy"), each.file_size) for each in archive.zip.infolist()]
+
+def _read(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
+    """Read the arrays that have the wanted signals, each of which must be there once and fit into the memory."""
+    archive = np.load(io.BytesIO(content), allow_pickle=False)
+    there = [(each.filename.removesuffix(".npy"), each.file_size) for each in archive.zip.infolist()]
     names = [name for name, _ in there]
     found = {signal: None if signal in names else _COLUMN.fullmatch(signal) for signal in wanted}
     places = {signal: (each[1], int(each[2])) if each else (signal, None) for signal, each in found.items()}
@@ -59,9 +70,7 @@ def _read(path: Path, content: bytes, wanted: Sequence[str], matlab: bool) -> Lo
         if sizes[0] > MAX_BYTES:
             problem = f'array "{name}" unpacks to {sizes[0] >> 20} MB, expected at most {MAX_BYTES >> 20} MB'
             raise log_fault(path, problem, "cut the log into shorter ones", "too-large")
-    needed = list({name for name, _ in places.values()})
-    arrays = loadmat(io.BytesIO(content), variable_names=needed) if matlab else archive
-    columns = {signal: _column(path, name, arrays[name], column) for signal, (name, column) in places.items()}
+    columns = {signal: _column(path, name, archive[name], column) for signal, (name, column) in places.items()}
     if len(lengths := {len(values) for values in columns.values()}) > 1:
         problem = f"signals have {' and '.join(map(str, sorted(lengths)))} samples, expected one number"
         raise log_fault(path, problem, "store the signals of one log with one length", "length")

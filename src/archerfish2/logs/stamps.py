@@ -23,7 +23,8 @@ _WINDOW = 20  # samples within which late stamps are on time again, and over whi
 _FEWEST = 25  # samples of a part that is kept: what its starting state and the least order of an axis need
 _EVEN = 0.1  # of a period: departures from equal spacing that matter less than the rounding of common stamps
 _SMOOTHER = 0.7  # share of the outputs' roughness over their stamps, below which samples were taken evenly
-_COSTLY = 0.02  # of an output's standard deviation: what costs a fit up to 2 points
+_COSTLY, _OSCILLATING = 0.02, 0.1
+"""Differences of lines and curves through the samples, in standard deviations: one costs a fit up to 2 points."""
 _EARLY = 0.3  # of a period that a stamp may come before its place; it may come late by the rest
 Signals = tuple[tuple[str, ...], tuple[str, ...]]
 """Names of inputs and of outputs."""
@@ -186,7 +187,8 @@ def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], 
     lines = [_lines(place, part.outputs, edge[:-1]) for place, part, edge in pieces]
     spread, change = np.concatenate(lines).std(axis=0), np.concatenate(curves) - np.concatenate(lines)
     cost = float((np.sqrt(np.mean(change**2, axis=0)) / np.where(spread > 0, spread, 1)).max())
-    outputs = curves if cost <= _COSTLY else lines  # curves oscillate where samples are close to each other
+    # A line moves the response by part of a period; a curve through noisy samples that are close together oscillates.
+    outputs = curves if cost <= _OSCILLATING else lines
     message = (
         f"intervals are {steps.min():.4g} to {steps.max():.4g} s ({reason}), brought to {period:.4g} s; lines and "
     )
