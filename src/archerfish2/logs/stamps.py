@@ -189,10 +189,8 @@ def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], 
     cost = float((np.sqrt(np.mean(change**2, axis=0)) / np.where(spread > 0, spread, 1)).max())
     # A line moves the response by part of a period; a curve through noisy samples that are close together oscillates.
     outputs = curves if cost <= _OSCILLATING else lines
-    message = (
-        f"intervals are {steps.min():.4g} to {steps.max():.4g} s ({reason}), brought to {period:.4g} s; lines and "
-    )
-    message += f"curves through the samples differ by {cost:.2%} of an output's standard deviation"
+    message = f"intervals are {steps.min():.4g} to {steps.max():.4g} s ({reason}), brought to {period:.4g} s; lines "
+    message += f"and curves through the samples differ by {cost:.2%} of an output's standard deviation"
     finding = Finding("jitter", "warning" if cost > _COSTLY else "repaired", source, message, "log at equal intervals")
     inputs = [held_mean(place, part.inputs, edge) for place, part, edge in pieces]
     return [Rows(*each) for each in zip(times, inputs, outputs, strict=True)], period, [finding]
