@@ -1,0 +1,121 @@
+"""What a log becomes: recordings at equal intervals, and findings on what was repaired or may spoil an estimate."""
+
+import csv
+import io
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from archerfish2.errors import InputError
+from archerfish2.storage import write_bytes
+
+Values = NDArray[np.floating[Any]]
+
+
+class Finding(NamedTuple):
+    """What was found in a log. Faults that make it useless are raised as an `InputError` with the same codes."""
+
+    code: str  # short, stable name
+    severity: Literal["refused", "repaired", "warning"]  # what came of it
+    place: str  # the file, and the line or row in it
+    message: str  # what is there
+    remedy: str  # what to do about it
+    samples: int = 0  # that were left out
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What went into an axis and what came out, sampled at equal intervals without interruption.
+
+    Units are the log's own. An input is in force from its sample to the next one.
+
+    Raises:
+      InputError: if shapes disagree, a value is not finite, or there is no sample.
+    """
+
+    inputs: Values  # (N, m)
+    outputs: Values  # (N, p)
+    period_s: float  # sampling period [s]
+    start_s: float = 0.0  # time of the first sample, since that of its log [s]
+    input_names: tuple[str, ...] = ("u",)  # of the m inputs
+    output_names: tuple[str, ...] = ("y",)  # of the p outputs
+    source: str = "recording"  # where it comes from, for messages and titles
+
+    def __post_init__(self) -> None:
+        shapes = (len(self), len(self.input_names)), (len(self), len(self.output_names))
+        found = self.inputs.shape, self.outputs.shape
+        if found != shapes or 0 in (*found[0], *found[1]):
+            problem = (
+                f"shapes of inputs and outputs are {found[0]} and {found[1]}, expected {shapes[0]} and {shapes[1]}"
+            )
+            raise InputError(f"{self.source}: {problem}, not empty; check the arrays and their names")
+        if not (np.isfinite(self.inputs).all() and np.isfinite(self.outputs).all() and np.isfinite(self.start_s)):
+            raise InputError(f"{self.source}: has a value that is not finite; cut the recording there")
+        if not 0 < self.period_s < np.inf:
+            raise InputError(f"{self.source}: period_s is {self.period_s}, expected above 0 s; check the stamps")
+
+    def __len__(self) -> int:
+        return len(self.inputs)
+
+    @property
+    def time(self) -> Values:
+        """Time of each sample [s], shape (N,)."""
+        return np.asarray(self.start_s + self.period_s * np.arange(len(self)), dtype=np.float64)
+
+    @classmethod
+    def from_arrays(cls, u: ArrayLike, y: ArrayLike, period_s: float, **fields: Any) -> Self:
+        """Return a recording of signals in memory.
+
+        Args:
+          u: inputs, shape (N,) or (N, m).
+          y: outputs, shape (N,) or (N, p).
+          period_s: sampling period [s].
+          **fields: other fields of a recording, as input_names.
+
+        Raises:
+          InputError: if shapes disagree, or a value is not finite.
+        """
+        inputs, outputs = (np.array(each, dtype=np.float64) for each in (u, y))
+        inputs, outputs = (each[:, None] if each.ndim == 1 else each for each in (inputs, outputs))
+        return cls(inputs, outputs, float(period_s), **fields)
+
+    def slice(self, start: int, stop: int) -> Self:
+        """Return samples `start` to `stop`, the latter excluded, at their times.
+
+        Raises:
+          InputError: if the range is empty or reaches outside.
+        """
+        if not 0 <= start < stop <= len(self):
+            raise InputError(f"{self.source}: has no samples {start} to {stop}; give a range within 0 to {len(self)}")
+        inputs, outputs, begin = self.inputs[start:stop], self.outputs[start:stop], self.start_s + start * self.period_s
+        source = f"{self.source}[{start}:{stop}]"
+        return replace(self, inputs=inputs, outputs=outputs, start_s=begin, source=source)
+
+    def write_csv(self, path: str | Path, time: str = "time_s") -> None:
+        """Write a CSV file, from which `read_log` reads the same values.
+
+        Args:
+          path: of the file.
+          time: name of its column of stamps [s].
+
+        Raises:
+          InputError: if it can't be written.
+        """
+        rows = csv.writer(text := io.StringIO(), lineterminator="\n")
+        rows.writerow((time, *self.input_names, *self.output_names))
+        rows.writerows(np.column_stack([self.time, self.inputs, self.outputs]).tolist())
+        write_bytes(Path(path), text.getvalue().encode())
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A log that was read."""
+
+    recordings: tuple[Recording, ...]  # its uninterrupted stretches, at least one, with one sampling period
+    findings: tuple[Finding, ...]  # what was repaired, and what may spoil an estimate
+    samples: int  # rows of the source, those included that findings left out
+    source: str  # the file
+    sha256: str  # of its content

@@ -1,0 +1,247 @@
+"""Time stamps → equal intervals: a log is cut at gaps, and resampled where samples were not taken evenly.
+
+An input is in force from its sample on, an output is measured at its sample. So a missing input is held, a row without
+outputs is no sample, and over other intervals than those of the log inputs are averaged and outputs interpolated.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from archerfish2.logs.recording import Finding, Values
+from archerfish2.logs.table import LogTable, log_fault, time_unit
+
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_PLAUSIBLE_S, _USUAL_S = (1e-5, 0.5), (1e-4, 0.1)
+"""Periods that a gimbal is logged at, and those that are usual [s]."""
+_GAP = 3.0
+"""Interval in periods from which a log is cut: what happened within can't be known from its ends."""
+_WINDOW = 20  # samples within which late stamps are on time again, and over which an interval is measured
+_FEWEST = 25  # samples of a part that is kept: what its starting state and the least order of an axis need
+_EVEN = 0.1  # of a period: departures from equal spacing that matter less than the rounding of common stamps
+_SMOOTHER = 0.7  # share of the outputs' roughness over their stamps, below which samples were taken evenly
+_COSTLY, _OSCILLATING = 0.02, 0.1
+"""Differences of lines and curves through the samples, in standard deviations: one costs a fit up to 2 points."""
+_EARLY = 0.3  # of a period that a stamp may come before its place; it may come late by the rest
+Signals = tuple[tuple[str, ...], tuple[str, ...]]
+"""Names of inputs and of outputs."""
+
+
+class Rows(NamedTuple):
+    """Samples in order of time that have all signals."""
+
+    time: Values  # since the first one of the log [s], (N,)
+    inputs: Values  # (N, m)
+    outputs: Values  # (N, p)
+
+
+def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: float) -> tuple[Rows, list[Finding]]:
+    """Return the samples of a log, some rows of which may be without a stamp or some signals.
+
+    Args:
+      table: the log.
+      signals: names of inputs and of outputs.
+      time: name of the stamps, which may end with their unit; None where rows are `period_s` apart.
+      period_s: sampling period of a log without stamps [s].
+
+    Returns:
+      Its samples, and findings on what was held, left out or turned into seconds.
+
+    Raises:
+      InputError: if time runs backward or stands still, or fewer than two rows have all signals.
+    """
+    u, y = (np.column_stack([table.columns[name] for name in names]) for names in signals)
+    stamps, findings = (period_s * np.arange(len(u)), []) if time is None else _seconds(table, time)
+    _check_order(table, stamps, np.flatnonzero(~np.isnan(stamps)), strictly=False)
+    last = np.maximum.accumulate(np.where(np.isnan(u), 0, np.arange(len(u))[:, None]), axis=0)
+    held = np.column_stack([stamps, np.take_along_axis(u, last, axis=0)])
+    every = np.column_stack([held, y])
+    whole, repeated = ~np.isnan(every).any(axis=1), np.zeros(len(u), dtype=np.bool_)
+    rows = np.flatnonzero(whole)
+    repeated[rows[1:]] = (every[rows[1:]] == every[rows[:-1]]).all(axis=1)
+    held_at = whole & ~repeated & np.isnan(u).any(axis=1)
+    for code, found, message, remedy in (
+        ("missing-values", ~whole, "without a stamp, an output or an input so far left out", "log values in every row"),
+        ("time-duplicate", repeated, "that repeat the one before, stamp included, left out", "log each sample once"),
+        ("held-input", held_at, "without an input, whose last value was held", "log inputs in every row"),
+    ):
+        if count := int(found.sum()):
+            place, samples = table.place(int(np.argmax(found))), 0 if found is held_at else count
+            findings.append(Finding(code, "repaired", place, f"rows {message}: {count}", remedy, samples))
+    rows = np.flatnonzero(whole & ~repeated)
+    if rows.size < 2:
+        problem = f"rows with all signals: {rows.size}, expected 2 or more"
+        raise log_fault(table.source, problem, "log all signals together", "missing-values")
+    _check_order(table, stamps, rows, strictly=True)
+    inputs, known, steps = held[rows, 1:], np.flatnonzero(~np.isnan(held).any(axis=1)), np.diff(stamps[rows])
+    # Between some rows an input may have values of its own.
+    between = (np.diff(np.searchsorted(known, rows)) > 1) & (steps <= _GAP * np.median(steps))
+    if between.any():
+        inputs[:-1][between] = held_mean(stamps[known], held[known, 1:], stamps[rows])[between]
+    return Rows(stamps[rows] - stamps[rows[0]], inputs, y[rows]), findings
+
+
+def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
+    """Return the stamps in seconds, shape (N,), and what their unit was or may be."""
+    unit = time_unit(time)
+    stamps = table.columns[time] * _SECONDS[unit]
+    if unit != "s":
+        message = f'stamps "{time}" are in {unit}, as the name says, and were turned into seconds'
+        return stamps, [Finding("time-unit", "repaired", table.source, message, "nothing to do")]
+    steps = np.diff(stamps[~np.isnan(stamps)])
+    period = float(np.median(steps)) if steps.size else 0.0
+    if period <= 0 or _PLAUSIBLE_S[0] <= period <= _PLAUSIBLE_S[1]:
+        return stamps, []
+    units = [each for each, scale in _SECONDS.items() if _USUAL_S[0] <= scale * period <= _USUAL_S[1]]
+    remedy = " or ".join(f'if they are in {each}, name the column "time_{each}"' for each in units)
+    message = f'stamps "{time}" are {period:.4g} s apart, which no gimbal is logged at'
+    return stamps, [Finding("time-unit", "warning", table.source, message, remedy or "check the column")]
+
+
+def _check_order(table: LogTable, stamps: Values, rows: NDArray[np.int64], *, strictly: bool) -> None:
+    """Refuse stamps that go back or, if `strictly`, don't go on; those of several topics may be equal."""
+    steps = np.diff(stamps[rows])
+    bad = steps <= 1e-9 * max(1.0, float(np.median(steps))) if strictly else steps < 0
+    for index in np.flatnonzero(bad)[:1]:
+        problem = f"time {stamps[rows[index + 1]]:.12g} s does not come after {stamps[rows[index]]:.12g} s"
+        remedy = "log finer stamps, or pass sample_period_s instead" if strictly else "cut the log there into two"
+        code = "time-duplicate" if strictly else "time-backward"
+        raise log_fault(table.place(rows[index + 1]), problem, remedy, code)
+
+
+def uninterrupted(rows: Rows, source: str) -> tuple[list[Rows], list[Finding]]:
+    """Cut a log at its gaps.
+
+    Args:
+      rows: its samples.
+      source: the file, for messages.
+
+    Raises:
+      InputError: if no part is long enough.
+    """
+    steps, findings, remedy = np.diff(rows.time), [], "log without interruptions"
+    period = float(np.median(steps))
+    gaps = _gaps(rows.time, period)
+    if gaps.size:
+        message = f"gaps: {gaps.size}, the first {rows.time[gaps[0] - 1]:.4g} s after the start, of up to "
+        message += f"{steps[gaps - 1].max():.4g} s, where the period is {period:.4g} s; the log was cut there"
+        findings.append(Finding("gap", "repaired", source, message, remedy))
+    parts = [Rows(*each) for each in zip(*(np.split(signal, gaps) for signal in rows), strict=True)]
+    long = [each for each in parts if len(each.time) >= _FEWEST]
+    if not long:
+        problem = f"has at most {max(len(each.time) for each in parts)} samples without a gap, expected {_FEWEST}"
+        raise log_fault(source, problem, "record a longer log", "too-short")
+    if lost := len(rows.time) - sum(len(each.time) for each in long):
+        message = f"{lost} samples in parts of fewer than {_FEWEST} left out"
+        findings.append(Finding("short-piece", "repaired", source, message, remedy, lost))
+    return long, findings
+
+
+def _gaps(time: Values, period: float) -> NDArray[np.int64]:
+    """Return the first sample after each gap; after one that was only stamped late, the next ones follow at once."""
+    longer = np.diff(time) > _GAP * period
+    if not longer.any():
+        return np.flatnonzero(longer)
+    lateness = np.pad(time - period * np.arange(time.size), (0, _WINDOW), constant_values=np.inf)
+    least = sliding_window_view(lateness, _WINDOW + 1).min(axis=1)
+    return np.flatnonzero(longer & (np.diff(least) > (_GAP - 1) * period)) + 1
+
+
+def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], float, list[Finding]]:
+    """Bring the parts of a log to one sampling period; of their times the first alone counts then.
+
+    Samples were taken evenly where the stamps lie within a tenth of a period of a line, or where the outputs are
+    smoother over equal intervals than over their stamps, as those of a host are that stamps what it receives. Only
+    samples that were lost are interpolated then.
+
+    Args:
+      parts: its samples, without gaps.
+      source: the file, for messages.
+
+    Returns:
+      The parts, the period [s], and findings on what was resampled.
+    """
+    times = [each.time for each in parts]
+    counted: list[Values] = [np.arange(each.size, dtype=np.float64) for each in times]
+    if all(map(_is_even, times, counted)):
+        return list(parts), _period(times, counted), []
+    from scipy.interpolate import CubicSpline
+
+    longest = max(times, key=len)
+    width = min(_WINDOW, longest.size // 4)
+    interval = np.median(longest[width:] - longest[:-width]) / width  # few windows have a lost sample
+    exact = [(each - each[0]) / interval for each in times]
+    numbered, places, reason = [_numbers(each) for each in exact], exact, "resampled"
+    limit = _SMOOTHER * sum(map(_roughness, times, parts))
+    if all(map(_is_even, times, numbered)):
+        places, reason = numbered, "some samples are lost"
+    elif smoother := [each for each in (counted, numbered) if sum(map(_roughness, each, parts)) < limit]:
+        places, reason = smoother[0], "outputs are smooth at equal ones"
+    period, steps = _period(times, places), np.concatenate([np.diff(each) for each in times])
+    edges = [np.arange(int(each[-1] + 1e-9) + 2, dtype=np.float64) for each in places]
+    pieces = list(zip(places, parts, edges, strict=True))
+    curves = [CubicSpline(place, part.outputs)(edge[:-1]) for place, part, edge in pieces]
+    lines = [_lines(place, part.outputs, edge[:-1]) for place, part, edge in pieces]
+    spread, change = np.concatenate(lines).std(axis=0), np.concatenate(curves) - np.concatenate(lines)
+    cost = float((np.sqrt(np.mean(change**2, axis=0)) / np.where(spread > 0, spread, 1)).max())
+    # A line moves the response by part of a period; a curve through noisy samples that are close together oscillates.
+    outputs = curves if cost <= _OSCILLATING else lines
+    message = f"intervals are {steps.min():.4g} to {steps.max():.4g} s ({reason}), brought to {period:.4g} s; lines "
+    message += f"and curves through the samples differ by {cost:.2%} of an output's standard deviation"
+    finding = Finding("jitter", "warning" if cost > _COSTLY else "repaired", source, message, "log at equal intervals")
+    inputs = [held_mean(place, part.inputs, edge) for place, part, edge in pieces]
+    return [Rows(*each) for each in zip(times, inputs, outputs, strict=True)], period, [finding]
+
+
+def _is_even(time: Values, numbers: Values) -> bool:
+    """Return whether stamps of numbered samples, or all intervals, lie within a tenth of a period of equal ones."""
+    period = _period([time], [numbers])
+    late = time - period * numbers
+    return bool(min(np.abs(late - late.mean()).max(), np.abs(np.diff(late)).max()) <= _EVEN * period)
+
+
+def _period(times: Sequence[Values], numbers: Sequence[Values]) -> float:
+    """Return the slope of lines through the stamps of numbered samples, by least squares."""
+    centred = [each - each.mean() for each in numbers]
+    return float(sum(map(np.dot, centred, times)) / sum(map(np.dot, centred, centred)))
+
+
+def _numbers(place: Values) -> Values:
+    """Return the numbers of samples, from 0 on, whose stamps are at these periods, shape (N,)."""
+    number, count = np.floor(place + _EARLY), np.arange(place.size)
+    # In order, and no two at one place: one that was stamped late shares the place of the next.
+    return np.asarray(np.maximum.accumulate(number - count) + count)
+
+
+def _roughness(time: Values, rows: Rows) -> float:
+    """Return the sum of squares of what a line between its neighbours misses each output by."""
+    left, right = np.diff(time[:-1]), np.diff(time[1:])
+    share = (left / (left + right))[:, None]
+    missed = rows.outputs[1:-1] - (1 - share) * rows.outputs[:-2] - share * rows.outputs[2:]
+    return float(np.sum(missed**2 / (1 + share**2 + (1 - share) ** 2)))  # white noise gives each the same
+
+
+def _lines(time: Values, signals: Values, grid: Values) -> Values:
+    return np.column_stack([np.interp(grid, time, each) for each in signals.T])
+
+
+def held_mean(time: Values, signals: Values, edges: Values) -> Values:
+    """Average signals that hold each value until the next sample, and the last one further on.
+
+    A plant that is slower than a sampling period responds to the mean of what was in force; the value at one instant
+    would move each change by up to a period.
+
+    Args:
+      time: of the samples, shape (N,).
+      signals: values from these times on, shape (N, m).
+      edges: ends of K intervals, none before the first sample, shape (K + 1,).
+
+    Returns:
+      Means over the intervals, shape (K, m).
+    """
+    time = np.append(time, max(time[-1], edges[-1]))
+    area = np.vstack([np.zeros(signals.shape[1]), np.cumsum(signals * np.diff(time)[:, None], axis=0)])
+    return np.diff(_lines(time, area, edges), axis=0) / np.diff(edges)[:, None]

@@ -1,0 +1,192 @@
+"""Logs as text: columns separated by commas, semicolons, tabs or blanks, named in the first line or numbered.
+
+Every line is read whole or named in an error, but the last where no line break ends it: it may break off inside a
+number, so it is left out and counted.
+"""
+
+import csv
+import re
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from archerfish2.logs.recording import Finding, Values
+from archerfish2.logs.table import LogTable, listed, log_fault
+
+_MISSING = {"", "nan", "-nan", "na", "n/a", "null", "none"}
+"""How loggers write a value that is missing, in lower case."""
+_BLANK = " \t\f\v,;"
+"""What a line consists of that has no value: spreadsheets leave such lines at the end."""
+_SEPARATOR_LINE = re.compile(r' *"?sep=(.)"? *', re.IGNORECASE)
+"""First line of a spreadsheet's CSV file, which states the separator."""
+_NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+_SHOWN = 40  # characters of a bad field, and lines in which a name is looked for that is not in the first
+
+
+class _Header(NamedTuple):
+    names: list[str]  # of the columns; "1", "2", … where the first line has numbers
+    separator: str | None  # None: blanks
+    first: int  # index of the first line of data
+
+
+def read_text(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
+    """Read columns of numbers from a text table; a missing value becomes NaN, in a line of separators alone all.
+
+    Args:
+      path: of the file, for messages.
+      content: of it, in UTF-8, or in UTF-16 with its byte order mark.
+      wanted: names of columns; where the first line has numbers they are "1", "2", ….
+
+    Raises:
+      InputError: if it is no text, a column is missing or there twice, or a line has other fields than the first one,
+        begins with a mark of comments, or has a field that is no number.
+    """
+    lines, findings = _lines(path, content)
+    header = _header(path, lines)
+    positions = [_position(path, lines, header, name) for name in wanted]
+    body, numbers = lines[header.first :], range(header.first + 1, len(lines) + 1)
+    values = _read_at_once(body, header, positions)
+    if values is not None:
+        return LogTable(dict(zip(wanted, values.T, strict=True)), numbers, "line", str(path), findings)
+    full = [(number, line) for number, line in zip(numbers, body, strict=True) if line.strip()]
+    rows = {number: _row(path, number, line, header) for number, line in full}
+    texts = {name: [row[at].strip() for row in rows.values()] for name, at in zip(wanted, positions, strict=True)}
+    if _have_decimal_commas(texts):
+        texts = {name: [text.replace(",", ".") for text in column] for name, column in texts.items()}
+        message = "decimal commas were read as decimal points"
+        findings += (Finding("decimal-comma", "repaired", str(path), message, "write decimal points"),)
+    columns = {name: _values(path, list(rows), name, column) for name, column in texts.items()}
+    return LogTable(columns, list(rows), "line", str(path), findings)
+
+
+def _lines(path: Path, content: bytes) -> tuple[list[str], tuple[Finding, ...]]:
+    """Return the lines up to the last whole one that has a value, and whether something was cut off after it.
+
+    A line ends with a line feed, a carriage return or both; a form feed or a Unicode separator may stand in a field.
+    """
+    encoding = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
+    try:
+        decoded = content.decode(encoding)
+    except UnicodeDecodeError as error:
+        decoded = content[: error.start].decode(encoding, "ignore") + "\0?"
+    text = decoded.rstrip("\0\x1a")  # what a loss of power leaves, and the end mark of DOS
+    zeros = "\0" in decoded[len(text) :]
+    text = text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+    if "\0" in text:
+        line, kind = text.partition("\0")[0].count("\n") + 1, encoding.removesuffix("-sig").upper()
+        remedy = "save the log as UTF-8 text, or remove the damaged lines"
+        raise log_fault(path, f"line {line}: is no {kind} text", remedy, "encoding")
+    *lines, last = text.split("\n")
+    if not any(line.strip(_BLANK) for line in lines):
+        lines, last = [*lines, last], ""  # of names alone
+    torn, place = last.strip(_BLANK) != "", f"{path}: line {len(lines) + 1}"
+    while lines and not lines[-1].strip(_BLANK):
+        lines.pop()
+    if not lines:
+        raise log_fault(path, "is empty", "pass a log whose first line names the columns", "empty")
+    if not (torn or zeros):
+        return lines, ()
+    message = "no line break ends the last line, which was left out" if torn else "zero bytes follow the last line"
+    remedy = "stop the recorder before its log is copied; end a last line that is whole"
+    return lines, (Finding("truncated", "repaired", place, f"{message}: values are lost", remedy, int(torn)),)
+
+
+def _header(path: Path, lines: list[str]) -> _Header:
+    full = (index for index, line in enumerate(lines) if line.strip())
+    first = next(full)
+    if stated := _SEPARATOR_LINE.fullmatch(lines[first]):
+        first = next(full, first)
+    names, separator = _names(path, first + 1, lines[first], stated[1] if stated else None)
+    values = [each for each in names if each.lower() not in _MISSING]
+    if values and all(map(_NUMBER.fullmatch, values)):
+        return _Header([str(index + 1) for index in range(len(names))], separator, first)
+    return _Header(names, separator, first + 1)
+
+
+def _names(path: Path, number: int, line: str, separator: str | None = None) -> tuple[list[str], str | None]:
+    """Return the fields of a first line, without empty ones at the end, and what separates them."""
+    line = line.lstrip("#% ") if line.lstrip().startswith(("#", "%")) else line
+    most = max(",;\t", key=line.count)
+    separator = separator or (most if most in line else None)
+    names = [field.strip().strip('"') for field in _fields(path, number, line, separator)]
+    while names and not names[-1]:
+        names.pop()
+    return names, separator
+
+
+def _fields(path: Path, number: int, line: str, separator: str | None) -> list[str]:
+    """Cut a line; a quoted field that went on in the next one would hide each sample up to the next quotation mark."""
+    if separator is None or '"' not in line:
+        return line.split(separator)
+    try:
+        return next(csv.reader([line], delimiter=separator, strict=True))
+    except csv.Error as error:
+        problem = f"line {number}: can't be cut into fields ({error})"
+        remedy = "close or remove the quotation mark, and keep line breaks out of fields"
+        raise log_fault(path, problem, remedy, "row-length") from error
+
+
+def _position(path: Path, lines: list[str], header: _Header, name: str) -> int:
+    place = f"{path}: line {max(header.first, 1)}"
+    if (count := header.names.count(name)) == 1:
+        return header.names.index(name)
+    if count:
+        raise log_fault(place, f'{count} columns are named "{name}"', "rename all but one", "column-twice")
+    remedy = f"the columns are {listed(header.names)}; name one of them"
+    for index, line in enumerate(() if _NUMBER.fullmatch(name) else lines[:_SHOWN]):
+        if '"' not in line and name in _names(path, index + 1, line)[0]:
+            remedy = f"it is in line {index + 1}: remove the lines above"
+    raise log_fault(place, f'there is no column "{name}"', remedy, "no-column")
+
+
+def _read_at_once(body: list[str], header: _Header, positions: list[int]) -> Values | None:
+    """Return values of shape (rows, columns); None where a line is not whole or a field is no number."""
+    names, separator, text = header.names, header.separator, "\n".join(body)
+    if not body or any(mark in text for mark in '"#%'):
+        return None
+    for columns in (None, positions):
+        # All columns together show a line of another length; next to words, the separators do.
+        if columns and (separator is None or {line.count(separator) + 1 for line in body} != {len(names)}):
+            return None
+        with suppress(ValueError):
+            values = np.loadtxt(body, delimiter=separator, usecols=columns, comments=None, ndmin=2)
+            whole = values.shape == (len(body), len(columns or names))
+            return (values if columns else values[:, positions]) if whole else None
+    return None
+
+
+def _row(path: Path, number: int, line: str, header: _Header) -> list[str]:
+    fields, count = _fields(path, number, line, header.separator), len(header.names)
+    if line.lstrip().startswith(("#", "%")):
+        problem, remedy = "begins as a comment, or a sample that was taken out", "remove the line, or the mark"
+        raise log_fault(path, f"line {number}: {problem}", remedy, "comment")
+    if not line.strip(_BLANK):
+        return [""] * count
+    if len(fields) < count or any(field.strip() for field in fields[count:]):
+        problem = f"line {number}: {len(fields)} fields, expected the {count} of the first line"
+        remedy = "correct or remove it (a missing value leaves its separators; decimal commas need semicolons)"
+        raise log_fault(path, problem, remedy, "row-length")
+    return fields
+
+
+def _have_decimal_commas(texts: dict[str, list[str]]) -> bool:
+    """Return whether commas can be nothing else: there are no points, and not all separate thousands."""
+    parted = [text for column in texts.values() for text in column if "," in text or "." in text]
+    numbers = all("." not in text and _NUMBER.fullmatch(text) for text in parted)
+    return numbers and not all(map(_THOUSANDS.fullmatch, parted))
+
+
+def _values(path: Path, lines: Sequence[int], name: str, texts: list[str]) -> Values:
+    values = np.full(len(texts), np.nan)
+    for index, text in enumerate(texts):
+        try:
+            if text.lower() not in _MISSING:
+                values[index] = float(text.replace("_", "x"))  # Python's separator of digits is no number
+        except ValueError as error:
+            problem = f'line {lines[index]}: column "{name}" is "{text[:_SHOWN]}", expected a number'
+            raise log_fault(path, problem, "correct the value or remove the line", "not-a-number") from error
+    return values

@@ -1,0 +1,172 @@
+"""Time stamps → equal intervals, and recordings in memory."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.signal import lfilter
+
+from archerfish2.logs.log import read_log
+from archerfish2.logs.recording import Recording
+from archerfish2.logs.stamps import held_mean
+
+PERIOD, COUNT = 0.01, 600
+SHARED = Path(__file__).parents[3] / "shared" / "data"
+
+
+def axis():
+    """Time, command and angle of an axis that follows steps with two poles at 0.85 ± 0.15i, a delay and 1 % noise."""
+    rng, denominator = np.random.default_rng(0), np.real(np.poly([0.85 + 0.15j, 0.85 - 0.15j]))
+    u = np.repeat(rng.uniform(-0.3, 0.3, COUNT), rng.integers(5, 30, COUNT))[:COUNT]
+    y = lfilter([0, denominator.sum()], denominator, u)
+    return PERIOD * np.arange(COUNT), u, y + 0.01 * y.std() * rng.standard_normal(COUNT)
+
+
+def read(folder, *columns, **more):
+    np.savetxt(path := folder / "log.csv", np.column_stack(columns), "%.17g", ",", header="time_s,u,y", comments="")
+    return read_log(path, **more)
+
+
+def codes(log):
+    return {each.code: each.severity for each in log.findings}
+
+
+@pytest.mark.parametrize("origin", [0.0, 1e5, 1.7e9])
+@pytest.mark.parametrize("spread", [0.0, 0.04, -0.09])
+def test_even_stamps_of_any_clock_leave_samples_as_they_are(tmp_path, origin, spread):
+    time, u, y = axis()
+    wander = spread * PERIOD * (np.random.default_rng(1).uniform(-1, 1, COUNT) if spread > 0 else np.sin(time))
+    log = read(tmp_path, origin + time + wander, u, y)
+    assert_array_equal(log.recordings[0].outputs[:, 0], y)
+    assert (log.findings, len(log.recordings)) == ((), 1)
+    assert log.recordings[0].period_s == pytest.approx(PERIOD, rel=1e-3)
+
+
+def test_rounded_stamps_are_even_ones(tmp_path):
+    log = read(tmp_path, np.round(0.0075 * np.arange(COUNT), 3), *axis()[1:])
+    assert (log.findings, log.recordings[0].period_s) == ((), pytest.approx(0.0075, rel=1e-5))
+
+
+@pytest.mark.parametrize("busy", [False, True])
+def test_samples_that_a_host_stamps_late_are_taken_as_even_ones(tmp_path, busy):
+    (time, u, y), rng = axis(), np.random.default_rng(6)
+    late = 0.6 * PERIOD * (rng.standard_exponential(COUNT) if busy else rng.random(COUNT))
+    log = read(tmp_path, np.maximum.accumulate(time + late) + 1e-6 * np.arange(COUNT), u, y)
+    assert codes(log) == {"jitter": "repaired"}
+    assert_allclose(log.recordings[0].outputs[:, 0], y, atol=1e-12)
+    assert_allclose(log.recordings[0].inputs[:, 0], u, atol=1e-12)
+
+
+def test_lost_samples_are_interpolated_and_the_input_held(tmp_path):
+    (time, u, y), lost = axis(), [100, 101, 250, 400]
+    rows = np.delete(np.arange(COUNT), lost)
+    log = read(tmp_path, time[rows], u[rows], y[rows])
+    assert (codes(log), len(log.recordings[0])) == ({"jitter": "repaired"}, COUNT)
+    assert_allclose(log.recordings[0].outputs[rows, 0], y[rows], atol=1e-12)
+    assert_allclose(log.recordings[0].outputs[lost, 0], y[lost], atol=0.1 * y.std())
+    assert_allclose(log.recordings[0].inputs[lost, 0], u[[99, 99, 249, 399]], atol=1e-12)
+
+
+def test_samples_that_were_taken_unevenly_are_resampled_with_a_warning_where_that_costs_much(tmp_path):
+    rng, fine = np.random.default_rng(3), 0.001 * np.arange(10 * COUNT)
+    at = PERIOD * (np.arange(COUNT) + rng.uniform(-0.3, 0.3, COUNT))
+    rough = lfilter([1], [1, -0.9], rng.standard_normal(fine.size))
+    assert codes(read(tmp_path, at, np.interp(at, fine, rough), np.interp(at, fine, rough))) == {"jitter": "warning"}
+    log = read(tmp_path, at, np.sin(5 * at), np.sin(5 * at))
+    (recording,) = log.recordings
+    assert (codes(log), recording.period_s) == ({"jitter": "repaired"}, pytest.approx(PERIOD, rel=2e-3))
+    assert_allclose(recording.outputs[:, 0], np.sin(5 * (recording.time + at[0])), atol=1e-3)
+    assert_allclose(recording.inputs[:, 0], np.sin(5 * (recording.time + at[0])), atol=0.06)  # held up to a period
+
+
+def test_a_log_is_cut_at_gaps_and_short_parts_are_left_out(tmp_path):
+    time, u, y = axis()
+    for first in (200, 500, 590):
+        time[first:] += 1
+    log = read(tmp_path, time, u, y)
+    assert [len(each) for each in log.recordings] == [200, 300, 90]
+    assert [each.start_s for each in log.recordings] == pytest.approx([0, 3, 7])
+    assert {each.code: each.samples for each in log.findings} == {"gap": 0, "short-piece": 10}
+    assert log.recordings[1].source == "log.csv[3.000 s…]"
+
+
+def test_rows_without_outputs_are_no_samples(tmp_path):
+    time, u, y = axis()
+    y[[100, 300, 301, 302]] = np.nan
+    log = read(tmp_path, time, u, y)
+    assert [len(each) for each in log.recordings] == [300, 297]
+    assert {each.code: each.samples for each in log.findings} == {"missing-values": 4, "gap": 0, "jitter": 0}
+    stamped = read(tmp_path, time, u, y, sample_period_s=0.02)
+    assert ([len(each) for each in stamped.recordings], stamped.recordings[0].period_s) == ([300, 297], 0.02)
+
+
+def test_an_input_with_stamps_of_its_own_is_averaged_between_the_outputs(tmp_path):
+    (time, _, y), at = axis(), np.sort(np.random.default_rng(2).uniform(0, PERIOD * COUNT, 4000))
+    lacking = np.full(4000, np.nan)
+    rows = np.hstack([[time, lacking[:COUNT], y], [at, np.sin(at), lacking]])
+    log = read(tmp_path, *rows[:, np.argsort(rows[0], kind="stable")])
+    (recording,) = log.recordings
+    assert codes(log).keys() == {"missing-values", "held-input"}
+    expected = np.sin(time[COUNT - len(recording) :] + PERIOD / 2)
+    assert_allclose(recording.inputs[:-1, 0], expected[:-1], atol=0.01)
+
+
+def test_what_is_held_is_averaged_as_an_integral():
+    rng = np.random.default_rng(0)
+    time, signal = np.cumsum(rng.uniform(0.5, 1.5, 40)), rng.standard_normal((40, 2))
+    edges = np.sort(rng.uniform(time[0], time[-1] + 3, 30))
+    fine = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(20_000) + 0.5) / 20_000
+    expected = signal[np.searchsorted(time, fine, side="right") - 1].mean(axis=1)
+    assert_allclose(held_mean(time, signal, edges), expected, atol=2e-4)
+
+
+def test_stamps_in_another_unit_that_no_name_states_are_suspected(tmp_path):
+    time, u, y = axis()
+    for unit, scale in {"time_ms": 1e3, "time_us": 1e6, "time_ns": 1e9}.items():
+        (finding,) = read(tmp_path, scale * time, u, y).findings
+        assert (finding.code, finding.severity, unit in finding.remedy) == ("time-unit", "warning", True)
+
+
+DRONE = "identification/quarter_drone/14_drone_seq_20260529_195254.csv"
+RECORDED = [
+    (DRONE, "u_pct", "angulo_deg", "tempo_ms", {"time-unit", "gap", "jitter"}),
+    ("identification/silverbox/SNLS80mV.csv", "V1", "V2", 1 / 610.35, {}),
+    ("identification/drgp_vss/actuator.mat", "X[0]", "y", 0.05, {}),
+    ("cases/sep_line.csv", "u", "y", "time_s", {}),
+    ("cases/sparse_command.csv", "u", "y", "time_s", {"held-input"}),
+    ("cases/time_us.csv", "u", "y", "TimeUS", {"time-unit"}),
+]
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="needs the recorded logs in ../shared/data, beside the repository")
+@pytest.mark.parametrize(("name", "u", "y", "clock", "expected"), RECORDED)
+def test_recorded_logs_are_read(name, u, y, clock, expected):
+    stamps = {"time": clock} if isinstance(clock, str) else {"sample_period_s": clock}
+    log = read_log(SHARED / name, inputs=[u], outputs=[y], **stamps)
+    assert codes(log).keys() == set(expected)
+    lengths = [1598, 3424, 1012] if name == DRONE else [log.samples]
+    assert [len(each) for each in log.recordings] == pytest.approx(lengths, rel=0.005)
+
+
+def test_a_recording_is_read_back_and_cut_at_its_times(tmp_path, refused):
+    rng = np.random.default_rng(1)
+    made = Recording.from_arrays(rng.standard_normal((50, 2)), rng.standard_normal(50), 0.004, input_names=("a", "b,"))
+    made.write_csv(tmp_path / "log.csv")
+    (found,) = read_log(tmp_path / "log.csv", inputs=made.input_names).recordings
+    for name in ("inputs", "outputs", "time", "period_s", "input_names"):
+        assert_array_equal(getattr(found, name), getattr(made, name))
+    part = found.slice(3, 6)
+    assert_allclose(part.time, [0.012, 0.016, 0.02])
+    assert (len(part), part.source) == (3, "log.csv[3:6]")
+    for ends in ((3, 3), (-1, 4), (5, 51)):
+        refused("log.csv: has no samples .*; give a range within 0 to 50", found.slice, *ends)
+
+
+def test_signals_that_are_no_recording_are_refused(refused):
+    ramp, make = np.arange(3.0), Recording.from_arrays
+    refused(r"^recording: shapes .* \(3, 1\) and \(4, 1\), expected \(3, 1\) and", make, ramp, np.arange(4.0), 0.1)
+    refused(r"are \(3, 2\) and \(3, 1\), expected \(3, 1\)", make, np.ones((3, 2)), ramp, 0.1)
+    refused("not empty", make, [], [], 0.1)
+    refused("not finite; cut the recording", make, ramp, [0, np.nan, 1], 0.1)
+    refused("period_s is 0.0, expected above 0 s", make, ramp, ramp, 0.0)
