@@ -11,9 +11,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
-from archerfish2.identification.axis.output_error import LinearFit, refine, residuals_by_log
-from archerfish2.identification.axis.sections import Array, Sections
+from archerfish2.identification.axis.output_error import LinearFit, cost_of, refine, residuals_by_log
+from archerfish2.identification.axis.sections import Sections
 from archerfish2.identification.axis.spectrum import Experiment
+from archerfish2.identification.simulation import Array
 
 ROUNDING = 1e-16
 """Of the outputs' power; no residual counts as smaller."""
@@ -63,10 +64,8 @@ def first_guess(u: Array, y: Array, longest: int) -> Experiment:
 
 
 def guarded(
-    experiments: Sequence[Experiment],
-    longest: int,
-    search: Callable[[Sequence[Experiment]], Table],
-) -> tuple[Sequence[Experiment], Table]:
+    experiments: list[Experiment], longest: int, search: Callable[[list[Experiment]], Table]
+) -> tuple[list[Experiment], Table]:
     """Correct the first guesses by what the logs say, and return them with the coarse fits of the delays.
 
     Args:
@@ -76,12 +75,9 @@ def guarded(
     """
     table = search(experiments)
     best = min(table, key=lambda delay: table[delay].cost)
-    moved = [_in_motion(experiments, i, table[best].sections, best) for i in range(len(experiments))]
-    if any(moved):
-        experiments = [
-            replace(e, pad=0, skip=_unsettled(e.u, longest)) if m else e
-            for e, m in zip(experiments, moved, strict=True)
-        ]
+    moved = [e for e in experiments if e.pad and _in_motion(experiments, e, table[best].sections, best)]
+    if moved:
+        experiments = [replace(e, pad=0, skip=_unsettled(e.u, longest)) if e in moved else e for e in experiments]
         table = search(experiments)
     # Where inputs move most at the beginning those samples are worth much: they go only if they fit worse than others.
     cut = [replace(e, skip=longest) if not e.pad and not resting_samples(e.u, e.y) else e for e in experiments]
@@ -99,16 +95,13 @@ def _unsettled(u: Array, longest: int) -> int:
     return longest if longest and share.max() <= 2 * longest / len(moves) else 0
 
 
-def _in_motion(experiments: Sequence[Experiment], place: int, sections: Sections, delay: int) -> bool:
-    """Whether a free start explains a log better than the noise allows, 2 Δ log L > χ², if it begins at rest."""
-    if not experiments[place].pad:
-        return False
-    free = list(experiments)
-    free[place] = replace(free[place], pad=0)
-    at_rest, loose = (
-        refine(sections, [e.at(delay) for e in each], True, steps=12, tolerance=1e-5) for each in (experiments, free)
-    )
-    residual = residuals_by_log(loose, [e.at(delay) for e in free])[place]
+def _in_motion(experiments: list[Experiment], extended: Experiment, sections: Sections, delay: int) -> bool:
+    """Whether a free start explains a log better than the noise allows, 2 Δ log L > χ², which begins at a rest."""
+    place = experiments.index(extended)
+    free = [replace(e, pad=0) if e is extended else e for e in experiments]
+    data = [[e.at(delay) for e in each] for each in (experiments, free)]
+    at_rest, loose = (refine(sections, each, 12, 1e-5) for each in data)
+    residual = residuals_by_log(loose, data[1])[place]
     response, noise = np.abs(free[place].outputs - residual) ** 2, np.abs(residual) ** 2
     # Noise that is stronger where the plant responds is worth as much as fewer white samples.
     colour = max(1.0, float(np.sum(noise * response) / max(np.mean(noise) * np.sum(response), 1e-300)))
@@ -117,5 +110,5 @@ def _in_motion(experiments: Sequence[Experiment], place: int, sections: Sections
     return bool(gain > chdtri(sum(map(len, sections)), _CONTRADICTED))
 
 
-def _power(table: Table, experiments: Sequence[Experiment]) -> float:
-    return min(fit.cost for fit in table.values()) / sum(e.measured for e in experiments)
+def _power(table: Table, experiments: list[Experiment]) -> float:
+    return min(map(cost_of, table.values())) / sum(e.measured for e in experiments)

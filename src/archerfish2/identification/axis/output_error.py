@@ -10,17 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import lstsq, solve_triangular
 
-from archerfish2.identification.axis.sections import (
-    LARGEST_FREE,
-    Array,
-    Complex,
-    Sections,
-    free_number_slopes,
-    free_numbers,
-    section_states,
-    sections_of,
-)
+from archerfish2.identification.axis.sections import Sections, free_numbers, section_states, sections_of, theta_slopes
 from archerfish2.identification.axis.spectrum import Lines
+from archerfish2.identification.simulation import Array, Complex
+
+_LARGEST = 8.5  # |θ|; its tanh is 1 − 8e−8
 
 
 class LogFactors(NamedTuple):
@@ -38,7 +32,6 @@ class LinearFit(NamedTuple):
     """Linear least squares for given poles, c driven columns, and R real rows of all logs together."""
 
     sections: Sections
-    feedthrough: bool  # whether there is a column for it
     cost: float  # sum of the squared residual
     numerators: Array  # as of `sections.response`, (c, p)
     residual: Array  # (p, R)
@@ -46,14 +39,15 @@ class LinearFit(NamedTuple):
     logs: list[LogFactors]
 
 
-def solve(sections: Sections, data: Sequence[Lines], feedthrough: bool) -> LinearFit:
+def solve(sections: Sections, data: list[Lines]) -> LinearFit:
     """Fit the numerators and each log's own columns to all outputs for given poles."""
     columns, outputs, logs = [], [], []
     for lines in data:
         states, inverses = section_states(sections, lines.z)
         driven = ((states * lines.z)[:, None] * lines.inputs).reshape(-1, len(lines.z))
-        x, y = _real(np.concatenate([driven, lines.inputs]) if feedthrough else driven), _real(lines.outputs)
-        own = _real(np.concatenate([states * lines.impulse, lines.own]) if lines.impulse.size else lines.own)
+        x = _real(np.concatenate([driven, lines.inputs]) if lines.feedthrough else driven)
+        y, transients = _real(lines.outputs), states * lines.impulse if lines.impulse.size else lines.own
+        own = _real(np.concatenate([transients, lines.own]))
         q, triangle = np.linalg.qr(own.T)
         logs.append(LogFactors(states, inverses, q, triangle, y @ q, x @ q))
         columns.append(x - logs[-1].driven @ q.T)
@@ -63,12 +57,10 @@ def solve(sections: Sections, data: Sequence[Lines], feedthrough: bool) -> Linea
     if np.all(np.abs(np.diag(triangle)) > 1e-11 * np.linalg.norm(triangle, axis=0)):
         numerators, residual = solve_triangular(triangle, Q.T @ Y.T), Y - (Y @ Q) @ Q.T
     else:  # columns depend on each other, as those of equal poles
-        size = np.linalg.norm(X, axis=1)
-        scaled = X.T / np.where(size > 0, size, 1.0)
-        numerators = lstsq(scaled, Y.T, lapack_driver="gelsy", cond=1e-11)[0] / np.where(size > 0, size, 1.0)[:, None]
+        size = np.maximum(np.linalg.norm(X, axis=1), 1e-300)
+        numerators = lstsq(X.T / size, Y.T, lapack_driver="gelsy", cond=1e-11)[0] / size[:, None]
         residual = Y - numerators.T @ X
-    cost = float(np.vdot(residual, residual))
-    return LinearFit(sections, feedthrough, cost, numerators, residual, Q, logs)
+    return LinearFit(sections, float(np.vdot(residual, residual)), numerators, residual, Q, logs)
 
 
 def project(fit: LinearFit, columns: Sequence[Complex]) -> Array:
@@ -78,15 +70,13 @@ def project(fit: LinearFit, columns: Sequence[Complex]) -> Array:
       fit: whose columns are projected out.
       columns: of each log, shape (k, F).
     """
-    out = []
-    for log, each in zip(fit.logs, columns, strict=True):
-        rows = _real(each)
-        out.append(rows - (rows @ log.basis) @ log.basis.T)
-    every = np.concatenate(out, 1)
+    rows = [_real(each) for each in columns]
+    own_removed = [x - (x @ log.basis) @ log.basis.T for x, log in zip(rows, fit.logs, strict=True)]
+    every = np.concatenate(own_removed, 1)
     return np.asarray(every - (every @ fit.basis) @ fit.basis.T)
 
 
-def jacobian(fit: LinearFit, data: Sequence[Lines], theta: Array) -> Array:
+def jacobian(fit: LinearFit, data: list[Lines], theta: Array) -> Array:
     """Return Kaufman's Jacobian of the residual by the free numbers of the poles, shape (n, p R).
 
     It is minus the projected derivative of each section's part ŷ of the fit: ∂ŷ/∂a_i = −zⁱ ŷ / (1 + a₁ z + a₂ z²).
@@ -98,7 +88,8 @@ def jacobian(fit: LinearFit, data: Sequence[Lines], theta: Array) -> Array:
     """
     slopes = []
     for lines, log in zip(data, fit.logs, strict=True):
-        own, at, parts = _own_coefficients(fit, log), 0, []
+        own = lstsq(log.triangle, (log.outputs - fit.numerators.T @ log.driven).T, lapack_driver="gelsy", cond=1e-13)[0]
+        at, parts = 0, []
         for section, inverse in zip(fit.sections, log.inverses, strict=True):
             k, m = slice(at, at + len(section)), len(lines.inputs)
             b = fit.numerators[at * m : (at + len(section)) * m].reshape(len(section), m, -1)
@@ -110,30 +101,21 @@ def jacobian(fit: LinearFit, data: Sequence[Lines], theta: Array) -> Array:
             at += len(section)
         slopes.append(np.concatenate(parts))
     by_coefficients = project(fit, slopes).reshape(len(theta), -1)
-    return np.asarray(free_number_slopes(theta) @ by_coefficients)
+    return np.asarray(theta_slopes(theta) @ by_coefficients)
 
 
-def refine(
-    sections: Sections,
-    data: Sequence[Lines],
-    feedthrough: bool,
-    *,
-    steps: int = 15,
-    tolerance: float = 1e-6,
-    ridge: float = 0.0,
-) -> LinearFit:
+def refine(sections: Sections, data: list[Lines], steps: int, tolerance: float, ridge: float = 0) -> LinearFit:
     """Move the poles by Levenberg and Marquardt's method to a local minimum of the sum of squares.
 
     Args:
       sections: from which it begins.
       data: lines of all logs, and soft constraints.
-      feedthrough: whether the plant has one.
       steps: at most.
       tolerance: relative fall of the sum of squares below which it ends.
       ridge: weight of the squared free numbers in the sum of squares.
     """
     theta, damping = free_numbers(sections), 1e-3
-    fit = solve(sections_of(theta), data, feedthrough)
+    fit = solve(sections_of(theta), data)
     for _ in range(steps):
         J = jacobian(fit, data, theta)
         hessian = J @ J.T + ridge * np.eye(len(theta))
@@ -143,8 +125,8 @@ def refine(
         for _ in range(8):
             damped = hessian + damping * np.eye(len(theta))
             move = -np.linalg.lstsq(damped, gradient / scale, rcond=None)[0] / scale
-            tried = np.clip(theta + np.clip(move, -2, 2), -LARGEST_FREE, LARGEST_FREE)
-            new = solve(sections_of(tried), data, feedthrough)
+            tried = np.clip(theta + np.clip(move, -2, 2), -_LARGEST, _LARGEST)
+            new = solve(sections_of(tried), data)
             after = new.cost + ridge * tried @ tried
             if after < before:
                 break
@@ -157,18 +139,20 @@ def refine(
     return fit
 
 
-def residuals_by_log(fit: LinearFit, data: Sequence[Lines]) -> list[Complex]:
+def refine_best(starts: list[Sections], data: list[Lines], steps: int, tolerance: float, ridge: float = 0) -> LinearFit:
+    """Return the best of the fits from several starts; arguments as of `refine`."""
+    return min((refine(each, data, steps, tolerance, ridge) for each in starts), key=cost_of)
+
+
+def cost_of(fit: LinearFit) -> float:
+    """Return the sum of squares, by which fits are compared."""
+    return fit.cost
+
+
+def residuals_by_log(fit: LinearFit, data: list[Lines]) -> list[Complex]:
     """Return the residual at the lines of each log, shape (p, F) each."""
     ends = 2 * np.cumsum([len(lines.z) for lines in data])
     return [np.ascontiguousarray(each).view(complex) for each in np.split(fit.residual, ends, axis=1)[:-1]]
-
-
-def _own_coefficients(fit: LinearFit, log: LogFactors) -> Array:
-    """Coefficients of a log's own columns, (k, p)."""
-    y = (log.outputs - fit.numerators.T @ log.driven).T
-    if np.all(np.abs(np.diag(log.triangle)) > 1e-12):
-        return np.asarray(solve_triangular(log.triangle, y))
-    return np.asarray(lstsq(log.triangle, y, lapack_driver="gelsy", cond=1e-13)[0])
 
 
 def _real(x: Complex) -> Array:

@@ -9,15 +9,13 @@ linear parameters; free numbers θ, one a pole, are what an optimiser moves: eve
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from archerfish2.identification.simulation import Array, Complex
+
 Sections = Sequence[Array]
 
-LARGEST_FREE = 8.5
-"""Largest |θ|: its tanh is 1 − 8e−8."""
+_NEAREST = 1 - 8e-8  # largest |tanh θ| of free numbers
 _LARGEST_POLE = 0.9995  # of a start; nearer to the unit circle a transient and a pole can't be told apart
 
 
@@ -28,17 +26,17 @@ def sections_of(theta: Array) -> Sections:
       theta: shape (n,), two by two; a last single one is a real pole.
     """
     t = np.tanh(theta)
-    pairs: list[Array] = [np.array([t[i] * (1 + t[i + 1]), t[i + 1]]) for i in range(0, len(t) - 1, 2)]
-    return pairs + [t[-1:]] * (len(t) % 2)
+    pairs = [np.array([t[i] * (1 + t[i + 1]), t[i + 1]]) for i in range(0, len(t) - 1, 2)]
+    return [*pairs, t[-1:]] if len(t) % 2 else pairs
 
 
 def free_numbers(sections: Sections) -> Array:
-    """Return the free numbers of sections, shape (n,), at most `LARGEST_FREE` in size."""
+    """Return the free numbers of sections, shape (n,)."""
     t = np.concatenate([[s[0] / (1 + s[1]), s[1]] if len(s) == 2 else s for s in sections])
-    return np.clip(np.arctanh(np.clip(t, -1 + 1e-12, 1 - 1e-12)), -LARGEST_FREE, LARGEST_FREE)
+    return np.asarray(np.arctanh(np.clip(t, -_NEAREST, _NEAREST)))
 
 
-def free_number_slopes(theta: Array) -> Array:
+def theta_slopes(theta: Array) -> Array:
     """Return the derivatives of the coefficients a (columns) by the free numbers (rows), shape (n, n)."""
     t, turn = np.tanh(theta), np.eye(len(theta))
     for i in range(0, len(t) - 1, 2):

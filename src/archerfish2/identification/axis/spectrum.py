@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
 
-from archerfish2.identification.axis.sections import Array, Complex
+from archerfish2.identification.simulation import Array, Complex
 
 Indices = NDArray[np.int64]
+Weights = Sequence[Array] | None
 
 
 class Lines(NamedTuple):
@@ -30,6 +31,7 @@ class Lines(NamedTuple):
     outputs: Complex  # (p, F)
     impulse: Complex  # at the first sample, which transients start from, (F,); (0,) of constraints
     own: Complex  # columns of this log alone that don't depend on poles, (q, F)
+    feedthrough: bool = True  # whether the plant may have one
 
     def pick(self, indices: Indices, weight: Array | None = None) -> "Lines":
         """Return some lines, multiplied by weights.
@@ -39,8 +41,8 @@ class Lines(NamedTuple):
           weight: of all lines, shape (F,).
         """
         w = np.ones(len(indices)) if weight is None else weight[indices]
-        inputs, outputs, impulse, own = (each[..., indices] * w for each in self[1:])
-        return Lines(self.z[indices], inputs, outputs, impulse, own)
+        inputs, outputs, impulse, own = (each[..., indices] * w for each in self[1:5])
+        return Lines(self.z[indices], inputs, outputs, impulse, own, self.feedthrough)
 
 
 @dataclass(eq=False)
@@ -67,21 +69,41 @@ class Experiment:
         # The level of the rest is known no better than its samples' noise allows, so it is estimated as well.
         level = (np.arange(n) < self.pad).astype(float)[:, None]
         self._own = self._transform(level[:, : self.pad > 0])
-        self.at = lru_cache(16)(self._at)
+        self._lines = lru_cache(16)(self._delayed)
 
     @property
     def measured(self) -> int:
         """Number of samples that were measured and are used."""
         return self.length - self.pad
 
+    def at(self, delay: int, feedthrough: bool = True) -> Lines:
+        """Return all lines with inputs that are delayed by some samples."""
+        return self._lines(delay)._replace(feedthrough=feedthrough)
+
     def _transform(self, x: Array) -> Complex:
         """(N, k) → (k, F)."""
         scaled = np.sqrt(2 / self.length) * self._size[:, None] * rfft(x, axis=0)[1:]
         return np.ascontiguousarray(scaled.T)
 
-    def _at(self, delay: int) -> Lines:
+    def _delayed(self, delay: int) -> Lines:
         u = np.vstack([np.repeat(self.u[:1], self.pad + delay, 0), self.u[: len(self.u) - delay]])
         return Lines(self.z, self._transform(u[self.skip :]), self.outputs, self._size, self._own)
+
+
+def lines_of(
+    logs: Sequence[Experiment], picks: Sequence[Indices], delay: int, feedthrough: bool = True, weights: Weights = None
+) -> list[Lines]:
+    """Return some lines of each log.
+
+    Args:
+      logs: the logs.
+      picks: indices of each log's lines, shape (k,).
+      delay: of the inputs [samples].
+      feedthrough: whether the plant may have one.
+      weights: of all lines of each log, shape (F,).
+    """
+    every: Sequence[Array | None] = weights or [None] * len(picks)
+    return [e.at(delay, feedthrough).pick(k, w) for e, k, w in zip(logs, picks, every, strict=True)]
 
 
 def thinned(experiments: Sequence[Experiment], count: int) -> list[Indices]:

@@ -5,23 +5,23 @@ between poles that were refitted under its weights; of structures that are about
 sum of squares is preferred.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from archerfish2.identification.axis.log_start import ROUNDING, Table, rounding_floor
-from archerfish2.identification.axis.output_error import LinearFit, refine, residuals_by_log, solve
-from archerfish2.identification.axis.sections import Array, Sections, order_of
-from archerfish2.identification.axis.spectrum import Experiment, Indices, Lines, strongest, thinned
+from archerfish2.identification.axis.output_error import LinearFit, cost_of, refine_best, residuals_by_log, solve
+from archerfish2.identification.axis.sections import Sections
+from archerfish2.identification.axis.spectrum import Experiment, lines_of, strongest, thinned
 from archerfish2.identification.axis.starts import SPREADS, distinct, subsets, vector_fit, vector_fits
+from archerfish2.identification.simulation import Array, Complex
 
 _GRID = (0, 2, 5, 10, 15, 20)  # delays that are tried first
 _SEARCH_LINES, _PLAIN_LINES, _WHITTLE_LINES = 400, 1000, 1500
 _CLOSE = 2.0  # difference of the criterion up to which structures are about as likely
 _FARTHEST = 8  # samples that the delay moves from the coarse fits' best one
-_Range = tuple[int, int]
 
 
 class Structure(NamedTuple):
@@ -32,17 +32,13 @@ class Structure(NamedTuple):
     feedthrough: bool  # whether inputs act, after the delay, within their own sample
 
 
-class Whittle(NamedTuple):
-    """The criterion of a set of logs."""
-
-    experiments: Sequence[Experiment]
-    weights: list[Array]  # one over the noise's standard deviation at all lines, (F,) each
-    picks: list[Indices]  # lines of the largest response, (k,) each
-    unit: float  # of the sum of squares
-    rows: int  # measured samples times outputs
+Evaluate = Callable[[Structure, list[Sections], int], tuple[float, LinearFit]]
+"""Gives the criterion and the weighted fit of a structure, from starts and so many vector fits."""
+Found = dict[Structure, tuple[float, LinearFit]]
+"""Criterion and weighted fit of structures."""
 
 
-def delay_table(experiments: Sequence[Experiment], order: int, delays: _Range) -> Table:
+def delay_table(experiments: Sequence[Experiment], order: int, delays: tuple[int, int]) -> Table:
     """Fit some delays on a few lines: a grid, bisected around the best, doubled while the best lies at its end.
 
     Args:
@@ -50,27 +46,19 @@ def delay_table(experiments: Sequence[Experiment], order: int, delays: _Range) -
       order: number of poles.
       delays: least and largest; the same for a delay that is given.
     """
-    picks, tried = thinned(experiments, _SEARCH_LINES), dict[int, LinearFit]()
-    lowest, highest = delays
+    (lowest, highest), picks, tried = delays, thinned(experiments, _SEARCH_LINES), dict[int, LinearFit]()
     most = max(highest, min(len(e.u) for e in experiments) // 8) if lowest < highest else highest
-
-    def best() -> int:
-        return min(tried, key=lambda delay: tried[delay].cost)
-
     waiting = [d for d in _GRID if d <= highest] if lowest < highest else [lowest]
     while waiting:
         for delay in waiting:
-            data = [e.at(delay).pick(k) for e, k in zip(experiments, picks, strict=True)]
-            near = [vector_fit(tried[best()].sections, data, True, 3)] if tried else []
+            data = lines_of(experiments, picks, delay)
+            near = [vector_fit(min(tried.values(), key=cost_of).sections, data, 3)] if tried else []
             extra, spreads = (0, SPREADS[:2]) if tried else (2, SPREADS)
-            near += vector_fits(data, order, True, rounds=4, extra=extra, spreads=spreads)
-            refined = [refine(f.sections, data, True, steps=6, tolerance=1e-4) for f in distinct(near, 2)]
-            tried[delay] = min(refined, key=lambda fit: fit.cost)
-        here = best()
-        below, above = (
-            max((d for d in tried if d < here), default=here),
-            min((d for d in tried if d > here), default=here),
-        )
+            near = distinct([*near, *vector_fits(data, order, 4, extra, spreads)], 2)
+            tried[delay] = refine_best([fit.sections for fit in near], data, 6, 1e-4)
+        here = min(tried, key=lambda each: tried[each].cost)
+        below = max((delay for delay in tried if delay < here), default=here)
+        above = min((delay for delay in tried if delay > here), default=here)
         waiting = sorted({(below + here) // 2, (here + above + 1) // 2} - tried.keys())
         if highest <= here == max(tried) < most:
             waiting.append(min(2 * max(here, 1), most))
@@ -78,7 +66,7 @@ def delay_table(experiments: Sequence[Experiment], order: int, delays: _Range) -
 
 
 def choose_structure(
-    experiments: Sequence[Experiment], table: Table, order: int, delays: _Range, feedthrough: bool
+    experiments: Sequence[Experiment], table: Table, order: int, delays: tuple[int, int], feedthrough: bool
 ) -> tuple[Structure, list[Sections]]:
     """Return the preferred delay and feedthrough, and sections from which the final fit may start, the likeliest first.
 
@@ -90,16 +78,15 @@ def choose_structure(
       feedthrough: whether the plant may have one.
     """
     coarse = min(table, key=lambda delay: table[delay].cost)
-    data = [e.at(coarse).pick(k) for e, k in zip(experiments, thinned(experiments, _PLAIN_LINES), strict=True)]
-    guesses = [table[coarse], *vector_fits(data, order, True)[:2]]
-    pilot = min((refine(f.sections, data, True, steps=10, tolerance=1e-4) for f in guesses), key=lambda fit: fit.cost)
-    larger = vector_fits(data, order + 2, True, extra=0)[0].sections
-    larger = refine(larger, data, True, steps=8, tolerance=1e-4).sections
-    whittle = _criterion(experiments, pilot, coarse)
-    found = _search(whittle, Structure(order, coarse, False), delays, feedthrough, pilot.sections)
+    data = lines_of(experiments, thinned(experiments, _PLAIN_LINES), coarse)
+    guesses = [table[coarse], *vector_fits(data, order)[:2]]
+    pilot = refine_best([fit.sections for fit in guesses], data, 10, 1e-4).sections
+    larger = refine_best([vector_fits(data, order + 2, extra=0)[0].sections], data, 8, 1e-4).sections
+    evaluate = _criterion(experiments, pilot, coarse)
+    found = _search(evaluate, Structure(order, coarse, False), delays, feedthrough, pilot)
     chosen = _preferred(experiments, found, table)
-    coarse_fits = (fit.sections for delay, fit in table.items() if delay == chosen.delay)
-    return chosen, [found[chosen][1].sections, *coarse_fits, *subsets(larger, order)]
+    starts = [found[chosen][1].sections, *(fit.sections for delay, fit in table.items() if delay == chosen.delay)]
+    return chosen, [*starts, *subsets(larger, order)]
 
 
 def noise_power(squares: Array) -> Array:
@@ -118,84 +105,67 @@ def noise_power(squares: Array) -> Array:
     return np.asarray(np.exp(np.interp(np.log(np.arange(1, n + 1)), centres, means[::-1])))
 
 
-def _criterion(experiments: Sequence[Experiment], pilot: LinearFit, delay: int) -> Whittle:
+def _criterion(experiments: Sequence[Experiment], pilot: Sections, delay: int) -> Evaluate:
+    """Return the criterion under the noise that a pilot leaves."""
     data = [e.at(delay) for e in experiments]
-    residuals = residuals_by_log(solve(pilot.sections, data, True), data)
+    both = list(zip(experiments, residuals_by_log(solve(pilot, data), data), strict=True))
     least = ROUNDING * np.mean([np.mean(np.abs(e.outputs) ** 2) for e in experiments]) + 1e-300
     # A rest put before a log adds lines, not information.
-    powers = [
-        np.maximum(noise_power(np.mean(np.abs(r) ** 2, 0) / 2), least) * e.length / e.measured
-        for e, r in zip(experiments, residuals, strict=True)
-    ]
-    responses = [
-        np.mean(np.abs(e.outputs - r) ** 2, 0) / p for e, r, p in zip(experiments, residuals, powers, strict=True)
-    ]
-    rows = sum(e.measured for e in experiments) * len(residuals[0])
-    weights = [1 / np.sqrt(power) for power in powers]
-    whittle = Whittle(experiments, weights, strongest(responses, _WHITTLE_LINES), 1.0, rows)
+    noise = [np.maximum(noise_power(_power(r) / 2), least) * e.length / e.measured for e, r in both]
+    responses = [_power(e.outputs - r) / power for (e, r), power in zip(both, noise, strict=True)]
+    picks = strongest(responses, _WHITTLE_LINES)
+    rows, weights = sum(e.measured for e in experiments) * len(both[0][1]), [1 / np.sqrt(power) for power in noise]
     # What is not linear leaves more between the lines of a comb than on them: an octave's mean is too large there.
-    fit = refine(pilot.sections, _weighted(whittle, delay), True, steps=8)
-    return whittle._replace(unit=float(np.sqrt(np.clip(fit.cost / fit.residual.size, 0.05, 1.0))))
+    fit = refine_best([pilot], lines_of(experiments, picks, delay, weights=weights), 8, 1e-6)
+    unit = float(np.sqrt(np.clip(fit.cost / fit.residual.size, 0.05, 1.0)))
+
+    def evaluate(structure: Structure, starts: list[Sections], fresh: int = 0) -> tuple[float, LinearFit]:
+        data = lines_of(experiments, picks, structure.delay, structure.feedthrough, weights)
+        more = [fit.sections for fit in vector_fits(data, structure.order)[:fresh]] if fresh else []
+        fit = refine_best([*more, *starts], data, 20, 1e-6)
+        return fit.cost / unit + _parameters(experiments, structure) * np.log(rows), fit
+
+    return evaluate
 
 
-def _weighted(whittle: Whittle, delay: int) -> list[Lines]:
-    each = zip(whittle.experiments, whittle.picks, whittle.weights, strict=True)
-    return [e.at(delay).pick(k, w) for e, k, w in each]
+def _power(x: Complex) -> Array:
+    return np.asarray(np.mean(np.abs(x) ** 2, axis=0))
 
 
 def _parameters(experiments: Sequence[Experiment], structure: Structure) -> int:
     m, p = experiments[0].u.shape[1], experiments[0].y.shape[1]
-    return structure.order * (1 + m * p + p * len(experiments)) + structure.feedthrough * m * p
+    return int(structure.order * (1 + m * p + p * len(experiments)) + structure.feedthrough * m * p)
 
 
-def _search(
-    whittle: Whittle, start: Structure, delays: _Range, feedthrough: bool, pilot: Sections
-) -> dict[Structure, tuple[float, LinearFit]]:
-    """Criterion and fit of structures: walk to the best delay, then try the feedthrough there and a sample later."""
-    found: dict[Structure, tuple[float, LinearFit]] = {}
-
-    def value(structure: Structure, starts: Sequence[Sections]) -> float:
-        if structure not in found:
-            data = _weighted(whittle, structure.delay)
-            fits = [refine(each, data, structure.feedthrough, steps=20) for each in starts]
-            fit = min(fits, key=lambda each: each.cost)
-            complexity = _parameters(whittle.experiments, structure) * np.log(whittle.rows)
-            found[structure] = fit.cost / whittle.unit + complexity, fit
-        return found[structure][0]
-
+def _search(evaluate: Evaluate, start: Structure, delays: tuple[int, int], feedthrough: bool, pilot: Sections) -> Found:
+    """Walk to the best delay, then try the feedthrough there and a sample later."""
     lowest, highest = delays
     # The coarse fits have a feedthrough, so that without one the delay is a sample shorter.
     at = start = start._replace(delay=max(start.delay - 1, lowest))
-    fresh = vector_fits(_weighted(whittle, start.delay), start.order, False)[:2]
-    best = value(start, [*(fit.sections for fit in fresh), pilot])
+    found = {start: evaluate(start, [pilot], 2)}
     for side in (-1, 1):
         here, beyond = at, 0
         while beyond < 2 and abs(here.delay - at.delay) < _FARTHEST and lowest <= here.delay + side <= highest:
-            near = [found[here][1].sections]
-            here = here._replace(delay=here.delay + side)
-            criterion = value(here, near)
-            beyond += criterion > best + _CLOSE
-            if criterion < best:
-                at, best = here, criterion
+            near, here = [found[here][1].sections], here._replace(delay=here.delay + side)
+            if here not in found:
+                found[here] = evaluate(here, near, 0)
+            beyond += found[here][0] > found[at][0] + _CLOSE
+            at = min(at, here, key=lambda each: found[each][0])
     for delay in (at.delay, min(at.delay + 1, highest)) if feedthrough else ():
-        value(Structure(start.order, delay, True), [found[at][1].sections])
+        direct = Structure(start.order, delay, True)
+        found[direct] = evaluate(direct, [found[at][1].sections], 0)
     return found
 
 
-def _preferred(
-    experiments: Sequence[Experiment],
-    found: dict[Structure, tuple[float, LinearFit]],
-    table: Table,
-) -> Structure:
+def _preferred(experiments: Sequence[Experiment], found: Found, table: Table) -> Structure:
     """Of structures about as likely as the best one, that of the least BIC of the plain sum of squares."""
     first = min(found, key=lambda each: round(found[each][0], 6))
     close = [each for each in found if found[each][0] <= found[first][0] + _CLOSE]
-    picks, values = thinned(experiments, _PLAIN_LINES), dict[Structure, float]()
+    picks, values, least = thinned(experiments, _PLAIN_LINES), dict[Structure, float](), rounding_floor(experiments)
     for each in close if len(close) > 1 else ():
-        data = [e.at(each.delay).pick(k) for e, k in zip(experiments, picks, strict=True)]
-        near = [f.sections for d, f in table.items() if abs(d - each.delay) < 4 and order_of(f.sections) == each.order]
-        starts = [found[each][1].sections, *near[:2]]
-        fits = [refine(x, data, each.feedthrough, steps=15, tolerance=1e-5) for x in starts]
-        cost, rows = max(min(fit.cost for fit in fits), rounding_floor(experiments)), fits[0].residual.size
-        values[each] = rows * np.log(cost) + _parameters(experiments, each) * np.log(rows)
+        near = [fit.sections for delay, fit in table.items() if abs(delay - each.delay) < 4]
+        data = lines_of(experiments, picks, each.delay, each.feedthrough)
+        fit = refine_best([found[each][1].sections, *near[:2]], data, 15, 1e-5)
+        rows = fit.residual.size
+        values[each] = rows * np.log(max(fit.cost, least)) + _parameters(experiments, each) * np.log(rows)
     return min(values, key=lambda each: values[each], default=first)
