@@ -71,7 +71,7 @@ def fit_axis(
       InputError: if arrays don't fit together or aren't finite, inputs or outputs don't move, a recording is too short
         for the order, or there are several inputs with several outputs.
     """
-    logs, delays = _checked(recordings, order, delay), (delay or 0, delay or 0)
+    logs, delays = _checked(recordings, order, max_delay if delay is None else delay), (delay or 0, delay or 0)
     if delay is None:
         delays = (0, min(max_delay, min(len(u) for u, _ in logs) // 10))
     scale = np.sqrt(np.mean(np.concatenate([y for _, y in logs]) ** 2, 0))
@@ -92,9 +92,9 @@ def fit_axis(
     return AxisFit(plant, fits, plant.delay_samples, plant.dc_gain, poles, *starts_of_logs)
 
 
-def _checked(recordings: Sequence[Series], order: int, delay: int | None) -> list[tuple[Array, Array]]:
+def _checked(recordings: Sequence[Series], order: int, delay: int) -> list[tuple[Array, Array]]:
     """Return inputs and outputs of each recording less their means."""
-    if not (recordings and 1 <= order <= _LARGEST_ORDER and (delay or 0) >= 0):
+    if not (recordings and 1 <= order <= _LARGEST_ORDER and delay >= 0):
         wanted = f"a recording or more, an order of 1…{_LARGEST_ORDER} and a delay of at least 0"
         raise InputError(f"fit_axis: expected {wanted}, got {len(recordings)}, {order} and {delay}; correct it")
     logs = [(np.asarray(each.u, float), np.asarray(each.y, float)) for each in recordings]
@@ -103,7 +103,7 @@ def _checked(recordings: Sequence[Series], order: int, delay: int | None) -> lis
     if min(inputs, outputs) != 1:
         got = f"u (N, {inputs}) and y (N, {outputs}); identify one output at a time"
         raise InputError(f"fit_axis: expected arrays of one input or of one output, got {got}")
-    period, least = recordings[0].period_s, 4 * order + 10 + (delay or 0)
+    period, least = recordings[0].period_s, 2 * (order + 2) * (1 + inputs) + 10
     for number, ((u, y), each) in enumerate(zip(logs, recordings, strict=True), 1):
         fits = len(u) == len(y) > 0 and (u.shape[1:], y.shape[1:]) == shapes
         faults = {

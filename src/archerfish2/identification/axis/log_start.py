@@ -28,7 +28,7 @@ Table = Mapping[int, LinearFit]
 
 def rounding_floor(experiments: Sequence[Experiment]) -> float:
     """Return the sum of squares below which a residual is rounding."""
-    return ROUNDING * sum(float(np.sum(np.abs(e.outputs) ** 2)) for e in experiments)
+    return ROUNDING * sum(float(np.sum(np.abs(e.outputs) ** 2)) for e in experiments) + 1e-300
 
 
 def resting_samples(u: Array, y: Array) -> int:
@@ -82,8 +82,8 @@ def guarded(
     # Where inputs move most at the beginning those samples are worth much: they go only if they fit worse than others.
     cut = [replace(e, skip=longest) if not e.pad and not resting_samples(e.u, e.y) else e for e in experiments]
     if any(e.skip > f.skip for e, f in zip(cut, experiments, strict=True)):
-        other = search(cut)
-        if _power(other, cut) < _CLEANER * _power(table, experiments):
+        other, least = search(cut), rounding_floor(experiments)
+        if _power(other, cut, least) < _CLEANER * _power(table, experiments, least):
             return cut, other
     return experiments, table
 
@@ -110,5 +110,5 @@ def _in_motion(experiments: list[Experiment], extended: Experiment, sections: Se
     return bool(gain > chdtri(sum(map(len, sections)), _CONTRADICTED))
 
 
-def _power(table: Table, experiments: list[Experiment]) -> float:
-    return min(map(cost_of, table.values())) / sum(e.measured for e in experiments)
+def _power(table: Table, experiments: list[Experiment], least: float) -> float:
+    return max(least, min(map(cost_of, table.values()))) / sum(e.measured for e in experiments)

@@ -36,7 +36,7 @@ class LinearFit(NamedTuple):
     numerators: Array  # as of `sections.response`, (c, p)
     residual: Array  # (p, R)
     basis: Array  # of the driven columns, (R, c)
-    logs: list[LogFactors]
+    logs: list[LogFactors]  # one each
 
 
 def solve(sections: Sections, data: list[Lines]) -> LinearFit:

@@ -16,7 +16,7 @@ from archerfish2.identification.simulation import Array, Complex
 Sections = Sequence[Array]
 
 _NEAREST = 1 - 8e-8  # largest |tanh θ| of free numbers
-_LARGEST_POLE = 0.9995  # of a start; nearer to the unit circle a transient and a pole can't be told apart
+_LARGEST_POLE = 0.9995  # of a start; nearer to the unit circle a pole can't be distinguished from a transient
 
 
 def sections_of(theta: Array) -> Sections:
