@@ -10,7 +10,7 @@ from scipy.special import chdtri
 from archerfish2.errors import InputError
 from archerfish2.identification.axis.log_start import first_guess, guarded, rounding_floor
 from archerfish2.identification.axis.output_error import LinearFit, refine, refine_best, residuals_by_log, solve
-from archerfish2.identification.axis.prior import out_of_band, weighed
+from archerfish2.identification.axis.prior import out_of_band
 from archerfish2.identification.axis.sections import Sections, state_matrices
 from archerfish2.identification.axis.spectrum import Experiment, Lines, lines_of, strongest, thinned
 from archerfish2.identification.axis.starts import distinct, vector_fits
@@ -71,9 +71,8 @@ def fit_axis(
       InputError: if arrays don't fit together or aren't finite, inputs or outputs don't move, a recording is too short
         for the order, or there are several inputs with several outputs.
     """
-    logs, delays = _checked(recordings, order, max_delay if delay is None else delay), (delay or 0, delay or 0)
-    if delay is None:
-        delays = (0, min(max_delay, min(len(u) for u, _ in logs) // 10))
+    logs = _checked(recordings, order, max_delay if delay is None else delay)
+    delays = (0, min(max_delay, min(len(u) for u, _ in logs) // 10)) if delay is None else (delay, delay)
     scale = np.sqrt(np.mean(np.concatenate([y for _, y in logs]) ** 2, 0))
     experiments = [first_guess(u, y / scale, delays[1]) for u, y in logs]
     experiments, table = guarded(experiments, delays[1], lambda each: delay_table(each, order, delays))
@@ -106,10 +105,10 @@ def _checked(recordings: Sequence[Series], order: int, delay: int) -> list[tuple
     period, least = recordings[0].period_s, 2 * (order + 2) * (1 + inputs) + 10
     for number, ((u, y), each) in enumerate(zip(logs, recordings, strict=True), 1):
         fits = len(u) == len(y) > 0 and (u.shape[1:], y.shape[1:]) == shapes
+        other_period = abs(each.period_s - period) > 1e-9 * period
         faults = {
             f"arrays as of the first, got u {u.shape} and y {y.shape}; correct it": not fits,
-            f"the first one's period of {period} s, got {each.period_s} s; resample it": abs(each.period_s - period)
-            > 1e-9 * period,
+            f"the first one's period of {period} s, got {each.period_s} s; resample it": other_period,
             f"at least {least} samples, got {len(u)}; record longer": len(u) < least,
             "finite numbers; leave out where there are none": not (np.isfinite(u).all() and np.isfinite(y).all()),
             "outputs that move, got a constant one; leave it out": bool(fits) and not np.ptp(y, axis=0).all(),
@@ -134,15 +133,13 @@ def _settled(experiments: list[Experiment], structure: Structure, starts: list[S
     if len(rough) > 1 and rough[1].cost < _OTHER_OPTIMUM * rough[0].cost:
         finalists += [fit.sections for fit in vector_fits(informative, structure.order)[:3]]
     free = refine_best(finalists, informative, 40, 1e-9)
-    if solve(free.sections, data).cost > best.cost:  # a pole between the lines that were left out
-        free = refine_best(finalists, data, 40, 1e-9)
-    else:
-        data = informative
+    missed = solve(free.sections, data).cost > best.cost  # a pole between the lines that were left out
+    free, data = (refine_best(finalists, data, 40, 1e-9), data) if missed else (free, informative)
     constraints, ridge = out_of_band(free, data, structure.delay)
     rows = 2 * sum(len(lines.z) for lines in data)
     allowed = 1 + chdtri(3 * structure.order + 1, _CONTRADICTED) / (rows * len(free.residual))
     for strength in (1.0, 0.1, 0.01):
-        both = data + weighed(constraints, strength)
+        both = data + [c._replace(inputs=strength * c.inputs, outputs=strength * c.outputs) for c in constraints]
         fit = refine_best([free.sections, starts[0]], both, 30, 1e-8, ridge * strength**2)
         if np.sum(fit.residual[:, :rows] ** 2) <= max(free.cost, rounding_floor(experiments)) * allowed:
             return fit, rows

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from archerfish2.identification.axis.output_error import LinearFit, cost_of, refine, residuals_by_log
-from archerfish2.identification.axis.sections import Sections
+from archerfish2.identification.axis.sections import Sections, order_of
 from archerfish2.identification.axis.spectrum import Experiment
 from archerfish2.identification.simulation import Array
 
@@ -97,17 +97,18 @@ def _unsettled(u: Array, longest: int) -> int:
 
 def _in_motion(experiments: list[Experiment], extended: Experiment, sections: Sections, delay: int) -> bool:
     """Whether a free start explains a log better than the noise allows, 2 Δ log L > χ², which begins at a rest."""
-    place = experiments.index(extended)
+    # All logs together, as a log alone explains with other poles what is no rest.
     free = [replace(e, pad=0) if e is extended else e for e in experiments]
     data = [[e.at(delay) for e in each] for each in (experiments, free)]
     at_rest, loose = (refine(sections, each, 12, 1e-5) for each in data)
+    place = experiments.index(extended)
     residual = residuals_by_log(loose, data[1])[place]
     response, noise = np.abs(free[place].outputs - residual) ** 2, np.abs(residual) ** 2
     # Noise that is stronger where the plant responds is worth as much as fewer white samples.
     colour = max(1.0, float(np.sum(noise * response) / max(np.mean(noise) * np.sum(response), 1e-300)))
-    samples, least = sum(e.measured for e in experiments) * len(residual) / colour, rounding_floor(free)
+    samples, least = sum(e.measured for e in free) * len(residual) / colour, rounding_floor(free)
     gain = samples * np.log(max(at_rest.cost, least) / max(loose.cost, least))
-    return bool(gain > chdtri(sum(map(len, sections)), _CONTRADICTED))
+    return bool(gain > chdtri(order_of(sections), _CONTRADICTED))
 
 
 def _power(table: Table, experiments: list[Experiment], least: float) -> float:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import lstsq, solve_triangular
+from scipy.linalg import lapack, lstsq, solve_triangular
 
 from archerfish2.identification.axis.sections import Sections, free_numbers, section_states, sections_of, theta_slopes
 from archerfish2.identification.axis.spectrum import Lines
@@ -48,12 +48,12 @@ def solve(sections: Sections, data: list[Lines]) -> LinearFit:
         x = _real(np.concatenate([driven, lines.inputs]) if lines.feedthrough else driven)
         y, transients = _real(lines.outputs), states * lines.impulse if lines.impulse.size else lines.own
         own = _real(np.concatenate([transients, lines.own]))
-        q, triangle = np.linalg.qr(own.T)
+        q, triangle = _factorised(own)
         logs.append(LogFactors(states, inverses, q, triangle, y @ q, x @ q))
         columns.append(x - logs[-1].driven @ q.T)
         outputs.append(y - logs[-1].outputs @ q.T)
     X, Y = np.concatenate(columns, 1), np.concatenate(outputs, 1)
-    Q, triangle = np.linalg.qr(X.T)
+    Q, triangle = _factorised(X)
     if np.all(np.abs(np.diag(triangle)) > 1e-11 * np.linalg.norm(triangle, axis=0)):
         numerators, residual = solve_triangular(triangle, Q.T @ Y.T), Y - (Y @ Q) @ Q.T
     else:  # columns depend on each other, as those of equal poles
@@ -153,6 +153,14 @@ def residuals_by_log(fit: LinearFit, data: list[Lines]) -> list[Complex]:
     """Return the residual at the lines of each log, shape (p, F) each."""
     ends = 2 * np.cumsum([len(lines.z) for lines in data])
     return [np.ascontiguousarray(each).view(complex) for each in np.split(fit.residual, ends, axis=1)[:-1]]
+
+
+def _factorised(columns: Array) -> tuple[Array, Array]:
+    """QR factorisation of (k, R) transposed; LAPACK alone takes a fifth of the time that NumPy's function takes."""
+    if not len(columns):
+        return columns.T, columns @ columns.T
+    packed, scales, *_ = lapack.dgeqrf(columns.T)
+    return lapack.dorgqr(packed, scales)[0], np.triu(packed[: len(columns)])
 
 
 def _real(x: Complex) -> Array:

@@ -50,11 +50,6 @@ def out_of_band(fit: LinearFit, data: Sequence[Lines], delay: int) -> tuple[list
     return constraints, 1.5 * noise
 
 
-def weighed(constraints: Sequence[Lines], factor: float) -> list[Lines]:
-    """Return constraints that count by another factor, squared in the sum of squares."""
-    return [each._replace(inputs=factor * each.inputs, outputs=factor * each.outputs) for each in constraints]
-
-
 def _soft(like: Lines, z: Array, inputs: Array, outputs: Array) -> Lines:
     at, u, y = (each.astype(complex) for each in (z, inputs, outputs))
     return Lines(at, u, y, at[:0], y[:0], like.feedthrough)

@@ -55,12 +55,14 @@ class Experiment:
     rest: int = 1  # samples whose mean is the level of that rest
     skip: int = 0  # samples that are left out at its beginning
     length: int = field(init=False)  # samples that are transformed
+    measured: int = field(init=False)  # those of them that were measured
     z: Complex = field(init=False)  # delay of one sample at each line, (F,)
     outputs: Complex = field(init=False)  # (p, F)
 
     def __post_init__(self) -> None:
         y = np.vstack([np.repeat(self.y[: self.rest].mean(0)[None], self.pad, 0), self.y])[self.skip :]
         n = self.length = len(y)
+        self.measured = n - self.pad
         k = np.arange(1, n // 2 + 1)
         self.z = np.exp(-2j * np.pi * k / n)
         # Squared sizes over the lines sum to those over the samples, so the line at half the sampling rate counts half.
@@ -70,11 +72,6 @@ class Experiment:
         level = (np.arange(n) < self.pad).astype(float)[:, None]
         self._own = self._transform(level[:, : self.pad > 0])
         self._lines = lru_cache(16)(self._delayed)
-
-    @property
-    def measured(self) -> int:
-        """Number of samples that were measured and are used."""
-        return self.length - self.pad
 
     def at(self, delay: int, feedthrough: bool = True) -> Lines:
         """Return all lines with inputs that are delayed by some samples."""

@@ -1,6 +1,6 @@
 """Poles to start from: vector fitting (Gustavsen and Semlyen 1999) on parallel sections."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -43,10 +43,10 @@ def vector_fits(
     return distinct(found)
 
 
-def subsets(sections: Sections, order: int) -> list[Sections]:
+def subsets(sections: Sections, order: int) -> Sequence[Sections]:
     """Return the choices of some of the sections that have an order, at most twenty."""
-    kept: Iterable[Sections] = (list(each) for k in range(1, len(sections)) for each in combinations(sections, k))
-    return [each for each in kept if order_of(each) == order][:20]
+    kept = (each for k in range(1, len(sections)) for each in combinations(sections, k) if order_of(each) == order)
+    return list(kept)[:20]
 
 
 def distinct(fits: Sequence[LinearFit], most: int = 8) -> list[LinearFit]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from archerfish2.identification.axis.log_start import ROUNDING, Table, rounding_floor
 from archerfish2.identification.axis.output_error import LinearFit, cost_of, refine_best, residuals_by_log, solve
-from archerfish2.identification.axis.sections import Sections
+from archerfish2.identification.axis.sections import Sections, order_of
 from archerfish2.identification.axis.spectrum import Experiment, lines_of, strongest, thinned
 from archerfish2.identification.axis.starts import SPREADS, distinct, subsets, vector_fit, vector_fits
 from archerfish2.identification.simulation import Array, Complex
@@ -21,6 +21,7 @@ from archerfish2.identification.simulation import Array, Complex
 _GRID = (0, 2, 5, 10, 15, 20)  # delays that are tried first
 _SEARCH_LINES, _PLAIN_LINES, _WHITTLE_LINES = 400, 1000, 1500
 _CLOSE = 2.0  # difference of the criterion up to which structures are about as likely
+_CLEARLY = 20.0  # difference by which the pilot's optimum must be better, as out of band it may have fitted noise
 _FARTHEST = 8  # samples that the delay moves from the coarse fits' best one
 
 
@@ -32,8 +33,8 @@ class Structure(NamedTuple):
     feedthrough: bool  # whether inputs act, after the delay, within their own sample
 
 
-Evaluate = Callable[[Structure, list[Sections], int], tuple[float, LinearFit]]
-"""Gives the criterion and the weighted fit of a structure, from starts and so many vector fits."""
+Evaluate = Callable[[Structure, list[Sections]], tuple[float, LinearFit]]
+"""Gives the criterion and the weighted fit of a structure, from the pilot and poles that are given, or vector fits."""
 Found = dict[Structure, tuple[float, LinearFit]]
 """Criterion and weighted fit of structures."""
 
@@ -83,7 +84,7 @@ def choose_structure(
     pilot = refine_best([fit.sections for fit in guesses], data, 10, 1e-4).sections
     larger = refine_best([vector_fits(data, order + 2, extra=0)[0].sections], data, 8, 1e-4).sections
     evaluate = _criterion(experiments, pilot, coarse)
-    found = _search(evaluate, Structure(order, coarse, False), delays, feedthrough, pilot)
+    found = _search(evaluate, Structure(order, coarse, False), delays, feedthrough)
     chosen = _preferred(experiments, found, table)
     starts = [found[chosen][1].sections, *(fit.sections for delay, fit in table.items() if delay == chosen.delay)]
     return chosen, [*starts, *subsets(larger, order)]
@@ -115,15 +116,18 @@ def _criterion(experiments: Sequence[Experiment], pilot: Sections, delay: int) -
     responses = [_power(e.outputs - r) / power for (e, r), power in zip(both, noise, strict=True)]
     picks = strongest(responses, _WHITTLE_LINES)
     rows, weights = sum(e.measured for e in experiments) * len(both[0][1]), [1 / np.sqrt(power) for power in noise]
+    # On a log without noise plain vector fits miss what is small and out of band; those under the weights find it.
+    data = lines_of(experiments, picks, delay, weights=weights)
+    best = refine_best([pilot, *(fit.sections for fit in vector_fits(data, order_of(pilot))[:2])], data, 20, 1e-6)
     # What is not linear leaves more between the lines of a comb than on them: an octave's mean is too large there.
-    fit = refine_best([pilot], lines_of(experiments, picks, delay, weights=weights), 8, 1e-6)
-    unit = float(np.sqrt(np.clip(fit.cost / fit.residual.size, 0.05, 1.0)))
+    unit = float(np.sqrt(np.clip(best.cost / best.residual.size, 0.05, 1.0)))
 
-    def evaluate(structure: Structure, starts: list[Sections], fresh: int = 0) -> tuple[float, LinearFit]:
+    def evaluate(structure: Structure, near: list[Sections]) -> tuple[float, LinearFit]:
         data = lines_of(experiments, picks, structure.delay, structure.feedthrough, weights)
-        more = [fit.sections for fit in vector_fits(data, structure.order)[:fresh]] if fresh else []
-        fit = refine_best([*more, *starts], data, 20, 1e-6)
-        return fit.cost / unit + _parameters(experiments, structure) * np.log(rows), fit
+        near = near or [*(fit.sections for fit in vector_fits(data, structure.order)[:2]), pilot]
+        found, other = refine_best(near, data, 20, 1e-6), refine_best([best.sections], data, 20, 1e-6)
+        found = other if other.cost < found.cost - _CLEARLY * unit else found
+        return found.cost / unit + _parameters(experiments, structure) * np.log(rows), found
 
     return evaluate
 
@@ -137,23 +141,22 @@ def _parameters(experiments: Sequence[Experiment], structure: Structure) -> int:
     return int(structure.order * (1 + m * p + p * len(experiments)) + structure.feedthrough * m * p)
 
 
-def _search(evaluate: Evaluate, start: Structure, delays: tuple[int, int], feedthrough: bool, pilot: Sections) -> Found:
+def _search(evaluate: Evaluate, start: Structure, delays: tuple[int, int], feedthrough: bool) -> Found:
     """Walk to the best delay, then try the feedthrough there and a sample later."""
     lowest, highest = delays
     # The coarse fits have a feedthrough, so that without one the delay is a sample shorter.
     at = start = start._replace(delay=max(start.delay - 1, lowest))
-    found = {start: evaluate(start, [pilot], 2)}
+    found = {start: evaluate(start, [])}
     for side in (-1, 1):
         here, beyond = at, 0
         while beyond < 2 and abs(here.delay - at.delay) < _FARTHEST and lowest <= here.delay + side <= highest:
             near, here = [found[here][1].sections], here._replace(delay=here.delay + side)
-            if here not in found:
-                found[here] = evaluate(here, near, 0)
+            found[here] = found.get(here) or evaluate(here, near)
             beyond += found[here][0] > found[at][0] + _CLOSE
             at = min(at, here, key=lambda each: found[each][0])
     for delay in (at.delay, min(at.delay + 1, highest)) if feedthrough else ():
         direct = Structure(start.order, delay, True)
-        found[direct] = evaluate(direct, [found[at][1].sections], 0)
+        found[direct] = evaluate(direct, [found[at][1].sections])
     return found
 
 
