@@ -1,0 +1,1 @@
+"""Identification: from logs to the records of a robot."""

@@ -1,0 +1,1 @@
+"""Identification of one gimbal axis: output error in the frequency domain."""

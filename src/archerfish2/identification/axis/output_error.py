@@ -1,0 +1,168 @@
+"""Output error by variable projection (Golub and Pereyra 1973) with Kaufman's Jacobian (1975).
+
+For given poles a log is linear in the numerators and in what is its own: transients and levels. Own columns are
+projected out log by log, one factorisation serves all outputs, and Levenberg and Marquardt's method moves the poles.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import lapack, lstsq, solve_triangular
+
+from archerfish2.identification.axis.sections import Sections, free_numbers, section_states, sections_of, theta_slopes
+from archerfish2.identification.axis.spectrum import Lines
+from archerfish2.identification.simulation import Array, Complex
+
+_LARGEST = 8.5  # |θ|; its tanh is 1 − 8e−8
+
+
+class LogFactors(NamedTuple):
+    """Of one log: its sections' states, and the QR factorisation of its k own columns."""
+
+    states: Complex  # (n, F)
+    inverses: list[Complex]  # of the sections' denominators, (F,) each
+    basis: Array  # (R, k)
+    triangle: Array  # (k, k)
+    outputs: Array  # coefficients of the outputs in the basis, (p, k)
+    driven: Array  # of the driven columns, (c, k)
+
+
+class LinearFit(NamedTuple):
+    """Linear least squares for given poles, c driven columns, and R real rows of all logs together."""
+
+    sections: Sections
+    cost: float  # sum of the squared residual
+    numerators: Array  # as of `sections.response`, (c, p)
+    residual: Array  # (p, R)
+    basis: Array  # of the driven columns, (R, c)
+    logs: list[LogFactors]  # one each
+
+
+def solve(sections: Sections, data: list[Lines]) -> LinearFit:
+    """Fit the numerators and each log's own columns to all outputs for given poles."""
+    columns, outputs, logs = [], [], []
+    for lines in data:
+        states, inverses = section_states(sections, lines.z)
+        driven = ((states * lines.z)[:, None] * lines.inputs).reshape(-1, len(lines.z))
+        x = _real(np.concatenate([driven, lines.inputs]) if lines.feedthrough else driven)
+        y, transients = _real(lines.outputs), states * lines.impulse if lines.impulse.size else lines.own
+        own = _real(np.concatenate([transients, lines.own]))
+        q, triangle = _factorised(own)
+        logs.append(LogFactors(states, inverses, q, triangle, y @ q, x @ q))
+        columns.append(x - logs[-1].driven @ q.T)
+        outputs.append(y - logs[-1].outputs @ q.T)
+    X, Y = np.concatenate(columns, 1), np.concatenate(outputs, 1)
+    Q, triangle = _factorised(X)
+    if np.all(np.abs(np.diag(triangle)) > 1e-11 * np.linalg.norm(triangle, axis=0)):
+        numerators, residual = solve_triangular(triangle, Q.T @ Y.T), Y - (Y @ Q) @ Q.T
+    else:  # columns depend on each other, as those of equal poles
+        size = np.maximum(np.linalg.norm(X, axis=1), 1e-300)
+        numerators = lstsq(X.T / size, Y.T, lapack_driver="gelsy", cond=1e-11)[0] / size[:, None]
+        residual = Y - numerators.T @ X
+    return LinearFit(sections, float(np.vdot(residual, residual)), numerators, residual, Q, logs)
+
+
+def project(fit: LinearFit, columns: Sequence[Complex]) -> Array:
+    """Return columns less what own and driven columns explain, shape (k, R).
+
+    Args:
+      fit: whose columns are projected out.
+      columns: of each log, shape (k, F).
+    """
+    rows = [_real(each) for each in columns]
+    own_removed = [x - (x @ log.basis) @ log.basis.T for x, log in zip(rows, fit.logs, strict=True)]
+    every = np.concatenate(own_removed, 1)
+    return np.asarray(every - (every @ fit.basis) @ fit.basis.T)
+
+
+def jacobian(fit: LinearFit, data: list[Lines], theta: Array) -> Array:
+    """Return Kaufman's Jacobian of the residual by the free numbers of the poles, shape (n, p R).
+
+    It is minus the projected derivative of each section's part ŷ of the fit: ∂ŷ/∂a_i = −zⁱ ŷ / (1 + a₁ z + a₂ z²).
+
+    Args:
+      fit: at theta.
+      data: that was fitted.
+      theta: free numbers, shape (n,).
+    """
+    slopes = []
+    for lines, log in zip(data, fit.logs, strict=True):
+        own = lstsq(log.triangle, (log.outputs - fit.numerators.T @ log.driven).T, lapack_driver="gelsy", cond=1e-13)[0]
+        at, parts = 0, []
+        for section, inverse in zip(fit.sections, log.inverses, strict=True):
+            k, m = slice(at, at + len(section)), len(lines.inputs)
+            b = fit.numerators[at * m : (at + len(section)) * m].reshape(len(section), m, -1)
+            part = np.einsum("kmp,kf,mf->pf", b, log.states[k] * lines.z, lines.inputs)
+            if lines.impulse.size:
+                part += own[k].T @ (log.states[k] * lines.impulse)
+            part *= inverse * lines.z
+            parts += [part, part * lines.z][: len(section)]
+            at += len(section)
+        slopes.append(np.concatenate(parts))
+    by_coefficients = project(fit, slopes).reshape(len(theta), -1)
+    return np.asarray(theta_slopes(theta) @ by_coefficients)
+
+
+def refine(sections: Sections, data: list[Lines], steps: int, tolerance: float, ridge: float = 0) -> LinearFit:
+    """Move the poles by Levenberg and Marquardt's method to a local minimum of the sum of squares.
+
+    Args:
+      sections: from which it begins.
+      data: lines of all logs, and soft constraints.
+      steps: at most.
+      tolerance: relative fall of the sum of squares below which it ends.
+      ridge: weight of the squared free numbers in the sum of squares.
+    """
+    theta, damping = free_numbers(sections), 1e-3
+    fit = solve(sections_of(theta), data)
+    for _ in range(steps):
+        J = jacobian(fit, data, theta)
+        hessian = J @ J.T + ridge * np.eye(len(theta))
+        gradient = J @ fit.residual.reshape(-1) + ridge * theta
+        scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+        hessian, before = hessian / np.outer(scale, scale), fit.cost + ridge * theta @ theta
+        for _ in range(8):
+            damped = hessian + damping * np.eye(len(theta))
+            move = -np.linalg.lstsq(damped, gradient / scale, rcond=None)[0] / scale
+            tried = np.clip(theta + np.clip(move, -2, 2), -_LARGEST, _LARGEST)
+            new = solve(sections_of(tried), data)
+            after = new.cost + ridge * tried @ tried
+            if after < before:
+                break
+            damping *= 8
+        else:
+            return fit
+        theta, fit, damping = tried, new, max(damping / 10, 1e-9)
+        if before - after < tolerance * before:
+            return fit
+    return fit
+
+
+def refine_best(starts: list[Sections], data: list[Lines], steps: int, tolerance: float, ridge: float = 0) -> LinearFit:
+    """Return the best of the fits from several starts; arguments as of `refine`."""
+    return min((refine(each, data, steps, tolerance, ridge) for each in starts), key=cost_of)
+
+
+def cost_of(fit: LinearFit) -> float:
+    """Return the sum of squares, by which fits are compared."""
+    return fit.cost
+
+
+def residuals_by_log(fit: LinearFit, data: list[Lines]) -> list[Complex]:
+    """Return the residual at the lines of each log, shape (p, F) each."""
+    ends = 2 * np.cumsum([len(lines.z) for lines in data])
+    return [np.ascontiguousarray(each).view(complex) for each in np.split(fit.residual, ends, axis=1)[:-1]]
+
+
+def _factorised(columns: Array) -> tuple[Array, Array]:
+    """QR factorisation of (k, R) transposed; LAPACK alone takes a fifth of the time that NumPy's function takes."""
+    if not len(columns):
+        return columns.T, columns @ columns.T
+    packed, scales, *_ = lapack.dgeqrf(columns.T)
+    return lapack.dorgqr(packed, scales)[0], np.triu(packed[: len(columns)])
+
+
+def _real(x: Complex) -> Array:
+    """Real and imaginary parts as rows: (k, F) → (k, 2 F)."""
+    return np.ascontiguousarray(x).view(float)

@@ -1,0 +1,132 @@
+"""Logs as spectra with their transients.
+
+At the lines of the discrete Fourier transform of a log of N samples a linear system has the exact response
+
+    Y(z) = G(z) z^d U(z) + Σ (c₁ + c₂ z) / (1 + a₁ z + a₂ z²) + …,    z = e^{−2πik/N}
+
+whose transients (Pintelon and Schoukens, System Identification, 2012, section 6.3.2) stand for all that happened before
+the log and after it. The line of the mean is left out, so levels of inputs and outputs don't matter.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import rfft
+
+from archerfish2.identification.simulation import Array, Complex
+
+Indices = NDArray[np.int64]
+Weights = Sequence[Array] | None
+
+
+class Lines(NamedTuple):
+    """Some lines of a log at one delay, each multiplied by a weight; or soft constraints, which have no transients."""
+
+    z: Complex  # delay of one sample, (F,)
+    inputs: Complex  # delayed, (m, F)
+    outputs: Complex  # (p, F)
+    impulse: Complex  # at the first sample, which transients start from, (F,); (0,) of constraints
+    own: Complex  # columns of this log alone that don't depend on poles, (q, F)
+    feedthrough: bool = True  # whether the plant may have one
+
+    def pick(self, indices: Indices, weight: Array | None = None) -> "Lines":
+        """Return some lines, multiplied by weights.
+
+        Args:
+          indices: of the lines, shape (k,).
+          weight: of all lines, shape (F,).
+        """
+        w = np.ones(len(indices)) if weight is None else weight[indices]
+        inputs, outputs, impulse, own = (each[..., indices] * w for each in self[1:5])
+        return Lines(self.z[indices], inputs, outputs, impulse, own, self.feedthrough)
+
+
+@dataclass(eq=False)
+class Experiment:
+    """One log of N samples of m inputs and p outputs, and how its beginning is taken."""
+
+    u: Array  # (N, m)
+    y: Array  # (N, p)
+    pad: int = 0  # samples of its first rest that are put before it
+    rest: int = 1  # samples whose mean is the level of that rest
+    skip: int = 0  # samples that are left out at its beginning
+    length: int = field(init=False)  # samples that are transformed
+    measured: int = field(init=False)  # those of them that were measured
+    z: Complex = field(init=False)  # delay of one sample at each line, (F,)
+    outputs: Complex = field(init=False)  # (p, F)
+
+    def __post_init__(self) -> None:
+        y = np.vstack([np.repeat(self.y[: self.rest].mean(0)[None], self.pad, 0), self.y])[self.skip :]
+        n = self.length = len(y)
+        self.measured = n - self.pad
+        k = np.arange(1, n // 2 + 1)
+        self.z = np.exp(-2j * np.pi * k / n)
+        # Squared sizes over the lines sum to those over the samples, so the line at half the sampling rate counts half.
+        self._size = np.where(2 * k == n, np.sqrt(0.5), 1.0).astype(complex)
+        self.outputs = self._transform(y)
+        # The level of the rest is known no better than its samples' noise allows, so it is estimated as well.
+        level = (np.arange(n) < self.pad).astype(float)[:, None]
+        self._own = self._transform(level[:, : self.pad > 0])
+        self._lines = lru_cache(16)(self._delayed)
+
+    def at(self, delay: int, feedthrough: bool = True) -> Lines:
+        """Return all lines with inputs that are delayed by some samples."""
+        return self._lines(delay)._replace(feedthrough=feedthrough)
+
+    def _transform(self, x: Array) -> Complex:
+        """(N, k) → (k, F)."""
+        scaled = np.sqrt(2 / self.length) * self._size[:, None] * rfft(x, axis=0)[1:]
+        return np.ascontiguousarray(scaled.T)
+
+    def _delayed(self, delay: int) -> Lines:
+        u = np.vstack([np.repeat(self.u[:1], self.pad + delay, 0), self.u[: len(self.u) - delay]])
+        return Lines(self.z, self._transform(u[self.skip :]), self.outputs, self._size, self._own)
+
+
+def lines_of(
+    logs: Sequence[Experiment], picks: Sequence[Indices], delay: int, feedthrough: bool = True, weights: Weights = None
+) -> list[Lines]:
+    """Return some lines of each log.
+
+    Args:
+      logs: the logs.
+      picks: indices of each log's lines, shape (k,).
+      delay: of the inputs [samples].
+      feedthrough: whether the plant may have one.
+      weights: of all lines of each log, shape (F,).
+    """
+    every: Sequence[Array | None] = weights or [None] * len(picks)
+    return [e.at(delay, feedthrough).pick(k, w) for e, k, w in zip(logs, picks, every, strict=True)]
+
+
+def thinned(experiments: Sequence[Experiment], count: int) -> list[Indices]:
+    """Return indices of about `count` lines: half those of the strongest input, the others spread over the rest."""
+    total, kept = sum(len(e.z) for e in experiments), []
+    for e in experiments:
+        n, here = len(e.z), max(50, count * len(e.z) // total)
+        power = np.abs(e.at(0).inputs) ** 2
+        power = (power / np.maximum(power.mean(1, keepdims=True), 1e-300)).sum(0)
+        order = np.argsort(-power, kind="stable")
+        rest, step = np.sort(order[here // 2 :]), -(-max(n - here // 2, 1) // (here - here // 2))
+        kept.append(np.arange(n) if n <= here else np.sort(np.append(order[: here // 2], rest[::step])))
+    return kept
+
+
+def strongest(powers: Sequence[Array], count: float, least: float = 0.0) -> list[Indices]:
+    """Return indices of the lines of the largest power, at least 60 and a fiftieth of each log.
+
+    Args:
+      powers: of the lines of each log, shape (F,) each.
+      count: of lines, in all.
+      least: power of a line that is kept.
+    """
+    total, kept = sum(map(len, powers)), []
+    for power in powers:
+        fewest = max(min(len(power), 60), len(power) // 50)
+        n = int(np.clip(min(float(np.sum(power >= least)), count * len(power) / total), fewest, len(power)))
+        kept.append(np.sort(np.argsort(-power, kind="stable")[:n]))
+    return kept

@@ -1,0 +1,262 @@
+"""One axis at a given order: against plants that are known, real logs, differences and SciPy."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy import io, signal
+
+from archerfish2.identification.axis.fit import fit_axis
+from archerfish2.identification.axis.log_start import first_guess
+from archerfish2.identification.axis.output_error import jacobian, refine, solve
+from archerfish2.identification.axis.sections import free_numbers, response, sections_of, state_matrices
+from archerfish2.identification.axis.spectrum import Experiment, lines_of, thinned
+from archerfish2.identification.axis.structure import noise_power
+from archerfish2.identification.simulation import simulate
+from archerfish2.identification.validation import free_run
+from archerfish2.paper.gimbal import printed_plants
+from archerfish2.records.plant import PlantRecord
+
+SHARED = "shared/data/identification"
+DATA = next((each / SHARED for each in Path(__file__).parents if (each / SHARED).is_dir()), None)
+TIME = 1e-3 * np.arange(10_000)
+SWEEP = np.sin(2 * np.pi * (2 * TIME + 48 * TIME**2 / 20))[:, None]  # from 2 to 50 Hz in 10 s, as in the paper
+STEP = (np.arange(1000) >= 50).astype(float)[:, None]
+
+
+def log(u, y, period_s=1e-3):
+    return SimpleNamespace(inputs=np.reshape(u, (len(u), -1)), outputs=np.reshape(y, (len(y), -1)), period_s=period_s)
+
+
+def fit_percent(y, simulated):
+    return 100 * (1 - np.linalg.norm(y - simulated) / np.linalg.norm(y - y.mean()))
+
+
+def second_order(u, natural, damping, delay, lag=0.0):
+    """Simulate steady gain 1 (frequency in cycles a sample), with a real lag of some samples behind it."""
+    pole = np.exp(2 * np.pi * natural * (-damping + 1j * np.sqrt(1 - damping**2)))
+    a = [1.0, -2 * pole.real, abs(pole) ** 2]
+    y = signal.lfilter([0.0] * (delay + 1) + [sum(a) / 2] * 2, a, u)
+    return signal.lfilter([1 - np.exp(-1 / lag)], [1, -np.exp(-1 / lag)], y) if lag else y
+
+
+def noisy(y, share, rng):
+    return y + share * y.std() * rng.standard_normal(len(y))
+
+
+def held_levels(rng, levels=60):
+    return np.concatenate(
+        [np.full(k, v) for k, v in zip(rng.integers(5, 40, levels), rng.uniform(-1, 1, levels), strict=True)]
+    )
+
+
+def step_from_rest(seed):
+    rng = np.random.default_rng((1, seed))
+    samples, damping, delay = int(rng.uniform(300, 900)), rng.uniform(0.3, 1.0), int(rng.integers(0, 16))
+    at = int(samples * rng.uniform(0.04, 0.2))
+    natural = 4 / (2 * np.pi * damping * (samples - at)) / rng.uniform(0.15, 0.5)
+    u = (np.arange(samples) >= at) * rng.uniform(0.1, 10)
+    y = noisy(second_order(u, max(natural, 0.004), damping, delay), 0.01, rng)
+    return log(u, y + rng.uniform(-3, 3)), delay
+
+
+def cut_in_motion(seed):
+    rng = np.random.default_rng((2, seed))
+    u = held_levels(rng)
+    y = second_order(u, rng.uniform(0.01, 0.03), rng.uniform(0.3, 1.0), 20)
+    return log(u[200:500], noisy(y[200:500], 0.01, rng)), 20
+
+
+def rest_that_is_none(seed):
+    """A slow lag is still settling from a step 200 samples before the log, in which the input is held at first."""
+    rng, u = np.random.default_rng((3, seed)), np.zeros(1600)
+    lag, at = rng.uniform(80, 250), 1000 + int(rng.integers(15, 41))
+    u[800:at], u[at:] = 1, rng.choice([-0.5, 2.0, 0.0])
+    u[at + 250 :] = 0.7
+    y = second_order(u, 0.03, 0.8, 3, lag)
+    return log(u[1000:], noisy(y[1000:], 0.03, rng))
+
+
+@pytest.mark.parametrize(("axis", "delay"), [("pitch", 0), ("yaw", 5), ("pitch", 13), ("yaw", 20)])
+def test_a_clean_log_gives_the_plant_itself(axis, delay):
+    true = printed_plants()[axis].replace(delay_samples=delay)
+    y = signal.dlsim(true.to_state_space(), SWEEP)[1] + 4
+    found = fit_axis([log(SWEEP, y)], 4)
+    assert (found.delay, found.plant.D.item()) == (delay, 0.0)
+    assert max(np.abs(found.poles - pole).min() for pole in np.linalg.eigvals(true.A)) < 1e-7
+    assert_allclose(found.gain, true.dc_gain, rtol=1e-6)
+    assert_allclose(found.fit_percent, 100, atol=1e-6)
+
+
+@pytest.mark.parametrize(("noise", "least"), [(0.01, (99.95, 99.8)), (0.05, (99.8, 99.6))])
+def test_the_printed_axes_are_found_under_noise(noise, least):
+    fits = []
+    for true in printed_plants().values():
+        sweep, step = (simulate(true, u) for u in (SWEEP, STEP))
+        for seed in range(3):
+            found = fit_axis([log(SWEEP, noisy(sweep[:, 0], noise, np.random.default_rng(seed)))], 4).plant
+            fits.append([fit_percent(sweep, simulate(found, SWEEP)), fit_percent(step, simulate(found, STEP))])
+    assert np.all(np.median(fits, axis=0) >= least), np.median(fits, axis=0)
+
+
+def test_the_gradient_is_that_of_differences():
+    rng = np.random.default_rng(4)
+    u, other = rng.standard_normal((2, 400, 1))
+    y = np.stack([second_order(u[:, 0], 0.02, 0.3, 3), second_order(u[:, 0], 0.1, 0.5, 2)], axis=1)
+    logs = [Experiment(u, y + rng.standard_normal(y.shape)), Experiment(other, rng.standard_normal(y.shape), pad=400)]
+    theta, step = np.array([-0.9, 1.4, 0.6, 0.3, -1.1]), 1e-5
+    for feedthrough in (False, True):
+        data = lines_of(logs, thinned(logs, 200), 3, feedthrough)
+        fit = solve(sections_of(theta), data)
+        found = 2 * jacobian(fit, data, theta) @ fit.residual.reshape(-1)
+        costs = [[solve(sections_of(theta + s * e), data).cost for s in (step, -step)] for e in np.eye(5)]
+        assert_allclose(found, [(high - low) / (2 * step) for high, low in costs], rtol=1e-6, atol=1e-6)
+    assert_allclose(free_numbers(sections_of(theta)), theta)
+    assert refine(sections_of(theta), data, 30, 1e-9).cost < 0.999 * fit.cost
+
+
+def test_the_sections_the_matrices_and_scipy_respond_alike():
+    rng, z = np.random.default_rng(5), np.exp(-1j * np.linspace(0.1, 3.0, 7))
+    sections = sections_of(rng.normal(size=5))
+    for inputs, outputs in ((1, 2), (3, 1)):
+        numerators = rng.normal(size=(6 * inputs, outputs))
+        plant = PlantRecord.from_state_space(*state_matrices(sections, numerators, inputs), 1.0, 2)
+        A, B, C, D, _ = plant.to_state_space()
+        expected = [C @ np.linalg.solve(np.eye(len(A)) / each - A, B) + D for each in z]
+        found = response(sections, numerators, inputs, z) * z**2
+        assert_allclose(found, np.transpose(expected, (2, 1, 0)), rtol=1e-9)
+        u, start = rng.normal(size=(101, inputs)), rng.normal(size=5)
+        late = np.concatenate([u[:1], u[:1], u[:-2]])
+        expected = signal.dlsim((plant.A, plant.B, plant.C, plant.D, 1.0), late, x0=start)[1]
+        assert_allclose(simulate(plant, u), signal.dlsim((plant.A, plant.B, plant.C, plant.D, 1.0), late)[1])
+        run = free_run(plant, u, expected + 3)
+        assert_allclose((run.offset, run.fit_percent), (np.full(outputs, 3), np.full(outputs, 100)), atol=1e-6)
+        assert free_run(plant, u, expected + 3, np.zeros(outputs)).fit_percent.max() < 99
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_step_from_rest_and_a_log_cut_in_motion_give_the_gain(seed):
+    rest, _ = step_from_rest(seed)
+    cut, delay = cut_in_motion(seed)
+    found, moving = fit_axis([rest], 2), fit_axis([cut], 2)
+    assert_allclose([found.gain.item(), moving.gain.item()], 1, atol=5e-3)
+    assert (found.extended, moving.extended, moving.delay - moving.plant.D.any()) == ((True,), (False,), delay)
+
+
+def test_a_rest_that_is_none_is_not_extended():
+    for seed in (0, 3, 5, 12):
+        recording = rest_that_is_none(seed)
+        assert first_guess(recording.inputs, recording.outputs, 20).pad == 600
+        found = fit_axis([recording], 3, 3)
+        assert found.extended == (False,)
+        assert_allclose(found.gain, 1, atol=0.02)  # 0.71 to 2.2 with the extension
+
+
+def test_several_logs_of_two_outputs_give_one_plant():
+    logs = []
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        u = held_levels(rng, 100)
+        angle = second_order(u, 0.01, 0.4, 5)
+        rate = 30 * np.diff(angle, prepend=0.0) + 0.3 * angle
+        logs.append(log(u, np.stack([noisy(angle, 0.02, rng), 1e3 * noisy(rate, 0.1, rng) + 50], axis=1)))
+    found = fit_axis(logs, 2)
+    assert_allclose(found.gain[:, 0], [1, 300], rtol=1e-2)
+    assert_allclose(found.fit_percent, [[98, 90]] * 3, atol=0.7)
+    assert found.delay in {5, 6}
+
+
+def test_units_change_nothing_and_a_given_delay_is_kept():
+    recording, delay = cut_in_motion(9)
+    first = fit_axis([recording], 2, delay, feedthrough=False)
+    scaled = fit_axis(
+        [log(1e4 * recording.inputs + 7e5, 1e-5 * recording.outputs - 3, 0.01)], 2, delay, feedthrough=False
+    )
+    assert (first.delay, first.plant.D.item(), scaled.plant.sample_period_s) == (delay, 0.0, 0.01)
+    assert_allclose(scaled.poles, first.poles, rtol=1e-6)
+    assert_allclose(scaled.gain, 1e-9 * first.gain, rtol=1e-6)
+    assert fit_axis([recording], 2, 3).delay == 3
+
+
+def test_a_long_log_a_long_delay_and_a_double_pole():
+    time = np.arange(40_000)
+    u = np.sin(2 * np.pi * (0.002 * time + 0.048 * time**2 / 2 / len(time)))
+    found = fit_axis([log(u, noisy(second_order(u, 0.008, 0.5, 61), 0.05, np.random.default_rng(0)))], 2)
+    assert abs(found.delay - found.plant.D.any() - 61) <= 1
+    assert_allclose(found.gain, 1, atol=5e-3)
+    double = signal.lfilter([0.0, 0.01], np.poly([0.9, 0.9]), u[:3000])
+    assert_allclose(fit_axis([log(u[:3000], double)], 2).poles, 0.9, atol=1e-4)
+
+
+def test_the_noise_of_a_residual_is_smooth_over_octaves():
+    frequency = np.arange(1, 5001)
+    true = 1 + 1e3 / frequency
+    found = noise_power(true * np.random.default_rng(0).exponential(size=5000))
+    assert np.abs(np.log(found / true))[20:].max() < 0.5
+
+
+def halves(table, inputs, output):
+    half = len(table) // 2
+    return [(each[:, inputs], each[:, [output]]) for each in (table[:half], table[half:])]
+
+
+def slicot(name):
+    return io.loadmat(DATA / "slicot_sysid" / f"{name}.mat")[name].astype(float)
+
+
+def drone(name):
+    table = np.loadtxt(DATA / "quarter_drone" / f"{name}_malha_fechada.csv", delimiter=",", skiprows=1)[200:]
+    return table[:, [1]], table[:, [2]]
+
+
+def silverbox():
+    path = DATA / "silverbox" / "SNLS80mV.csv"
+    return np.loadtxt(path, delimiter=",", skiprows=40_651, max_rows=20_000, usecols=(0, 1))
+
+
+REAL = {
+    "robot arm": (lambda: halves(slicot("robot_arm_dat"), [0], 1), 97.1, 96.3),
+    "CD arm": (lambda: halves(slicot("CD_player_arm_dat"), [0, 1], 3), 87.8, 84.0),
+    "dryer": (lambda: halves(np.loadtxt(DATA / "rgp" / "dryer.dat"), [0], 1), 89.9, 86.5),
+    "Silverbox": (lambda: halves(silverbox(), [0], 1), 86.0, 87.2),
+    "drone steps": (lambda: [drone("sinal4_multiseno"), drone("sinal2_degraus")], 87.7, 88.0),
+}
+
+
+@pytest.mark.skipif(DATA is None, reason=f"no folder {SHARED} with recorded logs beside the clone")
+@pytest.mark.parametrize("name", REAL)
+def test_real_logs_are_explained_and_their_other_half_is_predicted(name):
+    read, training, test = REAL[name]
+    (u, y), (u_test, y_test) = read()
+    means = u.mean(0), y.mean(0)
+    found = fit_axis([log(u - means[0], y - means[1])], 4)
+    known = free_run(found.plant, u - means[0], y - means[1])
+    assert_allclose(found.fit_percent[0], known.fit_percent)
+    assert known.fit_percent.item() >= training
+    assert free_run(found.plant, u_test - means[0], y_test - means[1], known.offset).fit_percent.item() >= test
+
+
+GOOD = log(*np.random.default_rng(0).normal(size=(2, 100)))
+REFUSED = [
+    ([], 2, "expected a recording or more, an order of 1…20 .* got 0, 2 and 20; correct it"),
+    ([GOOD], 0, "got 1, 0 and 20"),
+    ([log(np.ones((100, 2)), np.ones((100, 2)))], 2, r"got u \(N, 2\) and y \(N, 2\); identify one output at a time"),
+    ([SimpleNamespace(inputs=np.ones(50), outputs=np.ones(50), period_s=1.0)], 2, r"u \(N, 0\)"),
+    ([GOOD, log(np.ones(30), np.ones(29))], 2, r"recording 2: expected arrays as of the first, got u \(30, 1\)"),
+    (
+        [GOOD, log(GOOD.inputs, GOOD.outputs, 2e-3)],
+        2,
+        "recording 2: expected the first one's period of 0.001 s, got 0.002 s",
+    ),
+    ([log(GOOD.inputs[:20], GOOD.outputs[:20])], 2, "at least 26 samples, got 20; record longer"),
+    ([log(GOOD.inputs, np.where(GOOD.outputs > 1, np.nan, GOOD.outputs))], 2, "finite numbers"),
+    ([log(GOOD.inputs, 0 * GOOD.outputs)], 2, "outputs that move"),
+    ([log(0 * GOOD.inputs, GOOD.outputs)], 2, "inputs that move, got a constant; leave that input out"),
+]
+
+
+@pytest.mark.parametrize(("recordings", "order", "complaint"), REFUSED)
+def test_what_can_not_be_identified_is_refused(recordings, order, complaint, refused):
+    refused(complaint, fit_axis, recordings, order)
