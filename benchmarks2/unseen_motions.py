@@ -225,9 +225,9 @@ globals().update(
 )
 
 
-def difference(robot: af.Robot, task: af.Task, ours: af.Policy, rival: Any, engagements: int) -> list[float]:
+def difference(robot: af.Robot, task: af.Task, ours: af.Policy, rival: Any, **drawn: int) -> list[float]:
     """Return ours less the rival's hit rate in each cell, in points."""
-    results = af.evaluate({"ours": ours, "rival": rival}, robot, task, engagements=engagements)
+    results = af.evaluate({"ours": ours, "rival": rival}, robot, task, **drawn)
     stands = "static" if names_code(task.motion) else ""  # a user's motion has cells of targets that stand beside it
     return [100.0 * each.difference for each in results.compare("ours", "rival") if each.motion != stands]
 
@@ -238,14 +238,16 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--engagements", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0, help="of the engagements and the dispersion")
     options = parser.parse_args()
     robot, task = af.Robot.load(ROOT / "tests2" / "infantry"), af.Task.load("any")
     rival = make_controller("imm-lq", robot, task, af.tune("imm-lq", robot, task))
     found: dict[str, dict[str, list[float]]] = {}
     for seed in range(options.seeds):
         ours = af.Policy.load(options.folder / f"any-{seed}")
-        shoot = partial(difference, robot, ours=ours, engagements=options.engagements)
-        known = af.evaluate({"ours": ours, "rival": rival}, robot, task, engagements=options.engagements)
+        drawn = {"engagements": options.engagements, "seed": options.seed}
+        shoot = partial(difference, robot, ours=ours, **drawn)
+        known = af.evaluate({"ours": ours, "rival": rival}, robot, task, **drawn)
         for each in known.compare("ours", "rival"):
             found.setdefault(f"known: {each.motion} {each.length_s:g} s", {}).setdefault(str(seed), []).append(
                 100.0 * each.difference
@@ -272,10 +274,10 @@ def main() -> None:
         groups[group] = {"mean": round(float(mean), 2), "least": least, "by_seed": by_seed}
     for name, row in (rows | groups).items():
         print(f"{name:40} mean {row['mean']:+6.2f}  least {row['least']:+6.2f}  seeds {row['by_seed']}")
-    conditions = {"engagements": options.engagements, "seed": 0}
+    conditions = {"engagements": options.engagements, "seed": options.seed}
     if options.engagements >= 100:
         made = json.dumps({"conditions": conditions, "groups": groups, "points": rows}, indent=1)
-        (Path(__file__).parent / "results" / "unseen_motions.json").write_text(made + "\n")
+        (Path(__file__).parent / "results" / f"unseen_motions{options.seed or ''}.json").write_text(made + "\n")
 
 
 if __name__ == "__main__":

@@ -12,14 +12,14 @@ from archerfish2.targets.motion import STEP_S, ZERO
 from archerfish2.targets.process import LEGS, PROCESS_UNIFORMS, random_process
 from archerfish2.task import Task
 
-ACCELERATION, RATE, LEFT, DWELL, DWELL_VARIES, SPEED_VARIES, REST, KEEPS, FORM = 0, 2, 3, 4, 5, 7, 8, 9, 10
+ACCELERATION, RATE, LEFT, DWELL, DWELL_VARIES, SPEED_VARIES, REST, KEEPS, FORM, LONG = 0, 2, 3, 4, 5, 7, 8, 9, 10, 11
 
 
 @pytest.fixture(scope="module")
 def two_legs():
     """Draw targets of which all legs last 2 s; return uniforms, displacements, and velocities of the first two legs."""
     uniforms = np.random.default_rng(8).random((4000, PROCESS_UNIFORMS))
-    uniforms[:, [LEFT, DWELL, DWELL_VARIES]] = 1.0, 1.0, 0.0
+    uniforms[:, [LEFT, DWELL, DWELL_VARIES, LONG]] = 1.0, 1.0, 0.0, 1.0
     uniforms[:2500, REST] = np.repeat([0.5, 1.0], [2000, 500])
     moved = np.concatenate([random_process(each, np.ones(len(each))) for each in np.split(uniforms, 10)])
     return uniforms, moved, (moved[:, [100, 200]] - moved[:, [99, 199]]) / STEP_S  # at the ends of the legs
@@ -59,11 +59,14 @@ def test_directions_change_by_the_habits(two_legs):
 
 def test_legs_last_for_the_usual_dwell_of_the_target_or_for_their_own():
     uniforms = np.random.default_rng(9).random((40, PROCESS_UNIFORMS))
-    uniforms[:, [ACCELERATION, LEFT, SPEED_VARIES, REST, KEEPS, FORM]] = 1.0, 1.0, 0.0, 0.0, 0.0, 0.0
+    uniforms[:, [ACCELERATION, LEFT, SPEED_VARIES, REST, KEEPS, FORM, LONG]] = 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0
     uniforms[:, DWELL_VARIES] = np.repeat([0.0, 1.0], 20)
-    uniforms[:20, DWELL], uniforms[20:, 11 : 11 + LEGS] = 2 * [np.log(4.0) / np.log(20.0)]  # 0.4 s, of 0.1 to 2 s
+    uniforms[:20, DWELL], uniforms[20:, 12 : 12 + LEGS] = 2 * [np.log(4.0) / np.log(20.0)]  # 0.4 s, of 0.1 to 2 s
     moved = random_process(uniforms, np.ones(40))
     assert_allclose(moved[:, 60:], moved[:, 20:-40], atol=1e-9)  # to and fro from 0.1 s on: every 0.8 s it is the same
+    uniforms[:, LONG] = 0.2
+    moved = np.diff(random_process(uniforms, np.ones(40)), axis=1)
+    assert_allclose(np.ptp(moved[:, 20:124], axis=1), 0.0, atol=1e-9)  # straight on until 2.2 s
 
 
 def test_legs_longer_than_their_ramp_change_speed_at_the_targets_acceleration(two_legs):

@@ -2,7 +2,8 @@
 
 A target drives or stands, leg by leg. It has a usual dwell and a usual speed, and for each a share by which its legs
 depart from it: with 0 all are alike, with 1 they have nothing in common. How often it stands, and how often it drives
-on to the side of the leg before, are its own, too. Some drive along a line, some turn at each leg, some turn steadily.
+on to the side of the leg before, are its own, too. Some drive along a line, some turn at each leg, some turn steadily;
+some drive on for long once they have set off.
 """
 
 from archerfish2.arrays import Array, namespace
@@ -11,8 +12,12 @@ from archerfish2.targets.kinds import driven
 
 LEGS = 28
 """Legs that are drawn; in the last a target continues as it moves."""
-PROCESS_UNIFORMS = 11 + 4 * LEGS
+PROCESS_UNIFORMS = 12 + 4 * LEGS
 """Uniform draws of a target: its own, then those of its legs."""
+DRIVES_ON, LONG_S = 0.25, 2.5
+"""Share of the targets whose legs are long, once they drive, and how long [s]. Without them a policy takes every target
+that sets off for one that stops or turns within half a second, and loses up to 6 points to `imm-lq` on those that don't.
+"""
 
 
 def random_process(uniforms: Array, duration: Array) -> Array:  # noqa: ARG001 (as every kind's)
@@ -25,10 +30,11 @@ def random_process(uniforms: Array, duration: Array) -> Array:  # noqa: ARG001 (
     xp = namespace(uniforms)
     acceleration, heading, rate = draw_parameters(HABITS, uniforms[..., None, :])
     left, dwell, dwell_varies, speed, speed_varies, rest, keeps, form = (uniforms[..., at, None] for at in range(3, 11))
-    own_dwell, own_speed, choice, turn = (uniforms[..., 11 + at * LEGS : 11 + (at + 1) * LEGS] for at in range(4))
+    own_dwell, own_speed, choice, turn = (uniforms[..., 12 + at * LEGS : 12 + (at + 1) * LEGS] for at in range(4))
     dwell = DWELL.draw(dwell + dwell_varies * (own_dwell - dwell))
     speed = LEG_SPEED.draw(speed + speed_varies * (own_speed - speed))
     rest = 0.9 * rest**1.57  # share of standing legs: 0.35 in the mean
+    dwell = xp.where((uniforms[..., 11, None] < DRIVES_ON) & (choice >= rest), LONG_S + 0.0 * dwell, dwell)
     # One draw is whether a leg stands and, of a leg that drives, whether it keeps the side of the one before.
     changes = xp.cumulative_sum(xp.astype(choice - rest >= keeps * (1.0 - rest), xp.int32), axis=-1)
     velocity = xp.where(choice < rest, 0.0 * speed, xp.where(changes % 2 == 0, speed, -speed))
