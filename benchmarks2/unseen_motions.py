@@ -225,9 +225,9 @@ globals().update(
 )
 
 
-def difference(robot: af.Robot, task: af.Task, ours: af.Policy, rival: Any, **drawn: int) -> list[float]:
+def difference(robot: af.Robot, task: af.Task, ours: af.Policy, rival: Any, engagements: int, seed: int) -> list[float]:
     """Return ours less the rival's hit rate in each cell, in points."""
-    results = af.evaluate({"ours": ours, "rival": rival}, robot, task, **drawn)
+    results = af.evaluate({"ours": ours, "rival": rival}, robot, task, engagements=engagements, seed=seed)
     stands = "static" if names_code(task.motion) else ""  # a user's motion has cells of targets that stand beside it
     return [100.0 * each.difference for each in results.compare("ours", "rival") if each.motion != stands]
 
@@ -245,9 +245,9 @@ def main() -> None:
     found: dict[str, dict[str, list[float]]] = {}
     for seed in range(options.seeds):
         ours = af.Policy.load(options.folder / f"any-{seed}")
-        drawn = {"engagements": options.engagements, "seed": options.seed}
-        shoot = partial(difference, robot, ours=ours, **drawn)
-        known = af.evaluate({"ours": ours, "rival": rival}, robot, task, **drawn)
+        count, draws = options.engagements, options.seed
+        shoot = partial(difference, robot, ours=ours, engagements=count, seed=draws)
+        known = af.evaluate({"ours": ours, "rival": rival}, robot, task, engagements=count, seed=draws)
         for each in known.compare("ours", "rival"):
             found.setdefault(f"known: {each.motion} {each.length_s:g} s", {}).setdefault(str(seed), []).append(
                 100.0 * each.difference
