@@ -16,7 +16,7 @@ PROCESS_UNIFORMS = 12 + 4 * LEGS
 """Uniform draws of a target: its own, then those of its legs."""
 DRIVES_ON, LONG_S = 0.25, 2.5
 """Share of the targets whose legs are long, once they drive, and how long [s]. Without them a policy takes every target
-that sets off for one that stops or turns within half a second, and loses up to 6 points to `imm-lq` on those that don't.
+that sets off for one that stops or turns within half a second, and loses up to 6 points to `imm-lq` where it does not.
 """
 
 
