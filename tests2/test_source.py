@@ -79,12 +79,11 @@ def of_arguments(node, docstring, _):
 
 
 def test_everything_down_to_export_and_the_evaluation_import_without_the_large_libraries(run_python):
-    others = {"simulation", "virtual_robot", "learning", "studies", "viewer", "cli", "__main__"}
-    wanted = [path.with_suffix("").parts for path in FILES]
-    on_the_robot = [each for each in wanted if each[1] not in others | {"identification"}]
-    for names, blocked in ((on_the_robot, ("scipy",)), ([each for each in wanted if each[1] == "identification"], ())):
-        names = [".".join(each).removesuffix(".__init__") for each in names]
-        code = f"import importlib\nfor name in {names!r}:\n    importlib.import_module(name)"
+    others = {"simulation", "virtual_robot", "learning", "studies", "viewer", "cli", "__main__", "identification"}
+    names = {path: ".".join(path.with_suffix("").parts).removesuffix(".__init__") for path in FILES}
+    first = [name for path, name in names.items() if path.with_suffix("").parts[1] not in others]
+    for wanted, blocked in ((first, ("scipy",)), ([each for each in names.values() if "identification" in each], ())):
+        code = f"import importlib\nfor name in {wanted!r}:\n    importlib.import_module(name)"
         run_python(code, blocked=("jax", "matplotlib", "gymnasium", *blocked))
 
 
