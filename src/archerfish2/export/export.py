@@ -127,5 +127,5 @@ def _kept_tuning(name: str, robot: Robot, task: Task) -> Tuning:
                 return convert(each["tuning"], Tuning)
     except (KeyError, TypeError, ValidationError) as error:
         raise file_error(path, f"is not as evaluate leaves it ({error})", "remove it and evaluate again") from error
-    words = f"archerfish2 evaluate {robot.folder or 'FOLDER'} --task {task.name} --controllers {name}"
+    words = f"archerfish2 evaluate {robot.folder or 'FOLDER'} --task {task.name or 'FILE'} --controllers {name}"
     raise InputError(f"{name} is not tuned for {robot.name} and this task; run {words}, or give tuning")
