@@ -70,7 +70,7 @@ def _near(values: Array) -> Array:
 
 def _parameters_a_log(structure: Structure, found: AxisFit) -> float:
     inputs, logs = found.experiments[0].u.shape[1], len(found.experiments)
-    return (structure.order * (1 + inputs + logs) + structure.feedthrough * inputs) / logs
+    return float(structure.order * (1 + inputs + logs) + structure.feedthrough * inputs) / logs
 
 
 def _spectrum(log: Experiment, residual: Complex, parameters: float) -> Array:
