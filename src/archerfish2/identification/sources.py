@@ -17,9 +17,9 @@ Source = str | Path | Log | Recording
 class AxisLogs(NamedTuple):
     """Recordings of one sampling period."""
 
-    fitted: list[Recording]
-    held_back: list[Recording]
-    findings: tuple[Finding, ...]
+    fitted: list[Recording]  # to which a plant is fitted
+    held_back: list[Recording]  # by which it is judged
+    findings: tuple[Finding, ...]  # of all logs
     hashes: dict[str, str | int | float | None]  # SHA-256 by file
 
 

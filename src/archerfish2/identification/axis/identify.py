@@ -60,7 +60,7 @@ class AxisResult:
     poles: tuple[Pole, ...]  # the slowest first
     candidates: tuple[Candidate, ...]  # the likeliest first
     excited_hz: tuple[float, float]  # band that the inputs excite
-    findings: tuple[Finding, ...]
+    findings: tuple[Finding, ...]  # of the logs
     free_gain: tuple[Estimate, ...]  # as the logs have it where it was given; else empty
 
     @cached_property
