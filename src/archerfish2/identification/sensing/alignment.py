@@ -4,24 +4,32 @@ Detections scatter in azimuth, elevation and range. A jitter of the stamps moves
 which separates it from the noise of the detection: it acts only where the gimbal turns.
 """
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import f as fisher
 
 from archerfish2.errors import InputError
-from archerfish2.identification.sensing.timing import deviation_estimate, normal_estimate
 from archerfish2.identification.sensing.track import GimbalTrack
-from archerfish2.identification.statistics import Array, VarianceComponents, long_run_covariance, variance_components
+from archerfish2.identification.statistics import (
+    Array,
+    deviation_estimate,
+    long_run_covariance,
+    normal_estimate,
+    variance_components,
+)
+from archerfish2.reports.style import new_figure, plot_style
 from archerfish2.reports.table import Estimate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 STEP_S, NEAR_S = 0.005, 1.0
 """Distance of the offsets of the scan, and the largest of them where the clocks of both logs overlap [s]."""
-_AMBIGUOUS, _APART_S = 1.5, 0.05
-"""A misfit below so many times the least, so far from it, is another solution."""
-_OUTLIER = 5.0  # standard deviations in any direction from which it is not the plate: 2 in a million
-_ROUNDS = 30
+_MIRRORED, _AMBIGUOUS, _APART_S = 0.4, 1.5, 0.05
+"""Largest misfit for the azimuth's motion; a misfit below so many times the least, so far from it, is another."""
+_OUTLIER, _ROUNDS = 5.0, 30  # standard deviations in a direction from which it is not the plate: 2 in a million
 
 # Parameters: azimuth of the plate in the base frame less the camera's on the gimbal, horizontal distance of the plate
 # from the pivot, position of the pivot in the camera's frame (x, y, z; z with the plate's height, which a sweep in yaw
@@ -33,31 +41,23 @@ without it the fit would explain noise by a camera metres away."""
 _HELD = np.isfinite(_PRIOR_SD)
 
 
-class OffsetScan(NamedTuple):
-    """How well the azimuth mirrors the yaw at each offset."""
-
-    offset: Array  # what is added to the stamps of detections [s], (M,)
-    misfit: Array  # robust standard deviation of azimuth plus yaw [rad], (M,)
-    best: float  # offset of the least misfit [s]
-
-
 class Alignment(NamedTuple):
     """How detections of a plate at rest lie on the gimbal's log."""
 
     offset: Estimate  # what is added to a stamp to get the moment of exposure on the gimbal log's clock [s]
-    noise: tuple[Estimate, ...]  # standard deviations: azimuth, elevation [rad], range [m], stamps [s]
-    drift: Estimate  # rate of the camera's clock against the gimbal log's, less 1
+    noise: dict[str, Estimate]  # of detections and stamps, by the names of the record
     moments: Array  # of the detections on the gimbal log's clock [s], (K,)
     residual: Array  # measured less modelled azimuth, elevation [rad] and range [m], (K, 3)
     inlier: Array  # whether a detection is the plate, (K,)
     motion_share: float  # of the azimuth residual's power, that the gimbal's motion explains
     motion_p: float  # probability of as much if the alignment were right (F test)
+    drift: float  # rate of the camera's clock against the gimbal log's, less 1, by that regression
 
 
 def scan_offsets(
     track: GimbalTrack, time: Array, azimuth: Array, limit_s: float | None = None, apart_s: float = 0.0
-) -> OffsetScan:
-    """Find where the plate's azimuth best mirrors the yaw, to `STEP_S`.
+) -> Array:
+    """Find where the plate's azimuth best mirrors the yaw.
 
     Args:
       track: the gimbal.
@@ -65,6 +65,10 @@ def scan_offsets(
       azimuth: of the plate in the camera's frame [rad], shape (K,).
       limit_s: largest offset of the clocks [s]; `NEAR_S` if not given and the clocks overlap, else any.
       apart_s: offset of these stamps where that of the clocks is 0: the camera's origin less the gimbal log's [s].
+
+    Returns:
+      Offsets, what is added to the stamps [s], and at each the robust standard deviation of azimuth plus yaw [rad],
+      shape (2, M).
 
     Raises:
       InputError: if the logs can't overlap, or the azimuth mirrors the yaw at no offset, or at several.
@@ -78,44 +82,26 @@ def scan_offsets(
         remedy = "log the gimbal before, during and after the sweep, or raise max_offset_s"
         raise InputError(f"{problem} at any offset within ±{limit:g} s; {remedy}", "no-overlap")
     offsets = np.arange(np.floor(low / STEP_S), np.ceil(high / STEP_S) + 1) * STEP_S
-    # A few detections of something else must not steer the search.
-    reach = 3 * _robust_sd(azimuth)
-    clipped = np.clip(azimuth, np.median(azimuth) - reach, np.median(azimuth) + reach)
-    misfit, lines = np.full(offsets.size, np.inf), np.zeros((offsets.size, 2))
+    yaws, misfit = track.angles(track.time)[:, 0], np.full(offsets.size, np.inf)
     for place, offset in enumerate(offsets):
-        moments = time + offset
-        inside = (moments >= track.time[0]) & (moments <= track.time[-1])
+        inside = (time + offset >= track.time[0]) & (time + offset <= track.time[-1])
         if inside.sum() >= 10:
-            yaw = np.interp(moments[inside], track.time, track.yaw)
-            covariance = np.cov(yaw, clipped[inside])
-            scale = np.maximum([np.sqrt(covariance[0, 0] * covariance[1, 1]), covariance[0, 0]], 1e-300)
-            misfit[place], lines[place] = _robust_sd(azimuth[inside] + yaw), covariance[0, 1] / scale
-    _check_mirror(*lines[np.argmax(np.abs(lines[:, 0]))])
-    best = int(np.argmin(misfit))
+            misfit[place] = _robust_sd(azimuth[inside] + np.interp((time + offset)[inside], track.time, yaws))
+    best, motion = int(np.argmin(misfit)), _robust_sd(azimuth)
+    if misfit[best] > _MIRRORED * motion:
+        problem = f"does not mirror the yaw at any offset, and moves by {motion / _robust_sd(yaws):.3g} times as much"
+        remedy = "check signs and the frame, whether angles are in degrees, and that the plate was at rest"
+        raise InputError(f"the plate's bearing {problem}; {remedy}", "no-alignment")
     other = np.where(np.abs(offsets - offsets[best]) > _APART_S, misfit, np.inf)
     if other.min() < _AMBIGUOUS * misfit[best]:
-        problem = "offsets of {:.3f} s and {:.3f} s fit alike".format(*offsets[[best, np.argmin(other)]] - apart_s)
+        problem = "offsets of {:.3f} s and {:.3f} s fit alike".format(*offsets[[best, int(np.argmin(other))]] - apart_s)
         remedy = "record a sweep whose frequency changes, or narrow max_offset_s"
         raise InputError(f"the sweep repeats itself: {problem}; {remedy}", "ambiguous-offset")
-    return OffsetScan(offsets, misfit, float(offsets[best]))
+    return np.stack([offsets, misfit])
 
 
 def _robust_sd(values: Array) -> Array:
     return np.asarray(1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0))
-
-
-def _check_mirror(correlation: float, slope: float) -> None:
-    if correlation < -0.9 and -1.4 < slope < -0.7:
-        return
-    problem, remedy = f"moves by {slope:.3g} times the yaw, expected about -1", "check units and the lens' calibration"
-    if abs(correlation) < 0.9:
-        problem = f"follows the yaw at no offset (correlation {correlation:.2f} at best)"
-        remedy = "keep the plate still, sweep by more than 10° and pass the two logs of one recording"
-    elif 0.7 < slope < 1.4:
-        problem, remedy = "moves with the yaw, not against it", "turn the sign of one, or name the detections' frame"
-    elif 0.7 < np.radians(abs(slope)) < 1.4 or 0.7 < np.degrees(abs(slope)) < 1.4:
-        remedy = "check whether the gimbal's angles are in degrees"
-    raise InputError(f"the plate's bearing {problem}; {remedy}", "no-alignment")
 
 
 def spherical(position: Array) -> Array:
@@ -172,66 +158,64 @@ def align(track: GimbalTrack, time: Array, position: Array, start: float) -> Ali
     unit = _robust_sd(residual(x))
     x = least_squares(lambda each: np.append(residual(each) / unit, each / _PRIOR_SD), x, loss="soft_l1").x
     sd, inlier = np.broadcast_to(_robust_sd(residual(x)), measured.shape), np.zeros(time.size, dtype=bool)
+    held = np.diag(np.ones(x.size))[_HELD]
     for _ in range(_ROUNDS):
         left, slope, last = residual(x), slopes(x), inlier
         inlier = np.all(np.abs(left) < _OUTLIER * sd, axis=1)
         if inlier.mean() < 0.5:
             problem = f"only {inlier.mean():.0%} of the detections fit one plate at rest"
             raise InputError(f"{problem}; keep plate and robot still, one plate in view", "not-one-plate")
-        fit = _step(left[inlier] / unit, slope[inlier] / unit[:, None], x)
-        variance = fit.variances * np.append(unit**2, _SCALE[-1] ** 2)
+        rows = (slope[inlier] / unit[:, None]).reshape(-1, x.size)
+        scales = np.column_stack([np.tile(np.eye(3), (inlier.sum(), 1)), rows[:, -1] ** 2])
+        fit = variance_components(  # a Gauss–Newton step, by whose residuals the four variances are estimated
+            np.append(left[inlier] / unit, -x[_HELD]),
+            np.concatenate([rows, held]),
+            np.concatenate([scales, np.zeros((len(held), 4))]),
+            np.append(np.zeros(len(rows)), _PRIOR_SD[_HELD] ** 2),
+        )
+        variance = fit.variances * np.append(unit, _SCALE[-1]) ** 2
         sd, x = np.sqrt(variance[:3] + (slope[..., -1] / _SCALE[-1]) ** 2 * variance[3]), x + fit.coefficients
         if np.array_equal(inlier, last) and np.all(fit.coefficients**2 < 1e-4 * np.diag(fit.covariance)):
             break
     left, rows = residual(x), slopes(x) / sd[..., None]
     score = np.einsum("kcp,kc->kp", rows, left / sd)[inlier]
-    covariance = fit.covariance @ (long_run_covariance(score) * len(score)) @ fit.covariance
-    ramp = (time - time.mean())[:, None] * rows[..., -1]
-    design = np.concatenate([rows, ramp[..., None]], axis=-1)[inlier].reshape(-1, 9)
-    bread = np.linalg.inv(design.T @ design + np.diag(np.append(_PRIOR_SD**-2.0, 0.0))) * _SCALE[-1]
-    drift = bread[-1] @ (design.T @ (left / sd)[inlier].reshape(-1))
-    offset = start + float(x[-1] * _SCALE[-1])
-    errors = np.sqrt(np.diag(fit.variances_covariance)) * np.append(unit**2, _SCALE[-1] ** 2)
-    return Alignment(
-        normal_estimate(offset, float(np.sqrt(covariance[-1, -1]) * _SCALE[-1])),
-        tuple(map(deviation_estimate, variance.tolist(), errors.tolist(), ("rad", "rad", "m", "s"))),
-        normal_estimate(float(drift), float(np.sqrt(bread[-1, -1] * _SCALE[-1])), ""),
-        time + offset,
-        left,
-        inlier,
-        *_motion_share(track, (time + offset)[inlier], left[inlier, 0]),
-    )
+    spread = fit.covariance @ (long_run_covariance(score) * len(score)) @ fit.covariance
+    moments, unit = time + (start + x[-1] * _SCALE[-1]), np.append(unit, _SCALE[-1])
+    errors = np.sqrt(np.diag(fit.variances_covariance)) * unit**2
+    units = {"bearing_sd": "rad", "elevation_sd": "rad", "range_sd": "m", "stamp_jitter": "s"}
+    squares = zip(units.items(), variance, errors, strict=True)
+    noise = {f"camera.{name}": deviation_estimate(each, error, of) for (name, of), each, error in squares}
+    offset = normal_estimate(start + x[-1] * _SCALE[-1], np.sqrt(spread[-1, -1]) * _SCALE[-1])
+    return Alignment(offset, noise, moments, left, inlier, *_motion_share(track, moments[inlier], left[inlier, 0]))
 
 
-def _step(residual: Array, slopes: Array, x: Array) -> VarianceComponents:
-    """Take a Gauss–Newton step, by whose residuals the four variances are estimated.
-
-    Args:
-      residual: in robust standard deviations, shape (K, 3).
-      slopes: of the modelled values over the parameters, shape (K, 3, 8).
-      x: parameters, shape (8,).
-    """
-    scales = np.zeros((*residual.shape, 4))
-    scales[:, range(3), range(3)], scales[..., 3] = 1.0, slopes[..., -1] ** 2
-    held = np.diag(np.ones(x.size))[_HELD]
-    return variance_components(
-        np.append(residual, -x[_HELD]),
-        np.concatenate([slopes.reshape(-1, x.size), held]),
-        np.concatenate([scales.reshape(-1, 4), np.zeros((len(held), 4))]),
-        np.append(np.zeros(residual.size), _PRIOR_SD[_HELD] ** 2),
-    )
-
-
-def _motion_share(track: GimbalTrack, moments: Array, residual: Array) -> tuple[float, float]:
-    """Regress the azimuth's residual on angle (to the third power), rate, its size, and acceleration.
+def _motion_share(track: GimbalTrack, moments: Array, residual: Array) -> tuple[float, float, float]:
+    """Regress the azimuth's residual on angle (to the third power), rate, its size, acceleration and an offset's drift.
 
     Noise of a detector is independent of the gimbal's motion. A lens that distorts bends the bearing with the angle, an
     offset that drifts or an angle that lags moves it with the rate and its change.
     """
     angle, rate, change = (track.angles(moments, order)[:, 0] for order in range(3))
-    columns = np.column_stack([np.ones_like(angle), angle, angle**2, angle**3, rate, np.abs(rate), change])
-    left = residual - columns @ np.linalg.lstsq(columns, residual)[0]
-    freedom, terms = residual.size - columns.shape[1], columns.shape[1] - 1
-    unexplained = max(float(left @ left), 1e-300) / max(float(np.sum((residual - residual.mean()) ** 2)), 1e-300)
-    ratio = (1 / unexplained - 1) * freedom / terms
-    return max(1 - unexplained * (residual.size - 1) / freedom, 0.0), float(fisher.sf(ratio, terms, freedom))
+    ramp = -rate * (moments - moments.mean())
+    columns = np.column_stack([np.ones_like(angle), angle, angle**2, angle**3, rate, np.abs(rate), change, ramp])
+    solution, terms, freedom = np.linalg.lstsq(columns, residual)[0], columns.shape[1] - 1, len(columns) - 8
+    unexplained = np.var(residual - columns @ solution) / max(np.var(residual), 1e-300)
+    ratio = (1 / max(unexplained, 1e-300) - 1) * freedom / terms
+    share = 1 - unexplained * (freedom + terms) / freedom
+    return max(float(share), 0.0), float(fisher.sf(ratio, terms, freedom)), float(solution[-1])
+
+
+def alignment_plot(scan: Array, track: GimbalTrack, alignment: Alignment, *, title: str = "Alignment") -> "Figure":
+    """Draw the misfit over the offset, and gimbal and camera in the second of fastest motion; scan of shape (2, M)."""
+    with plot_style():
+        figure, ((left, right),) = new_figure(1, 2, width=10.0)
+        near = np.abs(scan[0] - alignment.offset.value) < 0.25
+        left.plot(1e3 * (scan[0, near] - alignment.offset.value), 1e3 * scan[1, near])
+        left.set(title=title, xlabel="Offset less that of the record [ms]", ylabel="Misfit of bearing and yaw [mrad]")
+        inside = track.time[(track.time > alignment.moments[0]) & (track.time < alignment.moments[-1])]
+        fastest = inside[np.argmax(np.abs(track.angles(inside, 1)[:, 0]))]
+        for time, error, style in ((inside, 0.0 * inside, "-"), (alignment.moments, alignment.residual[:, 0], ".")):
+            near = np.abs(time - fastest) < 0.5
+            right.plot(time[near], np.degrees(track.angles(time[near])[:, 0] - error[near]), style)
+        right.set(title="Gimbal (line) and camera (dots)", xlabel="Time in the gimbal's log [s]", ylabel="Yaw [°]")
+    return figure

@@ -3,7 +3,7 @@
 What these can't separate is reported as a sum, or left out with the measurement that it takes.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from archerfish2.errors import InputError
-from archerfish2.identification.sensing import delays, timing
-from archerfish2.identification.sensing.alignment import Alignment, OffsetScan, align, scan_offsets
-from archerfish2.identification.sensing.plots import alignment_plot
+from archerfish2.identification import statistics
+from archerfish2.identification.sensing.alignment import Alignment, align, alignment_plot, scan_offsets, spherical
+from archerfish2.identification.sensing.delays import EARLIEST_S, LONGEST_S, command_delays, step_latency
 from archerfish2.identification.sensing.report import sensing_report
+from archerfish2.identification.sensing.timing import Frames, frame_timing, latency_jitter, message_latency
 from archerfish2.identification.sensing.track import GimbalTrack, gimbal_track
-from archerfish2.identification.statistics import Array, sample_estimates
+from archerfish2.identification.statistics import Array
 from archerfish2.logs import timing as logs
 from archerfish2.provenance import provenance
 from archerfish2.records.sensing import CameraRecord, LinkRecord, SensingRecord
@@ -27,24 +28,25 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 File: TypeAlias = str | Path
-FEWEST_COMMANDS = 4
-"""Command steps that a mean delay takes."""
 
 
 @dataclass(frozen=True, eq=False)
 class SensingResult:
-    """An identified sensing and how it came about; times of its arrays count from the first stamp of each clock."""
+    """An identified sensing and how it came about; times of arrays count from the first stamp on each clock."""
 
     sensing: SensingRecord
     estimates: dict[str, Estimate]  # by the record's names, such as "camera.latency", in SI units
     alignment: Alignment
-    scan: OffsetScan
+    scan: Array  # offsets [s] and the misfit at each [rad], (2, M)
     track: GimbalTrack
-    receipt_delay: Array | None  # from aligned exposure to receipt [s], (K,); None without receipts on that clock
-    command_delays: Array  # of the command steps that were used [s], (S,)
-    counts: dict[str, int]  # of what was logged and used
+    frames: Frames
+    counts: dict[str, tuple[int, int]]  # of detections and steps: used, logged
     missing: tuple[str, ...]  # what was not estimated, and the measurement that it takes
-    report: Report
+
+    @property
+    def report(self) -> Report:
+        """What is known, what is in doubt, and what to record next."""
+        return sensing_report(self)
 
     def save(self, folder: File) -> list[Path]:
         """Write sensing.json and sensing.html, and return their paths."""
@@ -54,7 +56,8 @@ class SensingResult:
         return paths
 
     def plot(self) -> "Figure":
-        """Draw the alignment of camera and gimbal."""
+        """Draw how camera and gimbal are aligned."""
+        return alignment_plot(self.scan, self.track, self.alignment)
 
 
 def identify_sensing(
@@ -88,89 +91,76 @@ def identify_sensing(
       InputError: if a log can't be read or is too short, logs don't belong together, or they don't support the
         estimate.
     """
-    read: Callable[[Any, Any], Any] = lambda reader, given: reader(given) if isinstance(given, str | Path) else given
+
+    def read(reader: Any, given: Any) -> Any:
+        return reader(given) if isinstance(given, str | Path) else given
+
     log, seen = read(logs.read_gimbal_log, sweep), read(logs.read_detections, detections)
     if (target is None) != (target_steps is None):
         raise InputError("target and target_steps: got one without the other; pass both, or neither", "target-steps")
-    host, camera = log.time[0], seen.time[0]  # origins of both clocks
-    track, stamps = gimbal_track(log._replace(time=log.time - host)), seen.time - camera
-    frames = timing.frame_timing(stamps, seen.source)
-    azimuth = np.arctan2(seen.position[:, 1], seen.position[:, 0])
-    scan = scan_offsets(track, stamps, azimuth, max_offset_s, camera - host)
-    kept = track.covers(stamps + scan.best)
+    host, origin = log.time[0], seen.time[0]  # of the clocks: far from it, numbers have no room for microseconds
+    track, stamps = gimbal_track(log._replace(time=log.time - host)), seen.time - origin
+    frames = frame_timing(stamps, seen.source)
+    scan = scan_offsets(track, stamps, spherical(seen.position)[:, 0], max_offset_s, origin - host)
+    start = scan[0, np.argmin(scan[1])]
+    kept = track.covers(stamps + start)
     if kept.sum() < 20:
         problem = f"{kept.sum()} detections lie inside the gimbal log, expected at least 20"
         raise InputError(f"{seen.source}: {problem}; log both at once, for longer", "no-overlap")
-    alignment = align(track, stamps[kept], seen.position[kept], scan.best)
-    offset, outliers = alignment.offset, int(np.sum(~alignment.inlier))
-    found = {f"camera.{name}_sd": each for name, each in zip(("bearing", "elevation", "range"), alignment.noise)}
-    found |= {
-        "camera.rate_hz": timing.normal_estimate(1 / frames.period, frames.period_sd / frames.period**2, "Hz"),
-        "camera.time_offset": Estimate(*(float(each - camera + host) for each in offset[:3]), "s"),
-        "camera.stamp_jitter": alignment.noise[3],
-        "camera.miss_probability": timing.share_estimate(frames.missed, frames.seen + frames.missed),
-        "camera.outlier_share": timing.share_estimate(outliers, alignment.inlier.size),
+    alignment = align(track, stamps[kept], seen.position[kept], start)
+    offset, used, basis = alignment.offset, int(alignment.inlier.sum()), ""
+    found = alignment.noise | {
+        "camera.time_offset": statistics.converted(offset, lambda value: value - float(origin - host)),
+        "camera.rate_hz": statistics.converted(frames.period, lambda period: 1 / period, "Hz"),
+        "camera.miss_probability": statistics.share_estimate(frames.missed, frames.seen + frames.missed),
+        "camera.outlier_share": statistics.share_estimate(alignment.inlier.size - used, alignment.inlier.size),
         "link.feedback_rate_hz": Estimate(track.rate_hz, np.nan, np.nan, "Hz"),
     }
     if track.quantum is not None:
         found["link.feedback_quantum"] = Estimate(track.quantum, np.nan, np.nan, "rad")
-    basis, receipt_delay, by_stamps = "", None, None
     if seen.receive is not None:
         delay = seen.receive[kept] - (host if gimbal_clock == "receipt" else seen.receive[0]) - stamps[kept]
-        found["camera.latency_jitter"] = _latency_jitter(delay, alignment.noise[3])
+        found["camera.latency_jitter"] = latency_jitter(delay, alignment.noise["camera.stamp_jitter"])
         if gimbal_clock == "receipt":
-            mean = timing.normal_estimate(float(delay.mean()), timing.standard_error(delay))
-            receipt_delay, by_stamps, basis = delay - offset.value, timing.difference(mean, offset), "feedback"
-            found["camera.latency"] = by_stamps
-            if not delays.EARLIEST_S <= by_stamps.value <= delays.LONGEST_S:
-                problem = f"detections are received {by_stamps.value:.3g} s after their exposure"
-                remedy = 'stamp receipts and the gimbal log by one clock, or pass gimbal_clock="own"'
-                raise InputError(f"{seen.source}: {problem}, expected -0.02 to 0.5 s; {remedy}", "two-clocks")
-    target_used, moments = 0, np.zeros(0)
+            basis, latency = "feedback", statistics.difference(statistics.mean_estimate(delay), offset)
+            found["camera.latency"] = latency
+            if not EARLIEST_S <= latency.value <= LONGEST_S:
+                problem = f"received {latency.value:.3g} s after exposure, expected {EARLIEST_S:g} to {LONGEST_S:g} s"
+                remedy = 'stamp receipts and gimbal log by one clock, or pass gimbal_clock="own"'
+                raise InputError(f"{seen.source}: {problem}; {remedy}", "two-clocks")
+    counts = {"detections": (used, seen.time.size)}
     if target is not None:
-        moments, shown = np.asarray(read(logs.read_moments, target_steps)), read(logs.read_detections, target)
-        receive = None if shown.receive is None else shown.receive - moments[0]
-        shown = shown._replace(time=shown.time - shown.time[0], receive=receive)
-        found["camera.latency"], target_used = delays.step_latency(shown, moments - moments[0], frames.period)
-        basis = "exposure"
-        if by_stamps is not None:
-            # A gimbal log stamped on receipt is late by the feedback's delay; aligned to it, exposures seem late as well.
-            found["link.feedback_delay"] = timing.difference(found["camera.latency"], by_stamps)
-    each_log = [delays.command_steps(each) for each in (log, *(read(logs.read_gimbal_log, each) for each in steps))]
-    command = np.array([delay for each in each_log for delay in each.delays])
-    if command.size:  # less those of steps during which something else moved the axis
-        apart = np.abs(command - np.median(command))
-        command = command[apart <= 5 * 1.4826 * np.median(apart) + 1e-3]
-    if command.size >= FEWEST_COMMANDS:
-        found["link.command_delay"] = sample_estimates(command, "s")[0]
-        found["link.command_jitter"] = timing.scatter_estimate(command)
-    for name, given in (("command", commands), ("feedback", feedback)):
+        moments = np.asarray(read(logs.read_moments, target_steps))
+        exposed, used = step_latency(read(logs.read_detections, target), moments, frames.period.value)
+        if basis:  # a log stamped on receipt is late by the feedback's delay, and so are exposures aligned to it
+            found["link.feedback_delay"] = statistics.difference(exposed, found["camera.latency"])
+        counts["target steps"], found["camera.latency"], basis = (used, moments.size), exposed, "exposure"
+    delays, logged = command_delays([log, *(read(logs.read_gimbal_log, each) for each in steps)])
+    counts["command steps"] = delays.size, logged
+    if delays.size >= 4:
+        found["link.command_delay"] = statistics.sample_estimates(delays, "s")[0]
+        found["link.command_jitter"] = statistics.scatter_estimate(delays)
+    for name, given in (("link.command_latency", commands), ("link.feedback_latency", feedback)):
         if given is not None:
-            times = read(logs.read_message_times, given)
-            latency = times.received - times.sent
-            mean = timing.normal_estimate(float(latency.mean()), timing.standard_error(latency))
-            found |= {f"link.{name}_latency": mean, f"link.{name}_latency_jitter": timing.scatter_estimate(latency)}
-    values: dict[str, dict[str, Any]] = {"camera": {}, "link": {}}
-    for name, each in found.items():
-        values[name.partition(".")[0]][name.partition(".")[2]] = float(each.value)
-    plate = seen.position[kept][alignment.inlier]
-    files = [Path(each) for each in (sweep, detections, *steps, target, target_steps, commands, feedback) if isinstance(each, str | Path)]
-    record = SensingRecord(
-        camera=CameraRecord(
-            **values["camera"], noise_range=float(np.median(np.linalg.norm(plate, axis=1))), latency_basis=basis
-        ),
-        link=LinkRecord(**values["link"]),
-        intervals={name: (each.low, each.high) for name, each in found.items() if np.isfinite(each.low)},
-        provenance=provenance(seed, files),
+            found |= message_latency(name, read(logs.read_message_times, given))
+    camera, link = (
+        {name.removeprefix(part): float(each.value) for name, each in found.items() if name.startswith(part)}
+        for part in ("camera.", "link.")
     )
-    counts = {}
-    return SensingResult(record, found, alignment, scan, track, receipt_delay, command, counts, (), None)
-
-
-def _latency_jitter(delay: Array, stamps: Estimate) -> Estimate:
-    """Return the standard deviation of the latency, from the times between stamp and receipt, of shape (K,)."""
-    scatter = timing.scatter_estimate(delay)
-    if scatter.value < 1e-6:  # frames that are stamped on receipt carry the latency's jitter in their stamps
-        return stamps
-    squares = (Estimate(each.value**2, each.low**2, each.high**2) for each in (scatter, stamps))
-    return Estimate(*np.sqrt(np.maximum(timing.difference(*squares)[:3], 0.0)).tolist(), "s")
+    camera["noise_range"] = float(np.median(np.linalg.norm(seen.position[kept][alignment.inlier], axis=1)))
+    files = (sweep, detections, *steps, target, target_steps, commands, feedback)
+    record = SensingRecord(
+        camera=CameraRecord(**camera, latency_basis=basis),  # type: ignore[arg-type]
+        link=LinkRecord(**link),
+        intervals={name: (each.low, each.high) for name, each in found.items() if np.isfinite(each.low)},
+        provenance=provenance(seed, [Path(each) for each in files if isinstance(each, str | Path)]),
+    )
+    cause = "no receipts are logged" if seen.receive is None else "the gimbal log has a clock of its own"
+    unknown = {
+        f"The camera's latency is not known, {cause}: record a target that steps at known moments.": not basis,
+        "The latency is less the feedback's delay: record a target that steps at known moments.": basis == "feedback",
+        "The command delay is not known: log 20 steps of the command of 5 to 10°.": "command_delay" not in link,
+        "The command latency is not known: log sent_s and received_s of commands.": "command_latency" not in link,
+    }
+    missing = tuple(each for each, holds in unknown.items() if holds)
+    return SensingResult(record, found, alignment, scan, track, frames, counts, missing)

@@ -19,7 +19,6 @@ class GimbalTrack(NamedTuple):
     """A gimbal's angles between samples."""
 
     time: Array  # moments of the nodes [s], (N,)
-    yaw: Array  # smoothed, at the nodes [rad], (N,)
     angles: Any  # spline, moments (...) → yaw and pitch (..., 2) [rad]
     stamps: Array  # of the log's samples [s], (M,)
     rate_hz: float  # at which the logged yaw is refreshed [Hz]
@@ -40,12 +39,10 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
     Raises:
       InputError: if the log has fewer than 20 samples or its yaw never changes.
     """
-    time, yaw = log.time, log.yaw
-    if time.size < 20:
-        raise InputError(f"{log.source}: has {time.size} samples, expected at least 20; record longer", "too-short")
-    if np.ptp(yaw) == 0:
-        problem = f"the yaw is {yaw[0]:g} rad throughout"
-        raise InputError(f"{log.source}: {problem}; pass a log in which it moves", "no-motion")
+    time, yaw = np.asarray(log.time, float), np.asarray(log.yaw, float)
+    if time.size < 20 or np.ptp(yaw) == 0:
+        problem = f"the yaw is {yaw[:1]} rad throughout its {time.size} samples"
+        raise InputError(f"{log.source}: {problem}; pass a log of 20 and more, in which it moves", "no-motion")
     quantum, fresh, changed = _quantum(yaw), np.ones(time.size, dtype=bool), np.diff(yaw) != 0
     # Neighbouring samples may agree only because an angle is rounded; not while it crosses several steps per sample.
     period = float(np.median(np.diff(time)))
@@ -60,18 +57,18 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
     count = int(_SMOOTHED_S / float(np.median(np.diff(nodes)))) // 2 * 2 + 1
     if 7 <= count < nodes.size:
         even = np.linspace(nodes[0], nodes[-1], nodes.size)
-        angles = savgol_filter(np.column_stack([np.interp(even, nodes, each) for each in angles.T]), count, 3, axis=0)
+        angles = savgol_filter([np.interp(even, nodes, each) for each in angles.T], count, 3).T
         nodes = even
-    return GimbalTrack(nodes, angles[:, 0], CubicSpline(nodes, angles), time, rate, quantum, held)
+    return GimbalTrack(nodes, CubicSpline(nodes, angles), time, rate, quantum, held)
 
 
 def _quantum(angles: Array) -> float | None:
     """Return the step of which all differences are multiples; None where levels are too many to say."""
     levels = np.unique(angles)
-    if levels.size < 3 or levels.size > angles.size / 2:
-        return None
     gaps = np.diff(levels)
     gaps = gaps[gaps > 1e-9]
+    if gaps.size < 2 or levels.size > angles.size / 2:
+        return None
     # Printing rounds the levels: the smallest gaps scatter about the step.
     steps = np.round(gaps / np.mean(gaps[gaps < 1.5 * gaps.min()]))
     quantum = float(gaps.sum() / steps.sum())
