@@ -37,8 +37,10 @@ def command_delays(logs: Sequence[GimbalLog]) -> tuple[Array, int]:
         for step in np.flatnonzero(rests[:-1] & rests[1:]) + 1:
             found.append(_onset(log.time - edges[step], np.asarray(log.yaw, float), edges[step + 1] - edges[step]))
     delays = np.array([each for each in found if each is not None])
-    apart = np.abs(delays - np.median(delays)) if delays.size else np.zeros(1)
-    return delays[apart[: delays.size] <= 7.4 * np.median(apart) + 1e-3], len(found)  # else another motion began
+    if delays.size:  # less those during which something else moved the axis
+        apart = np.abs(delays - np.median(delays))
+        delays = delays[apart <= 7.4 * np.median(apart) + 1e-3]
+    return delays, len(found)
 
 
 def _onset(since: Array, yaw: Array, length: float) -> float | None:

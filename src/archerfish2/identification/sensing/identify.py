@@ -93,7 +93,7 @@ def identify_sensing(
     """
 
     def read(reader: Any, given: Any) -> Any:
-        return reader(given) if isinstance(given, str | Path) else given
+        return reader(given) if isinstance(given, File) else given
 
     log, seen = read(logs.read_gimbal_log, sweep), read(logs.read_detections, detections)
     if (target is None) != (target_steps is None):
@@ -140,20 +140,23 @@ def identify_sensing(
     if delays.size >= 4:
         found["link.command_delay"] = statistics.sample_estimates(delays, "s")[0]
         found["link.command_jitter"] = statistics.scatter_estimate(delays)
-    for name, given in (("link.command_latency", commands), ("link.feedback_latency", feedback)):
-        if given is not None:
-            found |= message_latency(name, read(logs.read_message_times, given))
+    for name, times in (("link.command_latency", commands), ("link.feedback_latency", feedback)):
+        if times is not None:
+            found |= message_latency(name, read(logs.read_message_times, times))
     camera, link = (
         {name.removeprefix(part): float(each.value) for name, each in found.items() if name.startswith(part)}
         for part in ("camera.", "link.")
     )
     camera["noise_range"] = float(np.median(np.linalg.norm(seen.position[kept][alignment.inlier], axis=1)))
-    files = (sweep, detections, *steps, target, target_steps, commands, feedback)
+    given = (sweep, detections, *steps, target, target_steps, commands, feedback)
+    sources = [getattr(each, "source", each) for each in given]
     record = SensingRecord(
         camera=CameraRecord(**camera, latency_basis=basis),  # type: ignore[arg-type]
         link=LinkRecord(**link),
         intervals={name: (each.low, each.high) for name, each in found.items() if np.isfinite(each.low)},
-        provenance=provenance(seed, [Path(each) for each in files if isinstance(each, str | Path)]),
+        provenance=provenance(
+            seed, [Path(each) for each in sources if isinstance(each, File) and Path(each).is_file()]
+        ),
     )
     cause = "no receipts are logged" if seen.receive is None else "the gimbal log has a clock of its own"
     unknown = {
