@@ -11,14 +11,9 @@ from scipy.optimize import least_squares
 from scipy.stats import f as fisher
 
 from archerfish2.errors import InputError
+from archerfish2.identification import statistics
 from archerfish2.identification.sensing.track import GimbalTrack
-from archerfish2.identification.statistics import (
-    Array,
-    deviation_estimate,
-    long_run_covariance,
-    normal_estimate,
-    variance_components,
-)
+from archerfish2.identification.statistics import Array
 from archerfish2.reports.style import new_figure, plot_style
 from archerfish2.reports.table import Estimate
 
@@ -29,7 +24,7 @@ STEP_S, NEAR_S = 0.005, 1.0
 """Distance of the offsets of the scan, and the largest of them where the clocks of both logs overlap [s]."""
 _MIRRORED, _AMBIGUOUS, _APART_S = 0.4, 1.5, 0.05
 """Largest misfit for the azimuth's motion; a misfit below so many times the least, so far from it, is another."""
-_OUTLIER, _ROUNDS = 5.0, 30  # standard deviations in a direction from which it is not the plate: 2 in a million
+_OUTLIER, _ROUNDS = 5.0, 4  # standard deviations in a direction from which it is not the plate: 2 in a million
 
 # Parameters: azimuth of the plate in the base frame less the camera's on the gimbal, horizontal distance of the plate
 # from the pivot, position of the pivot in the camera's frame (x, y, z; z with the plate's height, which a sweep in yaw
@@ -38,14 +33,12 @@ _SCALE = np.array([0.01, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.01])
 _PRIOR_SD = np.array([np.inf, np.inf, 0.3, 0.3, np.inf, 0.2, 0.2, np.inf]) / _SCALE
 """A camera sits within about a hand's breadth of the pivot, roughly level. Small sweeps leave this undetermined, and
 without it the fit would explain noise by a camera metres away."""
-_HELD = np.isfinite(_PRIOR_SD)
 
 
 class Alignment(NamedTuple):
     """How detections of a plate at rest lie on the gimbal's log."""
 
-    offset: Estimate  # what is added to a stamp to get the moment of exposure on the gimbal log's clock [s]
-    noise: dict[str, Estimate]  # of detections and stamps, by the names of the record
+    estimates: dict[str, Estimate]  # of time offset and noise, by the names of the record
     moments: Array  # of the detections on the gimbal log's clock [s], (K,)
     residual: Array  # measured less modelled azimuth, elevation [rad] and range [m], (K, 3)
     inlier: Array  # whether a detection is the plate, (K,)
@@ -54,16 +47,14 @@ class Alignment(NamedTuple):
     drift: float  # rate of the camera's clock against the gimbal log's, less 1, by that regression
 
 
-def scan_offsets(
-    track: GimbalTrack, time: Array, azimuth: Array, limit_s: float | None = None, apart_s: float = 0.0
-) -> Array:
+def scan_offsets(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float = 0.0, apart_s: float = 0.0) -> Array:
     """Find where the plate's azimuth best mirrors the yaw.
 
     Args:
       track: the gimbal.
       time: stamps of the detections, on the camera's clock [s], shape (K,).
       azimuth: of the plate in the camera's frame [rad], shape (K,).
-      limit_s: largest offset of the clocks [s]; `NEAR_S` if not given and the clocks overlap, else any.
+      limit_s: largest offset of the clocks [s]; if 0 it is `NEAR_S` where the clocks overlap, else any.
       apart_s: offset of these stamps where that of the clocks is 0: the camera's origin less the gimbal log's [s].
 
     Returns:
@@ -145,9 +136,7 @@ def align(track: GimbalTrack, time: Array, position: Array, start: float) -> Ali
     def residual(x: Array) -> Array:
         values = x * _SCALE
         angles = track.angles(time + (start + values[-1]))
-        left = measured - spherical(plate_in_camera(values[:-1], *angles.T))
-        left[:, 0] = (left[:, 0] + np.pi) % (2 * np.pi) - np.pi
-        return left
+        return np.asarray(measured - spherical(plate_in_camera(values[:-1], *angles.T)))
 
     def slopes(x: Array) -> Array:
         moves = 1e-2 * np.eye(x.size)
@@ -157,36 +146,34 @@ def align(track: GimbalTrack, time: Array, position: Array, start: float) -> Ali
     x = np.array([azimuth, distance, 0, 0, distance * np.sin(elevation), 0, 0, 0]) / _SCALE
     unit = _robust_sd(residual(x))
     x = least_squares(lambda each: np.append(residual(each) / unit, each / _PRIOR_SD), x, loss="soft_l1").x
-    sd, inlier = np.broadcast_to(_robust_sd(residual(x)), measured.shape), np.zeros(time.size, dtype=bool)
-    held = np.diag(np.ones(x.size))[_HELD]
+    sd, held = np.broadcast_to(_robust_sd(residual(x)), measured.shape), np.isfinite(_PRIOR_SD)
     for _ in range(_ROUNDS):
-        left, slope, last = residual(x), slopes(x), inlier
+        left, slope = residual(x), slopes(x)
         inlier = np.all(np.abs(left) < _OUTLIER * sd, axis=1)
         if inlier.mean() < 0.5:
             problem = f"only {inlier.mean():.0%} of the detections fit one plate at rest"
             raise InputError(f"{problem}; keep plate and robot still, one plate in view", "not-one-plate")
         rows = (slope[inlier] / unit[:, None]).reshape(-1, x.size)
         scales = np.column_stack([np.tile(np.eye(3), (inlier.sum(), 1)), rows[:, -1] ** 2])
-        fit = variance_components(  # a Gauss–Newton step, by whose residuals the four variances are estimated
-            np.append(left[inlier] / unit, -x[_HELD]),
-            np.concatenate([rows, held]),
-            np.concatenate([scales, np.zeros((len(held), 4))]),
-            np.append(np.zeros(len(rows)), _PRIOR_SD[_HELD] ** 2),
+        fit = statistics.variance_components(  # a Gauss–Newton step, by whose residuals the variances are estimated
+            np.append(left[inlier] / unit, -x[held]),
+            np.concatenate([rows, np.eye(x.size)[held]]),
+            np.pad(scales, ((0, held.sum()), (0, 0))),
+            np.append(np.zeros(len(rows)), _PRIOR_SD[held] ** 2),
         )
         variance = fit.variances * np.append(unit, _SCALE[-1]) ** 2
         sd, x = np.sqrt(variance[:3] + (slope[..., -1] / _SCALE[-1]) ** 2 * variance[3]), x + fit.coefficients
-        if np.array_equal(inlier, last) and np.all(fit.coefficients**2 < 1e-4 * np.diag(fit.covariance)):
-            break
-    left, rows = residual(x), slopes(x) / sd[..., None]
+    left, rows, best = residual(x), slopes(x) / sd[..., None], start + x[-1] * _SCALE[-1]
     score = np.einsum("kcp,kc->kp", rows, left / sd)[inlier]
-    spread = fit.covariance @ (long_run_covariance(score) * len(score)) @ fit.covariance
-    moments, unit = time + (start + x[-1] * _SCALE[-1]), np.append(unit, _SCALE[-1])
-    errors = np.sqrt(np.diag(fit.variances_covariance)) * unit**2
-    units = {"bearing_sd": "rad", "elevation_sd": "rad", "range_sd": "m", "stamp_jitter": "s"}
-    squares = zip(units.items(), variance, errors, strict=True)
-    noise = {f"camera.{name}": deviation_estimate(each, error, of) for (name, of), each, error in squares}
-    offset = normal_estimate(start + x[-1] * _SCALE[-1], np.sqrt(spread[-1, -1]) * _SCALE[-1])
-    return Alignment(offset, noise, moments, left, inlier, *_motion_share(track, moments[inlier], left[inlier, 0]))
+    spread = fit.covariance @ (statistics.long_run_covariance(score) * len(score)) @ fit.covariance
+    errors = np.sqrt(np.diag(fit.variances_covariance)) * np.append(unit, _SCALE[-1]) ** 2
+    names = ("bearing_sd", "rad"), ("elevation_sd", "rad"), ("range_sd", "m"), ("stamp_jitter", "s")
+    found = {
+        f"camera.{name}": statistics.deviation_estimate(float(variance[place]), float(errors[place]), of)
+        for place, (name, of) in enumerate(names)
+    }
+    found["camera.time_offset"] = statistics.normal_estimate(best, np.sqrt(spread[-1, -1]) * _SCALE[-1])
+    return Alignment(found, time + best, left, inlier, *_motion_share(track, (time + best)[inlier], left[inlier, 0]))
 
 
 def _motion_share(track: GimbalTrack, moments: Array, residual: Array) -> tuple[float, float, float]:
@@ -209,13 +196,12 @@ def alignment_plot(scan: Array, track: GimbalTrack, alignment: Alignment, *, tit
     """Draw the misfit over the offset, and gimbal and camera in the second of fastest motion; scan of shape (2, M)."""
     with plot_style():
         figure, ((left, right),) = new_figure(1, 2, width=10.0)
-        near = np.abs(scan[0] - alignment.offset.value) < 0.25
-        left.plot(1e3 * (scan[0, near] - alignment.offset.value), 1e3 * scan[1, near])
+        apart = scan[0] - alignment.estimates["camera.time_offset"].value
+        left.plot(1e3 * apart[np.abs(apart) < 0.25], 1e3 * scan[1, np.abs(apart) < 0.25])
         left.set(title=title, xlabel="Offset less that of the record [ms]", ylabel="Misfit of bearing and yaw [mrad]")
-        inside = track.time[(track.time > alignment.moments[0]) & (track.time < alignment.moments[-1])]
-        fastest = inside[np.argmax(np.abs(track.angles(inside, 1)[:, 0]))]
-        for time, error, style in ((inside, 0.0 * inside, "-"), (alignment.moments, alignment.residual[:, 0], ".")):
-            near = np.abs(time - fastest) < 0.5
-            right.plot(time[near], np.degrees(track.angles(time[near])[:, 0] - error[near]), style)
+        rates = np.abs(track.angles(alignment.moments, 1)[:, 0])
+        fastest = np.abs(alignment.moments - alignment.moments[np.argmax(rates)]) < 0.5
+        time, yaw = alignment.moments[fastest], track.angles(alignment.moments[fastest])[:, 0]
+        right.plot(time, np.degrees(yaw), time, np.degrees(yaw - alignment.residual[fastest, 0]), ".")
         right.set(title="Gimbal (line) and camera (dots)", xlabel="Time in the gimbal's log [s]", ylabel="Yaw [°]")
     return figure

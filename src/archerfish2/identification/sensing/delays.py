@@ -10,14 +10,12 @@ import numpy as np
 from scipy.special import ndtr
 
 from archerfish2.errors import InputError
-from archerfish2.identification.statistics import Array, difference, mean_estimate
+from archerfish2.identification.statistics import Array, converted, difference, mean_estimate
 from archerfish2.logs.timing import Detections, GimbalLog
 from archerfish2.reports.table import Estimate
 
 LONGEST_S, EARLIEST_S = 0.5, -0.02
 """Range of latencies; one below zero shows a fault of the clocks [s]."""
-FEWEST_STEPS = 5
-"""Target steps that an estimate takes."""
 _REST_S, _RISE, _SAMPLES = 0.15, 0.2, 5
 """The command rests this long before and after a step; share of the travel, and least samples, that show the onset."""
 _MISLABELLED = 0.01  # share of frames around a step that are something else
@@ -85,8 +83,8 @@ def step_latency(detections: Detections, moments: Array, period: float) -> tuple
     if detections.receive is None:
         raise InputError(f"{detections.source}: target steps take receive_s of each detection; log it", "no-receipts")
     delay = mean_estimate(detections.receive - detections.receive[0] - (detections.time - detections.time[0]))
-    # Stamps jitter less than receipts, so the edge is sought on them; the mean delay is put back.
-    received = detections.time - detections.time[0] + (detections.receive[0] - moments[0] + delay.value)
+    # Stamps jitter less than receipts, so the edge is sought on them; the mean delay after the first is added below.
+    received = detections.time - detections.time[0] + (detections.receive[0] - moments[0])
     steps, moments = [], moments - moments[0]
     for before, moment, after in zip([-np.inf, *moments[:-1]], moments, [*moments[1:], np.inf], strict=True):
         # What was received up to the step shows the target before it, what came LONGEST_S later the target after it.
@@ -94,8 +92,8 @@ def step_latency(detections: Detections, moments: Array, period: float) -> tuple
         near &= received < min(after, moment + 2 * LONGEST_S)
         steps.append(_labelled(received[near] - moment, detections.position[near]))
     used = sum(each.size > 0 for each in steps)
-    if used < FEWEST_STEPS:
-        problem = f"{used} of {moments.size} target steps can be used, expected at least {FEWEST_STEPS}"
+    if used < 5:
+        problem = f"{used} of {moments.size} target steps can be used, expected at least 5"
         remedy = "step by more than six times the noise, a second apart, the gimbal still, by the clock of receipts"
         raise InputError(f"{detections.source}: {problem}; {remedy}", "few-target-steps")
     since, sign = np.concatenate(steps).T
@@ -112,12 +110,9 @@ def step_latency(detections: Detections, moments: Array, period: float) -> tuple
     likelihood = np.log(_MISLABELLED / 2 + (1 - _MISLABELLED) * right).sum(axis=-1)
     density = np.exp(likelihood - likelihood.max()).sum(axis=1)
     cumulative = np.cumsum(density) / density.sum()
-    latency = float(density @ latencies / density.sum())
     low, high = np.interp([0.025, 0.975], cumulative, latencies)
-    found = Estimate(latency, float(low), float(high), "s")
-    return difference(
-        found, delay._replace(value=0.0, low=delay.low - delay.value, high=delay.high - delay.value)
-    ), used
+    edge = Estimate(float(density @ latencies / density.sum()), float(low), float(high), "s")
+    return difference(edge, converted(delay, lambda value: -value)), used
 
 
 def _labelled(since: Array, position: Array) -> Array:

@@ -70,7 +70,7 @@ def identify_sensing(
     commands: logs.MessageTimes | File | None = None,
     feedback: logs.MessageTimes | File | None = None,
     gimbal_clock: Literal["receipt", "own"] = "receipt",
-    max_offset_s: float | None = None,
+    max_offset_s: float = 0.0,
     seed: int = 0,
 ) -> SensingResult:
     """Identify camera and link from a plate at rest under a yaw sweep, and from command and target steps.
@@ -84,7 +84,7 @@ def identify_sensing(
       commands: when commands were sent and received, if the gimbal stamps them.
       feedback: when the gimbal's feedback was sent and received, if the gimbal stamps it.
       gimbal_clock: who stamped the gimbal logs: the program on receipt, or the gimbal by a clock of its own.
-      max_offset_s: largest time offset of the search [s]; 1 s if not given and the clocks overlap, else any.
+      max_offset_s: largest time offset of the search [s]; if 0 it is 1 s where the clocks overlap, else any.
       seed: written into the record; nothing here is random.
 
     Raises:
@@ -108,8 +108,8 @@ def identify_sensing(
         problem = f"{kept.sum()} detections lie inside the gimbal log, expected at least 20"
         raise InputError(f"{seen.source}: {problem}; log both at once, for longer", "no-overlap")
     alignment = align(track, stamps[kept], seen.position[kept], start)
-    offset, used, basis = alignment.offset, int(alignment.inlier.sum()), ""
-    found = alignment.noise | {
+    offset, used, basis = alignment.estimates["camera.time_offset"], int(alignment.inlier.sum()), ""
+    found = alignment.estimates | {
         "camera.time_offset": statistics.converted(offset, lambda value: value - float(origin - host)),
         "camera.rate_hz": statistics.converted(frames.period, lambda period: 1 / period, "Hz"),
         "camera.miss_probability": statistics.share_estimate(frames.missed, frames.seen + frames.missed),
@@ -120,7 +120,7 @@ def identify_sensing(
         found["link.feedback_quantum"] = Estimate(track.quantum, np.nan, np.nan, "rad")
     if seen.receive is not None:
         delay = seen.receive[kept] - (host if gimbal_clock == "receipt" else seen.receive[0]) - stamps[kept]
-        found["camera.latency_jitter"] = latency_jitter(delay, alignment.noise["camera.stamp_jitter"])
+        found["camera.latency_jitter"] = latency_jitter(delay, found["camera.stamp_jitter"])
         if gimbal_clock == "receipt":
             basis, latency = "feedback", statistics.difference(statistics.mean_estimate(delay), offset)
             found["camera.latency"] = latency

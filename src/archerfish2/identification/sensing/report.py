@@ -30,7 +30,7 @@ def sensing_report(result: "SensingResult") -> Report:
     across = 1e3 * camera.noise_range * max(camera.bearing_sd, camera.elevation_sd)
     uneven, drift = frames.jitter / frames.period.value, 1e6 * alignment.drift
     pitch = np.ptp(result.track.angles(alignment.moments)[:, 1])
-    motion, other, missed = alignment.motion_share, camera.outlier_share, camera.miss_probability
+    other, missed = camera.outlier_share, camera.miss_probability
     known = {
         f"Add {offset} to a frame's stamp to get the moment of its exposure by the gimbal log's clock.": True,
         f"A detection arrives {latency} after its exposure{since}.": camera.latency is not None,
@@ -41,11 +41,10 @@ def sensing_report(result: "SensingResult") -> Report:
         f"The plate was out of view {frames.out_of_view} times, which are not counted.": frames.out_of_view > 0,
     }
     known |= {f"{used} of {logged} {name} used.": used < logged for name, (used, logged) in result.counts.items()}
+    moving, threshold = alignment.motion_share, 0.02 if alignment.motion_p < 0.01 else np.inf
     doubts = {
-        f"The gimbal's motion explains {motion:.0%} of the bearing's residual, which intervals do not include: a lens "
-        f"that is not calibrated, something that moved, clocks that drift ({drift:.0f} ppm).": alignment.motion_p
-        < 0.01
-        < motion / 2,
+        f"The gimbal's motion explains {moving:.0%} of the bearing's residual, which intervals do not include: a lens "
+        f"out of calibration, something that moved, clocks that drift ({drift:.0f} ppm).": moving > threshold,
         f"Intervals of stamps scatter by {uneven:.0%}, so misses are miscounted: stamp exposures.": uneven > 0.15,
         f"{other:.0%} of the detections are not the plate: cover what looks like one.": other > 0.1,
         f"Detections scatter by {across:.0f} mm across the line of sight: was it one plate, at rest?": across > 50,
@@ -54,9 +53,8 @@ def sensing_report(result: "SensingResult") -> Report:
         "The feedback's delay is below zero: stamp all by one clock.": (link.feedback_delay or 0.0) < -0.003,
     }
     more = dict.fromkeys(result.missing, True) | {
-        f"Sweep faster, wider and longer: the time offset is {offset}.": "camera.time_offset" in loose,
-        f"Record more steps of the target: the latency is {latency}.": "camera.latency" in loose,
-        f"Record more steps of the command: the delay is {delay}.": "link.command_delay" in loose,
+        f"The {name.replace('_', ' ')} is {text[name]}: sweep faster and longer, record more steps.": name in loose
+        for name in text.keys() & {"camera.time_offset", "camera.latency", "link.command_delay"}
     }
     rows = tuple((name.replace(".", " ").replace("_", " ").removesuffix(" hz"), shown[name]) for name in sorted(shown))
     return Report(

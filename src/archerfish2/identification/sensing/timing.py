@@ -5,16 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from archerfish2.errors import InputError
-from archerfish2.identification.statistics import (
-    Array,
-    converted,
-    difference,
-    long_run_covariance,
-    mean_estimate,
-    normal_estimate,
-    scatter_estimate,
-    standard_error,
-)
+from archerfish2.identification import statistics
+from archerfish2.identification.statistics import Array
 from archerfish2.logs.timing import MessageTimes
 from archerfish2.reports.table import Estimate
 
@@ -71,25 +63,25 @@ def _period(stamps: Array, steps: Array) -> Estimate:
     mean = float(stamps[-1] - stamps[0]) / index[-1]
     errors = np.diff(stamps) - steps * mean
     if errors[1:] @ errors[:-1] > -0.25 * (errors @ errors):
-        return normal_estimate(mean, standard_error(errors) * errors.size / index[-1])
+        return statistics.normal_estimate(mean, statistics.standard_error(errors) * errors.size / index[-1])
     slope, start = np.polyfit(index, stamps, 1)
     score = (index - index.mean()) * (stamps - start - slope * index)
     # Estimated from a line's residuals, the long-run variance comes out some percent low, and uncertain; stamps of a
     # grid are hardly ever known better than independent jitter lets them be.
-    spread = max(long_run_covariance(score[:, None]).item(), float(np.mean(score**2)))
-    return normal_estimate(slope, np.sqrt(spread * index.size) / np.sum((index - index.mean()) ** 2))
+    spread = max(statistics.long_run_covariance(score[:, None]).item(), float(np.mean(score**2)))
+    return statistics.normal_estimate(slope, np.sqrt(spread * index.size) / np.sum((index - index.mean()) ** 2))
 
 
 def message_latency(name: str, times: MessageTimes) -> dict[str, Estimate]:
     """Return mean and standard deviation of the latency of messages, named as in the link's record."""
     latency = times.received - times.sent
-    return {name: mean_estimate(latency), f"{name}_jitter": scatter_estimate(latency)}
+    return {name: statistics.mean_estimate(latency), f"{name}_jitter": statistics.scatter_estimate(latency)}
 
 
 def latency_jitter(delay: Array, stamp_jitter: Estimate) -> Estimate:
     """Return the standard deviation of the latency, from the times between stamp and receipt [s], shape (K,)."""
-    scatter = scatter_estimate(delay)
+    scatter = statistics.scatter_estimate(delay)
     if scatter.value < 1e-6:  # frames that are stamped on receipt carry the latency's jitter in their stamps
         return stamp_jitter
-    rest = difference(*(converted(each, lambda sd: sd**2) for each in (scatter, stamp_jitter)))
-    return converted(rest, lambda variance: float(np.sqrt(max(variance, 0.0))))
+    rest = statistics.difference(*(statistics.converted(each, lambda sd: sd**2) for each in (scatter, stamp_jitter)))
+    return statistics.converted(rest, lambda variance: float(np.sqrt(max(variance, 0.0))))
