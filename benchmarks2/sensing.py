@@ -77,15 +77,17 @@ def main() -> None:
     """Simulate, identify, print, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--recordings", type=int, default=240)
-    count, first, second = parser.parse_args().recordings, dict[str, Any](), dict[str, Any]()
+    parser.add_argument("--folder", help="has the recordings and what the first edition found; else they are made")
+    options, first, second = parser.parse_args(), dict[str, Any](), dict[str, Any]()
+    count = options.recordings
     with tempfile.TemporaryDirectory() as folder:
         paths = os.pathsep.join((str(ROOT / "src"), str(ROOT / "benchmarks")))
-        subprocess.run(
-            [sys.executable, "-c", FIRST, folder, str(count)], env=os.environ | {"PYTHONPATH": paths}, check=True
-        )
+        if not options.folder:
+            words, environment = [sys.executable, "-c", FIRST, folder, str(count)], os.environ | {"PYTHONPATH": paths}
+            subprocess.run(words, env=environment, check=True)
         spent = time.process_time()
         for seed in range(count):
-            with np.load(f"{folder}/{seed}.npz") as file:
+            with np.load(f"{options.folder or folder}/{seed}.npz") as file:
                 arrays = dict(file)
             found = identified(arrays)
             for name, (true, *theirs) in json.loads(arrays["outcome"].item()).items():

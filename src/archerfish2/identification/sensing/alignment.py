@@ -24,7 +24,7 @@ STEP_S, NEAR_S = 0.005, 1.0
 """Distance of the offsets of the scan, and the largest of them where the clocks of both logs overlap [s]."""
 _MIRRORED, _AMBIGUOUS, _APART_S = 0.4, 1.5, 0.05
 """Largest misfit for the azimuth's motion; a misfit below so many times the least, so far from it, is another."""
-_OUTLIER, _ROUNDS = 5.0, 4  # standard deviations in a direction from which it is not the plate: 2 in a million
+_OUTLIER, _ROUNDS = 5.0, 3  # standard deviations in a direction from which it is not the plate: 2 in a million
 
 # Parameters: azimuth of the plate in the base frame less the camera's on the gimbal, horizontal distance of the plate
 # from the pivot, position of the pivot in the camera's frame (x, y, z; z with the plate's height, which a sweep in yaw
@@ -145,25 +145,27 @@ def align(track: GimbalTrack, time: Array, position: Array, start: float) -> Ali
     azimuth, elevation, distance = np.median(measured + np.outer(track.angles(time + start)[:, 0], [1, 0, 0]), axis=0)
     x = np.array([azimuth, distance, 0, 0, distance * np.sin(elevation), 0, 0, 0]) / _SCALE
     unit = _robust_sd(residual(x))
-    x = least_squares(lambda each: np.append(residual(each) / unit, each / _PRIOR_SD), x, loss="soft_l1").x
-    sd, held = np.broadcast_to(_robust_sd(residual(x)), measured.shape), np.isfinite(_PRIOR_SD)
-    for _ in range(_ROUNDS):
+    sd, weight, loss, held = measured, 1 / unit, "soft_l1", np.isfinite(_PRIOR_SD)
+    for number in range(_ROUNDS):
+        x = least_squares(lambda each: np.append(weight * residual(each), each / _PRIOR_SD), x, loss=loss).x  # noqa: B023
         left, slope = residual(x), slopes(x)
+        sd = sd if number else np.broadcast_to(_robust_sd(left), measured.shape)
         inlier = np.all(np.abs(left) < _OUTLIER * sd, axis=1)
         if inlier.mean() < 0.5:
             problem = f"only {inlier.mean():.0%} of the detections fit one plate at rest"
             raise InputError(f"{problem}; keep plate and robot still, one plate in view", "not-one-plate")
         rows = (slope[inlier] / unit[:, None]).reshape(-1, x.size)
         scales = np.column_stack([np.tile(np.eye(3), (inlier.sum(), 1)), rows[:, -1] ** 2])
-        fit = statistics.variance_components(  # a Gauss–Newton step, by whose residuals the variances are estimated
+        fit = statistics.variance_components(
             np.append(left[inlier] / unit, -x[held]),
             np.concatenate([rows, np.eye(x.size)[held]]),
             np.pad(scales, ((0, held.sum()), (0, 0))),
             np.append(np.zeros(len(rows)), _PRIOR_SD[held] ** 2),
         )
         variance = fit.variances * np.append(unit, _SCALE[-1]) ** 2
-        sd, x = np.sqrt(variance[:3] + (slope[..., -1] / _SCALE[-1]) ** 2 * variance[3]), x + fit.coefficients
-    left, rows, best = residual(x), slopes(x) / sd[..., None], start + x[-1] * _SCALE[-1]
+        sd = np.sqrt(variance[:3] + (slope[..., -1] / _SCALE[-1]) ** 2 * variance[3])
+        weight, loss = inlier[:, None] / sd, "linear"
+    rows, best = slope / sd[..., None], start + x[-1] * _SCALE[-1]
     score = np.einsum("kcp,kc->kp", rows, left / sd)[inlier]
     spread = fit.covariance @ (statistics.long_run_covariance(score) * len(score)) @ fit.covariance
     errors = np.sqrt(np.diag(fit.variances_covariance)) * np.append(unit, _SCALE[-1]) ** 2
