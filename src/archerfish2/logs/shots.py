@@ -42,7 +42,7 @@ class Shots:
         """
         plane = np.round(self.distance, 3) * (self.hit_height is not None)
         kinds, number = np.unique([np.round(self.pitch, 6), plane], axis=1, return_inverse=True)
-        return number, [f"{np.degrees(pitch):.1f}°" + f", {far:.2f} m" * (far > 0) for pitch, far in kinds.T]
+        return number, [f"{np.degrees(pitch):.1f}°" + f", {far:.2f} m" * bool(far) for pitch, far in kinds.T]
 
     def place(self, index: int) -> str:
         """Name a shot for a message."""
