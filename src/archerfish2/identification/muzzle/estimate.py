@@ -1,30 +1,31 @@
-"""Means by weighted least squares, spreads by restricted maximum likelihood, intervals by parametric bootstrap.
+"""Means by weighted least squares, spreads by restricted maximum likelihood, in turns, and their intervals.
 
 Where settings are repeated the spreads come from the scatter within the settings alone (pure error), so that a flight
-that does not fit can't pass for dispersion; else from the residuals. Means and spreads are found in turns.
+that does not fit can't pass for dispersion; else from the residuals. With measured speeds one spread is left, and the
+intervals are those of a plain sample (t, χ²); without, they come from a parametric bootstrap of the linearised model.
 """
 
 from collections.abc import Mapping
-from typing import Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 from scipy.stats import t as student
 
-from archerfish2.identification.muzzle.flight import RANGES, SHAPING, MuzzleProblem, Response, flown, response, vertical
+from archerfish2.identification.muzzle.flight import RANGES, SHAPING, SPREADS, Response, flown, response, vertical
 from archerfish2.identification.statistics import Array, variance_components
+from archerfish2.logs.shots import Shots
 from archerfish2.reports.table import Estimate
 
 TYPICAL = np.array([0.5, 0.01]) ** 2
 """Variances of speed [(m/s)²] and elevation [rad²] that a search begins with; only their ratio matters."""
-
-UNITS = dict.fromkeys(RANGES, "rad") | {"speed": "m/s", "speed_sd": "m/s", "height": "m", "drag": "1/m", "length": "m"}
+UNITS = {"speed": "m/s", "speed_sd": "m/s", "height": "m", "drag": "1/m", "length": "m"}
+"""Of what is not an angle [rad]."""
 
 _ROUNDS, _DRAWS = 15, 400
-_LEAST = 1e-9
-"""Of the largest variance: a smaller one counts as zero, and keeps this value so that densities exist."""
-_HERE = np.zeros((1, 4))
+_LEAST = 1e-8
+"""Of the typical variance: a smaller one counts as zero, and keeps this value so that densities exist."""
 
 
 class MuzzleFit(NamedTuple):
@@ -36,32 +37,18 @@ class MuzzleFit(NamedTuple):
     within: Array  # columns that are no scatter: the settings' means, or the design, (N, p)
     residual: Array  # measured less expected [m], (N,)
     variances: Array  # of the spreads [(m/s)²], [rad²], (c,)
-    rounding: Array  # variance of the measurements by their own step [m²], (N,)
+    rounding: Array  # variance by the steps of the measurements [m²], (N,)
     sd: Array  # standard deviation of the measurements [m], (N,)
 
 
-def fit_means(
-    problem: MuzzleProblem, start: Array, sd: Array, shift: Array | float, loss: Literal["linear", "soft_l1"] = "linear"
-) -> Array:
-    """Fit the free parameters within their ranges by least squares, shape (q,).
+def free_names(known: Mapping[str, float]) -> list[str]:
+    """Return the parameters that are estimated from the means of the vertical measurements."""
+    return [name for name in SHAPING if name not in known]
 
-    Args:
-      problem: N shots, and what is known.
-      start: shape (q,).
-      sd: standard deviation of each measurement [m], shape (N,).
-      shift: added to the expected measurements [m], shape (N,).
-      loss: of SciPy's `least_squares`.
-    """
-    if not problem.free:
-        return start
-    low, high = np.array([RANGES[name] for name in problem.free]).T
-    measured = vertical(problem.shots) - shift
 
-    def ratio(point: Array) -> Array:
-        return np.asarray((measured - flown(problem.shots, problem.values(point), _HERE)[0]) / sd)
-
-    start = np.clip(start, low + 1e-9, high - 1e-9)
-    return np.asarray(least_squares(ratio, start, bounds=(low, high), loss=loss, x_scale=0.1 * (high - low)).x)
+def values_at(known: Mapping[str, float], point: Array) -> dict[str, float]:
+    """Return all parameters for free ones of shape (q,)."""
+    return {**known, **dict(zip(free_names(known), point.tolist(), strict=True))}
 
 
 def rounding_step(values: Array) -> float:
@@ -69,82 +56,92 @@ def rounding_step(values: Array) -> float:
     return 1e-6 * float(np.gcd.reduce(np.rint(1e6 * (values - values[0])).astype(np.int64)))
 
 
-def fit_muzzle(problem: MuzzleProblem, start: Array) -> MuzzleFit:
-    """Estimate free parameters and spreads from a start of shape (q,)."""
-    shots, point, spreads = problem.shots, start, len(problem.spreads)
-    most = _largest(problem)
-    number = shots.settings()[0]
-    repeated = number.size - (number.max() + 1)
-    pure = repeated >= max(4, (number.size - start.size) / 2)
-    steps = rounding_step(vertical(shots)), 0.0 if shots.speed is None else rounding_step(shots.speed)
-    variances, there = TYPICAL[-spreads:], response(problem, problem.values(point))
-    for _ in range(_ROUNDS):
-        rounding = (steps[0] ** 2 + (steps[1] * there.slopes[:, 0]) ** 2) / 12
-        sd, shift = np.sqrt(there.scales @ variances + rounding), 0.5 * there.curvatures @ variances
-        before, point = np.append(point, np.sqrt(variances)), fit_means(problem, point, sd, shift)
-        there = response(problem, problem.values(point))
-        design = there.slopes[:, [SHAPING.index(name) for name in problem.free]]
-        within = (number[:, None] == np.arange(number.max() + 1)).astype(float) if pure else design
-        residual = vertical(shots) - there.mean - shift
-        found = variance_components(residual, within, there.scales, rounding).variances
-        variances = np.clip(found, _LEAST * most, most)  # not 0, so that densities exist
-        if np.allclose(np.append(point, np.sqrt(variances)), before, rtol=1e-4, atol=1e-6):
-            break
-    return MuzzleFit(problem.values(point), there, design, within, residual, variances, rounding, sd)
-
-
-def vertical_estimates(problem: MuzzleProblem, fit: MuzzleFit, misfit: float, seed: int) -> dict[str, Estimate]:
-    """Return the free parameters and spreads with their intervals.
+def fit_means(shots: Shots, known: Mapping[str, float], start: Array, sd: Array, shift: Any, loss: str) -> Array:
+    """Fit the free parameters within their ranges by least squares, shape (q,).
 
     Args:
-      problem: the shots that were fitted.
+      shots: N of them.
+      known: parameters that are given, in SI units.
+      start: shape (q,).
+      sd: standard deviation of each measurement [m], shape (N,).
+      shift: added to the expected measurements [m], shape (N,) or ().
+      loss: of SciPy's `least_squares`.
+    """
+    low, high = np.array([RANGES[name] for name in free_names(known)]).T
+    measured, here = vertical(shots) - shift, np.zeros((1, 4))
+    start = np.clip(start, low + 1e-9, high - 1e-9)
+
+    def ratio(point: Array) -> Array:
+        return np.asarray((measured - flown(shots, values_at(known, point), here)[0]) / sd)
+
+    return np.asarray(least_squares(ratio, start, bounds=(low, high), loss=loss, x_scale=0.1 * (high - low)).x)
+
+
+def fit_muzzle(shots: Shots, known: Mapping[str, float], start: Array) -> MuzzleFit:
+    """Estimate the free parameters, from a start of shape (q,), and the spreads."""
+    number, point, variances = shots.settings()[0], start, TYPICAL[shots.speed is not None :]
+    groups = number[:, None] == np.arange(number.max() + 1)
+    pure = len(shots) - groups.shape[1] >= max(4, (len(shots) - start.size) / 2)
+    step, speed_step = rounding_step(vertical(shots)), 0.0 if shots.speed is None else rounding_step(shots.speed)
+    there = response(shots, values_at(known, point))
+    for _ in range(_ROUNDS):
+        rounding = (step**2 + (speed_step * there.slopes[:, 0]) ** 2) / 12
+        sd, shift = np.sqrt(there.scales @ variances + rounding), 0.5 * there.curvatures @ variances
+        before, point = (point, variances), fit_means(shots, known, point, sd, shift, "linear")
+        there = response(shots, values_at(known, point))
+        design = there.slopes[:, [SHAPING.index(name) for name in free_names(known)]]
+        within, residual = groups.astype(float) if pure else design, vertical(shots) - there.mean - shift
+        found = variance_components(residual, within, there.scales, rounding).variances
+        variances = np.maximum(found, _LEAST * TYPICAL[shots.speed is not None :])
+        if np.allclose(point, before[0], rtol=1e-4, atol=1e-6) and np.allclose(variances, before[1], rtol=2e-3):
+            break
+    return MuzzleFit(values_at(known, point), there, design, within, residual, variances, rounding, sd)
+
+
+def vertical_estimates(known: Mapping[str, float], fit: MuzzleFit, misfit: float, seed: int) -> dict[str, Estimate]:
+    """Return the free parameters and spreads with their intervals, which end where the parameters are sought.
+
+    Args:
+      known: parameters that were given.
       fit: the estimate.
       misfit: variance of the settings' means over what scatter explains, at least 1; it widens the means' intervals.
       seed: of the bootstrap.
     """
-    scales, share = fit.response.scales, np.mean(fit.rounding[:, None] / fit.response.scales, axis=0)
-    count, width = fit.within.shape
-    tails = ((count - width) / chi2.ppf([0.975, 0.025], count - width))[:, None]
-    if len(problem.spreads) == 1:
-        pivots = student.ppf([0.975, 0.025], count - width)[:, None]
-        squares = np.maximum((fit.variances + share) * tails - share, 0.0)
+    (count, width), spreads, scales = fit.within.shape, fit.variances.size, fit.response.scales
+    zero = fit.variances <= 2 * _LEAST * TYPICAL[-spreads:]
+    tails = (count - width) / chi2.ppf([[0.975], [0.025]], count - width)
+    if spreads == 1:
+        pivots = student.ppf([[0.975], [0.025]], count - width)
+        rounding = np.mean(fit.rounding[:, None] / scales, axis=0)
+        squares = np.maximum((fit.variances + rounding) * tails - rounding, 0.0)
     else:
         # All of the scatter by one spread alone is the most that it can be.
         alone = [variance_components(fit.residual, fit.within, each[:, None]).variances for each in scales.T]
-        draws = _drawn(fit, np.random.default_rng(seed))
-        quantiles = np.quantile(draws, [0.975, 0.025], axis=0, method="weibull")
-        pivots, ratios = np.split(quantiles, [fit.design.shape[1]], axis=1)
-        squares = np.minimum(fit.variances / np.maximum(ratios, 1e-12), np.concatenate(alone) * tails[1])
-    error = np.sqrt(misfit) * _errors(fit.design, fit.sd)
-    point = np.array([fit.values[name] for name in problem.free])
-    means, spreads = point - pivots * error, np.sqrt(squares)
-    deviation = np.where(fit.variances > 1.1 * _LEAST * _largest(problem), np.sqrt(fit.variances), 0.0)
-    names, values = (*problem.free, *problem.spreads), np.append(point, deviation)
-    return {name: bounded(name, *each) for name, *each in zip(names, values, *np.hstack([means, spreads]), strict=True)}
+        drawn = [_redrawn(fit, noise) for noise in np.random.default_rng(seed).standard_normal((_DRAWS, count))]
+        quantiles = np.quantile(drawn, [0.975, 0.025], axis=0, method="weibull")
+        pivots, ratios = quantiles[:, :-spreads], quantiles[:, -spreads:]
+        ratios[1, zero] = 0.0
+        squares = np.minimum(fit.variances / np.maximum(ratios, 1e-12), np.ravel(alone) * tails[1])
+    names = [*free_names(known), *SPREADS[-spreads:]]
+    point = np.array([fit.values[name] for name in free_names(known)])
+    means = point - pivots * np.sqrt(misfit) * _errors(fit.design, fit.sd)
+    values, ends = [*point, *np.sqrt(np.where(zero, 0.0, fit.variances))], np.hstack([means, np.sqrt(squares)])
+    limits = np.array([RANGES[name] for name in names]).T
+    return {
+        name: Estimate(float(value), float(low), float(high), UNITS.get(name, "rad"))
+        for name, value, low, high in zip(names, values, *np.clip(ends, *limits), strict=True)
+    }
 
 
-def bounded(name: str, value: float, low: float, high: float) -> Estimate:
-    """Return an estimate whose interval ends where its parameter is sought."""
-    least, most = RANGES[name]
-    return Estimate(float(value), float(np.clip(low, least, value)), float(np.clip(high, value, most)), UNITS[name])
-
-
-def _drawn(fit: MuzzleFit, rng: np.random.Generator) -> Array:
-    """Return drawn errors of the means over their standard errors, and drawn variances over true ones, (D, q + c)."""
-    scales, draws = fit.response.scales, []
-    for noise in fit.sd * rng.standard_normal((_DRAWS, fit.sd.size)):
-        variances = variance_components(noise, fit.within, scales, fit.rounding).variances
-        sd = np.sqrt(scales @ np.maximum(variances, _LEAST * fit.variances) + fit.rounding)
-        moved = np.linalg.lstsq(fit.design / sd[:, None], noise / sd)[0]
-        draws.append([*(moved / _errors(fit.design, sd)), *(variances / fit.variances)])
-    return np.array(draws)
+def _redrawn(fit: MuzzleFit, normals: Array) -> list[float]:
+    """Return errors of the means over their standard errors, and variances over the true ones, of drawn shots."""
+    scales, noise = fit.response.scales, fit.sd * normals
+    variances = variance_components(noise, fit.within, scales, fit.rounding).variances
+    sd = np.sqrt(scales @ np.maximum(variances, 1e-6 * fit.variances) + fit.rounding)
+    moved = np.linalg.lstsq(fit.design / sd[:, None], noise / sd)[0]
+    return [*(moved / _errors(fit.design, sd)), *(variances / fit.variances)]
 
 
 def _errors(design: Array, sd: Array) -> Array:
-    """Standard errors of weighted least squares, shape (q,)."""
+    """Return the standard errors of weighted least squares, shape (q,)."""
     return np.asarray(np.linalg.norm(np.linalg.pinv(design / sd[:, None], rcond=1e-9), axis=1))
-
-
-def _largest(problem: MuzzleProblem) -> Array:
-    """Largest variances of the spreads, shape (c,)."""
-    return np.array([RANGES[name][1] for name in problem.spreads]) ** 2

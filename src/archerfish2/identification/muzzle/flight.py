@@ -5,11 +5,11 @@ method (second order in the mean, first in the variance)
 
     E = f + (f_vv σ_v² + f_δδ σ_0²)/2,    Var = f_v² σ_v² + f_δ² σ_0²,
 
-with f and its derivatives at (μ_v, pitch + μ_0). Where the speed of a shot was measured, f is taken at that speed.
+with f and its derivatives at (μ_v, pitch + μ_0). Where the speed of a shot was measured, f is taken at that speed, and
+the terms of σ_v vanish.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,48 +19,16 @@ from archerfish2.dynamics.pellet import GRAVITY, flat_fire_crossing, flat_fire_p
 from archerfish2.identification.statistics import Array
 from archerfish2.logs.shots import Shots
 
-RANGES = {
-    "speed": (1.0, 35.0),
-    "speed_sd": (0.0, 5.0),
-    "pitch_offset": (-0.35, 0.35),
-    "pitch_sd": (0.0, 0.35),
-    "yaw_offset": (-0.35, 0.35),
-    "yaw_sd": (0.0, 0.35),
-    "height": (0.01, 3.0),
-    "drag": (0.0, 0.3),
-    "length": (0.0, 2.0),
-}
+RANGES = {"speed": (1.0, 35.0), "pitch_offset": (-0.35, 0.35), "height": (0.01, 3.0), "drag": (0.0, 0.3)}
+SHAPING, SPREADS = tuple(RANGES), ("speed_sd", "pitch_sd")
+"""Parameters of the expected measurements, and of their scatter."""
+RANGES |= {"speed_sd": (0.0, 5.0), "pitch_sd": (0.0, 0.35), "length": (0.0, 2.0)}
 """Where each parameter is sought or may be given, in SI units; no referee system allows more than 30 m/s."""
 
-SHAPING, SPREADS = ("speed", "pitch_offset", "height", "drag"), ("speed_sd", "pitch_sd")
-"""Parameters of the expected measurements, and of their scatter."""
-
 _STEPS = np.array([2e-2, 1e-3, 1e-3, 1e-4])
-"""Of the central differences by speed, angle, height and drag, in SI units: large enough for second derivatives."""
+"""Of the differences by the parameters in `SHAPING`, in SI units: large enough for second derivatives."""
 _NEWTON_STEPS = 5
 """Leave less than 1e-6 m of height wherever parameters are sought."""
-
-
-@dataclass(frozen=True)
-class MuzzleProblem:
-    """Shots, and what is known of the muzzle."""
-
-    shots: Shots
-    known: Mapping[str, float]  # parameters that are given, in SI units; the height always for hits on a plane
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        """Parameters that are estimated from the means of the vertical measurements."""
-        return tuple(name for name in SHAPING if name not in self.known)
-
-    @property
-    def spreads(self) -> tuple[str, ...]:
-        """Standard deviations that are estimated from the scatter of the vertical measurements."""
-        return SPREADS if self.shots.speed is None else SPREADS[1:]
-
-    def values(self, point: Array) -> dict[str, float]:
-        """Return all parameters for free ones of shape (q,)."""
-        return {**self.known, **dict(zip(self.free, point.tolist(), strict=True))}
 
 
 class Response(NamedTuple):
@@ -69,39 +37,36 @@ class Response(NamedTuple):
     mean: Array  # f [m], (N,)
     slopes: Array  # by the parameters in `SHAPING`, (N, 4)
     scales: Array  # variance per unit variance of the c spreads, (N, c): f_v² and f_δ², or f_δ² alone
-    curvatures: Array  # second derivatives, f_vv and f_δδ or f_δδ alone, (N, c)
+    curvatures: Array  # second derivatives, f_vv and f_δδ, or f_δδ alone, (N, c)
 
 
-def response(problem: MuzzleProblem, values: Mapping[str, float]) -> Response:
-    """Return what shots are expected to show at given parameters, and its derivatives by central differences."""
+def response(shots: Shots, values: Mapping[str, float]) -> Response:
+    """Return what N shots are expected to show at given parameters, with central differences."""
     moves = np.diag(_STEPS)
-    mean, above, below = np.split(flown(problem.shots, values, np.vstack([0 * _STEPS, moves, -moves])), [1, 5])
-    slopes = (above - below) / (2 * _STEPS[:, None])
-    curvatures = (above - 2 * mean + below) / _STEPS[:, None] ** 2
-    spreads = slice(2 - len(problem.spreads), 2)
+    mean, above, below = np.split(flown(shots, values, np.vstack([0 * _STEPS, moves, -moves])), [1, 5])
+    slopes, curvatures = (above - below) / (2 * _STEPS[:, None]), (above - 2 * mean + below) / _STEPS[:, None] ** 2
+    spreads = slice(shots.speed is not None, 2)
     scales = slopes[spreads].T ** 2
     # Where a measurement hardly depends on the angle (or the speed), the first order vanishes.
-    scales = np.maximum(scales, 1e-6 * scales.mean(axis=0) + 1e-12)
-    return Response(mean[0], slopes.T, scales, curvatures[spreads].T)
+    return Response(mean[0], slopes.T, np.maximum(scales, 1e-6 * scales.mean(0) + 1e-12), curvatures[spreads].T)
 
 
 def flown(shots: Shots, values: Mapping[str, float], moves: Array) -> Array:
     """Return vertical measurements without dispersion [m], shape (R, N).
 
     Args:
-      shots: N settings and measured speeds.
+      shots: N settings, and measured speeds if there are any.
       values: parameters in SI units: those of `SHAPING`, and length.
-      moves: added to speed, angle, height and drag, shape (R, 4).
+      moves: added to those of `SHAPING`, shape (R, 4).
     """
     faster, up, higher, more = moves.T[:, :, None]
     speed = (values["speed"] if shots.speed is None else shots.speed) + faster
     angle, drag = shots.pitch + values["pitch_offset"] + up, values["drag"] + more
     if shots.hit_height is None:
         # A muzzle ahead of the pivot rises with the barrel: by 14 mm at 5° and 0.16 m, which would pass for an offset.
-        height = values["height"] + values["length"] * np.sin(shots.pitch) + higher
-        return landing_distance(speed, angle, height, drag)
-    azimuth = shots.yaw if shots.lateral is None else np.arctan2(shots.lateral, shots.distance)
-    velocity = speed[..., None] * direction(np.stack(np.broadcast_arrays(angle, azimuth), axis=-1))
+        return landing_distance(speed, angle, values["height"] + values["length"] * np.sin(shots.pitch) + higher, drag)
+    sideways = shots.yaw if shots.lateral is None else np.arctan2(shots.lateral, shots.distance)
+    velocity = speed[..., None] * direction(np.stack(np.broadcast_arrays(angle, sideways), axis=-1))
     return np.asarray(flat_fire_crossing(0 * velocity, velocity, shots.distance, drag).height)
 
 
@@ -140,8 +105,6 @@ def vertical(shots: Shots) -> Array:
 
 def azimuth(shots: Shots) -> Array | None:
     """Return the azimuth of each departure against the barrel's [rad], shape (N,); None without lateral distances."""
-    if shots.lateral is None:
-        return None
-    if shots.hit_height is None:
-        return np.asarray(np.arcsin(np.clip(shots.lateral / shots.distance, -1.0, 1.0)))
+    if shots.lateral is None or shots.hit_height is None:
+        return None if shots.lateral is None else np.arcsin(np.clip(shots.lateral / shots.distance, -1.0, 1.0))
     return np.asarray(np.arctan2(shots.lateral, shots.distance) - shots.yaw)

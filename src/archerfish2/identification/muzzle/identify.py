@@ -1,6 +1,6 @@
 """`identify_muzzle`: from shots to a muzzle record, with its report."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -10,19 +10,21 @@ from numpy.typing import NDArray
 
 from archerfish2.errors import InputError
 from archerfish2.identification.muzzle import checks
-from archerfish2.identification.muzzle.estimate import bounded, rounding_step, vertical_estimates
-from archerfish2.identification.muzzle.flight import RANGES, MuzzleProblem, azimuth, response, vertical
+from archerfish2.identification.muzzle.estimate import MuzzleFit, rounding_step, vertical_estimates
+from archerfish2.identification.muzzle.flight import RANGES, azimuth, response, vertical
+from archerfish2.identification.muzzle.plots import shots_by_setting
 from archerfish2.identification.statistics import Array, sample_estimates
 from archerfish2.logs.recording import Finding
 from archerfish2.logs.shots import Shots, read_shots
 from archerfish2.paper.conditions import assumed_conditions
 from archerfish2.provenance import provenance
 from archerfish2.records.muzzle import MuzzleRecord
-from archerfish2.reports.report import Report
 from archerfish2.reports.table import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from archerfish2.reports.report import Report
 
 PELLET_DRAG = assumed_conditions().drag
 """Of a 17 mm pellet [1/m]."""
@@ -40,6 +42,28 @@ class MuzzleResult:
     expected_sd: Array  # standard deviation of each by the model [m], (N,)
     lack_of_fit: checks.LackOfFit
     findings: tuple[Finding, ...]  # what was repaired, and what may spoil the estimate
+
+    @property
+    def report(self) -> "Report":
+        """Verdict, figures and next steps."""
+        from archerfish2.identification.muzzle.report import muzzle_report
+
+        return muzzle_report(self)
+
+    def plot(self) -> "Figure":
+        """Draw the shots of each setting with the fitted dispersion."""
+        return shots_by_setting(
+            *self.shots.settings(), vertical(self.shots), self.expected, self.expected_sd, self.kept
+        )
+
+    def save(self, folder: str | Path) -> None:
+        """Write muzzle.json and muzzle.html.
+
+        Raises:
+          InputError: if they can't be written.
+        """
+        self.muzzle.save(Path(folder) / "muzzle.json")
+        self.report.write_page(Path(folder) / "muzzle.html")
 
 
 def identify_muzzle(
@@ -63,45 +87,77 @@ def identify_muzzle(
       InputError: if a given value is out of range, the shots can't be what they are said to be, or they can't separate
         the parameters; the message names the measurement that is missing.
     """
-    paths = (
-        []
-        if isinstance(shots, Shots)
-        else [Path(each) for each in ([shots] if isinstance(shots, str | Path) else shots)]
+    given = () if isinstance(shots, Shots) else (shots,) if isinstance(shots, str | Path) else shots
+    shots = shots if isinstance(shots, Shots) else read_shots(*given)
+    known = {"length": length_m} | ({} if drag == "estimate" else {"drag": drag})
+    known |= (
+        {"height": height_m}
+        if height_m is not None
+        else {}
+        if shots.hit_height is None
+        else {"height": RANGES["height"][0]}
     )
-    shots = shots if isinstance(shots, Shots) else read_shots(*paths)
-    known = _known(shots, {"height": height_m, "length": length_m, "drag": None if drag == "estimate" else drag})
-    problem, findings = MuzzleProblem(shots, known), [*shots.findings, *checks.check_shots(shots)]
-    checks.check_separable(problem)
-    kept, fit, too_many = checks.without_outliers(problem)
-    used = replace(problem, shots=shots.select(kept))
-    checks.check_separable(used, fit)
-    misfit = checks.lack_of_fit(used.shots, fit.residual, fit.sd, len(used.free))
-    estimates = vertical_estimates(used, fit, max(misfit.variance_ratio, 1.0) if misfit.shown else 1.0, seed)
-
-    for names, sample in ((("speed", "speed_sd"), used.shots.speed), (("yaw_offset", "yaw_sd"), azimuth(used.shots))):
-        if sample is not None:
-            estimates |= dict(zip(names, sample_estimates(sample), strict=True))
-    there = response(problem, fit.values)
-    fields = {**fit.values, "yaw_offset": 0.0, "yaw_sd": 0.0} | {name: each.value for name, each in estimates.items()}
-    muzzle = MuzzleRecord(
-        **fields,
-        intervals={name: (each.low, each.high) for name, each in estimates.items()},
-        provenance=provenance(seed, paths),
-    )
-    expected = there.mean + 0.5 * there.curvatures @ fit.variances
-    return MuzzleResult(
-        muzzle, estimates, shots, kept, expected, np.sqrt(there.scales @ fit.variances), misfit, tuple(findings)
-    )
-
-
-def _known(shots: Shots, given: dict[str, float | None]) -> dict[str, float]:
-    known = {name: float(value) for name, value in given.items() if value is not None}
     for name, value in known.items():
         low, high = RANGES[name]
         if not low <= value <= high:
-            unit = "1/m" if name == "drag" else "m"
-            problem = f"{name} is {value:g} {unit}, expected {low:g} to {high:g} {unit}"
+            problem = f"{name} is {value:g}, expected {low:g} to {high:g} {'1/m' if name == 'drag' else 'm'}"
             raise InputError(f"identify_muzzle: {problem}; give it in SI units", "out-of-range")
-    if shots.hit_height is not None:
-        known.setdefault("height", 0.0)
-    return known | ({} if shots.speed is None else {"speed": float(np.median(shots.speed))})
+    known |= {} if shots.speed is None else {"speed": float(np.median(shots.speed))}
+    checks.check_shots(shots, known)
+    kept, fit, too_many = checks.without_outliers(shots, known)
+    used = shots.select(kept)
+    misfit = checks.lack_of_fit(used, fit)
+    estimates = vertical_estimates(known, fit, max(misfit.variance_ratio, 1.0) if misfit.shown else 1.0, seed)
+    series = {"vertical": (_within(used, fit), (*estimates,))}
+    for names, sample in ((("speed", "speed_sd"), used.speed), (("yaw_offset", "yaw_sd"), azimuth(used))):
+        if sample is not None:
+            estimates |= dict(zip(names, _sample(sample, "m/s" if sample is used.speed else "rad"), strict=True))
+            series[names[0]] = (sample, names)
+    dependent = {}
+    for what, (values, names) in series.items():
+        statistic, rho = checks.memory(values)
+        if rho:
+            dependent[what] = statistic
+            estimates |= {name: _widened(name, estimates[name], rho) for name in names}
+    there = response(shots, fit.values)
+    muzzle = MuzzleRecord(
+        **{**fit.values, "yaw_sd": 0.0, **{name: each.value for name, each in estimates.items()}},
+        intervals={name: (each.low, each.high) for name, each in estimates.items()},
+        provenance=provenance(seed, map(Path, given)),
+    )
+    expected, sd = there.mean + 0.5 * there.curvatures @ fit.variances, np.sqrt(there.scales @ fit.variances)
+    return MuzzleResult(muzzle, estimates, shots, kept, expected, sd, misfit, ())
+
+
+def _within(shots: Shots, fit: MuzzleFit) -> Array:
+    """Return residuals in standard deviations less the means of settings: a lack of fit is no dependence, (N,)."""
+    number, deviation = shots.settings()[0], fit.residual / fit.sd
+    sizes = np.bincount(number)
+    return np.asarray(deviation - np.where(sizes > 2, np.bincount(number, deviation) / sizes, 0.0)[number])
+
+
+def _sample(sample: Array, unit: str) -> tuple[Estimate, Estimate]:
+    """Return mean and standard deviation of a sample of shape (N,) without what its rounding adds.
+
+    Where the step is above the scatter it does not average out: the mean may be off by half a step.
+    """
+    mean, sd = sample_estimates(sample, unit)
+    step = rounding_step(sample)
+    coarse, error = step > sd.value, step**2 / 12
+    ends = [np.sqrt(max(end**2 - error, 0.0)) for end in (sd.value, sd.low, sd.high)]
+    if coarse:
+        mean = mean._replace(low=mean.low - step / 2, high=mean.high + step / 2)
+        ends[1:] = 0.0, np.sqrt(sd.high**2 + error)
+    return mean, Estimate(*ends, unit)
+
+
+def _widened(name: str, estimate: Estimate, rho: float) -> Estimate:
+    """Widen an interval for a series that is an autoregression of first order, a spread's by factors."""
+    value, low, high, unit = estimate
+    if name.endswith("_sd"):
+        ratio = np.sqrt((1 + rho**2) / (1 - rho**2))
+        low, high = (value * (end / value) ** ratio if value else end for end in (low, high))
+    else:
+        ratio = np.sqrt((1 + rho) / (1 - rho))
+        low, high = (value + ratio * (end - value) for end in (low, high))
+    return Estimate(value, float(low), float(high), unit)
