@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish2.logs.log import file_content
-from archerfish2.logs.recording import Finding, Values
+from archerfish2.logs.recording import Finding
 from archerfish2.logs.table import log_fault
 from archerfish2.logs.text import column_names, read_text
 
 _LANDING, _PLANE = "distance_m", ("plane_distance_m", "hit_height_m")
+Array = NDArray[np.float64]
+
 _SIGNED = {"pitch_deg": 90.0, "yaw_deg": 90.0, "hit_height_m": np.inf, "lateral_m": np.inf}
 """Values that may be negative, and what they are smaller than in size."""
 
@@ -22,12 +24,12 @@ _SIGNED = {"pitch_deg": 90.0, "yaw_deg": 90.0, "hit_height_m": np.inf, "lateral_
 class Shots:
     """Where N pellets went, in the order of fire, and how fast they left the muzzle."""
 
-    pitch: Values  # barrel's elevation [rad], muzzle up positive, (N,)
-    yaw: Values  # barrel's azimuth [rad], left positive, (N,)
-    distance: Values  # level, from below the muzzle to the landing point, or straight ahead to the plane [m], (N,)
-    hit_height: Values | None = None  # of the hit on the plane above the muzzle [m], (N,); None for landing points
-    speed: Values | None = None  # measured muzzle speed [m/s], (N,)
-    lateral: Values | None = None  # left of the barrel's vertical plane, or of straight ahead on a plane [m], (N,)
+    pitch: Array  # barrel's elevation [rad], muzzle up positive, (N,)
+    yaw: Array  # barrel's azimuth [rad], left positive, (N,)
+    distance: Array  # level, from below the muzzle to the landing point, or straight ahead to the plane [m], (N,)
+    hit_height: Array | None = None  # of the hit on the plane above the muzzle [m], (N,); None for landing points
+    speed: Array | None = None  # measured muzzle speed [m/s], (N,)
+    lateral: Array | None = None  # left of the barrel's vertical plane, or of straight ahead on a plane [m], (N,)
     source: str = "shots"  # the files, for messages and titles
     places: tuple[str, ...] = ()  # where each is written, "shots.csv line 7"; empty where they are only numbered
     findings: tuple[Finding, ...] = ()  # what was repaired in the files
@@ -88,14 +90,14 @@ def read_shots(*paths: str | Path, columns: ShotColumns = COLUMNS) -> Shots:
     if differing := set.union(*map(set, found)) - set.intersection(*map(set, found)):
         problem = f"not all have a column for {min(differing)}"
         raise log_fault(source, problem, "give files with the same columns", "mixed-columns")
-    joined = {name: np.concatenate([each[name] for each in found]) for name in found[0]}
+    joined = {name: np.concatenate([each[name] for each in found], dtype=np.float64) for name in found[0]}
     height, speed, lateral = map(joined.get, ("hit_height_m", "speed_m_s", "lateral_m"))
     pitch, yaw = joined["pitch_deg"], joined.get("yaw_deg", 0.0 * joined["pitch_deg"])
     distance, texts = joined[_LANDING if height is None else _PLANE[0]], (source, sum(places, ()), sum(findings, ()))
     return Shots(np.radians(pitch), np.radians(yaw), distance, height, speed, lateral, *texts)
 
 
-def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Values], tuple[str, ...], tuple[Finding, ...]]:
+def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Array], tuple[str, ...], tuple[Finding, ...]]:
     """Return what a file has by field, the place of each shot, and what was repaired."""
     content = file_content(path)
     # A person who writes a table may leave out the last line break.
@@ -103,7 +105,11 @@ def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Values], tuple[st
     table = read_text(path, content, _wanted(path, column_names(path, content), columns))
     table.check()
     rows = np.flatnonzero(np.any(np.isfinite([*table.columns.values()]), axis=0))  # a line of separators is no shot
-    found = {field: table.columns[name][rows] for field, name in vars(columns).items() if name in table.columns}
+    found = {
+        field: np.asarray(table.columns[name][rows], float)
+        for field, name in vars(columns).items()
+        if name in table.columns
+    }
     places = tuple(f"{path.name} line {table.places[row]}" for row in rows.tolist())
     if lost := np.count_nonzero(found.pop("missed", 0)):
         problem = f"{lost} of {len(places)} shots missed the measuring area; the others understate the dispersion"

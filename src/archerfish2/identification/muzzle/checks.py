@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -67,7 +68,7 @@ def _faults(shots: Shots) -> Iterator[Fault]:
     problem = f"the median of the speeds is {middle:g} m/s, expected {low:g} to {high:g}"
     yield not low <= middle <= high, problem, "give them in m/s", "implausible-speed"
     problem, remedy = f"every shot has the speed {middle:g} m/s, a nominal one", "measure each, or leave the column out"
-    yield shots.speed is not None and np.ptp(speed) == 0, problem, remedy, "nominal-speed"
+    yield shots.speed is not None and not np.ptp(speed), problem, remedy, "nominal-speed"
     # The fastest pellet, 20° above the barrel's pitch, from a muzzle 3 m high.
     astray, highest = RANGES["pitch_offset"][1], RANGES["height"][1]
     reach = landing_distance(
@@ -80,8 +81,8 @@ def _faults(shots: Shots) -> Iterator[Fault]:
         lengths += [
             (shots.hit_height, (shots.hit_height > rise) | (shots.hit_height < -np.maximum(highest, rise)), 0.5)
         ]
-    if shots.lateral is not None:
-        lengths += [(shots.lateral, np.abs(azimuth(shots)) > astray, 0.5)]
+    if shots.lateral is not None and (aside := azimuth(shots)) is not None:
+        lengths += [(shots.lateral, np.abs(aside) > astray, 0.5)]
     for length, bad, share in lengths:
         first, large = int(np.argmax(bad)), bad.mean() > 0.5 and np.median(np.abs(length[bad])) >= 10
         problem = f"{shots.place(first)}: {length[first]:g} m is beyond the reach of a pellet of {high:g} m/s"
@@ -92,11 +93,11 @@ def _faults(shots: Shots) -> Iterator[Fault]:
         yield True, problem, "give every shot once", "duplicate-shots"
     number = shots.settings()[0]
     away = vertical(shots) - (np.bincount(number, vertical(shots)) / np.bincount(number))[number]
-    same = shots.speed is None and number.max() + 1 < number.size and np.ptp(away) < 1e-9
+    same = bool(shots.speed is None and number.max() + 1 < number.size and np.ptp(away) < 1e-9)
     yield same, "all shots of a setting agree to the last digit", "give each shot, not their mean", "no-scatter"
 
 
-def identical(shots: Shots) -> tuple[Array, NDArray[np.intp]]:
+def identical(shots: Shots) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return for each shot the first one with the same values, and its number among different ones, shape (N,) each."""
     columns = (shots.pitch, shots.yaw, shots.distance, shots.hit_height, shots.speed, shots.lateral)
     rows = np.stack([each for each in columns if each is not None], axis=1)
@@ -189,6 +190,41 @@ def without_outliers(shots: Shots, known: Mapping[str, float]) -> tuple[NDArray[
     return kept, fit or fit_muzzle(shots, known, point), 0
 
 
+def findings(
+    shots: Shots, known: Mapping[str, float], kept: NDArray[np.bool_], too_many: int
+) -> list[tuple[str, str, str]]:
+    """Return code, message and remedy of what may spoil an estimate.
+
+    Args:
+      shots: N of them.
+      known: parameters that are given.
+      kept: which shots were used, shape (N,).
+      too_many: outliers that were too many to be left out.
+    """
+    found, first = [], identical(shots)[0]
+    if not kept.all():
+        listed = ", ".join(shots.place(index) for index in np.flatnonzero(~kept).tolist())
+        message = f"{np.count_nonzero(~kept)} of {kept.size} shots are ricochets or flyers, and were left out: {listed}"
+        found += [("outliers", message, "see whether these lines are as they were measured")]
+    if too_many:
+        message = f"{too_many} of {kept.size} shots disagree with the rest, too many to leave out: all were used"
+        found += [("too-many-outliers", message, "check the angles and distances of whole settings")]
+    again = np.flatnonzero(first != np.arange(first.size)).tolist()
+    if again and not (shots.speed is None and shots.lateral is None):
+        message = f"{', '.join(map(shots.place, again[:5]))} agree to the last digit with shots before"
+        found += [("repeated-shots", message, "remove what was written twice: it makes intervals too short")]
+    degrees = np.degrees(shots.pitch)
+    if np.ptp(degrees) and np.abs(degrees).max() < 0.7:
+        scale = [robust_fit(replace(shots, pitch=each), known)[2] for each in (shots.pitch, degrees)]
+        if scale[1] < 0.5 * scale[0]:
+            message = "pitch angles explain the shots far better if they are radians"
+            found += [("radians-as-degrees", message, "give degrees")]
+    if shots.lateral is None:
+        message = "without lateral distances the yaw offset and its scatter are unknown, and recorded as 0"
+        found += [("no-lateral", message, "record how far left each pellet went")]
+    return found
+
+
 class LackOfFit(NamedTuple):
     """Classical lack-of-fit test over settings of repeated shots; percentages are of the distance."""
 
@@ -209,9 +245,18 @@ class LackOfFit(NamedTuple):
         """Whether it is also off by more than a fifth of the scatter, which is what widens the hits by 2 %."""
         return self.shown and self.rms_percent > 0.2 * (self.replicate_percent or 0.0)
 
+    def __str__(self) -> str:
+        text = f"The flight model leaves {self.rms_percent:.1f} % of the distance (rms over the settings), at worst "
+        text += f"{self.worst_percent:+.1f} % at {self.worst_setting}"
+        if self.p_value is None:
+            return f"{text}; this can't be separated from scatter or rounding."
+        text += f"; repeated shots scatter by {self.replicate_percent:.1f} %"
+        verdict = "it does not fit" if self.matters else "little beside the scatter" if self.shown else "it fits"
+        return f"{text}: {verdict} (p = {self.p_value:.2g})."
 
-def lack_of_fit(shots: Shots, fit: MuzzleFit) -> LackOfFit:
-    """Compare the deviations of the settings' means with the scatter inside the settings."""
+
+def lack_of_fit(shots: Shots, fit: MuzzleFit, *, tested: bool = True) -> LackOfFit:
+    """Compare the deviations of the settings' means with the scatter inside the settings, unless that is no test."""
     number, names = shots.settings()
     sizes = np.bincount(number)
     share = fit.residual / (np.bincount(number, shots.distance) / sizes)[number]
@@ -220,7 +265,7 @@ def lack_of_fit(shots: Shots, fit: MuzzleFit) -> LackOfFit:
     within, spare = np.sum((values - mean[:, number]) ** 2, axis=1), number.size - sizes.size
     worst = int(np.argmax(np.abs(mean[0])))
     left = 100 * float(np.sqrt(np.mean(mean[0] ** 2))), 100 * float(mean[0, worst]), names[worst]
-    if not spare or not within.all():
+    if not (tested and spare and within.all()):
         return LackOfFit(*left, None, None, 1.0)
     # As many parameters as settings leave no freedom, and a right model would pass through all means.
     freedom = max(sizes.size - fit.design.shape[1], 1)

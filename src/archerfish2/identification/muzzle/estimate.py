@@ -98,13 +98,16 @@ def fit_muzzle(shots: Shots, known: Mapping[str, float], start: Array) -> Muzzle
     return MuzzleFit(values_at(known, point), there, design, within, residual, variances, rounding, sd)
 
 
-def vertical_estimates(known: Mapping[str, float], fit: MuzzleFit, misfit: float, seed: int) -> dict[str, Estimate]:
+def vertical_estimates(
+    known: Mapping[str, float], fit: MuzzleFit, misfit: float, speed_error: float, seed: int
+) -> dict[str, Estimate]:
     """Return the free parameters and spreads with their intervals, which end where the parameters are sought.
 
     Args:
       known: parameters that were given.
       fit: the estimate.
       misfit: variance of the settings' means over what scatter explains, at least 1; it widens the means' intervals.
+      speed_error: of all measured speeds together [m/s].
       seed: of the bootstrap.
     """
     (count, width), spreads, scales = fit.within.shape, fit.variances.size, fit.response.scales
@@ -115,16 +118,16 @@ def vertical_estimates(known: Mapping[str, float], fit: MuzzleFit, misfit: float
         rounding = np.mean(fit.rounding[:, None] / scales, axis=0)
         squares = np.maximum((fit.variances + rounding) * tails - rounding, 0.0)
     else:
-        # All of the scatter by one spread alone is the most that it can be.
-        alone = [variance_components(fit.residual, fit.within, each[:, None]).variances for each in scales.T]
+        found = variance_components(fit.residual, fit.within, scales, fit.rounding)
         drawn = [_redrawn(fit, noise) for noise in np.random.default_rng(seed).standard_normal((_DRAWS, count))]
         quantiles = np.quantile(drawn, [0.975, 0.025], axis=0, method="weibull")
-        pivots, ratios = quantiles[:, :-spreads], quantiles[:, -spreads:]
-        ratios[1, zero] = 0.0
-        squares = np.minimum(fit.variances / np.maximum(ratios, 1e-12), np.ravel(alone) * tails[1])
+        pivots = quantiles[:, :-spreads]
+        squares = np.maximum(found.unconstrained - quantiles[:, -spreads:] * found.errors, 0.0)
     names = [*free_names(known), *SPREADS[-spreads:]]
     point = np.array([fit.values[name] for name in free_names(known)])
-    means = point - pivots * np.sqrt(misfit) * _errors(fit.design, fit.sd)
+    inverse = np.linalg.pinv(fit.design / fit.sd[:, None], rcond=1e-9)
+    error = speed_error * np.abs(inverse @ (fit.response.slopes[:, 0] / fit.sd)) * [[-1.0], [1.0]]
+    means = point - pivots * np.sqrt(misfit) * np.linalg.norm(inverse, axis=1) + error
     values, ends = [*point, *np.sqrt(np.where(zero, 0.0, fit.variances))], np.hstack([means, np.sqrt(squares)])
     limits = np.array([RANGES[name] for name in names]).T
     return {
@@ -134,14 +137,9 @@ def vertical_estimates(known: Mapping[str, float], fit: MuzzleFit, misfit: float
 
 
 def _redrawn(fit: MuzzleFit, normals: Array) -> list[float]:
-    """Return errors of the means over their standard errors, and variances over the true ones, of drawn shots."""
-    scales, noise = fit.response.scales, fit.sd * normals
-    variances = variance_components(noise, fit.within, scales, fit.rounding).variances
-    sd = np.sqrt(scales @ np.maximum(variances, 1e-6 * fit.variances) + fit.rounding)
-    moved = np.linalg.lstsq(fit.design / sd[:, None], noise / sd)[0]
-    return [*(moved / _errors(fit.design, sd)), *(variances / fit.variances)]
-
-
-def _errors(design: Array, sd: Array) -> Array:
-    """Return the standard errors of weighted least squares, shape (q,)."""
-    return np.asarray(np.linalg.norm(np.linalg.pinv(design / sd[:, None], rcond=1e-9), axis=1))
+    """Return errors of the means and variances of drawn shots over the standard errors that these give, (q + c,)."""
+    noise = fit.sd * normals
+    drawn = variance_components(noise, fit.within, fit.response.scales, fit.rounding)
+    inverse = np.linalg.pinv(fit.design / drawn.sd[:, None], rcond=1e-9)
+    moved = inverse @ (noise / drawn.sd) / np.linalg.norm(inverse, axis=1)
+    return [*moved, *((drawn.unconstrained - fit.variances) / drawn.errors)]

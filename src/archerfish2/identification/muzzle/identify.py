@@ -1,7 +1,7 @@
 """`identify_muzzle`: from shots to a muzzle record, with its report."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -52,9 +52,8 @@ class MuzzleResult:
 
     def plot(self) -> "Figure":
         """Draw the shots of each setting with the fitted dispersion."""
-        return shots_by_setting(
-            *self.shots.settings(), vertical(self.shots), self.expected, self.expected_sd, self.kept
-        )
+        number, names = self.shots.settings()
+        return shots_by_setting(number, vertical(self.shots) - self.expected, self.expected_sd, self.kept, names=names)
 
     def save(self, folder: str | Path) -> None:
         """Write muzzle.json and muzzle.html.
@@ -90,35 +89,44 @@ def identify_muzzle(
     given = () if isinstance(shots, Shots) else (shots,) if isinstance(shots, str | Path) else shots
     shots = shots if isinstance(shots, Shots) else read_shots(*given)
     known = {"length": length_m} | ({} if drag == "estimate" else {"drag": drag})
-    known |= (
-        {"height": height_m}
-        if height_m is not None
-        else {}
-        if shots.hit_height is None
-        else {"height": RANGES["height"][0]}
-    )
+    known |= {} if height_m is None else {"height": height_m}
     for name, value in known.items():
         low, high = RANGES[name]
         if not low <= value <= high:
             problem = f"{name} is {value:g}, expected {low:g} to {high:g} {'1/m' if name == 'drag' else 'm'}"
             raise InputError(f"identify_muzzle: {problem}; give it in SI units", "out-of-range")
+    known = ({} if shots.hit_height is None else {"height": 0.0}) | known
     known |= {} if shots.speed is None else {"speed": float(np.median(shots.speed))}
     checks.check_shots(shots, known)
     kept, fit, too_many = checks.without_outliers(shots, known)
     used = shots.select(kept)
-    misfit = checks.lack_of_fit(used, fit)
-    estimates = vertical_estimates(known, fit, max(misfit.variance_ratio, 1.0) if misfit.shown else 1.0, seed)
-    series = {"vertical": (_within(used, fit), (*estimates,))}
-    for names, sample in ((("speed", "speed_sd"), used.speed), (("yaw_offset", "yaw_sd"), azimuth(used))):
+    speed_error = 0.0 if used.speed is None else _mean_error(used.speed)
+    misfit = checks.lack_of_fit(used, fit, tested=not speed_error)
+    estimates = vertical_estimates(
+        known, fit, max(misfit.variance_ratio, 1.0) if misfit.shown else 1.0, speed_error, seed
+    )
+    found = checks.findings(shots, known, kept, too_many)
+    series = [("vertical measurements", _within(used, fit), [*estimates])]
+    for name, unit, sample in (("speed", "m/s", used.speed), ("yaw_offset", "rad", azimuth(used))):
         if sample is not None:
-            estimates |= dict(zip(names, _sample(sample, "m/s" if sample is used.speed else "rad"), strict=True))
-            series[names[0]] = (sample, names)
-    dependent = {}
-    for what, (values, names) in series.items():
+            names = [name, f"{name.removesuffix('_offset')}_sd"]
+            estimates |= dict(zip(names, _sample(sample, unit), strict=True))
+            series += [(name.replace("_offset", "s").replace("speed", "speeds"), sample, names)]
+    for what, values, names in series:
         statistic, rho = checks.memory(values)
+        estimates |= {name: _widened(name, estimates[name], rho) for name in names}
         if rho:
-            dependent[what] = statistic
-            estimates |= {name: _widened(name, estimates[name], rho) for name in names}
+            message = f"successive {what} are alike (Durbin–Watson {statistic:.2f}); intervals are widened"
+            found += [("dependent-shots", message, "pause between shots, or mix the settings")]
+    if speed_error:
+        message = (
+            f"speeds are multiples of {2 * speed_error:g} m/s, which is above their scatter; intervals are widened"
+        )
+        found += [("rounded-speeds", message, "record speeds with more digits")]
+    for name, (_, low, high, _) in estimates.items():
+        least, most = RANGES.get(name, (-np.inf, np.inf))
+        if low <= least or high >= most:
+            found += [("open-interval", f"the shots do not bound {name} on both sides", "shoot at more settings")]
     there = response(shots, fit.values)
     muzzle = MuzzleRecord(
         **{**fit.values, "yaw_sd": 0.0, **{name: each.value for name, each in estimates.items()}},
@@ -126,7 +134,8 @@ def identify_muzzle(
         provenance=provenance(seed, map(Path, given)),
     )
     expected, sd = there.mean + 0.5 * there.curvatures @ fit.variances, np.sqrt(there.scales @ fit.variances)
-    return MuzzleResult(muzzle, estimates, shots, kept, expected, sd, misfit, ())
+    warnings = (Finding(code, "warning", shots.source, message, remedy) for code, message, remedy in found)
+    return MuzzleResult(muzzle, estimates, shots, kept, expected, sd, misfit, (*shots.findings, *warnings))
 
 
 def _within(shots: Shots, fit: MuzzleFit) -> Array:
@@ -141,14 +150,18 @@ def _sample(sample: Array, unit: str) -> tuple[Estimate, Estimate]:
 
     Where the step is above the scatter it does not average out: the mean may be off by half a step.
     """
-    mean, sd = sample_estimates(sample, unit)
+    (mean, low, high, _), sd = sample_estimates(sample, unit)
+    error, rounding = _mean_error(sample), rounding_step(sample) ** 2 / 12
+    value, least, most = (float(np.sqrt(max(end**2 - rounding, 0.0))) for end in sd[:3])
+    if error:
+        least, most = 0.0, float(np.sqrt(sd.high**2 + rounding))
+    return Estimate(mean, low - error, high + error, unit), Estimate(value, least, most, unit)
+
+
+def _mean_error(sample: Array) -> float:
+    """Return what the mean of rounded values, shape (N,), may be off by: half a step above their scatter, else 0."""
     step = rounding_step(sample)
-    coarse, error = step > sd.value, step**2 / 12
-    ends = [np.sqrt(max(end**2 - error, 0.0)) for end in (sd.value, sd.low, sd.high)]
-    if coarse:
-        mean = mean._replace(low=mean.low - step / 2, high=mean.high + step / 2)
-        ends[1:] = 0.0, np.sqrt(sd.high**2 + error)
-    return mean, Estimate(*ends, unit)
+    return step / 2 if step > sample.std() else 0.0
 
 
 def _widened(name: str, estimate: Estimate, rho: float) -> Estimate:
