@@ -30,12 +30,17 @@ class Shots:
     hit_height: Array | None = None  # of the hit on the plane above the muzzle [m], (N,); None for landing points
     speed: Array | None = None  # measured muzzle speed [m/s], (N,)
     lateral: Array | None = None  # left of the barrel's vertical plane, or of straight ahead on a plane [m], (N,)
-    source: str = "shots"  # the files, for messages and titles
+    files: tuple[Path, ...] = ()  # that they were read from
     places: tuple[str, ...] = ()  # where each is written, "shots.csv line 7"; empty where they are only numbered
     findings: tuple[Finding, ...] = ()  # what was repaired in the files
 
     def __len__(self) -> int:
         return self.distance.size
+
+    @property
+    def source(self) -> str:
+        """The files, for messages."""
+        return ", ".join(each.name for each in self.files) or "shots"
 
     def settings(self) -> tuple[NDArray[np.intp], list[str]]:
         """Return the number of each shot's setting, from 0, shape (N,), and their names, as "3.0°" or "3.0°, 4.00 m".
@@ -58,7 +63,7 @@ class Shots:
 
 @dataclass(frozen=True)
 class ShotColumns:
-    """Names of the columns: those of landing points, or of hits on a plane; yaw, lateral, speed and missed may lack."""
+    """Names of the columns: those of landing points, or of hits on a plane; yaw, lateral, speed and missed are optional."""
 
     pitch_deg: str = "pitch_deg"  # barrel's elevation [°], muzzle up positive
     yaw_deg: str = "yaw_deg"  # barrel's azimuth [°], left positive; straight ahead without it
@@ -85,16 +90,15 @@ def read_shots(*paths: str | Path, columns: ShotColumns = COLUMNS) -> Shots:
       InputError: with a code, if a column or a value is missing or out of range, a column is in another unit, landing
         points and hits on a plane are mixed, or a shot missed the measuring area.
     """
-    source = ", ".join(Path(each).name for each in paths)
-    found, places, findings = zip(*(_read(Path(path), columns) for path in paths), strict=True)
+    files = tuple(map(Path, paths))
+    found, places, findings = zip(*(_read(path, columns) for path in files), strict=True)
     if differing := set.union(*map(set, found)) - set.intersection(*map(set, found)):
-        problem = f"not all have a column for {min(differing)}"
-        raise log_fault(source, problem, "give files with the same columns", "mixed-columns")
+        raise log_fault(files[-1], f"{min(differing)} is not in all files", "give the same columns", "mixed-columns")
     joined = {name: np.concatenate([each[name] for each in found], dtype=np.float64) for name in found[0]}
     height, speed, lateral = map(joined.get, ("hit_height_m", "speed_m_s", "lateral_m"))
     pitch, yaw = joined["pitch_deg"], joined.get("yaw_deg", 0.0 * joined["pitch_deg"])
-    distance, texts = joined[_LANDING if height is None else _PLANE[0]], (source, sum(places, ()), sum(findings, ()))
-    return Shots(np.radians(pitch), np.radians(yaw), distance, height, speed, lateral, *texts)
+    distance, rest = joined[_LANDING if height is None else _PLANE[0]], (files, sum(places, ()), sum(findings, ()))
+    return Shots(np.radians(pitch), np.radians(yaw), distance, height, speed, lateral, *rest)
 
 
 def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Array], tuple[str, ...], tuple[Finding, ...]]:

@@ -148,12 +148,12 @@ def robust_fit(shots: Shots, known: Mapping[str, float]) -> tuple[Array, Array, 
 
     guesses = map(np.array, itertools.product(*(_GRID[name] for name in free_names(known))))
     point = min(guesses, key=lambda each: float(np.median(np.abs(ratio(each)[0]))))
-    for _ in range(4):
+    for loss in ("soft_l1", "soft_l1", "cauchy", "cauchy"):
         deviation, shape = ratio(point)
         scale = max(
             1.4826 * float(np.median(np.abs(deviation))), rounding_step(vertical(shots)) / np.median(shape) / 3.5
         )
-        point = fit_means(shots, known, point, shape * scale, 0.0, "soft_l1")
+        point = fit_means(shots, known, point, shape * scale, 0.0, loss)
     return point, ratio(point)[0] / scale, scale
 
 
@@ -280,7 +280,7 @@ def memory(series: Array) -> tuple[float, float]:
     much alike (normal approximation).
     """
     deviation = (series - series.mean()) / series.std()
-    statistic = float(np.mean(np.diff(deviation) ** 2))
-    rho = float(np.mean(deviation[1:] * deviation[:-1]))
+    statistic = float(np.sum(np.diff(deviation) ** 2) / series.size)
+    rho = float(deviation[1:] @ deviation[:-1] / series.size)
     dependent = norm.sf((1 - statistic / 2) * np.sqrt(series.size)) < _FALSE_ALARM
     return statistic, min(rho + (1 + 3 * rho) / series.size, 0.97) if dependent else 0.0

@@ -86,8 +86,8 @@ def identify_muzzle(
       InputError: if a given value is out of range, the shots can't be what they are said to be, or they can't separate
         the parameters; the message names the measurement that is missing.
     """
-    given = () if isinstance(shots, Shots) else (shots,) if isinstance(shots, str | Path) else shots
-    shots = shots if isinstance(shots, Shots) else read_shots(*given)
+    if not isinstance(shots, Shots):
+        shots = read_shots(*[shots] if isinstance(shots, str | Path) else shots)
     known = {"length": length_m} | ({} if drag == "estimate" else {"drag": drag})
     known |= {} if height_m is None else {"height": height_m}
     for name, value in known.items():
@@ -131,7 +131,7 @@ def identify_muzzle(
     muzzle = MuzzleRecord(
         **{**fit.values, "yaw_sd": 0.0, **{name: each.value for name, each in estimates.items()}},
         intervals={name: (each.low, each.high) for name, each in estimates.items()},
-        provenance=provenance(seed, map(Path, given)),
+        provenance=provenance(seed, shots.files),
     )
     expected, sd = there.mean + 0.5 * there.curvatures @ fit.variances, np.sqrt(there.scales @ fit.variances)
     warnings = (Finding(code, "warning", shots.source, message, remedy) for code, message, remedy in found)
