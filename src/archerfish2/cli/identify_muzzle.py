@@ -21,8 +21,8 @@ class IdentifyMuzzle:
     - writes muzzle.json (the record), muzzle.html and run.json
 
     A file is a table with a shot in each line, in the order of fire: pitch_deg, and distance_m of landing points, or
-    plane_distance_m and hit_height_m of hits; speed_m_s, lateral_m, yaw_deg and missed are optional. Shots at one setting
-    need the measured speed of each; without speeds, shoot at several pitches, or at planes at several distances.
+    plane_distance_m and hit_height_m of hits; speed_m_s, lateral_m, yaw_deg and missed are optional. Shots at one
+    setting need the measured speed of each; without, shoot at several pitches, or at planes at several distances.
 
     Examples:
       archerfish2 identify muzzle shots.csv

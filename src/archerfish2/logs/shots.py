@@ -63,7 +63,7 @@ class Shots:
 
 @dataclass(frozen=True)
 class ShotColumns:
-    """Names of the columns: those of landing points, or of hits on a plane; yaw, lateral, speed and missed are optional."""
+    """Names of the columns: of landing points, or of hits on a plane; yaw, lateral, speed and missed are optional."""
 
     pitch_deg: str = "pitch_deg"  # barrel's elevation [°], muzzle up positive
     yaw_deg: str = "yaw_deg"  # barrel's azimuth [°], left positive; straight ahead without it

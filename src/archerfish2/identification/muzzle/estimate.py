@@ -6,7 +6,7 @@ intervals are those of a plain sample (t, χ²); without, they come from a param
 """
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -14,10 +14,12 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from archerfish2.identification.muzzle.flight import RANGES, SHAPING, SPREADS, Response, flown, response, vertical
-from archerfish2.identification.statistics import Array, variance_components
+from archerfish2.identification.statistics import Array, sample_estimates, variance_components
 from archerfish2.logs.shots import Shots
 from archerfish2.reports.table import Estimate
 
+Known: TypeAlias = Mapping[str, float]
+"""Parameters that are given, in SI units."""
 TYPICAL = np.array([0.5, 0.01]) ** 2
 """Variances of speed [(m/s)²] and elevation [rad²] that a search begins with; only their ratio matters."""
 UNITS = {"speed": "m/s", "speed_sd": "m/s", "height": "m", "drag": "1/m", "length": "m"}
@@ -41,12 +43,12 @@ class MuzzleFit(NamedTuple):
     sd: Array  # standard deviation of the measurements [m], (N,)
 
 
-def free_names(known: Mapping[str, float]) -> list[str]:
+def free_names(known: Known) -> list[str]:
     """Return the parameters that are estimated from the means of the vertical measurements."""
     return [name for name in SHAPING if name not in known]
 
 
-def values_at(known: Mapping[str, float], point: Array) -> dict[str, float]:
+def values_at(known: Known, point: Array) -> dict[str, float]:
     """Return all parameters for free ones of shape (q,)."""
     return {**known, **dict(zip(free_names(known), point.tolist(), strict=True))}
 
@@ -56,7 +58,7 @@ def rounding_step(values: Array) -> float:
     return 1e-6 * float(np.gcd.reduce(np.rint(1e6 * (values - values[0])).astype(np.int64)))
 
 
-def fit_means(shots: Shots, known: Mapping[str, float], start: Array, sd: Array, shift: Any, loss: str) -> Array:
+def fit_means(shots: Shots, known: Known, start: Array, sd: Array, shift: Any, loss: str) -> Array:
     """Fit the free parameters within their ranges by least squares, shape (q,).
 
     Args:
@@ -77,7 +79,7 @@ def fit_means(shots: Shots, known: Mapping[str, float], start: Array, sd: Array,
     return np.asarray(least_squares(ratio, start, bounds=(low, high), loss=loss, x_scale=0.1 * (high - low)).x)
 
 
-def fit_muzzle(shots: Shots, known: Mapping[str, float], start: Array) -> MuzzleFit:
+def fit_muzzle(shots: Shots, known: Known, start: Array) -> MuzzleFit:
     """Estimate the free parameters, from a start of shape (q,), and the spreads."""
     number, point, variances = shots.settings()[0], start, TYPICAL[shots.speed is not None :]
     groups = number[:, None] == np.arange(number.max() + 1)
@@ -98,8 +100,14 @@ def fit_muzzle(shots: Shots, known: Mapping[str, float], start: Array) -> Muzzle
     return MuzzleFit(values_at(known, point), there, design, within, residual, variances, rounding, sd)
 
 
+def expected(shots: Shots, fit: MuzzleFit) -> tuple[Array, Array]:
+    """Return expected measurements of shots and their standard deviations [m], shape (N,) each."""
+    there = response(shots, fit.values)
+    return there.mean + 0.5 * there.curvatures @ fit.variances, np.sqrt(there.scales @ fit.variances)
+
+
 def vertical_estimates(
-    known: Mapping[str, float], fit: MuzzleFit, misfit: float, speed_error: float, seed: int
+    known: Known, fit: MuzzleFit, misfit: float, rounded: float, rho: float, seed: int
 ) -> dict[str, Estimate]:
     """Return the free parameters and spreads with their intervals, which end where the parameters are sought.
 
@@ -107,33 +115,63 @@ def vertical_estimates(
       known: parameters that were given.
       fit: the estimate.
       misfit: variance of the settings' means over what scatter explains, at least 1; it widens the means' intervals.
-      speed_error: of all measured speeds together [m/s].
+      rounded: common error of the measured speeds [m/s].
+      rho: coefficient of the autoregression of successive shots.
       seed: of the bootstrap.
     """
-    (count, width), spreads, scales = fit.within.shape, fit.variances.size, fit.response.scales
-    zero = fit.variances <= 2 * _LEAST * TYPICAL[-spreads:]
-    tails = (count - width) / chi2.ppf([[0.975], [0.025]], count - width)
-    if spreads == 1:
+    (count, width), scales, (mean_ratio, spread_ratio) = fit.within.shape, fit.response.scales, widening(rho)
+    names = free_names(known)
+    point, inverse = [fit.values[name] for name in names], np.linalg.pinv(fit.design / fit.sd[:, None], rcond=1e-9)
+    if scales.shape[1] == 1:
         pivots = student.ppf([[0.975], [0.025]], count - width)
-        rounding = np.mean(fit.rounding[:, None] / scales, axis=0)
-        squares = np.maximum((fit.variances + rounding) * tails - rounding, 0.0)
+        squares = spread_ends(fit.variances[0], float(np.mean(fit.rounding / scales[:, 0])), count - width, rho)[
+            :, None
+        ]
     else:
         found = variance_components(fit.residual, fit.within, scales, fit.rounding)
         drawn = [_redrawn(fit, noise) for noise in np.random.default_rng(seed).standard_normal((_DRAWS, count))]
-        quantiles = np.quantile(drawn, [0.975, 0.025], axis=0, method="weibull")
-        pivots = quantiles[:, :-spreads]
-        squares = np.maximum(found.unconstrained - quantiles[:, -spreads:] * found.errors, 0.0)
-    names = [*free_names(known), *SPREADS[-spreads:]]
-    point = np.array([fit.values[name] for name in free_names(known)])
-    inverse = np.linalg.pinv(fit.design / fit.sd[:, None], rcond=1e-9)
-    error = speed_error * np.abs(inverse @ (fit.response.slopes[:, 0] / fit.sd)) * [[-1.0], [1.0]]
-    means = point - pivots * np.sqrt(misfit) * np.linalg.norm(inverse, axis=1) + error
-    values, ends = [*point, *np.sqrt(np.where(zero, 0.0, fit.variances))], np.hstack([means, np.sqrt(squares)])
-    limits = np.array([RANGES[name] for name in names]).T
+        pivots, tails = np.split(np.quantile(drawn, [0.975, 0.025], axis=0, method="weibull"), [len(names)], axis=1)
+        squares = np.maximum(found.unconstrained - spread_ratio * tails * found.errors, 0.0)
+    error = rounded * np.abs(inverse @ (fit.response.slopes[:, 0] / fit.sd)) * [[-1.0], [1.0]]
+    means = point - mean_ratio * np.sqrt(misfit) * pivots * np.linalg.norm(inverse, axis=1) + error
+    spreads = np.sqrt(fit.variances * (fit.variances > 2 * _LEAST * TYPICAL[-scales.shape[1] :]))
+    names += SPREADS[-scales.shape[1] :]
+    ends = np.clip(np.hstack([means, np.sqrt(squares)]), *np.array([RANGES[name] for name in names]).T)
+    every = zip(names, [*point, *spreads], *ends, strict=True)
     return {
         name: Estimate(float(value), float(low), float(high), UNITS.get(name, "rad"))
-        for name, value, low, high in zip(names, values, *np.clip(ends, *limits), strict=True)
+        for name, value, low, high in every
     }
+
+
+def sample_intervals(sample: Array, rho: float, unit: str) -> tuple[Estimate, Estimate]:
+    """Return mean and standard deviation of a sample of shape (N,), without what its rounding adds, by t and χ².
+
+    Where the step is above the scatter, rounding does not average out, and the scatter is open below.
+    """
+    (mean, low, high, _), error, count = sample_estimates(sample)[0], mean_error(sample), sample.size
+    square, ratio = rounding_step(sample) ** 2 / 12, widening(rho)[0]
+    variance = max(float(sample.var(ddof=1)) - square, 0.0)
+    least, most = np.sqrt(spread_ends(variance, square, count - 1, rho) + [0, 2 * square * bool(error)])
+    spread = Estimate(float(np.sqrt(variance)), 0.0 if error else float(least), float(most), unit)
+    return Estimate(mean, mean + ratio * (low - mean) - error, mean + ratio * (high - mean) + error, unit), spread
+
+
+def mean_error(sample: Array) -> float:
+    """Return what the mean of rounded values, shape (N,), may be off by: half a step above their scatter, else 0."""
+    step = rounding_step(sample)
+    return step / 2 if step > sample.std() else 0.0
+
+
+def spread_ends(variance: float, rounding: float, freedom: int, rho: float) -> Array:
+    """Return the ends of the interval of a variance, less what rounding adds, shape (2,)."""
+    tails = (freedom / chi2.ppf([0.975, 0.025], freedom)) ** widening(rho)[1]
+    return np.asarray(np.maximum((variance + rounding) * tails - rounding, 0.0))
+
+
+def widening(rho: float) -> tuple[float, float]:
+    """Return how much longer the standard errors of mean and variance are of a first-order autoregression."""
+    return float(np.sqrt((1 + rho) / (1 - rho))), float(np.sqrt((1 + rho**2) / (1 - rho**2)))
 
 
 def _redrawn(fit: MuzzleFit, normals: Array) -> list[float]:

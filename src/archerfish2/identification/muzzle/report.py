@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from archerfish2.identification.muzzle.flight import response, vertical
+from archerfish2.identification.muzzle.flight import response
 from archerfish2.identification.statistics import Array
 from archerfish2.logs.shots import Shots
 from archerfish2.records.json_files import plain
@@ -25,32 +25,30 @@ def muzzle_report(result: "MuzzleResult") -> Report:
     fit, muzzle, shots = result.lack_of_fit, result.muzzle, result.shots
     shown = {name: _in_degrees(each) for name, each in result.estimates.items()}
     text = {name: "{} ({})".format(*entry_texts(each)) for name, each in shown.items()}
-    spread, side = 100 * dispersion(muzzle, _DISTANCES), "yaw_sd" in shown
+    spread, side = 100 * dispersion(muzzle, _DISTANCES), shots.lateral is not None
     doubts = [each.message for each in result.findings if each.code in _DOUBTFUL] + [str(fit)] * fit.matters
     scatter = f"{spread[2, 0]:.1f} cm in height" + f" and {spread[2, 1]:.1f} cm to the side" * side
-    used = f"{np.count_nonzero(result.kept)} of {len(shots)} shots used"
-    verdict = "does not fit" if fit.matters else "fits" if fit.p_value is not None else "is not tested"
+    used, verdict = f"{np.count_nonzero(result.kept)} of {len(shots)} shots used", str(fit).partition(":")[0].lower()
     known = [f"Pellets leave at {text['speed']}, scattering by {text['speed_sd']}."]
     for axis in ("pitch", "yaw")[: 1 + side]:
         known += [f"Their {axis} is off the barrel's by {text[f'{axis}_offset']}, scattering by {text[f'{axis}_sd']}."]
     known += ["The scatter to the side is recorded as none, which overestimates every hit rate."] * (not side)
     given = [f"{name} {getattr(muzzle, name):g}" for name in ("height", "drag", "length") if name not in shown]
     rows = [(f"{far:g} m", *each) for far, each in zip(_DISTANCES, spread.tolist(), strict=True)]
-    tables = (
-        Table(
-            "Parameters", ("parameter", "estimate, 95 %"), tuple((_label(name), each) for name, each in shown.items())
-        ),
-        Table("Dispersion of level shots [cm]", ("distance", "height", "side"), tuple(rows), "Standard deviations."),
-        Table("Settings", ("setting", "used", "left out", "measured [m]", "model [m]"), _settings(result)),
-    )
+    parameters = [(name.replace("_sd", " scatter").replace("_", " "), each) for name, each in shown.items()]
     return Report(
         title=f"Muzzle from {shots.source}",
-        headline=f"Muzzle: {text['speed']}, scatter {scatter} at 3 m; {used}; the flight model {verdict}.",
+        headline=f"Muzzle: {text['speed']}, scatter {scatter} at 3 m; {used}; {verdict}.",
         usable=not doubts,
         reasons=tuple(doubts),
         known=(*known, str(fit), f"Given, not estimated: {', '.join(given)} (SI units)."),
         next_steps=_next_steps(result),
-        tables=tables,
+        tables=(
+            Table("Parameters", ("parameter", "estimate, 95 %"), tuple(parameters)),
+            Table(
+                "Dispersion of level shots [cm]", ("distance", "height", "side"), tuple(rows), "Standard deviations."
+            ),
+        ),
         figures=(("Measured less modelled", result.plot),),
         findings=result.findings,
         provenance=plain(muzzle.provenance),
@@ -78,41 +76,18 @@ def _in_degrees(each: Estimate) -> Estimate:
     return Estimate(value, low, high, "°") if each.unit == "rad" else each
 
 
-def _label(name: str) -> str:
-    return name.replace("_sd", ", scatter").replace("_", " ")
-
-
-def _settings(result: "MuzzleResult") -> tuple[tuple[str | float | int | None, ...], ...]:
-    number, names = result.shots.settings()
-    rows = []
-    for group, name in enumerate(names):
-        used, lost = ((number == group) & each for each in (result.kept, ~result.kept))
-        means = (
-            float(np.mean(each[used])) if used.any() else None for each in (vertical(result.shots), result.expected)
-        )
-        rows.append((name, int(used.sum()), int(lost.sum()), *means))
-    return tuple(rows)
-
-
 def _next_steps(result: "MuzzleResult") -> tuple[str, ...]:
     """Return what to do, the most useful first."""
-    shots, (number, names), found = result.shots, result.shots.settings(), result.estimates
-    again, fewest = f"archerfish2 identify muzzle {shots.source}", np.bincount(number[result.kept]).min()
-    steps = []
-    if shots.hit_height is None and not result.muzzle.length and np.ptp(shots.pitch) > np.radians(1):
-        steps += [f"Measure how far the muzzle is from the pivot, for it rises with the pitch: {again} --length-m …"]
-    if result.lack_of_fit.matters:
-        steps += [f"Measure angles, distances and height again; then estimate more: {again} --drag estimate"]
-    if shots.speed is None:
-        low, high = found["speed_sd"][1:3]
-        steps += [
-            f"Measure the speed of each shot (column speed_m_s): its scatter is {low:.2g} to {high:.2g} m/s here."
-        ]
-    if shots.lateral is None:
-        steps += ["Measure how far left each pellet went (column lateral_m)."]
-    if len(names) < 3:
-        steps += [f"Shoot at three to five settings: {len(names)} hardly test the flight model."]
-    loose = [axis for axis in ("pitch", "yaw") if (e := found.get(f"{axis}_sd")) and e.high - e.low > 0.6 * e.value]
-    if fewest < 10 or loose:
-        steps += [f"Shoot some twenty times more at each setting (least used: {fewest}), then {again} MORE.csv"]
-    return tuple(steps)
+    shots, sizes = result.shots, np.bincount(result.shots.settings()[0][result.kept])
+    again, landing = f"archerfish2 identify muzzle {shots.source}", shots.hit_height is None
+    moves = landing and not result.muzzle.length and np.ptp(shots.pitch) > np.radians(1)
+    loose = any(e.high - e.low > 0.6 * e.value for name, e in result.estimates.items() if name[:-3] in ("pitch", "yaw"))
+    steps = (
+        (moves, f"Measure how far the muzzle is from the pivot, for it rises with the pitch: {again} --length-m …"),
+        (result.lack_of_fit.matters, f"Measure angles, distances and height again; then: {again} --drag estimate"),
+        (shots.speed is None, "Measure the speed of each shot (column speed_m_s): its scatter is hardly known."),
+        (shots.lateral is None, "Measure how far left each pellet went (column lateral_m)."),
+        (sizes.size < 3, f"Shoot at three to five settings: {sizes.size} hardly test the flight model."),
+        (sizes.min() < 10 or loose, f"Shoot some twenty times more at each setting, then: {again} MORE.csv"),
+    )
+    return tuple(text for is_due, text in steps if is_due)
