@@ -16,7 +16,7 @@ from archerfish2.dynamics.muzzle import direction
 from archerfish2.dynamics.pellet import flat_fire_crossing
 from archerfish2.errors import InputError
 from archerfish2.identification.muzzle.checks import lack_of_fit, memory
-from archerfish2.identification.muzzle.flight import landing_distance, response
+from archerfish2.identification.muzzle.flight import landing_distance, linearised
 from archerfish2.identification.muzzle.identify import identify_muzzle
 from archerfish2.identification.muzzle.report import dispersion
 from archerfish2.identification.statistics import long_run_covariance, sample_estimates, variance_components
@@ -86,7 +86,7 @@ def test_without_drag_a_landing_is_the_parabola_and_with_it_quadratic_drag_withi
 def test_expected_measurements_are_the_mean_and_deviation_of_random_shots():
     # A wide dispersion, so that the second order of the mean shows: 0.012 m against a standard error of 0.002 m.
     shots, variances = Shots(np.array([0.1]), np.zeros(1), np.ones(1)), np.array([0.8, 0.025]) ** 2
-    there = response(shots, {"speed": 18.0, "pitch_offset": 0.01, "height": 0.4, "drag": 0.019, "length": 0.0})
+    there = linearised(shots, {"speed": 18.0, "pitch_offset": 0.01, "height": 0.4, "drag": 0.019, "length": 0.0})
     z = np.random.default_rng(1).standard_normal((2, 300_000))
     many = landing_distance(18 + 0.8 * z[0], 0.11 + 0.025 * z[1], np.asarray(0.4), np.asarray(0.019))
     assert there.mean[0] + 0.5 * (there.curvatures @ variances)[0] == pytest.approx(many.mean(), abs=0.006)

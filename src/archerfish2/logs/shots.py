@@ -122,9 +122,9 @@ def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Array], tuple[str
         limit = _SIGNED.get(field, 0.0)
         if not (good := np.abs(values) < limit if limit else values > 0).all():
             value, place = values[~good][0], places[np.argmin(good)]
-            expected = f"within ±{limit:g}" if limit else "above 0"
-            problem = f'"{getattr(columns, field)}" is {value:g}, expected a number {expected}'
+            problem = f'"{getattr(columns, field)}" is {value:g}, not a number '
             code = "missing-values" if np.isnan(value) else "angle-out-of-range" if limit else "not-positive"
+            problem += f"within ±{limit:g}" if limit else "above 0"
             raise log_fault(place, problem, "correct it or remove the line", code)
     return found, places, table.findings
 

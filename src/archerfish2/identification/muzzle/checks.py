@@ -14,7 +14,7 @@ from scipy.stats import t as student
 from archerfish2.errors import InputError
 from archerfish2.identification.muzzle import estimate
 from archerfish2.identification.muzzle.estimate import Known, MuzzleFit, rounding_step
-from archerfish2.identification.muzzle.flight import azimuth, landing_distance, response, vertical
+from archerfish2.identification.muzzle.flight import azimuth, landing_distance, linearised, vertical
 from archerfish2.identification.statistics import Array
 from archerfish2.logs.shots import Shots
 
@@ -42,19 +42,14 @@ def _faults(shots: Shots, free: list[str]) -> Iterator[tuple[bool, str, str, str
     count, speed = len(shots), np.array([1.0, 35.0]) if shots.speed is None else shots.speed
     yield count < 5, f"{count} shots are too few", "shoot at least 5, better 100", "too-few-shots"
     middle = float(np.median(speed))
-    yield (
-        not 1 <= middle <= 35,
-        f"the median speed is {middle:g} m/s, not 1 to 35",
-        "give m/s",
-        "implausible-speed",
-    )
+    yield (not 1 <= middle <= 35, f"the median speed is {middle:g} m/s, not 1 to 35", "give m/s", "implausible-speed")
     yield (
         not np.ptp(speed),
         f"each speed is {middle:g} m/s, a nominal one",
         "measure or leave it out",
         "nominal-speed",
     )
-    # The fastest pellet, 20° off the barrel, from 3 m; ricochets may be anywhere: of hits more than half must be beyond.
+    # The fastest pellet, 20° off the barrel, from 3 m; ricochets may be anywhere: of hits, more than half are.
     reach = landing_distance(np.array(35.0), np.minimum(shots.pitch + 0.35, 0.78), np.array(3.0), np.array(0.0))
     rise, side = (shots.distance * np.tan(np.minimum(np.abs(each) + 0.35, 1.5)) for each in (shots.pitch, shots.yaw))
     lengths = ((shots.distance, reach, 0.0), (shots.hit_height, np.maximum(rise, 3.0), 0.5), (shots.lateral, side, 0.5))
@@ -113,7 +108,7 @@ def robust_fit(shots: Shots, known: Known) -> tuple[Array, Array, float]:
     """
 
     def ratio(point: Array) -> tuple[Array, Array]:
-        there = response(shots, estimate.values_at(known, point))
+        there = linearised(shots, estimate.values_at(known, point))
         shape = np.sqrt(there.scales @ estimate.TYPICAL[shots.speed is not None :])
         return (vertical(shots) - there.mean) / shape, shape
 

@@ -5,6 +5,7 @@ that does not fit can't pass for dispersion; else from the residuals. With measu
 intervals are those of a plain sample (t, χ²); without, they come from a parametric bootstrap of the linearised model.
 """
 
+import itertools
 from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeAlias
 
@@ -13,7 +14,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 from scipy.stats import t as student
 
-from archerfish2.identification.muzzle.flight import RANGES, SHAPING, SPREADS, Response, flown, response, vertical
+from archerfish2.identification.muzzle.flight import RANGES, SHAPING, SPREADS, Response, flown, linearised, vertical
 from archerfish2.identification.statistics import Array, sample_estimates, variance_components
 from archerfish2.logs.shots import Shots
 from archerfish2.reports.table import Estimate
@@ -27,7 +28,7 @@ UNITS = {"speed": "m/s", "speed_sd": "m/s", "height": "m", "drag": "1/m", "lengt
 
 _ROUNDS, _DRAWS = 15, 400
 _LEAST = 1e-8
-"""Of the typical variance: a smaller one counts as zero, and keeps this value so that densities exist."""
+"""Of the typical variance: a smaller one keeps this value, so that densities exist."""
 
 
 class MuzzleFit(NamedTuple):
@@ -85,12 +86,12 @@ def fit_muzzle(shots: Shots, known: Known, start: Array) -> MuzzleFit:
     groups = number[:, None] == np.arange(number.max() + 1)
     pure = len(shots) - groups.shape[1] >= max(4, (len(shots) - start.size) / 2)
     step, speed_step = rounding_step(vertical(shots)), 0.0 if shots.speed is None else rounding_step(shots.speed)
-    there = response(shots, values_at(known, point))
+    there = linearised(shots, values_at(known, point))
     for _ in range(_ROUNDS):
         rounding = (step**2 + (speed_step * there.slopes[:, 0]) ** 2) / 12
         sd, shift = np.sqrt(there.scales @ variances + rounding), 0.5 * there.curvatures @ variances
         before, point = (point, variances), fit_means(shots, known, point, sd, shift, "linear")
-        there = response(shots, values_at(known, point))
+        there = linearised(shots, values_at(known, point))
         design = there.slopes[:, [SHAPING.index(name) for name in free_names(known)]]
         within, residual = groups.astype(float) if pure else design, vertical(shots) - there.mean - shift
         found = variance_components(residual, within, there.scales, rounding).variances
@@ -102,7 +103,7 @@ def fit_muzzle(shots: Shots, known: Known, start: Array) -> MuzzleFit:
 
 def expected(shots: Shots, fit: MuzzleFit) -> tuple[Array, Array]:
     """Return expected measurements of shots and their standard deviations [m], shape (N,) each."""
-    there = response(shots, fit.values)
+    there = linearised(shots, fit.values)
     return there.mean + 0.5 * there.curvatures @ fit.variances, np.sqrt(there.scales @ fit.variances)
 
 
@@ -119,29 +120,23 @@ def vertical_estimates(
       rho: coefficient of the autoregression of successive shots.
       seed: of the bootstrap.
     """
-    (count, width), scales, (mean_ratio, spread_ratio) = fit.within.shape, fit.response.scales, widening(rho)
-    names = free_names(known)
-    point, inverse = [fit.values[name] for name in names], np.linalg.pinv(fit.design / fit.sd[:, None], rcond=1e-9)
+    (count, width), scales, names = fit.within.shape, fit.response.scales, free_names(known)
+    inverse = np.linalg.pinv(fit.design / fit.sd[:, None], rcond=1e-9)
     if scales.shape[1] == 1:
-        pivots = student.ppf([[0.975], [0.025]], count - width)
-        squares = spread_ends(fit.variances[0], float(np.mean(fit.rounding / scales[:, 0])), count - width, rho)[
-            :, None
-        ]
+        pivots, rounding = student.ppf([[0.975], [0.025]], count - width), float(np.mean(fit.rounding / scales[:, 0]))
+        squares = spread_ends(fit.variances[0], rounding, count - width, rho)[:, None]
     else:
         found = variance_components(fit.residual, fit.within, scales, fit.rounding)
         drawn = [_redrawn(fit, noise) for noise in np.random.default_rng(seed).standard_normal((_DRAWS, count))]
         pivots, tails = np.split(np.quantile(drawn, [0.975, 0.025], axis=0, method="weibull"), [len(names)], axis=1)
-        squares = np.maximum(found.unconstrained - spread_ratio * tails * found.errors, 0.0)
+        squares = np.maximum(found.unconstrained - widening(rho)[1] * tails * found.errors, 0.0)
     error = rounded * np.abs(inverse @ (fit.response.slopes[:, 0] / fit.sd)) * [[-1.0], [1.0]]
-    means = point - mean_ratio * np.sqrt(misfit) * pivots * np.linalg.norm(inverse, axis=1) + error
-    spreads = np.sqrt(fit.variances * (fit.variances > 2 * _LEAST * TYPICAL[-scales.shape[1] :]))
-    names += SPREADS[-scales.shape[1] :]
-    ends = np.clip(np.hstack([means, np.sqrt(squares)]), *np.array([RANGES[name] for name in names]).T)
-    every = zip(names, [*point, *spreads], *ends, strict=True)
-    return {
-        name: Estimate(float(value), float(low), float(high), UNITS.get(name, "rad"))
-        for name, value, low, high in every
-    }
+    half = widening(rho)[0] * np.sqrt(misfit) * pivots * np.linalg.norm(inverse, axis=1) - error
+    values = [*(fit.values[name] for name in names), *np.sqrt(fit.variances)]
+    ends, names = np.hstack([values[: len(names)] - half, np.sqrt(squares)]), [*names, *SPREADS[-scales.shape[1] :]]
+    ends = np.clip(ends, *np.array([RANGES[name] for name in names]).T).tolist()
+    units = (UNITS.get(name, "rad") for name in names)
+    return dict(zip(names, itertools.starmap(Estimate, zip(values, *ends, units, strict=True)), strict=True))
 
 
 def sample_intervals(sample: Array, rho: float, unit: str) -> tuple[Estimate, Estimate]:
@@ -152,7 +147,7 @@ def sample_intervals(sample: Array, rho: float, unit: str) -> tuple[Estimate, Es
     (mean, low, high, _), error, count = sample_estimates(sample)[0], mean_error(sample), sample.size
     square, ratio = rounding_step(sample) ** 2 / 12, widening(rho)[0]
     variance = max(float(sample.var(ddof=1)) - square, 0.0)
-    least, most = np.sqrt(spread_ends(variance, square, count - 1, rho) + [0, 2 * square * bool(error)])
+    least, most = np.sqrt(spread_ends(variance, square, count - 1, rho) + square * bool(error))
     spread = Estimate(float(np.sqrt(variance)), 0.0 if error else float(least), float(most), unit)
     return Estimate(mean, mean + ratio * (low - mean) - error, mean + ratio * (high - mean) + error, unit), spread
 

@@ -40,7 +40,7 @@ class Response(NamedTuple):
     curvatures: Array  # second derivatives, f_vv and f_δδ, or f_δδ alone, (N, c)
 
 
-def response(shots: Shots, values: Mapping[str, float]) -> Response:
+def linearised(shots: Shots, values: Mapping[str, float]) -> Response:
     """Return what N shots are expected to show at given parameters, with central differences."""
     moves = np.diag(_STEPS)
     mean, above, below = np.split(flown(shots, values, np.vstack([0 * _STEPS, moves, -moves])), [1, 5])

@@ -11,7 +11,6 @@ from archerfish2.errors import InputError
 from archerfish2.identification.muzzle import checks
 from archerfish2.identification.muzzle.estimate import expected, mean_error, sample_intervals, vertical_estimates
 from archerfish2.identification.muzzle.flight import RANGES, azimuth, vertical
-from archerfish2.identification.muzzle.plots import shots_by_setting
 from archerfish2.identification.statistics import Array
 from archerfish2.logs.recording import Finding
 from archerfish2.logs.shots import Shots, read_shots
@@ -39,7 +38,7 @@ class MuzzleResult:
     kept: checks.Flags  # which shots were used, (N,)
     expected: Array  # landing distance, or height of the hit, of each shot by the model [m], (N,)
     expected_sd: Array  # standard deviation of each by the model [m], (N,)
-    lack_of_fit: checks.LackOfFit
+    lack_of_fit: checks.LackOfFit  # of the flight model
     findings: tuple[Finding, ...]  # what was repaired, and what may spoil the estimate
 
     @property
@@ -51,6 +50,8 @@ class MuzzleResult:
 
     def plot(self) -> "Figure":
         """Draw the shots of each setting with the fitted dispersion."""
+        from archerfish2.identification.muzzle.report import shots_by_setting
+
         number, names = self.shots.settings()
         return shots_by_setting(number, vertical(self.shots) - self.expected, self.expected_sd, self.kept, names=names)
 
