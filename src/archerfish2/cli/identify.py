@@ -46,8 +46,9 @@ class Identify:
         """Identify, write, print."""
         out = self.out or Path("runs") / self.logs.resolve().name
         name = self.name or out.resolve().name
-        facts, inputs = {"options": " ".join(sys.argv[2:])}, sorted(each for each in self.logs.glob("*") if each.is_file())
-        with storage.output_folder(out, "identify", inputs, self.overwrite, facts, ("robot.json", "robot.html")) as folder:
+        facts, names = {"options": " ".join(sys.argv[2:])}, ("robot.json", "robot.html")
+        inputs = sorted(each for each in self.logs.glob("*") if each.is_file())
+        with storage.output_folder(out, "identify", inputs, self.overwrite, facts, names) as folder:
             found = identify_parts(self.logs, self.seed, name)
             found.save(folder)
         print(f"{found.report}\n\nopen {out / 'robot.html'}; next: archerfish2 train {out}")  # noqa: T201

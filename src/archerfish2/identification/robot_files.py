@@ -61,14 +61,15 @@ class LimitsFigures(Struct, frozen=True, kw_only=True):
 
     def record(self) -> LimitsRecord:
         """Return the limits in radians."""
-        ranges = {"pitch": self.pitch_deg, "yaw": self.yaw_deg}
-        both = [np.radians(np.broadcast_to(each, 2)) for each in (self.max_rate_deg_s, self.max_acceleration_deg_s2)]
-        axes = {
-            axis: AxisLimits(low=low, high=high, max_rate=float(both[0][place]), max_acceleration=float(both[1][place]))
-            for place, axis in enumerate(AXES)
-            for low, high in [np.radians(ranges[axis]).tolist()]
-        }
-        return LimitsRecord(**axes, source="logs.toml")
+        rates, accelerations = (
+            np.radians(np.broadcast_to(each, 2)) for each in (self.max_rate_deg_s, self.max_acceleration_deg_s2)
+        )
+        ranges = np.radians([self.pitch_deg, self.yaw_deg])
+        axes = [
+            AxisLimits(low=low, high=high, max_rate=rate, max_acceleration=acceleration)
+            for low, high, rate, acceleration in np.column_stack([ranges, rates, accelerations]).tolist()
+        ]
+        return LimitsRecord(pitch=axes[0], yaw=axes[1], source="logs.toml")
 
 
 class LogFolder(Struct, frozen=True, kw_only=True):

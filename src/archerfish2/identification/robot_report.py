@@ -56,15 +56,14 @@ def robot_report(found: "IdentifiedRobot") -> Report:
     rows += [("sensing", "assumed", "immediate and perfect")] if "sensing" in robot.assumed else []
     tables = [Table("Parts", ("part", "", "what is known"), tuple(rows), "Each part has a page of its own.")]
     if found.landings:
-        entries = tuple(
-            (f"{each.pitch_deg:.2f}°", each.shots, each.measured, each.predicted, 100 * (each.predicted / each.measured.value - 1))
-            for each in found.landings
-        )
+        errors = [100 * (each.predicted / each.measured.value - 1) for each in found.landings]
+        pairs = zip(found.landings, errors, strict=True)
+        landings = tuple((f"{e.pitch_deg:.2f}°", e.shots, e.measured, e.predicted, error) for e, error in pairs)
         columns = ("pitch", "shots", "measured [m]", "predicted [m]", "error [%]")
-        tables.append(Table("Landing points, which no fit has seen", columns, entries))
+        tables.append(Table("Landing points, which no fit has seen", columns, landings))
     if found.steps:
-        entries = tuple((each.axis, each.size_deg, each.fit_percent) for each in found.steps)
-        tables.append(Table("Steps of other sizes, which no fit has seen", ("axis", "size [°]", "fit [%]"), entries))
+        steps = tuple((each.axis, each.size_deg, each.fit_percent) for each in found.steps)
+        tables.append(Table("Steps of other sizes, which no fit has seen", ("axis", "size [°]", "fit [%]"), steps))
     return Report(
         title=f"{robot.name}: what the logs say",
         headline=headline + assumed,

@@ -25,6 +25,8 @@ class VarianceComponents(NamedTuple):
     covariance: Array  # of the coefficients, (p, p)
     variances: Array  # of the components, none negative, (c,)
     variances_covariance: Array  # of the variances, robust to tails that are not normal (sandwich), (c, c)
+    unconstrained: Array  # the variances that Fisher scoring gives where they may be negative, (c,)
+    errors: Array  # standard errors of the variances for normal noise, (c,)
     residual: Array  # measured less fitted, (N,)
     sd: Array  # of each measurement, (N,)
 
@@ -67,10 +69,12 @@ def variance_components(
         if np.max(np.abs(theta - before) / scale) <= 1e-7 * np.max(theta / scale):
             break
     bread = np.linalg.inv(normal) * np.outer(scale, scale)
+    unconstrained, errors = bread @ (target / scale), np.sqrt(2 * np.diag(bread))
     scores = shares[:, :-1] * (squares - 1)[:, None]
     spread = bread @ (scores.T @ scores) @ bread
     residual = measured - columns @ coefficients
-    return VarianceComponents(coefficients, back @ back.T, theta, spread, residual, np.sqrt(variance))
+    covariance, sd = back @ back.T, np.sqrt(variance)
+    return VarianceComponents(coefficients, covariance, theta, spread, unconstrained, errors, residual, sd)
 
 
 def sample_estimates(sample: Array, unit: str = "") -> tuple[Estimate, Estimate]:
