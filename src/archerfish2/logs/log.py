@@ -9,11 +9,13 @@ from archerfish2.errors import InputError, file_error
 from archerfish2.logs.arrays import read_array_file
 from archerfish2.logs.bags import BAGS, bag_files, read_bag
 from archerfish2.logs.recording import Log, Recording
+from archerfish2.logs.signals import examined, fresh_rows, unwrapped
 from archerfish2.logs.stamps import at_equal_intervals, uninterrupted, usable_rows
 from archerfish2.logs.table import MAX_BYTES, LogTable
 from archerfish2.logs.text import read_text
 
 _COMPRESSED = (b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"\xfd7zXZ\0", b"BZh")
+_BAG_TIME = "stamp_s"
 _UNREAD = {
     **dict.fromkeys(_COMPRESSED, ("is compressed", "unpack it first")),
     **dict.fromkeys((b"\x89HDF", b"MATLAB 7.3"), ("is an HDF5 file (MATLAB 7.3)", "save it with -v7, or as CSV")),
@@ -50,27 +52,34 @@ def read_log(
     if stamps is None and not 0 < (sample_period_s or 0) < math.inf:
         problem = f"sample_period_s is {sample_period_s}, expected a number above 0 s"
         raise InputError(f"read_log: {problem}; pass it, or the name of the stamps", "sample-period")
-    files = bag_files(path) if path.is_dir() else [path]
-    if not files:
+    if not (files := bag_files(path) if path.is_dir() else [path]):
         raise file_error(path, "is a folder, and no bag's", "pass a log, or the folder of a bag", "unknown-format")
-    contents = [_content(file) for file in files]
-    if path.is_dir() or contents[0].startswith(tuple(BAGS)):
-        stamps = stamps and "time_s"
-        table = read_bag(path, *signals, "time_s")
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(content := _content(file))
+    if path.is_dir() or content.startswith(tuple(BAGS)):
+        stamps = stamps and _BAG_TIME
+        table = read_bag(path, *signals, _BAG_TIME)
     else:
-        table = _table(path, contents[0], list(dict.fromkeys([*([stamps] if stamps else []), *signals[0], *signals[1]])))
+        table = _table(path, content, list(dict.fromkeys([*([stamps] if stamps else []), *signals[0], *signals[1]])))
     table.check()
     rows, repairs = usable_rows(table, signals, stamps, sample_period_s or 1.0)
+    rows, held = fresh_rows(rows, str(path))
     parts, gaps = uninterrupted(rows, str(path))
-    even, period, jitter = at_equal_intervals(parts, str(path))
+    smooth = [unwrapped(part, signals, str(path)) for part in parts]
+    even, period, jitter = at_equal_intervals([part for part, _ in smooth], str(path))
     period_s, name = float(f"{period:.12g}"), path.name
-    recordings = tuple(
-        Recording(u, y, period_s, float(time[0]), *signals, f"{name}[{time[0]:.3f} s…]" if len(even) > 1 else name)
-        for time, u, y in even
+    recordings, warnings = examined(
+        [
+            Recording(u, y, period_s, float(time[0]), *signals, f"{name}[{time[0]:.3f} s…]" if len(even) > 1 else name)
+            for time, u, y in even
+        ],
+        str(path),
     )
     samples = len(table.places) + sum(each.samples for each in table.findings)
-    findings = (*table.findings, *repairs, *gaps, *jitter)
-    return Log(recordings, findings, samples, str(path), hashlib.sha256(b"".join(contents)).hexdigest())
+    wraps = [finding for _, found in smooth for finding in found]
+    findings = (*table.findings, *repairs, *held, *gaps, *wraps, *jitter, *warnings)
+    return Log(recordings, findings, samples, str(path), digest.hexdigest())
 
 
 def _names(names: str | Sequence[str]) -> tuple[str, ...]:

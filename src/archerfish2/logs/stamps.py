@@ -98,6 +98,8 @@ def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
     units = [each for each, scale in _SECONDS.items() if _USUAL_S[0] <= scale * period <= _USUAL_S[1]]
     remedy = " or ".join(f'if they are in {each}, name the column "time_{each}"' for each in units)
     message = f'stamps "{time}" are {period:.4g} s apart, which no gimbal is logged at'
+    if len(units) == 1:
+        stamps, message = stamps * _SECONDS[units[0]], f"{message}; they were taken to be in {units[0]}"
     return stamps, [Finding("time-unit", "warning", table.source, message, remedy or "check the column")]
 
 
