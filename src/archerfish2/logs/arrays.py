@@ -43,7 +43,8 @@ def read_array_file(path: Path, content: bytes, wanted: Sequence[str], *, matlab
         raise
     except Exception as error:  # the readers raise whatever a damaged byte leads them to
         problem = f"is damaged, or has objects ({type(error).__name__}: {str(error)[:200]})"
-        raise log_fault(path, problem, "write the file again, its signals as arrays of numbers", "damaged") from error
+        code = "not-a-number" if "Object arrays" in str(error) else "damaged"
+        raise log_fault(path, problem, "write the file again, its signals as arrays of numbers", code) from error
 
 
 def _converted(content: bytes) -> bytes:

@@ -5,10 +5,7 @@ A signal is named TOPIC/FIELD with the field's path as `ros2 topic echo` prints 
 """
 
 import re
-import shutil
-import sqlite3
-from collections.abc import Sequence
-from contextlib import closing
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -18,17 +15,12 @@ from numpy.typing import NDArray
 
 from archerfish2.errors import InputError
 from archerfish2.logs.recording import Finding, Values
-from archerfish2.logs.stamps import held_mean
-from archerfish2.logs.table import MAX_BYTES, LogTable, listed, log_fault
+from archerfish2.logs.table import LogTable, listed, log_fault
 
 BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
 """How files of a bag begin, and the ending of the name by which rosbags recognises them."""
-_RECOVER = {".bag": "rosbag reindex", ".mcap": "mcap recover"}
 _MCAP, _MCAP_FOOTER = b"\x89MCAP0\r\n", b"\x02\x14" + bytes(27)
-_FIELD = re.compile(r"[A-Za-z]\w*(\[\d{1,9}\])?(\.[A-Za-z]\w*(\[\d{1,9}\])?)*")
-_MESSAGE, _ARRAYS = 2, (3, 4)  # kinds of fields in rosbags' definitions of types, next to numbers and strings
-_Path = tuple[str | None, tuple[str | int, ...]]
-"""The joint whose element of a sequence a number is, and the fields and elements that lead to it."""
+_RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
 
 
 class _Series(NamedTuple):
@@ -39,13 +31,13 @@ class _Series(NamedTuple):
 
 
 def bag_files(path: Path) -> list[Path]:
-    """Return the files in a bag's folder; none where it is no bag's."""
-    files = sorted(each for each in path.iterdir() if each.is_file())
-    return files if any(each.suffix in BAGS.values() for each in files) else []
+    """Return the files of a bag: itself, or those in its folder; none where a folder is no bag's."""
+    files = sorted(each for each in path.iterdir() if each.is_file()) if path.is_dir() else [path]
+    return files if files == [path] or any(each.suffix in BAGS.values() for each in files) else []
 
 
 def read_bag(path: Path, inputs: Sequence[str], outputs: Sequence[str], time: str) -> LogTable:
-    """Read signals from a bag, inputs of other topics being held until their next message.
+    """Read signals from a bag, each message in a row of its own.
 
     Time is the sender's (header.stamp) where the messages have it, else that of their receipt.
 
@@ -67,182 +59,113 @@ def read_bag(path: Path, inputs: Sequence[str], outputs: Sequence[str], time: st
     findings: list[Finding] = []
     with TemporaryDirectory() as folder:
         try:
-            files = _readable(path, Path(folder), findings)
-            with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-                by_topic = _by_topic(path, reader, [*inputs, *outputs])
-                series = {topic: _series(path, reader, topic, names, findings) for topic, names in by_topic.items()}
+            files = [each for each in bag_files(path) if each == path or each.suffix in BAGS.values()]
+            whole = [path] if len(files) < len(bag_files(path)) else [_whole(each, folder, findings) for each in files]
+            with AnyReader(whole, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+                by_topic = _by_topic(path, reader, dict.fromkeys((*inputs, *outputs)))
+                series = [_series(path, reader, *each, findings) for each in by_topic.items()]
         except InputError:
             raise
         except Exception as error:  # the libraries raise whatever a damaged byte leads them to
-            raise _damaged(path, f"is damaged, or no bag ({type(error).__name__}: {str(error)[:200]})") from error
-    return _on_one_clock(path, series, outputs, time, findings)
+            problem = f"is damaged, or no bag ({type(error).__name__}: {str(error)[:200]})"
+            raise log_fault(path, problem, _RECOVER, "damaged") from error
+    return _one_table(path, sorted(series, key=lambda each: outputs[0] in each.columns), time, findings)
 
 
-def _damaged(path: Path, problem: str) -> InputError:
-    suffixes = {each.suffix for each in (bag_files(path) if path.is_dir() else [path])}
-    recover = next((command for suffix, command in _RECOVER.items() if suffix in suffixes), "ros2 bag reindex")
-    return log_fault(path, problem, f"copy the bag again, or try `{recover}`", "damaged")
+def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:
+    """Return a copy of a bag's file in a folder, without what a recorder that was stopped left half."""
+    content, log = file.read_bytes(), file.with_name(f"{file.name}-wal")
+    copy = Path(folder, file.name + next((suffix for start, suffix in BAGS.items() if content.startswith(start)), ""))
+    if log.is_file() and log.stat().st_size:
+        raise ValueError(f"its recorder was stopped, {log.name} has messages that are not in it")
+    if not content.startswith(_MCAP) or content.endswith(_MCAP):
+        copy.symlink_to(file.absolute())
+        return copy
+    end = after = len(_MCAP)  # of its last whole record, which are a type, the length of what follows, and that
+    while after <= len(content) and content[end:].strip(b"\0"):
+        end, after = after, after + 9 + int.from_bytes(content[after + 1 : after + 9], "little")
+        if content[end : end + 1] == b"\0" and content[end:].strip(b"\0"):
+            raise ValueError(f"its records break off at byte {end}")
+    copy.write_bytes(content[:end] + _MCAP_FOOTER + _MCAP)
+    message, remedy = f"the last {len(content) - end} bytes are no whole record", "stop the recorder before copying"
+    findings.append(Finding("truncated", "repaired", str(file), f"{message}, and were left out", remedy))
+    return copy
 
 
-def _readable(path: Path, folder: Path, findings: list[Finding]) -> list[Path]:
-    """Return what rosbags can read: the bag, or in `folder` what a recorder that was stopped has written of it."""
-    if path.is_dir() and (path / "metadata.yaml").is_file():
-        return [path]
-    files = []
-    for index, file in enumerate(bag_files(path) if path.is_dir() else [path]):
-        with file.open("rb") as stream:
-            start = stream.read(8)
-        if not (suffix := next((each for begin, each in BAGS.items() if start.startswith(begin)), "")):
-            continue
-        files.append(copy := folder / f"{index}{suffix}")
-        log = file.with_name(f"{file.name}-wal")
-        if suffix == ".mcap" and not (content := file.read_bytes()).endswith(_MCAP):
-            end = _end_of_records(content)
-            copy.write_bytes(content[:end] + _MCAP_FOOTER + _MCAP)
-            message = f"the last {len(content) - end} bytes are no whole record and were left out: messages are lost"
-            remedy = "stop the recorder before its bag is copied"
-            findings.append(Finding("truncated", "repaired", str(file), message, remedy))
-        elif suffix == ".db3" and log.is_file():  # messages that SQLite has not moved into the file yet
-            shutil.copyfile(file, copy)
-            shutil.copyfile(log, f"{copy}-wal")
-            with closing(sqlite3.connect(copy)) as database:
-                database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-        else:
-            copy.symlink_to(file.absolute())
-    return files
-
-
-def _end_of_records(content: bytes) -> int:
-    """Return the length of an MCAP file up to its last whole record, each of a type, a length and its content."""
-    end = len(_MCAP)
-    while after := end + 9 + int.from_bytes(content[end + 1 : end + 9], "little"):
-        if after > len(content) or content[end] == 0:
-            break
-        end = after
-    if content[end : end + 1] == b"\0" and content[end:].strip(b"\0"):
-        raise ValueError(f"its records break off at byte {end}")
-    return end
-
-
-def _by_topic(path: Path, reader: Any, signals: Sequence[str]) -> dict[str, list[str]]:
-    topics = sorted({each.topic for each in reader.connections}, key=len, reverse=True)
-    found: dict[str, list[str]] = {}
-    for signal in dict.fromkeys(signals):
-        topic = next((each for each in topics if signal.startswith(each + "/")), None)
-        if topic is None:
-            remedy = f"name a signal TOPIC/FIELD; the topics are {listed(sorted(topics))}"
+def _by_topic(path: Path, reader: Any, signals: Iterable[str]) -> dict[str, list[str]]:
+    topics, found = sorted({each.topic for each in reader.connections}, key=len), dict[str, list[str]]()
+    for signal in signals:
+        if not (matching := [each for each in topics if signal.startswith(f"{each}/")]):
+            remedy = f"name a signal TOPIC/FIELD; the topics are {listed(topics)}"
             raise log_fault(path, f'has no topic of signal "{signal}"', remedy, "no-column")
-        found.setdefault(topic, []).append(signal)
+        found.setdefault(matching[-1], []).append(signal)
     return found
 
 
 def _series(path: Path, reader: Any, topic: str, signals: list[str], findings: list[Finding]) -> _Series:
-    """Read signals of a topic, messages of other joints left out."""
+    """Read signals of a topic, without the messages that name other joints alone."""
     connections = [each for each in reader.connections if each.topic == topic]
     kind, *others = sorted({each.msgtype for each in connections})
-    types = reader.typestore.fielddefs
-    if others or kind not in types:
-        problem = f"topic {topic} has messages of " + ("several types" if others else f'the unknown type "{kind}"')
-        raise log_fault(path, problem, "record one type, as MCAP, which has its definition", "unknown-format")
-    places = [_place(path, types, kind, topic, signal) for signal in signals]
-    stamp: list[_Path] = [(None, steps) for each in ("sec", "nanosec") if (steps := _steps(types, kind, f"header.stamp.{each}"))]
-    received, rows, size, joints, message = [], [], 0, set[str](), None
-    for _, nanoseconds, content in reader.messages(connections=connections):
-        if (size := size + len(content)) > MAX_BYTES:
-            problem = f"topic {topic} unpacks to more than {MAX_BYTES >> 20} MB"
-            raise log_fault(path, problem, "cut the bag into shorter ones", "too-large")
-        received.append(nanoseconds)
+    if others or kind not in reader.typestore.fielddefs:
+        problem = f"messages of {topic} are of types {listed((kind, *others))}, expected one that is defined"
+        raise log_fault(path, problem, "record it alone, as MCAP, which has definitions", "unknown-format")
+    places = [signal[len(topic) + 1 :].rpartition("/") for signal in signals]
+    joints, times, rows, seen, count = [joint for joint, _, _ in places], [], [], set[str](), 0
+    steps = [re.findall(r"[^.\[\]]+", field) for _, _, field in places]
+    for count, (_, received, content) in enumerate(reader.messages(connections=connections), 1):
         try:
             message = reader.deserialize(content, kind)
-            rows.append([_value(message, *each) for each in (*stamp, *places)])
-            joints.update(message.name if places[0][0] else ())
-        except IndexError as error:
-            problem = f"message {len(received)} of {topic} has fewer elements than {listed(signals)} need"
-            raise log_fault(path, problem, "name elements that all messages have", "no-column") from error
+            seen.update(here := message.name if any(joints) else ())
+            if not all(joints) or not set(joints).isdisjoint(here):
+                rows.append([_value(message, *each) for each in zip(joints, steps, strict=True)])
+                stamp = getattr(getattr(message, "header", None), "stamp", None)
+                times.append((count, received, stamp.sec * 10**9 + stamp.nanosec if stamp else 0))
         except Exception as error:  # as above
-            problem = f"message {len(received)} of {topic} is no {kind} ({type(error).__name__}: {str(error)[:200]})"
-            raise _damaged(path, problem) from error
-    if (stated := sum(each.msgcount for each in connections)) > len(rows):  # a reader may end at a damaged record
-        raise _damaged(path, f"of the {stated} messages of {topic} that the bag states, {len(rows)} can be read")
-    numbers = np.flatnonzero([any(value is not None for value in row[len(stamp) :]) for row in rows])
-    if not numbers.size:
-        problem = f"topic {topic} has no messages" + (f' of "{signals[0]}"; its joints are {listed(sorted(joints))}' if rows else "")
-        raise log_fault(path, problem, "pass a bag that has some, or name a joint that is in it", "no-column" if rows else "no-data")
-    if other := len(rows) - numbers.size:
-        message = f"{other} messages of {topic} are of other joints, and were left out"
+            code = "no-column" if isinstance(error, (AttributeError, IndexError, TypeError)) else "damaged"
+            problem = (
+                f"message {count} of {topic} has no {listed(signals)} ({type(error).__name__}: {str(error)[:200]})"
+            )
+            remedy = f"the fields of {kind} are {listed(name for name, _ in reader.typestore.fielddefs[kind][1])}"
+            raise log_fault(path, problem, f"{remedy}; if you named one of them, copy the bag again", code) from error
+    if (stated := sum(each.msgcount for each in connections)) > count:  # a reader may end at a damaged record
+        problem = f"of the {stated} messages of {topic} that the bag states, {count} can be read"
+        raise log_fault(path, problem, _RECOVER, "damaged")
+    if absent := {*joints, ""} - {*seen, ""}:
+        problem, remedy = f"no message of {topic} names {listed(absent)}", f"its joints are {listed(sorted(seen))}"
+        raise log_fault(path, problem, remedy, "no-column" if count else "no-data")
+    if not rows:
+        raise log_fault(path, f"topic {topic} has no messages", "pass a bag that has some", "no-data")
+    if count > len(rows):
+        message = f"messages of {topic} that name other joints left out: {count - len(rows)}"
         findings.append(Finding("other-joints", "repaired", str(path), message, "nothing to do"))
-    table = np.array(rows, dtype=np.float64)[numbers]
-    time, sent = np.array(received, dtype=np.int64)[numbers], table[:, : len(stamp)].astype(np.int64)
-    if stamped := bool(sent.any()):  # publishers that leave the stamp unset send zeros
-        time = 10**9 * sent[:, 0] + sent[:, 1]
-    return _Series(time, stamped, dict(zip(signals, table.T[len(stamp) :], strict=True)), numbers + 1)
+    numbers, receipt, sent = np.array(times, dtype=np.int64).T
+    columns = dict(zip(signals, np.array(rows, dtype=np.float64).T, strict=True))
+    return _Series(sent if sent.any() else receipt, bool(sent.any()), columns, numbers)
 
 
-def _place(path: Path, types: Any, kind: str, topic: str, signal: str) -> _Path:
-    joint, _, field = (wanted := signal[len(topic) + 1 :]).rpartition("/")
-    named = joint and "name" in dict(types[kind][1])
-    steps = _steps(types, kind, f"{field}[0]")[:-1] if named else _steps(types, kind, wanted)
-    if not steps:
-        remedy = f"its fields are {listed(name for name, _ in types[kind][1])}, as in `ros2 topic echo`"
-        raise log_fault(path, f'{kind} of {topic} has no number "{wanted}"', remedy, "no-column")
-    return joint or None, steps
-
-
-def _steps(types: Any, kind: str, field: str) -> tuple[str | int, ...]:
-    """Return the fields and elements that lead to a number in messages of a type, none where there is no number."""
-    node, steps = (_MESSAGE, kind), list[str | int]()
-    for name in re.findall(r"\w+", field) if _FIELD.fullmatch(field) else ():
-        if name.isdigit():
-            steps.append(int(name))
-            node = node[1][0] if node[0] in _ARRAYS else (0, "")
-        else:
-            steps.append(name)
-            node = dict(types[node[1]][1] if node[0] == _MESSAGE else ()).get(name, (0, ""))
-    return tuple(steps) if node[0] == 1 and node[1][0] != "string" else ()
-
-
-def _value(message: Any, joint: str | None, steps: tuple[str | int, ...]) -> float | None:
-    """Return a number of a message; None where it names other joints."""
+def _value(message: Any, joint: str, steps: Sequence[str]) -> float | None:
+    """Return a number of a message; None where it does not name the joint."""
     if joint and joint not in message.name:
         return None
     value = message
     for step in steps:
-        value = value[step] if isinstance(step, int) else getattr(value, step)
+        value = value[int(step)] if step.isdigit() else getattr(value, step)
     return float(value[message.name.index(joint)] if joint else value)
 
 
-def _on_one_clock(
-    path: Path, series: dict[str, _Series], outputs: Sequence[str], time: str, findings: list[Finding]
-) -> LogTable:
-    """Return signals at the times of the outputs, inputs of other topics averaged from each to the next one."""
-    topics = [topic for topic, each in series.items() if not each.columns.keys().isdisjoint(outputs)]
-    if len(topics) > 1:
-        problem = f"the outputs are of {len(topics)} topics, expected one"
-        raise log_fault(path, problem, "take them from one topic", "no-column")
-    clock, others = series[topics[0]], {topic: each for topic, each in series.items() if topic != topics[0]}
-    if not clock.stamped:
-        message = f"messages of {topics[0]} have no stamp of their own, so that the time of their receipt was taken"
+def _one_table(path: Path, series: Sequence[_Series], time: str, findings: list[Finding]) -> LogTable:
+    """Return the messages of all topics in order of time, of equal times those of the last topic last."""
+    if len({each.stamped for each in series}) > 1:
+        problem = "some topics have header.stamp, and some the time of their receipt alone"
+        raise log_fault(path, problem, "record all with header.stamp, or all without", "clocks")
+    if not series[0].stamped:
+        message = "messages have no stamp of their own: the time of their receipt was taken"
         findings.append(Finding("receive-time", "warning", str(path), message, "publish with header.stamp"))
-    start = max((int(np.searchsorted(clock.time, each.time.min())) for each in others.values()), default=0)
-    seconds = (clock.time[start:] - clock.time[0]) * 1e-9
-    if not seconds.size:
-        raise log_fault(path, "its topics do not overlap in time", "record them together", "no-data")
-    if start:
-        message = f"{start} messages of {topics[0]} come before the first one of an input, and were left out"
-        remedy = "start the recorder before the axis"
-        findings.append(Finding("late-input", "repaired", f"{path}: message 1", message, remedy, start))
-    columns = {name: values[start:] for name, values in clock.columns.items()}
-    edges = np.append(seconds, 2 * seconds[-1] - seconds[-2:][0])
-    increasing = (np.diff(edges) > 0).all()
-    for topic, each in others.items():
-        if each.stamped != clock.stamped:
-            problem = f"{topic} and {topics[0]} are stamped by different clocks"
-            raise log_fault(path, problem, "record both with header.stamp, or both without", "clocks")
-        order = np.argsort(each.time, kind="stable")
-        at = (each.time[order] - clock.time[0]) * 1e-9
-        for name, values in each.columns.items():
-            held = values[order][np.searchsorted(at, seconds, side="right") - 1]
-            columns[name] = held_mean(at, values[order, None], edges)[:, 0] if increasing else held
-        message = f"signals of {topic} were brought to the times of {topics[0]}, each message held until the next"
-        findings.append(Finding("held-input", "repaired", str(path), message, "nothing to do"))
-    return LogTable(columns | {time: seconds}, clock.numbers[start:].tolist(), "message", str(path), tuple(findings))
+    # A time that goes back in a topic is to be found, not sorted away.
+    order = np.argsort(np.concatenate([np.maximum.accumulate(each.time) for each in series]), kind="stable")
+    stamps, numbers = (np.concatenate(each)[order] for each in zip(*((s.time, s.numbers) for s in series), strict=True))
+    columns = {time: (stamps - stamps.min()) * 1e-9}
+    for name in [name for each in series for name in each.columns]:
+        parts = [each.columns.get(name, np.full(each.time.size, np.nan)) for each in series]
+        columns[name] = np.concatenate(parts)[order]
+    return LogTable(columns, numbers.tolist(), "message", str(path), tuple(findings))

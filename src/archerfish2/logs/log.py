@@ -52,9 +52,9 @@ def read_log(
     if stamps is None and not 0 < (sample_period_s or 0) < math.inf:
         problem = f"sample_period_s is {sample_period_s}, expected a number above 0 s"
         raise InputError(f"read_log: {problem}; pass it, or the name of the stamps", "sample-period")
-    if not (files := bag_files(path) if path.is_dir() else [path]):
+    if not (files := bag_files(path)):
         raise file_error(path, "is a folder, and no bag's", "pass a log, or the folder of a bag", "unknown-format")
-    digest = hashlib.sha256()
+    digest, source = hashlib.sha256(), str(path)
     for file in files:
         digest.update(content := _content(file))
     if path.is_dir() or content.startswith(tuple(BAGS)):
@@ -64,22 +64,19 @@ def read_log(
         table = _table(path, content, list(dict.fromkeys([*([stamps] if stamps else []), *signals[0], *signals[1]])))
     table.check()
     rows, repairs = usable_rows(table, signals, stamps, sample_period_s or 1.0)
-    rows, held = fresh_rows(rows, str(path))
-    parts, gaps = uninterrupted(rows, str(path))
-    smooth = [unwrapped(part, signals, str(path)) for part in parts]
-    even, period, jitter = at_equal_intervals([part for part, _ in smooth], str(path))
+    fresh, repeats = fresh_rows(rows, source)
+    parts, gaps = uninterrupted(fresh, source)
+    parts, wraps = unwrapped(parts, signals, source)
+    even, period, jitter = at_equal_intervals(parts, source)
     period_s, name = float(f"{period:.12g}"), path.name
-    recordings, warnings = examined(
-        [
-            Recording(u, y, period_s, float(time[0]), *signals, f"{name}[{time[0]:.3f} s…]" if len(even) > 1 else name)
-            for time, u, y in even
-        ],
-        str(path),
-    )
-    samples = len(table.places) + sum(each.samples for each in table.findings)
-    wraps = [finding for _, found in smooth for finding in found]
-    findings = (*table.findings, *repairs, *held, *gaps, *wraps, *jitter, *warnings)
-    return Log(recordings, findings, samples, str(path), digest.hexdigest())
+    names = [f"{name}[{time[0]:.3f} s…]" if len(even) > 1 else name for time, _, _ in even]
+    every = [
+        Recording(*each[1:], period_s, float(each.time[0]), *signals, at) for each, at in zip(even, names, strict=True)
+    ]
+    recordings, warnings = examined(every, source)
+    samples = len(rows.time) + sum(each.samples for each in (*table.findings, *repairs))
+    findings = (*table.findings, *repairs, *repeats, *gaps, *wraps, *jitter, *warnings)
+    return Log(recordings, findings, samples, source, digest.hexdigest())
 
 
 def _names(names: str | Sequence[str]) -> tuple[str, ...]:

@@ -1,16 +1,18 @@
 """What the signals of a log show by themselves: wrapped angles and counters, repeated feedback, faults of a sensor."""
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from archerfish2.logs.recording import Finding, Recording, Values
 from archerfish2.logs.stamps import Rows, Signals, held_mean
 from archerfish2.logs.table import log_fault
 
-_ANGLES = (2 * np.pi, 360.0)
-_COUNTERS = (1.0, 400.0, 3600.0, 36_000.0, *(2.0**bits for bits in range(8, 33)))
-"""What else encoders wrap at: turns, gradians, parts of a degree, powers of 2."""
+_ANGLES = (2 * np.pi, 360.0, 400.0)
+_COUNTERS = (*_ANGLES, 1.0, 3600.0, 36_000.0, *(2.0**bits for bits in range(8, 33)))
+"""What encoders wrap at: turns, parts of a degree, powers of 2."""
 _STEPS = 20  # values of a signal up to which it is a sequence of steps
 _SATURATED, _QUANTISED, _FROZEN, _SPIKE = 0.05, 0.02, 0.1, 30.0
 """Shares of samples at an extreme, of noise in an output, and of samples at rest; step of a spike over the usual."""
@@ -26,47 +28,51 @@ def fresh_rows(rows: Rows, source: str) -> tuple[Rows, list[Finding]]:
       rows: samples of a log.
       source: the file, for messages.
     """
-    count, steps = len(rows.time), np.abs(np.diff(rows.outputs, axis=0))
-    changes, moves = (
-        np.flatnonzero(np.diff(each, axis=0).any(axis=1)) + 1 for each in (rows.outputs, rows.inputs)
-    )
-    if changes.size <= _STEPS:
+    count, (changes, moves) = len(rows.time), map(_changes, (rows.outputs, rows.inputs))
+    gaps = np.diff(changes)
+    if gaps.size < _STEPS or (every := int(np.median(gaps))) < 2 or np.mean(gaps == 1) > 0.02:
         return rows, []
-    every, gaps = int(np.median(np.diff(changes))), np.diff(changes)
-    # Slow outputs of few digits repeat as well, then change by their last digit; those that follow steps of an input
-    # at once change as often as it does.
-    varied = any(np.median(each[each > 0]) > 1.5 * each[each > 0].min() for each in steps.T if each.any())
+    # Outputs of few digits repeat as well, then change by the last one. What follows steps of an input at once changes
+    # as often as it does. A command that was logged as the output has steps that are larger than its deviation.
+    sizes = [
+        (each[each > 0], y.std())
+        for each, y in zip(np.abs(np.diff(rows.outputs, axis=0)).T, rows.outputs.T, strict=True)
+    ]
+    smooth = any(each.size and 1.5 * each.min() < np.median(each) and (each**2).mean() < sd**2 for each, sd in sizes)
     regular, own = np.mean(gaps % every == 0) > 0.9, changes.size > 2 * moves.size or moves.size > count / 2
-    if every < 2 or np.mean(gaps == 1) > 0.02 or not varied or not (regular or own):
+    if not (smooth and (regular or (own and np.quantile(gaps, 0.9) <= 2 * every))):
         return rows, []
     bounds = [changes[0] % every, *changes, count]
-    spans = zip(bounds[:-1], bounds[1:], strict=True)
-    fresh = np.unique(np.concatenate([np.arange(a, max(b - every // 2, a + 1), every) for a, b in spans]))
+    fresh = np.unique(np.concatenate([np.arange(a, max(b - every // 2, a + 1), every) for a, b in pairwise(bounds)]))
     edges = np.append(rows.time[fresh], rows.time[-1] + np.median(np.diff(rows.time)))
     message = f"outputs are fresh in one row of {every} only and repeated in the others, which were left out"
     finding = Finding("held-output", "repaired", source, message, "log each measurement once", count - fresh.size)
     return Rows(rows.time[fresh], held_mean(rows.time, rows.inputs, edges), rows.outputs[fresh]), [finding]
 
 
-def unwrapped(rows: Rows, names: Signals, source: str) -> tuple[Rows, list[Finding]]:
+def _changes(signals: Values) -> NDArray[np.int64]:
+    """Return the rows in which any signal is another than in the row before."""
+    return np.flatnonzero(np.diff(signals, axis=0).any(axis=1)) + 1
+
+
+def unwrapped(parts: Sequence[Rows], names: Signals, source: str) -> tuple[list[Rows], list[Finding]]:
     """Undo the jumps of angles that were logged within a turn, and of outputs that are counters.
 
     Args:
-      rows: samples without gaps.
+      parts: samples without gaps.
       names: of inputs and outputs.
       source: the file, for messages.
     """
-    findings, signals = [], []
-    for group, values, turns in zip(names, rows[1:], (_ANGLES, (*_ANGLES, *_COUNTERS)), strict=True):
-        signals.append(values.copy())
-        for name, signal in zip(group, signals[-1].T, strict=True):
-            if turn := next((each for each in turns if _wraps_at(signal, each)), 0.0):
+    findings, smooth = [], [Rows(part.time, part.inputs.copy(), part.outputs.copy()) for part in parts]
+    turns, remedy = dict.fromkeys(names[0], _ANGLES) | dict.fromkeys(names[1], _COUNTERS), "log it over many turns"
+    for _, u, y in smooth:
+        for name, signal in zip((*names[0], *names[1]), (*u.T, *y.T), strict=True):
+            for turn in [each for each in turns[name] if _wraps_at(signal, each)][:1]:
                 jumps = np.count_nonzero(np.abs(np.diff(signal)) > 0.75 * turn)
                 signal[:] = np.unwrap(signal, period=turn)
                 message = f'"{name}" jumps by a whole turn of {turn:.6g} {jumps} times and was unwrapped'
-                remedy = "log the angle over many turns"
                 findings.append(Finding("angle-wrap", "repaired", source, message, remedy))
-    return Rows(rows.time, *signals), findings
+    return smooth, findings
 
 
 def _wraps_at(signal: Values, turn: float) -> bool:
@@ -90,86 +96,75 @@ def examined(recordings: Sequence[Recording], source: str) -> tuple[tuple[Record
     Raises:
       InputError: if none is left.
     """
-    kept, findings, remedy = [], [], "record a log in which it changes, or name another column"
+    kept, findings, remedy = [], list[Finding](), "record a log in which it changes, or name another column"
     for each in recordings:
-        signals = [("input", *pair) for pair in zip(each.input_names, each.inputs.T, strict=True)]
-        signals += [("output", *pair) for pair in zip(each.output_names, each.outputs.T, strict=True)]
-        if still := next((signal for signal in signals if not np.ptp(signal[2])), None):
-            code, message = f"constant-{still[0]}", f'{still[0]} "{still[1]}" is {still[2][0]:g} throughout'
-            if len(recordings) == 1:
-                raise log_fault(source, message, remedy, code)
-            message += f"; this part of {len(each)} samples was left out"
-            findings.append(Finding(code, "repaired", each.source, message, remedy, len(each)))
-            continue
-        kept.append(each)
-        for kind, name, signal in signals:
-            for code, kinds, check, advice in _CHECKS:
-                if kind in kinds and (found := check(signal, each)):
-                    findings.append(Finding(code, "warning", each.source, f'"{name}" {found}', advice))
+        names, first = (*each.input_names, *each.output_names), len(each.input_names)
+        signals = np.hstack([each.inputs, each.outputs]).T
+        for index in np.flatnonzero(np.ptp(signals, axis=1) == 0)[:1]:
+            code = f"constant-{'input' if index < first else 'output'}"
+            message = f'"{names[index]}" is {signals[index, 0]:g} throughout, in a part of {len(each)} samples'
+            findings.append(Finding(code, "repaired", each.source, f"{message}, left out", remedy, len(each)))
+            break
+        else:
+            kept.append(each)
+            for index, (name, signal) in enumerate(zip(names, signals, strict=True)):
+                for code, check, advice in _CHECKS[: None if index >= first else 1]:
+                    if found := check(signal, each):
+                        findings.append(Finding(code, "warning", each.source, f'"{name}" {found}', advice))
     if not kept:
-        raise log_fault(source, findings[0].message, remedy, findings[0].code)
+        raise log_fault(source, message, remedy, code)
     return tuple(kept), findings
 
 
 def _saturation(signal: Values, _: Recording) -> str:
-    share = max(_share_at(signal, signal.max()), _share_at(signal, signal.min()))
+    share = 0.0
+    for extreme in (signal.min(), signal.max()):
+        others = np.flatnonzero(signal != extreme)
+        motion = signal[others[0] : others[-1] + 1]  # without the rest before and after it
+        if np.mean(np.diff(motion[motion != extreme]) == 0) <= 0.5:  # no steps
+            share = max(share, float(np.mean(motion == extreme)))
     many = np.unique(signal).size > _STEPS
     return f"is at its extreme in {share:.0%} of the samples" if many and share > _SATURATED else ""
 
 
-def _share_at(signal: Values, value: float) -> float:
-    """Return the share of samples at a value, the rest before and after the motion left out; 0 for steps."""
-    other = np.flatnonzero(signal != value)
-    motion = signal[other[0] : other[-1] + 1]
-    elsewhere = np.diff(motion[motion != value])
-    return float(np.mean(motion == value)) if elsewhere.size and np.mean(elsewhere == 0) <= 0.5 else 0.0
-
-
 def _quantisation(signal: Values, _: Recording) -> str:
-    values = np.unique(signal)
-    steps = np.diff(values)
+    steps = np.diff(np.unique(signal))
     quantum = steps[steps > 1e-9 * np.ptp(signal)].min()
     noise = quantum / np.sqrt(12) / signal.std()
-    if values.size > signal.size / 4 or noise < _QUANTISED:
-        return ""
-    return f"moves in steps of {quantum:.4g}, which is a noise of {noise:.1%} of its standard deviation"
+    message = f"moves in steps of {quantum:.4g}, which is a noise of {noise:.1%} of its standard deviation"
+    return message if steps.size < signal.size / 4 and noise >= _QUANTISED else ""
 
 
 def _spikes(signal: Values, recording: Recording) -> str:
     """Find single samples that leave and return: a lost bit, not a motion."""
     steps = np.diff(signal)
-    out, back, typical = steps[:-1], steps[1:], np.quantile(np.abs(steps), 0.9)
-    leaps = np.minimum(np.abs(out), np.abs(back)) > _SPIKE * typical
-    leaps &= np.abs(out + back) < 0.2 * np.abs(out - back)
-    if not typical or not leaps.any():
-        return ""
-    at = recording.time[int(np.argmax(leaps)) + 1]
-    return f"leaves and returns within a sample {np.count_nonzero(leaps)} times, first at {at:.4g} s"
+    out, back, limit = steps[:-1], steps[1:], _SPIKE * np.quantile(np.abs(steps), 0.9)
+    found = (np.minimum(abs(out), abs(back)) > limit) & (abs(out + back) < 0.2 * abs(out - back))
+    first = f"first at {recording.time[np.argmax(found) + 1]:.4g} s"
+    return f"leaves and returns within a sample {found.sum()} times, {first}" if limit and found.any() else ""
 
 
 def _frozen(signal: Values, recording: Recording) -> str:
-    ends = np.concatenate([[-1], np.flatnonzero(np.diff(signal)), [signal.size - 1]])
+    ends = np.concatenate([[0], np.flatnonzero(np.diff(signal)) + 1, [signal.size]])
     longest = int(np.argmax(np.diff(ends)))
-    start, stop = int(ends[longest]) + 1, int(ends[longest + 1]) + 1
+    start, stop = ends[longest], ends[longest + 1]
     # An output may rest while an input is held, and for its delay after the step that ends the rest.
-    margin = (stop - start) // 4
-    meanwhile = np.ptp(recording.inputs[start + margin : stop - margin], axis=0)
-    moves = np.any(meanwhile > 0.1 * np.ptp(recording.inputs, axis=0))
-    if stop - start < max(20, _FROZEN * signal.size) or not moves or np.unique(signal).size <= _STEPS:
-        return ""
-    return f"rests from {recording.time[start]:.4g} s for {stop - start} samples while the input moves"
+    meanwhile = recording.inputs[(3 * start + stop) // 4 : (start + 3 * stop) // 4 + 1]
+    moves = np.ptp(meanwhile, axis=0) > 0.1 * np.ptp(recording.inputs, axis=0)
+    rests = ends.size > _STEPS and stop - start >= max(20, _FROZEN * signal.size) and moves.any()
+    return f"rests from {recording.time[start]:.4g} s for {stop - start} samples while the input moves" if rests else ""
 
 
 def _alternation(signal: Values, _: Recording) -> str:
-    next_one, second = (np.median(np.abs(signal[k:] - signal[:-k])) for k in (1, 2))
-    return "alternates between two values" if second < 0.1 * next_one and np.unique(signal).size > _STEPS else ""
+    one, two = (np.median(np.abs(signal[k:] - signal[:-k])) for k in (1, 2))
+    return "alternates between two values" if two < 0.1 * one and np.unique(signal).size > _STEPS else ""
 
 
-_CHECKS: tuple[tuple[str, tuple[str, ...], Callable[[Values, Recording], str], str], ...] = (
-    ("saturation", ("input", "output"), _saturation, "if it was cut off there, record with a smaller command"),
-    ("quantisation", ("output",), _quantisation, "log more digits, or record larger motions"),
-    ("spike", ("output",), _spikes, "remove those lines, the log is then cut there"),
-    ("frozen", ("output",), _frozen, "check the sensor's link; cut that part out"),
-    ("two-sources", ("output",), _alternation, "log each source under a name of its own"),
+_CHECKS: tuple[tuple[str, Callable[[Values, Recording], str], str], ...] = (
+    ("saturation", _saturation, "if it was cut off there, record with a smaller command"),
+    ("quantisation", _quantisation, "log more digits, or record larger motions"),
+    ("spike", _spikes, "remove those lines, the log is then cut there"),
+    ("frozen", _frozen, "check the sensor's link; cut that part out"),
+    ("two-sources", _alternation, "log each source under a name of its own"),
 )
-"""Codes, the signals that are checked, what finds the fault, and what to do about it."""
+"""Codes, what finds the fault in an output, the first in inputs too, and what to do about it."""

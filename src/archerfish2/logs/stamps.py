@@ -62,9 +62,13 @@ def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: f
     whole, repeated = ~np.isnan(every).any(axis=1), np.zeros(len(u), dtype=np.bool_)
     rows = np.flatnonzero(whole)
     repeated[rows[1:]] = (every[rows[1:]] == every[rows[:-1]]).all(axis=1)
-    held_at = whole & ~repeated & np.isnan(u).any(axis=1)
+    lacking, no_output = np.isnan(u), np.asarray(np.isnan(y).all(axis=1))
+    # Inputs that no row with an output has are on a clock of their own, and what holds them alone is no sample.
+    apart = no_output & ~lacking[:, (lacking | no_output[:, None]).all(axis=0)].all(axis=1)
+    held_at, late = whole & ~repeated & lacking.any(axis=1), np.isnan(held).any(axis=1) & ~np.isnan(y).any(axis=1)
     for code, found, message, remedy in (
-        ("missing-values", ~whole, "without a stamp, an output or an input so far left out", "log values in every row"),
+        ("missing-values", ~(whole | late | apart), "without a stamp or an output left out", "log values in every row"),
+        ("late-input", late, "before the first value of an input left out", "start the log before the axis"),
         ("time-duplicate", repeated, "that repeat the one before, stamp included, left out", "log each sample once"),
         ("held-input", held_at, "without an input, whose last value was held", "log inputs in every row"),
     ):
@@ -73,8 +77,8 @@ def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: f
             findings.append(Finding(code, "repaired", place, f"rows {message}: {count}", remedy, samples))
     rows = np.flatnonzero(whole & ~repeated)
     if rows.size < 2:
-        problem = f"rows with all signals: {rows.size}, expected 2 or more"
-        raise log_fault(table.source, problem, "log all signals together", "missing-values")
+        problem, code = f"rows with all signals: {rows.size}, expected 2 or more", "too-short"
+        raise log_fault(table.source, problem, "log all signals together", code if whole.all() else "missing-values")
     _check_order(table, stamps, rows, strictly=True)
     inputs, known, steps = held[rows, 1:], np.flatnonzero(~np.isnan(held).any(axis=1)), np.diff(stamps[rows])
     # Between some rows an input may have values of its own.
