@@ -5,10 +5,10 @@ A signal is named TOPIC/FIELD with the field's path as `ros2 topic echo` prints 
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,31 +21,24 @@ BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
 """How files of a bag begin, and the ending of the name by which rosbags recognises them."""
 _MCAP, _MCAP_FOOTER = b"\x89MCAP0\r\n", b"\x02\x14" + bytes(27)
 _RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
-
-
-class _Series(NamedTuple):
-    time: NDArray[np.int64]  # [ns], (N,)
-    stamped: bool  # by the sender
-    columns: dict[str, Values]  # by signal, (N,)
-    numbers: NDArray[np.int64]  # of the messages in their topic, (N,)
+_Series = tuple[NDArray[np.int64], Values]
+"""Number in the topic, receipt and stamp [ns] of N messages, (3, N), and signals, (N, m), NaN where not in them."""
 
 
 def bag_files(path: Path) -> list[Path]:
     """Return the files of a bag: itself, or those in its folder; none where a folder is no bag's."""
-    files = sorted(each for each in path.iterdir() if each.is_file()) if path.is_dir() else [path]
-    return files if files == [path] or any(each.suffix in BAGS.values() for each in files) else []
+    each_file = path.iterdir() if path.is_dir() else ()
+    return sorted(each for each in each_file if each.suffix in BAGS.values()) if path.is_dir() else [path]
 
 
-def read_bag(path: Path, inputs: Sequence[str], outputs: Sequence[str], time: str) -> LogTable:
-    """Read signals from a bag, each message in a row of its own.
+def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
+    """Read signals from a bag, each message in a row of its own, and the times of the messages as "time_s".
 
     Time is the sender's (header.stamp) where the messages have it, else that of their receipt.
 
     Args:
       path: .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
-      inputs: names of signals.
-      outputs: names of signals of one topic.
-      time: name for the column of stamps [s].
+      signals: their names; of messages with equal times those of the last one's topic come last.
 
     Raises:
       InputError: if rosbags is not installed, the bag can't be read, or a topic or a field is not in it.
@@ -59,17 +52,18 @@ def read_bag(path: Path, inputs: Sequence[str], outputs: Sequence[str], time: st
     findings: list[Finding] = []
     with TemporaryDirectory() as folder:
         try:
-            files = [each for each in bag_files(path) if each == path or each.suffix in BAGS.values()]
-            whole = [path] if len(files) < len(bag_files(path)) else [_whole(each, folder, findings) for each in files]
-            with AnyReader(whole, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-                by_topic = _by_topic(path, reader, dict.fromkeys((*inputs, *outputs)))
-                series = [_series(path, reader, *each, findings) for each in by_topic.items()]
+            indexed = (path / "metadata.yaml").is_file()
+            files = [path] if indexed else [_whole(each, folder, findings) for each in bag_files(path)]
+            with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+                topics = [_topic(path, reader, signal) for signal in signals]
+                order = sorted(set(topics), key=topics[-1].__eq__)
+                series = [_series(path, reader, topic, topics, signals, findings) for topic in order]
         except InputError:
             raise
         except Exception as error:  # the libraries raise whatever a damaged byte leads them to
             problem = f"is damaged, or no bag ({type(error).__name__}: {str(error)[:200]})"
             raise log_fault(path, problem, _RECOVER, "damaged") from error
-    return _one_table(path, sorted(series, key=lambda each: outputs[0] in each.columns), time, findings)
+    return _one_table(path, series, signals, findings)
 
 
 def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:
@@ -92,55 +86,55 @@ def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:
     return copy
 
 
-def _by_topic(path: Path, reader: Any, signals: Iterable[str]) -> dict[str, list[str]]:
-    topics, found = sorted({each.topic for each in reader.connections}, key=len), dict[str, list[str]]()
-    for signal in signals:
-        if not (matching := [each for each in topics if signal.startswith(f"{each}/")]):
-            remedy = f"name a signal TOPIC/FIELD; the topics are {listed(topics)}"
-            raise log_fault(path, f'has no topic of signal "{signal}"', remedy, "no-column")
-        found.setdefault(matching[-1], []).append(signal)
-    return found
+def _topic(path: Path, reader: Any, signal: str) -> str:
+    topics = sorted({each.topic for each in reader.connections}, key=len)
+    if found := [each for each in topics if signal.startswith(f"{each}/")]:
+        return str(found[-1])
+    remedy = f"name a signal TOPIC/FIELD; the topics are {listed(topics)}"
+    raise log_fault(path, f'has no topic of signal "{signal}"', remedy, "no-column")
 
 
-def _series(path: Path, reader: Any, topic: str, signals: list[str], findings: list[Finding]) -> _Series:
+def _series(
+    path: Path, reader: Any, topic: str, topics: Sequence[str], signals: Sequence[str], findings: list[Finding]
+) -> _Series:
     """Read signals of a topic, without the messages that name other joints alone."""
     connections = [each for each in reader.connections if each.topic == topic]
     kind, *others = sorted({each.msgtype for each in connections})
     if others or kind not in reader.typestore.fielddefs:
         problem = f"messages of {topic} are of types {listed((kind, *others))}, expected one that is defined"
         raise log_fault(path, problem, "record it alone, as MCAP, which has definitions", "unknown-format")
-    places = [signal[len(topic) + 1 :].rpartition("/") for signal in signals]
-    joints, times, rows, seen, count = [joint for joint, _, _ in places], [], [], set[str](), 0
-    steps = [re.findall(r"[^.\[\]]+", field) for _, _, field in places]
+    own = [signal for signal, each in zip(signals, topics, strict=True) if each == topic]
+    places = [signal[len(topic) + 1 :].rpartition("/") for signal in own]
+    steps = [(joint, re.findall(r"[^.\[\]]+", field)) for joint, _, field in places]
+    joints, times, rows, seen, count = {joint for joint, _ in steps}, [], [], {""}, 0
     for count, (_, received, content) in enumerate(reader.messages(connections=connections), 1):
         try:
             message = reader.deserialize(content, kind)
             seen.update(here := message.name if any(joints) else ())
-            if not all(joints) or not set(joints).isdisjoint(here):
-                rows.append([_value(message, *each) for each in zip(joints, steps, strict=True)])
+            if not all(joints) or not joints.isdisjoint(here):
+                rows.append([_value(message, *each) for each in steps])
                 stamp = getattr(getattr(message, "header", None), "stamp", None)
                 times.append((count, received, stamp.sec * 10**9 + stamp.nanosec if stamp else 0))
         except Exception as error:  # as above
             code = "no-column" if isinstance(error, (AttributeError, IndexError, TypeError)) else "damaged"
-            problem = (
-                f"message {count} of {topic} has no {listed(signals)} ({type(error).__name__}: {str(error)[:200]})"
-            )
+            problem = f"message {count} of {topic} has no {listed(own)} ({type(error).__name__}: {str(error)[:200]})"
             remedy = f"the fields of {kind} are {listed(name for name, _ in reader.typestore.fielddefs[kind][1])}"
             raise log_fault(path, problem, f"{remedy}; if you named one of them, copy the bag again", code) from error
     if (stated := sum(each.msgcount for each in connections)) > count:  # a reader may end at a damaged record
         problem = f"of the {stated} messages of {topic} that the bag states, {count} can be read"
         raise log_fault(path, problem, _RECOVER, "damaged")
-    if absent := {*joints, ""} - {*seen, ""}:
-        problem, remedy = f"no message of {topic} names {listed(absent)}", f"its joints are {listed(sorted(seen))}"
+    if not rows or joints - seen:
+        problem, remedy = (
+            f"topic {topic} has {count} messages, none with {listed(joints - seen)}",
+            f"it has {listed(seen)}",
+        )
         raise log_fault(path, problem, remedy, "no-column" if count else "no-data")
-    if not rows:
-        raise log_fault(path, f"topic {topic} has no messages", "pass a bag that has some", "no-data")
     if count > len(rows):
         message = f"messages of {topic} that name other joints left out: {count - len(rows)}"
         findings.append(Finding("other-joints", "repaired", str(path), message, "nothing to do"))
-    numbers, receipt, sent = np.array(times, dtype=np.int64).T
-    columns = dict(zip(signals, np.array(rows, dtype=np.float64).T, strict=True))
-    return _Series(sent if sent.any() else receipt, bool(sent.any()), columns, numbers)
+    values = np.full((len(rows), len(signals)), np.nan)
+    values[:, [each == topic for each in topics]] = np.array(rows, dtype=np.float64)
+    return np.array(times, dtype=np.int64).T, values
 
 
 def _value(message: Any, joint: str, steps: Sequence[str]) -> float | None:
@@ -153,19 +147,19 @@ def _value(message: Any, joint: str, steps: Sequence[str]) -> float | None:
     return float(value[message.name.index(joint)] if joint else value)
 
 
-def _one_table(path: Path, series: Sequence[_Series], time: str, findings: list[Finding]) -> LogTable:
-    """Return the messages of all topics in order of time, of equal times those of the last topic last."""
-    if len({each.stamped for each in series}) > 1:
+def _one_table(path: Path, series: Sequence[_Series], signals: Sequence[str], findings: list[Finding]) -> LogTable:
+    """Return the messages of all topics in order of time, and of the topics where times are equal."""
+    if len(stamped := {bool(stamps.any()) for (_, _, stamps), _ in series}) > 1:
         problem = "some topics have header.stamp, and some the time of their receipt alone"
         raise log_fault(path, problem, "record all with header.stamp, or all without", "clocks")
-    if not series[0].stamped:
+    if stamped == {False}:
         message = "messages have no stamp of their own: the time of their receipt was taken"
         findings.append(Finding("receive-time", "warning", str(path), message, "publish with header.stamp"))
+    every = [times[2 if True in stamped else 1] for times, _ in series]
     # A time that goes back in a topic is to be found, not sorted away.
-    order = np.argsort(np.concatenate([np.maximum.accumulate(each.time) for each in series]), kind="stable")
-    stamps, numbers = (np.concatenate(each)[order] for each in zip(*((s.time, s.numbers) for s in series), strict=True))
-    columns = {time: (stamps - stamps.min()) * 1e-9}
-    for name in [name for each in series for name in each.columns]:
-        parts = [each.columns.get(name, np.full(each.time.size, np.nan)) for each in series]
-        columns[name] = np.concatenate(parts)[order]
-    return LogTable(columns, numbers.tolist(), "message", str(path), tuple(findings))
+    order = np.argsort(np.concatenate([np.maximum.accumulate(each) for each in every]), kind="stable")
+    times, numbers = np.concatenate(every)[order], np.concatenate([each[0] for each, _ in series])[order]
+    columns = dict(zip(signals, np.concatenate([values for _, values in series])[order].T, strict=True))
+    return LogTable(
+        columns | {"time_s": (times - times.min()) * 1e-9}, numbers.tolist(), "message", str(path), tuple(findings)
+    )

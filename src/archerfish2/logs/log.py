@@ -15,7 +15,6 @@ from archerfish2.logs.table import MAX_BYTES, LogTable
 from archerfish2.logs.text import read_text
 
 _COMPRESSED = (b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"\xfd7zXZ\0", b"BZh")
-_BAG_TIME = "stamp_s"
 _UNREAD = {
     **dict.fromkeys(_COMPRESSED, ("is compressed", "unpack it first")),
     **dict.fromkeys((b"\x89HDF", b"MATLAB 7.3"), ("is an HDF5 file (MATLAB 7.3)", "save it with -v7, or as CSV")),
@@ -56,10 +55,9 @@ def read_log(
         raise file_error(path, "is a folder, and no bag's", "pass a log, or the folder of a bag", "unknown-format")
     digest, source = hashlib.sha256(), str(path)
     for file in files:
-        digest.update(content := _content(file))
+        digest.update(content := file_content(file))
     if path.is_dir() or content.startswith(tuple(BAGS)):
-        stamps = stamps and _BAG_TIME
-        table = read_bag(path, *signals, _BAG_TIME)
+        table, stamps = read_bag(path, list(dict.fromkeys((*signals[0], *signals[1])))), "time_s"
     else:
         table = _table(path, content, list(dict.fromkeys([*([stamps] if stamps else []), *signals[0], *signals[1]])))
     table.check()
@@ -68,7 +66,7 @@ def read_log(
     parts, gaps = uninterrupted(fresh, source)
     parts, wraps = unwrapped(parts, signals, source)
     even, period, jitter = at_equal_intervals(parts, source)
-    period_s, name = float(f"{period:.12g}"), path.name
+    period_s, name = sample_period_s or float(f"{period:.12g}"), path.name
     names = [f"{name}[{time[0]:.3f} s…]" if len(even) > 1 else name for time, _, _ in even]
     every = [
         Recording(*each[1:], period_s, float(each.time[0]), *signals, at) for each, at in zip(even, names, strict=True)
@@ -85,7 +83,12 @@ def _names(names: str | Sequence[str]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
 
 
-def _content(path: Path) -> bytes:
+def file_content(path: Path) -> bytes:
+    """Return what a log's file has.
+
+    Raises:
+      InputError: if there is no such file, or it is too large or can't be read.
+    """
     try:
         if not path.is_file():
             problem, code = ("is no file", "unreadable") if path.exists() else ("there is no such file", "no-such-file")

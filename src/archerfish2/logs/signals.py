@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from archerfish2.logs.recording import Finding, Recording, Values
 from archerfish2.logs.stamps import Rows, Signals, held_mean
@@ -28,31 +27,27 @@ def fresh_rows(rows: Rows, source: str) -> tuple[Rows, list[Finding]]:
       rows: samples of a log.
       source: the file, for messages.
     """
-    count, (changes, moves) = len(rows.time), map(_changes, (rows.outputs, rows.inputs))
+    changes = np.flatnonzero(np.diff(rows.outputs, axis=0).any(axis=1)) + 1
     gaps = np.diff(changes)
     if gaps.size < _STEPS or (every := int(np.median(gaps))) < 2 or np.mean(gaps == 1) > 0.02:
         return rows, []
-    # Outputs of few digits repeat as well, then change by the last one. What follows steps of an input at once changes
-    # as often as it does. A command that was logged as the output has steps that are larger than its deviation.
-    sizes = [
-        (each[each > 0], y.std())
-        for each, y in zip(np.abs(np.diff(rows.outputs, axis=0)).T, rows.outputs.T, strict=True)
-    ]
-    smooth = any(each.size and 1.5 * each.min() < np.median(each) and (each**2).mean() < sd**2 for each, sd in sizes)
-    regular, own = np.mean(gaps % every == 0) > 0.9, changes.size > 2 * moves.size or moves.size > count / 2
-    if not (smooth and (regular or (own and np.quantile(gaps, 0.9) <= 2 * every))):
+    regular = np.mean(gaps % every == 0) > 0.9 or np.quantile(gaps, 0.9) <= 2 * every
+    if not regular or not any(map(_is_smooth, rows.outputs.T)):
         return rows, []
-    bounds = [changes[0] % every, *changes, count]
+    bounds = [changes[0] % every, *changes, len(rows.time)]
     fresh = np.unique(np.concatenate([np.arange(a, max(b - every // 2, a + 1), every) for a, b in pairwise(bounds)]))
     edges = np.append(rows.time[fresh], rows.time[-1] + np.median(np.diff(rows.time)))
     message = f"outputs are fresh in one row of {every} only and repeated in the others, which were left out"
-    finding = Finding("held-output", "repaired", source, message, "log each measurement once", count - fresh.size)
+    finding = Finding(
+        "held-output", "repaired", source, message, "log each measurement once", len(rows.time) - fresh.size
+    )
     return Rows(rows.time[fresh], held_mean(rows.time, rows.inputs, edges), rows.outputs[fresh]), [finding]
 
 
-def _changes(signals: Values) -> NDArray[np.int64]:
-    """Return the rows in which any signal is another than in the row before."""
-    return np.flatnonzero(np.diff(signals, axis=0).any(axis=1)) + 1
+def _is_smooth(signal: Values) -> bool:
+    """Return whether changes are larger than the last digit, of which few repeat as well, and smaller than of steps."""
+    changes = np.abs(np.diff(signal)[np.diff(signal) != 0])
+    return bool(changes.size and np.median(changes) > 1.5 * changes.min() and np.mean(changes**2) < signal.var())
 
 
 def unwrapped(parts: Sequence[Rows], names: Signals, source: str) -> tuple[list[Rows], list[Finding]]:
@@ -117,14 +112,12 @@ def examined(recordings: Sequence[Recording], source: str) -> tuple[tuple[Record
 
 
 def _saturation(signal: Values, _: Recording) -> str:
-    share = 0.0
-    for extreme in (signal.min(), signal.max()):
-        others = np.flatnonzero(signal != extreme)
-        motion = signal[others[0] : others[-1] + 1]  # without the rest before and after it
-        if np.mean(np.diff(motion[motion != extreme]) == 0) <= 0.5:  # no steps
-            share = max(share, float(np.mean(motion == extreme)))
-    many = np.unique(signal).size > _STEPS
-    return f"is at its extreme in {share:.0%} of the samples" if many and share > _SATURATED else ""
+    moving = np.flatnonzero(np.diff(signal))
+    motion = signal[moving[0] : moving[-1] + 2]  # without the rest before and after it
+    extreme = np.stack([motion == motion.min(), motion == motion.max()])
+    steps = np.mean(np.diff(motion[~extreme.any(axis=0)]) == 0) > 0.5 or np.unique(signal).size <= _STEPS
+    share = extreme.mean(axis=1).max()
+    return f"is at its extreme in {share:.0%} of the samples" if share > _SATURATED and not steps else ""
 
 
 def _quantisation(signal: Values, _: Recording) -> str:

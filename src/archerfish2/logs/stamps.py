@@ -99,12 +99,12 @@ def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
     period = float(np.median(steps)) if steps.size else 0.0
     if period <= 0 or _PLAUSIBLE_S[0] <= period <= _PLAUSIBLE_S[1]:
         return stamps, []
-    units = [each for each, scale in _SECONDS.items() if _USUAL_S[0] <= scale * period <= _USUAL_S[1]]
-    remedy = " or ".join(f'if they are in {each}, name the column "time_{each}"' for each in units)
     message = f'stamps "{time}" are {period:.4g} s apart, which no gimbal is logged at'
-    if len(units) == 1:
-        stamps, message = stamps * _SECONDS[units[0]], f"{message}; they were taken to be in {units[0]}"
-    return stamps, [Finding("time-unit", "warning", table.source, message, remedy or "check the column")]
+    usual = [each for each, scale in _SECONDS.items() if _USUAL_S[0] <= scale * period < _USUAL_S[1]]
+    if not usual:
+        return stamps, [Finding("time-unit", "warning", table.source, message, "check the column")]
+    message, remedy = f"{message}; they were read as {usual[0]}", f'if they are, name the column "time_{usual[0]}"'
+    return stamps * _SECONDS[usual[0]], [Finding("time-unit", "warning", table.source, message, remedy)]
 
 
 def _check_order(table: LogTable, stamps: Values, rows: NDArray[np.int64], *, strictly: bool) -> None:
