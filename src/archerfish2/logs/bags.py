@@ -55,6 +55,8 @@ def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
             indexed = (path / "metadata.yaml").is_file()
             files = [path] if indexed else [_whole(each, folder, findings) for each in bag_files(path)]
             with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+                if not reader.connections:
+                    raise ValueError("it has no topics")
                 topics = [_topic(path, reader, signal) for signal in signals]
                 order = sorted(set(topics), key=topics[-1].__eq__)
                 series = [_series(path, reader, topic, topics, signals, findings) for topic in order]
