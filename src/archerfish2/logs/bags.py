@@ -27,8 +27,7 @@ _Series = tuple[NDArray[np.int64], Values]
 
 def bag_files(path: Path) -> list[Path]:
     """Return the files of a bag: itself, or those in its folder; none where a folder is no bag's."""
-    each_file = path.iterdir() if path.is_dir() else ()
-    return sorted(each for each in each_file if each.suffix in BAGS.values()) if path.is_dir() else [path]
+    return sorted(each for each in path.iterdir() if each.suffix in BAGS.values()) if path.is_dir() else [path]
 
 
 def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
@@ -47,24 +46,22 @@ def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
-        remedy = "install it with: pip install archerfish[bags]"
-        raise log_fault(path, "is a ROS bag, which needs the library rosbags", remedy, "no-library") from error
+        raise log_fault(path, "is a bag: needs rosbags", "pip install archerfish[bags]", "no-library") from error
     findings: list[Finding] = []
     with TemporaryDirectory() as folder:
         try:
-            indexed = (path / "metadata.yaml").is_file()
-            files = [path] if indexed else [_whole(each, folder, findings) for each in bag_files(path)]
+            whole = (path / "metadata.yaml").is_file()
+            files = [path] if whole else [_whole(each, folder, findings) for each in bag_files(path)]
             with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
                 if not reader.connections:
                     raise ValueError("it has no topics")
-                topics = [_topic(path, reader, signal) for signal in signals]
-                order = sorted(set(topics), key=topics[-1].__eq__)
-                series = [_series(path, reader, topic, topics, signals, findings) for topic in order]
+                of = {signal: _topic(path, reader, signal) for signal in signals}
+                order = sorted(set(of.values()), key=of[signals[-1]].__eq__)
+                series = [_series(path, reader, topic, of, findings) for topic in order]
         except InputError:
             raise
         except Exception as error:  # the libraries raise whatever a damaged byte leads them to
-            problem = f"is damaged, or no bag ({type(error).__name__}: {str(error)[:200]})"
-            raise log_fault(path, problem, _RECOVER, "damaged") from error
+            raise log_fault(path, f"is damaged, or no bag ({error!r:.200})", _RECOVER, "damaged") from error
     return _one_table(path, series, signals, findings)
 
 
@@ -96,16 +93,14 @@ def _topic(path: Path, reader: Any, signal: str) -> str:
     raise log_fault(path, f'has no topic of signal "{signal}"', remedy, "no-column")
 
 
-def _series(
-    path: Path, reader: Any, topic: str, topics: Sequence[str], signals: Sequence[str], findings: list[Finding]
-) -> _Series:
+def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: list[Finding]) -> _Series:
     """Read signals of a topic, without the messages that name other joints alone."""
     connections = [each for each in reader.connections if each.topic == topic]
-    kind, *others = sorted({each.msgtype for each in connections})
-    if others or kind not in reader.typestore.fielddefs:
+    (kind, *others), types = sorted({each.msgtype for each in connections}), reader.typestore.fielddefs
+    if others or kind not in types:
         problem = f"messages of {topic} are of types {listed((kind, *others))}, expected one that is defined"
         raise log_fault(path, problem, "record it alone, as MCAP, which has definitions", "unknown-format")
-    own = [signal for signal, each in zip(signals, topics, strict=True) if each == topic]
+    own = [signal for signal, each in of.items() if each == topic]
     places = [signal[len(topic) + 1 :].rpartition("/") for signal in own]
     steps = [(joint, re.findall(r"[^.\[\]]+", field)) for joint, _, field in places]
     joints, times, rows, seen, count = {joint for joint, _ in steps}, [], [], {""}, 0
@@ -119,34 +114,30 @@ def _series(
                 times.append((count, received, stamp.sec * 10**9 + stamp.nanosec if stamp else 0))
         except Exception as error:  # as above
             code = "no-column" if isinstance(error, (AttributeError, IndexError, TypeError)) else "damaged"
-            problem = f"message {count} of {topic} has no {listed(own)} ({type(error).__name__}: {str(error)[:200]})"
-            remedy = f"the fields of {kind} are {listed(name for name, _ in reader.typestore.fielddefs[kind][1])}"
+            problem = f"message {count} of {topic} has no {listed(own)} ({error!r:.200})"
+            remedy = f"the fields of {kind} are {listed(name for name, _ in types[kind][1])}"
             raise log_fault(path, problem, f"{remedy}; if you named one of them, copy the bag again", code) from error
     if (stated := sum(each.msgcount for each in connections)) > count:  # a reader may end at a damaged record
-        problem = f"of the {stated} messages of {topic} that the bag states, {count} can be read"
-        raise log_fault(path, problem, _RECOVER, "damaged")
+        raise log_fault(path, f"{count} of {stated} messages of {topic} can be read", _RECOVER, "damaged")
     if not rows or joints - seen:
-        problem, remedy = (
-            f"topic {topic} has {count} messages, none with {listed(joints - seen)}",
-            f"it has {listed(seen)}",
-        )
-        raise log_fault(path, problem, remedy, "no-column" if count else "no-data")
+        problem = f"topic {topic} has {count} messages, none with {listed(joints - seen)}"
+        raise log_fault(path, problem, f"it has {listed(seen)}", "no-column" if count else "no-data")
     if count > len(rows):
         message = f"messages of {topic} that name other joints left out: {count - len(rows)}"
         findings.append(Finding("other-joints", "repaired", str(path), message, "nothing to do"))
-    values = np.full((len(rows), len(signals)), np.nan)
-    values[:, [each == topic for each in topics]] = np.array(rows, dtype=np.float64)
+    values = np.full((len(rows), len(of)), np.nan)
+    values[:, [each == topic for each in of.values()]] = np.array(rows, dtype=np.float64)
     return np.array(times, dtype=np.int64).T, values
 
 
 def _value(message: Any, joint: str, steps: Sequence[str]) -> float | None:
     """Return a number of a message; None where it does not name the joint."""
-    if joint and joint not in message.name:
-        return None
-    value = message
+    names = list(message.name) if joint else []
     for step in steps:
-        value = value[int(step)] if step.isdigit() else getattr(value, step)
-    return float(value[message.name.index(joint)] if joint else value)
+        message = message[int(step)] if step.isdigit() else getattr(message, step)
+    if joint:
+        return float(message[names.index(joint)]) if joint in names else None
+    return float(message)
 
 
 def _one_table(path: Path, series: Sequence[_Series], signals: Sequence[str], findings: list[Finding]) -> LogTable:
@@ -162,6 +153,5 @@ def _one_table(path: Path, series: Sequence[_Series], signals: Sequence[str], fi
     order = np.argsort(np.concatenate([np.maximum.accumulate(each) for each in every]), kind="stable")
     times, numbers = np.concatenate(every)[order], np.concatenate([each[0] for each, _ in series])[order]
     columns = dict(zip(signals, np.concatenate([values for _, values in series])[order].T, strict=True))
-    return LogTable(
-        columns | {"time_s": (times - times.min()) * 1e-9}, numbers.tolist(), "message", str(path), tuple(findings)
-    )
+    columns["time_s"] = (times - times.min()) * 1e-9
+    return LogTable(columns, numbers.tolist(), "message", str(path), tuple(findings))

@@ -29,18 +29,15 @@ def fresh_rows(rows: Rows, source: str) -> tuple[Rows, list[Finding]]:
     """
     changes = np.flatnonzero(np.diff(rows.outputs, axis=0).any(axis=1)) + 1
     gaps = np.diff(changes)
-    if gaps.size < _STEPS or (every := int(np.median(gaps))) < 2 or np.mean(gaps == 1) > 0.02:
-        return rows, []
-    regular = np.mean(gaps % every == 0) > 0.9 or np.quantile(gaps, 0.9) <= 2 * every
-    if not regular or not any(map(_is_smooth, rows.outputs.T)):
+    every = int(np.median(gaps)) if gaps.size > _STEPS else 0
+    regular = every > 1 and (np.mean(gaps % every == 0) > 0.9 or np.quantile(gaps, 0.9) <= 2 * every)
+    if not (regular and any(map(_is_smooth, rows.outputs.T))):
         return rows, []
     bounds = [changes[0] % every, *changes, len(rows.time)]
     fresh = np.unique(np.concatenate([np.arange(a, max(b - every // 2, a + 1), every) for a, b in pairwise(bounds)]))
     edges = np.append(rows.time[fresh], rows.time[-1] + np.median(np.diff(rows.time)))
-    message = f"outputs are fresh in one row of {every} only and repeated in the others, which were left out"
-    finding = Finding(
-        "held-output", "repaired", source, message, "log each measurement once", len(rows.time) - fresh.size
-    )
+    message, lost = f"outputs are fresh in one row of {every} only, others left out", len(rows.time) - fresh.size
+    finding = Finding("held-output", "repaired", source, message, "log each measurement once", lost)
     return Rows(rows.time[fresh], held_mean(rows.time, rows.inputs, edges), rows.outputs[fresh]), [finding]
 
 
@@ -95,17 +92,17 @@ def examined(recordings: Sequence[Recording], source: str) -> tuple[tuple[Record
     for each in recordings:
         names, first = (*each.input_names, *each.output_names), len(each.input_names)
         signals = np.hstack([each.inputs, each.outputs]).T
-        for index in np.flatnonzero(np.ptp(signals, axis=1) == 0)[:1]:
-            code = f"constant-{'input' if index < first else 'output'}"
-            message = f'"{names[index]}" is {signals[index, 0]:g} throughout, in a part of {len(each)} samples'
+        still = int(np.argmin(np.ptp(signals, axis=1)))
+        if not np.ptp(signals[still]):
+            code = "constant-input" if still < first else "constant-output"
+            message = f'"{names[still]}" is {signals[still, 0]:g} throughout {len(each)} samples'
             findings.append(Finding(code, "repaired", each.source, f"{message}, left out", remedy, len(each)))
-            break
-        else:
-            kept.append(each)
-            for index, (name, signal) in enumerate(zip(names, signals, strict=True)):
-                for code, check, advice in _CHECKS[: None if index >= first else 1]:
-                    if found := check(signal, each):
-                        findings.append(Finding(code, "warning", each.source, f'"{name}" {found}', advice))
+            continue
+        kept.append(each)
+        for index, signal in enumerate(signals):
+            for code, check, advice in _CHECKS[: None if index >= first else 1]:
+                if found := check(signal, each):
+                    findings.append(Finding(code, "warning", each.source, f'"{names[index]}" {found}', advice))
     if not kept:
         raise log_fault(source, message, remedy, code)
     return tuple(kept), findings
@@ -115,9 +112,10 @@ def _saturation(signal: Values, _: Recording) -> str:
     moving = np.flatnonzero(np.diff(signal))
     motion = signal[moving[0] : moving[-1] + 2]  # without the rest before and after it
     extreme = np.stack([motion == motion.min(), motion == motion.max()])
-    steps = np.mean(np.diff(motion[~extreme.any(axis=0)]) == 0) > 0.5 or np.unique(signal).size <= _STEPS
-    share = extreme.mean(axis=1).max()
-    return f"is at its extreme in {share:.0%} of the samples" if share > _SATURATED and not steps else ""
+    between = np.diff(motion[~extreme.any(axis=0)])
+    steps = np.unique(signal).size <= _STEPS or np.count_nonzero(between) < between.size / 2
+    share = 0.0 if steps else extreme.mean(axis=1).max()
+    return f"is at its extreme in {share:.0%} of the samples" if share > _SATURATED else ""
 
 
 def _quantisation(signal: Values, _: Recording) -> str:
@@ -149,7 +147,7 @@ def _frozen(signal: Values, recording: Recording) -> str:
 
 
 def _alternation(signal: Values, _: Recording) -> str:
-    one, two = (np.median(np.abs(signal[k:] - signal[:-k])) for k in (1, 2))
+    one, two = (np.median(np.abs(signal[step:] - signal[:-step])) for step in (1, 2))
     return "alternates between two values" if two < 0.1 * one and np.unique(signal).size > _STEPS else ""
 
 

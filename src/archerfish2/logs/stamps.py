@@ -99,12 +99,10 @@ def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
     period = float(np.median(steps)) if steps.size else 0.0
     if period <= 0 or _PLAUSIBLE_S[0] <= period <= _PLAUSIBLE_S[1]:
         return stamps, []
-    message = f'stamps "{time}" are {period:.4g} s apart, which no gimbal is logged at'
-    usual = [each for each, scale in _SECONDS.items() if _USUAL_S[0] <= scale * period < _USUAL_S[1]]
-    if not usual:
-        return stamps, [Finding("time-unit", "warning", table.source, message, "check the column")]
-    message, remedy = f"{message}; they were read as {usual[0]}", f'if they are, name the column "time_{usual[0]}"'
-    return stamps * _SECONDS[usual[0]], [Finding("time-unit", "warning", table.source, message, remedy)]
+    unit = next((each for each, scale in _SECONDS.items() if _USUAL_S[0] <= scale * period < _USUAL_S[1]), "s")
+    message = f'stamps "{time}" are {period:.4g} s apart, as no gimbal is logged, and were read as {unit}'
+    remedy = f'if they are in {unit}, name the column "time_{unit}", else in their unit'
+    return stamps * _SECONDS[unit], [Finding("time-unit", "warning", table.source, message, remedy)]
 
 
 def _check_order(table: LogTable, stamps: Values, rows: NDArray[np.int64], *, strictly: bool) -> None:
