@@ -137,9 +137,6 @@ RECORDED = [
     (DRONE, "u_pct", "angulo_deg", "tempo_ms", {"time-unit", "gap", "jitter"}),
     ("identification/silverbox/SNLS80mV.csv", "V1", "V2", 1 / 610.35, {}),
     ("identification/drgp_vss/actuator.mat", "X[0]", "y", 0.05, {}),
-    ("cases/sep_line.csv", "u", "y", "time_s", {}),
-    ("cases/sparse_command.csv", "u", "y", "time_s", {"held-input"}),
-    ("cases/time_us.csv", "u", "y", "TimeUS", {"time-unit"}),
 ]
 
 

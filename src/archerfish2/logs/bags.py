@@ -11,7 +11,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from archerfish2.errors import InputError
 from archerfish2.logs.recording import Finding, Values
@@ -21,7 +20,7 @@ BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
 """How files of a bag begin, and the ending of the name by which rosbags recognises them."""
 _MCAP, _MCAP_FOOTER = b"\x89MCAP0\r\n", b"\x02\x14" + bytes(27)
 _RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
-_Series = tuple[NDArray[np.int64], Values]
+_Series = tuple[Any, Values]
 """Number in the topic, receipt and stamp [ns] of N messages, (3, N), and signals, (N, m), NaN where not in them."""
 
 

@@ -72,10 +72,11 @@ def _wraps_at(signal: Values, turn: float) -> bool:
     steps = np.abs(np.diff(signal))
     jump = steps > 0.75 * turn
     smooth, (low, high) = steps[~jump].max(initial=0.0), (signal.min() / turn, signal.max() / turn)
-    if not jump.any() or smooth > turn / 8 or np.mean(~jump & (steps > 0)) < 0.2 or high - low > 1.02:
+    if not jump.any() or smooth > turn / 4 or np.mean(~jump & (steps > 0)) < 0.2 or high - low > 1.02:
         return False
     counter = turn in _ANGLES or ((low > -0.02 or high < 0.52) and (turn == 1 or not np.any(signal % 1)))
-    return bool(counter and np.all(np.abs(steps[jump] - turn) <= max(2 * smooth, 0.02 * turn)))
+    bends, near = np.abs(np.diff(np.unwrap(signal, period=turn), 2)), jump[1:] | jump[:-1]
+    return bool(counter and bends[near].max() <= 2 * bends[~near].max(initial=0.0))
 
 
 def examined(recordings: Sequence[Recording], source: str) -> tuple[tuple[Recording, ...], list[Finding]]:
