@@ -81,8 +81,7 @@ def _read(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
 def _column(path: Path, name: str, given: Any, column: int | None) -> Values:
     values = np.asarray(given)
     if values.dtype.kind not in "fiub":
-        problem = f'array "{name}" is of type {values.dtype}, expected real numbers'
-        raise log_fault(path, problem, "store signals as arrays of numbers", "not-a-number")
+        raise log_fault(path, f'array "{name}" is of type {values.dtype}', "store real numbers", "not-a-number")
     if column is None and values.size == max(values.shape, default=0):  # MATLAB's vectors are matrices
         return values.reshape(-1).astype(np.float64)
     matrix = values.T if values.ndim == 2 and values.shape[0] < values.shape[1] else values  # more samples than signals

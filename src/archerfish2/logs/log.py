@@ -9,7 +9,7 @@ from archerfish2.errors import InputError, file_error
 from archerfish2.logs.arrays import read_array_file
 from archerfish2.logs.bags import BAGS, bag_files, read_bag
 from archerfish2.logs.recording import Log, Recording
-from archerfish2.logs.signals import examined, fresh_rows, unwrapped
+from archerfish2.logs.signals import examined, fresh_rows, without_wraps
 from archerfish2.logs.stamps import at_equal_intervals, uninterrupted, usable_rows
 from archerfish2.logs.table import MAX_BYTES, LogTable
 from archerfish2.logs.text import read_text
@@ -64,7 +64,7 @@ def read_log(
     rows, repairs = usable_rows(table, signals, stamps, sample_period_s or 1.0)
     fresh, repeats = fresh_rows(rows, source)
     parts, gaps = uninterrupted(fresh, source)
-    parts, wraps = unwrapped(parts, signals, source)
+    parts, wraps = without_wraps(parts, signals, source)
     even, period, jitter = at_equal_intervals(parts, source)
     period_s, name = sample_period_s or float(f"{period:.12g}"), path.name
     names = [f"{name}[{time[0]:.3f} s…]" if len(even) > 1 else name for time, _, _ in even]

@@ -47,7 +47,7 @@ def _is_smooth(signal: Values) -> bool:
     return bool(changes.size and np.median(changes) > 1.5 * changes.min() and np.mean(changes**2) < signal.var())
 
 
-def unwrapped(parts: Sequence[Rows], names: Signals, source: str) -> tuple[list[Rows], list[Finding]]:
+def without_wraps(parts: Sequence[Rows], names: Signals, source: str) -> tuple[list[Rows], list[Finding]]:
     """Undo the jumps of angles that were logged within a turn, and of outputs that are counters.
 
     Args:

@@ -130,8 +130,8 @@ def uninterrupted(rows: Rows, source: str) -> tuple[list[Rows], list[Finding]]:
     period = float(np.median(steps))
     gaps = _gaps(rows.time, period)
     if gaps.size:
-        message = f"gaps: {gaps.size}, the first {rows.time[gaps[0] - 1]:.4g} s after the start, of up to "
-        message += f"{steps[gaps - 1].max():.4g} s, where the period is {period:.4g} s; the log was cut there"
+        at, longest = rows.time[gaps[0] - 1], steps[gaps - 1].max()
+        message = f"gaps: {gaps.size}, the first at {at:.4g} s, of up to {longest:.4g} s; the log was cut there"
         findings.append(Finding("gap", "repaired", source, message, remedy))
     parts = [Rows(*each) for each in zip(*(np.split(signal, gaps) for signal in rows), strict=True)]
     long = [each for each in parts if len(each.time) >= _FEWEST]
