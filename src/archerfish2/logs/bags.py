@@ -17,7 +17,7 @@ from archerfish2.logs.recording import Finding, Values
 from archerfish2.logs.table import LogTable, listed, log_fault
 
 BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
-"""How files of a bag begin, and the ending of the name by which rosbags recognises them."""
+"""How files of a bag begin, and the ending of their names, by which rosbags recognises them."""
 _MCAP, _MCAP_FOOTER = b"\x89MCAP0\r\n", b"\x02\x14" + bytes(27)
 _RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
 _Series = tuple[Any, Values]
@@ -65,20 +65,18 @@ def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
 
 
 def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:
-    """Return a copy of a bag's file in a folder, without what a recorder that was stopped left half."""
+    """Return a bag's file, or a copy in a folder without the record that a recorder left half when it was stopped."""
     content, log = file.read_bytes(), file.with_name(f"{file.name}-wal")
-    copy = Path(folder, file.name + next((suffix for start, suffix in BAGS.items() if content.startswith(start)), ""))
     if log.is_file() and log.stat().st_size:
         raise ValueError(f"its recorder was stopped, {log.name} has messages that are not in it")
     if not content.startswith(_MCAP) or content.endswith(_MCAP):
-        copy.symlink_to(file.absolute())
-        return copy
+        return file
     end = after = len(_MCAP)  # of its last whole record, which are a type, the length of what follows, and that
     while after <= len(content) and content[end:].strip(b"\0"):
         end, after = after, after + 9 + int.from_bytes(content[after + 1 : after + 9], "little")
         if content[end : end + 1] == b"\0" and content[end:].strip(b"\0"):
             raise ValueError(f"its records break off at byte {end}")
-    copy.write_bytes(content[:end] + _MCAP_FOOTER + _MCAP)
+    (copy := Path(folder, file.name)).write_bytes(content[:end] + _MCAP_FOOTER + _MCAP)
     message, remedy = f"the last {len(content) - end} bytes are no whole record", "stop the recorder before copying"
     findings.append(Finding("truncated", "repaired", str(file), f"{message}, and were left out", remedy))
     return copy

@@ -56,7 +56,7 @@ def read_log(
     digest, source = hashlib.sha256(), str(path)
     for file in files:
         digest.update(content := file_content(file))
-    if path.is_dir() or content.startswith(tuple(BAGS)):
+    if path.is_dir() or content.startswith(tuple(BAGS)) or path.suffix in BAGS.values():
         table, stamps = read_bag(path, list(dict.fromkeys((*signals[0], *signals[1])))), "time_s"
     else:
         table = _table(path, content, list(dict.fromkeys([*([stamps] if stamps else []), *signals[0], *signals[1]])))
