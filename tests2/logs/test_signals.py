@@ -75,7 +75,7 @@ def test_the_cases_give_the_plant_that_made_them(name, signals, expected, findin
 @pytest.mark.parametrize(("every", "origin"), [(2, 1.7e9), (5, 0), (5, 1e5), (5, 1.7e9)])
 def test_repeated_feedback_is_fitted_where_it_is_fresh(tmp_path, every, origin):
     log = read(tmp_path, U, Y[np.arange(COUNT) // every * every], origin + TIME)
-    assert f"one row of {every} only" in log.findings[0].message
+    assert f"one row of {every} only ({200 / every:g} Hz)" in log.findings[0].message
     assert (codes(log), log.findings[0].samples) == ({"held-output"}, COUNT - len(log.recordings[0]))
     *found, delay = plant(log)
     assert_allclose(found, (6, 0.7, 1), rtol=0.05)

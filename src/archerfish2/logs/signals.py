@@ -36,7 +36,8 @@ def fresh_rows(rows: Rows, source: str) -> tuple[Rows, list[Finding]]:
     bounds = [changes[0] % every, *changes, len(rows.time)]
     fresh = np.unique(np.concatenate([np.arange(a, max(b - every // 2, a + 1), every) for a, b in pairwise(bounds)]))
     edges = np.append(rows.time[fresh], rows.time[-1] + np.median(np.diff(rows.time)))
-    message, lost = f"outputs are fresh in one row of {every} only, others left out", len(rows.time) - fresh.size
+    rate_hz, lost = 1 / np.median(np.diff(rows.time[fresh])), len(rows.time) - fresh.size
+    message = f"outputs are fresh in one row of {every} only ({rate_hz:.4g} Hz), the others were left out"
     finding = Finding("held-output", "repaired", source, message, "log each measurement once", lost)
     return Rows(rows.time[fresh], held_mean(rows.time, rows.inputs, edges), rows.outputs[fresh]), [finding]
 
