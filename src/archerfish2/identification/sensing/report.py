@@ -47,7 +47,7 @@ def sensing_report(result: "SensingResult") -> Report:
         f"out of calibration, something that moved, clocks that drift ({drift:.0f} ppm).": moving > threshold,
         f"Intervals of stamps scatter by {uneven:.0%}, so misses are miscounted: stamp exposures.": uneven > 0.15,
         f"{other:.0%} of the detections are not the plate: cover what looks like one.": other > 0.1,
-        f"DetectionLog scatter by {across:.0f} mm across the line of sight: was it one plate, at rest?": across > 50,
+        f"Detections scatter by {across:.0f} mm across the line of sight: was it one plate, at rest?": across > 50,
         f"The plate was missed in {missed:.0%} of the frames: bring it nearer, or light it better.": missed > 0.3,
         "The pitch moved by more than 3° during the sweep: hold it still.": pitch > np.radians(3),
         "The feedback's delay is below zero: stamp all by one clock.": (link.feedback_delay or 0.0) < -0.003,
