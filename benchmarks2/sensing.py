@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish2.identification.sensing.identify import identify_sensing
-from archerfish2.logs.timing import Detections, GimbalLog
+from archerfish2.logs.timing import DetectionLog, GimbalLog
 from archerfish2.provenance import provenance
 
 ROOT = Path(__file__).parents[1]
@@ -52,7 +52,7 @@ def identified(arrays: dict[str, NDArray[Any]]) -> dict[str, tuple[float, float,
         for name in ("gimbal", "steps")
     )
     plate, target = (
-        Detections._make([*(arrays[f"{name}.{each}"] for each in Detections._fields[:3]), name])
+        DetectionLog._make([*(arrays[f"{name}.{each}"] for each in DetectionLog._fields[:3]), name])
         for name in ("plate", "target")
     )
     full = identify_sensing(gimbal, plate, steps=[steps], target=target, target_steps=arrays["moments"])

@@ -14,7 +14,7 @@ from archerfish2.identification.sensing.delays import command_delays, step_laten
 from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.identification.sensing.timing import frame_timing, message_latency
 from archerfish2.identification.sensing.track import gimbal_track
-from archerfish2.logs.timing import Detections, GimbalLog, MessageTimes, read_detections, read_gimbal_log
+from archerfish2.logs.timing import DetectionLog, GimbalLog, MessageTimes, read_detections, read_gimbal_log
 from archerfish2.records.sensing import SensingRecord
 
 SHARED = next((each / "shared" for each in Path(__file__).parents if (each / "shared" / "data").is_dir()), Path())
@@ -61,7 +61,7 @@ def seen(truth, start, yaw, rng, lateral=np.zeros_like):
     stamps = exposed + truth.clock + 3e-4 * rng.standard_normal(exposed.size)
     received = np.maximum.accumulate(exposed + truth.latency + 0.002 * rng.standard_normal(exposed.size))
     kept = rng.random(exposed.size) >= 0.05
-    return Detections(stamps[kept], (position + noise)[kept], received[kept], "plate.csv")
+    return DetectionLog(stamps[kept], (position + noise)[kept], received[kept], "plate.csv")
 
 
 def recordings(seed, seconds=12.0, steps=14):
@@ -359,7 +359,7 @@ def stepping(latency=0.035, jitter=0.0, size=0.3, seed=0):
     exposed = np.arange(0.0, 26.0, 1 / 80) + rng.uniform(0, 1 / 80)
     position = np.tile([3.0, 0.0, 0.0], (exposed.size, 1)) + 0.005 * rng.standard_normal((exposed.size, 3))
     position[:, 1] += size * (np.searchsorted(MOMENTS, exposed) % 2)
-    return Detections(
+    return DetectionLog(
         exposed + 0.4, position, exposed + latency + jitter * rng.standard_normal(exposed.size), "target.csv"
     )
 

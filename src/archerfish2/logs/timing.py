@@ -29,7 +29,7 @@ class GimbalLog(NamedTuple):
     source: str = "gimbal log"  # for messages
 
 
-class Detections(NamedTuple):
+class DetectionLog(NamedTuple):
     """Detections of one plate, at most one per frame."""
 
     time: Values  # stamps on the camera's clock, increasing [s], (K,)
@@ -61,7 +61,7 @@ def read_gimbal_log(path: str | Path, *, degrees: bool = False) -> GimbalLog:
     return GimbalLog(found["time_s"], angles["yaw"], pitch, angles.get("yaw_command"), str(path))
 
 
-def read_detections(path: str | Path, *, frame: Frame = "camera", degrees: bool = False) -> Detections:
+def read_detections(path: str | Path, *, frame: Frame = "camera", degrees: bool = False) -> DetectionLog:
     """Read the columns time_s, x, y and z, and receive_s where the table has it.
 
     Args:
@@ -84,7 +84,7 @@ def read_detections(path: str | Path, *, frame: Frame = "camera", degrees: bool 
         x, y, z = raised.real, level.imag, raised.imag
     if np.mean(x <= 0) > 0.5:
         raise log_fault(path, f"most positions lie behind the camera ({frame} frame)", "name their frame", "frame")
-    return Detections(found["time_s"], np.column_stack([x, y, z]), found.get("receive_s"), str(path))
+    return DetectionLog(found["time_s"], np.column_stack([x, y, z]), found.get("receive_s"), str(path))
 
 
 def read_moments(path: str | Path) -> Values:

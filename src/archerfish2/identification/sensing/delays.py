@@ -11,7 +11,7 @@ from scipy.special import ndtr
 
 from archerfish2.errors import InputError
 from archerfish2.identification.statistics import Array, converted, difference, mean_estimate
-from archerfish2.logs.timing import Detections, GimbalLog
+from archerfish2.logs.timing import DetectionLog, GimbalLog
 from archerfish2.reports.table import Estimate
 
 LONGEST_S, EARLIEST_S = 0.5, -0.02
@@ -62,7 +62,7 @@ def _onset(since: Array, yaw: Array, length: float) -> float | None:
     return float(onsets[np.argmin(misfit)] * since[risen[0]])
 
 
-def step_latency(detections: Detections, moments: Array, period: float) -> tuple[Estimate, int]:
+def step_latency(detections: DetectionLog, moments: Array, period: float) -> tuple[Estimate, int]:
     """Estimate the latency from exposure to receipt, as a probit model of which frames show a target after its step.
 
     A frame shows it exactly if it was exposed after the step, so each step bounds the latency from both sides, a frame

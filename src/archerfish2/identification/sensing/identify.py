@@ -15,7 +15,7 @@ from archerfish2.identification import statistics
 from archerfish2.identification.sensing.alignment import Alignment, align, alignment_plot, scan_offsets, spherical
 from archerfish2.identification.sensing.delays import EARLIEST_S, LONGEST_S, command_delays, step_latency
 from archerfish2.identification.sensing.report import sensing_report
-from archerfish2.identification.sensing.timing import Frames, frame_timing, latency_jitter, message_latency
+from archerfish2.identification.sensing.timing import FrameTiming, frame_timing, latency_jitter, message_latency
 from archerfish2.identification.sensing.track import GimbalTrack, gimbal_track
 from archerfish2.identification.statistics import Array
 from archerfish2.logs import timing as logs
@@ -39,7 +39,7 @@ class SensingResult:
     alignment: Alignment
     scan: Array  # offsets [s] and the misfit at each [rad], (2, M)
     track: GimbalTrack
-    frames: Frames
+    frames: FrameTiming
     counts: dict[str, tuple[int, int]]  # of detections and steps: used, logged
     missing: tuple[str, ...]  # what was not estimated, and the measurement that it takes
 
@@ -62,10 +62,10 @@ class SensingResult:
 
 def identify_sensing(
     sweep: logs.GimbalLog | File,
-    detections: logs.Detections | File,
+    detections: logs.DetectionLog | File,
     *,
     steps: Sequence[logs.GimbalLog | File] = (),
-    target: logs.Detections | File | None = None,
+    target: logs.DetectionLog | File | None = None,
     target_steps: Array | File | None = None,
     commands: logs.MessageTimes | File | None = None,
     feedback: logs.MessageTimes | File | None = None,

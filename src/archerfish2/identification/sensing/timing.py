@@ -14,7 +14,7 @@ OUT_OF_VIEW_S = 0.25
 """Longer gaps are the plate out of view, not frames in which it was missed [s]."""
 
 
-class Frames(NamedTuple):
+class FrameTiming(NamedTuple):
     """When frames came, and how many."""
 
     period: Estimate  # time from frame to frame [s]
@@ -24,7 +24,7 @@ class Frames(NamedTuple):
     out_of_view: int  # gaps that were left out
 
 
-def frame_timing(stamps: Array, source: str = "detections") -> Frames:
+def frame_timing(stamps: Array, source: str = "detections") -> FrameTiming:
     """Find the frame period and count the missing frames, while stamps jitter by less than a quarter of a period.
 
     Args:
@@ -50,7 +50,7 @@ def frame_timing(stamps: Array, source: str = "detections") -> Frames:
         period += 0.002 * error / max(count, 1)
     found, seen = _period(stamps, steps), int(counted.sum())
     jitter = float((intervals - steps * found.value)[counted].std())
-    return Frames(found, jitter, seen + 1, int(steps[counted].sum()) - seen, int((~counted).sum()))
+    return FrameTiming(found, jitter, seen + 1, int(steps[counted].sum()) - seen, int((~counted).sum()))
 
 
 def _period(stamps: Array, steps: Array) -> Estimate:
