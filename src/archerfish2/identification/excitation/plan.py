@@ -1,0 +1,150 @@
+"""Commands for an identification, within the limits of an axis: as large as they allow, from rest to rest.
+
+The amplitude of sweep, multisine and PRBS falls with frequency where rate or acceleration is the limit. A step is a
+jump, unless it is to be slewed.
+"""
+
+from collections.abc import Sequence
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta
+from scipy.signal.windows import tukey
+
+from archerfish2.errors import InputError
+from archerfish2.identification.excitation.signals import SweepMethod, multisine, prbs, schroeder_phases, sweep
+from archerfish2.identification.simulation import Array
+from archerfish2.records.limits import AxisLimits
+from archerfish2.records.record import Angle, Struct
+
+Kind = Literal["sweep", "multisine", "prbs", "step"]
+Positive = Annotated[float, Meta(gt=0.0, le=1000.0)]
+_SHARPNESS = 6.0  # exponent of the soft minimum: a rounded corner lies 11 % below a sharp one
+_HALF_POWER = 0.44  # frequency at which a PRBS has half its power, in units of its clock's
+_LEVELS = {False: (1.0, 0.0, -1.0, 0.0), True: (-0.7, 0.0, 0.5, 0.0)}  # of the steps, by whether they are held back
+
+
+class ExcitationSettings(Struct, frozen=True, kw_only=True):
+    """Choices that the commands are made from."""
+
+    sample_period_s: Positive = 1e-3
+    """Of commands and logs [s]; that of the plant where one is given."""
+    duration_s: Positive = 10.0
+    """Of a sweep, multisine or PRBS, less the rest before and after [s]."""
+    low_hz: Positive = 2.0
+    """Lowest frequency [Hz]."""
+    high_hz: Positive = 50.0
+    """Highest frequency [Hz]."""
+    sweep_method: SweepMethod = "linear"
+    """How the frequency of a sweep rises with time."""
+    amplitude: Positive | None = None
+    """Largest distance of sweep, multisine and PRBS from the centre [rad]; as large as the limits allow if None."""
+    period_s: Positive = 2.0
+    """Of multisine and PRBS, which repeat [s]."""
+    step: Positive = float(np.deg2rad(3.0))
+    """Size of the steps [rad]."""
+    hold_s: Positive = 1.0
+    """How long each step is held [s]."""
+    slew_steps: bool = False
+    """Whether steps, too, keep the limits of rate and acceleration."""
+    settle_s: Annotated[float, Meta(ge=0.0, le=1000.0)] = 0.5
+    """Rest at the centre before and after [s]."""
+    centre: Angle | None = None
+    """Angle about which the axis is moved [rad]; the middle of its travel if None."""
+    limit_share: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.8
+    """Share of the limits that is used; the rest is for the axis's own overshoot."""
+
+    def samples(self, duration_s: float) -> int:
+        """Return how many samples a duration [s] has, at least one."""
+        return max(1, round(duration_s / self.sample_period_s))
+
+
+def demand(signal: Array, period_s: float) -> Array:
+    """Return how far, how fast and how sharply a signal moves, from rest to rest about zero.
+
+    Args:
+      signal: angle [rad], shape (N,).
+      period_s: sampling period [s].
+
+    Returns:
+      Largest distance from zero [rad], difference per period [rad/s] and second difference per period squared
+      [rad/s²], shape (3,).
+    """
+    padded = np.pad(signal, 2, mode="edge")
+    return np.array([np.abs(np.diff(padded, order)).max() / period_s**order for order in range(3)])
+
+
+def plan_commands(
+    kinds: Sequence[Kind], limits: AxisLimits, settings: ExcitationSettings, *, validation: bool = True, seed: int = 0
+) -> dict[str, Array]:
+    """Return commands [rad], shape (N,) each, by name: "sweep", "sweep_validation".
+
+    Args:
+      kinds: signals, a command for each.
+      limits: of the axis.
+      settings: what they are made from.
+      validation: whether each has another one, to be held back: the signal from its end and the other way, or other
+        steps.
+      seed: of the PRBS.
+
+    Raises:
+      InputError: if a signal can't be made, or does not fit the limits.
+    """
+    low_hz, high_hz, nyquist = settings.low_hz, settings.high_hz, 0.5 / settings.sample_period_s
+    if not (low_hz < high_hz < nyquist and 1 / (high_hz - low_hz) <= settings.period_s <= settings.duration_s):
+        expected = f"low_hz < high_hz < {nyquist:g} (half the sampling rate), 1 / (high_hz - low_hz) ≤ period_s"
+        raise InputError(f"excitation: expected {expected} ≤ duration_s, got {settings}; change them")
+    centre = 0.5 * (limits.low + limits.high) if settings.centre is None else settings.centre
+    reach = max(min(limits.high - centre, centre - limits.low), 0.0)
+    budget = settings.limit_share * np.array([reach, limits.max_rate, limits.max_acceleration])
+    wanted = max(settings.amplitude or 1e-9, settings.step if "step" in kinds else 0.0)
+    if wanted > budget[0]:
+        got, most, middle = np.degrees([wanted, budget[0], centre])
+        expected = f"amplitude and step of at most {most:.3g}° about the centre at {middle:.3g}°"
+        raise InputError(f"excitation: expected {expected}, got {got:.3g}°; lower them or move the centre")
+    budget[0] = settings.amplitude or budget[0]
+    rest, backs = settings.samples(settings.settle_s), {"": False, "_validation": True} if validation else {"": False}
+    named = {kind + end: _signal(kind, settings, budget, seed, back) for kind in kinds for end, back in backs.items()}
+    return {name: centre + np.pad(signal, rest) for name, signal in named.items()}
+
+
+def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, seed: int, held_back: bool) -> Array:
+    """Return a signal, scaled so that it uses up one part of the budget; steps have their size."""
+    period_s, low_hz, high_hz = settings.sample_period_s, settings.low_hz, settings.high_hz
+    count, repeat, hold = (settings.samples(each) for each in (settings.duration_s, settings.period_s, settings.hold_s))
+    if kind == "step":
+        signal = np.append(0.0, np.repeat(settings.step * np.array(_LEVELS[held_back]), hold))
+        jump = np.abs(np.diff(signal)).max()
+        half_s = max(np.sqrt(jump / budget[2]), jump / budget[1])
+        return _slewed(signal, int(np.ceil(half_s / period_s))) if settings.slew_steps else signal
+    if kind == "sweep":
+        sine, frequency = sweep(count, period_s, low_hz, high_hz, settings.sweep_method)
+        signal = sine * _largest_sine(frequency, budget)
+    elif kind == "multisine":
+        lowest, highest = low_hz * repeat * period_s - 1e-9, high_hz * repeat * period_s + 1e-9
+        harmonics = np.arange(np.ceil(lowest), np.floor(highest) + 1)
+        amplitude = _largest_sine(harmonics / (repeat * period_s), budget)
+        phase = schroeder_phases(amplitude * harmonics**2)  # for a low peak of the acceleration, which is the limit
+        signal = np.tile(multisine(repeat, int(harmonics[0]), amplitude, phase), count // repeat)
+    else:
+        clock = max(2, int(_HALF_POWER / high_hz / period_s))
+        bits = int(np.clip(np.log2(repeat / clock + 1), 2, 32))
+        signal = _slewed(prbs(count, clock, bits, seed), clock // 2)
+    # Fading within a period of the lowest frequency costs no more acceleration than its sine.
+    fade = settings.samples(min(1 / low_hz, 0.1 * settings.duration_s))
+    signal = signal * tukey(signal.size, min(2 * fade / (signal.size - 1), 1))
+    # A little less than the budget, for the rounding of the sum with the centre.
+    signal *= (1 - 1e-9) / np.max(demand(signal, period_s) / budget)
+    return -signal[::-1] if held_back else signal
+
+
+def _largest_sine(frequency_hz: Array, budget: Array) -> Array:
+    """Return min(angle, rate / ω, acceleration / ω²), rounded: in a sweep a corner is a jump of the rate."""
+    bounds = budget[:, None] / (2 * np.pi * frequency_hz) ** np.arange(3)[:, None]
+    return np.asarray(np.sum(bounds**-_SHARPNESS, axis=0) ** (-1 / _SHARPNESS))
+
+
+def _slewed(signal: Array, half: int) -> Array:
+    """Replace each jump by even acceleration and even braking of `half` samples each: its rate becomes a triangle."""
+    triangle = np.convolve(np.full(half, 1 / half), np.full(half, 1 / half))
+    return np.convolve(np.pad(signal, (len(triangle) - 1, 0), mode="edge"), triangle, mode="valid")
