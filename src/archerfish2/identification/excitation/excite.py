@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from archerfish2.records.limits import AxisLimits
 from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.report import Report
 from archerfish2.reports.style import new_figure, plot_style
-from archerfish2.reports.table import Table
+from archerfish2.reports.table import Entry, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 ENCODER_NOISE = 2 * math.pi / 8192 / math.sqrt(12)
 """Standard deviation of the rounding of an encoder of 8192 counts a turn [rad]."""
 _COLUMNS = ("command", "length [s]", "lowest [°]", "highest [°]", "rate [rad/s]", "acceleration [rad/s²]")
-_JUMPS = "Steps jump, whatever the limits of rate and acceleration: the motor saturates for their first milliseconds."
-_STEPS = "The steady gain is extrapolated by the model from the sweep's lowest frequency: add a step."
+_JUMPS = "Steps jump beyond the limits of rate and acceleration: the motor saturates for their first milliseconds."
+_NO_STEP = "The steady gain is extrapolated from the lowest frequency: add a step."
 _PLAY = "Play column u of each file, log the angle as y under the same name, and identify the folder of these logs."
 
 
@@ -33,7 +33,6 @@ _PLAY = "Play column u of each file, log the angle as y under the same name, and
 class Excitation:
     """Commands for one axis, and what to expect of their logs."""
 
-    axis: str  # "pitch" or "yaw"
     limits: AxisLimits
     logs: dict[str, Recording]  # by file name: the command "u", and the "expected" angle with noise [rad]
     expected: AxisResult  # what the identification makes of them
@@ -52,33 +51,44 @@ class Excitation:
         with plot_style():
             figure, axes = new_figure(2, 1, height=5.5)
             for name, log in self.logs.items():
-                u = np.degrees(log.inputs[:, 0] - log.inputs[0])
-                axes[0, 0].plot(log.time, u, label=name)
-                axes[1, 0].loglog(np.fft.rfftfreq(len(u), log.period_s)[1:], np.abs(np.fft.rfft(u))[1:] * log.period_s)
-            axes[0, 0].set(title=f"{self.axis}: commands about the centre", xlabel="time [s]", ylabel="command [°]")
-            axes[1, 0].set(xlabel="frequency [Hz]", ylabel="spectrum [° s]")
+                axes[0, 0].plot(log.time, np.degrees(log.inputs), label=name)
+                axes[1, 0].magnitude_spectrum(log.inputs[:, 0] - log.inputs[0], Fs=1 / log.period_s, scale="dB")
+            axes[0, 0].set(xlabel="time [s]", ylabel="command [°]")
+            axes[1, 0].set(xlabel="frequency [Hz]", ylabel="amplitude [dB re 1 rad]", ylim=(-160, None))
             axes[0, 0].legend()
         return figure
 
     @property
     def report(self) -> Report:
-        """The commands against the limits, and what the identification reports on their simulated logs."""
-        rows: list[tuple[Any, ...]] = []
+        """The commands against the limits, and what the identification makes of their simulated logs."""
+        limits, found = self.limits, self.expected
+        rows: list[tuple[Entry, ...]] = []
         for name, log in self.logs.items():
-            _, rate, acceleration = demand(log.inputs[:, 0] - log.inputs[0], log.period_s).tolist()
-            moved = (rate, acceleration) if acceleration <= self.limits.max_acceleration else ("jump", "jump")
+            moved = demand(log.inputs[:, 0] - log.inputs[0], log.period_s)[1:].tolist()
+            moved = moved if moved[1] <= limits.max_acceleration else ["jump", "jump"]
             ends = np.degrees([log.inputs.min(), log.inputs.max()]).tolist()
             rows.append((name, len(log) * log.period_s, *ends, *moved))
-        low, high = np.degrees([self.limits.low, self.limits.high]).tolist()
-        doubts = {_JUMPS: any("jump" in row for row in rows), _STEPS: not any("step" in name for name in self.logs)}
-        expected, limit = self.expected.report, (self.limits.max_rate, self.limits.max_acceleration)
+        most = (math.degrees(limits.low), math.degrees(limits.high), limits.max_rate, limits.max_acceleration)
+        figures = [("steady gain", found.dc_gain[0]), ("delay [samples]", found.delay_samples)]
+        for pole in found.poles:
+            figures += [("pole [Hz]", pole.frequency_hz), ("its damping", pole.damping)]
+        unknown = [
+            f"The pole at {pole.frequency_hz.value:.3g} Hz is not determined."
+            for pole in found.poles
+            if not pole.determined
+        ]
+        jumps = [_JUMPS] * any("jump" in row for row in rows)
+        no_step = [_NO_STEP] * (not any("step" in name for name in self.logs))
         return Report(
-            title=f"{self.axis}: commands for its identification",
-            headline=f"{len(rows)} commands of {sum(row[1] for row in rows):.0f} s; expected: {expected.headline}",
-            doubts=(*(text for text, holds in doubts.items() if holds), *expected.doubts),
+            title=f"{found.plant.axis}: commands for its identification",
+            headline=f"{len(rows)} commands of {sum(len(log) * log.period_s for log in self.logs.values()):.0f} s in all",
+            doubts=(*jumps, *no_step, *unknown),
             next_steps=(_PLAY,),
-            tables=(Table("Commands", _COLUMNS, (*rows, ("limit", None, low, high, *limit))), *expected.tables),
-            figures=(("Commands and their spectra", self.plot), *expected.figures),
+            tables=(
+                Table("Commands", _COLUMNS, (*rows, ("limit", None, *most))),
+                Table("Expected", ("", "value"), tuple(figures)),
+            ),
+            figures=(("Commands and their spectra", self.plot),),
         )
 
 
@@ -100,18 +110,16 @@ def excite(
       limits: of the axis.
       kinds: signals, a command for each.
       validation: whether there is another command of each kind, to be held back.
-      plant: what the axis is taken to be; of second order, 10 Hz, damping 0.7 and 5 ms delay if None.
+      plant: what the axis is taken to be, whose sampling period the commands have; of second order with 10 Hz, a
+        damping of 0.7 and a delay of 5 ms, sampled at 1 kHz, if None.
       noise_sd: standard deviation of the measured angle's noise [rad].
-      settings: what the commands are made from; the sampling period is that of `plant`.
-      seed: of noise and PRBS.
+      settings: what the commands are made from.
+      seed: of noise and identification.
 
     Raises:
       InputError: if a command does not fit the limits, or logs of them would not determine the plant.
     """
-    settings = settings or ExcitationSettings()
-    period_s = plant.sample_period_s if plant else settings.sample_period_s
-    plant = plant or PlantRecord.second_order(10.0, 0.7, round(5e-3 / period_s) * period_s, period_s)
-    settings = settings.replace(sample_period_s=period_s)
-    commands = plan_commands(kinds, limits, settings, validation=validation, seed=seed)
-    logs, expected = predict({f"{axis}_{name}.csv": u for name, u in commands.items()}, plant, noise_sd, axis, seed)
-    return Excitation(axis, limits, logs, expected)
+    plant = plant or PlantRecord.second_order(10.0, 0.7, delay_s=5e-3)
+    commands = plan_commands(kinds, limits, settings or ExcitationSettings(), plant.sample_period_s, validation)
+    named = {f"{axis}_{name}.csv": command for name, command in commands.items()}
+    return Excitation(limits, *predict(named, plant, noise_sd, axis, seed))

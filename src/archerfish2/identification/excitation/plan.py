@@ -12,7 +12,7 @@ from msgspec import Meta
 from scipy.signal.windows import tukey
 
 from archerfish2.errors import InputError
-from archerfish2.identification.excitation.signals import SweepMethod, multisine, prbs, schroeder_phases, sweep
+from archerfish2.identification.excitation.signals import SweepMethod, multisine, prbs, sweep
 from archerfish2.identification.simulation import Array
 from archerfish2.records.limits import AxisLimits
 from archerfish2.records.record import Angle, Struct
@@ -27,8 +27,6 @@ _LEVELS = {False: (1.0, 0.0, -1.0, 0.0), True: (-0.7, 0.0, 0.5, 0.0)}  # of the 
 class ExcitationSettings(Struct, frozen=True, kw_only=True):
     """Choices that the commands are made from."""
 
-    sample_period_s: Positive = 1e-3
-    """Of commands and logs [s]; that of the plant where one is given."""
     duration_s: Positive = 10.0
     """Of a sweep, multisine or PRBS, less the rest before and after [s]."""
     low_hz: Positive = 2.0
@@ -54,10 +52,6 @@ class ExcitationSettings(Struct, frozen=True, kw_only=True):
     limit_share: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.8
     """Share of the limits that is used; the rest is for the axis's own overshoot."""
 
-    def samples(self, duration_s: float) -> int:
-        """Return how many samples a duration [s] has, at least one."""
-        return max(1, round(duration_s / self.sample_period_s))
-
 
 def demand(signal: Array, period_s: float) -> Array:
     """Return how far, how fast and how sharply a signal moves, from rest to rest about zero.
@@ -75,7 +69,7 @@ def demand(signal: Array, period_s: float) -> Array:
 
 
 def plan_commands(
-    kinds: Sequence[Kind], limits: AxisLimits, settings: ExcitationSettings, *, validation: bool = True, seed: int = 0
+    kinds: Sequence[Kind], limits: AxisLimits, settings: ExcitationSettings, period_s: float, validation: bool = True
 ) -> dict[str, Array]:
     """Return commands [rad], shape (N,) each, by name: "sweep", "sweep_validation".
 
@@ -83,17 +77,17 @@ def plan_commands(
       kinds: signals, a command for each.
       limits: of the axis.
       settings: what they are made from.
+      period_s: sampling period [s].
       validation: whether each has another one, to be held back: the signal from its end and the other way, or other
         steps.
-      seed: of the PRBS.
 
     Raises:
       InputError: if a signal can't be made, or does not fit the limits.
     """
-    low_hz, high_hz, nyquist = settings.low_hz, settings.high_hz, 0.5 / settings.sample_period_s
-    if not (low_hz < high_hz < nyquist and 1 / (high_hz - low_hz) <= settings.period_s <= settings.duration_s):
-        expected = f"low_hz < high_hz < {nyquist:g} (half the sampling rate), 1 / (high_hz - low_hz) ≤ period_s"
-        raise InputError(f"excitation: expected {expected} ≤ duration_s, got {settings}; change them")
+    low_hz, high_hz = settings.low_hz, settings.high_hz
+    if not (low_hz < high_hz < 0.5 / period_s and 1 / (high_hz - low_hz) <= settings.period_s <= settings.duration_s):
+        expected = f"low_hz < high_hz < {0.5 / period_s:g} and 1 / (high_hz - low_hz) ≤ period_s ≤ duration_s"
+        raise InputError(f"excitation: expected {expected}, got {settings}; change them")
     centre = 0.5 * (limits.low + limits.high) if settings.centre is None else settings.centre
     reach = max(min(limits.high - centre, centre - limits.low), 0.0)
     budget = settings.limit_share * np.array([reach, limits.max_rate, limits.max_acceleration])
@@ -103,17 +97,19 @@ def plan_commands(
         expected = f"amplitude and step of at most {most:.3g}° about the centre at {middle:.3g}°"
         raise InputError(f"excitation: expected {expected}, got {got:.3g}°; lower them or move the centre")
     budget[0] = settings.amplitude or budget[0]
-    rest, backs = settings.samples(settings.settle_s), {"": False, "_validation": True} if validation else {"": False}
-    named = {kind + end: _signal(kind, settings, budget, seed, back) for kind in kinds for end, back in backs.items()}
+    rest, backs = round(settings.settle_s / period_s), {"": False, "_validation": True} if validation else {"": False}
+    named = {kind + end: _signal(kind, settings, budget, period_s, b) for kind in kinds for end, b in backs.items()}
     return {name: centre + np.pad(signal, rest) for name, signal in named.items()}
 
 
-def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, seed: int, held_back: bool) -> Array:
+def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: float, held_back: bool) -> Array:
     """Return a signal, scaled so that it uses up one part of the budget; steps have their size."""
-    period_s, low_hz, high_hz = settings.sample_period_s, settings.low_hz, settings.high_hz
-    count, repeat, hold = (settings.samples(each) for each in (settings.duration_s, settings.period_s, settings.hold_s))
+    low_hz, high_hz, durations = settings.low_hz, settings.high_hz, (settings.duration_s, settings.period_s)
+    count, repeat = (max(1, round(each / period_s)) for each in durations)
     if kind == "step":
-        signal = np.append(0.0, np.repeat(settings.step * np.array(_LEVELS[held_back]), hold))
+        signal = np.append(
+            0.0, np.repeat(settings.step * np.array(_LEVELS[held_back]), max(1, round(settings.hold_s / period_s)))
+        )
         jump = np.abs(np.diff(signal)).max()
         half_s = max(np.sqrt(jump / budget[2]), jump / budget[1])
         return _slewed(signal, int(np.ceil(half_s / period_s))) if settings.slew_steps else signal
@@ -124,14 +120,14 @@ def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, seed: int, 
         lowest, highest = low_hz * repeat * period_s - 1e-9, high_hz * repeat * period_s + 1e-9
         harmonics = np.arange(np.ceil(lowest), np.floor(highest) + 1)
         amplitude = _largest_sine(harmonics / (repeat * period_s), budget)
-        phase = schroeder_phases(amplitude * harmonics**2)  # for a low peak of the acceleration, which is the limit
-        signal = np.tile(multisine(repeat, int(harmonics[0]), amplitude, phase), count // repeat)
+        periodic = multisine(repeat, int(harmonics[0]), amplitude, amplitude * harmonics**2)
+        signal = np.tile(periodic, count // repeat)
     else:
         clock = max(2, int(_HALF_POWER / high_hz / period_s))
         bits = int(np.clip(np.log2(repeat / clock + 1), 2, 32))
-        signal = _slewed(prbs(count, clock, bits, seed), clock // 2)
+        signal = _slewed(prbs(count, clock, bits), clock // 2)
     # Fading within a period of the lowest frequency costs no more acceleration than its sine.
-    fade = settings.samples(min(1 / low_hz, 0.1 * settings.duration_s))
+    fade = min(1 / low_hz, settings.duration_s / 10) / period_s
     signal = signal * tukey(signal.size, min(2 * fade / (signal.size - 1), 1))
     # A little less than the budget, for the rounding of the sum with the centre.
     signal *= (1 - 1e-9) / np.max(demand(signal, period_s) / budget)

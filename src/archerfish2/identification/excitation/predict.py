@@ -1,4 +1,4 @@
-"""What the logs of planned commands would give: simulated logs, identified as measured ones are."""
+"""What the logs of commands would give: simulated logs, identified as measured ones are."""
 
 import math
 from collections.abc import Mapping
@@ -11,10 +11,10 @@ from archerfish2.identification.simulation import Array, simulate
 from archerfish2.logs.recording import Recording
 from archerfish2.records.plant import PlantRecord
 
+Prediction = tuple[dict[str, Recording], AxisResult]
 
-def predict(
-    commands: Mapping[str, Array], plant: PlantRecord, noise_sd: float, axis: str, seed: int
-) -> tuple[dict[str, Recording], AxisResult]:
+
+def predict(commands: Mapping[str, Array], plant: PlantRecord, noise_sd: float, axis: str, seed: int) -> Prediction:
     """Simulate the logs of commands from rest, with white noise, and identify a plant of the same order from them.
 
     Args:
@@ -33,10 +33,12 @@ def predict(
     if plant.D.shape != (1, 1) or not 0 <= noise_sd < math.inf:
         got = f"got {plant.D.shape} and {noise_sd:g}; correct it"
         raise InputError(f"excitation: expected a plant of one output and one input, and noise_sd ≥ 0, {got}")
-    rng, gain, logs, period_s = np.random.default_rng(seed), plant.dc_gain.item(), {}, plant.sample_period_s
+    rng, gain, fields = np.random.default_rng(seed), plant.dc_gain.item(), {"output_names": ("expected",)}
+    logs = {}
     for name, u in commands.items():
         y = gain * u[0] + simulate(plant, u[:, None] - u[0])[:, 0] + noise_sd * rng.standard_normal(len(u))
-        logs[name] = Recording.from_arrays(u, y, period_s, output_names=("expected",), source=name)
-    held_back = [log for name, log in logs.items() if "validation" in name]
-    fitted = [log for log in logs.values() if log not in held_back]
+        logs[name] = Recording.from_arrays(u, y, plant.sample_period_s, source=name, **fields)
+    fitted, held_back = (
+        [log for name, log in logs.items() if ("validation" in name) is held] for held in (False, True)
+    )
     return logs, identify_axis(fitted, validate=held_back, axis=axis, order=len(plant.A), seed=seed)

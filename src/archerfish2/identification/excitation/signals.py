@@ -10,9 +10,7 @@ from archerfish2.identification.simulation import Array
 SweepMethod = Literal["linear", "logarithmic"]
 
 
-def sweep(
-    count: int, period_s: float, low_hz: float, high_hz: float, method: SweepMethod = "linear"
-) -> tuple[Array, Array]:
+def sweep(count: int, period_s: float, low_hz: float, high_hz: float, method: SweepMethod) -> tuple[Array, Array]:
     """Return a sine whose frequency rises from one to another, and that frequency at each sample [Hz].
 
     Args:
@@ -30,37 +28,28 @@ def sweep(
     return np.asarray(chirp(time, low_hz, count * period_s, high_hz, method, phi=-90)), frequency
 
 
-def schroeder_phases(amplitude: Array) -> Array:
-    """Return phases that give a sum of sines a low peak: φₙ = −2π Σ (n − l) pₗ over l < n (Schroeder 1970, eq 10).
+def multisine(count: int, first: int, amplitude: Array, flattened: Array) -> Array:
+    """Return one period of Σ amplitude cos(2π n t + φ), n = first, first + 1, …, t in periods.
 
-    Args:
-      amplitude: of adjacent harmonics, whose shares of the power are p, shape (L,).
-
-    Returns:
-      [rad], shape (L,).
-    """
-    share = np.cumsum(amplitude**2) / np.sum(amplitude**2)
-    return np.asarray(-2 * np.pi * (np.cumsum(share) - share))
-
-
-def multisine(count: int, first: int, amplitude: Array, phase: Array) -> Array:
-    """Return one period of Σ amplitude cos(2π n t + phase), n = first, first + 1, …, t in periods.
+    Schroeder's phases (1970, eq 10), φₙ = −2π Σ (n − l) pₗ over l < n, give a sum of sines whose shares of the power
+    are p a low peak: that of the signal itself, or of its derivatives.
 
     Args:
       count: samples N of the period.
       first: number of the lowest harmonic; the highest is below N / 2.
       amplitude: of each harmonic, shape (L,).
-      phase: of each harmonic [rad], shape (L,).
+      flattened: amplitudes of the sum that has the low peak, shape (L,).
 
     Returns:
       Shape (N,).
     """
+    share = np.cumsum(flattened**2) / np.sum(flattened**2)
     spectrum = np.zeros(count // 2 + 1, np.complex128)
-    spectrum[first : first + len(amplitude)] = 0.5 * count * amplitude * np.exp(1j * phase)
+    spectrum[first : first + len(share)] = 0.5 * count * amplitude * np.exp(-2j * np.pi * (np.cumsum(share) - share))
     return np.fft.irfft(spectrum, count)
 
 
-def prbs(count: int, clock: int, bits: int, seed: int) -> Array:
+def prbs(count: int, clock: int, bits: int) -> Array:
     """Return a pseudo-random binary sequence of the levels −1 and 1, of maximum length: 2^bits − 1 clock periods.
 
     Its spectrum is flat from 1 / ((2^bits − 1) clock period) to half its power at 0.44 / clock period.
@@ -69,12 +58,9 @@ def prbs(count: int, clock: int, bits: int, seed: int) -> Array:
       count: samples N; the sequence repeats.
       clock: shortest time at one level [samples].
       bits: length of the shift register, 2…32.
-      seed: determines where in the sequence it begins.
 
     Returns:
       Shape (N,).
     """
-    state = np.random.default_rng(seed).integers(0, 2, bits)
-    state[0] = 1  # an all-zero register stays so
-    levels = max_len_seq(bits, state=state, length=-(-count // clock))[0]
+    levels = max_len_seq(bits, length=-(-count // clock))[0]
     return np.repeat(2.0 * levels - 1.0, clock)[:count]
