@@ -50,7 +50,7 @@ def read_log(
     if stamps is None and not 0 < (sample_period_s or 0) < math.inf:
         problem = f"sample_period_s is {sample_period_s}, expected a number above 0 s"
         raise InputError(f"read_log: {problem}; pass it, or the name of the stamps", "sample-period")
-    content = _content(path)
+    content = file_content(path)
     table = _table(path, content, list(dict.fromkeys([*([stamps] if stamps else []), *signals[0], *signals[1]])))
     table.check()
     rows, repairs = usable_rows(table, signals, stamps, sample_period_s or 1.0)
@@ -72,7 +72,12 @@ def _names(names: str | Sequence[str]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
 
 
-def _content(path: Path) -> bytes:
+def file_content(path: Path) -> bytes:
+    """Return what a log's file has.
+
+    Raises:
+      InputError: if there is no such file, or it is too large or can't be read.
+    """
     try:
         if not path.is_file():
             problem, code = ("is no file", "unreadable") if path.exists() else ("there is no such file", "no-such-file")

@@ -1,0 +1,96 @@
+"""Variance components, intervals of a plain sample, and the variance of a mean under serial correlation."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+from scipy.stats import chi2
+from scipy.stats import t as student
+
+from archerfish2.reports.table import Estimate
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 50
+
+
+class VarianceComponents(NamedTuple):
+    """Weighted least squares whose weights are estimated too; p coefficients, c variances."""
+
+    coefficients: Array  # of the columns, (p,)
+    covariance: Array  # of the coefficients, (p, p)
+    variances: Array  # of the components, none negative, (c,)
+    variances_covariance: Array  # of the variances, robust to tails that are not normal (sandwich), (c, c)
+    residual: Array  # measured less fitted, (N,)
+    sd: Array  # of each measurement, (N,)
+
+
+def variance_components(
+    measured: Array, columns: Array, scales: Array, known: Array | float = 0.0
+) -> VarianceComponents:
+    """Fit measured = columns · β + noise, whose variance is scales · θ + known, by restricted maximum likelihood.
+
+    REML (Patterson and Thompson 1971) by Fisher scoring: with V = diag(scales θ + known) and P = V⁻¹ − V⁻¹ X (Xᵀ V⁻¹
+    X)⁻¹ Xᵀ V⁻¹ each step solves tr(P A_j P A_k) θ_k = yᵀ P A_j P y; θ ≥ 0 by non-negative least squares.
+
+    Args:
+      measured: y, shape (N,).
+      columns: X, shape (N, p); a rank below p is allowed.
+      scales: variance of each measurement per unit of each component, the diagonals of A_j, shape (N, c).
+      known: part of the variance that is not estimated, shape (N,) or ().
+    """
+    count, components = scales.shape
+    parts = np.column_stack([scales, np.broadcast_to(known, count)])  # the variance of the last one is 1
+    scatter = np.mean((measured - columns @ np.linalg.lstsq(columns, measured)[0]) ** 2)
+    theta = scatter / components / np.maximum(scales.mean(axis=0), 1e-300)
+    for _ in range(_ROUNDS):
+        variance = np.maximum(parts @ np.append(theta, 1.0), 1e-9 * scatter + 1e-300)
+        root = 1 / np.sqrt(variance)
+        left, size, right = np.linalg.svd(columns * root[:, None], full_matrices=False)
+        rank = np.count_nonzero(size > 1e-9 * size.max(initial=0.0))
+        basis, back = left[:, :rank], right[:rank].T / size[:rank]
+        coefficients = back @ (basis.T @ (measured * root))
+        squares = ((measured - columns @ coefficients) * root) ** 2
+        shares = parts / variance[:, None]
+        inner = np.einsum("np,nj,nq->jpq", basis, shares, basis)
+        information = shares.T @ (shares * (1 - 2 * np.sum(basis**2, axis=1))[:, None])
+        information += np.einsum("jpq,kqp->jk", inner, inner)
+        scale = 1 / np.sqrt(np.maximum(np.diag(information)[:-1], 1e-300))
+        normal = information[:-1, :-1] * np.outer(scale, scale) + 1e-10 * np.eye(components)
+        factor = np.linalg.cholesky(normal)
+        target = scale * (shares[:, :-1].T @ squares - information[:-1, -1])
+        before, theta = theta, scale * nnls(factor.T, np.linalg.solve(factor, target))[0]
+        if np.max(np.abs(theta - before) / scale) <= 1e-7 * np.max(theta / scale):
+            break
+    bread = np.linalg.inv(normal) * np.outer(scale, scale)
+    scores = shares[:, :-1] * (squares - 1)[:, None]
+    spread = bread @ (scores.T @ scores) @ bread
+    residual = measured - columns @ coefficients
+    return VarianceComponents(coefficients, back @ back.T, theta, spread, residual, np.sqrt(variance))
+
+
+def sample_estimates(sample: Array, unit: str = "") -> tuple[Estimate, Estimate]:
+    """Return mean and standard deviation of a normal sample, shape (N,), with their exact intervals (t, χ²)."""
+    freedom, mean, sd = sample.size - 1, float(sample.mean()), float(sample.std(ddof=1))
+    half = float(student.ppf(0.975, freedom)) * sd / np.sqrt(sample.size)
+    low, high = (sd * float(np.sqrt(freedom / chi2.ppf(level, freedom))) for level in (0.975, 0.025))
+    return Estimate(mean, mean - half, mean + half, unit), Estimate(sd, low, high, unit)
+
+
+def long_run_covariance(scores: Array) -> Array:
+    """Covariance of √n times the mean of a series with serial correlation (Newey and West 1987, Bartlett's weights).
+
+    Args:
+      scores: n terms, shape (n, q), whose mean is taken as zero.
+
+    Returns:
+      Shape (q, q).
+    """
+    count = len(scores)
+    total = scores.T @ scores / count
+    lags = min(int(np.ceil(4 * (count / 100) ** (2 / 9))) + 4, count - 1)
+    for lag in range(1, lags + 1):
+        cross = scores[lag:].T @ scores[:-lag] / count
+        total = total + (1 - lag / (lags + 1)) * (cross + cross.T)
+    return np.asarray(total)
