@@ -7,7 +7,6 @@ alone, is nearest to what was measured. An axis under torque alone drifts away f
 """
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,7 +17,7 @@ import numpy as np
 from scipy import sparse
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import least_squares
-from scipy.signal import lfilter
+from scipy.signal import lfilter, savgol_filter
 
 from archerfish2.dynamics.rigid_axis import RigidAxis, RigidState, dry_friction, rigid_step
 from archerfish2.errors import InputError
@@ -26,30 +25,22 @@ from archerfish2.identification.simulation import Array
 from archerfish2.identification.statistics import long_run_covariance
 from archerfish2.logs.log import read_log
 from archerfish2.logs.recording import Finding, Log, Recording
+from archerfish2.logs.stamps import resampled
 from archerfish2.reports.report import Report
 from archerfish2.reports.table import Estimate, Table
 
-_NAMES = ("inertia", "damping", "gravity_moment", "gravity_phase", "torque_offset", "friction")
-_UNITS = ("kg m²", "N m s/rad", "N m", "rad", "N m", "N m")
+_UNITS = {"inertia": "kg m²", "damping": "N m s/rad", "gravity_moment": "N m", "gravity_phase": "rad"}
+_UNITS |= {"torque_offset": "N m", "friction": "N m"}
 _FREE, _DRY = {"pitch": [0, 1, 2, 3], "yaw": [0, 1, 4]}, 5
+Source = str | Path | Log | Recording
 """Which of these are estimated; a fit has moment · cos phase and moment · sin phase in place of moment and phase."""
 _FINE_S = 5e-3  # longest step with friction: within it the axis can't both stop and break free
+_SMOOTH_S = 0.1  # over which an angle is nearly a parabola
 _SIZES = (0.01, 0.1)  # of the largest torque, from which the friction is searched
-_STEP, _EVALUATIONS = 1e-6, 20  # of differences; of each search
 _EVIDENCE = 6.0  # that friction must gain beyond the BIC, in twice the log odds: strong (Kass and Raftery 1995)
-_KNOWN, _SMALL = 1 / 3, 0.05  # standard error over parameter, at most; moment of gravity over torque that is negligible
-_FEWEST, _USABLE_PERCENT, _LONGEST_MEMORY, _AGREE = 50, 80.0, 0.97, 0.1
-_TURN = 2 * math.pi
-_MEANINGS = {
-    1.0: "its sign is turned",
-    360 / _TURN: "it is in °/s",
-    60 / _TURN: "it is in revolutions per minute",
-    8192 / _TURN: "it is in counts of an encoder of 8192 per second",
-    _TURN / 360: "the angle is in degrees",
-    _TURN: "the angle is in turns",
-    _TURN / 8192: "the angle is in counts of an encoder of 8192",
-}
-"""Size of the slope of a rate over the angle's derivative, and what it means."""
+_FEWEST, _LONGEST_MEMORY, _AGREE, _USABLE_PERCENT = 50, 0.97, 0.1, 80.0
+_PER_RADIAN = {"degrees": 180 / math.pi, "turns": 0.5 / math.pi, "counts of 8192": 4096 / math.pi}
+_MISSING = "record a log that speeds up and slows down, and for pitch one that moves slowly through the whole travel"
 
 
 class Segments(NamedTuple):
@@ -82,7 +73,7 @@ class RigidResult:
 
 
 def identify_rigid(
-    logs: Sequence[str | Path | Log | Recording],
+    logs: Sequence[Source],
     kind: Literal["pitch", "yaw"],
     *,
     torque_per_unit: float = 1.0,
@@ -108,7 +99,7 @@ def identify_rigid(
         got = f"got {len(logs)}, {torque_per_unit:g} and {segment_s:g} s; correct it"
         raise InputError(f"identify_rigid: expected logs, torque_per_unit ≠ 0 and segment_s of 0.05 s or more, {got}")
     recordings, findings = _read(logs, rate)
-    period_s, source = recordings[0].period_s, ", ".join(each.source for each in recordings)
+    period_s, sources = recordings[0].period_s, ", ".join(each.source for each in recordings)
     length = min(len(each) // math.ceil(len(each) * period_s / segment_s - 1e-6) for each in recordings)
     parts = [len(each) // length for each in recordings]
     cut = [each.slice(0, part * length) for each, part in zip(recordings, parts, strict=True)]
@@ -116,85 +107,72 @@ def identify_rigid(
     outputs = np.concatenate([each.outputs.reshape(part, length, -1) for each, part in zip(cut, parts, strict=True)])
     segments = Segments(torque, outputs, period_s)
     if rate:
-        _check_rate(segments, source, rate)
-    fit = _fit(segments, _FREE[kind], *_first_guess(segments, _FREE[kind], source))
+        _check_rate(segments, sources, rate)
+    fit = _fit(segments, _FREE[kind], *_first_guess(segments, _FREE[kind], sources))
     if friction != "none":
         sizes = np.array(_SIZES) * np.ptp(torque) / 2
         tried = [_fit(segments, [*fit.free, _DRY], np.append(fit.values[:_DRY], each), fit.starts) for each in sizes]
         dry = min(tried, key=lambda each: float(np.prod(each.scale)))
         fit = dry if friction == "coulomb" or _pays(fit, dry) else fit
-    estimates = _estimates(segments, fit, source)
-    fits, left = [], np.split(fit.residual[..., 0] * fit.scale[0], np.cumsum(parts)[:-1])
-    for each, error in zip(cut, left, strict=True):
-        angle = each.outputs[:, 0]
-        fits.append((each.source, 100 * float(1 - np.linalg.norm(error) / np.linalg.norm(angle - angle.mean()))))
-    ...
+    estimates = _estimates(fit)
+    errors = np.split(fit.residual[..., 0] * fit.scale[0], np.cumsum(parts)[:-1])
+    fits = {each.source: _percent(each.outputs[:, 0], left) for each, left in zip(cut, errors, strict=True)}
+    wide = [name for name, (value, low, high, _) in estimates.items() if high - low > abs(value)]
+    reasons = [f"{name} is hardly determined: {_MISSING}" for name in wide if name in ("inertia", "gravity_moment")]
+    reasons += [f"the model misses part of {name}: other friction, backlash or units" for name, each in fits.items() if each < _USABLE_PERCENT]
+    doubts = ["damping and friction are hardly separated"] * ("damping" in wide)
+    rows = (*estimates.items(), *((f"fit of {name} [%]", each) for name, each in fits.items()))
+    table = Table("Parameters", ("", "value"), rows)
+    headline = f"inertia {estimates['inertia'].value:.4g} kg m², damping {estimates['damping'].value:.4g} N m s/rad"
+    report = Report(f"Rigid {kind} axis", headline, not reasons, tuple(reasons), doubts=tuple(doubts), tables=(table,), findings=findings)
+    return RigidResult(estimates, fits, findings, report)
 
 
-def _read(
-    logs: Sequence[str | Path | Log | Recording], rate: str | None
-) -> tuple[list[Recording], tuple[Finding, ...]]:
-    """Return recordings of torque, angle and rate in radians, without jumps of whole turns, and findings of the logs."""
-    name = (rate or "").removeprefix("-")
-    signals: Any = {"inputs": ("torque",), "outputs": ("angle", name) if name else ("angle",)}
+def _read(logs: Sequence[Source], rate: str | None) -> tuple[list[Recording], tuple[Finding, ...]]:
+    """Return recordings of torque, angle and rate in radians, and findings of their logs."""
+    name, found = (rate or "").removeprefix("-"), list[Recording]()
+    signals: Any = {"inputs": "torque", "outputs": ("angle", name) if name else "angle"}
     read = [read_log(each, **signals) if isinstance(each, str | Path) else each for each in logs]
-    recordings = [each for log in read for each in (log.recordings if isinstance(log, Log) else (log,))]
-    found = []
-    for each in recordings:
-        places = [0, *([each.output_names.index(name)] if name in each.output_names else [])]
-        period = abs(each.period_s / recordings[0].period_s - 1) < 0.01
-        if len(places) == 1 and name or len(each) < _FEWEST or not period:
-            expected = f'expected at least {_FEWEST} samples, {recordings[0].period_s:g} s apart, with rate "{name}"'
-            raise InputError(f"{each.source}: {expected}, got {len(each)}, {each.period_s:g} s apart; record ")
-        names = tuple(each.output_names[place] for place in places)
-        outputs = each.outputs[:, places] * [math.pi / 180 if re.search("deg|°", other) else 1.0 for other in names]
-        outputs[:, 0], outputs[:, 1:] = np.unwrap(outputs[:, 0]), outputs[:, 1:] * (1 if rate == name else -1)
-        found.append(replace(each, outputs=outputs, output_names=names))
+    for each in [each for log in read for each in (log.recordings if isinstance(log, Log) else (log,))]:
+        names = (each.output_names[0], *(other for other in each.output_names[1:] if other == name))
+        if len(each) < _FEWEST or (name and len(names) == 1):
+            expected = f"expected at least {_FEWEST} samples of {name or names[0]}, got {len(each)} of {each.output_names}"
+            raise InputError(f"{each.source}: {expected}; record longer or name another rate")
+        scale = [math.pi / 180 * (-1) ** (rate != name) if "deg" in ..]
+        outputs = each.outputs[:, [each.output_names.index(other) for other in names]] * scale
+        found.append(resampled(replace(each, outputs=outputs, output_names=names), found[0].period_s if found else each.period_s))
     return found, tuple(finding for log in read if isinstance(log, Log) for finding in log.findings)
 
 
-def _check_rate(segments: Segments, source: str, rate: str) -> None:
+def _check_rate(segments: Segments, sources: str, rate: str) -> None:
     """Refuse a rate that is not the angle's derivative; the angle is regressed on the rate's integral, which is smooth."""
     turned = cumulative_trapezoid(segments.outputs[..., 1], dx=segments.period_s, axis=1, initial=0.0)
     turned, angle = (each - each.mean(axis=1, keepdims=True) for each in (turned, segments.outputs[..., 0]))
     product, power = np.sum(turned * angle), np.sum(turned**2)
     slope, explained = power / product, product**2 / (power * np.sum(angle**2))
-    near = min(_MEANINGS, key=lambda each: abs(math.log(abs(slope) / each)))
-    meaning = _MEANINGS[near] if abs(abs(slope) / near - 1) <= _AGREE else "no usual unit"
-    if explained < 0.5:
-        meaning = "it is the rate of another axis"
-    elif slope < 0 and near != 1.0:
-        meaning += ", and its sign is turned"
-    elif slope > 0 and near == 1.0:
-        return
-    problem = f'rate "{rate}" is {slope:.4g} times the derivative of the angle, expected 1: {meaning}'
-    raise InputError(f'{source}: {problem}; correct it ("-{rate}" turns the sign), or leave it out', "rate")
+    sizes = {"": 1.0} | {f"the rate is in {unit} per second": size for unit, size in _PER_RADIAN.items()}
+    sizes |= {f"the angle is in {unit}": 1 / size for unit, size in _PER_RADIAN.items()}
+    meanings = [text for text, size in sizes.items() if abs(abs(slope) / size - 1) <= _AGREE] or ["no usual unit explains it"]
+    meanings = [*filter(None, meanings), *["its sign is turned"] * bool(slope < 0)] if explained > 0.5 else ["it is of another axis"]
+    if meanings:
+        problem = f'rate "{rate}" is {slope:.4g} times the derivative of the angle, expected 1: {" and ".join(meanings)}'
+        raise InputError(f'{sources}: {problem}; correct it ("-{rate}" turns its sign), or leave it out', "rate")
 
 
-def _first_guess(segments: Segments, free: list[int], source: str) -> tuple[Array, Array]:
-    """Estimate parameters (6,) and initial states (S, 2) by regression on the equation of motion, integrated twice.
-
-    θ = θ(0) + θ̇(0) t + φ₀ ∬T − φ₁ (∫θ − θ(0) t) − φ₂ ∬sin θ + φ₃ ∬cos θ + φ₄ t²/2 with φ = (1, b, …) / inertia: linear,
-    and nothing is differentiated.
-    """
-    angle = segments.outputs[..., 0]
-    time = segments.period_s * np.arange(angle.shape[1])
-    once = partial(cumulative_trapezoid, dx=segments.period_s, axis=1, initial=0.0)
-    held = segments.period_s * (np.cumsum(segments.torque, axis=1) - segments.torque)
-    terms = [once(held), -once(angle), -once(once(np.sin(angle))), once(once(np.cos(angle))), 0 * angle + time**2 / 2]
-    columns, own = np.stack([terms[each] for each in free], axis=-1), np.stack([np.ones_like(time), time], axis=-1)
-    basis = np.linalg.qr(own)[0]
-    rows = (columns - basis @ (basis.T @ columns)).reshape(-1, len(free))
-    scale = np.linalg.norm(rows, axis=0) + 1e-300
-    phi = np.linalg.lstsq(rows / scale, angle.ravel())[0] / scale
+def _first_guess(segments: Segments, free: list[int], sources: str) -> tuple[Array, Array]:
+    """Estimate parameters (6,) and initial states (S, 2) by regression of the acceleration, from local parabolas."""
+    window = min(max(2 * round(_SMOOTH_S / segments.period_s / 2) + 1, 5), 2 * (segments.torque.shape[1] // 2) - 1)
+    smooth = partial(savgol_filter, segments.outputs[..., 0], window, 2, delta=segments.period_s)
+    angle, rate, acceleration = (smooth(deriv=order) for order in range(3))
+    terms = [segments.torque, -rate, -np.sin(angle), np.cos(angle), np.ones_like(angle)]
+    columns = np.stack([terms[each] for each in free], axis=-1).reshape(-1, len(free))
+    scale = np.linalg.norm(columns, axis=0) + 1e-300
+    phi, values = np.linalg.lstsq(columns / scale, acceleration.ravel())[0] / scale, np.zeros(6)
     if not phi[0] > 0:
-        problem = "the angle does not accelerate with the torque"
-        remedy = "check that both move, that they are not exchanged, and the sign of torque_per_unit"
-        raise InputError(f"{source}: {problem}; {remedy}")
-    values, starts = np.zeros(6), (angle - columns @ phi) @ np.linalg.pinv(own).T
-    starts[:, 1] -= phi[1] * starts[:, 0]  # the damping's column lacks θ(0) t
+        remedy = "check that both move and aren't exchanged, and the sign of torque_per_unit"
+        raise InputError(f"{sources}: the angle does not accelerate with the torque; {remedy}")
     values[free] = np.append(1.0, phi[1:]) / phi[0]
-    return values, starts
+    return values, np.stack([angle[:, 0], rate[:, 0]], axis=-1)
 
 
 def _simulate(segments: Segments, values: Array, starts: Array) -> Array:
@@ -273,24 +251,14 @@ def _covariance(fit: Fit) -> Array:
     return np.asarray(bread @ middle @ bread * left.size / (left.size - len(bread) - fit.starts.size))
 
 
-def _estimates(segments: Segments, fit: Fit, source: str) -> dict[str, Estimate]:
-    """Return the parameters with their intervals; refuse those that the logs leave open."""
+def _estimates(fit: Fit) -> dict[str, Estimate]:
+    """Return the parameters with their intervals."""
     values, turn = fit.values[fit.free], np.eye(len(fit.free))
     if 2 in fit.free:  # from moment · cos phase and moment · sin phase to moment and phase
-        moment, phase = math.hypot(*values[2:4]), math.atan2(values[3], values[2])
-        cosine, sine = values[2:4] / moment
-        values[2:4], turn[2:4, 2:4] = (moment, phase), [[cosine, sine], [-sine / moment, cosine / moment]]
-    errors = np.sqrt(np.diag(turn @ _covariance(fit) @ turn.T))
-    remedy = "record a log that speeds up and slows down, as a sweep does"
-    if not errors[0] <= _KNOWN * values[0]:
-        raise InputError(
-            f"{source}: inertia is {values[0]:.2g} ± {1.96 * errors[0]:.2g} kg m², which is open; {remedy}", "inertia"
-        )
-    if 2 in fit.free and max(errors[2], moment * errors[3]) > max(
-        _KNOWN * moment, _SMALL * np.abs(segments.torque).max()
-    ):
-        reach = np.degrees(np.ptp(segments.outputs[..., 0]))
-        problem = f"moment and phase of gravity can't be separated, over {reach:.2g}° it is a constant torque"
-        raise InputError(f"{source}: {problem}; record a slow movement through the whole travel", "gravity")
-    ends = zip(values.tolist(), (values - 1.96 * errors).tolist(), (values + 1.96 * errors).tolist(), strict=True)
-    return {_NAMES[place]: Estimate(*each, _UNITS[place]) for place, each in zip(fit.free, ends, strict=True)}
+        (cosine, sine), moment = values[2:4] / np.hypot(*values[2:4]), np.hypot(*values[2:4])
+        values[2:4] = moment, np.arctan2(sine, cosine)
+        turn[2:4, 2:4] = [[cosine, sine], [-sine / moment, cosine / moment]]
+    half = _TWO_SIDED * np.sqrt(np.diag(turn @ _covariance(fit) @ turn.T))
+    ends = np.stack([values, values - half, values + half], axis=1).tolist()
+    named = [list(_UNITS.items())[place] for place in fit.free]
+    return {name: Estimate(*each, unit) for (name, unit), each in zip(named, ends, strict=True)}

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from archerfish2.identification.simulation import Array, free_responses, simulate
+from archerfish2.logs.recording import Values
 from archerfish2.records.plant import PlantRecord
 
 
@@ -17,7 +18,7 @@ class FreeRun(NamedTuple):
 
 
 def free_run(
-    plant: PlantRecord, inputs: Array, outputs: Array, offset: Array | None = None, *, drift: bool = False
+    plant: PlantRecord, inputs: Values, outputs: Values, offset: Array | None = None, *, drift: bool = False
 ) -> FreeRun:
     """Simulate a log from the initial state that fits it best.
 
@@ -29,7 +30,7 @@ def free_run(
       drift: whether the outputs drift, by a polynomial of third degree that is fitted too.
     """
     samples, size = outputs.shape
-    driven = simulate(plant, inputs) + (0.0 if offset is None else offset)
+    driven = simulate(plant, np.asarray(inputs, dtype=np.float64)) + (0.0 if offset is None else offset)
     free = free_responses(plant, samples).reshape(samples * size, -1)
     powers = [0, 1, 2, 3] if drift else [0]
     time = np.linspace(-1, 1, samples)[:, None] ** (powers if offset is None else powers[1:])

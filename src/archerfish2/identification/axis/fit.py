@@ -12,18 +12,21 @@ from archerfish2.identification.axis.log_start import first_guess, guarded, roun
 from archerfish2.identification.axis.output_error import LinearFit, refine, refine_best, residuals_by_log, solve
 from archerfish2.identification.axis.prior import out_of_band, steady_gain
 from archerfish2.identification.axis.sections import Sections, poles_of, state_matrices
-from archerfish2.identification.axis.selection import Selection, select
+from archerfish2.identification.axis.selection import Selection, select_structure
 from archerfish2.identification.axis.spectrum import Experiment, Lines, lines_of, strongest, thinned
 from archerfish2.identification.axis.starts import distinct, vector_fits
 from archerfish2.identification.axis.structure import Structure, delay_table
 from archerfish2.identification.simulation import Array, Complex
 from archerfish2.identification.validation import free_run
+from archerfish2.logs.recording import Values
 from archerfish2.records.plant import PlantRecord
 
-_ALL_LINES, _FEW_LINES = 8000, 1000  # up to so many all lines are fitted, beyond only those that respond; for starts
+_ALL_LINES, _MOST_LINES = 8000, 12_000  # up to which all lines are fitted; beyond, so many of those that respond
+_FEW_LINES = 1000  # for starts
 _RESPONDS = 0.02  # response over noise, in power, from which a line is fitted
 _OTHER_OPTIMUM = 1.15  # cost over the best one's up to which optima on a few lines are in doubt
 _CONTRADICTED = 0.05  # probability at which constraints count as contradicted by the logs
+DELAY = 20  # up to which a delay is searched at first [samples]
 _LARGEST_ORDER, _ORDERS, _PILOT = 20, range(1, 9), 4  # that can be given; from which is chosen; of the first fits
 _LEAST_NOISE = 1e-8  # of an output's standard deviation, by which outputs are weighed
 
@@ -32,11 +35,11 @@ class Series(Protocol):
     """Inputs and outputs at equal intervals, as of a `Recording`."""
 
     @property
-    def inputs(self) -> Array:
+    def inputs(self) -> Values:
         """Inputs, shape (N, m)."""
 
     @property
-    def outputs(self) -> Array:
+    def outputs(self) -> Values:
         """Outputs, shape (N, p)."""
 
     @property
@@ -84,7 +87,7 @@ def fit_axis(
     order: int | None = None,
     delay: int | None = None,
     *,
-    max_delay: int = 20,
+    max_delay: int = DELAY,
     feedthrough: bool = True,
     dc_gain: Array | None = None,
     held_back: Sequence[Series] = (),
@@ -104,33 +107,37 @@ def fit_axis(
       InputError: if arrays don't fit together or aren't finite, inputs or outputs don't move, a recording is too short
         for the order, or there are several inputs with several outputs.
     """
-    longest = max_delay if delay is None else delay
-    logs, orders = _checked(recordings, order or _ORDERS[0], longest), [order] if order else _ORDERS
-    kept = _checked([recordings[0], *held_back], order or _ORDERS[0], longest)[1:]
+    longest, orders = max_delay if delay is None else delay, _ORDERS if order is None else range(order, order + 1)
+    every = _checked([*recordings, *held_back], orders[0], longest)
+    logs, kept = every[: len(recordings)], every[len(recordings) :]
     shortest = min(len(u) for u, _ in logs)
     delays = (0, min(max_delay, shortest // 10)) if delay is None else (delay, delay)
-    orders = [each for each in orders if shortest >= _least_samples(each, logs[0][0].shape[1])]
+    orders = orders[: sum(shortest >= _least_samples(each, logs[0][0].shape[1]) for each in orders)]
     scale = np.sqrt(np.mean(np.concatenate([y for _, y in logs]) ** 2, 0))
     experiments, period = [first_guess(u, y / scale, delays[1]) for u, y in logs], recordings[0].period_s
-    pilot = order or min(_PILOT, orders[-1])
+    pilot = orders[min(_PILOT, len(orders)) - 1]
     experiments, table = guarded(experiments, delays[1], lambda each: delay_table(each, pilot, delays))
 
     def predicted(structure: Structure, fit: LinearFit) -> float:
-        data = [replace(e, drift=structure.drift).at(structure.delay, structure.feedthrough) for e in experiments]
-        plant = plant_of(solve(fit.sections, data), structure, scale, period)
+        logs = [replace(e, drift=structure.drift) for e in experiments]
+        data = lines_of(logs, thinned(logs, _FEW_LINES), structure.delay, structure.feedthrough)
+        constraints, ridge = out_of_band(solve(fit.sections, data), data, structure.delay)
+        fit = refine(fit.sections, data + constraints, 15, 1e-5, ridge)
+        plant = plant_of(fit, structure, scale, period)
         return min(float(free_run(plant, u, y, drift=structure.drift).fit_percent.min()) for u, y in kept)
 
     delays = delays[0], max(delays[1], *table)
-    selection = select(experiments, table, orders, delays, feedthrough, predicted if kept else None)
+    selection = select_structure(experiments, table, orders, delays, feedthrough, predicted if kept else None)
     structure, starts = selection.structure, selection.starts
     final = [replace(e, skip=min(e.skip, structure.delay), drift=structure.drift) for e in experiments]
-    for again in range(min(2, len(scale))):
-        if again:  # with outputs in units of their noise
-            rows = 2 * sum(len(e.z) for e in final)
-            noise = np.maximum(np.sqrt(np.mean(fit.residual[:, :rows] ** 2, 1)), _LEAST_NOISE)
-            scale, final, starts = scale * noise, [replace(e, y=e.y / noise) for e in final], [fit.sections]
-        gain = None if dc_gain is None else np.reshape(dc_gain, (len(scale), -1)) / scale[:, None]
-        fit, constraints, ridge = _settled(final, structure, starts, gain)
+    gain = None if dc_gain is None else np.reshape(dc_gain, (len(scale), -1)) / scale[:, None]
+    fit, constraints, ridge = _settled(final, structure, starts, gain)
+    if len(scale) > 1:  # again, with outputs in units of their noise
+        rows = 2 * sum(len(e.z) for e in final)
+        noise = np.maximum(np.sqrt(np.mean(fit.residual[:, :rows] ** 2, 1)), _LEAST_NOISE)
+        scale, final = scale * noise, [replace(e, y=e.y / noise) for e in final]
+        gain = None if gain is None else gain / noise[:, None]
+        fit, constraints, ridge = _settled(final, structure, [fit.sections], gain)
     plant = plant_of(fit, structure, scale, period)
     fits = np.array([free_run(plant, u, y, drift=structure.drift).fit_percent for u, y in logs])
     return AxisFit(plant, fits, structure, fit, scale, final, constraints, ridge, selection)
@@ -198,9 +205,10 @@ def _settled(
     finalists = [starts[0], *(fit.sections for fit in rough[:2])]
     if len(rough) > 1 and rough[1].cost < _OTHER_OPTIMUM * rough[0].cost:
         finalists += [fit.sections for fit in vector_fits(informative, structure.order)[:3]]
-    free = refine_best(finalists, informative, 40, 1e-9)
-    missed = solve(free.sections, data).cost > best.cost  # a pole between the lines that were left out
-    free, data = (refine_best(finalists, data, 40, 1e-9), data) if missed else (free, informative)
+    free = refine_best(finalists, informative, 20, 1e-4)
+    if solve(free.sections, data).cost > best.cost:  # a pole between the lines that were left out
+        free, informative = refine_best(finalists, data, 20, 1e-4), data
+    free, data = refine(free.sections, informative, 40, 1e-9), informative
     constraints, ridge = out_of_band(free, data, structure.delay)
     held = [] if gain is None else [steady_gain(gain, free, data)]
     rows = 2 * sum(len(lines.z) for lines in data)
@@ -209,7 +217,8 @@ def _settled(
     least = max(np.sum(free.residual[:, :rows] ** 2), rounding_floor(experiments))
     for strength in (1.0, 0.1, 0.01):
         soft = [c._replace(inputs=strength * c.inputs, outputs=strength * c.outputs) for c in constraints]
-        fit = refine_best([free.sections, starts[0]], data + soft + held, 30, 1e-8, ridge * strength**2)
+        fit = refine_best([free.sections, starts[0]], data + soft + held, 8, 1e-4, ridge * strength**2)
+        fit = refine(fit.sections, data + soft + held, 30, 1e-8, ridge * strength**2)
         if np.sum(fit.residual[:, :rows] ** 2) <= least * allowed:
             return fit, soft + held, ridge * strength**2
     return free, held, 0.0
@@ -221,5 +230,5 @@ def _responding(fit: LinearFit, data: list[Lines]) -> list[Lines]:
     powers = [np.abs(lines.inputs) ** 2 for lines in data]
     gain = sum(map(np.sum, squares)) / sum(map(np.sum, powers))
     responses = [np.maximum(y.mean(0), gain * u.sum(0)) for y, u in zip(squares, powers, strict=True)]
-    picks = strongest(responses, np.inf, _RESPONDS * 2 * fit.cost / fit.residual.size)
+    picks = strongest(responses, _MOST_LINES, _RESPONDS * 2 * fit.cost / fit.residual.size)
     return [lines.pick(k) for lines, k in zip(data, picks, strict=True)]

@@ -48,4 +48,4 @@ def slow_wander(squares: Array, most: int) -> Array:
 def local_power(squares: Array) -> Array:
     """Return a residual's power around each line, for draws; arguments as of `noise_power`."""
     width = 2 * max(2, round(np.sqrt(len(squares)) / 2)) + 1
-    return np.maximum(uniform_filter1d(squares, width, mode="reflect"), slow_wander(squares, width))
+    return np.asarray(np.maximum(uniform_filter1d(squares, width, mode="reflect"), slow_wander(squares, width)))

@@ -142,7 +142,9 @@ def refine(sections: Sections, data: list[Lines], steps: int, tolerance: float, 
     return fit
 
 
-def refine_best(starts: list[Sections], data: list[Lines], steps: int, tolerance: float, ridge: float = 0) -> LinearFit:
+def refine_best(
+    starts: Sequence[Sections], data: list[Lines], steps: int, tolerance: float, ridge: float = 0
+) -> LinearFit:
     """Return the best of the fits from several starts; arguments as of `refine`."""
     return min((refine(each, data, steps, tolerance, ridge) for each in starts), key=cost_of)
 

@@ -1,4 +1,4 @@
-"""Selection of order, delay, feedthrough and drift by one criterion; of the order by held-back logs where there are some.
+"""Selection of order, delay, feedthrough and drift by one criterion; of the order by held-back logs, if there are some.
 
 Of structures that are about as likely the one of the least plain sum of squares is preferred.
 """
@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from archerfish2.identification.axis.log_start import Table, rounding_floor
-from archerfish2.identification.axis.output_error import LinearFit, refine, refine_best
+from archerfish2.identification.axis.output_error import LinearFit, refine, refine_best, solve
 from archerfish2.identification.axis.sections import Sections, order_of, poles_of
 from archerfish2.identification.axis.spectrum import Experiment, lines_of, thinned
 from archerfish2.identification.axis.starts import subsets, vector_fits
-from archerfish2.identification.axis.structure import Criterion, Structure
+from archerfish2.identification.axis.structure import Criterion, Found, Structure
 
-_PLAIN_LINES = 1000
+_PLAIN_LINES, _FIT_LINES = 1000, 8000
 _CLOSE = 2.0  # difference of the criterion up to which structures are about as likely
 _FARTHEST = 8  # samples that the delay moves from where its search begins
 _WORSE = 2  # orders in a row that are worse, beyond which none is tried
@@ -24,16 +24,30 @@ _SLOW, _INSTEAD = 6.0, 10.0  # log over a slow pole's time constant; criterion t
 _PER_STATE = 0.2  # points of fit on held-back logs that a state must gain
 
 
+class Candidate(NamedTuple):
+    """A structure that was evaluated."""
+
+    order: int  # number of poles
+    delay: int  # of the inputs [samples]
+    feedthrough: bool  # whether inputs act, after the delay, within their own sample
+    drift: bool  # of the outputs
+    bic: float  # criterion
+    weight: float  # probability among those that were kept; 0 of others
+    fit_percent: float | None = None  # of the likeliest structure of each order
+    held_back_percent: float | None = None  # of the same, on the held-back log that it predicts worst
+
+
 class Selection(NamedTuple):
     """A structure, and what else is possible."""
 
     structure: Structure
     starts: list[Sections]  # from which its final fit may start, the likeliest first
-    weights: dict[Structure, float]  # of all structures that were evaluated, the likeliest first; their sum is 1
-    found: dict[Structure, tuple[float, LinearFit]]  # their criterion and weighted fit
+    weights: dict[Structure, float]  # of the structures that were kept, the likeliest first; their sum is 1
+    found: Found  # their criterion and weighted fit
+    candidates: tuple[Candidate, ...]  # all structures, the likeliest first
 
 
-def select(
+def select_structure(
     experiments: Sequence[Experiment],
     table: Table,
     orders: Sequence[int],
@@ -68,15 +82,23 @@ def select(
             before = min((bic for bic, _ in criterion.found.values()), default=np.inf)
             worse = 0 if search.at_order(each) <= before else worse + 1
             each += side
+    found, predicted = criterion.found, dict[Structure, float]()
+    every = dict(found)
     if held_back is not None:
-        _keep_order(criterion, held_back)
+        predicted = {s: held_back(s, found[s][1]) for s in _best_of_orders(found)}
+        kept = max(predicted, key=lambda s: predicted[s] - _PER_STATE * s.order).order
+        _keep(found, lambda s: s.order == kept)
     search.try_drift(orders)
-    found = criterion.found
+    every |= found
     chosen = _preferred(criterion, table)
     likely = {s: float(np.exp(-0.5 * (found[s][0] - found[_best(found)][0]))) for s in found}
     weights = {s: w / sum(likely.values()) for s, w in sorted(likely.items(), key=lambda each: -each[1])}
     same = [table[chosen.delay].sections] if chosen.delay in table and order == chosen.order else []
-    return Selection(chosen, [found[chosen][1].sections, *same, *subsets(larger, chosen.order)], weights, found)
+    starts = [found[chosen][1].sections, *same, *subsets(larger, chosen.order)]
+    fits = {s: _fit_percent(criterion, s, every[s][1]) for s in _best_of_orders(every)}
+    likeliest = sorted(every, key=lambda s: (-weights.get(s, 0.0), every[s][0]))
+    facts = [(*s, every[s][0], weights.get(s, 0.0), fits.get(s), predicted.get(s)) for s in likeliest]
+    return Selection(chosen, starts, weights, found, tuple(Candidate(*each) for each in facts))
 
 
 class _Search:
@@ -125,27 +147,33 @@ class _Search:
             self.start = best.delay
             self.at_order(best.order, drift=True)
             first = best
-        for s in [s for s in found if s.drift != first.drift]:
-            del found[s]
+        _keep(found, lambda s: s.drift == first.drift)
 
 
-def _best(found: dict[Structure, tuple[float, LinearFit]]) -> Structure:
+def _best(found: Found) -> Structure:
     return min(found, key=lambda each: round(found[each][0], 6))
 
 
-def _keep_order(criterion: Criterion, held_back: Callable[[Structure, LinearFit], float]) -> None:
-    """Keep the structures of the order that predicts held-back logs best."""
-    found, scores = criterion.found, dict[int, float]()
-    for order in {s.order for s in found}:
-        best = _best({s: each for s, each in found.items() if s.order == order})
-        scores[order] = held_back(best, found[best][1]) - _PER_STATE * order
-    kept = max(scores, key=lambda order: scores[order])
-    for s in [s for s in found if s.order != kept]:
+def _best_of_orders(found: Found) -> list[Structure]:
+    orders = sorted({s.order for s in found})
+    return [_best({s: each for s, each in found.items() if s.order == order}) for order in orders]
+
+
+def _keep(found: Found, condition: Callable[[Structure], bool]) -> None:
+    for s in [s for s in found if not condition(s)]:
         del found[s]
 
 
+def _fit_percent(criterion: Criterion, s: Structure, fit: LinearFit) -> float:
+    """Fit by given poles, each log's transients, level and drift fitted."""
+    logs = criterion.logs(s)
+    data = lines_of(logs, thinned(logs, _FIT_LINES), s.delay, s.feedthrough)
+    power = sum(float(np.sum(np.abs(lines.outputs) ** 2)) for lines in data)
+    return float(100 * (1 - np.sqrt(solve(fit.sections, data).cost / power)))
+
+
 def _preferred(criterion: Criterion, table: Table) -> Structure:
-    """Of structures about as likely as the best one, of its order, that of the least BIC of the plain sum of squares."""
+    """Of structures of an order about as likely as the best one, that of the least BIC of the plain sum of squares."""
     found, experiments = criterion.found, criterion.experiments
     first = _best(found)
     close = [s for s, (bic, _) in found.items() if s.order == first.order and bic <= found[first][0] + _CLOSE]

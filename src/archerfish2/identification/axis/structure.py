@@ -39,6 +39,10 @@ class Structure(NamedTuple):
     drift: bool = False  # of the outputs, by a polynomial of third degree
 
 
+Found = dict[Structure, tuple[float, LinearFit]]
+"""Criterion and weighted fit of structures."""
+
+
 def delay_table(experiments: Sequence[Experiment], order: int, delays: tuple[int, int]) -> Table:
     """Fit some delays on a few lines: a grid, bisected around the best, doubled while the best lies at its end.
 
@@ -78,8 +82,7 @@ class Criterion:
 
     def __init__(self, experiments: Sequence[Experiment], pilots: Sequence[Sections], delay: int, slow: bool) -> None:
         self.experiments, self.drifting = experiments, [replace(e, drift=True) for e in experiments]
-        self.found: dict[Structure, tuple[float, LinearFit]] = {}
-        """Criterion and weighted fit of each structure that was evaluated."""
+        self.found: Found = {}
         data = [e.at(delay) for e in experiments]
         best = min((solve(each, data) for each in pilots), key=cost_of)
         both = list(zip(experiments, residuals_by_log(best, data), strict=True))
