@@ -1,16 +1,21 @@
-"""`excite`: the commands that identify an axis, and how well their logs will determine it."""
+"""`excite`: the commands that identify an axis, and what their logs would give.
+
+The prediction simulates the logs and runs the identification on them, so that its intervals are the tool's own.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from archerfish2.identification.axis.identify import AxisResult
-from archerfish2.identification.excitation.plan import ExcitationSettings, Kind, demand, plan_commands
-from archerfish2.identification.excitation.predict import predict
+from archerfish2.errors import InputError
+from archerfish2.identification.axis.identify import AxisResult, identify_axis
+from archerfish2.identification.excitation.plan import ExcitationSettings, Kind, demand, plan_command
+from archerfish2.identification.simulation import simulate
 from archerfish2.logs.recording import Recording
 from archerfish2.records.limits import AxisLimits
 from archerfish2.records.plant import PlantRecord
@@ -25,7 +30,6 @@ ENCODER_NOISE = 2 * math.pi / 8192 / math.sqrt(12)
 """Standard deviation of the rounding of an encoder of 8192 counts a turn [rad]."""
 _COLUMNS = ("command", "length [s]", "lowest [°]", "highest [°]", "rate [rad/s]", "acceleration [rad/s²]")
 _JUMPS = "Steps jump beyond the limits of rate and acceleration: the motor saturates for their first milliseconds."
-_NO_STEP = "The steady gain is extrapolated from the lowest frequency: add a step."
 _PLAY = "Play column u of each file, log the angle as y under the same name, and identify the folder of these logs."
 
 
@@ -38,7 +42,7 @@ class Excitation:
     expected: AxisResult  # what the identification makes of them
 
     def save(self, folder: str | Path) -> None:
-        """Write each command to a file.
+        """Write each command to a file, with the expected angle, which is no measured one.
 
         Raises:
           InputError: if the folder can't be written.
@@ -49,46 +53,34 @@ class Excitation:
     def plot(self) -> "Figure":
         """Draw the commands and their spectra."""
         with plot_style():
-            figure, axes = new_figure(2, 1, height=5.5)
+            figure, ((times,), (spectra,)) = new_figure(2, 1, height=5.5)
             for name, log in self.logs.items():
-                axes[0, 0].plot(log.time, np.degrees(log.inputs), label=name)
-                axes[1, 0].magnitude_spectrum(log.inputs[:, 0] - log.inputs[0], Fs=1 / log.period_s, scale="dB")
-            axes[0, 0].set(xlabel="time [s]", ylabel="command [°]")
-            axes[1, 0].set(xlabel="frequency [Hz]", ylabel="amplitude [dB re 1 rad]", ylim=(-160, None))
-            axes[0, 0].legend()
+                times.plot(log.time, np.degrees(log.inputs), label=name)
+                spectra.magnitude_spectrum(np.degrees(log.inputs[:, 0] - log.inputs[0]), 1 / log.period_s, scale="dB")
+            times.set(xlabel="time [s]", ylabel="command [°]")
+            spectra.set(xscale="log", ylim=(-120, None), xlabel="frequency [Hz]", ylabel="amplitude [dB re 1°]")
+            times.legend()
         return figure
 
     @property
     def report(self) -> Report:
-        """The commands against the limits, and what the identification makes of their simulated logs."""
-        limits, found = self.limits, self.expected
+        """The commands, and what the identification reports of their simulated logs."""
+        found, limits = self.expected.report, self.limits
         rows: list[tuple[Entry, ...]] = []
         for name, log in self.logs.items():
-            moved = demand(log.inputs[:, 0] - log.inputs[0], log.period_s)[1:].tolist()
-            moved = moved if moved[1] <= limits.max_acceleration else ["jump", "jump"]
+            _, rate, acceleration = demand(log.inputs[:, 0] - log.inputs[0], log.period_s).tolist()
+            moved = (rate, acceleration) if acceleration <= limits.max_acceleration else ("jump", "jump")
             ends = np.degrees([log.inputs.min(), log.inputs.max()]).tolist()
             rows.append((name, len(log) * log.period_s, *ends, *moved))
-        most = (math.degrees(limits.low), math.degrees(limits.high), limits.max_rate, limits.max_acceleration)
-        figures = [("steady gain", found.dc_gain[0]), ("delay [samples]", found.delay_samples)]
-        for pole in found.poles:
-            figures += [("pole [Hz]", pole.frequency_hz), ("its damping", pole.damping)]
-        unknown = [
-            f"The pole at {pole.frequency_hz.value:.3g} Hz is not determined."
-            for pole in found.poles
-            if not pole.determined
-        ]
-        jumps = [_JUMPS] * any("jump" in row for row in rows)
-        no_step = [_NO_STEP] * (not any("step" in name for name in self.logs))
+        most = (*np.degrees([limits.low, limits.high]).tolist(), limits.max_rate, limits.max_acceleration)
         return Report(
-            title=f"{found.plant.axis}: commands for its identification",
-            headline=f"{len(rows)} commands of {sum(len(log) * log.period_s for log in self.logs.values()):.0f} s in all",
-            doubts=(*jumps, *no_step, *unknown),
-            next_steps=(_PLAY,),
-            tables=(
-                Table("Commands", _COLUMNS, (*rows, ("limit", None, *most))),
-                Table("Expected", ("", "value"), tuple(figures)),
-            ),
-            figures=(("Commands and their spectra", self.plot),),
+            title=f"{self.expected.plant.axis}: commands for its identification",
+            headline=f"expected of their logs: {found.headline}",
+            known=found.known,
+            doubts=(*[_JUMPS] * any("jump" in row for row in rows), *found.reasons, *found.doubts),
+            next_steps=(_PLAY, *found.next_steps),
+            tables=(Table("Commands", _COLUMNS, (*rows, ("limit", None, *most))), *found.tables[:2]),
+            figures=(("Commands and their spectra", self.plot), *found.figures),
         )
 
 
@@ -110,16 +102,23 @@ def excite(
       limits: of the axis.
       kinds: signals, a command for each.
       validation: whether there is another command of each kind, to be held back.
-      plant: what the axis is taken to be, whose sampling period the commands have; of second order with 10 Hz, a
-        damping of 0.7 and a delay of 5 ms, sampled at 1 kHz, if None.
+      plant: what the axis is taken to be, of one input and one output, whose sampling period the commands have; of
+        second order with 10 Hz, a damping of 0.7 and a delay of 5 ms, sampled at 1 kHz, if None.
       noise_sd: standard deviation of the measured angle's noise [rad].
       settings: what the commands are made from.
       seed: of noise and identification.
 
     Raises:
-      InputError: if a command does not fit the limits, or logs of them would not determine the plant.
+      InputError: if a command does not fit the limits, or logs of them would not determine a plant.
     """
-    plant = plant or PlantRecord.second_order(10.0, 0.7, delay_s=5e-3)
-    commands = plan_commands(kinds, limits, settings or ExcitationSettings(), plant.sample_period_s, validation)
-    named = {f"{axis}_{name}.csv": command for name, command in commands.items()}
-    return Excitation(limits, *predict(named, plant, noise_sd, axis, seed))
+    plant, rng, logs = plant or PlantRecord.second_order(10.0, 0.7, delay_s=5e-3), np.random.default_rng(seed), ([], [])
+    if plant.D.shape != (1, 1) or not 0 <= noise_sd < math.inf:
+        got = f"got {plant.D.shape} and {noise_sd:g} rad; correct it"
+        raise InputError(f"excite: expected a plant of one output and one input, and noise_sd ≥ 0, {got}")
+    for kind, held_back in product(dict.fromkeys(kinds), (False, True)[: 1 + validation]):
+        u = plan_command(kind, limits, settings or ExcitationSettings(), plant.sample_period_s, held_back)
+        y = u[:1] * plant.dc_gain[0] + simulate(plant, u[:, None] - u[0])[:, 0] + noise_sd * rng.standard_normal(len(u))
+        fields = {"output_names": ("expected",), "source": f"{axis}_{kind}{'_validation' * held_back}.csv"}
+        logs[held_back].append(Recording.from_arrays(u, y, plant.sample_period_s, **fields))
+    expected = identify_axis(logs[False], validate=logs[True], axis=axis, order=len(plant.A), seed=seed)
+    return Excitation(limits, {each.source: each for each in (*logs[False], *logs[True])}, expected)

@@ -4,7 +4,8 @@ The amplitude of sweep, multisine and PRBS falls with frequency where rate or ac
 jump, unless it is to be slewed.
 """
 
-from collections.abc import Sequence
+import math
+from functools import partial
 from typing import Annotated, Literal
 
 import numpy as np
@@ -21,7 +22,7 @@ Kind = Literal["sweep", "multisine", "prbs", "step"]
 Positive = Annotated[float, Meta(gt=0.0, le=1000.0)]
 _SHARPNESS = 6.0  # exponent of the soft minimum: a rounded corner lies 11 % below a sharp one
 _HALF_POWER = 0.44  # frequency at which a PRBS has half its power, in units of its clock's
-_LEVELS = {False: (1.0, 0.0, -1.0, 0.0), True: (-0.7, 0.0, 0.5, 0.0)}  # of the steps, by whether they are held back
+_LEVELS, _OTHER_LEVELS = (1.0, 0.0, -1.0, 0.0), (-0.7, 0.0, 0.5, 0.0)  # of the steps, in their size
 
 
 class ExcitationSettings(Struct, frozen=True, kw_only=True):
@@ -68,51 +69,49 @@ def demand(signal: Array, period_s: float) -> Array:
     return np.array([np.abs(np.diff(padded, order)).max() / period_s**order for order in range(3)])
 
 
-def plan_commands(
-    kinds: Sequence[Kind], limits: AxisLimits, settings: ExcitationSettings, period_s: float, validation: bool = True
-) -> dict[str, Array]:
-    """Return commands [rad], shape (N,) each, by name: "sweep", "sweep_validation".
+def plan_command(
+    kind: Kind, limits: AxisLimits, settings: ExcitationSettings, period_s: float, held_back: bool = False
+) -> Array:
+    """Return a command from rest to rest [rad], shape (N,).
 
     Args:
-      kinds: signals, a command for each.
+      kind: of its signal.
       limits: of the axis.
-      settings: what they are made from.
+      settings: what it is made from.
       period_s: sampling period [s].
-      validation: whether each has another one, to be held back: the signal from its end and the other way, or other
-        steps.
+      held_back: whether it is another one, for validation: the signal from its end and the other way, or other steps.
 
     Raises:
-      InputError: if a signal can't be made, or does not fit the limits.
+      InputError: if the signal can't be made, or does not fit the limits.
     """
     low_hz, high_hz = settings.low_hz, settings.high_hz
     if not (low_hz < high_hz < 0.5 / period_s and 1 / (high_hz - low_hz) <= settings.period_s <= settings.duration_s):
         expected = f"low_hz < high_hz < {0.5 / period_s:g} and 1 / (high_hz - low_hz) ≤ period_s ≤ duration_s"
         raise InputError(f"excitation: expected {expected}, got {settings}; change them")
     centre = 0.5 * (limits.low + limits.high) if settings.centre is None else settings.centre
-    reach = max(min(limits.high - centre, centre - limits.low), 0.0)
-    budget = settings.limit_share * np.array([reach, limits.max_rate, limits.max_acceleration])
-    wanted = max(settings.amplitude or 1e-9, settings.step if "step" in kinds else 0.0)
-    if wanted > budget[0]:
-        got, most, middle = np.degrees([wanted, budget[0], centre])
-        expected = f"amplitude and step of at most {most:.3g}° about the centre at {middle:.3g}°"
-        raise InputError(f"excitation: expected {expected}, got {got:.3g}°; lower them or move the centre")
-    budget[0] = settings.amplitude or budget[0]
-    rest, backs = round(settings.settle_s / period_s), {"": False, "_validation": True} if validation else {"": False}
-    named = {kind + end: _signal(kind, settings, budget, period_s, b) for kind in kinds for end, b in backs.items()}
-    return {name: centre + np.pad(signal, rest) for name, signal in named.items()}
+    reach = settings.limit_share * max(min(limits.high - centre, centre - limits.low), 0.0)
+    size = settings.step if kind == "step" else settings.amplitude or reach
+    if not 0 < size <= reach:
+        got, most, middle = np.degrees([size, reach, centre])
+        expected = f"at most {most:.3g}° about the centre at {middle:.3g}°, got {got:.3g}°"
+        raise InputError(f"excitation: {kind}: expected {expected}; lower its size or move the centre")
+    budget = np.array([size, *settings.limit_share * np.array([limits.max_rate, limits.max_acceleration])])
+    signal = (_steps if kind == "step" else partial(_signal, kind))(settings, budget, period_s, held_back)
+    return np.asarray(centre + np.pad(signal, round(settings.settle_s / period_s)))
+
+
+def _steps(settings: ExcitationSettings, budget: Array, period_s: float, held_back: bool) -> Array:
+    levels = budget[0] * np.repeat(_OTHER_LEVELS if held_back else _LEVELS, max(1, round(settings.hold_s / period_s)))
+    signal = np.append(0.0, levels)
+    jump = np.abs(np.diff(signal)).max()
+    half_s = max(np.sqrt(jump / budget[2]), jump / budget[1])
+    return _slewed(signal, math.ceil(half_s / period_s)) if settings.slew_steps else signal
 
 
 def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: float, held_back: bool) -> Array:
-    """Return a signal, scaled so that it uses up one part of the budget; steps have their size."""
+    """Return a signal that uses up one part of the budget: angle, rate or acceleration."""
     low_hz, high_hz, durations = settings.low_hz, settings.high_hz, (settings.duration_s, settings.period_s)
     count, repeat = (max(1, round(each / period_s)) for each in durations)
-    if kind == "step":
-        signal = np.append(
-            0.0, np.repeat(settings.step * np.array(_LEVELS[held_back]), max(1, round(settings.hold_s / period_s)))
-        )
-        jump = np.abs(np.diff(signal)).max()
-        half_s = max(np.sqrt(jump / budget[2]), jump / budget[1])
-        return _slewed(signal, int(np.ceil(half_s / period_s))) if settings.slew_steps else signal
     if kind == "sweep":
         sine, frequency = sweep(count, period_s, low_hz, high_hz, settings.sweep_method)
         signal = sine * _largest_sine(frequency, budget)
