@@ -30,7 +30,7 @@ ENCODER_NOISE = 2 * math.pi / 8192 / math.sqrt(12)
 """Standard deviation of the rounding of an encoder of 8192 counts a turn [rad]."""
 _COLUMNS = ("command", "length [s]", "lowest [°]", "highest [°]", "rate [rad/s]", "acceleration [rad/s²]")
 _JUMPS = "Steps jump beyond the limits of rate and acceleration: the motor saturates for their first milliseconds."
-_PLAY = "Play column u of each file, log the angle as y under the same name, and identify the folder of these logs."
+_PLAY = "Play column u of each file, log the angle as y in a file of that name elsewhere, and identify from these logs."
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def excite(
       kinds: signals, a command for each.
       validation: whether there is another command of each kind, to be held back.
       plant: what the axis is taken to be, of one input and one output, whose sampling period the commands have; of
-        second order with 10 Hz, a damping of 0.7 and a delay of 5 ms, sampled at 1 kHz, if None.
+        second order with 10 Hz, a damping of 0.7 and a delay of 5 ms if None.
       noise_sd: standard deviation of the measured angle's noise [rad].
       settings: what the commands are made from.
       seed: of noise and identification.
@@ -111,14 +111,17 @@ def excite(
     Raises:
       InputError: if a command does not fit the limits, or logs of them would not determine a plant.
     """
-    plant, rng, logs = plant or PlantRecord.second_order(10.0, 0.7, delay_s=5e-3), np.random.default_rng(seed), ([], [])
+    rng, settings = np.random.default_rng(seed), settings or ExcitationSettings()
+    period_s = plant.sample_period_s if plant else settings.sample_period_s
+    plant = plant or PlantRecord.second_order(10.0, 0.7, round(5e-3 / period_s) * period_s, period_s)
     if plant.D.shape != (1, 1) or not 0 <= noise_sd < math.inf:
         got = f"got {plant.D.shape} and {noise_sd:g} rad; correct it"
         raise InputError(f"excite: expected a plant of one output and one input, and noise_sd ≥ 0, {got}")
+    logs: tuple[list[Recording], list[Recording]] = [], []
     for kind, held_back in product(dict.fromkeys(kinds), (False, True)[: 1 + validation]):
-        u = plan_command(kind, limits, settings or ExcitationSettings(), plant.sample_period_s, held_back)
+        u = plan_command(kind, limits, settings, period_s, held_back)
         y = u[:1] * plant.dc_gain[0] + simulate(plant, u[:, None] - u[0])[:, 0] + noise_sd * rng.standard_normal(len(u))
         fields = {"output_names": ("expected",), "source": f"{axis}_{kind}{'_validation' * held_back}.csv"}
-        logs[held_back].append(Recording.from_arrays(u, y, plant.sample_period_s, **fields))
+        logs[held_back].append(Recording.from_arrays(u, y, period_s, **fields))
     expected = identify_axis(logs[False], validate=logs[True], axis=axis, order=len(plant.A), seed=seed)
     return Excitation(limits, {each.source: each for each in (*logs[False], *logs[True])}, expected)

@@ -21,13 +21,14 @@ from archerfish2.records.record import Angle, Struct
 Kind = Literal["sweep", "multisine", "prbs", "step"]
 Positive = Annotated[float, Meta(gt=0.0, le=1000.0)]
 _SHARPNESS = 6.0  # exponent of the soft minimum: a rounded corner lies 11 % below a sharp one
-_HALF_POWER = 0.44  # frequency at which a PRBS has half its power, in units of its clock's
 _LEVELS, _OTHER_LEVELS = (1.0, 0.0, -1.0, 0.0), (-0.7, 0.0, 0.5, 0.0)  # of the steps, in their size
 
 
 class ExcitationSettings(Struct, frozen=True, kw_only=True):
     """Choices that the commands are made from."""
 
+    sample_period_s: Positive = 1e-3
+    """Of commands and logs, where no plant is given [s]."""
     duration_s: Positive = 10.0
     """Of a sweep, multisine or PRBS, less the rest before and after [s]."""
     low_hz: Positive = 2.0
@@ -92,9 +93,10 @@ def plan_command(
     reach = settings.limit_share * max(min(limits.high - centre, centre - limits.low), 0.0)
     size = settings.step if kind == "step" else settings.amplitude or reach
     if not 0 < size <= reach:
-        got, most, middle = np.degrees([size, reach, centre])
-        expected = f"at most {most:.3g}° about the centre at {middle:.3g}°, got {got:.3g}°"
-        raise InputError(f"excitation: {kind}: expected {expected}; lower its size or move the centre")
+        most, middle, got = (f"{math.degrees(each):.3g}°" for each in (reach, centre, size))
+        raise InputError(
+            f"excitation: {kind}: expected up to {most} about {middle}, got {got}; lower it, move the centre"
+        )
     budget = np.array([size, *settings.limit_share * np.array([limits.max_rate, limits.max_acceleration])])
     signal = (_steps if kind == "step" else partial(_signal, kind))(settings, budget, period_s, held_back)
     return np.asarray(centre + np.pad(signal, round(settings.settle_s / period_s)))
@@ -119,10 +121,9 @@ def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: f
         lowest, highest = low_hz * repeat * period_s - 1e-9, high_hz * repeat * period_s + 1e-9
         harmonics = np.arange(np.ceil(lowest), np.floor(highest) + 1)
         amplitude = _largest_sine(harmonics / (repeat * period_s), budget)
-        periodic = multisine(repeat, int(harmonics[0]), amplitude, amplitude * harmonics**2)
-        signal = np.tile(periodic, count // repeat)
+        signal = np.tile(multisine(repeat, int(harmonics[0]), amplitude, amplitude * harmonics**2), count // repeat)
     else:
-        clock = max(2, int(_HALF_POWER / high_hz / period_s))
+        clock = max(2, int(0.44 / high_hz / period_s))  # its spectrum has half the power at 0.44 of the clock's rate
         bits = int(np.clip(np.log2(repeat / clock + 1), 2, 32))
         signal = _slewed(prbs(count, clock, bits), clock // 2)
     # Fading within a period of the lowest frequency costs no more acceleration than its sine.
@@ -130,7 +131,7 @@ def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: f
     signal = signal * tukey(signal.size, min(2 * fade / (signal.size - 1), 1))
     # A little less than the budget, for the rounding of the sum with the centre.
     signal *= (1 - 1e-9) / np.max(demand(signal, period_s) / budget)
-    return -signal[::-1] if held_back else signal
+    return np.asarray(-signal[::-1] if held_back else signal)
 
 
 def _largest_sine(frequency_hz: Array, budget: Array) -> Array:
