@@ -55,8 +55,9 @@ class Excitation:
         with plot_style():
             figure, ((times,), (spectra,)) = new_figure(2, 1, height=5.5)
             for name, log in self.logs.items():
-                times.plot(log.time, np.degrees(log.inputs), label=name)
-                spectra.magnitude_spectrum(np.degrees(log.inputs[:, 0] - log.inputs[0]), 1 / log.period_s, scale="dB")
+                u = np.degrees(log.inputs[:, 0])
+                times.plot(log.time, u, label=name)
+                spectra.magnitude_spectrum(u - u[0], Fs=1 / log.period_s, scale="dB")
             times.set(xlabel="time [s]", ylabel="command [°]")
             spectra.set(xscale="log", ylim=(-120, None), xlabel="frequency [Hz]", ylabel="amplitude [dB re 1°]")
             times.legend()
@@ -70,8 +71,7 @@ class Excitation:
         for name, log in self.logs.items():
             _, rate, acceleration = demand(log.inputs[:, 0] - log.inputs[0], log.period_s).tolist()
             moved = (rate, acceleration) if acceleration <= limits.max_acceleration else ("jump", "jump")
-            ends = np.degrees([log.inputs.min(), log.inputs.max()]).tolist()
-            rows.append((name, len(log) * log.period_s, *ends, *moved))
+            rows.append((name, len(log) * log.period_s, *np.degrees([log.inputs.min(), log.inputs.max()]), *moved))
         most = (*np.degrees([limits.low, limits.high]).tolist(), limits.max_rate, limits.max_acceleration)
         return Report(
             title=f"{self.expected.plant.axis}: commands for its identification",
@@ -115,8 +115,9 @@ def excite(
     period_s = plant.sample_period_s if plant else settings.sample_period_s
     plant = plant or PlantRecord.second_order(10.0, 0.7, round(5e-3 / period_s) * period_s, period_s)
     if plant.D.shape != (1, 1) or not 0 <= noise_sd < math.inf:
-        got = f"got {plant.D.shape} and {noise_sd:g} rad; correct it"
-        raise InputError(f"excite: expected a plant of one output and one input, and noise_sd ≥ 0, {got}")
+        raise InputError(
+            f"excite: expected one input and output, noise_sd ≥ 0, got {plant.D.shape}, {noise_sd:g}; correct it"
+        )
     logs: tuple[list[Recording], list[Recording]] = [], []
     for kind, held_back in product(dict.fromkeys(kinds), (False, True)[: 1 + validation]):
         u = plan_command(kind, limits, settings, period_s, held_back)

@@ -5,7 +5,6 @@ jump, unless it is to be slewed.
 """
 
 import math
-from functools import partial
 from typing import Annotated, Literal
 
 import numpy as np
@@ -20,7 +19,6 @@ from archerfish2.records.record import Angle, Struct
 
 Kind = Literal["sweep", "multisine", "prbs", "step"]
 Positive = Annotated[float, Meta(gt=0.0, le=1000.0)]
-_SHARPNESS = 6.0  # exponent of the soft minimum: a rounded corner lies 11 % below a sharp one
 _LEVELS, _OTHER_LEVELS = (1.0, 0.0, -1.0, 0.0), (-0.7, 0.0, 0.5, 0.0)  # of the steps, in their size
 
 
@@ -98,11 +96,11 @@ def plan_command(
             f"excitation: {kind}: expected up to {most} about {middle}, got {got}; lower it, move the centre"
         )
     budget = np.array([size, *settings.limit_share * np.array([limits.max_rate, limits.max_acceleration])])
-    signal = (_steps if kind == "step" else partial(_signal, kind))(settings, budget, period_s, held_back)
+    signal = (_steps if kind == "step" else _signal)(kind, settings, budget, period_s, held_back)
     return np.asarray(centre + np.pad(signal, round(settings.settle_s / period_s)))
 
 
-def _steps(settings: ExcitationSettings, budget: Array, period_s: float, held_back: bool) -> Array:
+def _steps(_: Kind, settings: ExcitationSettings, budget: Array, period_s: float, held_back: bool) -> Array:
     levels = budget[0] * np.repeat(_OTHER_LEVELS if held_back else _LEVELS, max(1, round(settings.hold_s / period_s)))
     signal = np.append(0.0, levels)
     jump = np.abs(np.diff(signal)).max()
@@ -137,7 +135,7 @@ def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: f
 def _largest_sine(frequency_hz: Array, budget: Array) -> Array:
     """Return min(angle, rate / ω, acceleration / ω²), rounded: in a sweep a corner is a jump of the rate."""
     bounds = budget[:, None] / (2 * np.pi * frequency_hz) ** np.arange(3)[:, None]
-    return np.asarray(np.sum(bounds**-_SHARPNESS, axis=0) ** (-1 / _SHARPNESS))
+    return np.asarray(np.sum(bounds**-6.0, axis=0) ** (-1 / 6.0))  # a corner lies 11 % below a sharp one
 
 
 def _slewed(signal: Array, half: int) -> Array:
