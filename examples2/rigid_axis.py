@@ -1,4 +1,4 @@
-"""Identifies a rigid axis, eqs (1)–(3), from its torque and angle. The log is simulated: put your own file in its place."""
+"""Identifies a rigid axis, eqs (1)–(3), from torque and angle. The log is simulated: put your own file in its place."""
 
 import numpy as np
 
@@ -23,4 +23,5 @@ def simulated_log(seconds=10.0, noise=1e-3):
 
 
 if __name__ == "__main__":
-    print(identify_rigid([simulated_log()], "pitch").report)  # or ["pitch_torque.csv"], with time_s, torque and angle
+    # Or ["pitch_torque.csv"], a file with the columns time_s, torque and angle.
+    print(identify_rigid([simulated_log()], "pitch").report)  # noqa: T201

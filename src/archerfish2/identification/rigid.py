@@ -101,21 +101,22 @@ def identify_rigid(
     counts = [len(each) // length for each in logged]
     units = np.array([math.radians(1.0) if "deg" in names[each] else 1.0 for each in places])
     units[1:] *= 1.0 if rate == name else -1.0
-    pairs = list(zip(logged, counts, strict=True))
+    pairs, sources = list(zip(logged, counts, strict=True)), ", ".join(each.source for each in logged)
     torque = torque_per_unit * np.concatenate([log.inputs[: n * length].reshape(n, length) for log, n in pairs])
     outputs = units * np.concatenate([log.outputs[: n * length, places].reshape(n, length, -1) for log, n in pairs])
     segments = Segments(torque, outputs, period_s)
-    sources = ", ".join(each.source for each in logged)
     if rate:
         _check_rate(segments, sources, rate)
     fit = _fit(segments, _FREE[kind], *_first_guess(segments, _FREE[kind], sources))
     if friction != "none":
         begun = [np.append(fit.values[:_DRY], size * np.ptp(torque)) for size in _SIZES]
-        tried = [_fit(segments, [*fit.free, _DRY], each, fit.starts) for each in begun]
+        tried = [_fit(segments, [*fit.free, _DRY], each, fit.starts, 20) for each in begun]
         dry = min(tried, key=lambda each: float(np.prod(each.scale)))
-        fit = dry if friction == "coulomb" or _pays(fit, dry) else fit
-    cuts = np.cumsum(counts)[:-1]
-    errors, angles = (np.split(each[..., 0], cuts) for each in (fit.residual * fit.scale, segments.outputs))
+        if friction == "coulomb" or _pays(fit, dry):
+            fit = _fit(segments, dry.free, dry.values, dry.starts)
+    errors, angles = (
+        np.split(each[..., 0], np.cumsum(counts)[:-1]) for each in (fit.residual * fit.scale, segments.outputs)
+    )
     shares = [100 * (1 - float(np.sqrt(np.mean(e**2)) / a.std())) for e, a in zip(errors, angles, strict=True)]
     estimates, fits = _estimates(fit), tuple(zip((each.source for each in logged), shares, strict=True))
     wide = [name for name, (value, low, high, _) in estimates.items() if high - low > abs(value)]
@@ -149,9 +150,10 @@ def _first_guess(segments: Segments, free: list[int], sources: str) -> tuple[Arr
     angle, rate, acceleration = (signal.savgol_filter(outputs[..., 0], window, 2, each, period_s) for each in range(3))
     columns = np.stack([torque, -rate, -np.sin(angle), np.cos(angle), np.ones_like(angle)], axis=-1)[..., free]
     phi, values = np.linalg.lstsq(columns.reshape(-1, len(free)), acceleration.ravel())[0], np.zeros(6)
-    if not phi[0] > 0:
-        remedy = "check that both move and aren't exchanged, and the sign of torque_per_unit"
-        raise InputError(f"{sources}: the angle does not accelerate with the torque; {remedy}")
+    if not (phi[0] > 0 and np.ptp(outputs[..., 0]) > 0):
+        raise InputError(
+            f"{sources}: the angle does not accelerate with the torque; check columns, torque_per_unit's sign"
+        )
     values[free] = np.append(1.0, phi[1:]) / phi[0]
     values[2:4] = np.hypot(*values[2:4]), np.arctan2(values[3], values[2])
     return values, np.stack([angle[:, 0], rate[:, 0]], axis=-1)
@@ -173,10 +175,10 @@ def _simulate(segments: Segments, values: Array, starts: Array) -> Array:
     return np.moveaxis(run, 0, -2)
 
 
-def _fit(segments: Segments, free: list[int], values: Array, starts: Array) -> Fit:
+def _fit(segments: Segments, free: list[int], values: Array, starts: Array, evaluations: int = 60) -> Fit:
     """Fit parameters and initial states by least squares, outputs in units of their noise."""
     count, shape, scale = len(free), segments.outputs.shape, segments.outputs.std(axis=(0, 1))
-    x = np.concatenate([values[free], starts.ravel()])
+    x, values = np.concatenate([values[free], starts.ravel()]), values.copy()
     moves = linalg.block_diag(np.eye(count), np.tile(np.eye(2), len(starts)))  # each parameter, all angles, all rates
     lowest = np.where(np.isin([*free, *[1] * starts.size], [0, 2, _DRY]), 0.0, -np.inf)
 
@@ -197,7 +199,7 @@ def _fit(segments: Segments, free: list[int], values: Array, starts: Array) -> F
         return sparse.hstack([shared.reshape(-1, count), sparse.block_diag(list(own))]).tocsr()
 
     for _ in range(shape[-1]):
-        found = optimize.least_squares(residual, x, jacobian, (lowest, np.inf), x_scale="jac", max_nfev=20)
+        found = optimize.least_squares(residual, x, jacobian, (lowest, np.inf), x_scale="jac", max_nfev=evaluations)
         x, scale = found.x, scale * np.sqrt(np.mean(found.fun.reshape(shape) ** 2, axis=(0, 1)))
     shared, own = slopes(x)
     basis, values[free] = np.linalg.qr(own)[0], x[:count]
