@@ -1,11 +1,12 @@
 """Variance components, intervals of a plain sample, and the variance of a mean under serial correlation."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
-from scipy.stats import chi2
+from scipy.stats import binomtest, chi2, norm, trim_mean
 from scipy.stats import t as student
 
 from archerfish2.reports.table import Estimate
@@ -13,6 +14,8 @@ from archerfish2.reports.table import Estimate
 Array = NDArray[np.float64]
 
 _ROUNDS = 50
+Z95 = float(norm.ppf(0.975))
+"""Half width of a 95 % interval in standard errors."""
 
 
 class VarianceComponents(NamedTuple):
@@ -22,6 +25,8 @@ class VarianceComponents(NamedTuple):
     covariance: Array  # of the coefficients, (p, p)
     variances: Array  # of the components, none negative, (c,)
     variances_covariance: Array  # of the variances, robust to tails that are not normal (sandwich), (c, c)
+    unconstrained: Array  # the variances that Fisher scoring gives where they may be negative, (c,)
+    errors: Array  # standard errors of the variances for normal noise, (c,)
     residual: Array  # measured less fitted, (N,)
     sd: Array  # of each measurement, (N,)
 
@@ -64,10 +69,12 @@ def variance_components(
         if np.max(np.abs(theta - before) / scale) <= 1e-7 * np.max(theta / scale):
             break
     bread = np.linalg.inv(normal) * np.outer(scale, scale)
+    unconstrained, errors = bread @ (target / scale), np.sqrt(2 * np.diag(bread))
     scores = shares[:, :-1] * (squares - 1)[:, None]
     spread = bread @ (scores.T @ scores) @ bread
     residual = measured - columns @ coefficients
-    return VarianceComponents(coefficients, back @ back.T, theta, spread, residual, np.sqrt(variance))
+    covariance, sd = back @ back.T, np.sqrt(variance)
+    return VarianceComponents(coefficients, covariance, theta, spread, unconstrained, errors, residual, sd)
 
 
 def sample_estimates(sample: Array, unit: str = "") -> tuple[Estimate, Estimate]:
@@ -94,3 +101,62 @@ def long_run_covariance(scores: Array) -> Array:
         cross = scores[lag:].T @ scores[:-lag] / count
         total = total + (1 - lag / (lags + 1)) * (cross + cross.T)
     return np.asarray(total)
+
+
+def standard_error(series: Array) -> float:
+    """Return the standard error of the mean of a series with serial correlation, shape (n,)."""
+    return float(np.sqrt(max(long_run_covariance((series - series.mean())[:, None]).item(), 0.0) / series.size))
+
+
+def normal_estimate(value: float, error: float, unit: str = "s") -> Estimate:
+    """Return an estimate with the interval of a normal error."""
+    return Estimate(float(value), float(value - Z95 * error), float(value + Z95 * error), unit)
+
+
+def mean_estimate(series: Array) -> Estimate:
+    """Return the mean of a series with serial correlation, shape (n,) [s]."""
+    return normal_estimate(series.mean(), standard_error(series))
+
+
+def share_estimate(count: int, total: int) -> Estimate:
+    """Return a share with Wilson's interval."""
+    low, high = binomtest(count, total).proportion_ci(method="wilson")
+    return Estimate(count / total, low, high)
+
+
+def deviation_estimate(variance: float, error: float, unit: str = "s") -> Estimate:
+    """Return a standard deviation by its square and that square's standard error.
+
+    Args:
+      variance: the square.
+      error: its standard error.
+      unit: of the standard deviation.
+    """
+    low, high = 0.0, variance + Z95 * error
+    if variance > 2 * error:  # the logarithm of a variance is nearly normal long before the variance is
+        low, high = variance * np.exp(np.array([-Z95, Z95]) * error / variance)
+    return converted(Estimate(variance, low, high), np.sqrt, unit)
+
+
+def scatter_estimate(sample: Array) -> Estimate:
+    """Return a standard deviation without the assumption of normality (Bonett 2006), of a sample of shape (n,) [s]."""
+    count, squares = sample.size, (sample - sample.mean()) ** 2
+    trimmed, correction = trim_mean(sample, 1 / (2 * np.sqrt(max(count - 4, 1)))), count / (count - Z95)
+    kurtosis = count * float(np.sum((sample - trimmed) ** 4)) / max(float(squares.sum()) ** 2, 1e-300)
+    error = correction * np.sqrt(max(kurtosis - (count - 3) / count, 0.0) / (count - 1))
+    variance = float(squares.sum()) / (count - 1)
+    low, high = correction * variance * np.exp(np.array([-Z95, Z95]) * error)
+    return converted(Estimate(variance, low, high), np.sqrt)
+
+
+def difference(first: Estimate, second: Estimate) -> Estimate:
+    """Return the difference of two independent estimates, whose errors add in squares."""
+    value = first.value - second.value
+    low = np.hypot(first.value - first.low, second.high - second.value)
+    return Estimate(value, value - low, value + np.hypot(first.high - first.value, second.value - second.low), "s")
+
+
+def converted(estimate: Estimate, change: Callable[[float], float], unit: str = "s") -> Estimate:
+    """Return an estimate under a monotonic function."""
+    low, high = sorted((change(estimate.low), change(estimate.high)))
+    return Estimate(float(change(estimate.value)), float(low), float(high), unit)

@@ -73,7 +73,7 @@ def _names(names: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def file_content(path: Path) -> bytes:
-    """Return what a log's file has.
+    """Return the bytes of a file that may be a log.
 
     Raises:
       InputError: if there is no such file, or it is too large or can't be read.
