@@ -22,6 +22,8 @@ class VarianceComponents(NamedTuple):
     covariance: Array  # of the coefficients, (p, p)
     variances: Array  # of the components, none negative, (c,)
     variances_covariance: Array  # of the variances, robust to tails that are not normal (sandwich), (c, c)
+    unconstrained: Array  # the variances that Fisher scoring gives where they may be negative, (c,)
+    errors: Array  # standard errors of the variances for normal noise, (c,)
     residual: Array  # measured less fitted, (N,)
     sd: Array  # of each measurement, (N,)
 
@@ -64,16 +66,18 @@ def variance_components(
         if np.max(np.abs(theta - before) / scale) <= 1e-7 * np.max(theta / scale):
             break
     bread = np.linalg.inv(normal) * np.outer(scale, scale)
+    unconstrained, errors = bread @ (target / scale), np.sqrt(2 * np.diag(bread))
     scores = shares[:, :-1] * (squares - 1)[:, None]
     spread = bread @ (scores.T @ scores) @ bread
     residual = measured - columns @ coefficients
-    return VarianceComponents(coefficients, back @ back.T, theta, spread, residual, np.sqrt(variance))
+    covariance, sd = back @ back.T, np.sqrt(variance)
+    return VarianceComponents(coefficients, covariance, theta, spread, unconstrained, errors, residual, sd)
 
 
 def sample_estimates(sample: Array, unit: str = "") -> tuple[Estimate, Estimate]:
     """Return mean and standard deviation of a normal sample, shape (N,), with their exact intervals (t, χ²)."""
     freedom, mean, sd = sample.size - 1, float(sample.mean()), float(sample.std(ddof=1))
-    half = float(student.ppf(0.975, freedom)) * sd / np.sqrt(sample.size)
+    half = float(student.ppf(0.975, freedom) * sd / np.sqrt(sample.size))
     low, high = (sd * float(np.sqrt(freedom / chi2.ppf(level, freedom))) for level in (0.975, 0.025))
     return Estimate(mean, mean - half, mean + half, unit), Estimate(sd, low, high, unit)
 

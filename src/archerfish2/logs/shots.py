@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish2.logs.log import file_content
-from archerfish2.logs.recording import Finding, Values
+from archerfish2.logs.recording import Finding
 from archerfish2.logs.table import log_fault
 from archerfish2.logs.text import column_names, read_text
 
 _LANDING, _PLANE = "distance_m", ("plane_distance_m", "hit_height_m")
+Array = NDArray[np.float64]
+
 _SIGNED = {"pitch_deg": 90.0, "yaw_deg": 90.0, "hit_height_m": np.inf, "lateral_m": np.inf}
 """Values that may be negative, and what they are smaller than in size."""
 
@@ -22,18 +24,23 @@ _SIGNED = {"pitch_deg": 90.0, "yaw_deg": 90.0, "hit_height_m": np.inf, "lateral_
 class Shots:
     """Where N pellets went, in the order of fire, and how fast they left the muzzle."""
 
-    pitch: Values  # barrel's elevation [rad], muzzle up positive, (N,)
-    yaw: Values  # barrel's azimuth [rad], left positive, (N,)
-    distance: Values  # level, from below the muzzle to the landing point, or straight ahead to the plane [m], (N,)
-    hit_height: Values | None = None  # of the hit on the plane above the muzzle [m], (N,); None for landing points
-    speed: Values | None = None  # measured muzzle speed [m/s], (N,)
-    lateral: Values | None = None  # left of the barrel's vertical plane, or of straight ahead on a plane [m], (N,)
-    source: str = "shots"  # the files, for messages and titles
+    pitch: Array  # barrel's elevation [rad], muzzle up positive, (N,)
+    yaw: Array  # barrel's azimuth [rad], left positive, (N,)
+    distance: Array  # level, from below the muzzle to the landing point, or straight ahead to the plane [m], (N,)
+    hit_height: Array | None = None  # of the hit on the plane above the muzzle [m], (N,); None for landing points
+    speed: Array | None = None  # measured muzzle speed [m/s], (N,)
+    lateral: Array | None = None  # left of the barrel's vertical plane, or of straight ahead on a plane [m], (N,)
+    files: tuple[Path, ...] = ()  # that they were read from
     places: tuple[str, ...] = ()  # where each is written, "shots.csv line 7"; empty where they are only numbered
     findings: tuple[Finding, ...] = ()  # what was repaired in the files
 
     def __len__(self) -> int:
         return self.distance.size
+
+    @property
+    def source(self) -> str:
+        """The files, for messages."""
+        return ", ".join(each.name for each in self.files) or "shots"
 
     def settings(self) -> tuple[NDArray[np.intp], list[str]]:
         """Return the number of each shot's setting, from 0, shape (N,), and their names, as "3.0°" or "3.0°, 4.00 m".
@@ -42,7 +49,7 @@ class Shots:
         """
         plane = np.round(self.distance, 3) * (self.hit_height is not None)
         kinds, number = np.unique([np.round(self.pitch, 6), plane], axis=1, return_inverse=True)
-        return number, [f"{np.degrees(pitch):.1f}°" + f", {far:.2f} m" * (far > 0) for pitch, far in kinds.T]
+        return number, [f"{np.degrees(pitch):.1f}°" + f", {far:.2f} m" * bool(far) for pitch, far in kinds.T]
 
     def place(self, index: int) -> str:
         """Name a shot for a message."""
@@ -56,7 +63,7 @@ class Shots:
 
 @dataclass(frozen=True)
 class ShotColumns:
-    """Names of the columns: those of landing points, or of hits on a plane; yaw, lateral, speed and missed may lack."""
+    """Names of the columns: of landing points, or of hits on a plane; yaw, lateral, speed and missed are optional."""
 
     pitch_deg: str = "pitch_deg"  # barrel's elevation [°], muzzle up positive
     yaw_deg: str = "yaw_deg"  # barrel's azimuth [°], left positive; straight ahead without it
@@ -83,19 +90,18 @@ def read_shots(*paths: str | Path, columns: ShotColumns = COLUMNS) -> Shots:
       InputError: with a code, if a column or a value is missing or out of range, a column is in another unit, landing
         points and hits on a plane are mixed, or a shot missed the measuring area.
     """
-    source = ", ".join(Path(each).name for each in paths)
-    found, places, findings = zip(*(_read(Path(path), columns) for path in paths), strict=True)
+    files = tuple(map(Path, paths))
+    found, places, findings = zip(*(_read(path, columns) for path in files), strict=True)
     if differing := set.union(*map(set, found)) - set.intersection(*map(set, found)):
-        problem = f"not all have a column for {min(differing)}"
-        raise log_fault(source, problem, "give files with the same columns", "mixed-columns")
-    joined = {name: np.concatenate([each[name] for each in found]) for name in found[0]}
+        raise log_fault(files[-1], f"{min(differing)} is not in all files", "give the same columns", "mixed-columns")
+    joined = {name: np.concatenate([each[name] for each in found], dtype=np.float64) for name in found[0]}
     height, speed, lateral = map(joined.get, ("hit_height_m", "speed_m_s", "lateral_m"))
     pitch, yaw = joined["pitch_deg"], joined.get("yaw_deg", 0.0 * joined["pitch_deg"])
-    distance, texts = joined[_LANDING if height is None else _PLANE[0]], (source, sum(places, ()), sum(findings, ()))
-    return Shots(np.radians(pitch), np.radians(yaw), distance, height, speed, lateral, *texts)
+    distance, rest = joined[_LANDING if height is None else _PLANE[0]], (files, sum(places, ()), sum(findings, ()))
+    return Shots(np.radians(pitch), np.radians(yaw), distance, height, speed, lateral, *rest)
 
 
-def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Values], tuple[str, ...], tuple[Finding, ...]]:
+def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Array], tuple[str, ...], tuple[Finding, ...]]:
     """Return what a file has by field, the place of each shot, and what was repaired."""
     content = file_content(path)
     # A person who writes a table may leave out the last line break.
@@ -103,7 +109,11 @@ def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Values], tuple[st
     table = read_text(path, content, _wanted(path, column_names(path, content), columns))
     table.check()
     rows = np.flatnonzero(np.any(np.isfinite([*table.columns.values()]), axis=0))  # a line of separators is no shot
-    found = {field: table.columns[name][rows] for field, name in vars(columns).items() if name in table.columns}
+    found = {
+        field: np.asarray(table.columns[name][rows], float)
+        for field, name in vars(columns).items()
+        if name in table.columns
+    }
     places = tuple(f"{path.name} line {table.places[row]}" for row in rows.tolist())
     if lost := np.count_nonzero(found.pop("missed", 0)):
         problem = f"{lost} of {len(places)} shots missed the measuring area; the others understate the dispersion"
@@ -112,9 +122,9 @@ def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Values], tuple[st
         limit = _SIGNED.get(field, 0.0)
         if not (good := np.abs(values) < limit if limit else values > 0).all():
             value, place = values[~good][0], places[np.argmin(good)]
-            expected = f"within ±{limit:g}" if limit else "above 0"
-            problem = f'"{getattr(columns, field)}" is {value:g}, expected a number {expected}'
+            problem = f'"{getattr(columns, field)}" is {value:g}, expected a number '
             code = "missing-values" if np.isnan(value) else "angle-out-of-range" if limit else "not-positive"
+            problem += f"within ±{limit:g}" if limit else "above 0"
             raise log_fault(place, problem, "correct it or remove the line", code)
     return found, places, table.findings
 
@@ -129,7 +139,7 @@ def _wanted(path: Path, there: list[str], columns: ShotColumns) -> list[str]:
                 path, f'"{other[0]}" has another unit than {field}', f"convert it to {field}", "unknown-unit"
             )
     wanted = {field for field, name in vars(columns).items() if name in there or name != field} | {"pitch_deg"}
-    if _LANDING in wanted and not wanted.isdisjoint(_PLANE):
+    kind = {_LANDING} if wanted.isdisjoint(_PLANE) else {*_PLANE}
+    if _LANDING in wanted - kind:
         raise log_fault(path, "has both landing points and hits on a plane", "give them two files", "mixed-columns")
-    wanted |= {_LANDING} if wanted.isdisjoint(_PLANE) else {*_PLANE}
-    return [name for field, name in vars(columns).items() if field in wanted]
+    return [name for field, name in vars(columns).items() if field in wanted | kind]
