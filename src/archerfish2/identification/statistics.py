@@ -80,7 +80,7 @@ def variance_components(
 def sample_estimates(sample: Array, unit: str = "") -> tuple[Estimate, Estimate]:
     """Return mean and standard deviation of a normal sample, shape (N,), with their exact intervals (t, χ²)."""
     freedom, mean, sd = sample.size - 1, float(sample.mean()), float(sample.std(ddof=1))
-    half = float(student.ppf(0.975, freedom)) * sd / np.sqrt(sample.size)
+    half = float(student.ppf(0.975, freedom) * sd / np.sqrt(sample.size))
     low, high = (sd * float(np.sqrt(freedom / chi2.ppf(level, freedom))) for level in (0.975, 0.025))
     return Estimate(mean, mean - half, mean + half, unit), Estimate(sd, low, high, unit)
 

@@ -122,7 +122,7 @@ def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Array], tuple[str
         limit = _SIGNED.get(field, 0.0)
         if not (good := np.abs(values) < limit if limit else values > 0).all():
             value, place = values[~good][0], places[np.argmin(good)]
-            problem = f'"{getattr(columns, field)}" is {value:g}, not a number '
+            problem = f'"{getattr(columns, field)}" is {value:g}, expected a number '
             code = "missing-values" if np.isnan(value) else "angle-out-of-range" if limit else "not-positive"
             problem += f"within ±{limit:g}" if limit else "above 0"
             raise log_fault(place, problem, "correct it or remove the line", code)
@@ -139,7 +139,7 @@ def _wanted(path: Path, there: list[str], columns: ShotColumns) -> list[str]:
                 path, f'"{other[0]}" has another unit than {field}', f"convert it to {field}", "unknown-unit"
             )
     wanted = {field for field, name in vars(columns).items() if name in there or name != field} | {"pitch_deg"}
-    if _LANDING in wanted and not wanted.isdisjoint(_PLANE):
+    kind = {_LANDING} if wanted.isdisjoint(_PLANE) else {*_PLANE}
+    if _LANDING in wanted - kind:
         raise log_fault(path, "has both landing points and hits on a plane", "give them two files", "mixed-columns")
-    wanted |= {_LANDING} if wanted.isdisjoint(_PLANE) else {*_PLANE}
-    return [name for field, name in vars(columns).items() if field in wanted]
+    return [name for field, name in vars(columns).items() if field in wanted | kind]

@@ -96,7 +96,9 @@ def repeated(shots: Shots) -> tuple[Flags, list[list[int]]]:
     _, begin, same = np.unique(runs, axis=0, return_index=True, return_inverse=True)
     begins = np.stack([np.arange(len(runs)), begin[same]], axis=1)
     twice = (begins[:, 0] - begins[:, 1] >= length) & (np.ptp(runs, axis=1) > 0)
-    return first[number] != np.arange(number.size), begins[twice].tolist()
+    # Of one measurement alone, equal values are no repetition.
+    is_copy = (first[number] != np.arange(number.size)) & (shots.speed is not None or shots.lateral is not None)
+    return is_copy, begins[twice].tolist()
 
 
 def robust_fit(shots: Shots, known: Known) -> tuple[Array, Array, float]:
@@ -173,8 +175,9 @@ class LackOfFit(NamedTuple):
     def __str__(self) -> str:
         verdict = "does not fit" if self.matters else "fits" if self.variance_ratio != 1 else "is not tested"
         text = f"The flight model {verdict}: it leaves {self.rms_percent:.1f} % of the distance (rms over the settings)"
-        text += f", at worst {self.worst_percent:+.1f} % at {self.worst_setting}; repeated shots scatter by "
-        return f"{text}{self.replicate_percent:.1f} % (p = {self.p_value:.2g})."
+        text += f", at worst {self.worst_percent:+.1f} % at {self.worst_setting}"
+        tested = f"; repeated shots scatter by {self.replicate_percent:.1f} % (p = {self.p_value:.2g})"
+        return text + tested * (self.variance_ratio != 1) + "."
 
 
 def lack_of_fit(shots: Shots, fit: MuzzleFit, *, is_test: bool = True) -> LackOfFit:

@@ -1,6 +1,6 @@
 """`identify_muzzle`: from shots to a muzzle record, with its report."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -9,7 +9,7 @@ import numpy as np
 
 from archerfish2.errors import InputError
 from archerfish2.identification.muzzle import checks
-from archerfish2.identification.muzzle.estimate import expected, mean_error, sample_intervals, vertical_estimates
+from archerfish2.identification.muzzle.estimate import Known, expected, mean_error, sample_intervals, vertical_estimates
 from archerfish2.identification.muzzle.flight import RANGES, azimuth, vertical
 from archerfish2.identification.statistics import Array
 from archerfish2.logs.recording import Finding
@@ -112,25 +112,30 @@ def identify_muzzle(
     intervals = {name: (each.low, each.high) for name, each in estimates.items()}
     fields = {**fit.values, "yaw_sd": 0.0, **{name: each.value for name, each in estimates.items()}}
     muzzle = MuzzleRecord(**fields, intervals=intervals, provenance=provenance(seed, shots.files))
-    again, lost = (_listed(shots, each) for each in (checks.repeated(shots)[0], ~kept))
-    sought = RANGES | {"yaw_offset": (-np.inf, np.inf), "yaw_sd": (-np.inf, np.inf)}
-    opened = [name for name, ends in intervals.items() if ends[0] <= sought[name][0] or ends[1] >= sought[name][1]]
-    small, blind = np.ptp(shots.pitch) > 0 and np.abs(shots.pitch).max() < 0.0122, shots.lateral is None
-    scales = [checks.robust_fit(replace(shots, pitch=f * shots.pitch), known)[2] for f in (1, 180 / np.pi) if small]
-    found = (
+    result = MuzzleResult(muzzle, estimates, shots, kept, *expected(shots, fit), misfit, shots.findings)
+    return replace(result, findings=(*shots.findings, *_warnings(result, known, too_many, rounded, alike)))
+
+
+def _warnings(result: MuzzleResult, known: Known, too_many: int, rounded: float, alike: list[str]) -> Iterator[Finding]:
+    """Yield what may spoil an estimate."""
+    shots, pitch = result.shots, result.shots.pitch
+    copies, lost = (
+        ", ".join(shots.place(index) for index in np.flatnonzero(each).tolist())
+        for each in (checks.repeated(shots)[0], ~result.kept)
+    )
+    limits = ((name, ends, RANGES.get(name, (-np.inf, np.inf))) for name, ends in result.muzzle.intervals.items())
+    opened = ", ".join(name for name, (low, high), (least, most) in limits if low <= least or high >= most)
+    small = float(np.ptp(pitch)) > 0 and float(np.abs(pitch).max()) < np.radians(0.7)
+    scales = [checks.robust_fit(replace(shots, pitch=each), known)[2] for each in (pitch, np.degrees(pitch)) if small]
+    for is_there, code, message, remedy in (
         (lost, "outliers", f"ricochets or flyers were left out: {lost}", "check these lines"),
         (too_many, "too-many-outliers", f"{too_many} shots disagree with the rest: all used", "check whole settings"),
-        (again, "repeated-shots", f"exactly as shots before: {again}", "remove what was written twice"),
+        (copies, "repeated-shots", f"exactly as shots before: {copies}", "remove what was written twice"),
         (small and scales[1] < scales[0] / 2, "radians-as-degrees", "pitch seems to be in radians", "give degrees"),
         (rounded, "rounded-speeds", f"speeds in steps of {2 * rounded:g} m/s hide their scatter", "record more digits"),
         (alike, "dependent-shots", f"successive shots are alike (Durbin–Watson: {', '.join(alike)})", "pause between"),
-        (opened, "open-interval", f"not bounded on both sides: {', '.join(opened)}", "shoot at more settings"),
-        (blind, "no-lateral", "the yaw is not known, and recorded as 0", "record lateral_m"),
-    )
-    warnings = (Finding(each[1], "warning", shots.source, each[2], each[3]) for each in found if each[0])
-    findings = (*shots.findings, *warnings)
-    return MuzzleResult(muzzle, estimates, shots, kept, *expected(shots, fit), misfit, findings)
-
-
-def _listed(shots: Shots, which: checks.Flags) -> str:
-    return ", ".join(shots.place(index) for index in np.flatnonzero(which).tolist())
+        (opened, "open-interval", f"not bounded on both sides: {opened}", "shoot at more settings"),
+        (shots.lateral is None, "no-lateral", "the yaw is not known, and recorded as 0", "record lateral_m"),
+    ):
+        if is_there:
+            yield Finding(code, "warning", shots.source, message, remedy)

@@ -49,9 +49,7 @@ def muzzle_report(result: "MuzzleResult") -> Report:
         next_steps=_next_steps(result),
         tables=(
             Table("Parameters", ("parameter", "estimate, 95 %"), tuple(parameters)),
-            Table(
-                "Dispersion of level shots [cm]", ("distance", "height", "side"), tuple(rows), "Standard deviations."
-            ),
+            Table("Dispersion, standard deviations [cm]", ("distance", "height", "side"), tuple(rows)),
         ),
         figures=(("Measured less modelled", result.plot),),
         findings=result.findings,
@@ -92,9 +90,7 @@ def shots_by_setting(
     with plot_style():
         figure, [[axes]] = new_figure()
         band = 196 * sd[order]
-        axes.fill_between(
-            place, -band, band, step="mid", color=MUTED, alpha=0.25, linewidth=0, label="95 % by the model"
-        )
+        axes.fill_between(place, -band, band, step="mid", color=MUTED, alpha=0.25, lw=0, label="95 % by the model")
         for used, label, marker, color in ((kept, "measured", ".", PALETTE[0]), (~kept, "left out", "x", PALETTE[1])):
             axes.plot(place[used[order]], 100 * residual[order][used[order]], marker, color=color, label=label)
         axes.set_xticks([place[setting[order] == each].mean() for each in range(len(names))], names)
@@ -111,8 +107,8 @@ def _in_degrees(each: Estimate) -> Estimate:
 def _next_steps(result: "MuzzleResult") -> tuple[str, ...]:
     """Return what to do, the most useful first."""
     shots, sizes = result.shots, np.bincount(result.shots.settings()[0][result.kept])
-    again, landing = f"archerfish2 identify muzzle {shots.source}", shots.hit_height is None
-    moves = landing and not result.muzzle.length and np.ptp(shots.pitch) > np.radians(1)
+    again = f"archerfish2 identify muzzle {' '.join(map(str, shots.files))}"
+    moves = shots.hit_height is None and not result.muzzle.length and np.ptp(shots.pitch) > np.radians(1)
     loose = any(e.high - e.low > 0.6 * e.value for name, e in result.estimates.items() if name[:-3] in ("pitch", "yaw"))
     steps = (
         (moves, f"Measure how far the muzzle is from the pivot, for it rises with the pitch: {again} --length-m …"),
