@@ -327,7 +327,7 @@ def judge(log: StrangerLog, plant: PlantRecord) -> tuple[float, bool]:
     if not (rig.responsive and 1 / _OTHER_UNIT < plant.sample_period_s / log.period_s < _OTHER_UNIT):
         return 0.0, False
     given, clean = held_back(log, plant.sample_period_s)
-    fit = float(free_run(plant, given[:, None], clean[:, None]).fit_percent[0])
+    fit = float(free_run(plant, given[:, None], clean[:, None], np.zeros(1)).fit_percent[0])
     try:
         gain = float(plant.dc_gain.item())
     except InputError:
