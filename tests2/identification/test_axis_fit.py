@@ -10,10 +10,10 @@ from scipy import io, signal
 
 from archerfish2.identification.axis.fit import fit_axis
 from archerfish2.identification.axis.log_start import first_guess
+from archerfish2.identification.axis.noise import noise_power
 from archerfish2.identification.axis.output_error import jacobian, refine, solve
 from archerfish2.identification.axis.sections import free_numbers, response, sections_of, state_matrices
 from archerfish2.identification.axis.spectrum import Experiment, lines_of, thinned
-from archerfish2.identification.axis.structure import noise_power
 from archerfish2.identification.simulation import simulate
 from archerfish2.identification.validation import free_run
 from archerfish2.paper.gimbal import printed_plants

@@ -16,7 +16,8 @@ from archerfish2.cli.signals import Stopped, stop_requests
 from archerfish2.errors import InputError, one_line
 
 INPUT_ERROR = 2
-COMMANDS = {each.lower(): (f"archerfish2.cli.{each.lower()}", each) for each in ("Train", "Evaluate", "Export")}
+_NAMES = ("identify axis", "train", "evaluate", "export")
+COMMANDS = {each: (f"archerfish2.cli.{each.replace(' ', '_')}", each.title().replace(" ", "")) for each in _NAMES}
 """Command → module and class. Named, not imported: a command waits for the libraries of no other one."""
 _OVERVIEW = """\
 usage: archerfish2 COMMAND [OPTIONS]
@@ -62,19 +63,20 @@ def main(arguments: Sequence[str]) -> None:
     Raises:
       SystemExit: with the status, if it is not 0.
     """
-    name = arguments[0] if arguments else "--help"
+    words = 2 if " ".join(arguments[:2]) in COMMANDS else 1
+    name = " ".join(arguments[:words]) or "--help"
     try:
         if name == "--version":
             print(__version__)  # noqa: T201
         elif name in ("--help", "-h"):
-            lines = [f"  {each:<10} {_command(each).__doc__.partition(chr(10))[0]}" for each in COMMANDS]
+            lines = [f"  {each:<17} {_command(each).__doc__.partition(chr(10))[0]}" for each in COMMANDS]
             print(_OVERVIEW.format(version=__version__, commands="\n".join(lines)))  # noqa: T201
         elif name not in COMMANDS:
             near = difflib.get_close_matches(name, COMMANDS, 1)
             meant = f"perhaps you meant {near[0]}" if near else "archerfish2 --help lists them"
             raise InputError(f"there is no command {name!r}, expected one of {', '.join(COMMANDS)}; {meant}")
         else:
-            _options(name, arguments[1:]).run()
+            _options(name, arguments[words:]).run()
     except InputError as error:
         print(f"archerfish2: {one_line(str(error))}", file=sys.stderr)  # noqa: T201
         sys.exit(INPUT_ERROR)

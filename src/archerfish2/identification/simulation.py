@@ -1,40 +1,57 @@
-"""A plant record set in motion: simulated outputs and free responses."""
+"""A plant record set in motion: simulated outputs and free responses; and its balanced realisation."""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_lyapunov
 
 from archerfish2.records.plant import PlantRecord
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Delays = NDArray[np.int64]
+
+_LEAST_HANKEL_VALUE = 1e-10  # of the largest, below which a plant is not minimal
 
 
-def simulate(plant: PlantRecord, inputs: Array) -> Array:
-    """Simulate the outputs from a zero state, shape (N, p).
+def matrices(plant: PlantRecord, *, draws: bool = False) -> tuple[Array, Array, Array, Array, Delays]:
+    """Return A, B, C, D and the delay with a leading axis: of the plant alone, or of its k draws, where k may be 0."""
+    alone = {name: getattr(plant, name)[None] for name in "ABCD"}
+    if not draws:
+        return alone["A"], alone["B"], alone["C"], alone["D"], np.array([plant.delay_samples])
+    A, B, C, D = (plant.draws.get(name, matrix[:0]) for name, matrix in alone.items())
+    return A, B, C, D, plant.delays_of_draws()
+
+
+def simulate(plant: PlantRecord, inputs: Array, *, draws: bool = False) -> Array:
+    """Simulate the outputs from a zero state, shape (N, p), or (k, N, p) of its draws.
 
     Args:
       plant: the plant.
       inputs: shape (N, m); before the first sample they are taken to have been held.
+      draws: whether to simulate the k draws instead of the plant itself.
     """
-    count, late = len(inputs), min(plant.delay_samples, len(inputs))
-    u = np.concatenate([np.repeat(inputs[:1], late, axis=0), inputs[: count - late]])
+    A, B, C, D, delays = matrices(plant, draws=draws)
+    (many, order, _), count = A.shape, len(inputs)
+    u = inputs[np.maximum(np.arange(count) - delays[:, None], 0)]
     # In about √N blocks of √N samples: all blocks together from zero, the states between them, all of them from those.
     length = math.isqrt(count) + 1
-    blocks = -(-count // length)
-    drive = np.zeros((blocks, length, len(plant.A)))
-    drive.reshape(blocks * length, -1)[:count] = u @ plant.B.T
-    states, first, step = np.zeros_like(drive), np.zeros_like(drive[:, 0]), np.linalg.matrix_power(plant.A, length)
+    blocks, turn = -(-count // length), A.swapaxes(1, 2)
+    drive: Array = np.zeros((many, blocks * length, order))
+    drive[:, :count] = u @ B.swapaxes(1, 2)
+    drive = drive.reshape(many, blocks, length, order)
+    states, first, step = np.zeros_like(drive), np.zeros_like(drive[:, :, 0]), np.linalg.matrix_power(turn, length)
     last = first
     for sample in range(length):
-        last = last @ plant.A.T + drive[:, sample]
+        last = last @ turn + drive[:, :, sample]
     for block in range(1, blocks):
-        first[block] = step @ first[block - 1] + last[block - 1]
+        first[:, [block]] = first[:, [block - 1]] @ step + last[:, [block - 1]]
     for sample in range(length):
-        states[:, sample] = first
-        first = first @ plant.A.T + drive[:, sample]
-    return np.asarray(states.reshape(blocks * length, -1)[:count] @ plant.C.T + u @ plant.D.T)
+        states[:, :, sample] = first
+        first = first @ turn + drive[:, :, sample]
+    found = states.reshape(many, blocks * length, order)[:, :count] @ C.swapaxes(1, 2) + u @ D.swapaxes(1, 2)
+    return np.asarray(found if draws else found[0])
 
 
 def free_responses(plant: PlantRecord, count: int) -> Array:
@@ -43,3 +60,34 @@ def free_responses(plant: PlantRecord, count: int) -> Array:
     while len(found) < count:  # by doubling: those of the next times are those found and a product with Aᵏ
         found, power = np.concatenate([found, found @ power]), power @ power
     return found[:count]
+
+
+def balanced(plant: PlantRecord) -> PlantRecord:
+    """Choose states of which each is as easy to reach as to observe (Moore 1981); the transfer function stays the same.
+
+    Both Gramians become one diagonal matrix, each draw's those of the draw. A plant or draw that is not minimal has no
+    balanced realisation and stays as it is.
+
+    Args:
+      plant: stable.
+    """
+    A, B, C, D, _ = matrices(plant, draws=True)
+    own = _balanced(plant.A, plant.B, plant.C)
+    drawn = [_balanced(*each) for each in zip(A, B, C, strict=True)]
+    draws = {name: np.stack(each) for name, each in zip("ABC", zip(*drawn, strict=True), strict=False)}
+    return plant.replace(A=own[0], B=own[1], C=own[2], draws=draws | {"D": D} if draws else {})
+
+
+def _balanced(A: Array, B: Array, C: Array) -> tuple[Array, Array, Array]:
+    reach, observe = (_square_root(solve_discrete_lyapunov(a, b @ b.T)) for a, b in ((A, B), (A.T, C.T)))
+    left, hankel_values, right = np.linalg.svd(observe.T @ reach)
+    if hankel_values[-1] <= _LEAST_HANKEL_VALUE * hankel_values[0]:
+        return A, B, C
+    weights = 1 / np.sqrt(hankel_values)
+    into, out = weights[:, None] * (left.T @ observe.T), reach @ right.T * weights
+    return into @ A @ out, into @ B, C @ out
+
+
+def _square_root(gramian: Array) -> Array:
+    values, vectors = np.linalg.eigh((gramian + gramian.T) / 2)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -5,13 +5,14 @@ outputs is no sample, and over other intervals than those of the log inputs are 
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from archerfish2.logs.recording import Finding, Values
+from archerfish2.logs.recording import Finding, Recording, Values
 from archerfish2.logs.table import LogTable, log_fault, time_unit
 
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -25,6 +26,7 @@ _EVEN = 0.1  # of a period: departures from equal spacing that matter less than 
 _SMOOTHER = 0.7  # share of the outputs' roughness over their stamps, below which samples were taken evenly
 _COSTLY, _OSCILLATING = 0.02, 0.1
 """Differences of lines and curves through the samples, in standard deviations: one costs a fit up to 2 points."""
+_SAME_PERIOD = 1e-6  # relative difference
 _EARLY = 0.3  # of a period that a stamp may come before its place; it may come late by the rest
 Signals = tuple[tuple[str, ...], tuple[str, ...]]
 """Names of inputs and of outputs."""
@@ -245,3 +247,15 @@ def held_mean(time: Values, signals: Values, edges: Values) -> Values:
     time = np.append(time, max(time[-1], edges[-1]))
     area = np.vstack([np.zeros(signals.shape[1]), np.cumsum(signals * np.diff(time)[:, None], axis=0)])
     return np.diff(_lines(time, area, edges), axis=0) / np.diff(edges)[:, None]
+
+
+def resampled(recording: Recording, period_s: float) -> Recording:
+    """Return a recording at another sampling period [s]: inputs averaged, outputs interpolated by a cubic spline."""
+    if abs(recording.period_s / period_s - 1) < _SAME_PERIOD:
+        return replace(recording, period_s=period_s)
+    from scipy.interpolate import CubicSpline
+
+    time = recording.period_s * np.arange(len(recording))
+    edges = period_s * np.arange(int(time[-1] / period_s + 1e-9) + 2)
+    inputs, outputs = held_mean(time, recording.inputs, edges), CubicSpline(time, recording.outputs)(edges[:-1])
+    return replace(recording, inputs=inputs, outputs=outputs, period_s=period_s)

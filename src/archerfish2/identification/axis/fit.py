@@ -10,20 +10,23 @@ from scipy.special import chdtri
 from archerfish2.errors import InputError
 from archerfish2.identification.axis.log_start import first_guess, guarded, rounding_floor
 from archerfish2.identification.axis.output_error import LinearFit, refine, refine_best, residuals_by_log, solve
-from archerfish2.identification.axis.prior import out_of_band
-from archerfish2.identification.axis.sections import Sections, state_matrices
+from archerfish2.identification.axis.prior import out_of_band, steady_gain
+from archerfish2.identification.axis.sections import Sections, poles_of, state_matrices
+from archerfish2.identification.axis.selection import Selection, select_structure
 from archerfish2.identification.axis.spectrum import Experiment, Lines, lines_of, strongest, thinned
 from archerfish2.identification.axis.starts import distinct, vector_fits
-from archerfish2.identification.axis.structure import Structure, choose_structure, delay_table
+from archerfish2.identification.axis.structure import Structure, delay_table
 from archerfish2.identification.simulation import Array, Complex
 from archerfish2.identification.validation import free_run
+from archerfish2.logs.recording import Values
 from archerfish2.records.plant import PlantRecord
 
 _ALL_LINES, _FEW_LINES = 8000, 1000  # up to so many all lines are fitted, beyond only those that respond; for starts
 _RESPONDS = 0.02  # response over noise, in power, from which a line is fitted
 _OTHER_OPTIMUM = 1.15  # cost over the best one's up to which optima on a few lines are in doubt
 _CONTRADICTED = 0.05  # probability at which constraints count as contradicted by the logs
-_LARGEST_ORDER = 20
+DELAY = 20  # up to which a delay is searched at first [samples]
+_LARGEST_ORDER, _ORDERS, _PILOT = 20, range(1, 9), 4  # that can be given; from which is chosen; of the first fits
 _LEAST_NOISE = 1e-8  # of an output's standard deviation, by which outputs are weighed
 
 
@@ -31,11 +34,11 @@ class Series(Protocol):
     """Inputs and outputs at equal intervals, as of a `Recording`."""
 
     @property
-    def inputs(self) -> Array:
+    def inputs(self) -> Values:
         """Inputs, shape (N, m)."""
 
     @property
-    def outputs(self) -> Array:
+    def outputs(self) -> Values:
         """Outputs, shape (N, p)."""
 
     @property
@@ -44,51 +47,114 @@ class Series(Protocol):
 
 
 class AxisFit(NamedTuple):
-    """A plant, and how it explains the recordings from which it was identified."""
+    """A plant, and the fit that gave it."""
 
     plant: PlantRecord
     fit_percent: Array  # of a free run, initial state and constant fitted, for each recording and output, (k, p)
-    delay: int  # of the inputs [samples]
-    gain: Array  # steady output per steady input, (p, m)
-    poles: Complex  # in the z plane, largest first, (n,)
-    extended: tuple[bool, ...]  # whether each recording begins at a rest that was put before it once more
-    skipped: tuple[int, ...]  # samples at its beginning that were left out
+    structure: Structure
+    fit: LinearFit  # of outputs over their scale
+    scale: Array  # of the outputs, (p,)
+    experiments: list[Experiment]  # as they were fitted
+    constraints: list[Lines]  # that were added to them
+    ridge: float  # of the free numbers
+    selection: Selection
+
+    @property
+    def delay(self) -> int:
+        """Delay of the inputs [samples]."""
+        return self.structure.delay
+
+    @property
+    def gain(self) -> Array:
+        """Steady output per steady input, shape (p, m)."""
+        return self.plant.dc_gain
+
+    @property
+    def poles(self) -> Complex:
+        """Poles in the z plane, largest first, shape (n,)."""
+        poles = poles_of(self.fit.sections)
+        return np.asarray(poles[np.lexsort((-poles.imag, -np.abs(poles).round(12)))])
+
+    @property
+    def extended(self) -> tuple[bool, ...]:
+        """Whether each recording begins at a rest that was put before it once more."""
+        return tuple(each.pad > 0 for each in self.experiments)
 
 
 def fit_axis(
-    recordings: Sequence[Series], order: int, delay: int | None = None, *, max_delay: int = 20, feedthrough: bool = True
+    recordings: Sequence[Series],
+    order: int | None = None,
+    delay: int | None = None,
+    *,
+    max_delay: int = DELAY,
+    feedthrough: bool = True,
+    dc_gain: Array | None = None,
+    held_back: Sequence[Series] = (),
 ) -> AxisFit:
     """Identify the plant of one axis by output error, of one output or of one input.
 
     Args:
       recordings: of the same axis, all of the same period, each with an initial state and a level of its own.
-      order: number of poles.
+      order: number of poles; chosen from 1 to 8 if not given.
       delay: of the inputs [samples]; searched if not given.
       max_delay: up to which it is searched at first, a tenth of the shortest recording at most [samples].
       feedthrough: whether the plant may have one; it has if the logs say so.
+      dc_gain: steady output per steady input that the plant is to have, shape (p, m); fitted if not given.
+      held_back: recordings by which the order is chosen.
 
     Raises:
       InputError: if arrays don't fit together or aren't finite, inputs or outputs don't move, a recording is too short
         for the order, or there are several inputs with several outputs.
     """
-    logs = _checked(recordings, order, max_delay if delay is None else delay)
-    delays = (0, min(max_delay, min(len(u) for u, _ in logs) // 10)) if delay is None else (delay, delay)
+    longest, orders = max_delay if delay is None else delay, _ORDERS if order is None else range(order, order + 1)
+    every = _checked([*recordings, *held_back], orders[0], longest)
+    logs, kept = every[: len(recordings)], every[len(recordings) :]
+    shortest = min(len(u) for u, _ in logs)
+    delays = (0, min(max_delay, shortest // 10)) if delay is None else (delay, delay)
+    orders = orders[: sum(shortest >= _least_samples(each, logs[0][0].shape[1]) for each in orders)]
     scale = np.sqrt(np.mean(np.concatenate([y for _, y in logs]) ** 2, 0))
-    experiments = [first_guess(u, y / scale, delays[1]) for u, y in logs]
-    experiments, table = guarded(experiments, delays[1], lambda each: delay_table(each, order, delays))
-    structure, starts = choose_structure(experiments, table, order, (delays[0], max(delays[1], *table)), feedthrough)
-    final = [replace(e, skip=min(e.skip, structure.delay)) for e in experiments]
-    fit, rows = _settled(final, structure, starts)
+    experiments, period = [first_guess(u, y / scale, delays[1]) for u, y in logs], recordings[0].period_s
+    pilot = orders[min(_PILOT, len(orders)) - 1]
+    experiments, table = guarded(experiments, delays[1], lambda each: delay_table(each, pilot, delays))
+
+    def predicted(structure: Structure, fit: LinearFit) -> float:
+        logs = [replace(e, drift=structure.drift) for e in experiments]
+        data = lines_of(logs, thinned(logs, _FEW_LINES), structure.delay, structure.feedthrough)
+        constraints, ridge = out_of_band(solve(fit.sections, data), data, structure.delay)
+        fit = refine(fit.sections, data + constraints, 15, 1e-5, ridge)
+        plant = plant_of(fit, structure, scale, period)
+        return min(float(free_run(plant, u, y, drift=structure.drift).fit_percent.min()) for u, y in kept)
+
+    delays = delays[0], max(delays[1], *table)
+    selection = select_structure(experiments, table, orders, delays, feedthrough, predicted if kept else None)
+    structure, starts = selection.structure, selection.starts
+    final = [replace(e, skip=min(e.skip, structure.delay), drift=structure.drift) for e in experiments]
+    gain = None if dc_gain is None else np.reshape(dc_gain, (len(scale), -1)) / scale[:, None]
+    fit, constraints, ridge = _settled(final, structure, starts, gain)
     if len(scale) > 1:  # again, with outputs in units of their noise
+        rows = 2 * sum(len(e.z) for e in final)
         noise = np.maximum(np.sqrt(np.mean(fit.residual[:, :rows] ** 2, 1)), _LEAST_NOISE)
         scale, final = scale * noise, [replace(e, y=e.y / noise) for e in final]
-        fit, _ = _settled(final, structure, [fit.sections])
-    A, B, C, D = state_matrices(fit.sections, fit.numerators * scale, logs[0][0].shape[1])
-    plant = PlantRecord.from_state_space(A, B, C, D, recordings[0].period_s, structure.delay)
-    fits, poles = np.array([free_run(plant, u, y).fit_percent for u, y in logs]), np.linalg.eigvals(A).astype(complex)
-    poles = poles[np.lexsort((-poles.imag, -np.abs(poles).round(12)))]
-    starts_of_logs = tuple(e.pad > 0 for e in final), tuple(e.skip for e in final)
-    return AxisFit(plant, fits, plant.delay_samples, plant.dc_gain, poles, *starts_of_logs)
+        gain = None if gain is None else gain / noise[:, None]
+        fit, constraints, ridge = _settled(final, structure, [fit.sections], gain)
+    plant = plant_of(fit, structure, scale, period)
+    fits = np.array([free_run(plant, u, y, drift=structure.drift).fit_percent for u, y in logs])
+    return AxisFit(plant, fits, structure, fit, scale, final, constraints, ridge, selection)
+
+
+def plant_of(fit: LinearFit, structure: Structure, scale: Array, period_s: float) -> PlantRecord:
+    """Return the plant of a fit.
+
+    Args:
+      fit: of outputs over their scale.
+      structure: of it.
+      scale: of the outputs, shape (p,).
+      period_s: sampling period [s].
+    """
+    numerators = fit.numerators * scale
+    inputs = len(numerators) // (structure.order + structure.feedthrough)
+    A, B, C, D = state_matrices(fit.sections, numerators, inputs)
+    return PlantRecord.from_state_space(A, B, C, D, period_s, structure.delay)
 
 
 def _checked(recordings: Sequence[Series], order: int, delay: int) -> list[tuple[Array, Array]]:
@@ -102,7 +168,7 @@ def _checked(recordings: Sequence[Series], order: int, delay: int) -> list[tuple
     if min(inputs, outputs) != 1:
         got = f"u (N, {inputs}) and y (N, {outputs}); identify one output at a time"
         raise InputError(f"fit_axis: expected arrays of one input or of one output, got {got}")
-    period, least = recordings[0].period_s, 2 * (order + 2) * (1 + inputs) + 10
+    period, least = recordings[0].period_s, _least_samples(order, inputs)
     for number, ((u, y), each) in enumerate(zip(logs, recordings, strict=True), 1):
         fits = len(u) == len(y) > 0 and (u.shape[1:], y.shape[1:]) == shapes
         other_period = abs(each.period_s - period) > 1e-9 * period
@@ -120,8 +186,14 @@ def _checked(recordings: Sequence[Series], order: int, delay: int) -> list[tuple
     return [(u - u.mean(0), y - y.mean(0)) for u, y in logs]
 
 
-def _settled(experiments: list[Experiment], structure: Structure, starts: list[Sections]) -> tuple[LinearFit, int]:
-    """Fit by the plain sum of squares, with constraints as far as the logs accept them; also the rows of the logs."""
+def _least_samples(order: int, inputs: int) -> int:
+    return 2 * (order + 2) * (1 + inputs) + 10
+
+
+def _settled(
+    experiments: list[Experiment], structure: Structure, starts: list[Sections], gain: Array | None
+) -> tuple[LinearFit, list[Lines], float]:
+    """Fit by the plain sum of squares, with constraints as far as the logs accept them; also these and the ridge."""
     data = [e.at(structure.delay, structure.feedthrough) for e in experiments]
     few = lines_of(experiments, thinned(experiments, _FEW_LINES), structure.delay, structure.feedthrough)
     fresh = [fit.sections for fit in vector_fits(few, structure.order)[:6]]
@@ -136,14 +208,17 @@ def _settled(experiments: list[Experiment], structure: Structure, starts: list[S
     missed = solve(free.sections, data).cost > best.cost  # a pole between the lines that were left out
     free, data = (refine_best(finalists, data, 40, 1e-9), data) if missed else (free, informative)
     constraints, ridge = out_of_band(free, data, structure.delay)
+    held = [] if gain is None else [steady_gain(gain, free, data)]
     rows = 2 * sum(len(lines.z) for lines in data)
     allowed = 1 + chdtri(3 * structure.order + 1, _CONTRADICTED) / (rows * len(free.residual))
+    free = refine(free.sections, data + held, 30, 1e-8) if held else free
+    least = max(np.sum(free.residual[:, :rows] ** 2), rounding_floor(experiments))
     for strength in (1.0, 0.1, 0.01):
-        both = data + [c._replace(inputs=strength * c.inputs, outputs=strength * c.outputs) for c in constraints]
-        fit = refine_best([free.sections, starts[0]], both, 30, 1e-8, ridge * strength**2)
-        if np.sum(fit.residual[:, :rows] ** 2) <= max(free.cost, rounding_floor(experiments)) * allowed:
-            return fit, rows
-    return free, rows
+        soft = [c._replace(inputs=strength * c.inputs, outputs=strength * c.outputs) for c in constraints]
+        fit = refine_best([free.sections, starts[0]], data + soft + held, 30, 1e-8, ridge * strength**2)
+        if np.sum(fit.residual[:, :rows] ** 2) <= least * allowed:
+            return fit, soft + held, ridge * strength**2
+    return free, held, 0.0
 
 
 def _responding(fit: LinearFit, data: list[Lines]) -> list[Lines]:

@@ -43,12 +43,8 @@ def solve(sections: Sections, data: list[Lines]) -> LinearFit:
     """Fit the numerators and each log's own columns to all outputs for given poles."""
     columns, outputs, logs = [], [], []
     for lines in data:
-        states, inverses = section_states(sections, lines.z)
-        driven = ((states * lines.z)[:, None] * lines.inputs).reshape(-1, len(lines.z))
-        x = _real(np.concatenate([driven, lines.inputs]) if lines.feedthrough else driven)
-        y, transients = _real(lines.outputs), states * lines.impulse if lines.impulse.size else lines.own
-        own = _real(np.concatenate([transients, lines.own]))
-        q, triangle = _factorised(own)
+        states, inverses, x, own = _columns(sections, lines)
+        y, (q, triangle) = _real(lines.outputs), _factorised(own)
         logs.append(LogFactors(states, inverses, q, triangle, y @ q, x @ q))
         columns.append(x - logs[-1].driven @ q.T)
         outputs.append(y - logs[-1].outputs @ q.T)
@@ -61,6 +57,13 @@ def solve(sections: Sections, data: list[Lines]) -> LinearFit:
         numerators = lstsq(X.T / size, Y.T, lapack_driver="gelsy", cond=1e-11)[0] / size[:, None]
         residual = Y - numerators.T @ X
     return LinearFit(sections, float(np.vdot(residual, residual)), numerators, residual, Q, logs)
+
+
+def residual_of(sections: Sections, numerators: Array, lines: Lines) -> Complex:
+    """Return the residual of one log under given numerators, its own columns fitted, shape (p, F)."""
+    _, _, x, own = _columns(sections, lines)
+    residual, (q, _) = _real(lines.outputs) - numerators.T @ x, _factorised(own)
+    return np.asarray((residual - (residual @ q) @ q.T).view(complex))
 
 
 def project(fit: LinearFit, columns: Sequence[Complex]) -> Array:
@@ -139,7 +142,9 @@ def refine(sections: Sections, data: list[Lines], steps: int, tolerance: float, 
     return fit
 
 
-def refine_best(starts: list[Sections], data: list[Lines], steps: int, tolerance: float, ridge: float = 0) -> LinearFit:
+def refine_best(
+    starts: Sequence[Sections], data: list[Lines], steps: int, tolerance: float, ridge: float = 0
+) -> LinearFit:
     """Return the best of the fits from several starts; arguments as of `refine`."""
     return min((refine(each, data, steps, tolerance, ridge) for each in starts), key=cost_of)
 
@@ -153,6 +158,15 @@ def residuals_by_log(fit: LinearFit, data: list[Lines]) -> list[Complex]:
     """Return the residual at the lines of each log, shape (p, F) each."""
     ends = 2 * np.cumsum([len(lines.z) for lines in data])
     return [np.ascontiguousarray(each).view(complex) for each in np.split(fit.residual, ends, axis=1)[:-1]]
+
+
+def _columns(sections: Sections, lines: Lines) -> tuple[Complex, list[Complex], Array, Array]:
+    """Return states and inverses of the sections, and the driven and own columns as real rows."""
+    states, inverses = section_states(sections, lines.z)
+    driven = ((states * lines.z)[:, None] * lines.inputs).reshape(-1, len(lines.z))
+    x = _real(np.concatenate([driven, lines.inputs]) if lines.feedthrough else driven)
+    transients = states * lines.impulse if lines.impulse.size else lines.own
+    return states, inverses, x, _real(np.concatenate([transients, lines.own]))
 
 
 def _factorised(columns: Array) -> tuple[Array, Array]:

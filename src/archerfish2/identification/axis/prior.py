@@ -11,6 +11,7 @@ from archerfish2.identification.simulation import Array
 
 _BINS, _POINTS = 48, 8  # of the frequencies up to half the sampling rate; of those below the band
 _LEAST_NOISE = 1e-32  # power of a line
+_FIRM = 1e4  # of a steady gain that is given, over noise
 _WEIGHT = 500.0  # rows of noise that the constraints of an input count as
 
 
@@ -48,6 +49,19 @@ def out_of_band(fit: LinearFit, data: Sequence[Lines], delay: int) -> tuple[list
             goal = level * (there.real + 1j * there.imag * below / lowest)
             constraints.append(_soft(data[0], np.exp(-1j * below), level * unit.repeat(_POINTS, 1), goal))
     return constraints, 1.5 * noise
+
+
+def steady_gain(gain: Array, fit: LinearFit, data: Sequence[Lines]) -> Lines:
+    """Return the constraint that a plant has a steady gain, to a ten-thousandth of what one row's noise is.
+
+    Args:
+      gain: shape (p, m).
+      fit: of the data.
+      data: lines of all logs.
+    """
+    firm = np.sqrt(max(fit.cost / fit.residual.size, _LEAST_NOISE)) * _FIRM / np.abs(gain).max()
+    unit = firm * np.eye(gain.shape[1])
+    return _soft(data[0], np.ones(gain.shape[1]), unit, firm * gain)
 
 
 def _soft(like: Lines, z: Array, inputs: Array, outputs: Array) -> Lines:

@@ -65,6 +65,11 @@ def order_of(sections: Sections) -> int:
     return sum(map(len, sections))
 
 
+def poles_of(sections: Sections) -> Complex:
+    """Return the poles in the z plane, shape (n,)."""
+    return np.concatenate([np.roots(np.append(1.0, s)).astype(complex) for s in sections])
+
+
 def section_states(sections: Sections, z: Complex) -> tuple[Complex, list[Complex]]:
     """Return the transforms of the states of all sections under an impulse, and 1 / (1 + a₁ z + a₂ z²) of each.
 

@@ -54,6 +54,7 @@ class Experiment:
     pad: int = 0  # samples of its first rest that are put before it
     rest: int = 1  # samples whose mean is the level of that rest
     skip: int = 0  # samples that are left out at its beginning
+    drift: bool = False  # whether its outputs drift, by a polynomial of third degree
     length: int = field(init=False)  # samples that are transformed
     measured: int = field(init=False)  # those of them that were measured
     z: Complex = field(init=False)  # delay of one sample at each line, (F,)
@@ -66,25 +67,26 @@ class Experiment:
         k = np.arange(1, n // 2 + 1)
         self.z = np.exp(-2j * np.pi * k / n)
         # Squared sizes over the lines sum to those over the samples, so the line at half the sampling rate counts half.
-        self._size = np.where(2 * k == n, np.sqrt(0.5), 1.0).astype(complex)
-        self.outputs = self._transform(y)
+        self.size = np.where(2 * k == n, np.sqrt(0.5), 1.0).astype(complex)
+        self.outputs = self.transform(y)
         # The level of the rest is known no better than its samples' noise allows, so it is estimated as well.
         level = (np.arange(n) < self.pad).astype(float)[:, None]
-        self._own = self._transform(level[:, : self.pad > 0])
+        time = np.concatenate([np.full(self.pad, -1.0), np.linspace(-1, 1, len(self.y))])[self.skip :, None]
+        self._own = self.transform(np.hstack([level[:, : self.pad > 0], time ** np.arange(1, 1 + 3 * self.drift)]))
         self._lines = lru_cache(16)(self._delayed)
 
     def at(self, delay: int, feedthrough: bool = True) -> Lines:
         """Return all lines with inputs that are delayed by some samples."""
         return self._lines(delay)._replace(feedthrough=feedthrough)
 
-    def _transform(self, x: Array) -> Complex:
-        """(N, k) → (k, F)."""
-        scaled = np.sqrt(2 / self.length) * self._size[:, None] * rfft(x, axis=0)[1:]
+    def transform(self, x: Array) -> Complex:
+        """Return the lines of k signals, shape (N, k) → (k, F)."""
+        scaled = np.sqrt(2 / self.length) * self.size[:, None] * rfft(x, axis=0)[1:]
         return np.ascontiguousarray(scaled.T)
 
     def _delayed(self, delay: int) -> Lines:
         u = np.vstack([np.repeat(self.u[:1], self.pad + delay, 0), self.u[: len(self.u) - delay]])
-        return Lines(self.z, self._transform(u[self.skip :]), self.outputs, self._size, self._own)
+        return Lines(self.z, self.transform(u[self.skip :]), self.outputs, self.size, self._own)
 
 
 def lines_of(

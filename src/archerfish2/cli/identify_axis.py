@@ -1,0 +1,84 @@
+"""`archerfish2 identify axis`: the plant of one axis from its logs."""
+
+import sys
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from archerfish2 import storage
+from archerfish2.identification.axis.identify import identify_axis
+from archerfish2.logs.log import read_log
+from archerfish2.records.json_files import plain, write_json
+
+
+@dataclass(frozen=True)
+class IdentifyAxis:
+    """Identify the plant of one axis: what the gimbal does with a command.
+
+    - prints what is known of the axis, how sure that is, whether it is usable, and what to record next
+    - writes AXIS.json (the plant with draws), AXIS.html (plots and tables), AXIS_report.json and run.json
+
+    Logs are CSV and other text tables, .npz, .mat, and ROS bags. A signal is the name of a column, its number from 1 on
+    in a table without names, of an array ("x[0]": a column of a matrix), or /topic/field of a bag.
+
+    Examples:
+      archerfish2 identify axis sweep.csv step.csv --validate step_2.csv --axis pitch --out my-robot
+      archerfish2 identify axis log.mcap --input /command/yaw --output /joint_states/yaw/position
+    """
+
+    logs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="LOG…", help_behavior_hint="")]
+    """Logs that the plant is fitted to, in which the input moves the axis: sweeps, steps, driving."""
+    validate: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG…", help_behavior_hint="")] = ()
+    """Logs that are held back: the order is chosen, and the plant judged, by how they are predicted."""
+    axis: str = "axis"
+    """Name of the axis: pitch, yaw, or another."""
+    input: tuple[str, ...] = ("u",)
+    """Signals that move the axis."""
+    output: tuple[str, ...] = ("y",)
+    """Signals in which the axis responds."""
+    time: str = "time_s"
+    """Stamps, in seconds or in the unit that the name ends with (time_ms)."""
+    sample_period_s: float | None = None
+    """Time between rows, of logs without stamps."""
+    order: int | None = None
+    """Number of poles; chosen from 1 to 8 if not given."""
+    max_delay: int | None = None
+    """Largest input delay in samples; found if not given."""
+    dc_gain: Annotated[tuple[float, ...], tyro.conf.arg(metavar="NUMBER…", help_behavior_hint="")] = ()
+    """Steady output per steady input that the plant is to have, if it is known."""
+    no_feedthrough: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
+    """Whether an input can't act within its own sample."""
+    seed: int = 0
+    """Of the draws."""
+    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/identify")
+    """Folder for what is written."""
+    overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
+    """Replace files in that folder that this command did not write."""
+
+    def run(self) -> None:
+        """Read, identify, write, print."""
+        read = partial(
+            read_log, inputs=self.input, outputs=self.output, time=self.time, sample_period_s=self.sample_period_s
+        )
+        logs, held_back = ([read(each) for each in group] for group in (self.logs, self.validate))
+        names = (f"{self.axis}.json", f"{self.axis}.html", f"{self.axis}_report.json")
+        facts, inputs = {"options": " ".join(sys.argv[2:])}, [*self.logs, *self.validate]
+        with storage.output_folder(
+            self.out, f"identify axis {self.axis}", inputs, self.overwrite, facts, names
+        ) as folder:
+            found = identify_axis(
+                logs,
+                validate=held_back,
+                axis=self.axis,
+                order=self.order,
+                max_delay=self.max_delay,
+                feedthrough=not self.no_feedthrough,
+                dc_gain=self.dc_gain or None,
+                seed=self.seed,
+            )
+            found.save(folder)
+            write_json(folder / names[-1], plain(found.report.to_dict()))
+        print(f"{found}\n\nopen {self.out / self.axis}.html; the plant is in {self.out / self.axis}.json")  # noqa: T201

@@ -1,0 +1,184 @@
+"""From logs of one axis to its plant, how certain it is, and whether it is usable."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from archerfish2.identification.axis.bootstrap import draw_plants, interval
+from archerfish2.identification.axis.fit import DELAY, AxisFit, fit_axis
+from archerfish2.identification.axis.report import axis_report
+from archerfish2.identification.axis.selection import Candidate
+from archerfish2.identification.frequency import excited_band
+from archerfish2.identification.simulation import Array, Complex, balanced, simulate
+from archerfish2.identification.sources import Source, read_sources
+from archerfish2.identification.validation import FreeRun, free_run
+from archerfish2.logs.recording import Finding, Recording
+from archerfish2.provenance import provenance
+from archerfish2.records.plant import PlantRecord
+from archerfish2.reports.report import Report
+from archerfish2.reports.table import Estimate
+
+_DRAWS = 100
+_NEAR_BAND, _SCATTER = 1.5, 1 / 3  # of a natural frequency: beyond the band, and of its draws' logarithm
+
+
+class LogFit(NamedTuple):
+    """How a plant explains a recording."""
+
+    recording: Recording  # as it was fitted
+    held_back: bool  # whether it was not fitted
+    run: FreeRun  # with initial state and constant of its own
+
+    @property
+    def fit_percent(self) -> float:
+        """Fit of the output that is explained worst [%]."""
+        return float(self.run.fit_percent.min())
+
+
+class Pole(NamedTuple):
+    """A real pole or a pair of poles of the continuous axis."""
+
+    frequency_hz: Estimate  # natural frequency [Hz]
+    damping: Estimate  # 1 and more of real poles
+    determined: bool  # whether the logs show where it is
+
+
+@dataclass(frozen=True, eq=False)
+class AxisResult:
+    """An identified axis."""
+
+    plant: PlantRecord  # with draws
+    fits: tuple[LogFit, ...]  # of each recording, those held back first
+    dc_gain: tuple[Estimate, ...]  # steady output per steady input, output by output and input by input
+    delay_samples: Estimate  # of the first response; its range is of all structures by their weights
+    poles: tuple[Pole, ...]  # the slowest first
+    candidates: tuple[Candidate, ...]  # the likeliest first
+    excited_hz: tuple[float, float]  # band that the inputs excite
+    findings: tuple[Finding, ...]  # of the logs
+    free_gain: tuple[Estimate, ...]  # as the logs have it where it was given; else empty
+
+    @cached_property
+    def report(self) -> Report:
+        """What is known, how sure that is, and what to do next."""
+        return axis_report(self)
+
+    def __repr__(self) -> str:
+        return str(self.report)
+
+    def save(self, folder: str | Path) -> None:
+        """Write AXIS.json, the plant's record, and AXIS.html, its page, into a folder that exists.
+
+        Raises:
+          InputError: if a file can't be written.
+        """
+        self.plant.save(Path(folder) / f"{self.plant.axis}.json")
+        self.report.write_page(Path(folder) / f"{self.plant.axis}.html")
+
+    def predict(self, u: Array) -> Array:
+        """Simulate the outputs from rest, shape (N, p), under inputs (N, m)."""
+        return simulate(self.plant, np.reshape(u, (len(u), -1)))
+
+
+def identify_axis(
+    logs: Sequence[Source],
+    *,
+    validate: Sequence[Source] = (),
+    axis: str = "axis",
+    order: int | None = None,
+    max_delay: int | None = None,
+    feedthrough: bool = True,
+    dc_gain: Sequence[float] | float | None = None,
+    divides_s: float | None = None,
+    seed: int = 0,
+) -> AxisResult:
+    """Identify the plant of one axis from its logs.
+
+    Order, delay, feedthrough and drift are chosen by the BIC of Whittle's likelihood, the order by the logs that are
+    held back if there are some; the plant is fitted by output error, its intervals are those of a parametric bootstrap.
+
+    Args:
+      logs: files with the columns time_s, u and y, or logs and recordings as `read_log` returns them.
+      validate: logs that are held back.
+      axis: name of the axis.
+      order: number of poles, 1 to 20; chosen up to 8 if not given.
+      max_delay: largest input delay [samples]; found if not given.
+      feedthrough: whether an input may act within its own sample.
+      dc_gain: steady output per steady input, output by output and input by input; fitted if not given.
+      divides_s: time that the plant's sampling period is to divide [s].
+      seed: of the draws.
+
+    Raises:
+      InputError: if a log can't be read, or does not determine a plant.
+    """
+    read = read_sources(logs, validate, divides_s)
+    fit = partial(fit_axis, read.fitted, feedthrough=feedthrough)
+    found = free = fit(order, held_back=read.held_back, max_delay=DELAY if max_delay is None else max_delay)
+    if dc_gain is not None:
+        found = fit(free.structure.order, free.delay, dc_gain=np.ravel(dc_gain))
+    names = {"input_names": read.fitted[0].input_names, "output_names": read.fitted[0].output_names}
+    drawn = draw_plants(found, _DRAWS, seed)
+    draws = {name: np.stack([getattr(each, name) for each in drawn]) for name in "ABCD"}
+    facts: Any = provenance(seed) | {"logs": read.hashes}
+    delays = np.array([each.delay_samples for each in drawn])
+    plant = balanced(found.plant.replace(axis=axis, draws=draws, draw_delays=delays, provenance=facts, **names))
+    band = excited_band(read.fitted)
+    drift = found.structure.drift
+    fits = [
+        LogFit(each, held, free_run(plant, each.inputs, each.outputs, drift=drift))
+        for held, group in ((True, read.held_back), (False, read.fitted))
+        for each in group
+    ]
+    return AxisResult(
+        plant,
+        tuple(fits),
+        gains_of(found, drawn),
+        _delay(found),
+        _poles(found.poles, [np.linalg.eigvals(each.A).astype(complex) for each in drawn], plant.sample_period_s, band),
+        found.selection.candidates,
+        band,
+        read.findings,
+        () if found is free else gains_of(free, draw_plants(free, _DRAWS, seed)),
+    )
+
+
+def gains_of(found: AxisFit, drawn: Sequence[PlantRecord]) -> tuple[Estimate, ...]:
+    """Return the steady gains with their intervals, output by output and input by input."""
+    low, high = interval(np.array([each.dc_gain.ravel() for each in drawn]))
+    return tuple(map(Estimate, found.gain.ravel().tolist(), low.tolist(), high.tolist()))
+
+
+def _delay(found: AxisFit) -> Estimate:
+    """Delay of the first response beyond the sample that every input takes; a feedthrough responds a sample earlier."""
+    weights: dict[int, float] = defaultdict(float)
+    for each, weight in found.selection.weights.items():
+        weights[max(each.delay - each.feedthrough, 0)] += weight
+    delays = sorted(weights)
+    cumulative = np.cumsum([weights[each] for each in delays])
+    low, high = (delays[min(int(np.searchsorted(cumulative, level)), len(delays) - 1)] for level in (0.025, 0.975))
+    value = max(found.delay - found.structure.feedthrough, 0)
+    return Estimate(value, min(low, value), max(high, value), "samples")
+
+
+def _poles(poles: Complex, drawn: Sequence[Complex], period_s: float, band: tuple[float, float]) -> tuple[Pole, ...]:
+    logs = np.log(np.array([each[linear_sum_assignment(abs(poles[:, None] - each))[1]] for each in drawn]) + 1e-300)
+    estimates = []
+    for place, pole in enumerate(poles):
+        if pole.imag >= 0:
+            rates = np.append(np.log(pole + 1e-300), logs[:, place]) / period_s
+            frequency, damping = np.abs(rates) / (2 * np.pi), -rates.real / np.abs(rates)
+            known = band[0] / _NEAR_BAND <= frequency[0] <= _NEAR_BAND * band[1]
+            known = known and np.std(np.log(frequency[1:])) < _SCATTER
+            estimates.append(Pole(_estimate(frequency, "Hz"), _estimate(damping, ""), bool(known)))
+    return tuple(sorted(estimates, key=lambda each: each.frequency_hz.value))
+
+
+def _estimate(values: Array, unit: str) -> Estimate:
+    """Return the first value with the interval of the others."""
+    low, high = interval(values[1:])
+    return Estimate(float(values[0]), float(low), float(high), unit)

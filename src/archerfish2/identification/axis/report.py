@@ -1,0 +1,165 @@
+"""Verdict and report of an identified axis.
+
+A plant is usable if it explains what was held back and its steady gain is known. Its delay is reported with a range,
+and refuses nothing: a plant may share it between dead time and poles.
+"""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from archerfish2.identification.frequency import frequency_response
+from archerfish2.reports.report import Report
+from archerfish2.reports.table import Entry, Estimate, Table, number
+
+if TYPE_CHECKING:
+    from archerfish2.identification.axis.identify import AxisResult, LogFit
+
+USABLE_FIT = 80.0
+"""Fit from which a plant is usable [%]."""
+_NOISY_FIT, _NOISE_SHARE = 55.0, 0.1  # a fit of noise's fault: at least, and share that the inputs explain of the rest
+_GAIN_WIDTH, _GAIN_SHARE = 0.05, 0.85  # draws within this much of the gain; share of them from which it is known
+_MOVING = 0.3  # deviation of an output over that of the recording that moves most, from which a recording counts
+_SPOILING = {"swapped": "exchange input and output", "time-unit": "name the unit of the stamps"}
+
+
+class Shortfall(NamedTuple):
+    """What makes a plant useless."""
+
+    code: str  # short, stable name
+    sentence: str  # what it is, and what to do
+
+
+def shortfalls(result: "AxisResult") -> list[Shortfall]:
+    """Return what makes a plant useless, the gravest first; nothing if it is usable."""
+    found = [
+        Shortfall(each.code, f"{each.place}: {each.message}: {each.remedy}.")
+        for each in result.findings
+        if each.code in _SPOILING and each.severity == "warning"
+    ]
+    return [*found, *_low_fit(result), *_unknown_gain(result)]
+
+
+def judged(result: "AxisResult") -> "LogFit":
+    """Return the recording by which a plant is judged: the worst that was held back and moves, else that was fitted."""
+    fits = [each for each in result.fits if each.held_back] or list(result.fits)
+    spreads = np.array([each.recording.outputs.std(0) for each in fits])
+    moving = [each for each, spread in zip(fits, spreads, strict=True) if np.any(spread >= _MOVING * spreads.max(0))]
+    return min(moving, key=lambda each: each.fit_percent)
+
+
+def _low_fit(result: "AxisResult") -> Iterator[Shortfall]:
+    worst = judged(result)
+    noise = False
+    if worst.fit_percent >= USABLE_FIT or (worst.fit_percent >= _NOISY_FIT and noise):
+        return
+    if noise:
+        why = "the rest does not depend on the input, so it is noise: command larger motions, or average repeated runs"
+    else:
+        why = "the rest depends on the input: check the columns, and whether something else moves the axis"
+    share = f"{worst.fit_percent:.1f} %" if worst.fit_percent > 0 else "less than a constant would"
+    yield Shortfall("fit", f"The plant explains {share} of {worst.recording.source}, expected {USABLE_FIT:g} %; {why}.")
+
+
+def _unknown_gain(result: "AxisResult") -> Iterator[Shortfall]:
+    if result.free_gain:
+        return
+    plant = result.plant
+    gain, drawn = plant.dc_gain, frequency_response(plant, np.zeros(1), draws=True)[:, 0].real
+    known = np.mean(np.abs(drawn - gain) <= _GAIN_WIDTH * np.abs(gain), axis=0) >= _GAIN_SHARE
+    for place in np.flatnonzero(~known).tolist():
+        yield Shortfall(
+            "gain",
+            f"The steady gain {_named(result, place)}is not known within {_GAIN_WIDTH:.0%}: "
+            f"{_words(result.dc_gain[place])}. Record a step from rest that is held until the axis rests "
+            f"(archerfish2 excite {plant.axis} --kinds step), or give the gain if it is known (--dc-gain).",
+        )
+
+
+def axis_report(result: "AxisResult") -> Report:
+    """Report an identified axis."""
+    missing, plant, worst = shortfalls(result), result.plant, judged(result)
+    name = f"{worst.recording.source} ({'held back' if worst.held_back else 'fitted, none held back'})"
+    period_ms = 1e3 * plant.sample_period_s
+    value, low, high, _ = result.delay_samples
+    delay = Estimate(period_ms * value, period_ms * low, period_ms * high, "ms")
+    return Report(
+        title=f"{plant.axis}: what the logs say",
+        headline=f"{'usable' if not missing else 'not usable'}: order {len(plant.A)}, delay {_words(delay)}, "
+        f"fit {worst.fit_percent:.1f} % of {name}",
+        usable=not missing,
+        reasons=tuple(each.sentence for each in missing),
+        known=tuple(_known(result, delay)),
+        doubts=tuple(_doubts(result)),
+        next_steps=tuple(_next_steps(result)),
+        tables=tuple(_tables(result, delay)),
+        findings=result.findings,
+        provenance=plant.provenance,
+    )
+
+
+def _known(result: "AxisResult", delay: Estimate) -> Iterator[str]:
+    low, high = result.excited_hz
+    yield f"The inputs excite {low:.3g} to {high:.3g} Hz; outside, the plant is an extrapolation."
+    yield f"The delay is {_words(delay)}; a plant may share it between dead time and poles."
+    for place, gain in enumerate(result.free_gain or result.dc_gain):
+        free = f", was given as {result.dc_gain[place].value:.4g}; the logs alone have" if result.free_gain else " is"
+        yield f"The steady gain {_named(result, place)}{free} {_words(gain)}, 95 % interval."
+    determined = sum(each.determined for each in result.poles)
+    yield f"Of {len(result.poles)} poles, pairs counted once, the logs determine {determined}."
+
+
+def _doubts(result: "AxisResult") -> Iterator[str]:
+    for given, free in zip(result.dc_gain, result.free_gain, strict=False):
+        if not free.low <= given.value <= free.high:
+            yield (
+                f"The gain that was given, {given.value:.4g}, contradicts the logs, which have {_words(free)}: check "
+                "its unit and sign, or leave it out."
+            )
+
+
+def _next_steps(result: "AxisResult") -> Iterator[str]:
+    axis = result.plant.axis
+    if not any(each.held_back for each in result.fits):
+        yield "Hold a log back (--validate LOG), to see how the plant predicts one that it was not fitted to."
+    low, high = result.delay_samples.low, result.delay_samples.high
+    if high - low > 2:
+        yield (
+            f"The delay may be {low:g} to {high:g} samples: add a log with sharp edges "
+            f"(archerfish2 excite {axis} --kinds step)."
+        )
+    if not all(each.determined for each in result.poles):
+        yield "Some poles are not determined: excite higher frequencies if the robot uses them."
+
+
+def _tables(result: "AxisResult", delay: Estimate) -> Iterator[Table]:
+    rows: list[tuple[Entry, ...]] = [("delay", delay)]
+    rows += [(f"steady gain {_named(result, place)}".strip(), each) for place, each in enumerate(result.dc_gain)]
+    for each in result.poles:
+        kind = "pole" if each.determined else "pole, not determined"
+        rows += [(f"{kind}: natural frequency", each.frequency_hz), ("    its damping", each.damping)]
+    yield Table("The plant", ("quantity", "estimate (95 % interval)"), tuple(rows))
+    logs = tuple(
+        (each.recording.source, "held back" if each.held_back else "fitted", each.fit_percent) for each in result.fits
+    )
+    yield Table("Fit of a free run [%]", ("recording", "", "fit"), logs, "100 is all of the output's deviation.")
+    least = min(each.bic for each in result.candidates)
+    orders = sorted(each for each in result.candidates if each.fit_percent is not None)
+    tried = tuple((str(e.order), e.delay, e.bic - least, e.fit_percent, e.held_back_percent) for e in orders)
+    columns = ("order", "delay [samples]", "BIC less the best", "fit [%]", "fit held back [%]")
+    yield Table("The likeliest structure of each order", columns, tried)
+
+
+def _named(result: "AxisResult", place: int) -> str:
+    inputs, outputs = result.plant.input_names, result.plant.output_names
+    if len(inputs) * len(outputs) == 1:
+        return ""
+    return f"from {inputs[place % len(inputs)]} to {outputs[place // len(inputs)]} "
+
+
+def _words(estimate: Estimate) -> str:
+    unit = f" {estimate.unit}" if estimate.unit else ""
+    if estimate.low == estimate.high:
+        return f"{number(estimate.value, 3)}{unit}"
+    return f"{number(estimate.value)} ({number(estimate.low)} to {number(estimate.high)}){unit}"

@@ -1,0 +1,113 @@
+"""Frequency responses of a plant and as measured, and the band in which logs determine it."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from archerfish2.identification.simulation import Array, Complex, matrices
+from archerfish2.logs.recording import Recording, Values
+from archerfish2.records.plant import PlantRecord
+
+_SEGMENT = 16, 1024  # samples of Welch's segments, at least and at most
+_SHARE = 1e-2  # of the largest density of an input, from which a frequency counts as excited
+_FAINT = 1e-5  # share of the largest density of all logs, below which that of a log counts as none
+_FALSE_ALARM, _TAPERS = 0.01, 5
+
+
+class MeasuredResponse(NamedTuple):
+    """Frequency response estimated from logs; F is 0 where they are too short to average."""
+
+    hz: Array  # frequencies that an input excites [Hz], (F,)
+    response: Complex  # output per input, zero where that input excites nothing, (F, p, m)
+    coherence: Array  # partial, squared: share of the power that an input alone explains, 0…1, (F, p, m)
+    significant: float  # coherence that noise exceeds at some frequency in 1 % of logs
+
+
+def frequency_response(plant: PlantRecord, hz: Array, *, draws: bool = False) -> Complex:
+    """Return (C (zI − A)⁻¹ B + D) z^−delay at z = e^{2πi f T}, shape (F, p, m), or (k, F, p, m) of the draws.
+
+    Args:
+      plant: the plant.
+      hz: frequencies [Hz], shape (F,).
+      draws: whether to return those of the k draws instead.
+    """
+    A, B, C, D, delays = (each[:, None] for each in matrices(plant, draws=draws))
+    z = np.exp(2j * np.pi * hz * plant.sample_period_s)[:, None, None]
+    found = (C @ np.linalg.solve(z * np.eye(len(plant.A)) - A, B.astype(complex)) + D) * z ** -delays[..., None, None]
+    return np.asarray(found if draws else found[0])
+
+
+def measured_response(recordings: Sequence[Recording]) -> MeasuredResponse:
+    """Estimate the response by H1, the inverse of the inputs' spectra times their cross spectra, averaged as Welch did.
+
+    It is right where inputs are measured without noise and are not made from the output.
+
+    Args:
+      recordings: of the same p outputs and m inputs; those of less than two segments are left out.
+    """
+    inputs = recordings[0].inputs.shape[1]
+    segment = int(np.clip(2 ** int(np.log2(max(map(len, recordings)) / 4 + 1)), *_SEGMENT))
+    hz, averages = np.fft.rfftfreq(segment, recordings[0].period_s), 0
+    spectra = np.zeros((hz.size, *2 * (inputs + recordings[0].outputs.shape[1],)), complex)
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(segment) / segment)
+    for each in (recording for recording in recordings if len(recording) >= 2 * segment):
+        pieces = sliding_window_view(np.hstack([each.inputs, each.outputs]), segment, axis=0)[:: segment // 2]
+        lines = np.fft.rfft((pieces - pieces.mean(2, keepdims=True)) * window)
+        spectra += np.einsum("saf,sbf->fab", lines.conj(), lines)
+        averages += len(pieces)
+    power = np.diagonal(spectra, axis1=1, axis2=2).real
+    # A segment's mean is taken off, so that its lowest lines are empty.
+    excited = (power[:, :inputs] > _SHARE * power[:, :inputs].max(0)) & (hz > 1.5 * hz[1])[:, None]
+    size = np.sqrt(power[:, :inputs].max(0)) + 1e-150
+    among = np.linalg.inv(spectra[:, :inputs, :inputs] / np.outer(size, size) + 1e-9 * np.eye(inputs))
+    cross = spectra[:, :inputs, inputs:] / size[:, None]
+    found = among @ cross
+    rest = np.maximum(power[:, inputs:] - np.sum(found.conj() * cross, 1).real, 0)[:, None]
+    own = np.abs(found) ** 2 / np.diagonal(among, axis1=1, axis2=2).real[..., None]
+    both = found / size[:, None], own / np.maximum(own + rest, 1e-300)
+    response, coherence = (np.where(excited[..., None], x, 0)[excited.any(1)].swapaxes(1, 2) for x in both)
+    significant = 1 - (_FALSE_ALARM / max(response.size, 1)) ** (1 / max(averages - inputs, 1))
+    return MeasuredResponse(hz[excited.any(1)], response, coherence, significant)
+
+
+def excited_band(recordings: Sequence[Recording]) -> tuple[float, float]:
+    """Return the lowest and highest frequency [Hz] where inputs have power and, under moving inputs, outputs respond.
+
+    An input has power where its density is a hundredth of its largest, without what the ends of a log leak. Of a log
+    whose inputs are mostly held, few of Welch's segments have a response; there the power alone counts.
+    """
+    found = [np.zeros(0)]
+    for channel in range(recordings[0].inputs.shape[1]):
+        densities = [_density(each.inputs[:, channel]) * each.period_s**2 for each in recordings]
+        faint = max(_FAINT * max(density.max() for density in densities), 1e-300)
+        for each, density in zip(recordings, densities, strict=True):
+            hz = (1 + np.flatnonzero(density >= max(_SHARE * density.max(), faint))) / (len(each) * each.period_s)
+            if hz.size and not _mostly_held(each.inputs[:, channel]):
+                at, _, coherence, significant = measured_response([each])
+                inside = (at >= hz[0]) & (at <= hz[-1])
+                at, coherent = at[inside], coherence[inside, :, channel].max(1) > significant
+                if coherent.any():
+                    hz = hz.clip(0 if coherent[0] else at[coherent][0], None if coherent[-1] else at[coherent][-1])
+            found.append(hz)
+    every = np.concatenate(found)
+    return float(np.min(every, initial=np.inf)), float(np.max(every, initial=0))
+
+
+def _mostly_held(signal: Values) -> bool:
+    return bool(np.mean(np.diff(signal) != 0) < 0.5)
+
+
+def _density(signal: Values) -> Array:
+    """Power without the mean at each line, by the sine tapers of Riedel and Sidorenko (1995), which leak little.
+
+    Of a signal that is mostly held the jumps are the content, and a taper would lose those near an end.
+    """
+    phase = np.pi * np.arange(1, len(signal) + 1) / (len(signal) + 1)
+    tapers = np.sqrt(2) * np.sin(np.arange(1, _TAPERS + 1)[:, None] * phase)
+    tapers = np.ones_like(tapers[:1]) if (held := _mostly_held(signal)) else tapers
+    density = np.mean(np.abs(np.fft.rfft(tapers * (signal - signal.mean()))) ** 2, axis=0)[1:]
+    if not held:  # the mean is missing from what the tapers don't resolve, which gets the density beside it
+        density[:4] = density[:4][-1]
+    return np.asarray(density)

@@ -1,0 +1,68 @@
+"""Logs of one axis from files or arrays, at one sampling period."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from archerfish2.errors import InputError
+from archerfish2.logs.log import read_log
+from archerfish2.logs.recording import Finding, Log, Recording
+from archerfish2.logs.stamps import resampled
+
+Source = str | Path | Log | Recording
+"""A file with the columns time_s, u and y, or what was read or made of another one."""
+
+
+class AxisLogs(NamedTuple):
+    """Recordings of one sampling period."""
+
+    fitted: list[Recording]  # to which a plant is fitted
+    held_back: list[Recording]  # by which it is judged
+    findings: tuple[Finding, ...]  # of all logs
+    hashes: dict[str, str | int | float | None]  # SHA-256 by file
+
+
+def read_sources(logs: Sequence[Source], validate: Sequence[Source] = (), divides_s: float | None = None) -> AxisLogs:
+    """Read logs and bring them to one sampling period: the longest, or the next longer one that divides a time.
+
+    Args:
+      logs: to be fitted.
+      validate: to be held back.
+      divides_s: the time [s].
+
+    Raises:
+      InputError: if one can't be read, none is given, or their signals have other names.
+    """
+    read = [[_log(each) for each in group] for group in (logs, validate)]
+    fitted, held_back = ([each for log in group for each in log.recordings] for group in read)
+    if not fitted:
+        raise InputError("identify: expected a log or more, got none; pass a file")
+    for each in (*fitted, *held_back):
+        if (each.input_names, each.output_names) != (fitted[0].input_names, fitted[0].output_names):
+            names = f"{', '.join(fitted[0].input_names)} and {', '.join(fitted[0].output_names)}"
+            raise InputError(f"{each.source}: expected the signals {names} of {fitted[0].source}; read the same ones")
+    period_s = max(each.period_s for each in (*fitted, *held_back))
+    if divides_s is not None:
+        period_s = divides_s / max(1, int(divides_s / period_s * (1 + 1e-6)))
+    every = [*read[0], *read[1]]
+    return AxisLogs(
+        [resampled(each, period_s) for each in fitted],
+        [resampled(each, period_s) for each in held_back],
+        tuple(finding for log in every for finding in log.findings),
+        {Path(log.source).name: log.sha256 for log in every if log.sha256},
+    )
+
+
+def exchanged(recording: Recording) -> Recording:
+    """Return a recording with inputs and outputs exchanged."""
+    outputs, names = recording.inputs, recording.input_names
+    return replace(
+        recording, inputs=recording.outputs, outputs=outputs, input_names=recording.output_names, output_names=names
+    )
+
+
+def _log(source: Source) -> Log:
+    if isinstance(source, Recording):
+        return Log((source,), (), len(source), source.source, "")
+    return source if isinstance(source, Log) else read_log(source)
