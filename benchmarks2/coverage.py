@@ -12,14 +12,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from archerfish2.identification.axis.bootstrap import interval
 from archerfish2.identification.axis.identify import identify_axis
+from archerfish2.identification.frequency import frequency_response
 from archerfish2.identification.simulation import simulate
 from archerfish2.logs.recording import Recording
 from archerfish2.paper.gimbal import printed_plants
 from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.table import Table
 from bars import Bar, finish, run, share
-from rigs import Array, Complex, draw_noise
+from rigs import Array, draw_noise
 
 SEED, PERIOD_S, STEP_S = 2026, 1e-3, 1.0
 NOISES = ("white", "AR(0.9)")
@@ -83,10 +85,9 @@ def covered(job: tuple[int, str, int]) -> dict[str, bool]:
     result = identify_axis(list(logs_of(case, *job[1:])), order=case.order)
     gain, true = result.dc_gain[0], float(case.plant.dc_gain.item())
     found = {"steady gain": bool(gain.low <= true <= gain.high)}
-    drawn = gains(result.plant.draws)
-    lows, highs = np.quantile(drawn, (0.025, 0.975), axis=0, method="weibull")
-    matrices = {name: getattr(case.plant, name)[None] for name in "ABCD"}
-    for frequency, low, at, high in zip(FREQUENCIES_HZ, lows, gains(matrices)[0], highs, strict=True):
+    lows, highs = interval(np.abs(frequency_response(result.plant, FREQUENCIES_HZ, draws=True)[..., 0, 0]))
+    gains = np.abs(frequency_response(case.plant, FREQUENCIES_HZ)[:, 0, 0])
+    for frequency, low, at, high in zip(FREQUENCIES_HZ, lows, gains, highs, strict=True):
         found[f"gain at {frequency:g} Hz"] = bool(low <= at <= high)
     rates = np.log(np.linalg.eigvals(case.plant.A).astype(complex)) / PERIOD_S
     for each in result.poles:
@@ -97,14 +98,6 @@ def covered(job: tuple[int, str, int]) -> dict[str, bool]:
             for name, value in parts.items():
                 found[f"pole, {name}"] = bool(estimates[name].low <= value <= estimates[name].high)
     return found
-
-
-def gains(matrices: dict[str, Any]) -> Array:
-    """Return |C (z − A)⁻¹ B + D| of plants of one input and output at the frequencies, shape (k, 5)."""
-    z: Complex = np.exp(2j * np.pi * FREQUENCIES_HZ * PERIOD_S)
-    A, B, C, D = (np.asarray(matrices[name])[:, None] for name in "ABCD")
-    inner = z[:, None, None] * np.eye(A.shape[-1]) - A
-    return np.asarray(np.abs((C @ np.linalg.solve(inner, B.astype(complex)) + D)[..., 0, 0]))
 
 
 def figures(rows: list[dict[str, Any]]) -> list[Bar]:

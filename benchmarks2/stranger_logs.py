@@ -79,7 +79,7 @@ share of the amplitude; disturbance over set point; drift over the log, and the 
 of the output and in periods. Besides: the samples of a long delay, the factor between mixed units, and where nothing
 responds 1 for the motion of another axis and 0 for noise alone."""
 _FEWEST, _MOST, _LONGEST_S, _DEGREES = 150, 30_000, 30.0, 180 / np.pi
-USABLE_FIT, GAIN_SHARE = 80.0, 0.05  # least held-back fit [%], and by what share a steady gain may be off
+GAIN_SHARE = 0.05  # by which a steady gain may be off
 _OTHER_UNIT = 30.0  # factor between the periods of plant and log beyond which time was taken in another unit
 _SINES, _STEPS, _MOST_LEVELS, _WORST_FIT = 14, 10, 12, -1000.0
 

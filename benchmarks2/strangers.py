@@ -11,7 +11,6 @@ best plant of it wasn't usable (results/strangers_truth.json).
 
 import argparse
 import json
-import re
 import tempfile
 import time
 import traceback
@@ -21,13 +20,12 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from archerfish2.errors import InputError
 from archerfish2.identification.axis.identify import identify_axis
+from archerfish2.identification.axis.report import USABLE_FIT, judged, shortfalls
 from archerfish2.reports.table import Table
 from bars import RESULTS, Bar, finish, run, share
-from stranger_logs import NONE, USABLE_FIT, judge, make_log, write_log
+from stranger_logs import NONE, judge, make_log, write_log
 
 SEED, LOGS = 2026, 2010
 TRUTH = json.loads((RESULTS / "strangers_truth.json").read_text())
@@ -66,11 +64,12 @@ class Row:
     delay_high: float | None = None
     order: int | None = None
     codes: str = ""  # of the findings
+    shortfall: str = ""  # code of what makes the plant useless
     reason: str = ""  # first of the verdict, or the text of the error
     seconds: float = 0.0  # of processor time
 
 
-def judged(seed: int, index: int) -> Row:
+def identified(seed: int, index: int) -> Row:
     """Make a log, identify the axis from its files, and compare verdict and plant with the truth."""
     log = make_log(seed, index)
     delay_true = round(log.rig.delay_s / log.period_s, 9)
@@ -97,17 +96,18 @@ def judged(seed: int, index: int) -> Row:
         verdict="usable" if report.usable else "unusable",
         right=bool(report.usable) == usable,
         good=usable,
-        fit=min(float(np.min(each.fit_percent)) for each in result.fits),
+        fit=judged(result).fit_percent,
         held_back=held_back,
         gain_right=gain_right,
         gain=gain.value,
         gain_low=gain.low,
         gain_high=gain.high,
-        delay=plant.delay_samples * ratio,
+        delay=delay.value * ratio,
         delay_low=delay.low * ratio,
         delay_high=delay.high * ratio,
         order=len(plant.A),
         codes=" ".join(sorted({each.code for each in result.findings})),
+        shortfall=next((each.code for each in shortfalls(result)), ""),
         reason=_short(next(iter(report.reasons), "")).replace(f"{folder}/", ""),
         seconds=seconds,
     )
@@ -142,11 +142,11 @@ def _gain_inside(row: Row) -> bool:
 
 
 def _delay_inside(row: Row) -> bool:
-    """Whether the range contains the delay, or the whole samples on its two sides; a feedthrough counts as a sample."""
+    """Whether the range contains the delay, or of one between samples those on its two sides."""
     if row.delay_low is None or row.delay_high is None:
         return False
     slack = 1.0 if row.delay_true % 1 else 1e-3 * row.delay_true + 1e-6
-    return any(row.delay_low - slack <= row.delay_true + late <= row.delay_high + slack for late in (0, 1))
+    return row.delay_low - slack <= row.delay_true <= row.delay_high + slack
 
 
 def tables(rows: list[Row]) -> list[Table]:
@@ -170,8 +170,7 @@ def tables(rows: list[Row]) -> list[Table]:
 def cause(row: Row) -> str:
     """Name the class of a wrong verdict: what is wrong with a plant that was called usable, or what was said of one."""
     if row.verdict != "usable":
-        words = row.reason.split(":")[0] if row.verdict == "unusable" else row.codes or row.reason
-        return f"{row.verdict} but good: {re.sub(r'[−-]?[0-9][0-9.e+-]*', '#', words)[:60]}"
+        return f"{row.verdict} but good: {row.shortfall or row.codes or row.reason[:60]}"
     wrong = ["gain"] * (not row.gain_right) + ["fit"] * ((row.held_back or 0) < USABLE_FIT)
     return f"falsely usable, {row.fault}: {' and '.join(wrong)} wrong"
 
@@ -186,7 +185,7 @@ def main() -> None:
     options = parser.parse_args()
     begun = time.perf_counter()
     rows = []
-    for row in run(partial(judged, options.seed), options.only or range(options.logs), options.workers):
+    for row in run(partial(identified, options.seed), options.only or range(options.logs), options.workers):
         rows.append(row)
         if options.only:
             print("\n".join(f"{name:12} {value}" for name, value in asdict(row).items()), end="\n\n", flush=True)
