@@ -41,16 +41,15 @@ def simulate(plant: PlantRecord, inputs: Array, *, draws: bool = False) -> Array
     drive: Array = np.zeros((many, blocks * length, order))
     drive[:, :count] = u @ B.swapaxes(1, 2)
     drive = drive.reshape(many, blocks, length, order)
-    states, first, step = np.zeros_like(drive), np.zeros_like(drive[:, :, 0]), np.linalg.matrix_power(turn, length)
+    first, step = np.zeros_like(drive[:, :, 0]), np.linalg.matrix_power(turn, length)
     last = first
     for sample in range(length):
         last = last @ turn + drive[:, :, sample]
     for block in range(1, blocks):
         first[:, [block]] = first[:, [block - 1]] @ step + last[:, [block - 1]]
-    for sample in range(length):
-        states[:, :, sample] = first
-        first = first @ turn + drive[:, :, sample]
-    found = states.reshape(many, blocks * length, order)[:, :count] @ C.swapaxes(1, 2) + u @ D.swapaxes(1, 2)
+    for sample in range(length):  # the states take the place of what drives them
+        drive[:, :, sample], first = first, first @ turn + drive[:, :, sample]
+    found = drive.reshape(many, blocks * length, order)[:, :count] @ C.swapaxes(1, 2) + u @ D.swapaxes(1, 2)
     return np.asarray(found if draws else found[0])
 
 

@@ -12,7 +12,7 @@ from scipy.fft import irfft, rfft
 from archerfish2.identification.axis.fit import AxisFit, plant_of
 from archerfish2.identification.axis.noise import local_power
 from archerfish2.identification.axis.output_error import refine, residual_of
-from archerfish2.identification.axis.spectrum import Experiment, strongest
+from archerfish2.identification.axis.spectrum import Experiment, Indices, strongest
 from archerfish2.identification.axis.structure import Structure
 from archerfish2.identification.simulation import Array, Complex
 from archerfish2.records.plant import PlantRecord
@@ -47,10 +47,11 @@ def draw_plants(found: AxisFit, draws: int, seed: int) -> list[PlantRecord]:
             own = _parameters_a_log(chosen, found)
             spectra = [_spectrum(e, each, own) for e, each in zip(logs, residuals, strict=True)]
         picks = strongest([np.mean(np.abs(each) ** 2, axis=0) for each in responses], _LINES)
+        lines = [d._replace(outputs=y).pick(k) for d, y, k in zip(data, responses, picks, strict=True)]
         for _ in range(round(draws * weight / sum(likely.values()))):
-            noisy = [y + _noise(e, power, rng) for y, e, power in zip(responses, logs, spectra, strict=True)]
-            lines = [d._replace(outputs=y).pick(k) for d, y, k in zip(data, noisy, picks, strict=True)]
-            again = refine(fit.sections, lines + soft, _STEPS, 1e-4, found.ridge)
+            noise = [_noise(e, power, k, rng) for e, power, k in zip(logs, spectra, picks, strict=True)]
+            noisy = [each._replace(outputs=each.outputs + e) for each, e in zip(lines, noise, strict=True)]
+            again = refine(fit.sections, noisy + soft, _STEPS, 1e-4, found.ridge)
             drawn.append(plant_of(again, structure, found.scale, found.plant.sample_period_s))
     near = _near(np.array([plant.dc_gain.ravel() for plant in drawn]))
     return [drawn[each] for each in rng.permutation(np.flatnonzero(near))]
@@ -82,9 +83,14 @@ def _spectrum(log: Experiment, residual: Complex, parameters: float) -> Array:
     return np.array([local_power(each) for each in squares]) * log.measured / left
 
 
-def _noise(log: Experiment, power: Array, rng: np.random.Generator) -> Complex:
-    """Draw noise for the measured samples; its transform at the lines of the log, shape (p, F)."""
+def _noise(log: Experiment, power: Array, lines: Indices, rng: np.random.Generator) -> Complex:
+    """Draw noise for the measured samples; its transform at some lines of the log, shape (p, k)."""
+    if not log.pad:  # the transform of such noise is independent from line to line
+        power = power[:, lines]
     real, imaginary = rng.standard_normal((2, *power.shape))
-    spectrum = np.sqrt(power * log.measured / 2) * (real + 1j * imaginary)
-    samples = irfft(np.concatenate([np.zeros((len(power), 1)), spectrum], axis=1), log.measured)
-    return log.transform(np.concatenate([np.zeros((len(power), log.pad)), samples], axis=1).T)
+    noise = np.sqrt(power / 2) * (real + 1j * imaginary)
+    if not log.pad:
+        return np.asarray(noise * np.sqrt(2) * log.size[lines])
+    spectrum = np.concatenate([np.zeros((len(power), 1)), np.sqrt(log.measured) * noise], axis=1)
+    samples = irfft(spectrum, log.measured)
+    return log.transform(np.concatenate([np.zeros((len(power), log.pad)), samples], axis=1).T)[:, lines]

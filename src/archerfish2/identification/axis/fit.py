@@ -21,7 +21,8 @@ from archerfish2.identification.validation import free_run
 from archerfish2.logs.recording import Values
 from archerfish2.records.plant import PlantRecord
 
-_ALL_LINES, _FEW_LINES = 8000, 1000  # up to so many all lines are fitted, beyond only those that respond; for starts
+_ALL_LINES, _MOST_LINES = 8000, 12_000  # up to which all lines are fitted; beyond, so many of those that respond
+_FEW_LINES = 1000  # for starts
 _RESPONDS = 0.02  # response over noise, in power, from which a line is fitted
 _OTHER_OPTIMUM = 1.15  # cost over the best one's up to which optima on a few lines are in doubt
 _CONTRADICTED = 0.05  # probability at which constraints count as contradicted by the logs
@@ -204,9 +205,10 @@ def _settled(
     finalists = [starts[0], *(fit.sections for fit in rough[:2])]
     if len(rough) > 1 and rough[1].cost < _OTHER_OPTIMUM * rough[0].cost:
         finalists += [fit.sections for fit in vector_fits(informative, structure.order)[:3]]
-    free = refine_best(finalists, informative, 40, 1e-9)
-    missed = solve(free.sections, data).cost > best.cost  # a pole between the lines that were left out
-    free, data = (refine_best(finalists, data, 40, 1e-9), data) if missed else (free, informative)
+    free = refine_best(finalists, informative, 20, 1e-4)
+    if solve(free.sections, data).cost > best.cost:  # a pole between the lines that were left out
+        free, informative = refine_best(finalists, data, 20, 1e-4), data
+    free, data = refine(free.sections, informative, 40, 1e-9), informative
     constraints, ridge = out_of_band(free, data, structure.delay)
     held = [] if gain is None else [steady_gain(gain, free, data)]
     rows = 2 * sum(len(lines.z) for lines in data)
@@ -215,7 +217,8 @@ def _settled(
     least = max(np.sum(free.residual[:, :rows] ** 2), rounding_floor(experiments))
     for strength in (1.0, 0.1, 0.01):
         soft = [c._replace(inputs=strength * c.inputs, outputs=strength * c.outputs) for c in constraints]
-        fit = refine_best([free.sections, starts[0]], data + soft + held, 30, 1e-8, ridge * strength**2)
+        fit = refine_best([free.sections, starts[0]], data + soft + held, 8, 1e-4, ridge * strength**2)
+        fit = refine(fit.sections, data + soft + held, 30, 1e-8, ridge * strength**2)
         if np.sum(fit.residual[:, :rows] ** 2) <= least * allowed:
             return fit, soft + held, ridge * strength**2
     return free, held, 0.0
@@ -227,5 +230,5 @@ def _responding(fit: LinearFit, data: list[Lines]) -> list[Lines]:
     powers = [np.abs(lines.inputs) ** 2 for lines in data]
     gain = sum(map(np.sum, squares)) / sum(map(np.sum, powers))
     responses = [np.maximum(y.mean(0), gain * u.sum(0)) for y, u in zip(squares, powers, strict=True)]
-    picks = strongest(responses, np.inf, _RESPONDS * 2 * fit.cost / fit.residual.size)
+    picks = strongest(responses, _MOST_LINES, _RESPONDS * 2 * fit.cost / fit.residual.size)
     return [lines.pick(k) for lines, k in zip(data, picks, strict=True)]
