@@ -73,7 +73,7 @@ def identified(seed: int, index: int) -> Row:
     """Make a log, identify the axis from its files, and compare verdict and plant with the truth."""
     log = make_log(seed, index)
     delay_true = round(log.rig.delay_s / log.period_s, 9)
-    good = seed == SEED and TRUTH["usable"][index] == "1"
+    good = seed == SEED and TRUTH["usable"][index : index + 1] == "1"
     row = Row(index, log.rig.family, log.fault, log.excitation, log.noise_kind, "refused", not good, good)
     row = replace(row, gain_true=log.rig.gain, delay_true=delay_true)
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
@@ -180,7 +180,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--logs", type=int, default=LOGS, help="only the first so many; nothing is then written")
     parser.add_argument("--only", type=int, nargs="+", help="the logs of these numbers; nothing is written")
-    parser.add_argument("--seed", type=int, default=SEED, help="with another one nothing is written")
+    parser.add_argument("--seed", type=int, default=SEED, help="with another one refusals count as right, and nothing is written")
     parser.add_argument("--workers", type=int, default=1)
     options = parser.parse_args()
     begun = time.perf_counter()
