@@ -180,7 +180,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--logs", type=int, default=LOGS, help="only the first so many; nothing is then written")
     parser.add_argument("--only", type=int, nargs="+", help="the logs of these numbers; nothing is written")
-    parser.add_argument("--seed", type=int, default=SEED, help="with another one refusals count as right, and nothing is written")
+    parser.add_argument(
+        "--seed", type=int, default=SEED, help="with another one refusals count as right, and nothing is written"
+    )
     parser.add_argument("--workers", type=int, default=1)
     options = parser.parse_args()
     begun = time.perf_counter()
