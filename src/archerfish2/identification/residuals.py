@@ -19,6 +19,7 @@ from scipy.linalg import solve_toeplitz
 from scipy.special import ndtri
 
 from archerfish2.identification.simulation import Array, free_responses, simulate
+from archerfish2.logs.recording import Values
 from archerfish2.records.plant import PlantRecord
 
 _LAGS = 25  # largest lag [samples]
@@ -44,7 +45,7 @@ class ResidualTests(NamedTuple):
     feedback: bool  # whether an input's innovations follow those of the residual
 
 
-def residual_tests(residual: Array, inputs: Array, errors: Array | None = None) -> ResidualTests | None:
+def residual_tests(residual: Array, inputs: Values, errors: Array | None = None) -> ResidualTests | None:
     """Test a residual; None where the log is too short for it, of less than 100 samples for each input and one more.
 
     Args:

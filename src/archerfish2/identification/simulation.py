@@ -1,6 +1,7 @@
 """A plant record set in motion: simulated outputs and free responses; and its balanced realisation."""
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +9,7 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from archerfish2.records.plant import PlantRecord
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 Complex = NDArray[np.complex128]
 Delays = NDArray[np.int64]
 

@@ -89,7 +89,6 @@ def fit_axis(
     *,
     max_delay: int = DELAY,
     feedthrough: bool = True,
-    dc_gain: Array | None = None,
     held_back: Sequence[Series] = (),
 ) -> AxisFit:
     """Identify the plant of one axis by output error, of one output or of one input.
@@ -100,7 +99,6 @@ def fit_axis(
       delay: of the inputs [samples]; searched if not given.
       max_delay: up to which it is searched at first, a tenth of the shortest recording at most [samples].
       feedthrough: whether the plant may have one; it has if the logs say so.
-      dc_gain: steady output per steady input that the plant is to have, shape (p, m); fitted if not given.
       held_back: recordings by which the order is chosen.
 
     Raises:
@@ -130,17 +128,33 @@ def fit_axis(
     selection = select_structure(experiments, table, orders, delays, feedthrough, predicted if kept else None)
     structure, starts = selection.structure, selection.starts
     final = [replace(e, skip=min(e.skip, structure.delay), drift=structure.drift) for e in experiments]
-    gain = None if dc_gain is None else np.reshape(dc_gain, (len(scale), -1)) / scale[:, None]
-    fit, constraints, ridge = _settled(final, structure, starts, gain)
+    fit, constraints, ridge = _settled(final, structure, starts)
     if len(scale) > 1:  # again, with outputs in units of their noise
         rows = 2 * sum(len(e.z) for e in final)
         noise = np.maximum(np.sqrt(np.mean(fit.residual[:, :rows] ** 2, 1)), _LEAST_NOISE)
         scale, final = scale * noise, [replace(e, y=e.y / noise) for e in final]
-        gain = None if gain is None else gain / noise[:, None]
-        fit, constraints, ridge = _settled(final, structure, [fit.sections], gain)
+        fit, constraints, ridge = _settled(final, structure, [fit.sections])
     plant = plant_of(fit, structure, scale, period)
     fits = np.array([free_run(plant, u, y, drift=structure.drift).fit_percent for u, y in logs])
     return AxisFit(plant, fits, structure, fit, scale, final, constraints, ridge, selection)
+
+
+def with_gain(found: AxisFit, gain: Array, recordings: Sequence[Series]) -> AxisFit:
+    """Return the fit with the constraint that the plant has a steady gain.
+
+    Args:
+      found: without it.
+      gain: steady output per steady input, shape (p, m).
+      recordings: that were fitted.
+    """
+    structure, scale = found.structure, found.scale
+    data = [e.at(structure.delay, structure.feedthrough) for e in found.experiments]
+    constraints = [*found.constraints, steady_gain(gain / scale[:, None], found.fit, data)]
+    fit = refine(found.fit.sections, data + constraints, 30, 1e-8, found.ridge)
+    plant = plant_of(fit, structure, scale, found.plant.sample_period_s)
+    runs = [free_run(plant, each.inputs, each.outputs, drift=structure.drift) for each in recordings]
+    fits = np.array([each.fit_percent for each in runs])
+    return found._replace(plant=plant, fit_percent=fits, fit=fit, constraints=constraints)
 
 
 def plant_of(fit: LinearFit, structure: Structure, scale: Array, period_s: float) -> PlantRecord:
@@ -192,7 +206,7 @@ def _least_samples(order: int, inputs: int) -> int:
 
 
 def _settled(
-    experiments: list[Experiment], structure: Structure, starts: list[Sections], gain: Array | None
+    experiments: list[Experiment], structure: Structure, starts: list[Sections]
 ) -> tuple[LinearFit, list[Lines], float]:
     """Fit by the plain sum of squares, with constraints as far as the logs accept them; also these and the ridge."""
     data = [e.at(structure.delay, structure.feedthrough) for e in experiments]
@@ -210,18 +224,16 @@ def _settled(
         free, informative = refine_best(finalists, data, 20, 1e-4), data
     free, data = refine(free.sections, informative, 40, 1e-9), informative
     constraints, ridge = out_of_band(free, data, structure.delay)
-    held = [] if gain is None else [steady_gain(gain, free, data)]
     rows = 2 * sum(len(lines.z) for lines in data)
     allowed = 1 + chdtri(3 * structure.order + 1, _CONTRADICTED) / (rows * len(free.residual))
-    free = refine(free.sections, data + held, 30, 1e-8) if held else free
     least = max(np.sum(free.residual[:, :rows] ** 2), rounding_floor(experiments))
     for strength in (1.0, 0.1, 0.01):
         soft = [c._replace(inputs=strength * c.inputs, outputs=strength * c.outputs) for c in constraints]
-        fit = refine_best([free.sections, starts[0]], data + soft + held, 8, 1e-4, ridge * strength**2)
-        fit = refine(fit.sections, data + soft + held, 30, 1e-8, ridge * strength**2)
+        fit = refine_best([free.sections, starts[0]], data + soft, 8, 1e-4, ridge * strength**2)
+        fit = refine(fit.sections, data + soft, 30, 1e-8, ridge * strength**2)
         if np.sum(fit.residual[:, :rows] ** 2) <= least * allowed:
-            return fit, soft + held, ridge * strength**2
-    return free, held, 0.0
+            return fit, soft, ridge * strength**2
+    return free, [], 0.0
 
 
 def _responding(fit: LinearFit, data: list[Lines]) -> list[Lines]:

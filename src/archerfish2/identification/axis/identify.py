@@ -3,18 +3,21 @@
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from archerfish2.errors import InputError
 from archerfish2.identification.axis.bootstrap import draw_plants, interval
-from archerfish2.identification.axis.fit import DELAY, AxisFit, fit_axis
+from archerfish2.identification.axis.fit import DELAY, AxisFit, fit_axis, with_gain
+from archerfish2.identification.axis.plateaus import plateau_gain
 from archerfish2.identification.axis.report import axis_report
 from archerfish2.identification.axis.selection import Candidate
 from archerfish2.identification.frequency import excited_band
+from archerfish2.identification.residuals import ResidualTests, residual_tests
 from archerfish2.identification.simulation import Array, Complex, balanced, simulate
 from archerfish2.identification.sources import Source, read_sources
 from archerfish2.identification.validation import FreeRun, free_run
@@ -34,6 +37,7 @@ class LogFit(NamedTuple):
     recording: Recording  # as it was fitted
     held_back: bool  # whether it was not fitted
     run: FreeRun  # with initial state and constant of its own
+    tests: ResidualTests | None  # of the residual of the first output; None of a short recording
 
     @property
     def fit_percent(self) -> float:
@@ -93,7 +97,7 @@ def identify_axis(
     order: int | None = None,
     max_delay: int | None = None,
     feedthrough: bool = True,
-    dc_gain: Sequence[float] | float | None = None,
+    dc_gain: Sequence[float] | float | Literal["plateaus"] | None = None,
     divides_s: float | None = None,
     seed: int = 0,
 ) -> AxisResult:
@@ -109,7 +113,8 @@ def identify_axis(
       order: number of poles, 1 to 20; chosen up to 8 if not given.
       max_delay: largest input delay [samples]; found if not given.
       feedthrough: whether an input may act within its own sample.
-      dc_gain: steady output per steady input, output by output and input by input; fitted if not given.
+      dc_gain: steady output per steady input that the plant is to have, output by output and input by input, or
+        "plateaus": that of `plateau_gain`, if the logs have such steps; fitted if not given.
       divides_s: time that the plant's sampling period is to divide [s].
       seed: of the draws.
 
@@ -117,10 +122,11 @@ def identify_axis(
       InputError: if a log can't be read, or does not determine a plant.
     """
     read = read_sources(logs, validate, divides_s)
-    fit = partial(fit_axis, read.fitted, feedthrough=feedthrough)
-    found = free = fit(order, held_back=read.held_back, max_delay=DELAY if max_delay is None else max_delay)
-    if dc_gain is not None:
-        found = fit(free.structure.order, free.delay, dc_gain=np.ravel(dc_gain))
+    longest = DELAY if max_delay is None else max_delay
+    found = free = fit_axis(read.fitted, order, max_delay=longest, feedthrough=feedthrough, held_back=read.held_back)
+    given = _given_gain(dc_gain, read.fitted)
+    if given:
+        found = with_gain(free, np.reshape([each.value for each in given], free.gain.shape), read.fitted)
     names = {"input_names": read.fitted[0].input_names, "output_names": read.fitted[0].output_names}
     drawn = draw_plants(found, _DRAWS, seed)
     draws = {name: np.stack([getattr(each, name) for each in drawn]) for name in "ABCD"}
@@ -128,23 +134,42 @@ def identify_axis(
     delays = np.array([each.delay_samples for each in drawn])
     plant = balanced(found.plant.replace(axis=axis, draws=draws, draw_delays=delays, provenance=facts, **names))
     band = excited_band(read.fitted)
-    drift = found.structure.drift
     fits = [
-        LogFit(each, held, free_run(plant, each.inputs, each.outputs, drift=drift))
+        _log_fit(plant, each, held, found.structure.drift)
         for held, group in ((True, read.held_back), (False, read.fitted))
         for each in group
     ]
     return AxisResult(
         plant,
         tuple(fits),
-        gains_of(found, drawn),
+        given or gains_of(found, drawn),
         _delay(found),
         _poles(found.poles, [np.linalg.eigvals(each.A).astype(complex) for each in drawn], plant.sample_period_s, band),
         found.selection.candidates,
         band,
         read.findings,
-        () if found is free else gains_of(free, draw_plants(free, _DRAWS, seed)),
+        gains_of(free, draw_plants(free, _DRAWS, seed)) if given else (),
     )
+
+
+def _given_gain(dc_gain: Sequence[float] | float | str | None, recordings: Sequence[Recording]) -> tuple[Estimate, ...]:
+    """Return the gains that a plant is to have; none if they are to be fitted."""
+    if isinstance(dc_gain, str):
+        found = plateau_gain(recordings)
+        return () if found is None else (found,)
+    expected = len(recordings[0].input_names) * len(recordings[0].output_names)
+    given = [] if dc_gain is None else np.ravel(dc_gain).tolist()
+    if given and (len(given) != expected or not np.all(np.isfinite(given))):
+        raise InputError(
+            f"dc_gain: expected {expected} finite numbers, got {given}; give one for each input and output"
+        )
+    return tuple(Estimate(each, each, each) for each in given)
+
+
+def _log_fit(plant: PlantRecord, recording: Recording, held_back: bool, drift: bool) -> LogFit:
+    run = free_run(plant, recording.inputs, recording.outputs, drift=drift)
+    residual = np.asarray(recording.outputs[:, 0] - run.outputs[:, 0])
+    return LogFit(recording, held_back, run, residual_tests(residual, recording.inputs))
 
 
 def gains_of(found: AxisFit, drawn: Sequence[PlantRecord]) -> tuple[Estimate, ...]:

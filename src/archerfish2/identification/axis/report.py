@@ -20,6 +20,7 @@ USABLE_FIT = 80.0
 """Fit from which a plant is usable [%]."""
 _NOISY_FIT, _NOISE_SHARE = 55.0, 0.1  # a fit of noise's fault: at least, and share that the inputs explain of the rest
 _GAIN_WIDTH, _GAIN_SHARE = 0.05, 0.85  # draws within this much of the gain; share of them from which it is known
+_DEPENDENT = 0.05  # share of the residual that past inputs explain, from which it is worth a word
 _MOVING = 0.3  # deviation of an output over that of the recording that moves most, from which a recording counts
 _SPOILING = {"swapped": "exchange input and output", "time-unit": "name the unit of the stamps"}
 
@@ -51,7 +52,7 @@ def judged(result: "AxisResult") -> "LogFit":
 
 def _low_fit(result: "AxisResult") -> Iterator[Shortfall]:
     worst = judged(result)
-    noise = False
+    noise = worst.tests is not None and worst.tests.explained_share < _NOISE_SHARE
     if worst.fit_percent >= USABLE_FIT or (worst.fit_percent >= _NOISY_FIT and noise):
         return
     if noise:
@@ -63,11 +64,11 @@ def _low_fit(result: "AxisResult") -> Iterator[Shortfall]:
 
 
 def _unknown_gain(result: "AxisResult") -> Iterator[Shortfall]:
-    if result.free_gain:
-        return
     plant = result.plant
     gain, drawn = plant.dc_gain, frequency_response(plant, np.zeros(1), draws=True)[:, 0].real
     known = np.mean(np.abs(drawn - gain) <= _GAIN_WIDTH * np.abs(gain), axis=0) >= _GAIN_SHARE
+    if result.free_gain:  # that of the plateaus, or a number that was given
+        known = np.array([e.high - e.low <= 2 * _GAIN_WIDTH * abs(e.value) for e in result.dc_gain])
     for place in np.flatnonzero(~known).tolist():
         yield Shortfall(
             "gain",
@@ -103,19 +104,33 @@ def _known(result: "AxisResult", delay: Estimate) -> Iterator[str]:
     low, high = result.excited_hz
     yield f"The inputs excite {low:.3g} to {high:.3g} Hz; outside, the plant is an extrapolation."
     yield f"The delay is {_words(delay)}; a plant may share it between dead time and poles."
-    for place, gain in enumerate(result.free_gain or result.dc_gain):
-        free = f", was given as {result.dc_gain[place].value:.4g}; the logs alone have" if result.free_gain else " is"
-        yield f"The steady gain {_named(result, place)}{free} {_words(gain)}, 95 % interval."
+    for place, gain in enumerate(result.dc_gain):
+        yield f"The steady gain {_named(result, place)}is {_words(gain)}, 95 % interval."
+        if result.free_gain:
+            source = "was given" if gain.low == gain.high else "is that of the plateaus at which the steps come to rest"
+            yield f"It {source}; a fit of the whole logs has {_words(result.free_gain[place])}."
     determined = sum(each.determined for each in result.poles)
     yield f"Of {len(result.poles)} poles, pairs counted once, the logs determine {determined}."
 
 
 def _doubts(result: "AxisResult") -> Iterator[str]:
     for given, free in zip(result.dc_gain, result.free_gain, strict=False):
-        if not free.low <= given.value <= free.high:
+        if given.low == given.high and not free.low <= given.value <= free.high:
             yield (
                 f"The gain that was given, {given.value:.4g}, contradicts the logs, which have {_words(free)}: check "
                 "its unit and sign, or leave it out."
+            )
+
+    for each in result.fits:
+        if each.tests is not None and each.tests.feedback:
+            yield (
+                f"In {each.recording.source} the input follows the output's disturbances, which biases the plant: log "
+                "the set point of the loop as the input."
+            )
+        if each.tests is not None and not each.tests.independent and each.tests.explained_share > _DEPENDENT:
+            yield (
+                f"Past inputs still explain {each.tests.explained_share:.0%} of what the plant leaves of "
+                f"{each.recording.source}: look at its plot."
             )
 
 

@@ -1,0 +1,124 @@
+"""Findings about the relation of inputs and outputs: whether there is one, in which direction, and in which units."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.special import fdtri
+
+from archerfish2.identification.frequency import measured_response
+from archerfish2.identification.simulation import Array
+from archerfish2.identification.validation import free_run
+from archerfish2.logs.recording import Finding, Recording
+from archerfish2.records.plant import PlantRecord
+
+_OWN_LAGS, _LAGS, _SAMPLES_A_LAG, _MOST_SAMPLES = 8, 100, 20, 20_000  # of the regression that tests for a response
+_FALSE_ALARM, _COHERENT = 1e-4, 0.5  # of its F test; median coherence that shows a response too
+_SINE_SHARE, _FEWEST_PERIODS = 0.98, 3  # of the power near one line, from which an input is a single sine; in the log
+_SAMPLES_A_PARAMETER, _DEPENDENT = 10, 1e6  # condition number from which inputs depend on each other
+_DEGREES, _TOLERANCE = 180 / np.pi, 1.15
+_OPPOSITE = -1.4, -0.7  # gains of an angle that moves against its command
+_SUSPECT, _GOOD, _WORTH = 60.0, 98.0, 2.0  # fits below which columns may be exchanged, above which not; least gain [%]
+
+Fit = Callable[[Sequence[Recording], int], PlantRecord]
+"""Identifies a plant of a given order."""
+
+
+def log_findings(recordings: Sequence[Recording], order: int) -> list[Finding]:
+    """Return why logs can't be identified, before a fit: too short, one frequency, inputs that are one, no response.
+
+    A log without response beside others that have one is a warning.
+
+    Args:
+      recordings: of one axis.
+      order: least number of poles that is considered.
+    """
+    first, samples, inputs = recordings[0], sum(map(len, recordings)), range(recordings[0].inputs.shape[1])
+    needed = _SAMPLES_A_PARAMETER * (order + (order + 1) * (len(inputs) + len(recordings)))
+    if samples < needed:
+        message = f"{samples} samples are too few for order {order}, which needs {needed}"
+        return [Finding("too-short", "refused", first.source, message, "record longer or lower the order")]
+    both = np.concatenate([each.inputs - each.inputs.mean(0) for each in recordings])
+    if len(inputs) > 1 and np.linalg.cond(both / (np.linalg.norm(both, axis=0) + 1e-300)) > _DEPENDENT:
+        message = f"of the inputs {', '.join(first.input_names)} one is a copy or a mixture of the others"
+        return [Finding("dependent-inputs", "refused", first.source, message, "leave one out")]
+    sines = [_sine_hz(each.inputs[:, 0], each.period_s) if len(inputs) == 1 else 0.0 for each in recordings]
+    if 0 < max(sines) < 1.05 * min(sines):
+        message = f"the input is a single sine of {sines[0]:.4g} Hz, which gives two numbers: not gain, lag and delay"
+        return [Finding("single-sine", "refused", first.source, message, "record a sweep or a step")]
+    silent = [each for each in recordings if not any(_responds(each, channel) for channel in inputs)]
+    message = f'"{first.output_names[0]}" does not respond to {", ".join(first.input_names)}'
+    remedy = "check the columns, and that the axis was powered; command larger motions"
+    every = len(silent) == len(recordings)
+    return [Finding("no-response", "refused" if every else "warning", e.source, message, remedy) for e in silent]
+
+
+def plant_findings(plant: PlantRecord, log: Recording) -> list[Finding]:
+    """Return warnings from the steady gains of an identified plant: mixed units and an opposite sign.
+
+    Args:
+      plant: identified.
+      log: one of those from which.
+    """
+    found = list[Finding]()
+    output, units = log.output_names[0], ("degrees", "radians")
+    for name, gain in zip(log.input_names, plant.dc_gain[0].tolist(), strict=True):
+        for factor, (one, other) in ((_DEGREES, units), (1 / _DEGREES, units[::-1])):
+            if factor / _TOLERANCE < abs(gain) < factor * _TOLERANCE:
+                message = f'the steady gain from "{name}" is {gain:.3g}, as if "{output}" were in {one}, it in {other}'
+                found.append(Finding("degrees-radians", "warning", log.source, message, "log both in radians"))
+        if _OPPOSITE[0] < gain < _OPPOSITE[1]:
+            message = f'"{output}" moves against "{name}": the steady gain is {gain:.3g}'
+            found.append(Finding("sign-flip", "warning", log.source, message, "turn the sign of one of them"))
+    return found
+
+
+def exchanged_columns(plant: PlantRecord, log: Recording, recordings: Sequence[Recording], fit: Fit) -> Finding | None:
+    """Find that input and output are exchanged, by trying it where the plant has no delay or fits badly.
+
+    Args:
+      plant: identified.
+      log: the log by which plants are compared.
+      recordings: from which plants are identified.
+      fit: identifies one.
+    """
+    percent = float(free_run(plant, log.inputs, log.outputs).fit_percent[0])
+    at_once = plant.delay_samples <= plant.D.any()
+    if plant.D.shape != (1, 1) or percent > _GOOD or not (at_once or percent < _SUSPECT):
+        return None
+    logs, other = [_exchanged(each) for each in recordings], _exchanged(log)
+    best = max(float(free_run(fit(logs, order), other.inputs, other.outputs).fit_percent[0]) for order in (1, 2, 3))
+    if best < percent + _WORTH:
+        return None
+    message = f"the output comes before the input: exchanged, the fit is {best:.1f} % instead of {percent:.1f} %"
+    remedy = f'take "{log.output_names[0]}" as the input and "{log.input_names[0]}" as the output'
+    return Finding("swapped", "warning", log.source, message, remedy)
+
+
+def _exchanged(log: Recording) -> Recording:
+    names = {"input_names": log.output_names, "output_names": log.input_names}
+    return Recording.from_arrays(log.outputs, log.inputs, log.period_s, **names)
+
+
+def _sine_hz(signal: Array, period_s: float) -> float:
+    """Return the frequency [Hz] of a signal that is one sine and nothing else, 0 if it is more."""
+    power = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)))) ** 2
+    peak = int(power.argmax())
+    single = peak >= _FEWEST_PERIODS and power[peak - 2 : peak + 3].sum() > _SINE_SHARE * power.sum()
+    return single * peak / (len(signal) * period_s)
+
+
+def _responds(log: Recording, channel: int) -> bool:
+    """Whether past inputs improve the prediction of the output by its own past, or are coherent with it."""
+    lags = min(_LAGS, min(len(log), _MOST_SAMPLES) // _SAMPLES_A_LAG)
+    coherence = measured_response([log]).coherence[:, 0, channel]
+    if lags <= _OWN_LAGS or (coherence.size and np.median(coherence) > _COHERENT):
+        return True  # a log that is too short can't show that there is none
+    # Held before the log, so that a response within its first samples counts.
+    both = np.stack([log.outputs[:_MOST_SAMPLES, 0], log.inputs[:_MOST_SAMPLES, channel]])
+    both = np.pad((both - both.mean(1, keepdims=True)) / both.std(1, keepdims=True), ((0, 0), (lags, 0)), "edge")
+    y, u = np.lib.stride_tricks.sliding_window_view(both, lags + 1, axis=1)[..., ::-1]
+    columns = y[:, 1 : _OWN_LAGS + 1], np.hstack([y[:, 1 : _OWN_LAGS + 1], u])
+    squares = [np.sum((y[:, 0] - x @ np.linalg.lstsq(x, y[:, 0], rcond=1e-9)[0]) ** 2) for x in columns]
+    freedom = len(y) - _OWN_LAGS - 2 * lags - 1
+    ratio = (squares[0] - squares[1]) / max(float(squares[1]), 1e-300) * freedom / (lags + 1)
+    return bool(ratio > fdtri(lags + 1, freedom, 1 - _FALSE_ALARM))
