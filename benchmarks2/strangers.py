@@ -175,6 +175,16 @@ def cause(row: Row) -> str:
     return f"falsely usable, {row.fault}: {' and '.join(wrong)} wrong"
 
 
+def line(row: Row) -> str:
+    """Describe a log and its verdict in one line."""
+    facts = f"{row.index:5} {row.verdict}, {row.rig}, {row.fault}, {row.excitation}, {row.noise_kind}"
+    if row.gain is None or row.held_back is None or row.fit is None:
+        return f"{facts}: {row.reason}"
+    gain = f"gain {row.gain:.4g} ({row.gain_low:.4g} to {row.gain_high:.4g}) for {row.gain_true:.4g}"
+    delay = f"delay {row.delay:g} ({row.delay_low:g} to {row.delay_high:g}) for {row.delay_true:g}"
+    return f"{facts}: fit {row.fit:.1f}, held back {row.held_back:.1f}, {gain}, {delay}; {row.reason}"
+
+
 def main() -> None:
     """Judge the logs, print and write; exit with 1 if a limit is missed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -184,6 +194,7 @@ def main() -> None:
         "--seed", type=int, default=SEED, help="with another one refusals count as right, and nothing is written"
     )
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--misses", action="store_true", help="print each wrong verdict as well")
     options = parser.parse_args()
     begun = time.perf_counter()
     rows = []
@@ -193,6 +204,8 @@ def main() -> None:
             print("\n".join(f"{name:12} {value}" for name, value in asdict(row).items()), end="\n\n", flush=True)
     if options.only:
         return
+    if options.misses:
+        print("\n".join(line(row) for row in rows if not row.right))
     spent = {"seconds": round(time.perf_counter() - begun), "workers": options.workers}
     conditions = {"seed": options.seed, "logs": len(rows), **spent}
     causes = dict(Counter(cause(row) for row in rows if not row.right))
