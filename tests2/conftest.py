@@ -6,6 +6,7 @@ import json
 import os
 import random
 import runpy
+import shutil
 import subprocess
 import sys
 import time
@@ -105,6 +106,21 @@ def refused():
         assert "\n" not in str(error.value)
 
     return check
+
+
+LAB = "shared/second_edition/reference/infantry_logs"
+
+
+@pytest.fixture(scope="session")
+def lab_folder(tmp_path_factory):
+    """Return a copy of the folder of logs of a robot: sweeps, steps, shots and timing."""
+    found = next((each / LAB for each in ROOT.parents if (each / LAB).is_dir()), None)
+    if found is None:
+        pytest.skip(f"no folder {LAB} with a robot's logs beside the clone")
+    copied = Path(shutil.copytree(found, tmp_path_factory.mktemp("lab") / "logs", copy_function=shutil.copyfile))
+    for each in (copied, *filter(Path.is_dir, copied.rglob("*"))):
+        each.chmod(0o755)  # the original may be read-only
+    return copied
 
 
 NAN, HUGE = float("nan"), 10**400
