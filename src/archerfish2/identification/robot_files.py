@@ -16,6 +16,8 @@ from archerfish2.records.record import Struct
 AXES = ("pitch", "yaw")
 Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 Range = tuple[float, float]
+Both = Positive | Annotated[tuple[Positive, ...], Meta(min_length=2, max_length=2)]
+"""One figure for both axes, or [pitch, yaw]; a tuple of fixed length beside a number crashes msgspec 0.22."""
 T = TypeVar("T", bound=Struct)
 
 
@@ -48,15 +50,15 @@ class MuzzleFiles(Struct, frozen=True, kw_only=True):
 
 
 class LimitsFigures(Struct, frozen=True, kw_only=True):
-    """Section [limits] of logs.toml; one figure for both axes, or [pitch, yaw]."""
+    """Section [limits] of logs.toml."""
 
     pitch_deg: Range
     """Smallest and largest pitch, muzzle up positive [°]."""
     yaw_deg: Range
     """Smallest and largest yaw, left positive [°]."""
-    max_rate_deg_s: Positive | tuple[Positive, Positive]
+    max_rate_deg_s: Both
     """Largest rate of a command [°/s]."""
-    max_acceleration_deg_s2: Positive | tuple[Positive, Positive]
+    max_acceleration_deg_s2: Both
     """Largest acceleration of a command [°/s²]."""
 
     def record(self) -> LimitsRecord:
