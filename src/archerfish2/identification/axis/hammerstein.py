@@ -108,10 +108,8 @@ class _Search:
         residual = np.concatenate([r[0] for r in residuals_by_log(fits[delay], data)])
         power, response = np.abs(residual) ** 2, np.abs(output - residual) ** 2
         colour = max(1.0, float(power @ response / max(power.mean() * response.sum(), 1e-300)))
-        rows = (
-            2 * len(power) * sum(e.measured for e in logs) / sum(e.length for e in logs)
-        )  # a rest put before adds none
-        gained = rows / colour * np.log(linear / cost)
+        share = sum(e.measured for e in logs) / sum(e.length for e in logs)  # a rest that is put before adds nothing
+        gained = 2 * len(power) * share / colour * np.log(linear / cost)
         points = 100 * (np.sqrt(linear) - np.sqrt(cost)) / np.linalg.norm(output)
         compared = self.compared(name, level, fits[delay], delay)
         return Nonlinearity(name, level, cost / linear, float(gained), float(points), *compared, delay)
