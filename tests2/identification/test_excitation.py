@@ -133,7 +133,7 @@ REFUSED = [
     ({"settings": ExcitationSettings(amplitude=0.3)}, r"sweep: expected .*14°.* about .*-7.73°.*, got .*17.2°"),
     ({"settings": ExcitationSettings(step=0.3), "kinds": ("step",)}, "step: expected .* got 17.2°"),
     ({"settings": ExcitationSettings(centre=1.0)}, "57.3°"),
-    ({"plant": MIMO}, r"one input and output.* got \(2, 2\)"),
+    ({"plant": MIMO}, r"shape \(1, 1\).* not \(2, 2\)"),
     ({"noise_sd": -1.0}, "noise_sd ≥ 0"),
 ]
 

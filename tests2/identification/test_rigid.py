@@ -159,7 +159,7 @@ def test_what_a_log_leaves_open_is_named():
 
 
 REFUSED = {
-    "log: the angle does not accelerate": (lambda u, y: (0 * u, y), {}),
+    "log: angle does not accelerate": (lambda u, y: (0 * u, y), {}),
     "not accelerate with the torque; check columns": (lambda u, y: (u, 0 * y + 1), {}),
     "torque_per_unit's sign": (lambda u, y: (-u, y), {}),
     "50 samples of each log, got 1, 2, 40": (lambda u, y: (u[:40], y[:40]), {}),

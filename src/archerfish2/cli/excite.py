@@ -4,7 +4,7 @@ import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -68,11 +68,9 @@ class Excite:
 
     def run(self) -> None:
         """Plan, predict, write, print."""
-        given = {
-            name: getattr(self, name) for name in ("sample_period_s", "duration_s", "low_hz", "high_hz", "slew_steps")
-        }
+        names = ("sample_period_s", "duration_s", "low_hz", "high_hz", "slew_steps")
         angles = {"amplitude": self.amplitude_deg, "step": self.step_deg, "centre": self.centre_deg}
-        given |= {name: math.radians(degrees) for name, degrees in angles.items() if degrees is not None}
+        radians: Any = {name: math.radians(degrees) for name, degrees in angles.items() if degrees is not None}
         found = excite(
             self.axis,
             getattr(LimitsRecord.load(self.limits) if self.limits else gate_limits(), self.axis),
@@ -80,7 +78,7 @@ class Excite:
             validation=not self.no_validation,
             plant=PlantRecord.load(self.plant) if self.plant else None,
             noise_sd=math.radians(self.noise_deg),
-            settings=ExcitationSettings(**given),
+            settings=ExcitationSettings(**{name: getattr(self, name) for name in names}, **radians),
         )
         facts, inputs = {"options": " ".join(sys.argv[2:])}, [each for each in (self.limits, self.plant) if each]
         with storage.output_folder(self.out, f"excite {self.axis}", inputs, self.overwrite, facts) as folder:

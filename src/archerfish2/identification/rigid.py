@@ -28,7 +28,7 @@ _UNITS = {"inertia": "kg m²", "damping": "N m s/rad", "gravity_moment": "N m", 
 _UNITS |= {"torque_offset": "N m", "friction": "N m"}
 _FREE, _DRY = {"pitch": [0, 1, 2, 3], "yaw": [0, 1, 4]}, 5
 """Which of these are estimated."""
-_FINE_S, _SMOOTH_S = 5e-3, 0.1  # step within which an axis can't both stop and break free; nearly a parabola
+_FINE_S, _SMOOTH_S = 5e-3, 0.1  # within them an axis can't both stop and break free; an angle is nearly a parabola
 _SIZES, _EVIDENCE = (0.005, 0.05), 6.0
 """Of the torque's range, from which friction is searched; what it must gain beyond the BIC, in twice the log odds."""
 _FEWEST, _AGREE, _USABLE_PERCENT = 50, 0.1, 80.0
@@ -44,10 +44,10 @@ class Segments(NamedTuple):
     period_s: float  # sampling period [s]
 
 
-class Fit(NamedTuple):
+class RigidFit(NamedTuple):
     """Parameters whose simulation is nearest to the outputs; k of them are free."""
 
-    free: list[int]
+    free: list[int]  # places of the k
     values: Array  # (6,)
     starts: Array  # initial angle and rate of each segment, (S, 2)
     scale: Array  # root mean square of the residual of each output, (p,)
@@ -114,9 +114,8 @@ def identify_rigid(
         dry = min(tried, key=lambda each: float(np.prod(each.scale)))
         if friction == "coulomb" or _pays(fit, dry):
             fit = _fit(segments, dry.free, dry.values, dry.starts)
-    errors, angles = (
-        np.split(each[..., 0], np.cumsum(counts)[:-1]) for each in (fit.residual * fit.scale, segments.outputs)
-    )
+    cuts, scaled = np.cumsum(counts)[:-1], (fit.residual * fit.scale, segments.outputs)
+    errors, angles = (np.split(each[..., 0], cuts) for each in scaled)
     shares = [100 * (1 - float(np.sqrt(np.mean(e**2)) / a.std())) for e, a in zip(errors, angles, strict=True)]
     estimates, fits = _estimates(fit), tuple(zip((each.source for each in logged), shares, strict=True))
     wide = [name for name, (value, low, high, _) in estimates.items() if high - low > abs(value)]
@@ -151,9 +150,7 @@ def _first_guess(segments: Segments, free: list[int], sources: str) -> tuple[Arr
     columns = np.stack([torque, -rate, -np.sin(angle), np.cos(angle), np.ones_like(angle)], axis=-1)[..., free]
     phi, values = np.linalg.lstsq(columns.reshape(-1, len(free)), acceleration.ravel())[0], np.zeros(6)
     if not (phi[0] > 0 and np.ptp(outputs[..., 0]) > 0):
-        raise InputError(
-            f"{sources}: the angle does not accelerate with the torque; check columns, torque_per_unit's sign"
-        )
+        raise InputError(f"{sources}: angle does not accelerate with the torque; check columns, torque_per_unit's sign")
     values[free] = np.append(1.0, phi[1:]) / phi[0]
     values[2:4] = np.hypot(*values[2:4]), np.arctan2(values[3], values[2])
     return values, np.stack([angle[:, 0], rate[:, 0]], axis=-1)
@@ -175,7 +172,7 @@ def _simulate(segments: Segments, values: Array, starts: Array) -> Array:
     return np.moveaxis(run, 0, -2)
 
 
-def _fit(segments: Segments, free: list[int], values: Array, starts: Array, evaluations: int = 60) -> Fit:
+def _fit(segments: Segments, free: list[int], values: Array, starts: Array, evaluations: int = 60) -> RigidFit:
     """Fit parameters and initial states by least squares, outputs in units of their noise."""
     count, shape, scale = len(free), segments.outputs.shape, segments.outputs.std(axis=(0, 1))
     x, values = np.concatenate([values[free], starts.ravel()]), values.copy()
@@ -200,27 +197,27 @@ def _fit(segments: Segments, free: list[int], values: Array, starts: Array, eval
 
     for _ in range(shape[-1]):
         found = optimize.least_squares(residual, x, jacobian, (lowest, np.inf), x_scale="jac", max_nfev=evaluations)
-        x, scale = found.x, scale * np.sqrt(np.mean(found.fun.reshape(shape) ** 2, axis=(0, 1)))
+        x, scale = found.x, scale * (np.sqrt(np.mean(found.fun.reshape(shape) ** 2, (0, 1))) + 1e-12)
     shared, own = slopes(x)
     basis, values[free] = np.linalg.qr(own)[0], x[:count]
     shared = (shared - basis @ (basis.swapaxes(1, 2) @ shared)).reshape(*shape, count)
-    return Fit(free, values, x[count:].reshape(-1, 2), scale, residual(x).reshape(shape), shared)
+    return RigidFit(free, values, x[count:].reshape(-1, 2), scale, residual(x).reshape(shape), shared)
 
 
-def _pays(smooth: Fit, dry: Fit) -> bool:
+def _pays(smooth: RigidFit, dry: RigidFit) -> bool:
     """Return whether friction pays by the BIC, over as many samples as the residual's memory leaves independent."""
     memory = np.mean(dry.residual[:, 1:] * dry.residual[:, :-1], axis=(0, 1)).clip(0.0, 0.99)
     samples = dry.residual[..., 0].size * (1 - memory) / (1 + memory)
     return bool(2 * np.sum(samples * np.log(smooth.scale / dry.scale)) > np.log(samples.max()) + _EVIDENCE)
 
 
-def _estimates(fit: Fit) -> dict[str, Estimate]:
+def _estimates(fit: RigidFit) -> dict[str, Estimate]:
     """Return the parameters with their intervals, which hold where residuals have a memory.
 
     Their covariance is (JᵀJ)⁻¹ Jᵀ Γ J (JᵀJ)⁻¹; Γ is of first order, times the long-run covariance of what that leaves
     (prewhitening, Andrews and Monahan 1992).
     """
-    left, length = fit.residual, fit.residual.shape[1]
+    left, length, values = fit.residual, fit.residual.shape[1], fit.values[fit.free]
     bread = np.linalg.inv(np.einsum("slpi,slpj->ij", fit.slopes, fit.slopes))
     # A level and a trend of its own, fitted to each segment, bias the memory ρ by −(2 + 4 ρ) / length (Kendall 1954).
     memory = ((np.mean(left[:, 1:] * left[:, :-1], axis=(0, 1)) + 2 / length) / (1 - 4 / length)).clip(-0.97, 0.97)
@@ -229,7 +226,6 @@ def _estimates(fit: Fit) -> dict[str, Estimate]:
     backward = fit.slopes.reshape(-1, *fit.slopes.shape[2:])[::-1]
     coloured = [signal.lfilter([1.0], [1.0, -each], backward[:, p], axis=0) for p, each in enumerate(memory)]
     middle = np.einsum("pni,pq,qnj->ij", coloured, power, coloured, optimize=True)
-    values = fit.values[fit.free]
     variance = np.diag(bread @ middle @ bread) / (1 - (len(bread) + fit.starts.size) / left.size)
     half, named = 1.96 * np.sqrt(variance), [list(_UNITS.items())[place] for place in fit.free]
     ends = zip(named, values.tolist(), (values - half).tolist(), (values + half).tolist(), strict=True)

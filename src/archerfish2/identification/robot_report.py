@@ -52,7 +52,7 @@ def robot_report(found: "IdentifiedRobot") -> Report:
     assumed = f"; assumed: {', '.join(robot.assumed)}" if robot.assumed else ""
     headline = f"{', '.join(bad)} not usable" if bad else f"{', '.join(robot.parts)} usable"
     rows = [(part, "usable" if each.usable else "not usable", each.headline) for part, each in robot.parts.items()]
-    rows += [(part, "assumed", "the paper\'s") for part in robot.assumed if part != "sensing"]
+    rows += [(part, "assumed", "the paper's") for part in robot.assumed if part != "sensing"]
     rows += [("sensing", "assumed", "immediate and perfect")] if "sensing" in robot.assumed else []
     tables = [Table("Parts", ("part", "", "what is known"), tuple(rows), "Each part has a page of its own.")]
     if found.landings:
@@ -110,5 +110,5 @@ def step_sizes_plot(steps: tuple[LargeStep, ...], *, title: str = "") -> "Figure
                 panel.plot(each.time, each.simulated / size, color=color, linestyle="--")
             panel.set(title=title or axis, xlabel="time since the step [s]", xlim=(-0.05, 0.6))
             panel.legend(title="measured; dashed: plant", loc="lower right")
-        panels[0, 0].set_ylabel("angle over the step\'s size")
+        panels[0, 0].set_ylabel("angle over the step's size")
     return figure

@@ -115,9 +115,7 @@ def excite(
     period_s = plant.sample_period_s if plant else settings.sample_period_s
     plant = plant or PlantRecord.second_order(10.0, 0.7, round(5e-3 / period_s) * period_s, period_s)
     if plant.D.shape != (1, 1) or not 0 <= noise_sd < math.inf:
-        raise InputError(
-            f"excite: expected one input and output, noise_sd ≥ 0, got {plant.D.shape}, {noise_sd:g}; correct it"
-        )
+        raise InputError(f"excite: expected shape (1, 1), noise_sd ≥ 0, not {plant.D.shape}, {noise_sd:g}; correct it")
     logs: tuple[list[Recording], list[Recording]] = [], []
     for kind, held_back in product(dict.fromkeys(kinds), (False, True)[: 1 + validation]):
         u = plan_command(kind, limits, settings, period_s, held_back)

@@ -114,7 +114,7 @@ def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: f
     count, repeat = (max(1, round(each / period_s)) for each in durations)
     if kind == "sweep":
         sine, frequency = sweep(count, period_s, low_hz, high_hz, settings.sweep_method)
-        signal = sine * _largest_sine(frequency, budget)
+        signal: Array = sine * _largest_sine(frequency, budget)
     elif kind == "multisine":
         lowest, highest = low_hz * repeat * period_s - 1e-9, high_hz * repeat * period_s + 1e-9
         harmonics = np.arange(np.ceil(lowest), np.floor(highest) + 1)
@@ -126,7 +126,7 @@ def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: f
         signal = _slewed(prbs(count, clock, bits), clock // 2)
     # Fading within a period of the lowest frequency costs no more acceleration than its sine.
     fade = min(1 / low_hz, settings.duration_s / 10) / period_s
-    signal = signal * tukey(signal.size, min(2 * fade / (signal.size - 1), 1))
+    signal *= tukey(signal.size, min(2 * fade / (signal.size - 1), 1))
     # A little less than the budget, for the rounding of the sum with the centre.
     signal *= (1 - 1e-9) / np.max(demand(signal, period_s) / budget)
     return np.asarray(-signal[::-1] if held_back else signal)
