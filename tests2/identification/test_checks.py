@@ -1,4 +1,4 @@
-"""Findings about inputs and outputs: on axes that are known, sound and with one fault each."""
+"""Findings about inputs and outputs, and operators before a plant: on axes that are known, with one fault each."""
 
 import numpy as np
 import pytest
@@ -6,23 +6,24 @@ from scipy import signal
 
 from archerfish2.identification.axis.checks import exchanged_columns, log_findings, plant_findings
 from archerfish2.identification.axis.fit import fit_axis
+from archerfish2.identification.axis.hammerstein import nonlinearity
 from archerfish2.identification.simulation import simulate
 from archerfish2.logs.recording import Recording
 from archerfish2.records.plant import PlantRecord
 
 PLANT = PlantRecord.second_order(5, 0.6, 0.02, 0.01)
-TIME = 0.01 * np.arange(1500)
 INPUTS = {
     "noise": np.random.default_rng(0).normal(size=1500),
     "levels": np.random.default_rng(1).normal(size=30).repeat(50),
-    "sweep": signal.chirp(TIME, 0.2, 15, 20),
+    "sweep": signal.chirp(0.01 * np.arange(1500), 0.2, 15, 20),
     "early step": np.minimum(np.arange(1500) // 10, 1).astype(float),
 }
 
 
-def recorded(u, noise=0.02, gain=1.0, seed=0, plant=PLANT):
-    y = gain * simulate(plant, u[:, None])
-    return Recording.from_arrays(u, y + noise * y.std() * np.random.default_rng(seed).normal(size=y.shape), 0.01)
+def recorded(u, noise=0.02, plant=PLANT, seed=0):
+    y = simulate(plant, u[:, None])
+    y += noise * y.std() * np.random.default_rng(seed).normal(size=y.shape)
+    return Recording.from_arrays(u, y, plant.sample_period_s)
 
 
 def codes(findings):
@@ -30,55 +31,36 @@ def codes(findings):
 
 
 @pytest.mark.parametrize("name", INPUTS)
-def test_a_sound_log_gives_no_findings_even_under_noise_as_large_as_the_response(name):
-    logs = [recorded(INPUTS[name]), recorded(INPUTS[name], 1.0)]
-    assert log_findings(logs, 1) == []
+def test_a_response_is_found_even_late_or_in_noise_as_large_and_its_absence_too(name):
     late = PLANT.replace(delay_samples=60)
-    assert log_findings([recorded(INPUTS[name], plant=late)], 1) == []
-    assert plant_findings(PLANT, logs[0]) == []
-
-
-@pytest.mark.parametrize("name", INPUTS)
-def test_an_output_that_does_not_respond_is_found(name):
-    # 30 logs of noise, coloured as often as white, at a false alarm of 1e-4 each.
-    for seed in range(30):
+    assert log_findings([recorded(INPUTS[name], 1.0), recorded(INPUTS[name], plant=late)], 1) == []
+    for seed in range(30):  # logs of noise, coloured as often as white, at a false alarm of 1e-4 each
         noise = signal.lfilter([1], [1, -0.95 * (seed % 2)], np.random.default_rng(9 + seed).normal(size=1500))
         log = Recording.from_arrays(INPUTS[name], noise, 0.01)
         assert codes(log_findings([log], 1)) == [("no-response", "refused")]
     assert codes(log_findings([log, recorded(INPUTS[name])], 1)) == [("no-response", "warning")]
 
 
-def test_a_log_that_is_too_short_and_one_sine_alone_are_found():
-    short = recorded(INPUTS["noise"][:50])
-    assert codes(log_findings([short], 4)) == [("too-short", "refused")]
-    assert log_findings([short], 1) == []
-    sines = [recorded(np.sin(2 * np.pi * hz * TIME) + 3) for hz in (3.3, 3.31, 4)]
-    (found,) = log_findings(sines[:2], 2)
-    assert codes([found]) == [("single-sine", "refused")]
-    assert "3.3" in found.message
-    assert log_findings([sines[0], sines[2]], 2) == []
-
-
-def test_inputs_that_are_one_are_found():
+def test_logs_that_are_too_short_of_one_sine_or_of_inputs_that_are_one_are_found():
     u, v = INPUTS["noise"], INPUTS["sweep"]
-    logs = [
-        Recording.from_arrays(np.stack([u, v, w], 1), recorded(u).outputs, 0.01, input_names=("u", "v", "w"))
-        for w in (1e3 * u - v, INPUTS["levels"])
+    sines = [recorded(np.sin(0.02 * np.pi * hz * np.arange(1500)) + 3) for hz in (3.3, 3.31, 4)]
+    three = [np.stack([u, v, w], 1) for w in (1e3 * u - v, INPUTS["levels"])]
+    alike, other = (Recording.from_arrays(each, u, 0.01, input_names=("u", "v", "w")) for each in three)
+    short, enough = recorded(u[:50]), recorded(u[:150])
+    assert [codes(log_findings(bad, 4)) for bad in ([short], sines[:2], [alike])] == [
+        [(code, "refused")] for code in ("too-short", "single-sine", "dependent-inputs")
     ]
-    assert codes(log_findings(logs[:1], 1)) == [("dependent-inputs", "refused")]
-    assert log_findings(logs, 1) == log_findings(logs[1:], 1) == []
+    assert [log_findings(good, 4) for good in ([enough], sines[::2], [alike, other])] == [[], [], []]
 
 
-@pytest.mark.parametrize(
-    ("gain", "expected"), [(57.3, "degrees-radians"), (1 / 57.3, "degrees-radians"), (-1.0, "sign-flip")]
-)
-def test_units_and_signs_are_seen_in_the_gain(gain, expected):
-    plant = PLANT.replace(B=gain * PLANT.B)
-    assert codes(plant_findings(plant, recorded(INPUTS["levels"], gain=gain))) == [(expected, "warning")]
-    assert plant_findings(plant.replace(B=3 * plant.B), recorded(INPUTS["levels"], gain=3 * gain)) == []
+def test_units_and_signs_are_seen_in_the_gain():
+    gains = {57.3: ["degrees-radians"], 1 / 57.3: ["degrees-radians"], -1.0: ["sign-flip"], 1.0: [], -3.0: []}
+    for gain, expected in gains.items():
+        found = plant_findings(PLANT.replace(B=gain * PLANT.B), recorded(INPUTS["levels"]))
+        assert codes(found) == [(code, "warning") for code in expected]
 
 
-@pytest.mark.parametrize("name", ["noise", "levels", "sweep"])
+@pytest.mark.parametrize("name", ["noise", "sweep"])
 def test_exchanged_columns_are_found_by_trying(name):
     def fit(recordings, order):
         return fit_axis(recordings, order).plant
@@ -86,6 +68,36 @@ def test_exchanged_columns_are_found_by_trying(name):
     log = recorded(INPUTS[name])
     wrong = Recording.from_arrays(log.outputs, log.inputs, 0.01, input_names=("y",), output_names=("u",))
     found = exchanged_columns(fit([wrong], 2), wrong, [wrong], fit)
-    assert codes([found]) == [("swapped", "warning")]
-    assert found.remedy == 'take "u" as the input and "y" as the output'
+    assert (found.code, found.remedy) == ("swapped", 'take "u" as the input and "y" as the output')
     assert exchanged_columns(fit([log], 2), log, [log], fit) is None
+
+
+def followed(command, move):
+    places = [command[0]]
+    for wanted in command[1:]:
+        places.append(move(places[-1], wanted))
+    return np.array(places)
+
+
+OPERATORS = {
+    "saturation": (0.5, lambda u: np.clip(u, -0.5, 0.5)),
+    "dead zone": (0.2, lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.2, 0)),
+    "hysteresis": (0.1, lambda u: followed(u, lambda y, x: np.clip(y, x - 0.1, x + 0.1))),
+    "rate limit": (8.0, lambda u: followed(u, lambda y, x: y + np.clip(x - y, -0.04, 0.04))),
+    "none": (0.0, lambda u: u),
+}
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+def test_a_nonlinearity_is_named_with_its_level_and_a_linear_axis_has_none(name):
+    (level, operator), plant = OPERATORS[name], PlantRecord.second_order(5, 0.6, 0.01, 0.005)
+    u = np.repeat(np.append(0.0, np.random.default_rng(0).uniform(-1, 1, 40)), 50)
+    log = Recording.from_arrays(u, recorded(operator(u), 0.01, plant, 9).outputs, 0.005)
+    found = nonlinearity(fit_axis([log], 2), [log])
+    if name == "none":
+        assert found is None
+        return
+    assert (found.name, found.level) == (name, pytest.approx(level, rel=0.3))
+    assert (found.gained > 100, found.residual_share < 0.7) == (True, True)
+    if name == "saturation":  # at the largest command the axis goes half as far as its gain says
+        assert 0.6 < found.gain_ratio < 0.9

@@ -43,7 +43,8 @@ def read_array_file(path: Path, content: bytes, wanted: Sequence[str], *, matlab
         raise
     except Exception as error:  # the readers raise whatever a damaged byte leads them to
         problem = f"is damaged, or has objects ({type(error).__name__}: {str(error)[:200]})"
-        raise log_fault(path, problem, "write the file again, its signals as arrays of numbers", "damaged") from error
+        code = "not-a-number" if "Object arrays" in str(error) else "damaged"
+        raise log_fault(path, problem, "write the file again, its signals as arrays of numbers", code) from error
 
 
 def _converted(content: bytes) -> bytes:
@@ -80,8 +81,7 @@ def _read(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
 def _column(path: Path, name: str, given: Any, column: int | None) -> Values:
     values = np.asarray(given)
     if values.dtype.kind not in "fiub":
-        problem = f'array "{name}" is of type {values.dtype}, expected real numbers'
-        raise log_fault(path, problem, "store signals as arrays of numbers", "not-a-number")
+        raise log_fault(path, f'array "{name}" is of type {values.dtype}', "store real numbers", "not-a-number")
     if column is None and values.size == max(values.shape, default=0):  # MATLAB's vectors are matrices
         return values.reshape(-1).astype(np.float64)
     matrix = values.T if values.ndim == 2 and values.shape[0] < values.shape[1] else values  # more samples than signals

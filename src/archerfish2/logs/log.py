@@ -7,15 +7,16 @@ from pathlib import Path
 
 from archerfish2.errors import InputError, file_error
 from archerfish2.logs.arrays import read_array_file
+from archerfish2.logs.bags import BAGS, bag_files, read_bag
 from archerfish2.logs.recording import Log, Recording
+from archerfish2.logs.signals import examined, fresh_rows, without_wraps
 from archerfish2.logs.stamps import at_equal_intervals, uninterrupted, usable_rows
 from archerfish2.logs.table import MAX_BYTES, LogTable
 from archerfish2.logs.text import read_text
 
-_COMPRESSED, _BAGS = (b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"\xfd7zXZ\0", b"BZh"), (b"#ROSBAG", b"SQLite f", b"\x89MCAP")
+_COMPRESSED = (b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"\xfd7zXZ\0", b"BZh")
 _UNREAD = {
     **dict.fromkeys(_COMPRESSED, ("is compressed", "unpack it first")),
-    **dict.fromkeys(_BAGS, ("is a ROS bag", "export its topics as CSV")),
     **dict.fromkeys((b"\x89HDF", b"MATLAB 7.3"), ("is an HDF5 file (MATLAB 7.3)", "save it with -v7, or as CSV")),
     b"\x93NUMPY": ("is a single NumPy array", "store the signals by name with numpy.savez"),
 }
@@ -30,16 +31,16 @@ def read_log(
     time: str | None = "time_s",
     sample_period_s: float | None = None,
 ) -> Log:
-    """Read what went into an axis and what came out: CSV or another text table, .npz, or .mat.
+    """Read what went into an axis and what came out: CSV or another text table, .npz, .mat, or a ROS bag.
 
     A signal is the name of a column, in a text table without names its number from "1" on, in an array file the name
-    of an array, or "NAME[0]" for the first column of a matrix.
+    of an array, or "NAME[0]" for the first column of a matrix, in a bag TOPIC/FIELD or TOPIC/JOINT/FIELD.
 
     Args:
-      path: of the file.
+      path: of the file, or the folder of a bag.
       inputs: names of the input signals.
       outputs: names of the output signals.
-      time: name of the stamps, in seconds, or in the unit that the name ends with ("time_ms").
+      time: name of the stamps, in seconds, or in the unit that the name ends with ("time_ms"); a bag has its own.
       sample_period_s: sampling period of a log without stamps, or whose stamps are not to be used [s].
 
     Raises:
@@ -50,20 +51,30 @@ def read_log(
     if stamps is None and not 0 < (sample_period_s or 0) < math.inf:
         problem = f"sample_period_s is {sample_period_s}, expected a number above 0 s"
         raise InputError(f"read_log: {problem}; pass it, or the name of the stamps", "sample-period")
-    content = _content(path)
-    table = _table(path, content, list(dict.fromkeys([*([stamps] if stamps else []), *signals[0], *signals[1]])))
+    if not (files := bag_files(path)):
+        raise file_error(path, "is a folder, and no bag's", "pass a log, or the folder of a bag", "unknown-format")
+    digest, source = hashlib.sha256(), str(path)
+    for file in files:
+        digest.update(content := file_content(file))
+    if path.is_dir() or content.startswith(tuple(BAGS)) or path.suffix in BAGS.values():
+        table, stamps = read_bag(path, list(dict.fromkeys((*signals[0], *signals[1])))), "time_s"
+    else:
+        table = _table(path, content, list(dict.fromkeys([*([stamps] if stamps else []), *signals[0], *signals[1]])))
     table.check()
     rows, repairs = usable_rows(table, signals, stamps, sample_period_s or 1.0)
-    parts, gaps = uninterrupted(rows, str(path))
-    even, period, jitter = at_equal_intervals(parts, str(path))
-    period_s, name = float(f"{period:.12g}"), path.name
-    recordings = tuple(
-        Recording(u, y, period_s, float(time[0]), *signals, f"{name}[{time[0]:.3f} s…]" if len(even) > 1 else name)
-        for time, u, y in even
-    )
-    samples = len(table.places) + sum(each.samples for each in table.findings)
-    findings = (*table.findings, *repairs, *gaps, *jitter)
-    return Log(recordings, findings, samples, str(path), hashlib.sha256(content).hexdigest())
+    fresh, repeats = fresh_rows(rows, source)
+    parts, gaps = uninterrupted(fresh, source)
+    parts, wraps = without_wraps(parts, signals, source)
+    even, period, jitter = at_equal_intervals(parts, source)
+    period_s, name = sample_period_s or float(f"{period:.12g}"), path.name
+    names = [f"{name}[{time[0]:.3f} s…]" if len(even) > 1 else name for time, _, _ in even]
+    every = [
+        Recording(*each[1:], period_s, float(each.time[0]), *signals, at) for each, at in zip(even, names, strict=True)
+    ]
+    recordings, warnings = examined(every, source)
+    samples = len(rows.time) + sum(each.samples for each in (*table.findings, *repairs))
+    findings = (*table.findings, *repairs, *repeats, *gaps, *wraps, *jitter, *warnings)
+    return Log(recordings, findings, samples, source, digest.hexdigest())
 
 
 def _names(names: str | Sequence[str]) -> tuple[str, ...]:
@@ -72,7 +83,12 @@ def _names(names: str | Sequence[str]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
 
 
-def _content(path: Path) -> bytes:
+def file_content(path: Path) -> bytes:
+    """Return what a log's file has.
+
+    Raises:
+      InputError: if there is no such file, or it is too large or can't be read.
+    """
     try:
         if not path.is_file():
             problem, code = ("is no file", "unreadable") if path.exists() else ("there is no such file", "no-such-file")

@@ -64,9 +64,13 @@ def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: f
     whole, repeated = ~np.isnan(every).any(axis=1), np.zeros(len(u), dtype=np.bool_)
     rows = np.flatnonzero(whole)
     repeated[rows[1:]] = (every[rows[1:]] == every[rows[:-1]]).all(axis=1)
-    held_at = whole & ~repeated & np.isnan(u).any(axis=1)
+    lacking, no_output = np.isnan(u), np.asarray(np.isnan(y).all(axis=1))
+    # Inputs that no row with an output has are on a clock of their own, and what holds them alone is no sample.
+    apart = no_output & ~lacking[:, (lacking | no_output[:, None]).all(axis=0)].all(axis=1)
+    held_at, late = whole & ~repeated & lacking.any(axis=1), np.isnan(held).any(axis=1) & ~np.isnan(y).any(axis=1)
     for code, found, message, remedy in (
-        ("missing-values", ~whole, "without a stamp, an output or an input so far left out", "log values in every row"),
+        ("missing-values", ~(whole | late | apart), "without a stamp or an output left out", "log values in every row"),
+        ("late-input", late, "before the first value of an input left out", "start the log before the axis"),
         ("time-duplicate", repeated, "that repeat the one before, stamp included, left out", "log each sample once"),
         ("held-input", held_at, "without an input, whose last value was held", "log inputs in every row"),
     ):
@@ -75,8 +79,8 @@ def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: f
             findings.append(Finding(code, "repaired", place, f"rows {message}: {count}", remedy, samples))
     rows = np.flatnonzero(whole & ~repeated)
     if rows.size < 2:
-        problem = f"rows with all signals: {rows.size}, expected 2 or more"
-        raise log_fault(table.source, problem, "log all signals together", "missing-values")
+        problem, code = f"rows with all signals: {rows.size}, expected 2 or more", "too-short"
+        raise log_fault(table.source, problem, "log all signals together", code if whole.all() else "missing-values")
     _check_order(table, stamps, rows, strictly=True)
     inputs, known, steps = held[rows, 1:], np.flatnonzero(~np.isnan(held).any(axis=1)), np.diff(stamps[rows])
     # Between some rows an input may have values of its own.
@@ -97,10 +101,10 @@ def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
     period = float(np.median(steps)) if steps.size else 0.0
     if period <= 0 or _PLAUSIBLE_S[0] <= period <= _PLAUSIBLE_S[1]:
         return stamps, []
-    units = [each for each, scale in _SECONDS.items() if _USUAL_S[0] <= scale * period <= _USUAL_S[1]]
-    remedy = " or ".join(f'if they are in {each}, name the column "time_{each}"' for each in units)
-    message = f'stamps "{time}" are {period:.4g} s apart, which no gimbal is logged at'
-    return stamps, [Finding("time-unit", "warning", table.source, message, remedy or "check the column")]
+    unit = next((each for each, scale in _SECONDS.items() if _USUAL_S[0] <= scale * period < _USUAL_S[1]), "s")
+    message = f'stamps "{time}" are {period:.4g} s apart, as no gimbal is logged, and were read as {unit}'
+    remedy = f'if they are in {unit}, name the column "time_{unit}", else in their unit'
+    return stamps * _SECONDS[unit], [Finding("time-unit", "warning", table.source, message, remedy)]
 
 
 def _check_order(table: LogTable, stamps: Values, rows: NDArray[np.int64], *, strictly: bool) -> None:
@@ -128,8 +132,8 @@ def uninterrupted(rows: Rows, source: str) -> tuple[list[Rows], list[Finding]]:
     period = float(np.median(steps))
     gaps = _gaps(rows.time, period)
     if gaps.size:
-        message = f"gaps: {gaps.size}, the first {rows.time[gaps[0] - 1]:.4g} s after the start, of up to "
-        message += f"{steps[gaps - 1].max():.4g} s, where the period is {period:.4g} s; the log was cut there"
+        at, longest = rows.time[gaps[0] - 1], steps[gaps - 1].max()
+        message = f"gaps: {gaps.size}, the first at {at:.4g} s, of up to {longest:.4g} s; the log was cut there"
         findings.append(Finding("gap", "repaired", source, message, remedy))
     parts = [Rows(*each) for each in zip(*(np.split(signal, gaps) for signal in rows), strict=True)]
     long = [each for each in parts if len(each.time) >= _FEWEST]

@@ -36,8 +36,7 @@ class LogTable(NamedTuple):
         for name, values in self.columns.items():
             if (beyond := np.abs(values) > _LARGEST_VALUE).any():
                 problem = f'"{name}" is {values[beyond][0]:g}, expected a number within ±{_LARGEST_VALUE:g}'
-                place = self.place(int(np.argmax(beyond)))
-                raise log_fault(place, problem, "cut the log there into two", "infinite")
+                raise log_fault(self.place(int(np.argmax(beyond))), problem, "cut the log there into two", "infinite")
 
 
 def log_fault(path: str | Path, problem: str, remedy: str, code: str) -> InputError:

@@ -63,6 +63,11 @@ def read_text(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
     return LogTable(columns, list(rows), "line", str(path), findings)
 
 
+def column_names(path: Path, content: bytes) -> list[str]:
+    """Return the names of the columns of a text table; see `read_text`."""
+    return _header(path, _lines(path, content)[0]).names
+
+
 def _lines(path: Path, content: bytes) -> tuple[list[str], tuple[Finding, ...]]:
     """Return the lines up to the last whole one that has a value, and whether something was cut off after it.
 

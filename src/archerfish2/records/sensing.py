@@ -16,8 +16,9 @@ class CameraRecord(Struct, frozen=True, kw_only=True):
 
     rate_hz: Rate
     """Frames per second [Hz]."""
-    time_offset: Time
-    """What is added to a detection's stamp to get the moment of its exposure on the gimbal log's clock [s]."""
+    time_offset: Annotated[float, Meta(ge=-1e10, le=1e10)]
+    """What is added to a detection's stamp to get the moment of its exposure on the gimbal log's clock [s]; some 1e9
+    where one of the clocks counts from 1970."""
     stamp_jitter: Duration
     """Standard deviation of that sum about the true moment [s]."""
     bearing_sd: Deviation

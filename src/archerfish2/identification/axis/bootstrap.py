@@ -34,7 +34,6 @@ def draw_plants(found: AxisFit, draws: int, seed: int) -> list[PlantRecord]:
     same = {s: w for s, w in weights.items() if s.order == chosen.order and w > _LIKELY and s != chosen}
     likely = {chosen: max(weights[chosen], _LIKELY), **dict([*same.items()][: _STRUCTURES - 1])}
     drawn: list[PlantRecord] = []
-    spectra: list[Array] = []
     for structure, weight in likely.items():
         logs = [replace(e, skip=min(e.skip, structure.delay)) for e in found.experiments]
         data = [e.at(structure.delay, structure.feedthrough) for e in logs]
@@ -43,9 +42,8 @@ def draw_plants(found: AxisFit, draws: int, seed: int) -> list[PlantRecord]:
             fit = refine(found.selection.found[structure][1].sections, data + soft, 10, 1e-6, found.ridge)
         residuals = [residual_of(fit.sections, fit.numerators, lines) for lines in data]
         responses = [lines.outputs - each for lines, each in zip(data, residuals, strict=True)]
-        if not spectra:
-            own = _parameters_a_log(chosen, found)
-            spectra = [_spectrum(e, each, own) for e, each in zip(logs, residuals, strict=True)]
+        own = _parameters_a_log(structure, found)
+        spectra = [_spectrum(e, each, own) for e, each in zip(logs, residuals, strict=True)]
         picks = strongest([np.mean(np.abs(each) ** 2, axis=0) for each in responses], _LINES)
         lines = [d._replace(outputs=y).pick(k) for d, y, k in zip(data, responses, picks, strict=True)]
         for _ in range(round(draws * weight / sum(likely.values()))):

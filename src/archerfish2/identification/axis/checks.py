@@ -17,7 +17,8 @@ _SINE_SHARE, _FEWEST_PERIODS = 0.98, 3  # of the power near one line, from which
 _SAMPLES_A_PARAMETER, _DEPENDENT = 10, 1e6  # condition number from which inputs depend on each other
 _DEGREES, _TOLERANCE = 180 / np.pi, 1.15
 _OPPOSITE = -1.4, -0.7  # gains of an angle that moves against its command
-_SUSPECT, _GOOD, _WORTH = 60.0, 98.0, 2.0  # fits below which columns may be exchanged, above which not; least gain [%]
+_SUSPECT, _WORTH = 60.0, 2.0  # fit below which columns may be exchanged; what that gains at least, or half of the rest
+_MANY = 6  # poles
 
 Fit = Callable[[Sequence[Recording], int], PlantRecord]
 """Identifies a plant of a given order."""
@@ -82,12 +83,13 @@ def exchanged_columns(plant: PlantRecord, log: Recording, recordings: Sequence[R
       fit: identifies one.
     """
     percent = float(free_run(plant, log.inputs, log.outputs).fit_percent[0])
-    at_once = plant.delay_samples <= plant.D.any()
-    if plant.D.shape != (1, 1) or percent > _GOOD or not (at_once or percent < _SUSPECT):
+    # The inverse of an axis leads, so that a plant of it has no delay, or many poles.
+    odd = plant.delay_samples <= plant.D.any() or len(plant.A) >= _MANY
+    if plant.D.shape != (1, 1) or not (odd or percent < _SUSPECT):
         return None
     logs, other = [_exchanged(each) for each in recordings], _exchanged(log)
     best = max(float(free_run(fit(logs, order), other.inputs, other.outputs).fit_percent[0]) for order in (1, 2, 3))
-    if best < percent + _WORTH:
+    if best < percent + min(_WORTH, (100 - percent) / 2):
         return None
     message = f"the output comes before the input: exchanged, the fit is {best:.1f} % instead of {percent:.1f} %"
     remedy = f'take "{log.output_names[0]}" as the input and "{log.input_names[0]}" as the output'

@@ -12,9 +12,10 @@ from scipy.optimize import linear_sum_assignment
 
 from archerfish2.errors import InputError
 from archerfish2.identification.axis.bootstrap import draw_plants, interval
+from archerfish2.identification.axis.checks import exchanged_columns, log_findings, plant_findings
 from archerfish2.identification.axis.fit import DELAY, AxisFit, fit_axis, with_gain
 from archerfish2.identification.axis.plateaus import plateau_gain
-from archerfish2.identification.axis.report import axis_report
+from archerfish2.identification.axis.report import axis_report, judged
 from archerfish2.identification.axis.selection import Candidate
 from archerfish2.identification.frequency import excited_band
 from archerfish2.identification.residuals import ResidualTests, residual_tests
@@ -122,6 +123,10 @@ def identify_axis(
       InputError: if a log can't be read, or does not determine a plant.
     """
     read = read_sources(logs, validate, divides_s)
+    found_before = log_findings(read.fitted, order or 1)
+    for each in found_before:
+        if each.severity == "refused":
+            raise InputError(f"{each.place}: {each.message}; {each.remedy}", each.code)
     longest = DELAY if max_delay is None else max_delay
     found = free = fit_axis(read.fitted, order, max_delay=longest, feedthrough=feedthrough, held_back=read.held_back)
     given = _given_gain(dc_gain, read.fitted)
@@ -139,6 +144,9 @@ def identify_axis(
         for held, group in ((True, read.held_back), (False, read.fitted))
         for each in group
     ]
+    worst = judged(fits).recording
+    swapped = exchanged_columns(plant, worst, read.fitted, lambda logs, order: fit_axis(logs, order).plant)
+    findings = [*read.findings, *found_before, *plant_findings(plant, read.fitted[0]), *([swapped] if swapped else [])]
     return AxisResult(
         plant,
         tuple(fits),
@@ -147,7 +155,7 @@ def identify_axis(
         _poles(found.poles, [np.linalg.eigvals(each.A).astype(complex) for each in drawn], plant.sample_period_s, band),
         found.selection.candidates,
         band,
-        read.findings,
+        tuple(findings),
         gains_of(free, draw_plants(free, _DRAWS, seed)) if given else (),
     )
 

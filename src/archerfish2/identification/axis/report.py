@@ -4,7 +4,7 @@ A plant is usable if it explains what was held back and its steady gain is known
 and refuses nothing: a plant may share it between dead time and poles.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -42,16 +42,16 @@ def shortfalls(result: "AxisResult") -> list[Shortfall]:
     return [*found, *_low_fit(result), *_unknown_gain(result)]
 
 
-def judged(result: "AxisResult") -> "LogFit":
+def judged(fits: Sequence["LogFit"]) -> "LogFit":
     """Return the recording by which a plant is judged: the worst that was held back and moves, else that was fitted."""
-    fits = [each for each in result.fits if each.held_back] or list(result.fits)
+    fits = [each for each in fits if each.held_back] or list(fits)
     spreads = np.array([each.recording.outputs.std(0) for each in fits])
     moving = [each for each, spread in zip(fits, spreads, strict=True) if np.any(spread >= _MOVING * spreads.max(0))]
     return min(moving, key=lambda each: each.fit_percent)
 
 
 def _low_fit(result: "AxisResult") -> Iterator[Shortfall]:
-    worst = judged(result)
+    worst = judged(result.fits)
     noise = worst.tests is not None and worst.tests.explained_share < _NOISE_SHARE
     if worst.fit_percent >= USABLE_FIT or (worst.fit_percent >= _NOISY_FIT and noise):
         return
@@ -80,7 +80,7 @@ def _unknown_gain(result: "AxisResult") -> Iterator[Shortfall]:
 
 def axis_report(result: "AxisResult") -> Report:
     """Report an identified axis."""
-    missing, plant, worst = shortfalls(result), result.plant, judged(result)
+    missing, plant, worst = shortfalls(result), result.plant, judged(result.fits)
     name = f"{worst.recording.source} ({'held back' if worst.held_back else 'fitted, none held back'})"
     period_ms = 1e3 * plant.sample_period_s
     value, low, high, _ = result.delay_samples

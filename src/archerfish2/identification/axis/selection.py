@@ -20,7 +20,7 @@ _CLOSE = 2.0  # difference of the criterion up to which structures are about as 
 _FARTHEST = 8  # samples that the delay moves from where its search begins
 _WORSE = 2  # orders in a row that are worse, beyond which none is tried
 _DRIFT_SHARE = 0.35  # of the residual's power that a drift explains at least beside the same poles
-_SLOW, _INSTEAD = 6.0, 10.0  # log over a slow pole's time constant; criterion that a drift may lose to such a pole
+_SLOW, _INSTEAD = 6.0, 20.0  # log over a slow pole's time constant; criterion that a drift may lose to such a pole
 _PER_STATE = 0.2  # points of fit on held-back logs that a state must gain
 
 

@@ -1,0 +1,54 @@
+"""`archerfish2 identify`: a robot from the folder of its logs."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from archerfish2 import storage
+from archerfish2.identification.robot import identify_parts
+
+
+@dataclass(frozen=True)
+class Identify:
+    """Identify a robot from the folder of its logs; identify axis, muzzle and sensing do one part from named files.
+
+    - takes every part that there are logs of; the others are the paper's, and are named
+    - prints what is known, how sure that is, what is usable, and what to record next
+    - writes the robot's records, robot.html with a page for each part, report.json and run.json
+
+    Logs (docs2/your_robot.md has their columns; logs.toml in the folder can name others):
+      {pitch,yaw}_{sweep,step}[_validation].csv   command and angle of an axis
+      {pitch,yaw}_step_{N}deg.csv                 steps of other sizes, for the report
+      shots.csv, landings.csv, tape.json          hits on a plate, landing points, tape measures
+      timing_{sweep,plate,steps,target,moments,commands,reports}.csv   camera and link
+      limits.json                                 what may be commanded
+
+    Examples:
+      archerfish2 identify logs --out my-robot
+      archerfish2 train my-robot
+    """
+
+    logs: Annotated[Path, tyro.conf.Positional]
+    """Folder of the logs."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
+    """Folder of the robot; runs/NAME of the logs' folder if not given."""
+    name: Annotated[str, tyro.conf.arg(help_behavior_hint="")] = ""
+    """Name of the robot; that of the folder if not given."""
+    seed: int = 0
+    """Of the draws."""
+    overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
+    """Replace files in that folder that this command did not write."""
+
+    def run(self) -> None:
+        """Identify, write, print."""
+        out = self.out or Path("runs") / self.logs.resolve().name
+        name = self.name or out.resolve().name
+        facts, names = {"options": " ".join(sys.argv[2:])}, ("robot.json", "robot.html")
+        inputs = sorted(each for each in self.logs.glob("*") if each.is_file())
+        with storage.output_folder(out, "identify", inputs, self.overwrite, facts, names) as folder:
+            found = identify_parts(self.logs, self.seed, name)
+            found.save(folder)
+        print(f"{found.report}\n\nopen {out / 'robot.html'}; next: archerfish2 train {out}")  # noqa: T201

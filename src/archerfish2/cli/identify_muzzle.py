@@ -1,0 +1,58 @@
+"""`archerfish2 identify muzzle`: from shots to the muzzle record."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from archerfish2 import storage
+from archerfish2.identification.muzzle.identify import PELLET_DRAG, identify_muzzle
+from archerfish2.logs.shots import COLUMNS, ShotColumns, read_shots
+
+
+@dataclass(frozen=True)
+class IdentifyMuzzle:
+    """Identify the muzzle from shots: landing points, or hits on planes.
+
+    - finds muzzle speed, offsets of pitch and yaw and the scatter of all three, with 95 % intervals
+    - leaves out ricochets and flyers, and tests whether the flight model fits
+    - writes muzzle.json (the record), muzzle.html and run.json
+
+    A file is a table with a shot in each line, in the order of fire: pitch_deg, and distance_m of landing points, or
+    plane_distance_m and hit_height_m of hits; speed_m_s, lateral_m, yaw_deg and missed are optional. Shots at one
+    setting need the measured speed of each; without, shoot at several pitches, or at planes at several distances.
+
+    Examples:
+      archerfish2 identify muzzle shots.csv
+      archerfish2 identify muzzle landings.csv --height-m 0.42 --length-m 0.16 --out my-robot
+    """
+
+    files: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FILE…", help_behavior_hint="")]
+    """Tables of shots with the same columns."""
+    height_m: Annotated[float | None, tyro.conf.arg(metavar="M", help_behavior_hint="(default: estimated)")] = None
+    """Of the muzzle above the ground with the barrel level [m]; hits on planes do not need it."""
+    length_m: float = 0.0
+    """From the gimbal's pivot to the muzzle [m]."""
+    drag: float | Literal["estimate"] = PELLET_DRAG
+    """Quadratic drag coefficient [1/m], or "estimate"."""
+    columns: ShotColumns = COLUMNS
+    """Names of the columns, where they are others."""
+    seed: int = 0
+    """Of the bootstrap."""
+    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/muzzle")
+    """Folder for what is found."""
+    overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
+    """Replace files in that folder that this command did not write."""
+
+    def run(self) -> None:
+        """Identify, write, print."""
+        facts, names = {"options": " ".join(sys.argv[2:])}, ("muzzle.json", "muzzle.html")
+        shots = read_shots(*self.files, columns=self.columns)
+        with storage.output_folder(self.out, "identify muzzle", self.files, self.overwrite, facts, names) as folder:
+            result = identify_muzzle(
+                shots, height_m=self.height_m, length_m=self.length_m, drag=self.drag, seed=self.seed
+            )
+            result.save(folder)
+        print(f"{result.report}\n\nopen {self.out / 'muzzle.html'}")  # noqa: T201

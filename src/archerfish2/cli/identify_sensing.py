@@ -1,0 +1,86 @@
+"""`archerfish2 identify sensing`: camera and link of a robot, from two short recordings."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from archerfish2 import storage
+from archerfish2.identification.sensing.identify import identify_sensing
+from archerfish2.logs.timing import Frame, read_detections, read_gimbal_log
+
+_File = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")]
+
+
+@dataclass(frozen=True)
+class IdentifySensing:
+    """Identify camera and link from a yaw sweep before a plate at rest, and from steps.
+
+    - estimates the camera's rate, latency, time offset to the gimbal, noise and misses, and the delay from command to
+      motion, with 95 % intervals; what the logs can't separate is a sum, or left out with what to record
+    - writes sensing.json (the record), sensing.html (what is known, what is in doubt, what to do next) and run.json
+
+    Logs are CSV: of the gimbal time_s, yaw, and if logged pitch, yaw_command; of detections time_s, x, y, z, and if
+    logged receive_s; of moments time_s; of messages sent_s, received_s.
+
+    Examples:
+      archerfish2 identify sensing sweep.csv --detections plate.csv --out my-robot
+      archerfish2 identify sensing sweep.csv --detections plate.csv --steps steps.csv --target target.csv
+        --target-steps moments.csv --commands commands.csv
+    """
+
+    sweep: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="SWEEP")]
+    """Log of the gimbal during the sweep."""
+    detections: Annotated[Path, tyro.conf.arg(metavar="FILE")]
+    """Of the plate at rest."""
+    steps: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE…", help_behavior_hint="")] = ()
+    """Further logs of the gimbal, with steps of the command."""
+    target: _File = None
+    """Detections of a target that steps, the gimbal at rest."""
+    target_steps: _File = None
+    """Moments at which it was halfway through its steps, by the clock of receipts."""
+    commands: _File = None
+    """When commands were sent and received, if the gimbal stamps them."""
+    feedback: _File = None
+    """When the gimbal's feedback was sent and received, if the gimbal stamps it."""
+    frame: Frame = "camera"
+    """Of positions: camera (x forward, y left, z up), optical (x right, y down, z forward), or base, which takes the
+    angles that rotated each detection, rotated_yaw and rotated_pitch."""
+    degrees: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
+    """Angles are in degrees, not radians."""
+    gimbal_clock: Literal["receipt", "own"] = "receipt"
+    """Who stamped the gimbal's logs: the program on receipt, or the gimbal by a clock of its own."""
+    max_offset_s: Annotated[float, tyro.conf.arg(metavar="SECONDS", help_behavior_hint="")] = 0.0
+    """Largest time offset; if 0 it is 1 s where the clocks overlap, else any."""
+    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/identify")
+    """Folder for the record and its page."""
+    overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
+    """Replace files in that folder that this command did not write."""
+
+    def run(self) -> None:
+        """Identify, write, print."""
+        sweep, *steps = (read_gimbal_log(each, degrees=self.degrees) for each in (self.sweep, *self.steps))
+        plate, *shown = (
+            read_detections(each, frame=self.frame, degrees=self.degrees)
+            for each in (self.detections, self.target)
+            if each
+        )
+        given = (self.sweep, self.detections, *self.steps, self.target, self.target_steps, self.commands, self.feedback)
+        inputs, facts = [each for each in given if each], {"options": " ".join(sys.argv[3:])}
+        names = ("sensing.json", "sensing.html")
+        with storage.output_folder(self.out, "identify sensing", inputs, self.overwrite, facts, names) as folder:
+            result = identify_sensing(
+                sweep,
+                plate,
+                steps=steps,
+                target=shown[0] if shown else None,
+                target_steps=self.target_steps,
+                commands=self.commands,
+                feedback=self.feedback,
+                gimbal_clock=self.gimbal_clock,
+                max_offset_s=self.max_offset_s,
+            )
+            result.save(folder)
+        print(f"{result.report}\n\nopen {self.out / 'sensing.html'}")  # noqa: T201

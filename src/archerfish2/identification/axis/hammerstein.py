@@ -1,0 +1,149 @@
+"""Which nonlinearity explains what a linear plant leaves of its logs: a Hammerstein model.
+
+A static or hysteretic operator with one level acts on the command before a linear plant, which is fitted again behind
+it. Behind the right operator the plant lacks the bias that the nonlinearity gives to a linear fit.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from archerfish2.identification.axis.fit import AxisFit, Series, plant_of
+from archerfish2.identification.axis.log_start import rounding_floor
+from archerfish2.identification.axis.output_error import LinearFit, refine, refine_best, residuals_by_log, solve
+from archerfish2.identification.axis.sections import poles_of, sections_from_poles
+from archerfish2.identification.axis.spectrum import Experiment, Lines, lines_of, thinned
+from archerfish2.identification.simulation import Array, simulate
+
+_MOST_SAMPLES, _LINES = 8000, 400  # of all logs
+_FINE, _ROUGH = (10, 1e-4), (4, 1e-2)  # steps and tolerance of a fit
+_FASTER = 2.5  # factor on the speed of poles: what lags by itself has made the linear plant slower
+_LIMITS, _SHARES = np.array([0.3, 0.45, 0.6, 0.75, 0.9]), np.array([0.01, 0.03, 0.08, 0.2, 0.45])  # of the command
+_SLEWS = np.array([0.25, 0.5, 0.8, 1.2, 2.5, 5.0])  # over the speed that the output reaches
+_NEAR = (0.7, 1.35), (0.87, 1.15)  # factors on the best level that are tried next, and then on the best of those
+_DELAYS = (-6, -4, -3, -2, -1, 1, 2)  # that are tried, over the linear plant's [samples]
+_CLEAR, _SHARE = 15.0, 0.97  # likelihood gained from which an operator is named, and share of the residual up to which
+_LEVELS, _SETTLED, _LONGEST = 60, 4.0, 2000  # of test steps; time constants until rest, samples of that at most
+
+
+class Nonlinearity(NamedTuple):
+    """An operator on the command that explains the logs clearly better, and the plant behind it."""
+
+    name: str  # "saturation", "dead zone", "hysteresis" (backlash or friction) or "rate limit"
+    level: float  # limit, or half width, in units of the input; of a rate limit per second
+    residual_share: float  # power of its residual over the linear plant's
+    gained: float  # twice the log likelihood
+    gained_points: float  # of the fit [%]
+    gain_ratio: float  # steady output at the largest command over that of the linear plant
+    agreement_percent: float  # fit of the linear plant to it, on steps as large as the largest command
+    delay: int  # of the plant behind it [samples]
+
+
+def nonlinearity(found: AxisFit, recordings: Sequence[Series]) -> Nonlinearity | None:
+    """Return the operator that explains the logs best, if it is clearly better than none.
+
+    Args:
+      found: plant of one input and one output.
+      recordings: from which it was identified.
+    """
+    if found.plant.D.shape != (1, 1):
+        return None
+    most, period = _MOST_SAMPLES // len(recordings), recordings[0].period_s
+    commands = [np.asarray(each.inputs[:most, 0]) for each in recordings]
+    largest, span = (max(float(size(u)) for u in commands) for size in (lambda u: np.abs(u).max(), np.ptp))
+    width = max(1, most // 1000)
+    moves = [np.abs(y[width:] - y[:-width]) for y in (each.outputs[:, 0] for each in recordings)]
+    speed = max(np.quantile(each, 0.995) for each in moves) / (width * period * np.abs(found.gain.item()))
+    levels = largest * _LIMITS, largest * _SHARES, span / 2 * _SHARES, speed * _SLEWS
+    search = _Search(found, commands, period)
+    named = zip(list(_OPERATORS)[1:], levels, strict=True)
+    fits = [fit for name, each in named if (fit := search.best(name, each.tolist()))]
+    best = min(fits, key=lambda each: each.residual_share, default=None)
+    return best if best and best.gained > _CLEAR and best.residual_share < _SHARE else None
+
+
+class _Search:
+    """Fits of few lines behind operators."""
+
+    def __init__(self, found: AxisFit, commands: list[Array], period_s: float) -> None:
+        self.found, self.commands, self.period_s = found, commands, period_s
+        self.picks = thinned(self.logs("none", 0.0), _LINES)
+        self.base = refine(found.fit.sections, self.lines("none", 0.0, found.delay), *_FINE)
+        poles = poles_of(self.base.sections)
+        self.starts = [self.base.sections, sections_from_poles(np.abs(poles) ** _FASTER * np.exp(1j * np.angle(poles)))]
+
+    def logs(self, name: str, level: float) -> list[Experiment]:
+        both = [(_OPERATORS[name](u, level, self.period_s)[:, None], len(u)) for u in self.commands]
+        logs = zip(both, self.found.experiments, strict=True)
+        return [Experiment(u, e.y[:n], min(e.pad, n), e.rest, e.skip, e.drift) for (u, n), e in logs]
+
+    def lines(self, name: str, level: float, delay: int) -> list[Lines]:
+        return lines_of(self.logs(name, level), self.picks, delay, self.found.structure.feedthrough)
+
+    def cost(self, name: str, level: float) -> float:
+        data = self.lines(name, level, self.found.delay)
+        return solve(self.starts[0], data).cost if name in _STATIC else refine_best(self.starts, data, *_ROUGH).cost
+
+    def best(self, name: str, levels: list[float]) -> Nonlinearity | None:
+        """Fit the plant behind an operator at its best level; None if it explains no more than a linear one."""
+        costs = {level: self.cost(name, level) for level in levels}
+        for factors in _NEAR:
+            level = min(costs, key=costs.__getitem__)
+            costs |= {level * factor: self.cost(name, level * factor) for factor in factors}
+        level, at = min(costs, key=costs.__getitem__), self.found.delay
+        starts, logs = self.starts[: 1 if name in _STATIC else 2], self.logs(name, level)
+        fits = {at: refine_best(starts, self.lines(name, level, at), *_FINE)}
+        if fits[at].cost >= self.base.cost:
+            return None
+        for delay in (at + step for step in _DELAYS if at + step >= 0):
+            fits[delay] = refine(fits[at].sections, self.lines(name, level, delay), *_FINE)
+        delay = min(fits, key=lambda each: fits[each].cost)
+        # The poles or the delay may be what is better, and not the operator.
+        other = [refine(fits[delay].sections, self.lines("none", 0.0, each), *_FINE) for each in (at, delay)]
+        groups = [fits[delay]], [self.base, *other]
+        cost, linear = (max(min(fit.cost for fit in each), rounding_floor(logs)) for each in groups)
+        data = self.lines(name, level, delay)
+        output = np.concatenate([e.outputs[0] for e in data])
+        residual = np.concatenate([r[0] for r in residuals_by_log(fits[delay], data)])
+        power, response = np.abs(residual) ** 2, np.abs(output - residual) ** 2
+        colour = max(1.0, float(power @ response / max(power.mean() * response.sum(), 1e-300)))
+        rows = (
+            2 * len(power) * sum(e.measured for e in logs) / sum(e.length for e in logs)
+        )  # a rest put before adds none
+        gained = rows / colour * np.log(linear / cost)
+        points = 100 * (np.sqrt(linear) - np.sqrt(cost)) / np.linalg.norm(output)
+        compared = self.compared(name, level, fits[delay], delay)
+        return Nonlinearity(name, level, cost / linear, float(gained), float(points), *compared, delay)
+
+    def compared(self, name: str, level: float, fit: LinearFit, delay: int) -> tuple[float, float]:
+        """Return the gain behind an operator over the linear plant's, and the fit of that one to it [%]."""
+        first, scale, structure = min(delay, self.found.delay), self.found.scale, self.found.structure
+        pairs = (self.base, self.found.delay), (fit, delay)
+        plants = [plant_of(f, structure._replace(delay=d - first), scale, self.period_s) for f, d in pairs]
+        decay = -np.log(np.clip(np.abs(poles_of(self.base.sections)).max(), 1e-6, 1 - 1e-4))
+        settle = min(int(_SETTLED / decay) + 10, _LONGEST)
+        largest = max(float(np.abs(u).max()) for u in self.commands)
+        steps = np.repeat(largest * np.random.default_rng(0).uniform(-1, 1, _LEVELS), settle // 4)
+        given = np.concatenate([np.repeat([0, largest], [1, settle]), steps])
+        changed = _OPERATORS[name](given, level, self.period_s)
+        ours, theirs = (simulate(plant, u[:, None]) for plant, u in zip(plants, (given, changed), strict=True))
+        agreement = 1 - np.linalg.norm(theirs - ours) / max(float(np.linalg.norm(theirs - theirs.mean())), 1e-300)
+        return theirs[settle].item() / ours[settle].item(), 100 * float(agreement)
+
+
+def _followed(command: Array, move: Callable[[float, float], float]) -> Array:
+    place, found = float(command[0]), []
+    for wanted in command.tolist():
+        found.append(place := move(place, wanted))
+    return np.array(found)
+
+
+_STATIC = ("saturation", "dead zone")
+_OPERATORS: dict[str, Callable[[Array, float, float], Array]] = {
+    "none": lambda u, *_: u,
+    "saturation": lambda u, level, _: np.clip(u, -level, level),
+    "dead zone": lambda u, level, _: u - np.clip(u, -level, level),
+    "hysteresis": lambda u, level, _: _followed(u, lambda y, x: min(max(y, x - level), x + level)),
+    "rate limit": lambda u, level, t: _followed(u, lambda y, x: y + min(max(x - y, -level * t), level * t)),
+}

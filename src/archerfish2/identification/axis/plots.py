@@ -1,0 +1,154 @@
+"""Plots of an identified axis: its free run, frequency response, step response, and what its residual still has."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from archerfish2.identification.frequency import MeasuredResponse, frequency_response
+from archerfish2.identification.residuals import ResidualTests
+from archerfish2.identification.simulation import Array, simulate
+from archerfish2.identification.validation import FreeRun
+from archerfish2.logs.recording import Recording
+from archerfish2.records.plant import PlantRecord
+from archerfish2.reports.style import INK, MUTED, PALETTE, new_figure, plot_style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_BLUE, _RED, _GREEN = PALETTE[:3]
+_BAND: Any = {"color": _RED, "alpha": 0.25, "linewidth": 0, "label": "95 % band"}
+_DOTS: Any = {"color": INK, "linestyle": "none", "marker": ".", "markersize": 4.0, "label": "measured (H1)"}
+_LONGEST = 2000  # samples of a run that are legible
+_POINTS, _AROUND = 400, 4.0  # frequencies; factor from the band to the lowest, and to those by which limits are set
+_MARGIN_DB, _MARGIN_DEGREES = 12.0, 60.0  # around the plant: bands where nothing is known would squeeze the rest
+_SETTLED, _STEP = 6.0, (50, 5000)  # time constants that a step is drawn for, and its samples, least and most
+
+
+def run_plot(
+    log: Recording, run: FreeRun, errors: Array | None = None, *, output: int = 0, title: str = ""
+) -> "Figure":
+    """Draw measured and simulated output and, below, the residual; of a long log where that is largest.
+
+    Args:
+      log: with outputs.
+      run: the plant's free run of it.
+      errors: of the draws, as of `parameter_errors`, shape (k, N).
+      output: which one.
+      title: above.
+    """
+    measured, simulated = log.outputs[:, output], run.outputs[:, output]
+    energy, length = np.append(0, np.cumsum((measured - simulated) ** 2)), min(_LONGEST, len(log))
+    start = int(np.argmax(energy[length:] - energy[: len(energy) - length]))
+    part = slice(start, start + length)
+    time = log.time[part]
+    with plot_style():
+        figure, axes = new_figure(2, 1, height=4.4, sharex=True, height_ratios=(2, 1))
+        above, below = axes[:, 0]
+        above.plot(time, measured[part], color=INK, linewidth=1.0, label="measured")
+        if errors is not None and len(errors):
+            above.fill_between(time, *(simulated + _interval(errors))[:, part], **_BAND)
+        above.plot(time, simulated[part], color=_RED, linestyle=(0, (4, 1.5)), label="simulated")
+        above.set(title=title, ylabel=log.output_names[output])
+        below.plot(time, (measured - simulated)[part], color=_BLUE, linewidth=0.8)
+        below.axhline(0.0, color=MUTED, linewidth=0.8)
+        below.set(ylabel="residual", xlabel="time [s]" + ", where the residual is largest" * (length < len(log)))
+        _legend(figure, above)
+    return figure
+
+
+def bode_plot(
+    plant: PlantRecord, measured: MeasuredResponse, excited_hz: tuple[float, float], *, output: int = 0, title: str = ""
+) -> "Figure":
+    """Draw magnitude and phase from each input with the band of the draws, and as measured where that is significant.
+
+    Args:
+      plant: with draws, or without.
+      measured: from the logs.
+      excited_hz: band in which the logs determine the plant [Hz].
+      output: which one.
+      title: above.
+    """
+    hz = np.geomspace(excited_hz[0] / _AROUND, 0.5 / plant.sample_period_s, _POINTS)
+    response, drawn = (frequency_response(plant, hz, draws=draws)[..., output, :] for draws in (False, True))
+    inputs, near_band = range(response.shape[1]), hz <= _AROUND * excited_hz[1]
+    with plot_style():
+        figure, axes = new_figure(2, len(inputs), height=5.0, sharex=True)
+        for channel, (magnitude, phase) in zip(inputs, axes.T, strict=True):
+            own, draws, seen = response[:, channel], drawn[..., channel], measured.response[:, output, channel]
+            coherent = measured.coherence[:, output, channel] > measured.significant
+            at, seen, turn = measured.hz[coherent], seen[coherent], np.degrees(np.unwrap(np.angle(own)))
+            # About the plant's own phase: noisy ones slip by a turn when they are unwrapped by themselves.
+            angle, near = np.degrees(np.angle(seen)), np.interp(at, hz, turn)
+            angle += 360 * np.round((near - angle) / 360)
+            if len(draws):
+                magnitude.fill_between(hz, *_decibel(_interval(np.abs(draws))), **_BAND)
+                spread = np.degrees(_interval(np.unwrap(np.angle(draws / own))))
+                phase.fill_between(hz, *(turn + spread), **_BAND)
+            both = (magnitude, _decibel(own), _decibel(seen), _MARGIN_DB), (phase, turn, angle, _MARGIN_DEGREES)
+            for panel, curve, points, margin in both:
+                panel.plot(hz, curve, color=_RED, label="plant")
+                panel.plot(at, points, **_DOTS)
+                panel.axvspan(*excited_hz, color=_GREEN, alpha=0.1, linewidth=0, label="excited band")
+                low, high = curve[near_band].min() - margin, curve[near_band].max() + margin
+                panel.set(ylim=(low, high), xscale="log", xlim=(hz[0], hz[-1]))
+            phase.set(xlabel=f"frequency of {plant.input_names[channel]} [Hz]")
+        axes[0, 0].set(title=title, ylabel="magnitude [dB]")
+        axes[1, 0].set(ylabel="phase [°]")
+        _legend(figure, axes[0, 0])
+    return figure
+
+
+def step_plot(plant: PlantRecord, *, output: int = 0, title: str = "") -> "Figure":
+    """Draw the responses to a unit step of each input, with the band of the draws and the steady gain.
+
+    Args:
+      plant: with draws, or without.
+      output: which one.
+      title: above.
+    """
+    decay = -np.log(min(float(np.abs(np.linalg.eigvals(plant.A)).max()), 1 - 1e-9))
+    samples = plant.delay_samples + int(np.clip(_SETTLED / max(decay, 1e-9), *_STEP))
+    time, inputs = plant.sample_period_s * np.arange(-1, samples), len(plant.input_names)
+    with plot_style():
+        figure, axes = new_figure(1, inputs, height=3.2)
+        for channel, panel in enumerate(axes[0]):
+            step = (time >= 0)[:, None] * np.eye(inputs)[channel]
+            if plant.draws:
+                panel.fill_between(time, *_interval(simulate(plant, step, draws=True)[..., output]), **_BAND)
+            panel.plot(time, simulate(plant, step)[:, output], color=_RED, label="plant")
+            gain = plant.dc_gain[output, channel]
+            panel.axhline(gain, color=MUTED, linewidth=0.9, linestyle="--", label="steady gain")
+            panel.set(xlabel=f"time since the step of {plant.input_names[channel]} [s]")
+        axes[0, 0].set(title=title, ylabel=f"{plant.output_names[output]} per unit")
+        _legend(figure, axes[0, 0])
+    return figure
+
+
+def correlation_plot(tests: ResidualTests, *, title: str = "") -> "Figure":
+    """Draw the correlation of a residual with each input in its band; what leaves the band has another colour."""
+    with plot_style():
+        figure, axes = new_figure(1, len(tests.band), height=3.0)
+        for panel, values, band in zip(axes[0], tests.correlation, tests.band, strict=True):
+            panel.fill_between(tests.lags, -band, band, color=_GREEN, alpha=0.18, linewidth=0, label="99 % band")
+            outside = np.abs(values) > band
+            for chosen, color, label in ((~outside, _BLUE, "inside"), (outside, _RED, "outside")):
+                panel.vlines(tests.lags[chosen], 0.0, values[chosen], color=color, linewidth=1.6, label=label)
+            panel.axhline(0.0, color=MUTED, linewidth=0.8)
+            panel.set(xlabel="lag after the input [samples]")
+        axes[0, 0].set(title=title, ylabel="correlation")
+        _legend(figure, axes[0, 0])
+    return figure
+
+
+def _legend(figure: "Figure", panel: Any) -> None:
+    """Set the legend outside, where it hides nothing."""
+    figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    figure.align_ylabels()
+
+
+def _interval(drawn: Array) -> Array:
+    return np.asarray(np.quantile(drawn, (0.025, 0.975), axis=0, method="weibull"))
+
+
+def _decibel(response: Any) -> Array:
+    return np.asarray(20 * np.log10(np.maximum(np.abs(response), 1e-12)))

@@ -1,0 +1,128 @@
+"""`excite`: the commands that identify an axis, and what their logs would give.
+
+The prediction simulates the logs and runs the identification on them, so that its intervals are the tool's own.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from archerfish2.errors import InputError
+from archerfish2.identification.axis.identify import AxisResult, identify_axis
+from archerfish2.identification.excitation.plan import ExcitationSettings, Kind, demand, plan_command
+from archerfish2.identification.simulation import simulate
+from archerfish2.logs.recording import Recording
+from archerfish2.records.limits import AxisLimits
+from archerfish2.records.plant import PlantRecord
+from archerfish2.reports.report import Report
+from archerfish2.reports.style import new_figure, plot_style
+from archerfish2.reports.table import Entry, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ENCODER_NOISE = 2 * math.pi / 8192 / math.sqrt(12)
+"""Standard deviation of the rounding of an encoder of 8192 counts a turn [rad]."""
+_COLUMNS = ("command", "length [s]", "lowest [°]", "highest [°]", "rate [rad/s]", "acceleration [rad/s²]")
+_JUMPS = "Steps jump beyond the limits of rate and acceleration: the motor saturates for their first milliseconds."
+_PLAY = "Play column u of each file, log the angle as y in a file of that name elsewhere, and identify from these logs."
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Commands for one axis, and what to expect of their logs."""
+
+    limits: AxisLimits
+    logs: dict[str, Recording]  # by file name: the command "u", and the "expected" angle with noise [rad]
+    expected: AxisResult  # what the identification makes of them
+
+    def save(self, folder: str | Path) -> None:
+        """Write each command to a file, with the expected angle, which is no measured one.
+
+        Raises:
+          InputError: if the folder can't be written.
+        """
+        for name, log in self.logs.items():
+            log.write_csv(Path(folder) / name)
+
+    def plot(self) -> "Figure":
+        """Draw the commands and their spectra."""
+        with plot_style():
+            figure, ((times,), (spectra,)) = new_figure(2, 1, height=5.5)
+            for name, log in self.logs.items():
+                u = np.degrees(log.inputs[:, 0])
+                times.plot(log.time, u, label=name)
+                spectra.magnitude_spectrum(u - u[0], Fs=1 / log.period_s, scale="dB")
+            times.set(xlabel="time [s]", ylabel="command [°]")
+            spectra.set(xscale="log", ylim=(-120, None), xlabel="frequency [Hz]", ylabel="amplitude [dB re 1°]")
+            times.legend()
+        return figure
+
+    @property
+    def report(self) -> Report:
+        """The commands, and what the identification reports of their simulated logs."""
+        found, limits = self.expected.report, self.limits
+        rows: list[tuple[Entry, ...]] = []
+        for name, log in self.logs.items():
+            _, rate, acceleration = demand(log.inputs[:, 0] - log.inputs[0], log.period_s).tolist()
+            moved = (rate, acceleration) if acceleration <= limits.max_acceleration else ("jump", "jump")
+            rows.append((name, len(log) * log.period_s, *np.degrees([log.inputs.min(), log.inputs.max()]), *moved))
+        most = (*np.degrees([limits.low, limits.high]).tolist(), limits.max_rate, limits.max_acceleration)
+        return Report(
+            title=f"{self.expected.plant.axis}: commands for its identification",
+            headline=f"expected of their logs: {found.headline}",
+            known=found.known,
+            doubts=(*[_JUMPS] * any("jump" in row for row in rows), *found.reasons, *found.doubts),
+            next_steps=(_PLAY, *found.next_steps),
+            tables=(Table("Commands", _COLUMNS, (*rows, ("limit", None, *most))), *found.tables[:2]),
+            figures=(("Commands and their spectra", self.plot), *found.figures),
+        )
+
+
+def excite(
+    axis: Literal["pitch", "yaw"],
+    limits: AxisLimits,
+    *,
+    kinds: Sequence[Kind] = ("sweep", "step"),
+    validation: bool = True,
+    plant: PlantRecord | None = None,
+    noise_sd: float = ENCODER_NOISE,
+    settings: ExcitationSettings | None = None,
+    seed: int = 0,
+) -> Excitation:
+    """Plan the commands that identify an axis, and predict what their logs will give.
+
+    Args:
+      axis: names the files.
+      limits: of the axis.
+      kinds: signals, a command for each.
+      validation: whether there is another command of each kind, to be held back.
+      plant: what the axis is taken to be, of one input and one output, whose sampling period the commands have; of
+        second order with 10 Hz, a damping of 0.7 and a delay of 5 ms if None.
+      noise_sd: standard deviation of the measured angle's noise [rad].
+      settings: what the commands are made from.
+      seed: of noise and identification.
+
+    Raises:
+      InputError: if a command does not fit the limits, or logs of them would not determine a plant.
+    """
+    rng, settings = np.random.default_rng(seed), settings or ExcitationSettings()
+    period_s = plant.sample_period_s if plant else settings.sample_period_s
+    plant = plant or PlantRecord.second_order(10.0, 0.7, round(5e-3 / period_s) * period_s, period_s)
+    if plant.D.shape != (1, 1) or not 0 <= noise_sd < math.inf:
+        raise InputError(
+            f"excite: expected one input and output, noise_sd ≥ 0, got {plant.D.shape}, {noise_sd:g}; correct it"
+        )
+    logs: tuple[list[Recording], list[Recording]] = [], []
+    for kind, held_back in product(dict.fromkeys(kinds), (False, True)[: 1 + validation]):
+        u = plan_command(kind, limits, settings, period_s, held_back)
+        y = u[:1] * plant.dc_gain[0] + simulate(plant, u[:, None] - u[0])[:, 0] + noise_sd * rng.standard_normal(len(u))
+        fields = {"output_names": ("expected",), "source": f"{axis}_{kind}{'_validation' * held_back}.csv"}
+        logs[held_back].append(Recording.from_arrays(u, y, period_s, **fields))
+    expected = identify_axis(logs[False], validate=logs[True], axis=axis, order=len(plant.A), seed=seed)
+    return Excitation(limits, {each.source: each for each in (*logs[False], *logs[True])}, expected)

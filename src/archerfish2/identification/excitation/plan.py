@@ -1,0 +1,144 @@
+"""Commands for an identification, within the limits of an axis: as large as they allow, from rest to rest.
+
+The amplitude of sweep, multisine and PRBS falls with frequency where rate or acceleration is the limit. A step is a
+jump, unless it is to be slewed.
+"""
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta
+from scipy.signal.windows import tukey
+
+from archerfish2.errors import InputError
+from archerfish2.identification.excitation.signals import SweepMethod, multisine, prbs, sweep
+from archerfish2.identification.simulation import Array
+from archerfish2.records.limits import AxisLimits
+from archerfish2.records.record import Angle, Struct
+
+Kind = Literal["sweep", "multisine", "prbs", "step"]
+Positive = Annotated[float, Meta(gt=0.0, le=1000.0)]
+_LEVELS, _OTHER_LEVELS = (1.0, 0.0, -1.0, 0.0), (-0.7, 0.0, 0.5, 0.0)  # of the steps, in their size
+
+
+class ExcitationSettings(Struct, frozen=True, kw_only=True):
+    """Choices that the commands are made from."""
+
+    sample_period_s: Positive = 1e-3
+    """Of commands and logs, where no plant is given [s]."""
+    duration_s: Positive = 10.0
+    """Of a sweep, multisine or PRBS, less the rest before and after [s]."""
+    low_hz: Positive = 2.0
+    """Lowest frequency [Hz]."""
+    high_hz: Positive = 50.0
+    """Highest frequency [Hz]."""
+    sweep_method: SweepMethod = "linear"
+    """How the frequency of a sweep rises with time."""
+    amplitude: Positive | None = None
+    """Largest distance of sweep, multisine and PRBS from the centre [rad]; as large as the limits allow if None."""
+    period_s: Positive = 2.0
+    """Of multisine and PRBS, which repeat [s]."""
+    step: Positive = float(np.deg2rad(3.0))
+    """Size of the steps [rad]."""
+    hold_s: Positive = 1.0
+    """How long each step is held [s]."""
+    slew_steps: bool = False
+    """Whether steps, too, keep the limits of rate and acceleration."""
+    settle_s: Annotated[float, Meta(ge=0.0, le=1000.0)] = 0.5
+    """Rest at the centre before and after [s]."""
+    centre: Angle | None = None
+    """Angle about which the axis is moved [rad]; the middle of its travel if None."""
+    limit_share: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.8
+    """Share of the limits that is used; the rest is for the axis's own overshoot."""
+
+
+def demand(signal: Array, period_s: float) -> Array:
+    """Return how far, how fast and how sharply a signal moves, from rest to rest about zero.
+
+    Args:
+      signal: angle [rad], shape (N,).
+      period_s: sampling period [s].
+
+    Returns:
+      Largest distance from zero [rad], difference per period [rad/s] and second difference per period squared
+      [rad/s²], shape (3,).
+    """
+    padded = np.pad(signal, 2, mode="edge")
+    return np.array([np.abs(np.diff(padded, order)).max() / period_s**order for order in range(3)])
+
+
+def plan_command(
+    kind: Kind, limits: AxisLimits, settings: ExcitationSettings, period_s: float, held_back: bool = False
+) -> Array:
+    """Return a command from rest to rest [rad], shape (N,).
+
+    Args:
+      kind: of its signal.
+      limits: of the axis.
+      settings: what it is made from.
+      period_s: sampling period [s].
+      held_back: whether it is another one, for validation: the signal from its end and the other way, or other steps.
+
+    Raises:
+      InputError: if the signal can't be made, or does not fit the limits.
+    """
+    low_hz, high_hz = settings.low_hz, settings.high_hz
+    if not (low_hz < high_hz < 0.5 / period_s and 1 / (high_hz - low_hz) <= settings.period_s <= settings.duration_s):
+        expected = f"low_hz < high_hz < {0.5 / period_s:g} and 1 / (high_hz - low_hz) ≤ period_s ≤ duration_s"
+        raise InputError(f"excitation: expected {expected}, got {settings}; change them")
+    centre = 0.5 * (limits.low + limits.high) if settings.centre is None else settings.centre
+    reach = settings.limit_share * max(min(limits.high - centre, centre - limits.low), 0.0)
+    size = settings.step if kind == "step" else settings.amplitude or reach
+    if not 0 < size <= reach:
+        most, middle, got = (f"{math.degrees(each):.3g}°" for each in (reach, centre, size))
+        raise InputError(
+            f"excitation: {kind}: expected up to {most} about {middle}, got {got}; lower it, move the centre"
+        )
+    budget = np.array([size, *settings.limit_share * np.array([limits.max_rate, limits.max_acceleration])])
+    signal = (_steps if kind == "step" else _signal)(kind, settings, budget, period_s, held_back)
+    return np.asarray(centre + np.pad(signal, round(settings.settle_s / period_s)))
+
+
+def _steps(_: Kind, settings: ExcitationSettings, budget: Array, period_s: float, held_back: bool) -> Array:
+    levels = budget[0] * np.repeat(_OTHER_LEVELS if held_back else _LEVELS, max(1, round(settings.hold_s / period_s)))
+    signal = np.append(0.0, levels)
+    jump = np.abs(np.diff(signal)).max()
+    half_s = max(np.sqrt(jump / budget[2]), jump / budget[1])
+    return _slewed(signal, math.ceil(half_s / period_s)) if settings.slew_steps else signal
+
+
+def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: float, held_back: bool) -> Array:
+    """Return a signal that uses up one part of the budget: angle, rate or acceleration."""
+    low_hz, high_hz, durations = settings.low_hz, settings.high_hz, (settings.duration_s, settings.period_s)
+    count, repeat = (max(1, round(each / period_s)) for each in durations)
+    if kind == "sweep":
+        sine, frequency = sweep(count, period_s, low_hz, high_hz, settings.sweep_method)
+        signal = sine * _largest_sine(frequency, budget)
+    elif kind == "multisine":
+        lowest, highest = low_hz * repeat * period_s - 1e-9, high_hz * repeat * period_s + 1e-9
+        harmonics = np.arange(np.ceil(lowest), np.floor(highest) + 1)
+        amplitude = _largest_sine(harmonics / (repeat * period_s), budget)
+        signal = np.tile(multisine(repeat, int(harmonics[0]), amplitude, amplitude * harmonics**2), count // repeat)
+    else:
+        clock = max(2, int(0.44 / high_hz / period_s))  # its spectrum has half the power at 0.44 of the clock's rate
+        bits = int(np.clip(np.log2(repeat / clock + 1), 2, 32))
+        signal = _slewed(prbs(count, clock, bits), clock // 2)
+    # Fading within a period of the lowest frequency costs no more acceleration than its sine.
+    fade = min(1 / low_hz, settings.duration_s / 10) / period_s
+    signal = signal * tukey(signal.size, min(2 * fade / (signal.size - 1), 1))
+    # A little less than the budget, for the rounding of the sum with the centre.
+    signal *= (1 - 1e-9) / np.max(demand(signal, period_s) / budget)
+    return np.asarray(-signal[::-1] if held_back else signal)
+
+
+def _largest_sine(frequency_hz: Array, budget: Array) -> Array:
+    """Return min(angle, rate / ω, acceleration / ω²), rounded: in a sweep a corner is a jump of the rate."""
+    bounds = budget[:, None] / (2 * np.pi * frequency_hz) ** np.arange(3)[:, None]
+    return np.asarray(np.sum(bounds**-6.0, axis=0) ** (-1 / 6.0))  # a corner lies 11 % below a sharp one
+
+
+def _slewed(signal: Array, half: int) -> Array:
+    """Replace each jump by even acceleration and even braking of `half` samples each: its rate becomes a triangle."""
+    triangle = np.convolve(np.full(half, 1 / half), np.full(half, 1 / half))
+    return np.convolve(np.pad(signal, (len(triangle) - 1, 0), mode="edge"), triangle, mode="valid")

@@ -1,0 +1,133 @@
+"""Delays that steps show: from a commanded step to the first logged motion, and from a target's step to its receipt.
+
+A fitted plant trades its delay against fast poles, in whole samples. What is certain of an axis is its inertia: the
+torque may jump, the angle then starts as a parabola. So an onset is fitted as a τ² + b τ³ in the time τ since.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import ndtr
+
+from archerfish2.errors import InputError
+from archerfish2.identification.statistics import Array, converted, difference, mean_estimate
+from archerfish2.logs.timing import DetectionLog, GimbalLog
+from archerfish2.reports.table import Estimate
+
+LONGEST_S, EARLIEST_S = 0.5, -0.02
+"""Range of latencies; one below zero shows a fault of the clocks [s]."""
+_REST_S, _RISE, _SAMPLES = 0.15, 0.2, 5
+"""The command rests this long before and after a step; share of the travel, and least samples, that show the onset."""
+_MISLABELLED = 0.01  # share of frames around a step that are something else
+
+
+def command_delays(logs: Sequence[GimbalLog]) -> tuple[Array, int]:
+    """Find the steps of the command, at rest before and after each, and the delay to the onset of the motion.
+
+    Returns:
+      Delays of the steps that show one [s], shape (S,), and the number of all.
+    """
+    found: list[float | None] = []
+    for log in logs:
+        changes = np.flatnonzero(np.diff(log.yaw * 0 if log.command is None else log.command)) + 1
+        edges = log.time[[0, *changes, -1]]
+        rests = np.diff(edges) >= _REST_S
+        for step in np.flatnonzero(rests[:-1] & rests[1:]) + 1:
+            found.append(_onset(log.time - edges[step], np.asarray(log.yaw, float), edges[step + 1] - edges[step]))
+    delays = np.array([each for each in found if each is not None])
+    if delays.size:  # less those during which something else moved the axis
+        apart = np.abs(delays - np.median(delays))
+        delays = delays[apart <= 7.4 * np.median(apart) + 1e-3]
+    return delays, len(found)
+
+
+def _onset(since: Array, yaw: Array, length: float) -> float | None:
+    """Return the time from a step to the onset of the motion [s]; None if it can't be seen."""
+    rest, later = (since > -0.1) & (since <= 0), (since > min(_REST_S, 0.5 * length)) & (since < length)
+    if rest.sum() < _SAMPLES or not later.any():
+        return None
+    start, noise = yaw[rest].mean(), max(yaw[rest].std(), 1e-9)
+    travel = np.median(yaw[later]) - start
+    risen = np.flatnonzero((since > 0) & ((yaw - start) * np.sign(travel) > _RISE * abs(travel)))[:1]
+    if abs(travel) < 20 * noise or not risen.size or np.sum((since > 0)[: risen[0] + 1]) < _SAMPLES:
+        return None
+    window = slice(np.argmax(rest), risen[0] + 1)
+    time, travelled = since[window] / since[risen[0]], (yaw[window] - start) / travel
+    onsets = np.linspace(-0.1, 0.9, 501)
+    moved = np.maximum(time - onsets[:, None], 0.0)
+    design = np.stack([np.ones_like(moved), moved**2, moved**3], axis=-1)
+    normal = design.swapaxes(1, 2) @ design + 1e-12 * np.eye(3)
+    fitted = design @ np.linalg.solve(normal, design.swapaxes(1, 2) @ travelled[:, None])
+    misfit = np.sum((travelled - fitted[..., 0]) ** 2, axis=1)
+    return float(onsets[np.argmin(misfit)] * since[risen[0]])
+
+
+def step_latency(detections: DetectionLog, moments: Array, period: float) -> tuple[Estimate, int]:
+    """Estimate the latency from exposure to receipt, as a probit model of which frames show a target after its step.
+
+    A frame shows it exactly if it was exposed after the step, so each step bounds the latency from both sides, a frame
+    apart; many steps at different phases narrow that down. The posterior (flat in the latency and in the logarithm of
+    the exposures' jitter) is integrated on a grid.
+
+    Args:
+      detections: with the times of receipt.
+      moments: of the target's steps, on the clock of receipts [s], increasing, shape (S,).
+      period: time from frame to frame [s].
+
+    Returns:
+      The mean latency [s], and how many steps were used.
+
+    Raises:
+      InputError: if times of receipt are missing, fewer than five steps can be used, or no latency explains the frames.
+    """
+    if detections.receive is None:
+        raise InputError(f"{detections.source}: target steps take receive_s of each detection; log it", "no-receipts")
+    delay = mean_estimate(detections.receive - detections.receive[0] - (detections.time - detections.time[0]))
+    # Stamps jitter less than receipts, so the edge is sought on them; the mean delay after the first is added below.
+    received = detections.time - detections.time[0] + (detections.receive[0] - moments[0])
+    steps, moments = [], moments - moments[0]
+    for before, moment, after in zip([-np.inf, *moments[:-1]], moments, [*moments[1:], np.inf], strict=True):
+        # What was received up to the step shows the target before it, what came LONGEST_S later the target after it.
+        near = received > max(before + LONGEST_S, moment - LONGEST_S)
+        near &= received < min(after, moment + 2 * LONGEST_S)
+        steps.append(_labelled(received[near] - moment, detections.position[near]))
+    used = sum(each.size > 0 for each in steps)
+    if used < 5:
+        problem = f"{used} of {moments.size} target steps can be used, expected at least 5"
+        remedy = "step by more than six times the noise, a second apart, the gimbal still, by the clock of receipts"
+        raise InputError(f"{detections.source}: {problem}; {remedy}", "few-target-steps")
+    since, sign = np.concatenate(steps).T
+    coarse = np.arange(EARLIEST_S, LONGEST_S, period / 8)
+    wrong = np.sum(sign * (since - coarse[:, None]) < 0, axis=1)
+    rough = float(np.mean(coarse[wrong == wrong.min()]))
+    if not EARLIEST_S + period < rough < LONGEST_S - 2 * period:
+        problem = f"no latency within {EARLIEST_S:g} to {LONGEST_S:g} s explains which frames show the target steps"
+        raise InputError(f"{detections.source}: {problem}; stamp steps and receipts by one clock", "no-latency")
+    latencies = rough + np.arange(-2.5, 2.5, 1 / 80) * period
+    jitters = np.geomspace(2e-4, max(period, 4e-4), 8)[:, None]
+    close = np.abs(since - rough) < 8 * period  # other frames count alike everywhere
+    right = ndtr((sign * (since - latencies[:, None]))[:, None, close] / jitters)
+    likelihood = np.log(_MISLABELLED / 2 + (1 - _MISLABELLED) * right).sum(axis=-1)
+    density = np.exp(likelihood - likelihood.max()).sum(axis=1)
+    cumulative = np.cumsum(density) / density.sum()
+    low, high = np.interp([0.025, 0.975], cumulative, latencies)
+    edge = Estimate(float(density @ latencies / density.sum()), float(low), float(high), "s")
+    return difference(edge, converted(delay, lambda value: -value)), used
+
+
+def _labelled(since: Array, position: Array) -> Array:
+    """Return time since a step, and 1 if a frame shows the target after it, else −1, (F, 2); empty if it can't be seen.
+
+    Args:
+      since: receipts less the moment of the step [s], shape (K,).
+      position: of the target [m], shape (K, 3).
+    """
+    old, late = since < 0, since > LONGEST_S
+    if min(old.sum(), late.sum()) >= 3:
+        first = np.median(position[old], axis=0)
+        path = np.median(position[late], axis=0) - first
+        along = (position - first) @ path / max(float(path @ path), 1e-300)
+        scatter = 1.4826 * max(float(np.median(np.abs(along[each] - end))) for each, end in ((old, 0), (late, 1)))
+        if 6 * scatter < 1 and path.any():
+            return np.asarray(np.column_stack([since, np.sign(along - 0.5)])[np.abs(along - 0.5) < 0.75])
+    return np.empty((0, 2))

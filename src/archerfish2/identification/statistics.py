@@ -1,0 +1,162 @@
+"""Variance components, intervals of a plain sample, and the variance of a mean under serial correlation."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+from scipy.stats import binomtest, chi2, norm, trim_mean
+from scipy.stats import t as student
+
+from archerfish2.reports.table import Estimate
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 50
+Z95 = float(norm.ppf(0.975))
+"""Half width of a 95 % interval in standard errors."""
+
+
+class VarianceComponents(NamedTuple):
+    """Weighted least squares whose weights are estimated too; p coefficients, c variances."""
+
+    coefficients: Array  # of the columns, (p,)
+    covariance: Array  # of the coefficients, (p, p)
+    variances: Array  # of the components, none negative, (c,)
+    variances_covariance: Array  # of the variances, robust to tails that are not normal (sandwich), (c, c)
+    unconstrained: Array  # the variances that Fisher scoring gives where they may be negative, (c,)
+    errors: Array  # standard errors of the variances for normal noise, (c,)
+    residual: Array  # measured less fitted, (N,)
+    sd: Array  # of each measurement, (N,)
+
+
+def variance_components(
+    measured: Array, columns: Array, scales: Array, known: Array | float = 0.0
+) -> VarianceComponents:
+    """Fit measured = columns · β + noise, whose variance is scales · θ + known, by restricted maximum likelihood.
+
+    REML (Patterson and Thompson 1971) by Fisher scoring: with V = diag(scales θ + known) and P = V⁻¹ − V⁻¹ X (Xᵀ V⁻¹
+    X)⁻¹ Xᵀ V⁻¹ each step solves tr(P A_j P A_k) θ_k = yᵀ P A_j P y; θ ≥ 0 by non-negative least squares.
+
+    Args:
+      measured: y, shape (N,).
+      columns: X, shape (N, p); a rank below p is allowed.
+      scales: variance of each measurement per unit of each component, the diagonals of A_j, shape (N, c).
+      known: part of the variance that is not estimated, shape (N,) or ().
+    """
+    count, components = scales.shape
+    parts = np.column_stack([scales, np.broadcast_to(known, count)])  # the variance of the last one is 1
+    scatter = np.mean((measured - columns @ np.linalg.lstsq(columns, measured)[0]) ** 2)
+    theta = scatter / components / np.maximum(scales.mean(axis=0), 1e-300)
+    for _ in range(_ROUNDS):
+        variance = np.maximum(parts @ np.append(theta, 1.0), 1e-9 * scatter + 1e-300)
+        root = 1 / np.sqrt(variance)
+        left, size, right = np.linalg.svd(columns * root[:, None], full_matrices=False)
+        rank = np.count_nonzero(size > 1e-9 * size.max(initial=0.0))
+        basis, back = left[:, :rank], right[:rank].T / size[:rank]
+        coefficients = back @ (basis.T @ (measured * root))
+        squares = ((measured - columns @ coefficients) * root) ** 2
+        shares = parts / variance[:, None]
+        inner = np.einsum("np,nj,nq->jpq", basis, shares, basis)
+        information = shares.T @ (shares * (1 - 2 * np.sum(basis**2, axis=1))[:, None])
+        information += np.einsum("jpq,kqp->jk", inner, inner)
+        scale = 1 / np.sqrt(np.maximum(np.diag(information)[:-1], 1e-300))
+        normal = information[:-1, :-1] * np.outer(scale, scale) + 1e-10 * np.eye(components)
+        factor = np.linalg.cholesky(normal)
+        target = scale * (shares[:, :-1].T @ squares - information[:-1, -1])
+        before, theta = theta, scale * nnls(factor.T, np.linalg.solve(factor, target))[0]
+        if np.max(np.abs(theta - before) / scale) <= 1e-7 * np.max(theta / scale):
+            break
+    bread = np.linalg.inv(normal) * np.outer(scale, scale)
+    unconstrained, errors = bread @ (target / scale), np.sqrt(2 * np.diag(bread))
+    scores = shares[:, :-1] * (squares - 1)[:, None]
+    spread = bread @ (scores.T @ scores) @ bread
+    residual = measured - columns @ coefficients
+    covariance, sd = back @ back.T, np.sqrt(variance)
+    return VarianceComponents(coefficients, covariance, theta, spread, unconstrained, errors, residual, sd)
+
+
+def sample_estimates(sample: Array, unit: str = "") -> tuple[Estimate, Estimate]:
+    """Return mean and standard deviation of a normal sample, shape (N,), with their exact intervals (t, χ²)."""
+    freedom, mean, sd = sample.size - 1, float(sample.mean()), float(sample.std(ddof=1))
+    half = float(student.ppf(0.975, freedom) * sd / np.sqrt(sample.size))
+    low, high = (sd * float(np.sqrt(freedom / chi2.ppf(level, freedom))) for level in (0.975, 0.025))
+    return Estimate(mean, mean - half, mean + half, unit), Estimate(sd, low, high, unit)
+
+
+def long_run_covariance(scores: Array) -> Array:
+    """Covariance of √n times the mean of a series with serial correlation (Newey and West 1987, Bartlett's weights).
+
+    Args:
+      scores: n terms, shape (n, q), whose mean is taken as zero.
+
+    Returns:
+      Shape (q, q).
+    """
+    count = len(scores)
+    total = scores.T @ scores / count
+    lags = min(int(np.ceil(4 * (count / 100) ** (2 / 9))) + 4, count - 1)
+    for lag in range(1, lags + 1):
+        cross = scores[lag:].T @ scores[:-lag] / count
+        total = total + (1 - lag / (lags + 1)) * (cross + cross.T)
+    return np.asarray(total)
+
+
+def standard_error(series: Array) -> float:
+    """Return the standard error of the mean of a series with serial correlation, shape (n,)."""
+    return float(np.sqrt(max(long_run_covariance((series - series.mean())[:, None]).item(), 0.0) / series.size))
+
+
+def normal_estimate(value: float, error: float, unit: str = "s") -> Estimate:
+    """Return an estimate with the interval of a normal error."""
+    return Estimate(float(value), float(value - Z95 * error), float(value + Z95 * error), unit)
+
+
+def mean_estimate(series: Array) -> Estimate:
+    """Return the mean of a series with serial correlation, shape (n,) [s]."""
+    return normal_estimate(series.mean(), standard_error(series))
+
+
+def share_estimate(count: int, total: int) -> Estimate:
+    """Return a share with Wilson's interval."""
+    low, high = binomtest(count, total).proportion_ci(method="wilson")
+    return Estimate(count / total, low, high)
+
+
+def deviation_estimate(variance: float, error: float, unit: str = "s") -> Estimate:
+    """Return a standard deviation by its square and that square's standard error.
+
+    Args:
+      variance: the square.
+      error: its standard error.
+      unit: of the standard deviation.
+    """
+    low, high = 0.0, variance + Z95 * error
+    if variance > 2 * error:  # the logarithm of a variance is nearly normal long before the variance is
+        low, high = variance * np.exp(np.array([-Z95, Z95]) * error / variance)
+    return converted(Estimate(variance, low, high), np.sqrt, unit)
+
+
+def scatter_estimate(sample: Array) -> Estimate:
+    """Return a standard deviation without the assumption of normality (Bonett 2006), of a sample of shape (n,) [s]."""
+    count, squares = sample.size, (sample - sample.mean()) ** 2
+    trimmed, correction = trim_mean(sample, 1 / (2 * np.sqrt(max(count - 4, 1)))), count / (count - Z95)
+    kurtosis = count * float(np.sum((sample - trimmed) ** 4)) / max(float(squares.sum()) ** 2, 1e-300)
+    error = correction * np.sqrt(max(kurtosis - (count - 3) / count, 0.0) / (count - 1))
+    variance = float(squares.sum()) / (count - 1)
+    low, high = correction * variance * np.exp(np.array([-Z95, Z95]) * error)
+    return converted(Estimate(variance, low, high), np.sqrt)
+
+
+def difference(first: Estimate, second: Estimate) -> Estimate:
+    """Return the difference of two independent estimates, whose errors add in squares."""
+    value = first.value - second.value
+    low = np.hypot(first.value - first.low, second.high - second.value)
+    return Estimate(value, value - low, value + np.hypot(first.high - first.value, second.value - second.low), "s")
+
+
+def converted(estimate: Estimate, change: Callable[[float], float], unit: str = "s") -> Estimate:
+    """Return an estimate under a monotonic function."""
+    low, high = sorted((change(estimate.low), change(estimate.high)))
+    return Estimate(float(change(estimate.value)), float(low), float(high), unit)

@@ -1,0 +1,154 @@
+"""Logs in ROS bags of ROS 1 and ROS 2, read through rosbags, on the clock of the outputs' topic.
+
+A signal is named TOPIC/FIELD with the field's path as `ros2 topic echo` prints it ("/joint_states/position[0]",
+"/gimbal/angle.z"), or TOPIC/JOINT/FIELD where messages name their values ("/joint_states/yaw/position").
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from archerfish2.errors import InputError
+from archerfish2.logs.recording import Finding, Values
+from archerfish2.logs.table import LogTable, listed, log_fault
+
+BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
+"""How files of a bag begin, and the ending of their names, by which rosbags recognises them."""
+_MCAP, _MCAP_FOOTER = b"\x89MCAP0\r\n", b"\x02\x14" + bytes(27)
+_RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
+_Series = tuple[Any, Values]
+"""Number in the topic, receipt and stamp [ns] of N messages, (3, N), and signals, (N, m), NaN where not in them."""
+
+
+def bag_files(path: Path) -> list[Path]:
+    """Return the files of a bag: itself, or those in its folder; none where a folder is no bag's."""
+    return sorted(each for each in path.iterdir() if each.suffix in BAGS.values()) if path.is_dir() else [path]
+
+
+def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
+    """Read signals from a bag, each message in a row of its own, and the times of the messages as "time_s".
+
+    Time is the sender's (header.stamp) where the messages have it, else that of their receipt.
+
+    Args:
+      path: .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
+      signals: their names; of messages with equal times those of the last one's topic come last.
+
+    Raises:
+      InputError: if rosbags is not installed, the bag can't be read, or a topic or a field is not in it.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise log_fault(path, "is a bag: needs rosbags", "pip install archerfish[bags]", "no-library") from error
+    findings: list[Finding] = []
+    with TemporaryDirectory() as folder:
+        try:
+            whole = (path / "metadata.yaml").is_file()
+            files = [path] if whole else [_whole(each, folder, findings) for each in bag_files(path)]
+            with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+                if not reader.connections:
+                    raise ValueError("it has no topics")
+                of = {signal: _topic(path, reader, signal) for signal in signals}
+                order = sorted(set(of.values()), key=of[signals[-1]].__eq__)
+                series = [_series(path, reader, topic, of, findings) for topic in order]
+        except InputError:
+            raise
+        except Exception as error:  # the libraries raise whatever a damaged byte leads them to
+            raise log_fault(path, f"is damaged, or no bag ({error!r:.200})", _RECOVER, "damaged") from error
+    return _one_table(path, series, signals, findings)
+
+
+def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:
+    """Return a bag's file, or a copy in a folder without the record that a recorder left half when it was stopped."""
+    content, log = file.read_bytes(), file.with_name(f"{file.name}-wal")
+    if log.is_file() and log.stat().st_size:
+        raise ValueError(f"its recorder was stopped, {log.name} has messages that are not in it")
+    if not content.startswith(_MCAP) or content.endswith(_MCAP):
+        return file
+    end = after = len(_MCAP)  # of its last whole record, which are a type, the length of what follows, and that
+    while after <= len(content) and content[end:].strip(b"\0"):
+        end, after = after, after + 9 + int.from_bytes(content[after + 1 : after + 9], "little")
+        if content[end : end + 1] == b"\0" and content[end:].strip(b"\0"):
+            raise ValueError(f"its records break off at byte {end}")
+    (copy := Path(folder, file.name)).write_bytes(content[:end] + _MCAP_FOOTER + _MCAP)
+    message, remedy = f"the last {len(content) - end} bytes are no whole record", "stop the recorder before copying"
+    findings.append(Finding("truncated", "repaired", str(file), f"{message}, and were left out", remedy))
+    return copy
+
+
+def _topic(path: Path, reader: Any, signal: str) -> str:
+    topics = sorted({each.topic for each in reader.connections}, key=len)
+    if found := [each for each in topics if signal.startswith(f"{each}/")]:
+        return str(found[-1])
+    remedy = f"name a signal TOPIC/FIELD; the topics are {listed(topics)}"
+    raise log_fault(path, f'has no topic of signal "{signal}"', remedy, "no-column")
+
+
+def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: list[Finding]) -> _Series:
+    """Read signals of a topic, without the messages that name other joints alone."""
+    connections = [each for each in reader.connections if each.topic == topic]
+    (kind, *others), types = sorted({each.msgtype for each in connections}), reader.typestore.fielddefs
+    if others or kind not in types:
+        problem = f"messages of {topic} are of types {listed((kind, *others))}, expected one that is defined"
+        raise log_fault(path, problem, "record it alone, as MCAP, which has definitions", "unknown-format")
+    own = [signal for signal, each in of.items() if each == topic]
+    places = [signal[len(topic) + 1 :].rpartition("/") for signal in own]
+    steps = [(joint, re.findall(r"[^.\[\]]+", field)) for joint, _, field in places]
+    joints, times, rows, seen, count = {joint for joint, _ in steps}, [], [], {""}, 0
+    for count, (_, received, content) in enumerate(reader.messages(connections=connections), 1):
+        try:
+            message = reader.deserialize(content, kind)
+            seen.update(here := message.name if any(joints) else ())
+            if not all(joints) or not joints.isdisjoint(here):
+                rows.append([_value(message, *each) for each in steps])
+                stamp = getattr(getattr(message, "header", None), "stamp", None)
+                times.append((count, received, stamp.sec * 10**9 + stamp.nanosec if stamp else 0))
+        except Exception as error:  # as above
+            code = "no-column" if isinstance(error, (AttributeError, IndexError, TypeError)) else "damaged"
+            problem = f"message {count} of {topic} has no {listed(own)} ({error!r:.200})"
+            remedy = f"the fields of {kind} are {listed(name for name, _ in types[kind][1])}"
+            raise log_fault(path, problem, f"{remedy}; if you named one of them, copy the bag again", code) from error
+    if (stated := sum(each.msgcount for each in connections)) > count:  # a reader may end at a damaged record
+        raise log_fault(path, f"{count} of {stated} messages of {topic} can be read", _RECOVER, "damaged")
+    if not rows or joints - seen:
+        problem = f"topic {topic} has {count} messages, none with {listed(joints - seen)}"
+        raise log_fault(path, problem, f"it has {listed(seen)}", "no-column" if count else "no-data")
+    if count > len(rows):
+        message = f"messages of {topic} that name other joints left out: {count - len(rows)}"
+        findings.append(Finding("other-joints", "repaired", str(path), message, "nothing to do"))
+    values = np.full((len(rows), len(of)), np.nan)
+    values[:, [each == topic for each in of.values()]] = np.array(rows, dtype=np.float64)
+    return np.array(times, dtype=np.int64).T, values
+
+
+def _value(message: Any, joint: str, steps: Sequence[str]) -> float | None:
+    """Return a number of a message; None where it does not name the joint."""
+    names = list(message.name) if joint else []
+    for step in steps:
+        message = message[int(step)] if step.isdigit() else getattr(message, step)
+    if joint:
+        return float(message[names.index(joint)]) if joint in names else None
+    return float(message)
+
+
+def _one_table(path: Path, series: Sequence[_Series], signals: Sequence[str], findings: list[Finding]) -> LogTable:
+    """Return the messages of all topics in order of time, and of the topics where times are equal."""
+    if len(stamped := {bool(stamps.any()) for (_, _, stamps), _ in series}) > 1:
+        problem = "some topics have header.stamp, and some the time of their receipt alone"
+        raise log_fault(path, problem, "record all with header.stamp, or all without", "clocks")
+    if stamped == {False}:
+        message = "messages have no stamp of their own: the time of their receipt was taken"
+        findings.append(Finding("receive-time", "warning", str(path), message, "publish with header.stamp"))
+    every = [times[2 if True in stamped else 1] for times, _ in series]
+    # A time that goes back in a topic is to be found, not sorted away.
+    order = np.argsort(np.concatenate([np.maximum.accumulate(each) for each in every]), kind="stable")
+    times, numbers = np.concatenate(every)[order], np.concatenate([each[0] for each, _ in series])[order]
+    columns = dict(zip(signals, np.concatenate([values for _, values in series])[order].T, strict=True))
+    columns["time_s"] = (times - times.min()) * 1e-9
+    return LogTable(columns, numbers.tolist(), "message", str(path), tuple(findings))

@@ -1,0 +1,135 @@
+"""Logs of camera and link, as text tables: angles of the gimbal, detections of a plate, moments, and message times.
+
+Stamps stay as the file has them: the clocks of camera, gimbal and program may have any origin.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from archerfish2.errors import InputError
+from archerfish2.logs.log import file_content
+from archerfish2.logs.recording import Values
+from archerfish2.logs.table import LogTable, log_fault
+from archerfish2.logs.text import read_text
+
+Frame = Literal["camera", "optical", "base"]
+"""Of logged positions, see `read_detections`."""
+
+
+class GimbalLog(NamedTuple):
+    """Angles of a gimbal, as a program logged them."""
+
+    time: Values  # stamps, increasing [s], (N,)
+    yaw: Values  # measured, left positive, without jumps at ±π [rad], (N,)
+    pitch: Values  # measured, muzzle up positive, zero if it was not logged [rad], (N,)
+    command: Values | None = None  # commanded yaw, in force from its stamp on [rad], (N,), if it was logged
+    source: str = "gimbal log"  # for messages
+
+
+class DetectionLog(NamedTuple):
+    """Detections of one plate, at most one per frame."""
+
+    time: Values  # stamps on the camera's clock, increasing [s], (K,)
+    position: Values  # of the plate in the camera's frame: x forward, y left, z up [m], (K, 3)
+    receive: Values | None = None  # when each reached the program, on its clock [s], (K,), if it was logged
+    source: str = "detections"  # for messages
+
+
+class MessageTimes(NamedTuple):
+    """Messages that arrived, both stamps by one clock or by synchronised ones."""
+
+    sent: Values  # increasing [s], (N,)
+    received: Values  # [s], (N,)
+
+
+def read_gimbal_log(path: str | Path, *, degrees: bool = False) -> GimbalLog:
+    """Read the columns time_s and yaw, and pitch and yaw_command where the table has them.
+
+    Args:
+      path: of the file.
+      degrees: whether angles are in degrees instead of radians.
+
+    Raises:
+      InputError: if a column or a number is missing or bad, or time does not increase.
+    """
+    found = _table(path, ("time_s", "yaw"), ("pitch", "yaw_command")).columns
+    angles = {name: np.unwrap(np.radians(each) if degrees else each) for name, each in found.items()}
+    pitch = angles.get("pitch", 0.0 * angles["yaw"])
+    return GimbalLog(found["time_s"], angles["yaw"], pitch, angles.get("yaw_command"), str(path))
+
+
+def read_detections(path: str | Path, *, frame: Frame = "camera", degrees: bool = False) -> DetectionLog:
+    """Read the columns time_s, x, y and z, and receive_s where the table has it.
+
+    Args:
+      path: of the file.
+      frame: of the positions: "camera", x forward, y left, z up; "optical", x right, y down, z forward; or "base",
+        already rotated by the gimbal angles of the columns rotated_yaw and, where the table has it, rotated_pitch.
+      degrees: whether these angles are in degrees instead of radians.
+
+    Raises:
+      InputError: if a column or a number is missing or bad, time does not increase, or most positions lie behind the
+        camera.
+    """
+    rotated = ("rotated_yaw",) if frame == "base" else ()
+    found = _table(path, ("time_s", "x", "y", "z", *rotated), ("receive_s", "rotated_pitch")).columns
+    x, y, z = (found["z"], -found["x"], -found["y"]) if frame == "optical" else (found[each] for each in "xyz")
+    if rotated:
+        unit = np.pi / 180 if degrees else 1.0
+        level = (x + 1j * y) * np.exp(-1j * unit * found["rotated_yaw"])
+        raised = (level.real + 1j * z) * np.exp(-1j * unit * found.get("rotated_pitch", 0.0 * x))
+        x, y, z = raised.real, level.imag, raised.imag
+    if np.mean(x <= 0) > 0.5:
+        raise log_fault(path, f"most positions lie behind the camera ({frame} frame)", "name their frame", "frame")
+    return DetectionLog(found["time_s"], np.column_stack([x, y, z]), found.get("receive_s"), str(path))
+
+
+def read_moments(path: str | Path) -> Values:
+    """Read the column time_s: when a target was halfway through each of its steps, by the program's clock [s].
+
+    Returns:
+      Increasing, shape (S,).
+
+    Raises:
+      InputError: if the column or a number is missing or bad, or time does not increase.
+    """
+    return _table(path, ("time_s",)).columns["time_s"]
+
+
+def read_message_times(path: str | Path) -> MessageTimes:
+    """Read the columns sent_s and received_s.
+
+    Raises:
+      InputError: if a column or a number is missing or bad, sent_s does not increase, a message was received before it
+        was sent or long after, or there are fewer than 50.
+    """
+    table = _table(path, ("sent_s", "received_s"))
+    latency = table.columns["received_s"] - table.columns["sent_s"]
+    if latency.size < 50:
+        raise log_fault(path, f"has {latency.size} messages, expected at least 50", "log for longer", "too-short")
+    for index in np.flatnonzero((latency < 0) | (latency > 2.0))[:1]:
+        problem = f"received {latency[index]:.4g} s after it was sent, expected 0 to 2 s"
+        raise log_fault(table.place(index), problem, "stamp both ends by one clock", "two-clocks")
+    return MessageTimes(*table.columns.values())
+
+
+def _table(path: str | Path, required: Sequence[str], optional: Sequence[str] = ()) -> LogTable:
+    """Read a table that lacks no value, and whose first column increases."""
+    try:
+        table = read_text(Path(path), file_content(Path(path)), [*required, *optional])
+    except InputError as error:
+        present = [each for each in optional if f'no column "{each}"' not in str(error)]
+        if len(present) == len(optional):
+            raise
+        return _table(path, required, present)
+    table.check()
+    for name, values in table.columns.items():
+        for index in np.flatnonzero(np.isnan(values))[:1]:
+            raise log_fault(table.place(index), f'"{name}" has no value', "remove the line", "missing-value")
+    for index in np.flatnonzero(np.diff(table.columns[required[0]]) <= 0)[:1] + 1:
+        problem = f"{required[0]} is not above that of the line before"
+        raise log_fault(table.place(index), problem, "keep one line per stamp, in their order", "time-backward")
+    return table
