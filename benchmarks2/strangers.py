@@ -96,7 +96,7 @@ def identified(seed: int, index: int) -> Row:
         verdict="usable" if report.usable else "unusable",
         right=bool(report.usable) == usable,
         good=usable,
-        fit=judged(result).fit_percent,
+        fit=judged(result.fits).fit_percent,
         held_back=held_back,
         gain_right=gain_right,
         gain=gain.value,

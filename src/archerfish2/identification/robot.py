@@ -164,7 +164,7 @@ def _sensing(folder: Path, seed: int) -> SensingResult:
 
 def _verdict(part: str, report: Report) -> PartVerdict:
     return PartVerdict(
-        usable=bool(report.usable),
+        usable=report.usable is not False,
         headline=report.headline,
         reasons=report.reasons,
         next_step=next(iter(report.next_steps), ""),
@@ -184,7 +184,7 @@ def _landings(path: Path, muzzle: MuzzleRecord) -> tuple[Landing, ...]:
         height = np.asarray(muzzle.height + muzzle.length * np.sin(pitch))
         angle, drag = np.asarray(pitch + muzzle.pitch_offset), np.asarray(muzzle.drag)
         predicted = float(landing_distance(np.asarray(muzzle.speed), angle, height, drag))
-        found.append(Landing(float(np.degrees(pitch)), mean_estimate(mine), len(mine), predicted))
+        found.append(Landing(float(np.degrees(pitch)), mean_estimate(mine)._replace(unit=""), len(mine), predicted))
     return tuple(found)
 
 

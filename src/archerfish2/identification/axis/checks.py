@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.special import fdtri
 
+from archerfish2.identification.axis.fit import AxisFit
 from archerfish2.identification.frequency import measured_response
 from archerfish2.identification.simulation import Array
 from archerfish2.identification.validation import free_run
@@ -20,7 +21,7 @@ _OPPOSITE = -1.4, -0.7  # gains of an angle that moves against its command
 _SUSPECT, _WORTH = 60.0, 2.0  # fit below which columns may be exchanged; what that gains at least, or half of the rest
 _MANY = 6  # poles
 
-Fit = Callable[[Sequence[Recording], int], PlantRecord]
+Fit = Callable[[Sequence[Recording], int], AxisFit]
 """Identifies a plant of a given order."""
 
 
@@ -73,22 +74,24 @@ def plant_findings(plant: PlantRecord, log: Recording) -> list[Finding]:
     return found
 
 
-def exchanged_columns(plant: PlantRecord, log: Recording, recordings: Sequence[Recording], fit: Fit) -> Finding | None:
+def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recording], fit: Fit) -> Finding | None:
     """Find that input and output are exchanged, by trying it where the plant has no delay or fits badly.
 
     Args:
-      plant: identified.
+      found: the plant.
       log: the log by which plants are compared.
       recordings: from which plants are identified.
       fit: identifies one.
     """
-    percent = float(free_run(plant, log.inputs, log.outputs).fit_percent[0])
+    plant, drift = found.plant, found.structure.drift
+    percent = float(free_run(plant, log.inputs, log.outputs, drift=drift).fit_percent[0])
     # The inverse of an axis leads, so that a plant of it has no delay, or many poles.
     odd = plant.delay_samples <= plant.D.any() or len(plant.A) >= _MANY
     if plant.D.shape != (1, 1) or not (odd or percent < _SUSPECT):
         return None
     logs, other = [_exchanged(each) for each in recordings], _exchanged(log)
-    best = max(float(free_run(fit(logs, order), other.inputs, other.outputs).fit_percent[0]) for order in (1, 2, 3))
+    plants = [fit(logs, order).plant for order in (1, 2, 3)]
+    best = max(float(free_run(p, other.inputs, other.outputs, drift=drift).fit_percent[0]) for p in plants)
     if best < percent + min(_WORTH, (100 - percent) / 2):
         return None
     message = f"the output comes before the input: exchanged, the fit is {best:.1f} % instead of {percent:.1f} %"

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -14,10 +14,12 @@ from archerfish2.errors import InputError
 from archerfish2.identification.axis.bootstrap import draw_plants, interval
 from archerfish2.identification.axis.checks import exchanged_columns, log_findings, plant_findings
 from archerfish2.identification.axis.fit import DELAY, AxisFit, fit_axis, with_gain
+from archerfish2.identification.axis.hammerstein import Nonlinearity, nonlinearity
 from archerfish2.identification.axis.plateaus import plateau_gain
+from archerfish2.identification.axis.plots import bode_plot, run_plot
 from archerfish2.identification.axis.report import axis_report, judged
 from archerfish2.identification.axis.selection import Candidate
-from archerfish2.identification.frequency import excited_band
+from archerfish2.identification.frequency import excited_band, measured_response
 from archerfish2.identification.residuals import ResidualTests, residual_tests
 from archerfish2.identification.simulation import Array, Complex, balanced, simulate
 from archerfish2.identification.sources import Source, read_sources
@@ -27,6 +29,9 @@ from archerfish2.provenance import provenance
 from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.report import Report
 from archerfish2.reports.table import Estimate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _DRAWS = 100
 _NEAR_BAND, _SCATTER = 1.5, 1 / 3  # of a natural frequency: beyond the band, and of its draws' logarithm
@@ -65,6 +70,7 @@ class AxisResult:
     poles: tuple[Pole, ...]  # the slowest first
     candidates: tuple[Candidate, ...]  # the likeliest first
     excited_hz: tuple[float, float]  # band that the inputs excite
+    nonlinearity: Nonlinearity | None  # that explains the logs better
     findings: tuple[Finding, ...]  # of the logs
     free_gain: tuple[Estimate, ...]  # as the logs have it where it was given; else empty
 
@@ -84,6 +90,16 @@ class AxisResult:
         """
         self.plant.save(Path(folder) / f"{self.plant.axis}.json")
         self.report.write_page(Path(folder) / f"{self.plant.axis}.html")
+
+    def plot(self) -> "Figure":
+        """Draw the recording by which the plant is judged, as measured and as simulated."""
+        worst = judged(self.fits)
+        return run_plot(worst.recording, worst.run, title=worst.recording.source)
+
+    def bode(self) -> "Figure":
+        """Draw the frequency response with its band, and as measured."""
+        fitted = [each.recording for each in self.fits if not each.held_back]
+        return bode_plot(self.plant, measured_response(fitted), self.excited_hz, title=self.plant.axis)
 
     def predict(self, u: Array) -> Array:
         """Simulate the outputs from rest, shape (N, p), under inputs (N, m)."""
@@ -145,7 +161,7 @@ def identify_axis(
         for each in group
     ]
     worst = judged(fits).recording
-    swapped = exchanged_columns(plant, worst, read.fitted, lambda logs, order: fit_axis(logs, order).plant)
+    swapped = exchanged_columns(found, worst, read.fitted, fit_axis)
     findings = [*read.findings, *found_before, *plant_findings(plant, read.fitted[0]), *([swapped] if swapped else [])]
     return AxisResult(
         plant,
@@ -155,6 +171,7 @@ def identify_axis(
         _poles(found.poles, [np.linalg.eigvals(each.A).astype(complex) for each in drawn], plant.sample_period_s, band),
         found.selection.candidates,
         band,
+        nonlinearity(found, read.fitted),
         tuple(findings),
         gains_of(free, draw_plants(free, _DRAWS, seed)) if given else (),
     )

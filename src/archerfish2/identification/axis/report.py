@@ -4,25 +4,38 @@ A plant is usable if it explains what was held back and its steady gain is known
 and refuses nothing: a plant may share it between dead time and poles.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from archerfish2.identification.axis.plots import correlation_plot, run_plot, step_plot
 from archerfish2.identification.frequency import frequency_response
 from archerfish2.reports.report import Report
 from archerfish2.reports.table import Entry, Estimate, Table, number
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from archerfish2.identification.axis.identify import AxisResult, LogFit
 
 USABLE_FIT = 80.0
 """Fit from which a plant is usable [%]."""
 _NOISY_FIT, _NOISE_SHARE = 55.0, 0.1  # a fit of noise's fault: at least, and share that the inputs explain of the rest
 _GAIN_WIDTH, _GAIN_SHARE = 0.05, 0.85  # draws within this much of the gain; share of them from which it is known
+_RUNS = 4  # that are drawn
 _DEPENDENT = 0.05  # share of the residual that past inputs explain, from which it is worth a word
 _MOVING = 0.3  # deviation of an output over that of the recording that moves most, from which a recording counts
 _SPOILING = {"swapped": "exchange input and output", "time-unit": "name the unit of the stamps"}
+
+
+_LINEAR = {
+    "saturation": "record with a smaller command",
+    "dead zone": "record with a larger command, or remove it in the controller",
+    "rate limit": "record slower or smaller motions",
+    "hysteresis": "tighten the drive, or record larger motions",
+}
 
 
 class Shortfall(NamedTuple):
@@ -39,7 +52,7 @@ def shortfalls(result: "AxisResult") -> list[Shortfall]:
         for each in result.findings
         if each.code in _SPOILING and each.severity == "warning"
     ]
-    return [*found, *_low_fit(result), *_unknown_gain(result)]
+    return [*found, *_low_fit(result), *_unknown_gain(result), *_nonlinear(result)]
 
 
 def judged(fits: Sequence["LogFit"]) -> "LogFit":
@@ -52,10 +65,12 @@ def judged(fits: Sequence["LogFit"]) -> "LogFit":
 
 def _low_fit(result: "AxisResult") -> Iterator[Shortfall]:
     worst = judged(result.fits)
-    noise = worst.tests is not None and worst.tests.explained_share < _NOISE_SHARE
+    noise = result.nonlinearity is None and worst.tests is not None and worst.tests.explained_share < _NOISE_SHARE
     if worst.fit_percent >= USABLE_FIT or (worst.fit_percent >= _NOISY_FIT and noise):
         return
-    if noise:
+    if result.nonlinearity is not None:
+        why = f"{_nonlinear_words(result)}: {_LINEAR[result.nonlinearity.name]}"
+    elif noise:
         why = "the rest does not depend on the input, so it is noise: command larger motions, or average repeated runs"
     else:
         why = "the rest depends on the input: check the columns, and whether something else moves the axis"
@@ -78,6 +93,29 @@ def _unknown_gain(result: "AxisResult") -> Iterator[Shortfall]:
         )
 
 
+def _nonlinear(result: "AxisResult") -> Iterator[Shortfall]:
+    """Yield a nonlinearity that makes the gain or the response of the linear plant wrong."""
+    found = result.nonlinearity
+    if found is None:
+        return
+    wrong = []
+    if abs(found.gain_ratio - 1) > _GAIN_WIDTH:
+        wrong.append(f"its steady gain is {found.gain_ratio:.3g} times that of the linear plant")
+    if found.agreement_percent < USABLE_FIT:
+        agreement = max(found.agreement_percent, 0)
+        wrong.append(f"on other motions of the same size the linear plant follows to {agreement:.0f} % only")
+    if wrong:
+        code, remedy = found.name.replace(" ", "-"), _LINEAR[found.name]
+        yield Shortfall(code, f"{_nonlinear_words(result)}; {'; '.join(wrong)}: {remedy}.")
+
+
+def _nonlinear_words(result: "AxisResult") -> str:
+    found = result.nonlinearity
+    assert found is not None
+    size = f"{found.level:.3g} per second" if found.name == "rate limit" else f"±{found.level:.3g} of the command"
+    return f"A {found.name} of {size} explains {1 - found.residual_share:.0%} of what the linear plant leaves"
+
+
 def axis_report(result: "AxisResult") -> Report:
     """Report an identified axis."""
     missing, plant, worst = shortfalls(result), result.plant, judged(result.fits)
@@ -95,6 +133,7 @@ def axis_report(result: "AxisResult") -> Report:
         doubts=tuple(_doubts(result)),
         next_steps=tuple(_next_steps(result)),
         tables=tuple(_tables(result, delay)),
+        figures=tuple(_figures(result)),
         findings=result.findings,
         provenance=plant.provenance,
     )
@@ -164,6 +203,18 @@ def _tables(result: "AxisResult", delay: Estimate) -> Iterator[Table]:
     tried = tuple((str(e.order), e.delay, e.bic - least, e.fit_percent, e.held_back_percent) for e in orders)
     columns = ("order", "delay [samples]", "BIC less the best", "fit [%]", "fit held back [%]")
     yield Table("The likeliest structure of each order", columns, tried)
+
+
+def _figures(result: "AxisResult") -> Iterator[tuple[str, Callable[[], "Figure"]]]:
+    for each in result.fits[:_RUNS]:
+        role = "held back: the plant saw its input alone" if each.held_back else "fitted"
+        yield f"{each.recording.source}, {role}.", partial(run_plot, each.recording, each.run)
+    yield "Frequency response, with the 95 % band of the draws.", result.bode
+    yield "Response to a unit step.", partial(step_plot, result.plant)
+    for each in result.fits[:1]:
+        if each.tests is not None:
+            caption = f"Correlation of the residual of {each.recording.source} with the input; noise stays in the band."
+            yield caption, partial(correlation_plot, each.tests)
 
 
 def _named(result: "AxisResult", place: int) -> str:
