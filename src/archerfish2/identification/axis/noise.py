@@ -46,6 +46,10 @@ def slow_wander(squares: Array, most: int) -> Array:
 
 
 def local_power(squares: Array) -> Array:
-    """Return a residual's power around each line, for draws; arguments as of `noise_power`."""
+    """Return a residual's power around each line, for draws, shape (F,).
+
+    Args:
+      squares: of the residual, shape (F,).
+    """
     width = 2 * max(2, round(np.sqrt(len(squares)) / 2)) + 1
     return np.asarray(np.maximum(uniform_filter1d(squares, width, mode="reflect"), slow_wander(squares, width)))
