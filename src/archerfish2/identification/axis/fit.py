@@ -149,7 +149,7 @@ def with_gain(found: AxisFit, gain: Array, recordings: Sequence[Series]) -> Axis
     """
     structure, scale = found.structure, found.scale
     data = [e.at(structure.delay, structure.feedthrough) for e in found.experiments]
-    constraints = [*found.constraints, steady_gain(gain / scale[:, None], found.fit, data)]
+    constraints = [*found.constraints, steady_gain(gain / scale[:, None], data)]
     fit = refine(found.fit.sections, data + constraints, 30, 1e-8, found.ridge)
     plant = plant_of(fit, structure, scale, found.plant.sample_period_s)
     runs = [free_run(plant, each.inputs, each.outputs, drift=structure.drift) for each in recordings]
