@@ -27,7 +27,7 @@ _GAIN_WIDTH, _GAIN_SHARE = 0.05, 0.85  # draws within this much of the gain; sha
 _RUNS = 4  # that are drawn
 _DEPENDENT = 0.05  # share of the residual that past inputs explain, from which it is worth a word
 _MOVING = 0.3  # deviation of an output over that of the recording that moves most, from which a recording counts
-_SPOILING = {"swapped": "exchange input and output", "time-unit": "name the unit of the stamps"}
+_STRONG = 0.7  # share of the residual that a nonlinearity leaves, up to which it may make a plant useless
 
 
 _LINEAR = {
@@ -50,7 +50,7 @@ def shortfalls(result: "AxisResult") -> list[Shortfall]:
     found = [
         Shortfall(each.code, f"{each.place}: {each.message}: {each.remedy}.")
         for each in result.findings
-        if each.code in _SPOILING and each.severity == "warning"
+        if each.code == "swapped"
     ]
     return [*found, *_low_fit(result), *_unknown_gain(result), *_nonlinear(result)]
 
@@ -96,7 +96,7 @@ def _unknown_gain(result: "AxisResult") -> Iterator[Shortfall]:
 def _nonlinear(result: "AxisResult") -> Iterator[Shortfall]:
     """Yield a nonlinearity that makes the gain or the response of the linear plant wrong."""
     found = result.nonlinearity
-    if found is None:
+    if found is None or found.residual_share > _STRONG:
         return
     wrong = []
     if abs(found.gain_ratio - 1) > _GAIN_WIDTH:
