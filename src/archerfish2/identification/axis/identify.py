@@ -146,7 +146,7 @@ def identify_axis(
     found = free = fit_axis(read.fitted, order, max_delay=longest, feedthrough=feedthrough, held_back=read.held_back)
     given = _given_gain(dc_gain, read.fitted)
     if given:
-        found = with_gain(free, np.reshape([each.value for each in given], free.gain.shape), read.fitted)
+        found = with_gain(free, np.reshape([each.value for each in given], free.gain.shape))
     names = {"input_names": read.fitted[0].input_names, "output_names": read.fitted[0].output_names}
     drawn = draw_plants(found, _DRAWS, seed)
     draws = {name: np.stack([getattr(each, name) for each in drawn]) for name in "ABCD"}
