@@ -133,6 +133,15 @@ def test_the_slope_of_plateaus_is_that_of_a_hand_calculation():
     assert (found.high - found.low) / 2 == pytest.approx(12.7062 * np.sqrt(1 / 150 / 2), rel=1e-4)
 
 
+def test_the_first_output_decides_and_a_rate_may_have_no_steady_gain():
+    rng, u = np.random.default_rng(0), 0.1 * np.random.default_rng(1).standard_normal(1500).cumsum()
+    angle = signal.lfilter([0, 0, 0.1], [1, -0.9], u)
+    outputs = np.stack([angle, np.gradient(angle)], axis=1) + 0.01 * rng.standard_normal((1500, 2))
+    result = identify_axis([Recording.from_arrays(u, outputs, 0.01, output_names=("angle", "rate"))])
+    assert result.report.usable
+    assert [each.value for each in result.dc_gain] == pytest.approx([1, 0], abs=2e-3)
+
+
 def test_periods_are_brought_together_and_divide_the_decisions():
     slow = recorded(SWEEP)
     finer = Recording.from_arrays(np.repeat(STEPS, 2), recorded(STEPS).outputs.repeat(2), PERIOD_S / 2)

@@ -46,8 +46,8 @@ class LogFit(NamedTuple):
 
     @property
     def fit_percent(self) -> float:
-        """Fit of the output that is explained worst [%]."""
-        return float(self.run.fit_percent.min())
+        """Fit of the first output, by which a plant is judged [%]."""
+        return float(self.run.fit_percent[0])
 
 
 class Pole(NamedTuple):
