@@ -28,8 +28,7 @@ def __getattr__(name: str) -> Any:
     return globals().setdefault(name, getattr(importlib.import_module(f"{__name__}.{_PLACES[name]}"), name))
 
 
-def __dir__() -> list[str]:
-    return list(__all__)
+__dir__ = __all__.copy
 
 
 name_environments()
