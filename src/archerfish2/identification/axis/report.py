@@ -26,6 +26,7 @@ _NOISY_FIT, _NOISE_SHARE = 55.0, 0.1  # a fit of noise's fault: at least, and sh
 _GAIN_WIDTH, _GAIN_SHARE = 0.05, 0.85  # draws within this much of the gain; share of them from which it is known
 _RUNS = 4  # that are drawn
 _DEPENDENT = 0.05  # share of the residual that past inputs explain, from which it is worth a word
+_RUNS_ON = 0.5  # what is left of a state after the longest recording, from which the axis may integrate
 _MOVING = 0.3  # deviation of an output over that of the recording that moves most, from which a recording counts
 _STRONG = 0.7  # share of the residual that a nonlinearity leaves, up to which it may make a plant useless
 
@@ -84,13 +85,16 @@ def _unknown_gain(result: "AxisResult") -> Iterator[Shortfall]:
     known = np.mean(np.abs(drawn - gain) <= _GAIN_WIDTH * np.abs(gain), axis=0) >= _GAIN_SHARE
     if result.free_gain:  # that of the plateaus, or a number that was given
         known = np.array([e.high - e.low <= 2 * _GAIN_WIDTH * abs(e.value) for e in result.dc_gain[: len(gain)]])
-    for place in np.flatnonzero(~known).tolist():
-        yield Shortfall(
-            "gain",
-            f"The steady gain {_named(result, place)}is not known within {_GAIN_WIDTH:.0%}: "
-            f"{_words(result.dc_gain[place])}. Record a step from rest that is held until the axis rests "
-            f"(archerfish2 excite {plant.axis} --kinds step), or give the gain if it is known (--dc-gain).",
+    slowest = np.abs(np.linalg.eigvals(plant.A)).max() ** max(len(each.recording) for each in result.fits)
+    remedy = "The output runs on under a steady input: log its rate as the output, or an input at which it rests."
+    if slowest < _RUNS_ON:
+        remedy = (
+            "Record a step from rest that is held until the axis rests "
+            f"(archerfish2 excite {plant.axis} --kinds step), or give the gain if it is known (--dc-gain)."
         )
+    for place in np.flatnonzero(~known).tolist():
+        unknown = f"The steady gain {_named(result, place)}is not known within {_GAIN_WIDTH:.0%}"
+        yield Shortfall("gain", f"{unknown}: {_words(result.dc_gain[place])}. {remedy}")
 
 
 def _nonlinear(result: "AxisResult") -> Iterator[Shortfall]:
