@@ -1,7 +1,5 @@
 """Frames in time: their period and how many are missing; and how long detections and messages take."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from archerfish2.errors import InputError
@@ -14,18 +12,10 @@ OUT_OF_VIEW_S = 0.25
 """Longer gaps are the plate out of view, not frames in which it was missed [s]."""
 
 
-class FrameTiming(NamedTuple):
-    """When frames came, and how many."""
+def frame_timing(stamps: Array, source: str = "detections") -> tuple[Estimate, Estimate]:
+    """Estimate the frame period [s] and the share of frames without a detection.
 
-    period: Estimate  # time from frame to frame [s]
-    jitter: float  # standard deviation of an interval about its multiple of the period [s]
-    seen: int  # frames with a detection
-    missed: int  # frames without one between them
-    out_of_view: int  # gaps that were left out
-
-
-def frame_timing(stamps: Array, source: str = "detections") -> FrameTiming:
-    """Find the frame period and count the missing frames, while stamps jitter by less than a quarter of a period.
+    Stamps may jitter by up to a quarter of a period. Of the frames, those count that are not out of view.
 
     Args:
       stamps: increasing [s], shape (K,).
@@ -48,9 +38,9 @@ def frame_timing(stamps: Array, source: str = "detections") -> FrameTiming:
         error = stamp - (grid + count * period)
         grid += count * period + 0.1 * error
         period += 0.002 * error / max(count, 1)
-    found, seen = _period(stamps, steps), int(counted.sum())
-    jitter = float((intervals - steps * found.value)[counted].std())
-    return FrameTiming(found, jitter, seen + 1, int(steps[counted].sum()) - seen, int((~counted).sum()))
+    seen = int(counted.sum()) + 1
+    frames = max(int(steps[counted].sum()) + 1, seen)
+    return _period(stamps, steps), statistics.share_estimate(frames - seen, frames)
 
 
 def _period(stamps: Array, steps: Array) -> Estimate:
