@@ -125,5 +125,5 @@ def _table(path: str | Path, required: Sequence[str], optional: Sequence[str] = 
         for index in np.flatnonzero(np.isnan(values))[:1]:
             raise log_fault(table.place(index), f'"{name}" has no value', "remove the line", "missing-value")
     for index in np.flatnonzero(np.diff(table.columns[required[0]]) <= 0)[:1] + 1:
-        raise log_fault(table.place(index), f"{required[0]} does not increase", "keep one line per stamp", "time-backward")
+        raise log_fault(table.place(index), "stamps do not increase", "keep one line per stamp", "time-backward")
     return table

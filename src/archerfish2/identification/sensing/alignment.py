@@ -4,28 +4,23 @@ Detections scatter in azimuth, elevation and range. A jitter of the stamps moves
 which separates it from the noise of the detection: it acts only where the gimbal turns.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import f as fisher
 
 from archerfish2.errors import InputError
 from archerfish2.identification import statistics
 from archerfish2.identification.sensing.track import GimbalTrack
 from archerfish2.identification.statistics import Array
-from archerfish2.reports.style import new_figure, plot_style
 from archerfish2.reports.table import Estimate
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 STEP_S, NEAR_S = 0.005, 1.0
 """Distance of the offsets of the scan, and the largest of them where the clocks of both logs overlap [s]."""
 _MIRRORED, _AMBIGUOUS, _APART_S = 0.4, 1.5, 0.05
 """Largest misfit for the azimuth's motion; a misfit below so many times the least, so far from it, is another."""
 _OUTLIER = 5.0  # standard deviations in a direction from which it is not the plate: 2 in a million
-_SIGNIFICANT = 0.01  # probability of as much explained power if the alignment were right (F test)
+_INSIGNIFICANT = 11.5  # excess of explained power, in that of a residual, of one in 100 right alignments (χ², 7 terms)
 _NOISE = {"bearing_sd": "rad", "elevation_sd": "rad", "range_sd": "m", "stamp_jitter": "s"}
 
 # Parameters: azimuth of the plate in the base frame less the camera's on the gimbal, horizontal distance of the plate
@@ -179,18 +174,5 @@ def _motion_share(track: GimbalTrack, moments: Array, residual: Array) -> tuple[
     columns = np.column_stack([np.ones_like(angle), angle, angle**2, angle**3, rate, np.abs(rate), change, ramp])
     solution, terms, freedom = np.linalg.lstsq(columns, residual)[0], columns.shape[1] - 1, len(columns) - 8
     unexplained = np.var(residual - columns @ solution) / max(np.var(residual), 1e-300)
-    ratio = (1 / max(unexplained, 1e-300) - 1) * freedom / terms
     share = float(1 - unexplained * (freedom + terms) / freedom)
-    return share if fisher.sf(ratio, terms, freedom) < _SIGNIFICANT else 0.0, float(solution[-1])
-
-
-def alignment_plot(track: GimbalTrack, alignment: Alignment, *, title: str = "Gimbal and camera") -> "Figure":
-    """Draw the yaw of the gimbal, and by the camera, in the second of fastest motion."""
-    with plot_style():
-        figure, ((axes,),) = new_figure()
-        rates = np.abs(track.angles(alignment.moments, 1)[:, 0])
-        fastest = np.abs(alignment.moments - alignment.moments[np.argmax(rates)]) < 0.5
-        time, yaw = alignment.moments[fastest], track.angles(alignment.moments[fastest])[:, 0]
-        axes.plot(time, np.degrees(yaw), time, np.degrees(yaw - alignment.residual[fastest, 0]), ".")
-        axes.set(title=title, xlabel="Time in the gimbal's log [s]", ylabel="Yaw [°]")
-    return figure
+    return share if share > _INSIGNIFICANT / freedom else 0.0, float(solution[-1])

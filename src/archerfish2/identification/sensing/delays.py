@@ -61,7 +61,7 @@ def _onset(since: Array, yaw: Array) -> float | None:
         design = np.column_stack([np.ones(count), moving**2, moving**3])
         return float(np.sum((travelled - design @ np.linalg.lstsq(design, travelled)[0]) ** 2))
 
-    return float(min(np.linspace(-0.1, 0.9, 501), key=misfit) * since[count - 1])
+    return float(min(np.linspace(-0.1, 0.9, 201), key=misfit) * since[count - 1])
 
 
 def step_latency(detections: DetectionLog, moments: Array, period: float) -> tuple[Estimate, int]:

@@ -14,7 +14,7 @@ from archerfish2.identification import statistics
 from archerfish2.identification.sensing.alignment import align, rough_offset, spherical
 from archerfish2.identification.sensing.delays import EARLIEST_S, LONGEST_S, command_delays, step_latency
 from archerfish2.identification.sensing.result import SensingResult
-from archerfish2.identification.sensing.timing import frame_timing, latency_jitter, message_latency
+from archerfish2.identification.sensing.timing import frame_timing, latency_jitter
 from archerfish2.identification.sensing.track import gimbal_track
 from archerfish2.identification.statistics import Array, converted, difference
 from archerfish2.logs import timing as logs
@@ -73,9 +73,12 @@ def identify_sensing(
     if track.quantum is not None:
         found["link.feedback_quantum"] = Estimate(track.quantum, np.nan, np.nan, "rad")
     counts = {"detections": (int(alignment.inlier.sum()), stamps.size)}
+    basis = ""
     if plate.receive is not None:
-        found |= _receipts(plate.receive - plate.time, plate.source, alignment.estimates, gimbal_clock)
-    basis = "feedback" if "camera.latency" in found else ""
+        delay = plate.receive - plate.time
+        found["camera.latency_jitter"] = latency_jitter(delay, found["camera.stamp_jitter"])
+        if gimbal_clock == "receipt":
+            basis, found["camera.latency"] = "feedback", _latency(delay, found["camera.time_offset"], plate.source)
     if stepping is not None:
         moments = np.asarray(_read(logs.read_moments, target_steps))
         exposed, used = step_latency(stepping, moments, period.value)
@@ -89,7 +92,9 @@ def identify_sensing(
         found["link.command_jitter"] = statistics.scatter_estimate(delays)
     for name, times in (("link.command_latency", commands), ("link.feedback_latency", feedback)):
         if times is not None:
-            found |= message_latency(name, _read(logs.read_message_times, times))
+            sent, received = _read(logs.read_message_times, times)
+            found[name] = statistics.mean_estimate(received - sent)
+            found[f"{name}_jitter"] = statistics.scatter_estimate(received - sent)
     given = (sweep, detections, *steps, target, target_steps, commands, feedback)
     sources = [getattr(each, "source", each) for each in given]
     files = [Path(each) for each in sources if isinstance(each, File) and Path(each).is_file()]
@@ -101,17 +106,14 @@ def _read(reader: Callable[[File], Any], given: Any) -> Any:
     return reader(given) if isinstance(given, File) else given
 
 
-def _receipts(delay: Array, source: str, found: dict[str, Estimate], gimbal_clock: str) -> dict[str, Estimate]:
-    """Estimate the jitter of the latency and, if the gimbal log is stamped on receipt, its mean less the feedback's."""
-    jitter = {"camera.latency_jitter": latency_jitter(delay, found["camera.stamp_jitter"])}
-    if gimbal_clock == "own":
-        return jitter
-    latency = difference(statistics.mean_estimate(delay), found["camera.time_offset"])
+def _latency(delay: Array, offset: Estimate, source: str) -> Estimate:
+    """Return the latency less the feedback's delay, from the times between stamps and receipts, shape (K,)."""
+    latency = difference(statistics.mean_estimate(delay), offset)
     if not EARLIEST_S <= latency.value <= LONGEST_S:
         problem = f"received {latency.value:.3g} s after exposure, expected {EARLIEST_S:g} to {LONGEST_S:g} s"
         remedy = 'stamp receipts and gimbal log by one clock, or pass gimbal_clock="own"'
         raise InputError(f"{source}: {problem}; {remedy}", "two-clocks")
-    return jitter | {"camera.latency": latency}
+    return latency
 
 
 def _record(found: dict[str, Estimate], basis: Any, origin: dict[str, Any]) -> SensingRecord:

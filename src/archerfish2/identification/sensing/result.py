@@ -4,10 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from archerfish2.identification.sensing.alignment import Alignment, alignment_plot
+import numpy as np
+
+from archerfish2.identification.sensing.alignment import Alignment
 from archerfish2.identification.sensing.track import GimbalTrack
 from archerfish2.records.sensing import SensingRecord
 from archerfish2.reports.report import Report
+from archerfish2.reports.style import new_figure, plot_style
 from archerfish2.reports.table import Estimate, Table, entry_texts
 
 if TYPE_CHECKING:
@@ -37,8 +40,16 @@ class SensingResult:
         self.report.write_page(Path(folder) / "sensing.html")
 
     def plot(self) -> "Figure":
-        """Draw the yaw by gimbal and camera."""
-        return alignment_plot(self.track, self.alignment)
+        """Draw the yaw by gimbal and camera in the second of fastest motion."""
+        moments, residual = self.alignment.moments, self.alignment.residual
+        rates = np.abs(self.track.angles(moments, 1)[:, 0])
+        near = np.abs(moments - moments[np.argmax(rates)]) < 0.5
+        time, yaw = moments[near], self.track.angles(moments[near])[:, 0]
+        with plot_style():
+            figure, ((axes,),) = new_figure()
+            axes.plot(time, np.degrees(yaw), time, np.degrees(yaw - residual[near, 0]), ".")
+            axes.set(title="Gimbal (line) and camera (dots)", xlabel="Time in the gimbal log [s]", ylabel="Yaw [°]")
+        return figure
 
     @property
     def report(self) -> Report:

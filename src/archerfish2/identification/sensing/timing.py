@@ -5,7 +5,6 @@ import numpy as np
 from archerfish2.errors import InputError
 from archerfish2.identification import statistics
 from archerfish2.identification.statistics import Array
-from archerfish2.logs.timing import MessageTimes
 from archerfish2.reports.table import Estimate
 
 OUT_OF_VIEW_S = 0.25
@@ -60,12 +59,6 @@ def _period(stamps: Array, steps: Array) -> Estimate:
     # grid are hardly ever known better than independent jitter lets them be.
     spread = max(statistics.long_run_covariance(score[:, None]).item(), float(np.mean(score**2)))
     return statistics.normal_estimate(slope, np.sqrt(spread * index.size) / np.sum((index - index.mean()) ** 2))
-
-
-def message_latency(name: str, times: MessageTimes) -> dict[str, Estimate]:
-    """Return mean and standard deviation of the latency of messages, named as in the link's record."""
-    latency = times.received - times.sent
-    return {name: statistics.mean_estimate(latency), f"{name}_jitter": statistics.scatter_estimate(latency)}
 
 
 def latency_jitter(delay: Array, stamp_jitter: Estimate) -> Estimate:
