@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from archerfish2.cli.identify_sensing import IdentifySensing
-from archerfish2.identification.sensing.alignment import plate_in_camera, rough_offset, spherical
+from archerfish2.identification.sensing.alignment import rough_offset, spherical
 from archerfish2.identification.sensing.delays import command_delays, step_latency
 from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.identification.sensing.timing import frame_timing
@@ -55,7 +55,7 @@ def seen(truth, start, yaw, rng, lateral=np.zeros_like):
     exposed += 3e-4 * rng.standard_normal(exposed.size)
     plate = np.array([3.0, 0.2, 0.1]) + np.outer(lateral(exposed), [0, 1, 0])
     turned = Rotation.from_euler("Z", np.interp(exposed, TICK * np.arange(yaw.size), yaw)[:, None]).inv().apply(plate)
-    position = Rotation.from_euler("Y", -0.02).inv().apply(turned - [0.1, 0.02, 0.05])
+    position = Rotation.from_euler("YX", [-0.02, -0.04]).inv().apply(turned - [0.1, 0.02, 0.05])
     ahead = position / np.linalg.norm(position, axis=1, keepdims=True)
     noise = 0.005 * rng.standard_normal(position.shape)
     noise += (0.045 * rng.standard_normal((exposed.size, 1)) - np.sum(noise * ahead, 1, keepdims=True)) * ahead
@@ -101,7 +101,6 @@ def test_offset_and_delays_are_found_and_their_intervals_have_the_truth(found):
         assert (camera.latency_basis, link.feedback_quantum) == ("exposure", pytest.approx(QUANTUM, rel=1e-3))
         assert camera.bearing_sd * camera.noise_range == pytest.approx(0.005, rel=0.12)
         assert camera.outlier_share == pytest.approx(0.01, abs=0.01)
-        assert link.feedback_rate_hz == pytest.approx(500, rel=1e-3)
         true = {"time_offset": FEEDBACK_S - truth.clock, "latency": truth.latency, "rate_hz": 80.0, "range_sd": 0.045}
         true |= {"elevation_sd": 0.005 / camera.noise_range, "stamp_jitter": 3e-4, "latency_jitter": 0.002}
         true = {f"camera.{name}": value for name, value in true.items()} | {"camera.miss_probability": 0.05}
@@ -155,8 +154,7 @@ def test_what_can_not_be_used_is_refused(sweep, refused):
     gimbal, plate = sweep.sweep, sweep.plate
     refused("without the other", identify_sensing, gimbal, plate, target=plate)
     refused("by one clock", identify_sensing, gimbal, plate._replace(receive=plate.receive + 5))
-    few = plate._replace(time=plate.time[:19], position=plate.position[:19])
-    refused("has 19 detections", identify_sensing, gimbal, few)
+    refused("has 19 detections", identify_sensing, gimbal, DetectionLog(plate.time[:19], plate.position[:19]))
 
 
 @pytest.mark.skipif(not EPOCH.is_dir(), reason="the recordings of people, shared/data/cases, are not here")
@@ -238,23 +236,12 @@ def test_bearings_that_can_not_be_aligned_are_refused(refused):
     tone = 0.3 * np.sin(2 * np.pi * 2 * TIME)
     for yaw, azimuth, complaint in (
         (chirp(TIME), -bearing(0.0), "check signs"),
-        (np.degrees(chirp(TIME)), bearing(0.0), r"moves by 0\.018.* in degrees"),
-        (2 * chirp(TIME), bearing(0.0), "does not mirror the yaw"),
+        (2 * chirp(TIME), bearing(0.0), r"does not mirror the yaw .* moves by 0\.5.* times"),
         (tone, 0.1 - np.interp(STAMPS, TIME, tone), "repeats itself"),
     ):
         refused(complaint, rough_offset, track(yaw), STAMPS, azimuth)
     assert rough_offset(track(tone), STAMPS, 0.1 - np.interp(STAMPS + 0.02, TIME, tone), 0.2) == pytest.approx(0.02)
     refused("covers fewer than 20 detections", rough_offset, track(chirp(TIME)), STAMPS + 18, bearing(0.0), 1.0)
-
-
-def test_a_plate_is_seen_as_by_rotation_matrices():
-    yaw, pitch = np.array([0.0, 0.4, -0.5]), np.array([0.1, -0.1, 0.0])
-    # Muzzle up is a negative rotation about y; the camera rolls about its own x.
-    camera = Rotation.from_euler("ZYX", np.column_stack([yaw, -(pitch + 0.02), 0 * yaw - 0.04]))
-    expected = camera.inv().apply(Rotation.from_euler("Z", 0.3).apply([3.0, 0.0, 0.0]))
-    found = plate_in_camera([0.3, 3, 0.1, -0.02, 0.05, 0.02, -0.04], yaw, pitch)
-    assert_allclose(found - [0.1, -0.02, 0.05], expected, atol=1e-12)
-    assert_allclose(spherical(2 * np.eye(3)), [[0, 0, 2], [np.pi / 2, 0, 2], [0, np.pi / 2, 2]])
 
 
 def test_rate_and_missed_frames_of_an_even_camera_are_exact():
@@ -337,4 +324,3 @@ def test_target_steps_that_do_not_show_the_latency_are_refused(refused):
     refused("take receive_s", step_latency, stepping()._replace(receive=None), MOMENTS, 1 / 80)
     refused("0 of 20 target steps can be used", step_latency, stepping(size=0.01), MOMENTS, 1 / 80)
     refused("4 of 4 target steps can be used, expected at least 5", step_latency, stepping(), MOMENTS[:4], 1 / 80)
-    refused("0 of 20 target steps", step_latency, stepping(), MOMENTS + 100, 1 / 80)

@@ -16,11 +16,14 @@ from archerfish2.identification.statistics import Array
 from archerfish2.reports.table import Estimate
 
 STEP_S, NEAR_S = 0.005, 1.0
-"""Distance of the offsets of the scan, and the largest of them where the clocks of both logs overlap [s]."""
+"""Step of the search for the offset, and the largest offset where the clocks of both logs overlap [s]."""
 _MIRRORED, _AMBIGUOUS, _APART_S = 0.4, 1.5, 0.05
-"""Largest misfit for the azimuth's motion; a misfit below so many times the least, so far from it, is another."""
-_OUTLIER = 5.0  # standard deviations in a direction from which it is not the plate: 2 in a million
-_INSIGNIFICANT = 11.5  # excess of explained power, in that of a residual, of one in 100 right alignments (χ², 7 terms)
+"""Largest misfit, as a share of the azimuth's scatter; a misfit below so many times the least one, at an offset so far
+from it [s], makes the offset ambiguous."""
+_OUTLIER = 5.0  # standard deviations in one coordinate beyond which it is not the plate: 1 in 2 million
+_INSIGNIFICANT = 11.5
+"""Explained power above its mean, in that of the residual per degree of freedom, that 1 in 100 right alignments exceed
+by chance (χ² of 7 terms)."""
 _NOISE = {"bearing_sd": "rad", "elevation_sd": "rad", "range_sd": "m", "stamp_jitter": "s"}
 
 # Parameters: azimuth of the plate in the base frame less the camera's on the gimbal, horizontal distance of the plate
@@ -32,14 +35,14 @@ without it the fit would explain noise by a camera metres away."""
 
 
 class Alignment(NamedTuple):
-    """How detections of a plate at rest lie on the gimbal's log; of those that it covers, K."""
+    """Detections of a plate at rest aligned with the gimbal's log, which covers K of them."""
 
     estimates: dict[str, Estimate]  # of time offset, noise and outliers, by the names of the record
     moments: Array  # of the detections on the gimbal log's clock [s], (K,)
     residual: Array  # measured less modelled azimuth, elevation [rad] and range [m], (K, 3)
     inlier: Array  # whether a detection is the plate, (K,)
-    motion_share: float  # of the azimuth residual's power, that the gimbal's motion explains; 0 if not significant
-    drift: float  # rate of the camera's clock against the gimbal log's, less 1, by that regression
+    motion_share: float  # of the azimuth residual's power, that the gimbal's motion explains; 0 if insignificant
+    drift: float  # rate of the camera's clock against the gimbal log's, less 1
 
 
 def rough_offset(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float = 0.0) -> float:
@@ -164,7 +167,7 @@ def align(track: GimbalTrack, time: Array, position: Array, start: float) -> Ali
 
 
 def _motion_share(track: GimbalTrack, moments: Array, residual: Array) -> tuple[float, float]:
-    """Regress the azimuth's residual on angle (to the third power), rate, its size, acceleration and an offset's drift.
+    """Regress the azimuth's residual on the angle's powers, rate, speed, acceleration and a drift of the offset.
 
     Noise of a detector is independent of the gimbal's motion. A lens that distorts bends the bearing with the angle, an
     offset that drifts or an angle that lags moves it with the rate and its change.

@@ -48,11 +48,10 @@ def _onset(since: Array, yaw: Array) -> float | None:
     """Return the time from a step to the onset of the motion [s]; None if it can't be seen."""
     rest, settled = since <= 0, since >= 0.5 * since[-1]
     moved = yaw - yaw[rest].mean()
-    if rest.sum() < _SAMPLES or abs(np.median(moved[settled])) < 20 * max(moved[rest].std(), 1e-9):
-        return None
-    travelled = moved / np.median(moved[settled])
+    travel, noise = float(np.median(moved[settled])) or 1e-9, max(moved[rest].std(), 1e-9)
+    travelled = moved / travel
     count = int(np.argmax((since > 0) & (travelled > _RISE))) + 1
-    if count < rest.sum() + _SAMPLES:
+    if abs(travel) < 20 * noise or min(rest.sum(), count - rest.sum()) < _SAMPLES:
         return None
     time, travelled = since[:count] / since[count - 1], travelled[:count]
 

@@ -62,7 +62,7 @@ class SensingResult:
         rate, offset = text["camera.rate_hz"], text["camera.time_offset"]
         latency, delay = (text.get(name, "not known") for name in ("camera.latency", "link.command_delay"))
         rows = tuple((name.replace(".", " ").replace("_", " ").removesuffix(" hz"), shown[name]) for name in shown)
-        known = {f"Add {offset} to a frame's stamp to get its exposure by the gimbal log's clock.": True}
+        known = {f"Add {offset} to a frame's stamp to get its time of exposure on the gimbal log's clock.": True}
         known |= {f"{used} of {logged} {name} used.": used < logged for name, (used, logged) in self.counts.items()}
         across = 1e3 * camera.noise_range * max(camera.bearing_sd, camera.elevation_sd)
         moving, drift = alignment.motion_share, 1e6 * alignment.drift
@@ -84,6 +84,7 @@ class SensingResult:
             "The command delay is not known: log 20 steps of the command of 5 to 10°.": link.command_delay is None,
             "The command latency is not known: log sent_s and received_s of commands.": link.command_latency is None,
         }
+        note = "sd, jitter: standard deviation; share, probability: in %"
         return Report(
             "Sensing",
             f"camera {rate}, latency {latency}, time offset {offset}, noise {across:.2g} mm across at "
@@ -91,7 +92,7 @@ class SensingResult:
             known=_those(known),
             doubts=_those(doubts),
             next_steps=_those(missing),
-            tables=(Table("Camera and link", ("quantity", "estimate"), rows, "sd, jitter: standard deviation"),),
+            tables=(Table("Camera and link", ("quantity", "estimate"), rows, note),),
             figures=(("Alignment of camera and gimbal", self.plot),),
             provenance=dict(self.sensing.provenance),
         )

@@ -1,4 +1,4 @@
-"""Frames in time: their period and how many are missing; and how long detections and messages take."""
+"""Frame period, share of missed frames, and jitter of the latency."""
 
 import numpy as np
 
