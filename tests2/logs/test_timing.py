@@ -35,7 +35,7 @@ def test_detections_are_turned_into_the_cameras_frame(tmp_path, refused):
 
 def test_faults_are_refused_with_their_line(tmp_path, refused):
     path = table(tmp_path / "log.csv", "time_s,yaw", (0.0, 0.0), (0.1, 0.1), (0.1, 0.2))
-    refused(r"log\.csv: line 4: time_s is not above", read_gimbal_log, path)
+    refused(r"log\.csv: line 4: stamps do not increase", read_gimbal_log, path)
     refused("line 4", read_moments, path)
     refused('line 2: "yaw" has no value', read_gimbal_log, table(path, "time_s,yaw", (0.0, "nan"), (0.1, 0.1)))
     sent = 0.005 * np.arange(60)

@@ -15,7 +15,8 @@ from archerfish2.identification.muzzle.flight import landing_distance
 from archerfish2.identification.muzzle.identify import MuzzleResult, identify_muzzle
 from archerfish2.identification.robot_files import AXES, AxisFiles, axis_logs, read_folder
 from archerfish2.identification.robot_report import Landing, LargeStep, robot_report
-from archerfish2.identification.sensing.identify import SensingResult, identify_sensing
+from archerfish2.identification.sensing.identify import identify_sensing
+from archerfish2.identification.sensing.result import SensingResult
 from archerfish2.identification.simulation import simulate
 from archerfish2.identification.statistics import mean_estimate
 from archerfish2.logs.log import read_log

@@ -9,11 +9,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from archerfish2.errors import InputError
 from archerfish2.logs.log import file_content
 from archerfish2.logs.recording import Values
 from archerfish2.logs.table import LogTable, log_fault
-from archerfish2.logs.text import read_text
+from archerfish2.logs.text import column_names, read_text
 
 Frame = Literal["camera", "optical", "base"]
 """Of logged positions, see `read_detections`."""
@@ -118,18 +117,13 @@ def read_message_times(path: str | Path) -> MessageTimes:
 
 def _table(path: str | Path, required: Sequence[str], optional: Sequence[str] = ()) -> LogTable:
     """Read a table that lacks no value, and whose first column increases."""
-    try:
-        table = read_text(Path(path), file_content(Path(path)), [*required, *optional])
-    except InputError as error:
-        present = [each for each in optional if f'no column "{each}"' not in str(error)]
-        if len(present) == len(optional):
-            raise
-        return _table(path, required, present)
+    content = file_content(Path(path))
+    present = [each for each in column_names(Path(path), content) if each in optional]
+    table = read_text(Path(path), content, [*required, *present])
     table.check()
     for name, values in table.columns.items():
         for index in np.flatnonzero(np.isnan(values))[:1]:
             raise log_fault(table.place(index), f'"{name}" has no value', "remove the line", "missing-value")
     for index in np.flatnonzero(np.diff(table.columns[required[0]]) <= 0)[:1] + 1:
-        problem = f"{required[0]} is not above that of the line before"
-        raise log_fault(table.place(index), problem, "keep one line per stamp, in their order", "time-backward")
+        raise log_fault(table.place(index), "stamps do not increase", "keep one line per stamp", "time-backward")
     return table

@@ -16,8 +16,10 @@ from archerfish2.reports.table import Estimate
 
 LONGEST_S, EARLIEST_S = 0.5, -0.02
 """Range of latencies; one below zero shows a fault of the clocks [s]."""
-_REST_S, _RISE, _SAMPLES = 0.15, 0.2, 5
-"""The command rests this long before and after a step; share of the travel, and least samples, that show the onset."""
+_REST_S, _BEFORE_S, _RISE, _SAMPLES = 0.15, 0.1, 0.2, 5
+"""The command rests this long before and after a step; time before it that shows the noise; share of the travel, and
+least samples, that show the onset."""
+_SEPARATION = 6  # travel of a target in standard deviations of its position
 _MISLABELLED = 0.01  # share of frames around a step that are something else
 
 
@@ -33,7 +35,8 @@ def command_delays(logs: Sequence[GimbalLog]) -> tuple[Array, int]:
         edges = log.time[[0, *changes, -1]]
         rests = np.diff(edges) >= _REST_S
         for step in np.flatnonzero(rests[:-1] & rests[1:]) + 1:
-            found.append(_onset(log.time - edges[step], np.asarray(log.yaw, float), edges[step + 1] - edges[step]))
+            near = (log.time > edges[step] - _BEFORE_S) & (log.time < edges[step + 1])
+            found.append(_onset(log.time[near] - edges[step], log.yaw[near]))
     delays = np.array([each for each in found if each is not None])
     if delays.size:  # less those during which something else moved the axis
         apart = np.abs(delays - np.median(delays))
@@ -41,25 +44,23 @@ def command_delays(logs: Sequence[GimbalLog]) -> tuple[Array, int]:
     return delays, len(found)
 
 
-def _onset(since: Array, yaw: Array, length: float) -> float | None:
+def _onset(since: Array, yaw: Array) -> float | None:
     """Return the time from a step to the onset of the motion [s]; None if it can't be seen."""
-    rest, later = (since > -0.1) & (since <= 0), (since > min(_REST_S, 0.5 * length)) & (since < length)
-    if rest.sum() < _SAMPLES or not later.any():
+    rest, settled = since <= 0, since >= 0.5 * since[-1]
+    moved = yaw - yaw[rest].mean()
+    travel, noise = float(np.median(moved[settled])) or 1e-9, max(moved[rest].std(), 1e-9)
+    travelled = moved / travel
+    count = int(np.argmax((since > 0) & (travelled > _RISE))) + 1
+    if abs(travel) < 20 * noise or min(rest.sum(), count - rest.sum()) < _SAMPLES:
         return None
-    start, noise = yaw[rest].mean(), max(yaw[rest].std(), 1e-9)
-    travel = np.median(yaw[later]) - start
-    risen = np.flatnonzero((since > 0) & ((yaw - start) * np.sign(travel) > _RISE * abs(travel)))[:1]
-    if abs(travel) < 20 * noise or not risen.size or np.sum((since > 0)[: risen[0] + 1]) < _SAMPLES:
-        return None
-    window = slice(np.argmax(rest), risen[0] + 1)
-    time, travelled = since[window] / since[risen[0]], (yaw[window] - start) / travel
-    onsets = np.linspace(-0.1, 0.9, 501)
-    moved = np.maximum(time - onsets[:, None], 0.0)
-    design = np.stack([np.ones_like(moved), moved**2, moved**3], axis=-1)
-    normal = design.swapaxes(1, 2) @ design + 1e-12 * np.eye(3)
-    fitted = design @ np.linalg.solve(normal, design.swapaxes(1, 2) @ travelled[:, None])
-    misfit = np.sum((travelled - fitted[..., 0]) ** 2, axis=1)
-    return float(onsets[np.argmin(misfit)] * since[risen[0]])
+    time, travelled = since[:count] / since[count - 1], travelled[:count]
+
+    def misfit(onset: float) -> float:
+        moving = np.maximum(time - onset, 0.0)
+        design = np.column_stack([np.ones(count), moving**2, moving**3])
+        return float(np.sum((travelled - design @ np.linalg.lstsq(design, travelled)[0]) ** 2))
+
+    return float(min(np.linspace(-0.1, 0.9, 201), key=misfit) * since[count - 1])
 
 
 def step_latency(detections: DetectionLog, moments: Array, period: float) -> tuple[Estimate, int]:
@@ -82,15 +83,15 @@ def step_latency(detections: DetectionLog, moments: Array, period: float) -> tup
     """
     if detections.receive is None:
         raise InputError(f"{detections.source}: target steps take receive_s of each detection; log it", "no-receipts")
-    delay = mean_estimate(detections.receive - detections.receive[0] - (detections.time - detections.time[0]))
     # Stamps jitter less than receipts, so the edge is sought on them; the mean delay after the first is added below.
-    received = detections.time - detections.time[0] + (detections.receive[0] - moments[0])
-    steps, moments = [], moments - moments[0]
-    for before, moment, after in zip([-np.inf, *moments[:-1]], moments, [*moments[1:], np.inf], strict=True):
+    since_first, moments = detections.time - detections.time[0], moments - detections.receive[0]
+    delay = mean_estimate(detections.receive - detections.receive[0] - since_first)
+    steps, edges = [], [-np.inf, *moments, np.inf]
+    for before, moment, after in zip(edges[:-2], moments, edges[2:], strict=True):
         # What was received up to the step shows the target before it, what came LONGEST_S later the target after it.
-        near = received > max(before + LONGEST_S, moment - LONGEST_S)
-        near &= received < min(after, moment + 2 * LONGEST_S)
-        steps.append(_labelled(received[near] - moment, detections.position[near]))
+        near = since_first > max(before + LONGEST_S, moment - LONGEST_S)
+        near &= since_first < min(after, moment + 2 * LONGEST_S)
+        steps.append(_labelled(since_first[near] - moment, detections.position[near]))
     used = sum(each.size > 0 for each in steps)
     if used < 5:
         problem = f"{used} of {moments.size} target steps can be used, expected at least 5"
@@ -123,11 +124,11 @@ def _labelled(since: Array, position: Array) -> Array:
       position: of the target [m], shape (K, 3).
     """
     old, late = since < 0, since > LONGEST_S
-    if min(old.sum(), late.sum()) >= 3:
-        first = np.median(position[old], axis=0)
-        path = np.median(position[late], axis=0) - first
-        along = (position - first) @ path / max(float(path @ path), 1e-300)
-        scatter = 1.4826 * max(float(np.median(np.abs(along[each] - end))) for each, end in ((old, 0), (late, 1)))
-        if 6 * scatter < 1 and path.any():
-            return np.asarray(np.column_stack([since, np.sign(along - 0.5)])[np.abs(along - 0.5) < 0.75])
-    return np.empty((0, 2))
+    if min(old.sum(), late.sum()) < 3:
+        return np.empty((0, 2))
+    first = np.median(position[old], axis=0)
+    path = np.median(position[late], axis=0) - first
+    along = (position - first) @ path / max(float(path @ path), 1e-300)
+    deviation = max(np.median(np.abs(along[old])), np.median(np.abs(along[late] - 1)))
+    shown = (np.abs(along - 0.5) < 0.75) & (_SEPARATION * 1.4826 * deviation < 1)
+    return np.asarray(np.column_stack([since, np.sign(along - 0.5)])[shown])

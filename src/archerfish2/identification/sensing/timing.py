@@ -1,31 +1,20 @@
-"""Frames in time: their period and how many are missing; and how long detections and messages take."""
-
-from typing import NamedTuple
+"""Frame period, share of missed frames, and jitter of the latency."""
 
 import numpy as np
 
 from archerfish2.errors import InputError
 from archerfish2.identification import statistics
 from archerfish2.identification.statistics import Array
-from archerfish2.logs.timing import MessageTimes
 from archerfish2.reports.table import Estimate
 
 OUT_OF_VIEW_S = 0.25
 """Longer gaps are the plate out of view, not frames in which it was missed [s]."""
 
 
-class FrameTiming(NamedTuple):
-    """When frames came, and how many."""
+def frame_timing(stamps: Array, source: str = "detections") -> tuple[Estimate, Estimate]:
+    """Estimate the frame period [s] and the share of frames without a detection.
 
-    period: Estimate  # time from frame to frame [s]
-    jitter: float  # standard deviation of an interval about its multiple of the period [s]
-    seen: int  # frames with a detection
-    missed: int  # frames without one between them
-    out_of_view: int  # gaps that were left out
-
-
-def frame_timing(stamps: Array, source: str = "detections") -> FrameTiming:
-    """Find the frame period and count the missing frames, while stamps jitter by less than a quarter of a period.
+    Stamps may jitter by up to a quarter of a period. Of the frames, those count that are not out of view.
 
     Args:
       stamps: increasing [s], shape (K,).
@@ -48,9 +37,9 @@ def frame_timing(stamps: Array, source: str = "detections") -> FrameTiming:
         error = stamp - (grid + count * period)
         grid += count * period + 0.1 * error
         period += 0.002 * error / max(count, 1)
-    found, seen = _period(stamps, steps), int(counted.sum())
-    jitter = float((intervals - steps * found.value)[counted].std())
-    return FrameTiming(found, jitter, seen + 1, int(steps[counted].sum()) - seen, int((~counted).sum()))
+    seen = int(counted.sum()) + 1
+    frames = max(int(steps[counted].sum()) + 1, seen)
+    return _period(stamps, steps), statistics.share_estimate(frames - seen, frames)
 
 
 def _period(stamps: Array, steps: Array) -> Estimate:
@@ -70,12 +59,6 @@ def _period(stamps: Array, steps: Array) -> Estimate:
     # grid are hardly ever known better than independent jitter lets them be.
     spread = max(statistics.long_run_covariance(score[:, None]).item(), float(np.mean(score**2)))
     return statistics.normal_estimate(slope, np.sqrt(spread * index.size) / np.sum((index - index.mean()) ** 2))
-
-
-def message_latency(name: str, times: MessageTimes) -> dict[str, Estimate]:
-    """Return mean and standard deviation of the latency of messages, named as in the link's record."""
-    latency = times.received - times.sent
-    return {name: statistics.mean_estimate(latency), f"{name}_jitter": statistics.scatter_estimate(latency)}
 
 
 def latency_jitter(delay: Array, stamp_jitter: Estimate) -> Estimate:

@@ -12,7 +12,7 @@ from archerfish2.logs.timing import GimbalLog
 
 _SMOOTHED_S = 0.025  # span of the local cubics: a gimbal moves at some 10 Hz and below, where they are exact to 0.1 %
 _HELD_SHARE = 0.2  # of repeated angles during motion, from which the feedback is slower than the log
-_MARGIN_S, _GAP = 0.05, 3.0  # to the ends of a log, and the shortest gap; gaps in median intervals
+_GAP_S, _GAP = 0.05, 3.0  # longest intervals that are no gap: in seconds, and in median intervals
 
 
 class GimbalTrack(NamedTuple):
@@ -23,14 +23,12 @@ class GimbalTrack(NamedTuple):
     stamps: Array  # of the log's samples [s], (M,)
     rate_hz: float  # at which the logged yaw is refreshed [Hz]
     quantum: float | None  # step of the logged yaw [rad], where it is visible
-    held: bool  # whether the log repeats angles until they are refreshed
 
     def covers(self, moments: Array) -> Any:
-        """Return at which moments, shape (K,), the log has angles: not near its ends, nor in a gap; shape (K,)."""
-        intervals = np.diff(self.stamps)
-        gaps = intervals > max(_MARGIN_S, _GAP * float(np.median(intervals)))
-        inside = (moments > self.time[0] + _MARGIN_S) & (moments < self.time[-1] - _MARGIN_S)
-        return inside & ~gaps[np.clip(np.searchsorted(self.stamps, moments) - 1, 0, gaps.size - 1)]
+        """Return at which moments, shape (K,), the log has angles: neither outside it nor in a gap; shape (K,)."""
+        longest = max(_GAP_S, _GAP * float(np.median(np.diff(self.stamps))))
+        intervals = np.diff(self.stamps, prepend=-np.inf, append=np.inf)
+        return intervals[np.searchsorted(self.stamps, moments)] <= longest
 
 
 def gimbal_track(log: GimbalLog) -> GimbalTrack:
@@ -50,26 +48,24 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
     speed = np.abs(yaw[2 * reach :] - yaw[: -2 * reach]) / (2 * reach)
     moving = np.pad(speed > 2 * (quantum or 1e-9), reach)[1:]
     repeated = float(np.mean(~changed[moving])) if moving.sum() >= 20 else 0.0
-    if held := repeated > _HELD_SHARE:
-        fresh[1:] = changed | ~moving
-    rate = (1 - repeated) / period if held else (time.size - 1) / float(time[-1] - time[0])
+    rate = (time.size - 1) / float(time[-1] - time[0])
+    if repeated > _HELD_SHARE:
+        fresh[1:], rate = changed | ~moving, (1 - repeated) / period
     nodes, angles = time[fresh], np.column_stack([yaw, log.pitch])[fresh]
     count = int(_SMOOTHED_S / float(np.median(np.diff(nodes)))) // 2 * 2 + 1
     if 7 <= count < nodes.size:
         even = np.linspace(nodes[0], nodes[-1], nodes.size)
         angles = savgol_filter([np.interp(even, nodes, each) for each in angles.T], count, 3).T
         nodes = even
-    return GimbalTrack(nodes, CubicSpline(nodes, angles), time, rate, quantum, held)
+    return GimbalTrack(nodes, CubicSpline(nodes, angles), time, rate, quantum)
 
 
 def _quantum(angles: Array) -> float | None:
     """Return the step of which all differences are multiples; None where levels are too many to say."""
-    levels = np.unique(angles)
-    gaps = np.diff(levels)
+    gaps = np.diff(np.unique(angles))
     gaps = gaps[gaps > 1e-9]
-    if gaps.size < 2 or levels.size > angles.size / 2:
+    if gaps.size < 2:
         return None
-    # Printing rounds the levels: the smallest gaps scatter about the step.
-    steps = np.round(gaps / np.mean(gaps[gaps < 1.5 * gaps.min()]))
-    quantum = float(gaps.sum() / steps.sum())
-    return quantum if np.mean(np.abs(gaps / quantum - steps) < 0.2) > 0.95 else None
+    quantum = float(np.mean(gaps[gaps < 1.5 * gaps.min()]))  # printing rounds: the smallest gaps scatter about the step
+    steps = gaps / quantum
+    return quantum if np.mean(np.abs(steps - np.round(steps)) < 0.2) > 0.95 else None
