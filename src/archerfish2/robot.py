@@ -40,7 +40,7 @@ class PartVerdict(Struct, frozen=True, kw_only=True):
     headline: str
     """In one sentence."""
     reasons: tuple[str, ...] = ()
-    """Short, stable names of what the verdict rests on."""
+    """What the verdict rests on, in sentences."""
     next_step: str = ""
     """What to record or to change."""
     page: str = ""
@@ -118,7 +118,8 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         files = {part: folder / f"{part}.json" for part in RECORDS}
         for part, verdict in facts.parts.items():
             if not (verdict.usable or accept_unusable):
-                problem, remedy = f"is not usable: {verdict.headline}", verdict.next_step or "identify it again"
+                problem = f"is not usable: {(verdict.reasons or (verdict.headline,))[0]}"
+                remedy = verdict.next_step or "identify it again"
                 raise file_error(files[part], one_line(problem), one_line(f"{remedy}, or set accept_unusable"))
         found: dict[str, Any] = {part: RECORDS[part].load(path) for part, path in files.items() if path.exists()}
         needed = {"pitch", "yaw", *facts.records, *facts.parts, *(("muzzle", "limits") if is_written else ())}

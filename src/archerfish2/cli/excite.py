@@ -29,11 +29,11 @@ class Excite:
     - the prediction is the identification itself, on the logs that --plant, or an axis of second order, would give
 
     Examples:
-      archerfish2 excite --axis pitch --limits my-robot/limits.json --out runs/excite
-      archerfish2 excite --kinds multisine step --amplitude-deg 1
+      archerfish2 excite pitch --limits my-robot/limits.json --out runs/excite
+      archerfish2 excite yaw --kinds multisine step --amplitude-deg 1
     """
 
-    axis: Literal["pitch", "yaw"] = "yaw"
+    axis: Annotated[Literal["pitch", "yaw"], tyro.conf.Positional]
     """Whose limits are taken."""
     kinds: tuple[Kind, ...] = ("sweep", "step")
     """Signals, each a log of its own."""

@@ -41,16 +41,16 @@ class IdentifyAxis:
     """Signals in which the axis responds."""
     time: str = "time_s"
     """Stamps, in seconds or in the unit that the name ends with (time_ms)."""
-    sample_period_s: float | None = None
+    sample_period_s: Annotated[float | None, tyro.conf.arg(metavar="SECONDS", help_behavior_hint="")] = None
     """Time between rows, of logs without stamps."""
-    order: int | None = None
+    order: Annotated[int | None, tyro.conf.arg(metavar="NUMBER", help_behavior_hint="")] = None
     """Number of poles; chosen from 1 to 8 if not given."""
-    max_delay: int | None = None
+    max_delay: Annotated[int | None, tyro.conf.arg(metavar="SAMPLES", help_behavior_hint="")] = None
     """Largest input delay in samples; found if not given."""
     dc_gain: Annotated[tuple[float, ...], tyro.conf.arg(metavar="NUMBER…", help_behavior_hint="")] = ()
     """Steady output per steady input that the plant is to have, if it is known."""
     no_feedthrough: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
-    """Whether an input can't act within its own sample."""
+    """Leave no plant the possibility to respond within a sample, as none with inertia does."""
     seed: int = 0
     """Of the draws."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/identify")

@@ -91,6 +91,9 @@ def identify_parts(folder: str | Path, seed: int = 0, name: str = "") -> Identif
     """
     folder = Path(folder)
     settings, tape = read_folder(folder)
+    limits = settings.limits.record() if settings.limits else None
+    if limits is None and (folder / "limits.json").exists():
+        limits = LimitsRecord.load(folder / "limits.json")
     jobs: dict[str, Callable[[], Any]] = {}
     for axis in AXES:
         files: AxisFiles = getattr(settings, axis)
@@ -114,9 +117,6 @@ def identify_parts(folder: str | Path, seed: int = 0, name: str = "") -> Identif
             advance(len(found), part)
             found[part] = job()
     records: dict[str, Any] = {part: getattr(each, part, None) or each.plant for part, each in found.items()}
-    limits = settings.limits.record() if settings.limits else None
-    if limits is None and (folder / "limits.json").exists():
-        limits = LimitsRecord.load(folder / "limits.json")
     records |= {"limits": limits} if limits else {}
     robot = Robot.paper().replace(name=name or folder.resolve().name[:100] or "robot", **records)
     assumed = tuple(part for part in get_args(Part) if part not in records)
@@ -164,10 +164,12 @@ def _sensing(folder: Path, seed: int) -> SensingResult:
 
 
 def _verdict(part: str, report: Report) -> PartVerdict:
+    # A robot's commands and angles are in radians both.
+    units = tuple(f"{each.message}: {each.remedy}" for each in report.findings if each.code == "degrees-radians")
     return PartVerdict(
-        usable=report.usable is not False,
+        usable=report.usable is not False and not units,
         headline=report.headline,
-        reasons=report.reasons,
+        reasons=(*units, *report.reasons),
         next_step=next(iter(report.next_steps), ""),
         page=f"{part}.html",
     )

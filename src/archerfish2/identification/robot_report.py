@@ -54,7 +54,14 @@ def robot_report(found: "IdentifiedRobot") -> Report:
     rows = [(part, "usable" if each.usable else "not usable", each.headline) for part, each in robot.parts.items()]
     rows += [(part, "assumed", "the paper's") for part in robot.assumed if part != "sensing"]
     rows += [("sensing", "assumed", "immediate and perfect")] if "sensing" in robot.assumed else []
-    tables = [Table("Parts", ("part", "", "what is known"), tuple(rows), "Each part has a page of its own.")]
+    tables = [
+        Table(
+            "Parts",
+            ("part", "", "what is known"),
+            tuple(rows),
+            f"Pages: {', '.join(each.page for each in robot.parts.values())}.",
+        )
+    ]
     if found.landings:
         errors = [100 * (each.predicted / each.measured.value - 1) for each in found.landings]
         pairs = zip(found.landings, errors, strict=True)
@@ -63,7 +70,11 @@ def robot_report(found: "IdentifiedRobot") -> Report:
         tables.append(Table("Landing points, which no fit has seen", columns, landings))
     if found.steps:
         steps = tuple((each.axis, each.size_deg, each.fit_percent) for each in found.steps)
-        tables.append(Table("Steps of other sizes, which no fit has seen", ("axis", "size [°]", "fit [%]"), steps))
+        note = (
+            "Large steps reach the limits of the motor, which a linear plant lacks; the limits of commands avoid them."
+        )
+        columns = ("axis", "size [°]", "fit [%]")
+        tables.append(Table("Steps of other sizes, which no fit has seen", columns, steps, note))
     return Report(
         title=f"{robot.name}: what the logs say",
         headline=headline + assumed,

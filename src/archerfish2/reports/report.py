@@ -31,7 +31,8 @@ class Report:
     provenance: dict[str, Any] = field(default_factory=dict)  # seed, commit, versions, hashes: what JSON can hold
 
     def __str__(self) -> str:
-        parts = ["\n".join(map(one_line, (self.title, self.headline)))]
+        verdict = {None: "", True: "usable: ", False: "not usable: "}[self.usable]
+        parts = ["\n".join(map(one_line, (self.title, verdict + self.headline)))]
         for name, lines in self.lists():
             parts.append("\n".join([name, *(f"  - {one_line(each)}" for each in lines)]))
         return "\n\n".join([*parts, *([tables_text(self.tables)] if self.tables else [])])
@@ -41,10 +42,10 @@ class Report:
         findings = [f"{each.severity}, {each.place}: {each.message}; {each.remedy}" for each in self.findings]
         named = {
             "Why": self.reasons,
+            "What to do next": self.next_steps,
             "What is known": self.known,
             "What is in doubt": self.doubts,
             "Findings in the logs": findings,
-            "What to do next": self.next_steps,
         }
         return [(name, list(lines)) for name, lines in named.items() if lines]
 

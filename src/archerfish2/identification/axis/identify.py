@@ -199,7 +199,8 @@ def _log_fit(plant: PlantRecord, recording: Recording, held_back: bool, drift: b
 def gains_of(found: AxisFit, drawn: Sequence[PlantRecord]) -> tuple[Estimate, ...]:
     """Return the steady gains with their intervals, output by output and input by input."""
     low, high = interval(np.array([each.dc_gain.ravel() for each in drawn]))
-    return tuple(map(Estimate, found.gain.ravel().tolist(), low.tolist(), high.tolist()))
+    gains = found.gain.ravel()
+    return tuple(map(Estimate, gains.tolist(), np.minimum(low, gains).tolist(), np.maximum(high, gains).tolist()))
 
 
 def _delay(found: AxisFit) -> Estimate:

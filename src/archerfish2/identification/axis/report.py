@@ -129,8 +129,7 @@ def axis_report(result: "AxisResult") -> Report:
     delay = Estimate(period_ms * value, period_ms * low, period_ms * high, "ms")
     return Report(
         title=f"{plant.axis}: what the logs say",
-        headline=f"{'usable' if not missing else 'not usable'}: order {len(plant.A)}, delay {_words(delay)}, "
-        f"fit {worst.fit_percent:.1f} % of {name}",
+        headline=f"order {len(plant.A)}, delay {_words(delay)}, fit {worst.fit_percent:.1f} % of {name}",
         usable=not missing,
         reasons=tuple(each.sentence for each in missing),
         known=tuple(_known(result, delay)),
@@ -144,14 +143,14 @@ def axis_report(result: "AxisResult") -> Report:
 
 
 def _known(result: "AxisResult", delay: Estimate) -> Iterator[str]:
-    low, high = result.excited_hz
-    yield f"The inputs excite {low:.3g} to {high:.3g} Hz; outside, the plant is an extrapolation."
-    yield f"The delay is {_words(delay)}; a plant may share it between dead time and poles."
     for place, gain in enumerate(result.dc_gain):
         yield f"The steady gain {_named(result, place)}is {_words(gain)}, 95 % interval."
         if result.free_gain:
             source = "was given" if gain.low == gain.high else "is that of the plateaus at which the steps come to rest"
             yield f"It {source}; a fit of the whole logs has {_words(result.free_gain[place])}."
+    low, high = result.excited_hz
+    yield f"The inputs excite {low:.3g} to {high:.3g} Hz; outside, the plant is an extrapolation."
+    yield f"The delay is {_words(delay)}; a plant may share it between dead time and poles."
     determined = sum(each.determined for each in result.poles)
     yield f"Of {len(result.poles)} poles, pairs counted once, the logs determine {determined}."
 
@@ -204,9 +203,19 @@ def _tables(result: "AxisResult", delay: Estimate) -> Iterator[Table]:
     yield Table("Fit of a free run [%]", ("recording", "", "fit"), logs, "100 is all of the output's deviation.")
     least = min(each.bic for each in result.candidates)
     orders = sorted(each for each in result.candidates if each.fit_percent is not None)
-    tried = tuple((str(e.order), e.delay, e.bic - least, e.fit_percent, e.held_back_percent) for e in orders)
+    tried = tuple(
+        (
+            f"{each.order}{' *' if each.order == len(result.plant.A) else ''}",
+            max(each.delay - each.feedthrough, 0),
+            each.bic - least,
+            each.fit_percent,
+            each.held_back_percent,
+        )
+        for each in orders
+    )
+    rule = "by the fit of what was held back, less 0.2 points a state" if result.fits[0].held_back else "by the BIC"
     columns = ("order", "delay [samples]", "BIC less the best", "fit [%]", "fit held back [%]")
-    yield Table("The likeliest structure of each order", columns, tried)
+    yield Table("The likeliest structure of each order", columns, tried, f"* chosen: {rule}.")
 
 
 def _figures(result: "AxisResult") -> Iterator[tuple[str, Callable[[], "Figure"]]]:
