@@ -128,11 +128,10 @@ def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Array], tuple[str
 
 def _wanted(path: Path, there: list[str], columns: ShotColumns) -> list[str]:
     """Return the columns to read; refuse another unit than the expected one, and two kinds of shots in one file."""
-    for field, name in vars(columns).items():
+    for field in (field for field, name in vars(columns).items() if name not in there):
         pattern = re.sub("_(deg|m_s|m)$", r"_\\w+", field)
-        other = [each for each in there if re.fullmatch(pattern, each) and each not in vars(COLUMNS)]
-        if other and name not in there:
-            problem = f'"{other[0]}" has another unit than {field}'
+        for other in (each for each in there if re.fullmatch(pattern, each) and each not in vars(COLUMNS)):
+            problem = f'"{other}" has another unit than {field}'
             raise log_fault(path, problem, f"convert it to {field}", "unknown-unit")
     wanted = {field for field, name in vars(columns).items() if name in there or name != field} | {"pitch_deg"}
     kind = {_LANDING} if wanted.isdisjoint(_PLANE) else {*_PLANE}

@@ -19,8 +19,8 @@ from archerfish2.logs.shots import Shots
 
 Flags = NDArray[np.bool_]
 
-_FALSE_ALARM = 0.01
-"""Share of clean sets that lose a shot."""
+_REACH = 130.0
+"""Above what a pellet of 35 m/s reaches without drag, from 3 m above the ground [m]."""
 
 
 def check_shots(shots: Shots, known: Known) -> None:
@@ -49,11 +49,14 @@ def _faults(shots: Shots, free: list[str]) -> Iterator[tuple[bool, str, str, str
         problem = f"the median speed is {middle:g} m/s, expected 1 to 35"
         yield not 1 <= middle <= 35, problem, "give m/s", "implausible-speed"
         problem = f"each speed is {middle:g} m/s, a nominal one"
-        yield not np.ptp(shots.speed), problem, "measure it or leave it out", "nominal-speed"
-    # A pellet of 35 m/s flies less than 130 m, and rises less than it flies.
-    lengths = ((shots.distance, 130.0), (shots.hit_height, shots.distance), (shots.lateral, shots.distance))
+        yield not np.ptp(shots.speed), problem, "give measured speeds, or none", "nominal-speed"
+    lengths = ((shots.distance, _REACH), (shots.hit_height, shots.distance), (shots.lateral, shots.distance))
     large = any(np.median(np.abs(each) / limit) > 1 for each, limit in lengths if each is not None)
     yield large, "most distances or heights are beyond the reach of a pellet", "give metres", "millimetres"
+    problem = (
+        f"{shots.place(int(np.argmax(shots.distance)))}: {shots.distance.max():g} m is beyond the reach of a pellet"
+    )
+    yield shots.distance.max() > _REACH, problem, "correct the value or remove the line", "beyond-reach"
     scatter = np.abs(within_settings(shots, vertical(shots))).max()
     same = shots.speed is None and scatter < 1e-9 and len(shots.settings()[1]) < count
     yield same, "all shots of a setting agree to the last digit", "give each shot, not their mean", "no-scatter"
@@ -69,10 +72,10 @@ def within_settings(shots: Shots, values: Array) -> Array:
 
 
 def without_outliers(shots: Shots, known: Known) -> tuple[Flags, MuzzleFit, int]:
-    """Estimate the muzzle without ricochets and flyers: what is far from a robust fit, or from the median sideways.
+    """Estimate the muzzle without ricochets and flyers: shots far from a robust fit, or from the median azimuth.
 
-    The limit is what the furthest of as many good shots exceeds in 1 % of all sets (Bonferroni), by Student's t for
-    deviations over their median; that has the precision of a standard deviation of 0.37 as many shots.
+    The limit is the quantile of Student's t that the furthest of as many good shots exceeds in 1 % of all sets
+    (Bonferroni). Deviations are scaled by their median, which is as precise as a standard deviation of 0.37 N shots.
 
     Returns:
       Which shots were kept, shape (N,), their fit, and the number of outliers where they were too many, else 0.
@@ -85,7 +88,7 @@ def without_outliers(shots: Shots, known: Known) -> tuple[Flags, MuzzleFit, int]
     if aside is not None:
         spread = max(median_abs_deviation(aside, scale="normal"), rounding_step(aside) / 3.5, 1e-9)
         apart = np.maximum(apart, np.abs(aside - np.median(aside)) / spread)
-    kept = (apart <= student.ppf(1 - _FALSE_ALARM / (4 * count), 0.37 * count)) | (count < 10)
+    kept = (apart <= student.ppf(1 - 0.01 / (4 * count), 0.37 * count)) | (count < 10)
     too_many = int(np.count_nonzero(~kept)) * (kept.mean() < 0.8)
     kept |= too_many > 0
     return kept, estimate.fit_muzzle(shots.select(kept), known, point), too_many
@@ -99,7 +102,7 @@ class LackOfFit(NamedTuple):
     worst_setting: str  # the setting of that one
     variance_ratio: float = 1.0  # F: mean squares of the settings' means over those within; 1 without a test
     p_value: float = 1.0  # probability of a larger F if the model is right; 1 without a test
-    matters: bool = False  # shown at 5 %, and its rms above a fifth of the scatter, which widens the hits by 2 %
+    matters: bool = False  # significant at 5 %, and its rms above a fifth of the scatter, which widens the hits by 2 %
 
     def __str__(self) -> str:
         verdict = "does not fit" if self.matters else "fits" if self.variance_ratio != 1 else "is not tested"

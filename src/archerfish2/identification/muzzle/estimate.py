@@ -20,15 +20,15 @@ from archerfish2.reports.table import Estimate
 
 Known: TypeAlias = Mapping[str, float]
 """Parameters that are given, in SI units."""
-TYPICAL = np.array([0.5, 0.01]) ** 2
+_TYPICAL = np.array([0.5, 0.01]) ** 2
 """Variances of speed [(m/s)²] and elevation [rad²] that a search begins with; only their ratio matters."""
-UNITS = {"speed": "m/s", "speed_sd": "m/s", "height": "m", "drag": "1/m", "length": "m"}
+_UNITS = {"speed": "m/s", "speed_sd": "m/s", "height": "m", "drag": "1/m"}
 """Of what is not an angle [rad]."""
 
 _START = {"speed": 18.0, "pitch_offset": 0.0, "height": 0.4, "drag": 0.02}
 """From where the free parameters are sought."""
 _ROUNDS, _DRAWS = 5, 400
-"""Of means and spreads in turns, where three or four leave less than 1e-4 of them; of the bootstrap."""
+"""Alternations of means and spreads, of which three or four leave less than 1e-4, and draws of the bootstrap."""
 _LEAST = 1e-8
 """Of the typical variance: a smaller one keeps this value, so that densities exist."""
 
@@ -82,11 +82,15 @@ def fit_means(shots: Shots, known: Known, start: Array, sd: Array, shift: Any = 
 
 
 def robust_fit(shots: Shots, known: Known) -> tuple[Array, Array]:
-    """Fit the means by Cauchy's loss; return the parameters, (q,), and residuals in robust deviations, (N,)."""
+    """Fit the means by Cauchy's loss.
+
+    Returns:
+      The free parameters, shape (q,), and the residuals in robust standard deviations, shape (N,).
+    """
     point, measured = np.array([_START[name] for name in free_names(known)]), vertical(shots)
     for loss in ("soft_l1", "cauchy", "cauchy"):
         there = linearised(shots, values_at(known, point))
-        shape = np.sqrt(there.scales @ TYPICAL[shots.speed is not None :])
+        shape = np.sqrt(there.scales @ _TYPICAL[shots.speed is not None :])
         point = fit_means(shots, known, point, shape, loss=loss)
     deviation = (measured - linearised(shots, values_at(known, point)).mean) / shape
     scale = max(1.4826 * np.median(np.abs(deviation)), rounding_step(measured) / np.median(shape) / 3.5)
@@ -95,7 +99,7 @@ def robust_fit(shots: Shots, known: Known) -> tuple[Array, Array]:
 
 def fit_muzzle(shots: Shots, known: Known, point: Array) -> MuzzleFit:
     """Estimate the free parameters, from a point of shape (q,) nearby, and the spreads."""
-    typical, number, measured = TYPICAL[shots.speed is not None :], shots.settings()[0], vertical(shots)
+    typical, number, measured = _TYPICAL[shots.speed is not None :], shots.settings()[0], vertical(shots)
     groups = (number[:, None] == np.arange(number.max() + 1)).astype(float)
     pure = len(shots) - groups.shape[1] >= max(4, (len(shots) - point.size) / 2)
     step, speed_step = rounding_step(measured), 0.0 if shots.speed is None else rounding_step(shots.speed)
@@ -150,7 +154,7 @@ def vertical_estimates(
     ends = np.hstack([[means - half, means + half], np.sqrt(np.maximum(squares, 0.0))])
     ends = np.clip(ends, *np.array([RANGES[name] for name in names]).T)
     rows = zip(names, [*means, *np.sqrt(fit.variances)], *ends.tolist(), strict=True)
-    return {name: Estimate(value, low, high, UNITS.get(name, "rad")) for name, value, low, high in rows}
+    return {name: Estimate(value, low, high, _UNITS.get(name, "rad")) for name, value, low, high in rows}
 
 
 def sample_intervals(sample: Array, unit: str) -> tuple[Estimate, Estimate]:
@@ -175,8 +179,8 @@ def mean_error(sample: Array) -> float:
 def dependence(series: Array) -> tuple[float, float]:
     """Return the standard errors of mean and variance of a series, shape (N,), over those of independent shots.
 
-    Both are 1 unless Durbin and Watson's statistic is so small for less than 1 % of independent series (normal
-    approximation), else those of a first-order autoregression, its coefficient 1 − d/2 less the bias −(1 + 3 ρ)/N.
+    Those of a first-order autoregression, whose coefficient is 1 − d/2 by Durbin and Watson's statistic d, less its
+    bias −(1 + 3 ρ)/N; 1 where d is not significantly small (1 %, normal approximation).
     """
     deviation = (series - series.mean()) / (series.std() or 1.0)
     statistic = float(np.sum(np.diff(deviation) ** 2)) / series.size

@@ -89,7 +89,7 @@ def identify_muzzle(
         if not RANGES[name][0] <= value <= RANGES[name][1]:
             problem = f"identify_muzzle: {name} is {value:g}, expected {RANGES[name][0]:g} to {RANGES[name][1]:g}"
             raise InputError(f"{problem}; give it in SI units", "out-of-range")
-    # Hits are measured from the muzzle's height; to measured speeds the speed of the model is added.
+    # Hits are measured from the muzzle's height; the model's speed is added to measured ones.
     zeros = (("height", shots.hit_height), ("speed", shots.speed))
     known = {name: 0.0 for name, measured in zeros if measured is not None} | known
     checks.check_shots(shots, known)
@@ -97,14 +97,14 @@ def identify_muzzle(
     used = shots.select(kept)
     rounded = 0.0 if used.speed is None else estimate.mean_error(used.speed)
     misfit = checks.lack_of_fit(used, fit, is_test=not rounded)
-    deviation = checks.within_settings(used, fit.residual / fit.sd)
-    ratio, longer = misfit.variance_ratio if misfit.p_value < 0.05 else 1.0, estimate.dependence(deviation)
-    estimates, alike = (
-        estimate.vertical_estimates(known, fit, ratio, rounded, longer, seed),
-        ["vertical"] * (longer[0] > 1),
-    )
-    samples = ((used.speed, "m/s", "speed", "speed_sd"), (azimuth(used), "rad", "yaw_offset", "yaw_sd"))
-    for sample, unit, *names in samples:
+    longer = estimate.dependence(checks.within_settings(used, fit.residual / fit.sd))
+    alike = ["vertical"] * (longer[0] > 1)
+    ratio = misfit.variance_ratio if misfit.p_value < 0.05 else 1.0
+    estimates = estimate.vertical_estimates(known, fit, ratio, rounded, longer, seed)
+    for sample, unit, *names in (
+        (used.speed, "m/s", "speed", "speed_sd"),
+        (azimuth(used), "rad", "yaw_offset", "yaw_sd"),
+    ):
         if sample is not None:
             estimates |= dict(zip(names, estimate.sample_intervals(sample, unit), strict=True))
             alike += names[:1] * (estimate.dependence(sample)[0] > 1)
@@ -120,23 +120,18 @@ def _warnings(
 ) -> Iterator[Finding]:
     """Yield what may spoil an estimate."""
     lost = ", ".join(map(shots.place, np.flatnonzero(~kept).tolist()))
-    opened = [name for name, (_, *ends, _) in estimates.items() if {*ends} & {*RANGES[name]}]
+    opened = [name for name, each in estimates.items() if np.isin(each[1:3], RANGES[name]).any()]
     columns = [each for each in vars(shots).values() if isinstance(each, np.ndarray)]
     copies = len(shots) - np.unique(columns, axis=1).shape[1]
     copies *= shots.speed is not None or shots.lateral is not None  # equal values of one measurement are no copies
     for is_there, code, message, remedy in (
         (lost, "outliers", f"ricochets or flyers were left out: {lost}", "check these lines"),
-        (too_many, "too-many-outliers", f"{too_many} shots disagree with the rest: all used", "check whole settings"),
-        (copies, "repeated-shots", f"shots exactly as one before: {copies}", "remove what was written twice"),
+        (too_many, "too-many-outliers", f"{too_many} shots disagree; all were used", "check whole settings"),
+        (copies, "repeated-shots", f"{copies} shots repeat an earlier one exactly", "remove what was written twice"),
         (rounded, "rounded-speeds", f"speeds in steps of {2 * rounded:g} m/s hide their scatter", "record more digits"),
-        (alike, "dependent-shots", f"successive shots are alike: {', '.join(alike)} (Durbin–Watson)", "pause between"),
+        (alike, "dependent-shots", f"successive shots are correlated: {', '.join(alike)}", "pause between shots"),
         (opened, "open-interval", f"not bounded on both sides: {', '.join(opened)}", "shoot at more settings"),
-        (
-            shots.lateral is None,
-            "no-lateral",
-            "no yaw is known, so that hit rates come out too high",
-            "record lateral_m",
-        ),
+        (shots.lateral is None, "no-lateral", "yaw offset and scatter are unknown: taken as 0", "record lateral_m"),
     ):
         if is_there:
             yield Finding(code, "warning", shots.source, message, remedy)

@@ -28,14 +28,13 @@ def muzzle_report(result: "MuzzleResult") -> Report:
     doubts = [each.message for each in result.findings if each.code == "too-many-outliers"] + [str(fit)] * fit.matters
     given = ", ".join(f"{name} {getattr(muzzle, name):g}" for name in ("height", "drag", "length") if name not in shown)
     sizes = np.bincount(shots.settings()[0][result.kept])
+    more = sizes.size < 3 or sizes.min() < 10 or shots.speed is None
     again = f"archerfish2 identify muzzle {' '.join(map(str, shots.files))}"
     rises = shots.hit_height is None and not muzzle.length and np.ptp(shots.pitch) > np.radians(1)
     steps = (
         (rises, f"Measure how far the muzzle is from the pivot, for it rises with the pitch: {again} --length-m …"),
         (fit.matters, f"Measure angles [°], distances and height again; then: {again} --drag estimate"),
-        (shots.speed is None, "Measure the speed of each shot (column speed_m_s): its scatter is hardly known."),
-        (sizes.size < 3, f"Shoot at three to five settings: {sizes.size} hardly test the flight model."),
-        (sizes.min() < 10, f"Shoot some twenty times more at each setting, then: {again} MORE.csv"),
+        (more, f"Shoot twenty times at each of three to five settings, with measured speeds: {again} MORE.csv"),
     )
     speed = "{} ({})".format(*entry_texts(shown["speed"]))
     rows = tuple((name.replace("_sd", " scatter").replace("_", " "), each) for name, each in shown.items())
