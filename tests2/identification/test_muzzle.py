@@ -149,9 +149,7 @@ def test_a_setting_that_is_off_is_a_lack_of_fit_and_not_dispersion():
 def test_successive_shots_that_are_alike_are_found_and_widen_intervals():
     rng = np.random.default_rng(1)
     assert sum(dependence(rng.standard_normal(100))[0] > 1 for _ in range(200)) <= 6  # one in a hundred
-    drifting = signal.lfilter(
-        [1], [1, -0.6], rng.standard_normal(20_000)
-    )  # the factors are those of the coefficient, 0.6
+    drifting = signal.lfilter([1], [1, -0.6], rng.standard_normal(20_000))  # of the coefficient 0.6
     assert_allclose(dependence(drifting), [np.sqrt(1.6 / 0.4), np.sqrt(1.36 / 0.64)], rtol=0.05)
     shots = fire(FIVE, 20, seed=7)
     both = [identify(replace(shots, speed=each)) for each in (shots.speed, np.sort(shots.speed))]
@@ -164,8 +162,7 @@ def test_radians_do_not_fit_and_repeated_and_missing_measurements_are_said():
     radians = identify(replace(shots, pitch=np.radians(shots.pitch)))
     assert (radians.report.usable, "angles [°]" in radians.report.next_steps[0]) == (False, True)
     columns = np.stack([shots.pitch, shots.yaw, shots.distance, shots.speed])[:, np.r_[0:50, 4:12]]
-    result = identify(Shots(*columns[:3], speed=columns[3]))
-    assert codes(result) == {"repeated-shots", "no-lateral"}
+    assert codes(identify(Shots(*columns[:3], speed=columns[3]))) == {"repeated-shots", "no-lateral"}
 
 
 FAULTS = [
