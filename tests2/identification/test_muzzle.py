@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.optimize import brentq, minimize
+from scipy import optimize, signal
 
 from archerfish2.cli.identify_muzzle import IdentifyMuzzle
 from archerfish2.dynamics.muzzle import direction
 from archerfish2.dynamics.pellet import flat_fire_crossing, quadratic_crossing
 from archerfish2.errors import InputError
-from archerfish2.identification.muzzle.checks import memory
+from archerfish2.identification.muzzle.estimate import dependence
 from archerfish2.identification.muzzle.flight import landing_distance, linearised
 from archerfish2.identification.muzzle.identify import identify_muzzle
 from archerfish2.identification.statistics import long_run_covariance, sample_estimates, variance_components
@@ -65,7 +65,7 @@ def test_without_drag_a_landing_is_the_parabola_and_with_it_quadratic_drag_withi
         velocity, drag = speed * direction(np.radians([pitch, 0.0])), np.asarray(0.019)
         found = landing_distance(*map(np.array, (speed, np.radians(pitch), 0.4, 0.019)))
         flight = functools.partial(quadratic_crossing, 0 * velocity, velocity, drag=drag)
-        expected = brentq(lambda x, flight=flight: flight(x).height + 0.4, 0.8 * found, 1.2 * found)
+        expected = optimize.brentq(lambda x, flight=flight: flight(x).height + 0.4, 0.8 * found, 1.2 * found)
         assert found == pytest.approx(expected, rel=share, abs=1.3e-3)
 
 
@@ -92,7 +92,7 @@ def test_variance_components_minimise_the_restricted_deviance_and_none_is_negati
         return -np.log(weight).sum() + weight @ left**2 + np.linalg.slogdet(normal)[1]
 
     found = variance_components(measured, columns, scales, 0.1)
-    best = minimize(deviance, [1.0, 1.0], bounds=[(0, None)] * 2, options={"ftol": 1e-13})
+    best = optimize.minimize(deviance, [1.0, 1.0], bounds=[(0, None)] * 2, options={"ftol": 1e-13})
     assert_allclose(found.variances, best.x, atol=1e-3)
     assert_allclose(found.coefficients, np.polyfit(columns[:, 1], measured, 1, w=1 / found.sd)[::-1])
 
@@ -148,33 +148,32 @@ def test_a_setting_that_is_off_is_a_lack_of_fit_and_not_dispersion():
 
 def test_successive_shots_that_are_alike_are_found_and_widen_intervals():
     rng = np.random.default_rng(1)
-    assert memory(np.array([1.0, -1, 1, -1]))[0] == pytest.approx(12 / 4)
-    assert sum(memory(rng.standard_normal(100))[1] > 0 for _ in range(200)) <= 6  # one in a hundred
+    assert sum(dependence(rng.standard_normal(100))[0] > 1 for _ in range(200)) <= 6  # one in a hundred
+    drifting = signal.lfilter([1], [1, -0.6], rng.standard_normal(20_000))  # of the coefficient 0.6
+    assert_allclose(dependence(drifting), [np.sqrt(1.6 / 0.4), np.sqrt(1.36 / 0.64)], rtol=0.05)
     shots = fire(FIVE, 20, seed=7)
     both = [identify(replace(shots, speed=each)) for each in (shots.speed, np.sort(shots.speed))]
     assert ["dependent-shots" in codes(each) for each in both] == [False, True]
     assert np.greater(*(each.estimates["speed"].high - each.estimates["speed"].low for each in both[::-1]))
 
 
-def test_radians_and_repeated_and_missing_measurements_are_said():
+def test_radians_do_not_fit_and_repeated_and_missing_measurements_are_said():
     shots = fire(FIVE, 10, seed=8, lateral=False)
-    assert {"no-lateral", "radians-as-degrees"} <= codes(identify(replace(shots, pitch=np.radians(shots.pitch))))
-    again = shots.select(np.ones(50, bool))
-    for values in (again.pitch, again.distance, again.speed):
-        values[7] = values[2]
-    assert {"repeated-shots", "no-lateral"} == codes(identify(again))
+    radians = identify(replace(shots, pitch=np.radians(shots.pitch)))
+    assert (radians.report.usable, "angles [°]" in radians.report.next_steps[0]) == (False, True)
+    columns = np.stack([shots.pitch, shots.yaw, shots.distance, shots.speed])[:, np.r_[0:50, 4:12]]
+    assert codes(identify(Shots(*columns[:3], speed=columns[3]))) == {"repeated-shots", "no-lateral"}
 
 
-PASTED = np.r_[0:24, 4:12]
 FAULTS = [
     ("too-few-shots", lambda shots: shots.select(np.arange(24) < 4), {}),
     ("not-separable", lambda shots: replace(shots.select(shots.pitch == 0), speed=None), {}),
     ("not-separable", lambda shots: shots.select(shots.pitch == 0), {"drag": "estimate"}),
     ("millimetres", lambda shots: replace(shots, distance=1000 * shots.distance), {}),
+    ("millimetres", lambda shots: replace(shots, hit_height=1000 * shots.distance), {}),
     ("beyond-reach", lambda shots: replace(shots, distance=np.where(np.arange(24) == 5, 500, shots.distance)), {}),
     ("implausible-speed", lambda shots: replace(shots, speed=1000 * shots.speed), {}),
     ("nominal-speed", lambda shots: replace(shots, speed=0 * shots.speed + 18), {}),
-    ("duplicate-shots", lambda shots: Shots(shots.pitch[PASTED], shots.yaw[PASTED], shots.distance[PASTED]), {}),
     ("no-scatter", lambda shots: Shots(shots.pitch, shots.yaw, 5 + shots.pitch), {}),
     ("out-of-range", lambda shots: shots, {"height_m": 42}),
 ]

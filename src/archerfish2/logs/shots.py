@@ -109,35 +109,30 @@ def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Array], tuple[str
     table = read_text(path, content, _wanted(path, column_names(path, content), columns))
     table.check()
     rows = np.flatnonzero(np.any(np.isfinite([*table.columns.values()]), axis=0))  # a line of separators is no shot
-    found = {
-        field: np.asarray(table.columns[name][rows], float)
-        for field, name in vars(columns).items()
-        if name in table.columns
-    }
+    fields = {name: field for field, name in vars(columns).items()}
+    found = {fields[name]: np.asarray(values[rows], float) for name, values in table.columns.items()}
     places = tuple(f"{path.name} line {table.places[row]}" for row in rows.tolist())
     if lost := np.count_nonzero(found.pop("missed", 0)):
         problem = f"{lost} of {len(places)} shots missed the measuring area; the others understate the dispersion"
         raise log_fault(path, problem, "shoot at a larger area, or from nearer", "censored-misses")
     for field, values in found.items():
-        limit = _SIGNED.get(field, 0.0)
-        if not (good := np.abs(values) < limit if limit else values > 0).all():
-            value, place = values[~good][0], places[np.argmin(good)]
-            problem = f'"{getattr(columns, field)}" is {value:g}, expected a number '
-            code = "missing-values" if np.isnan(value) else "angle-out-of-range" if limit else "not-positive"
-            problem += f"within ±{limit:g}" if limit else "above 0"
-            raise log_fault(place, problem, "correct it or remove the line", code)
+        limit = _SIGNED.get(field)
+        good = np.abs(values) < limit if limit else values > 0
+        if not good.all():
+            row, expected = int(np.argmin(good)), f"within ±{limit:g}" if limit else "above 0"
+            problem = f'"{getattr(columns, field)}" is {values[row]:g}, expected a number {expected}'
+            code = "missing-values" if np.isnan(values[row]) else "angle-out-of-range" if limit else "not-positive"
+            raise log_fault(places[row], problem, "correct it or remove the line", code)
     return found, places, table.findings
 
 
 def _wanted(path: Path, there: list[str], columns: ShotColumns) -> list[str]:
     """Return the columns to read; refuse another unit than the expected one, and two kinds of shots in one file."""
-    for field, name in vars(columns).items():
-        stem = field.removesuffix("_s").removesuffix("_m").removesuffix("_deg")
-        other = [each for each in there if re.fullmatch(rf"{stem}_\w+", each) and each not in vars(COLUMNS)]
-        if other and name not in there:
-            raise log_fault(
-                path, f'"{other[0]}" has another unit than {field}', f"convert it to {field}", "unknown-unit"
-            )
+    for field in (field for field, name in vars(columns).items() if name not in there):
+        pattern = re.sub("_(deg|m_s|m)$", r"_\\w+", field)
+        for other in (each for each in there if re.fullmatch(pattern, each) and each not in vars(COLUMNS)):
+            problem = f'"{other}" has another unit than {field}'
+            raise log_fault(path, problem, f"convert it to {field}", "unknown-unit")
     wanted = {field for field, name in vars(columns).items() if name in there or name != field} | {"pitch_deg"}
     kind = {_LANDING} if wanted.isdisjoint(_PLANE) else {*_PLANE}
     if _LANDING in wanted - kind:

@@ -2,31 +2,33 @@
 
 Where settings are repeated the spreads come from the scatter within the settings alone (pure error), so that a flight
 that does not fit can't pass for dispersion; else from the residuals. With measured speeds one spread is left, and the
-intervals are those of a plain sample (t, χ²); without, they come from a parametric bootstrap of the linearised model.
+intervals are those of a plain sample (t, χ²); without, those of the spreads come from a parametric bootstrap.
 """
 
-import itertools
 from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
 from archerfish2.identification.muzzle.flight import RANGES, SHAPING, SPREADS, Response, flown, linearised, vertical
-from archerfish2.identification.statistics import Array, sample_estimates, variance_components
+from archerfish2.identification.statistics import Array, variance_components
 from archerfish2.logs.shots import Shots
 from archerfish2.reports.table import Estimate
 
 Known: TypeAlias = Mapping[str, float]
 """Parameters that are given, in SI units."""
-TYPICAL = np.array([0.5, 0.01]) ** 2
+_TYPICAL = np.array([0.5, 0.01]) ** 2
 """Variances of speed [(m/s)²] and elevation [rad²] that a search begins with; only their ratio matters."""
-UNITS = {"speed": "m/s", "speed_sd": "m/s", "height": "m", "drag": "1/m", "length": "m"}
+_UNITS = {"speed": "m/s", "speed_sd": "m/s", "height": "m", "drag": "1/m"}
 """Of what is not an angle [rad]."""
 
-_ROUNDS, _DRAWS = 15, 400
+_START = {"speed": 18.0, "pitch_offset": 0.0, "height": 0.4, "drag": 0.02}
+"""From where the free parameters are sought."""
+_ROUNDS, _DRAWS = 5, 400
+"""Alternations of means and spreads, of which three or four leave less than 1e-4, and draws of the bootstrap."""
 _LEAST = 1e-8
 """Of the typical variance: a smaller one keeps this value, so that densities exist."""
 
@@ -59,7 +61,7 @@ def rounding_step(values: Array) -> float:
     return 1e-6 * float(np.gcd.reduce(np.rint(1e6 * (values - values[0])).astype(np.int64)))
 
 
-def fit_means(shots: Shots, known: Known, start: Array, sd: Array, shift: Any, loss: str) -> Array:
+def fit_means(shots: Shots, known: Known, start: Array, sd: Array, shift: Any = 0.0, loss: str = "linear") -> Array:
     """Fit the free parameters within their ranges by least squares, shape (q,).
 
     Args:
@@ -71,33 +73,47 @@ def fit_means(shots: Shots, known: Known, start: Array, sd: Array, shift: Any, l
       loss: of SciPy's `least_squares`.
     """
     low, high = np.array([RANGES[name] for name in free_names(known)]).T
-    measured, here = vertical(shots) - shift, np.zeros((1, 4))
-    start = np.clip(start, low + 1e-9, high - 1e-9)
 
     def ratio(point: Array) -> Array:
-        return np.asarray((measured - flown(shots, values_at(known, point), here)[0]) / sd)
+        return np.asarray((vertical(shots) - shift - flown(shots, values_at(known, point))) / sd)
 
+    start = np.clip(start, low + 1e-9, high - 1e-9)
     return np.asarray(least_squares(ratio, start, bounds=(low, high), loss=loss, x_scale=0.1 * (high - low)).x)
 
 
-def fit_muzzle(shots: Shots, known: Known, start: Array) -> MuzzleFit:
-    """Estimate the free parameters, from a start of shape (q,), and the spreads."""
-    number, point, variances = shots.settings()[0], start, TYPICAL[shots.speed is not None :]
-    groups = number[:, None] == np.arange(number.max() + 1)
-    pure = len(shots) - groups.shape[1] >= max(4, (len(shots) - start.size) / 2)
-    step, speed_step = rounding_step(vertical(shots)), 0.0 if shots.speed is None else rounding_step(shots.speed)
-    there = linearised(shots, values_at(known, point))
-    for _ in range(_ROUNDS):
-        rounding = (step**2 + (speed_step * there.slopes[:, 0]) ** 2) / 12
-        sd, shift = np.sqrt(there.scales @ variances + rounding), 0.5 * there.curvatures @ variances
-        before, point = (point, variances), fit_means(shots, known, point, sd, shift, "linear")
+def robust_fit(shots: Shots, known: Known) -> tuple[Array, Array]:
+    """Fit the means by Cauchy's loss.
+
+    Returns:
+      The free parameters, shape (q,), and the residuals in robust standard deviations, shape (N,).
+    """
+    point, measured = np.array([_START[name] for name in free_names(known)]), vertical(shots)
+    for loss in ("soft_l1", "cauchy", "cauchy"):
         there = linearised(shots, values_at(known, point))
-        design = there.slopes[:, [SHAPING.index(name) for name in free_names(known)]]
-        within, residual = groups.astype(float) if pure else design, vertical(shots) - there.mean - shift
+        shape = np.sqrt(there.scales @ _TYPICAL[shots.speed is not None :])
+        point = fit_means(shots, known, point, shape, loss=loss)
+    deviation = (measured - linearised(shots, values_at(known, point)).mean) / shape
+    scale = max(1.4826 * np.median(np.abs(deviation)), rounding_step(measured) / np.median(shape) / 3.5)
+    return point, deviation / scale
+
+
+def fit_muzzle(shots: Shots, known: Known, point: Array) -> MuzzleFit:
+    """Estimate the free parameters, from a point of shape (q,) nearby, and the spreads."""
+    typical, number, measured = _TYPICAL[shots.speed is not None :], shots.settings()[0], vertical(shots)
+    groups = (number[:, None] == np.arange(number.max() + 1)).astype(float)
+    pure = len(shots) - groups.shape[1] >= max(4, (len(shots) - point.size) / 2)
+    step, speed_step = rounding_step(measured), 0.0 if shots.speed is None else rounding_step(shots.speed)
+    variances = typical
+    for _ in range(_ROUNDS):
+        there = linearised(shots, values_at(known, point))
+        rounding = (step**2 + (speed_step * there.slopes[:, 0]) ** 2) / 12
+        shift = 0.5 * there.curvatures @ variances
+        design, residual = there.slopes[:, list(map(SHAPING.index, free_names(known)))], measured - there.mean - shift
+        within = groups if pure else design
         found = variance_components(residual, within, there.scales, rounding).variances
-        variances = np.maximum(found, _LEAST * TYPICAL[shots.speed is not None :])
-        if np.allclose(point, before[0], rtol=1e-4, atol=1e-6) and np.allclose(variances, before[1], rtol=2e-3):
-            break
+        variances = np.maximum(found, _LEAST * typical)
+        sd = np.sqrt(there.scales @ variances + rounding)
+        point = fit_means(shots, known, point, sd, shift)
     return MuzzleFit(values_at(known, point), there, design, within, residual, variances, rounding, sd)
 
 
@@ -108,7 +124,7 @@ def expected(shots: Shots, fit: MuzzleFit) -> tuple[Array, Array]:
 
 
 def vertical_estimates(
-    known: Known, fit: MuzzleFit, misfit: float, rounded: float, rho: float, seed: int
+    known: Known, fit: MuzzleFit, misfit: float, rounded: float, longer: tuple[float, float], seed: int
 ) -> dict[str, Estimate]:
     """Return the free parameters and spreads with their intervals, which end where the parameters are sought.
 
@@ -117,39 +133,41 @@ def vertical_estimates(
       fit: the estimate.
       misfit: variance of the settings' means over what scatter explains, at least 1; it widens the means' intervals.
       rounded: common error of the measured speeds [m/s].
-      rho: coefficient of the autoregression of successive shots.
+      longer: see `dependence`.
       seed: of the bootstrap.
     """
-    (count, width), scales, names = fit.within.shape, fit.response.scales, free_names(known)
-    inverse = np.linalg.pinv(fit.design / fit.sd[:, None], rcond=1e-9)
+    freedom, scales, names = fit.within.shape[0] - fit.within.shape[1], fit.response.scales, free_names(known)
     if scales.shape[1] == 1:
-        pivots, rounding = student.ppf([[0.975], [0.025]], count - width), float(np.mean(fit.rounding / scales[:, 0]))
-        squares = spread_ends(fit.variances[0], rounding, count - width, rho)[:, None]
+        rounding = np.mean(fit.rounding / scales[:, 0])
+        squares = (fit.variances + rounding) * _variance_factors(freedom, longer[1])[:, None] - rounding
     else:
         found = variance_components(fit.residual, fit.within, scales, fit.rounding)
-        drawn = [_redrawn(fit, noise) for noise in np.random.default_rng(seed).standard_normal((_DRAWS, count))]
-        pivots, tails = np.split(np.quantile(drawn, [0.975, 0.025], axis=0, method="weibull"), [len(names)], axis=1)
-        squares = np.maximum(found.unconstrained - widening(rho)[1] * tails * found.errors, 0.0)
-    error = rounded * np.abs(inverse @ (fit.response.slopes[:, 0] / fit.sd)) * [[-1.0], [1.0]]
-    half = widening(rho)[0] * np.sqrt(misfit) * pivots * np.linalg.norm(inverse, axis=1) - error
-    values = [*(fit.values[name] for name in names), *np.sqrt(fit.variances)]
-    ends, names = np.hstack([values[: len(names)] - half, np.sqrt(squares)]), [*names, *SPREADS[-scales.shape[1] :]]
-    ends = np.clip(ends, *np.array([RANGES[name] for name in names]).T).tolist()
-    units = (UNITS.get(name, "rad") for name in names)
-    return dict(zip(names, itertools.starmap(Estimate, zip(values, *ends, units, strict=True)), strict=True))
+        noise = fit.sd * np.random.default_rng(seed).standard_normal((_DRAWS, fit.sd.size))
+        drawn = [variance_components(each, fit.within, scales, fit.rounding) for each in noise]
+        pivots = [(each.unconstrained - fit.variances) / each.errors for each in drawn]
+        tails = np.quantile(pivots, [0.975, 0.025], axis=0, method="weibull")
+        squares = found.unconstrained - longer[1] * tails * found.errors
+    inverse = np.linalg.pinv(fit.design / fit.sd[:, None], rcond=1e-9)
+    half = student.ppf(0.975, freedom) * np.sqrt(misfit) * longer[0] * np.linalg.norm(inverse, axis=1)
+    half += rounded * np.abs(inverse @ (fit.response.slopes[:, 0] / fit.sd))
+    means, names = np.array([fit.values[name] for name in names]), [*names, *SPREADS[-scales.shape[1] :]]
+    ends = np.hstack([[means - half, means + half], np.sqrt(np.maximum(squares, 0.0))])
+    ends = np.clip(ends, *np.array([RANGES[name] for name in names]).T)
+    rows = zip(names, [*means, *np.sqrt(fit.variances)], *ends.tolist(), strict=True)
+    return {name: Estimate(value, low, high, _UNITS.get(name, "rad")) for name, value, low, high in rows}
 
 
-def sample_intervals(sample: Array, rho: float, unit: str) -> tuple[Estimate, Estimate]:
+def sample_intervals(sample: Array, unit: str) -> tuple[Estimate, Estimate]:
     """Return mean and standard deviation of a sample of shape (N,), without what its rounding adds, by t and χ².
 
     Where the step is above the scatter, rounding does not average out, and the scatter is open below.
     """
-    (mean, low, high, _), error, count = sample_estimates(sample)[0], mean_error(sample), sample.size
-    square, ratio = rounding_step(sample) ** 2 / 12, widening(rho)[0]
-    variance = max(float(sample.var(ddof=1)) - square, 0.0)
-    least, most = np.sqrt(spread_ends(variance, square, count - 1, rho) + square * bool(error))
-    spread = Estimate(float(np.sqrt(variance)), 0.0 if error else float(least), float(most), unit)
-    return Estimate(mean, mean + ratio * (low - mean) - error, mean + ratio * (high - mean) + error, unit), spread
+    error, square, freedom = mean_error(sample), rounding_step(sample) ** 2 / 12, sample.size - 1
+    mean, total, longer = float(sample.mean()), max(float(sample.var(ddof=1)), square), dependence(sample)
+    half = longer[0] * float(student.ppf(0.975, freedom) * sample.std() / np.sqrt(freedom)) + error
+    low, high = total * _variance_factors(freedom, longer[1]) - (0.0 if error else square)
+    low, value, high = np.sqrt(np.maximum([0.0 if error else low, total - square, high], 0.0)).tolist()
+    return Estimate(mean, mean - half, mean + half, unit), Estimate(value, low, high, unit)
 
 
 def mean_error(sample: Array) -> float:
@@ -158,21 +176,21 @@ def mean_error(sample: Array) -> float:
     return step / 2 if step > sample.std() else 0.0
 
 
-def spread_ends(variance: float, rounding: float, freedom: int, rho: float) -> Array:
-    """Return the ends of the interval of a variance, less what rounding adds, shape (2,)."""
-    tails = (freedom / chi2.ppf([0.975, 0.025], freedom)) ** widening(rho)[1]
-    return np.asarray(np.maximum((variance + rounding) * tails - rounding, 0.0))
+def dependence(series: Array) -> tuple[float, float]:
+    """Return the standard errors of mean and variance of a series, shape (N,), over those of independent shots.
 
-
-def widening(rho: float) -> tuple[float, float]:
-    """Return how much longer the standard errors of mean and variance are of a first-order autoregression."""
+    Those of a first-order autoregression, whose coefficient is 1 − d/2 by Durbin and Watson's statistic d, less its
+    bias −(1 + 3 ρ)/N; 1 where d is not significantly small (1 %, normal approximation).
+    """
+    deviation = (series - series.mean()) / (series.std() or 1.0)
+    statistic = float(np.sum(np.diff(deviation) ** 2)) / series.size
+    rho = 1 - statistic / 2
+    if statistic == 0 or norm.sf(rho * np.sqrt(series.size)) >= 0.01:
+        return 1.0, 1.0
+    rho = min(rho + (1 + 3 * rho) / series.size, 0.97)
     return float(np.sqrt((1 + rho) / (1 - rho))), float(np.sqrt((1 + rho**2) / (1 - rho**2)))
 
 
-def _redrawn(fit: MuzzleFit, normals: Array) -> list[float]:
-    """Return errors of the means and variances of drawn shots over the standard errors that these give, (q + c,)."""
-    noise = fit.sd * normals
-    drawn = variance_components(noise, fit.within, fit.response.scales, fit.rounding)
-    inverse = np.linalg.pinv(fit.design / drawn.sd[:, None], rcond=1e-9)
-    moved = inverse @ (noise / drawn.sd) / np.linalg.norm(inverse, axis=1)
-    return [*moved, *((drawn.unconstrained - fit.variances) / drawn.errors)]
+def _variance_factors(freedom: int, longer: float) -> Array:
+    """Return the ends of a variance's interval over the variance, by χ², shape (2,)."""
+    return np.asarray((freedom / chi2.ppf([0.975, 0.025], freedom)) ** longer)

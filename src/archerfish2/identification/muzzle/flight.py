@@ -10,7 +10,7 @@ the terms of σ_v vanish.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,7 @@ RANGES = {"speed": (1.0, 35.0), "pitch_offset": (-0.35, 0.35), "height": (0.01, 
 SHAPING, SPREADS = tuple(RANGES), ("speed_sd", "pitch_sd")
 """Parameters of the expected measurements, and of their scatter."""
 RANGES |= {"speed_sd": (0.0, 5.0), "pitch_sd": (0.0, 0.35), "length": (0.0, 2.0)}
+RANGES |= {"yaw_offset": (-1.6, 1.6), "yaw_sd": (0.0, 1.6)}
 """Where each parameter is sought or may be given, in SI units; no referee system allows more than 30 m/s."""
 
 _STEPS = np.array([2e-2, 1e-3, 1e-3, 1e-4])
@@ -41,9 +42,10 @@ class Response(NamedTuple):
 
 
 def linearised(shots: Shots, values: Mapping[str, float]) -> Response:
-    """Return what N shots are expected to show at given parameters, with central differences."""
-    moves = np.diag(_STEPS)
-    mean, above, below = np.split(flown(shots, values, np.vstack([0 * _STEPS, moves, -moves])), [1, 5])
+    """Return the expected measurements of N shots at given parameters, differentiated by central differences."""
+    moves = np.vstack([0 * _STEPS, np.diag(_STEPS), np.diag(-_STEPS)])
+    moved = {name: values[name] + moves[:, [column]] for column, name in enumerate(SHAPING)}
+    mean, above, below = np.split(flown(shots, {**values, **moved}), [1, 5])
     slopes, curvatures = (above - below) / (2 * _STEPS[:, None]), (above - 2 * mean + below) / _STEPS[:, None] ** 2
     spreads = slice(shots.speed is not None, 2)
     scales = slopes[spreads].T ** 2
@@ -51,23 +53,23 @@ def linearised(shots: Shots, values: Mapping[str, float]) -> Response:
     return Response(mean[0], slopes.T, np.maximum(scales, 1e-6 * scales.mean(0) + 1e-12), curvatures[spreads].T)
 
 
-def flown(shots: Shots, values: Mapping[str, float], moves: Array) -> Array:
-    """Return vertical measurements without dispersion [m], shape (R, N).
+def flown(shots: Shots, values: Mapping[str, Any]) -> Array:
+    """Return the vertical measurements without dispersion [m], shape (N,), or (R, N).
 
     Args:
       shots: N settings, and measured speeds if there are any.
-      values: parameters in SI units: those of `SHAPING`, and length.
-      moves: added to those of `SHAPING`, shape (R, 4).
+      values: parameters in SI units, those of `SHAPING` and the length, shape () or (R, 1); to measured speeds the
+        value of "speed" is added.
     """
-    faster, up, higher, more = moves.T[:, :, None]
-    speed = (values["speed"] if shots.speed is None else shots.speed) + faster
-    angle, drag = shots.pitch + values["pitch_offset"] + up, values["drag"] + more
+    speed = values["speed"] + (0.0 if shots.speed is None else shots.speed)
+    angle = shots.pitch + values["pitch_offset"]
     if shots.hit_height is None:
         # A muzzle ahead of the pivot rises with the barrel: by 14 mm at 5° and 0.16 m, which would pass for an offset.
-        return landing_distance(speed, angle, values["height"] + values["length"] * np.sin(shots.pitch) + higher, drag)
+        return landing_distance(speed, angle, values["height"] + values["length"] * np.sin(shots.pitch), values["drag"])
     sideways = shots.yaw if shots.lateral is None else np.arctan2(shots.lateral, shots.distance)
-    velocity = speed[..., None] * direction(np.stack(np.broadcast_arrays(angle, sideways), axis=-1))
-    return np.asarray(flat_fire_crossing(0 * velocity, velocity, shots.distance, drag).height)
+    speed, angle, sideways = np.broadcast_arrays(speed, angle, sideways)
+    velocity = speed[..., None] * direction(np.stack([angle, sideways], axis=-1))
+    return np.asarray(flat_fire_crossing(0 * velocity, velocity, shots.distance, values["drag"]).height)
 
 
 def landing_distance(speed: Array, angle: Array, height: Array, drag: Array) -> Array:

@@ -1,16 +1,16 @@
 """`identify_muzzle`: from shots to a muzzle record, with its report."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from archerfish2.errors import InputError
-from archerfish2.identification.muzzle import checks
-from archerfish2.identification.muzzle.estimate import Known, expected, mean_error, sample_intervals, vertical_estimates
+from archerfish2.identification.muzzle import checks, estimate
 from archerfish2.identification.muzzle.flight import RANGES, azimuth, vertical
+from archerfish2.identification.muzzle.report import muzzle_report, shots_by_setting
 from archerfish2.identification.statistics import Array
 from archerfish2.logs.recording import Finding
 from archerfish2.logs.shots import Shots, read_shots
@@ -23,7 +23,6 @@ from archerfish2.reports.table import Estimate
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_SPEED, _YAW = ("speed", "speed_sd"), ("yaw_offset", "yaw_sd")
 PELLET_DRAG = assumed_conditions().drag
 """Of a 17 mm pellet [1/m]."""
 
@@ -44,14 +43,10 @@ class MuzzleResult:
     @property
     def report(self) -> Report:
         """Verdict, figures and next steps."""
-        from archerfish2.identification.muzzle.report import muzzle_report
-
         return muzzle_report(self)
 
     def plot(self) -> "Figure":
         """Draw the shots of each setting with the fitted dispersion."""
-        from archerfish2.identification.muzzle.report import shots_by_setting
-
         number, names = self.shots.settings()
         return shots_by_setting(number, vertical(self.shots) - self.expected, self.expected_sd, self.kept, names=names)
 
@@ -94,48 +89,49 @@ def identify_muzzle(
         if not RANGES[name][0] <= value <= RANGES[name][1]:
             problem = f"identify_muzzle: {name} is {value:g}, expected {RANGES[name][0]:g} to {RANGES[name][1]:g}"
             raise InputError(f"{problem}; give it in SI units", "out-of-range")
-    known = ({} if shots.hit_height is None else {"height": 0.0}) | known
-    known |= {} if shots.speed is None else {"speed": float(np.median(shots.speed))}
+    # Hits are measured from the muzzle's height; the model's speed is added to measured ones.
+    zeros = (("height", shots.hit_height), ("speed", shots.speed))
+    known = {name: 0.0 for name, measured in zeros if measured is not None} | known
     checks.check_shots(shots, known)
     kept, fit, too_many = checks.without_outliers(shots, known)
-    used, rounded = shots.select(kept), 0.0 if shots.speed is None else mean_error(shots.speed[kept])
-    misfit, deviation = checks.lack_of_fit(used, fit, is_test=not rounded), fit.residual / fit.sd
-    statistic, rho = checks.memory(deviation - checks.setting_means(used, deviation))
-    alike = [f"vertical {statistic:.2f}"] * bool(rho)
-    ratio = max(misfit.variance_ratio, 1.0) if misfit.p_value < 0.05 else 1.0
-    estimates = vertical_estimates(known, fit, ratio, rounded, rho, seed)
-    for names, unit, sample in ((_SPEED, "m/s", used.speed), (_YAW, "rad", azimuth(used))):
+    used = shots.select(kept)
+    rounded = 0.0 if used.speed is None else estimate.mean_error(used.speed)
+    misfit = checks.lack_of_fit(used, fit, is_test=not rounded)
+    longer = estimate.dependence(checks.within_settings(used, fit.residual / fit.sd))
+    alike = ["vertical"] * (longer[0] > 1)
+    ratio = misfit.variance_ratio if misfit.p_value < 0.05 else 1.0
+    estimates = estimate.vertical_estimates(known, fit, ratio, rounded, longer, seed)
+    for sample, unit, *names in (
+        (used.speed, "m/s", "speed", "speed_sd"),
+        (azimuth(used), "rad", "yaw_offset", "yaw_sd"),
+    ):
         if sample is not None:
-            statistic, rho = checks.memory(sample)
-            alike += [f"{names[0]} {statistic:.2f}"] * bool(rho)
-            estimates |= dict(zip(names, sample_intervals(sample, rho, unit), strict=True))
+            estimates |= dict(zip(names, estimate.sample_intervals(sample, unit), strict=True))
+            alike += names[:1] * (estimate.dependence(sample)[0] > 1)
+    found = fit.values | {"yaw_sd": 0.0} | {name: each.value for name, each in estimates.items()}
     intervals = {name: (each.low, each.high) for name, each in estimates.items()}
-    fields = {**fit.values, "yaw_sd": 0.0, **{name: each.value for name, each in estimates.items()}}
-    muzzle = MuzzleRecord(**fields, intervals=intervals, provenance=provenance(seed, shots.files))
-    result = MuzzleResult(muzzle, estimates, shots, kept, *expected(shots, fit), misfit, shots.findings)
-    return replace(result, findings=(*shots.findings, *_warnings(result, known, too_many, rounded, alike)))
+    muzzle = MuzzleRecord(**found, intervals=intervals, provenance=provenance(seed, shots.files))
+    findings = (*shots.findings, *_warnings(shots, kept, estimates, too_many, rounded, alike))
+    return MuzzleResult(muzzle, estimates, shots, kept, *estimate.expected(shots, fit), misfit, findings)
 
 
-def _warnings(result: MuzzleResult, known: Known, too_many: int, rounded: float, alike: list[str]) -> Iterator[Finding]:
+def _warnings(
+    shots: Shots, kept: checks.Flags, estimates: Mapping[str, Estimate], too_many: int, rounded: float, alike: list[str]
+) -> Iterator[Finding]:
     """Yield what may spoil an estimate."""
-    shots, pitch = result.shots, result.shots.pitch
-    copies, lost = (
-        ", ".join(shots.place(index) for index in np.flatnonzero(each).tolist())
-        for each in (checks.repeated(shots)[0], ~result.kept)
-    )
-    limits = ((name, ends, RANGES.get(name, (-np.inf, np.inf))) for name, ends in result.muzzle.intervals.items())
-    opened = ", ".join(name for name, (low, high), (least, most) in limits if low <= least or high >= most)
-    small = float(np.ptp(pitch)) > 0 and float(np.abs(pitch).max()) < np.radians(0.7)
-    scales = [checks.robust_fit(replace(shots, pitch=each), known)[2] for each in (pitch, np.degrees(pitch)) if small]
+    lost = ", ".join(map(shots.place, np.flatnonzero(~kept).tolist()))
+    opened = [name for name, each in estimates.items() if np.isin(each[1:3], RANGES[name]).any()]
+    columns = [each for each in vars(shots).values() if isinstance(each, np.ndarray)]
+    copies = len(shots) - np.unique(columns, axis=1).shape[1]
+    copies *= shots.speed is not None or shots.lateral is not None  # equal values of one measurement are no copies
     for is_there, code, message, remedy in (
         (lost, "outliers", f"ricochets or flyers were left out: {lost}", "check these lines"),
-        (too_many, "too-many-outliers", f"{too_many} shots disagree with the rest: all used", "check whole settings"),
-        (copies, "repeated-shots", f"exactly as shots before: {copies}", "remove what was written twice"),
-        (small and scales[1] < scales[0] / 2, "radians-as-degrees", "pitch seems to be in radians", "give degrees"),
+        (too_many, "too-many-outliers", f"{too_many} shots disagree; all were used", "check whole settings"),
+        (copies, "repeated-shots", f"{copies} shots repeat an earlier one exactly", "remove what was written twice"),
         (rounded, "rounded-speeds", f"speeds in steps of {2 * rounded:g} m/s hide their scatter", "record more digits"),
-        (alike, "dependent-shots", f"successive shots are alike (Durbin–Watson: {', '.join(alike)})", "pause between"),
-        (opened, "open-interval", f"not bounded on both sides: {opened}", "shoot at more settings"),
-        (shots.lateral is None, "no-lateral", "the yaw is not known, and recorded as 0", "record lateral_m"),
+        (alike, "dependent-shots", f"successive shots are correlated: {', '.join(alike)}", "pause between shots"),
+        (opened, "open-interval", f"not bounded on both sides: {', '.join(opened)}", "shoot at more settings"),
+        (shots.lateral is None, "no-lateral", "yaw offset and scatter are unknown: taken as 0", "record lateral_m"),
     ):
         if is_there:
             yield Finding(code, "warning", shots.source, message, remedy)

@@ -5,11 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish2.identification.muzzle.flight import linearised
 from archerfish2.identification.statistics import Array
-from archerfish2.logs.shots import Shots
 from archerfish2.records.json_files import plain
-from archerfish2.records.muzzle import MuzzleRecord
 from archerfish2.reports.report import Report
 from archerfish2.reports.style import MUTED, PALETTE, new_figure, plot_style
 from archerfish2.reports.table import Estimate, Table, entry_texts
@@ -19,58 +16,40 @@ if TYPE_CHECKING:
 
     from archerfish2.identification.muzzle.identify import MuzzleResult
 
-_DOUBTFUL = ("too-many-outliers", "radians-as-degrees")
-"""Findings that put the whole estimate in question."""
-_DISTANCES = np.arange(1.0, 7.0)
-
 
 def muzzle_report(result: "MuzzleResult") -> Report:
     """Judge an identified muzzle: usable is one that neither a lack of fit nor the shots put in question."""
     fit, muzzle, shots = result.lack_of_fit, result.muzzle, result.shots
     shown = {name: _in_degrees(each) for name, each in result.estimates.items()}
-    text = {name: "{} ({})".format(*entry_texts(each)) for name, each in shown.items()}
-    spread, side = 100 * dispersion(muzzle, _DISTANCES), shots.lateral is not None
-    doubts = [each.message for each in result.findings if each.code in _DOUBTFUL] + [str(fit)] * fit.matters
-    scatter = f"{spread[2, 0]:.1f} cm in height" + f" and {spread[2, 1]:.1f} cm to the side" * side
+    scatter = [
+        f"{entry_texts(each)[0]} in {name[:-3]}" for name, each in shown.items() if name in ("pitch_sd", "yaw_sd")
+    ]
     used, verdict = f"{np.count_nonzero(result.kept)} of {len(shots)} shots used", str(fit).partition(":")[0].lower()
-    known = [f"Pellets leave at {text['speed']}, scattering by {text['speed_sd']}."]
-    for axis in ("pitch", "yaw")[: 1 + side]:
-        known += [f"Their {axis} is off the barrel's by {text[f'{axis}_offset']}, scattering by {text[f'{axis}_sd']}."]
-    known += ["The scatter to the side is recorded as none, which overestimates every hit rate."] * (not side)
-    given = [f"{name} {getattr(muzzle, name):g}" for name in ("height", "drag", "length") if name not in shown]
-    rows = [(f"{far:g} m", *each) for far, each in zip(_DISTANCES, spread.tolist(), strict=True)]
-    parameters = [(name.replace("_sd", " scatter").replace("_", " "), each) for name, each in shown.items()]
+    doubts = [each.message for each in result.findings if each.code == "too-many-outliers"] + [str(fit)] * fit.matters
+    given = ", ".join(f"{name} {getattr(muzzle, name):g}" for name in ("height", "drag", "length") if name not in shown)
+    sizes = np.bincount(shots.settings()[0][result.kept])
+    more = sizes.size < 3 or sizes.min() < 10 or shots.speed is None
+    again = f"archerfish2 identify muzzle {' '.join(map(str, shots.files))}"
+    rises = shots.hit_height is None and not muzzle.length and np.ptp(shots.pitch) > np.radians(1)
+    steps = (
+        (rises, f"Measure how far the muzzle is from the pivot, for it rises with the pitch: {again} --length-m …"),
+        (fit.matters, f"Measure angles [°], distances and height again; then: {again} --drag estimate"),
+        (more, f"Shoot twenty times at each of three to five settings, with measured speeds: {again} MORE.csv"),
+    )
+    speed = "{} ({})".format(*entry_texts(shown["speed"]))
+    rows = tuple((name.replace("_sd", " scatter").replace("_", " "), each) for name, each in shown.items())
     return Report(
         title=f"Muzzle from {shots.source}",
-        headline=f"Muzzle: {text['speed']}, scatter {scatter} at 3 m; {used}; {verdict}.",
+        headline=f"Muzzle: {speed}, scatter {' and '.join(scatter)}; {used}; {verdict}.",
         usable=not doubts,
         reasons=tuple(doubts),
-        known=(*known, str(fit), f"Given, not estimated: {', '.join(given)} (SI units)."),
-        next_steps=_next_steps(result),
-        tables=(
-            Table("Parameters", ("parameter", "estimate, 95 %"), tuple(parameters)),
-            Table("Dispersion, standard deviations [cm]", ("distance", "height", "side"), tuple(rows)),
-        ),
+        known=(str(fit), f"Given, not estimated: {given} (SI units)."),
+        next_steps=tuple(text for is_due, text in steps if is_due),
+        tables=(Table("Parameters", ("parameter", "estimate, 95 %"), rows),),
         figures=(("Measured less modelled", result.plot),),
         findings=result.findings,
         provenance=plain(muzzle.provenance),
     )
-
-
-def dispersion(muzzle: MuzzleRecord, distances: Array) -> Array:
-    """Return the scatter of level shots in height and to the side at planes, by the delta method.
-
-    Args:
-      muzzle: its speed, offset and scatter.
-      distances: of the planes [m], shape (N,).
-
-    Returns:
-      Standard deviations [m], shape (N, 2).
-    """
-    level = Shots(0 * distances, 0 * distances, distances, 0 * distances)
-    values = {name: getattr(muzzle, name) for name in ("speed", "pitch_offset", "height", "drag", "length")}
-    variance = linearised(level, values).scales @ np.square([muzzle.speed_sd, muzzle.pitch_sd])
-    return np.stack([np.sqrt(variance), distances * muzzle.yaw_sd], axis=1)
 
 
 def shots_by_setting(
@@ -102,20 +81,3 @@ def shots_by_setting(
 def _in_degrees(each: Estimate) -> Estimate:
     value, low, high = np.degrees(each[:3]).tolist()
     return Estimate(value, low, high, "°") if each.unit == "rad" else each
-
-
-def _next_steps(result: "MuzzleResult") -> tuple[str, ...]:
-    """Return what to do, the most useful first."""
-    shots, sizes = result.shots, np.bincount(result.shots.settings()[0][result.kept])
-    again = f"archerfish2 identify muzzle {' '.join(map(str, shots.files))}"
-    moves = shots.hit_height is None and not result.muzzle.length and np.ptp(shots.pitch) > np.radians(1)
-    loose = any(e.high - e.low > 0.6 * e.value for name, e in result.estimates.items() if name[:-3] in ("pitch", "yaw"))
-    steps = (
-        (moves, f"Measure how far the muzzle is from the pivot, for it rises with the pitch: {again} --length-m …"),
-        (result.lack_of_fit.matters, f"Measure angles, distances and height again; then: {again} --drag estimate"),
-        (shots.speed is None, "Measure the speed of each shot (column speed_m_s): its scatter is hardly known."),
-        (shots.lateral is None, "Measure how far left each pellet went (column lateral_m)."),
-        (sizes.size < 3, f"Shoot at three to five settings: {sizes.size} hardly test the flight model."),
-        (sizes.min() < 10 or loose, f"Shoot some twenty times more at each setting, then: {again} MORE.csv"),
-    )
-    return tuple(text for is_due, text in steps if is_due)
