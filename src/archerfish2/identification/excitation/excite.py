@@ -6,7 +6,6 @@ The prediction simulates the logs and runs the identification on them, so that i
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -69,8 +68,8 @@ class Excitation:
         found, limits = self.expected.report, self.limits
         rows: list[tuple[Entry, ...]] = []
         for name, log in self.logs.items():
-            _, rate, acceleration = demand(log.inputs[:, 0] - log.inputs[0], log.period_s).tolist()
-            moved = (rate, acceleration) if acceleration <= limits.max_acceleration else ("jump", "jump")
+            _, *moved = demand(log.inputs[:, 0] - log.inputs[0], log.period_s).tolist()
+            moved = ["jump", "jump"] if moved[1] > limits.max_acceleration else moved
             rows.append((name, len(log) * log.period_s, *np.degrees([log.inputs.min(), log.inputs.max()]), *moved))
         most = (*np.degrees([limits.low, limits.high]).tolist(), limits.max_rate, limits.max_acceleration)
         return Report(
@@ -117,10 +116,11 @@ def excite(
     if plant.D.shape != (1, 1) or not 0 <= noise_sd < math.inf:
         raise InputError(f"excite: expected shape (1, 1), noise_sd ≥ 0, not {plant.D.shape}, {noise_sd:g}; correct it")
     logs: tuple[list[Recording], list[Recording]] = [], []
-    for kind, held_back in product(dict.fromkeys(kinds), (False, True)[: 1 + validation]):
-        u = plan_command(kind, limits, settings, period_s, held_back)
-        y = u[:1] * plant.dc_gain[0] + simulate(plant, u[:, None] - u[0])[:, 0] + noise_sd * rng.standard_normal(len(u))
-        fields = {"output_names": ("expected",), "source": f"{axis}_{kind}{'_validation' * held_back}.csv"}
-        logs[held_back].append(Recording.from_arrays(u, y, period_s, **fields))
+    for held_back, kept in enumerate(logs[: 1 + validation]):
+        for kind in kinds:
+            u = plan_command(kind, limits, settings, period_s, bool(held_back))[:, None]
+            y = u[0] @ plant.dc_gain.T + simulate(plant, u - u[0]) + noise_sd * rng.standard_normal(u.shape)
+            source = f"{axis}_{kind}{'_validation' * held_back}.csv"
+            kept.append(Recording.from_arrays(u, y, period_s, output_names=("expected",), source=source))
     expected = identify_axis(logs[False], validate=logs[True], axis=axis, order=len(plant.A), seed=seed)
     return Excitation(limits, {each.source: each for each in (*logs[False], *logs[True])}, expected)
