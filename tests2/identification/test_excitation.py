@@ -67,10 +67,10 @@ def test_all_frequencies_of_the_band_are_excited(kind, derivative):
     assert min(bands) > 0.05 * max(bands)
 
 
-def test_steps_jump_unless_they_are_slewed_and_others_are_held_back():
-    for held_back, levels in ((False, [-3.0, 0.0, 3.0]), (True, [-2.1, 0.0, 1.5])):
-        command = plan_command("step", LIMITS, ExcitationSettings(), PERIOD, held_back)
-        assert_array_equal(np.unique(np.round(np.degrees(command - CENTRE), 6)), levels)
+@pytest.mark.parametrize(("held_back", "levels"), [(False, [-3.0, 0.0, 3.0]), (True, [-2.1, 0.0, 1.5])])
+def test_steps_jump_unless_they_are_slewed_and_others_are_held_back(held_back, levels):
+    command = plan_command("step", LIMITS, ExcitationSettings(), PERIOD, held_back)
+    assert_array_equal(np.unique(np.round(np.degrees(command - CENTRE), 6)), levels)
 
 
 def test_the_prediction_is_the_spread_of_real_identifications():
@@ -79,15 +79,16 @@ def test_the_prediction_is_the_spread_of_real_identifications():
     settings = ExcitationSettings(low_hz=0.5, high_hz=20.0, duration_s=6.0, amplitude=0.1, step=0.1, hold_s=0.5)
     limits = AxisLimits(low=-0.5, high=0.5, max_rate=100.0, max_acceleration=1e5)
     planned = excite("yaw", limits, validation=False, plant=plant, noise_sd=noise, settings=settings)
+    logs = [(each.inputs, simulate(plant, each.inputs)) for each in planned.logs.values()]
     found = []
     for seed in range(8):
         rng = np.random.default_rng(seed)
-        logs = [(each.inputs, simulate(plant, each.inputs)) for each in planned.logs.values()]
         noisy = [Recording(u, y + noise * rng.standard_normal(u.shape), period_s) for u, y in logs]
-        plant_found = fit_axis(noisy, 2, 3)
-        pole = np.log(plant_found.poles[0]) / period_s
-        found.append([plant_found.gain.item(), abs(pole) / (2 * np.pi), -pole.real / abs(pole)])
-    expected = planned.expected.dc_gain[0], planned.expected.poles[0].frequency_hz, planned.expected.poles[0].damping
+        fit = fit_axis(noisy, 2, 3)
+        pole = np.log(fit.poles[0]) / period_s
+        found.append([fit.gain.item(), abs(pole) / (2 * np.pi), -pole.real / abs(pole)])
+    pole = planned.expected.poles[0]
+    expected = planned.expected.dc_gain[0], pole.frequency_hz, pole.damping
     half = [(each.high - each.low) / 2 for each in expected]
     # 8 fits give a standard deviation to ±50 % at 95 %, 100 draws of a bootstrap to ±14 %.
     assert_allclose(half, 1.96 * np.std(found, axis=0, ddof=1), rtol=0.7)
@@ -103,16 +104,15 @@ def test_the_printed_second_pair_of_pitch_is_not_determined_by_a_sweep():
 
 def test_the_command_writes_what_to_play_and_reports_the_outcome(tmp_path, capsys):
     LimitsRecord(pitch=LIMITS, yaw=LIMITS).save(tmp_path / "limits.json")
-    Excite(axis="pitch", limits=tmp_path / "limits.json", duration_s=4.0, out=tmp_path / "plan").run()
+    Excite(axis="pitch", limits=tmp_path / "limits.json", duration_s=2.0, out=tmp_path / "plan").run()
     names = [f"pitch_{kind}{end}.csv" for kind in ("sweep", "step") for end in ("", "_validation")]
-    others = ["pitch_excitation.html", "pitch_excitation.json", "run.json", "run.lock"]
-    assert sorted(each.name for each in (tmp_path / "plan").iterdir()) == sorted([*names, *others])
+    others = {"pitch_excitation.html", "pitch_excitation.json", "run.json", "run.lock"}
+    assert {each.name for each in (tmp_path / "plan").iterdir()} == {*names, *others}
     table = np.loadtxt(tmp_path / "plan" / names[0], delimiter=",", skiprows=1)
-    assert_allclose(table[:, 1], plan_command("sweep", LIMITS, ExcitationSettings(duration_s=4.0), PERIOD))
-    assert_allclose(table[:, 0], PERIOD * np.arange(5000), atol=1e-9)
+    assert_allclose(table[:, 1], plan_command("sweep", LIMITS, ExcitationSettings(duration_s=2.0), PERIOD))
+    assert_allclose(table[:, 0], PERIOD * np.arange(3000), atol=1e-9)
     printed = capsys.readouterr().out
-    for text in ("Steps jump", "steady gain", "pitch_sweep_validation.csv  held back", "jump", "80.00"):
-        assert text in printed
+    assert all(text in printed for text in ("Steps jump", "steady gain", "validation.csv  held back", "80.00"))
 
 
 MIMO = PlantRecord.from_state_space(0.5 * np.eye(2), np.eye(2), np.eye(2), 0.0, PERIOD)
@@ -121,7 +121,6 @@ REFUSED = [
     ({"settings": ExcitationSettings(period_s=20.0)}, "period_s ≤ duration_s, got .*period_s=20"),
     ({"settings": ExcitationSettings(amplitude=0.3)}, r"sweep: expected .*14°.* about .*-7.73°.*, got .*17.2°"),
     ({"settings": ExcitationSettings(step=0.3), "kinds": ("step",)}, "step: expected .* got 17.2°"),
-    ({"settings": ExcitationSettings(centre=1.0)}, "57.3°"),
     ({"plant": MIMO}, r"shape \(1, 1\).* not \(2, 2\)"),
     ({"noise_sd": -1.0}, "noise_sd ≥ 0"),
 ]

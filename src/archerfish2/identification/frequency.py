@@ -1,6 +1,7 @@
 """Frequency responses of a plant and as measured, and the band in which logs determine it."""
 
 from collections.abc import Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,6 @@ from archerfish2.records.plant import PlantRecord
 
 _SEGMENT = 16, 1024  # samples of Welch's segments, at least and at most
 _SHARE = 1e-2  # of the largest density of an input, from which a frequency counts as excited
-_FAINT = 1e-5  # share of the largest density of all logs, below which that of a log counts as none
 _FALSE_ALARM, _TAPERS = 0.01, 5
 
 
@@ -52,11 +52,9 @@ def measured_response(recordings: Sequence[Recording]) -> MeasuredResponse:
     hz, averages = np.fft.rfftfreq(segment, recordings[0].period_s), 0
     spectra = np.zeros((hz.size, *2 * (inputs + recordings[0].outputs.shape[1],)), complex)
     for each in recordings:
-        signals, segments = (
-            np.hstack([each.inputs, each.outputs]).T,
-            2 * len(each) // segment - 1,
-        )  # overlapping by half
-        if len(each) >= 2 * segment:
+        signals = np.hstack([each.inputs, each.outputs]).T
+        segments = 2 * len(each) // segment - 1  # each overlaps the next by half
+        if segments >= 3:
             spectra += segments * signal.csd(signals, signals[:, None], nperseg=segment)[1].T
             averages += segments
     power = np.diagonal(spectra, axis1=1, axis2=2).real
@@ -81,19 +79,19 @@ def excited_band(recordings: Sequence[Recording]) -> tuple[float, float]:
     whose inputs are mostly held, few of Welch's segments have a response; there the power alone counts.
     """
     found = [np.zeros(0)]
-    for channel in range(recordings[0].inputs.shape[1]):
-        held = [bool(np.mean(np.diff(each.inputs[:, channel]) != 0) < 0.5) for each in recordings]
-        densities = [_density(e.inputs[:, channel], h) * e.period_s**2 for e, h in zip(recordings, held, strict=True)]
-        faint = max(_FAINT * max(density.max() for density in densities), 1e-300)
-        for each, density, mostly_held in zip(recordings, densities, held, strict=True):
-            hz = (1 + np.flatnonzero(density >= max(_SHARE * density.max(), faint))) / (len(each) * each.period_s)
-            if hz.size and not mostly_held:
-                at, _, coherence, significant = measured_response([each])
-                inside = (at >= hz[0]) & (at <= hz[-1])
-                at, coherent = at[inside], coherence[inside, :, channel].max(1) > significant
-                if coherent.any():
-                    hz = hz.clip(0 if coherent[0] else at[coherent][0], None if coherent[-1] else at[coherent][-1])
-            found.append(hz)
+    for each, channel in product(recordings, range(recordings[0].inputs.shape[1])):
+        u = each.inputs[:, channel]
+        if np.ptp(u) == 0:
+            continue
+        held = bool(np.mean(np.diff(u) != 0) < 0.5)
+        density = _density(u, held)
+        hz = (1 + np.flatnonzero(density >= _SHARE * density.max())) / (len(each) * each.period_s)
+        at, _, coherence, significant = measured_response([each])
+        inside = (at >= hz[0]) & (at <= hz[-1])
+        at, coherent = at[inside], coherence[inside, :, channel].max(1, initial=0.0) > significant
+        if coherent.any() and not held:
+            hz = hz.clip(0 if coherent[0] else at[coherent][0], None if coherent[-1] else at[coherent][-1])
+        found.append(hz)
     every = np.concatenate(found)
     return float(np.min(every, initial=np.inf)), float(np.max(every, initial=0))
 

@@ -29,8 +29,8 @@ _UNITS |= {"torque_offset": "N m", "friction": "N m"}
 _FREE, _DRY = {"pitch": [0, 1, 2, 3], "yaw": [0, 1, 4]}, 5
 """Which of these are estimated."""
 _FINE_S, _SMOOTH_S = 5e-3, 0.1  # within them an axis can't both stop and break free; an angle is nearly a parabola
-_FRICTIONS, _EVIDENCE = (0.01, 0.1), 6.0
-"""Of the torque's range, from which friction is searched; what it must gain beyond the BIC, in twice the log odds."""
+_FRICTIONS, _CERTAIN = (0.01, 0.1), 0.5
+"""Of the torque's range, from which friction is searched; share of it above which its interval is to lie."""
 _FEWEST, _AGREE, _USABLE_PERCENT = 50, 0.1, 80.0
 _RECORD = "record a log that speeds up and slows down, and for pitch one that moves slowly through the whole travel"
 
@@ -78,7 +78,7 @@ def identify_rigid(
       kind: whether gravity acts.
       torque_per_unit: torque per unit of the input, of a motor's current its torque constant [N m].
       segment_s: longest stretch that is simulated from one initial state [s].
-      friction: whether Coulomb friction is estimated; "auto" does if the BIC is strongly for it.
+      friction: whether Coulomb friction is estimated; "auto" does if its interval lies above half of it.
       rate: name of a measured rate that the angle is compared with; "-NAME" turns its sign.
 
     Raises:
@@ -106,8 +106,9 @@ def identify_rigid(
         begun = [np.append(fit.values[:_DRY], size * np.ptp(segments.torque)) for size in _FRICTIONS]
         tried = [_fit(segments, [*fit.free, _DRY], each, fit.starts) for each in begun]
         dry = min(tried, key=lambda each: float(np.sum(each.residual**2)))
-        if friction == "coulomb" or _pays(fit, dry):
-            fit = _fit(segments, dry.free, dry.values, dry.starts)
+        dry = _fit(segments, dry.free, dry.values, dry.starts)
+        value, low, _, _ = _estimates(dry)["friction"]
+        fit = dry if friction == "coulomb" or low > _CERTAIN * value else fit
     errors, angles = (np.split(each, np.cumsum(counts)[:-1]) for each in (fit.residual, segments.angle))
     shares = [100 * (1 - float(np.sqrt(np.mean(e**2)) / a.std())) for e, a in zip(errors, angles, strict=True)]
     estimates, fits = _estimates(fit), tuple(zip((each.source for each in logged), shares, strict=True))
@@ -186,34 +187,12 @@ def _fit(segments: Segments, free: list[int], values: Array, starts: Array) -> R
         _, shared, own = linearised(x.tobytes())
         return sparse.hstack([shared.reshape(-1, count), sparse.block_diag(list(own))]).tocsr()
 
-    def residual(x: Array) -> Array:
-        return linearised(x.tobytes())[0].ravel()
-
-    options: Any = {
-        "bounds": (lowest, np.inf),
-        "x_scale": "jac",
-        "ftol": 1e-6,
-        "xtol": 1e-6,
-        "gtol": None,
-        "max_nfev": 60,
-    }
-    x = optimize.least_squares(residual, x, jacobian, **options).x
+    options: Any = {"bounds": (lowest, np.inf), "x_scale": "jac", "ftol": 1e-6, "xtol": 1e-6, "gtol": None}
+    x = optimize.least_squares(lambda x: linearised(x.tobytes())[0].ravel(), x, jacobian, max_nfev=60, **options).x
     error, shared, own = linearised(x.tobytes())
     basis, values[free] = np.linalg.qr(own)[0], x[:count]
-    return RigidFit(free, values, x[count:].reshape(-1, 2), error, shared - basis @ (basis.swapaxes(1, 2) @ shared))
-
-
-def _memory(residual: Array) -> float:
-    """Return the correlation of a residual with itself one sample later."""
-    return float(np.mean(residual[:, 1:] * residual[:, :-1]) / np.mean(residual**2))
-
-
-def _pays(smooth: RigidFit, dry: RigidFit) -> bool:
-    """Return whether friction pays by the BIC, over as many samples as the residual's memory leaves independent."""
-    memory = min(max(_memory(dry.residual), 0.0), 0.99)
-    samples = dry.residual.size * (1 - memory) / (1 + memory)
-    gained = samples * np.log(np.mean(smooth.residual**2) / np.mean(dry.residual**2))
-    return bool(gained > np.log(samples) + _EVIDENCE)
+    shared = shared - basis @ (basis.swapaxes(1, 2) @ shared)
+    return RigidFit(free, values, x[count:].reshape(-1, 2), error, shared)
 
 
 def _estimates(fit: RigidFit) -> dict[str, Estimate]:
@@ -222,7 +201,8 @@ def _estimates(fit: RigidFit) -> dict[str, Estimate]:
     slopes = fit.slopes.reshape(left.size, -1)
     bread = np.linalg.inv(slopes.T @ slopes)
     # A level and a trend of its own, fitted to each segment, bias the memory ρ by −(2 + 4 ρ) / length (Kendall 1954).
-    memory = min(max((_memory(left) + 2 / length) / (1 - 4 / length), -0.99), 0.99)
+    memory = np.mean(left[:, 1:] * left[:, :-1]) / np.mean(left**2)
+    memory = ((memory + 2 / length) / (1 - 4 / length)).clip(-0.99, 0.99)
     coloured = signal.lfilter([1.0], [1.0, -memory], slopes[::-1], axis=0)
     power = np.mean((left[:, 1:] - memory * left[:, :-1]) ** 2) / (1 - (len(bread) + fit.starts.size) / left.size)
     errors = np.sqrt(power * np.diag(bread @ (coloured.T @ coloured) @ bread))

@@ -5,6 +5,7 @@ it. Behind the right operator the plant lacks the bias that the nonlinearity giv
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -72,9 +73,9 @@ class _Search:
         self.starts = [self.base.sections, sections_from_poles(np.abs(poles) ** _FASTER * np.exp(1j * np.angle(poles)))]
 
     def logs(self, name: str, level: float) -> list[Experiment]:
-        both = [(_OPERATORS[name](u, level, self.period_s)[:, None], len(u)) for u in self.commands]
-        logs = zip(both, self.found.experiments, strict=True)
-        return [Experiment(u, e.y[:n], min(e.pad, n), e.rest, e.skip, e.drift) for (u, n), e in logs]
+        inputs = [_OPERATORS[name](u, level, self.period_s)[:, None] for u in self.commands]
+        logs = zip(self.found.experiments, inputs, strict=True)
+        return [replace(e, u=u, y=e.y[: len(u)], pad=min(e.pad, len(u))) for e, u in logs]
 
     def lines(self, name: str, level: float, delay: int) -> list[Lines]:
         return lines_of(self.logs(name, level), self.picks, delay, self.found.structure.feedthrough)
@@ -115,15 +116,14 @@ class _Search:
         linear = plant_of(self.base, found.structure, found.scale, period_s)
         behind = plant_of(fit, found.structure._replace(delay=delay), found.scale, period_s)
         decay = -np.log(np.clip(np.abs(poles_of(self.base.sections)).max(), 1e-6, 1 - 1e-4))
-        settle = min(int(_SETTLED / decay) + 10, _LONGEST)
+        settle = min(int(_SETTLED / decay) + 10, _LONGEST) + max(found.delay, delay)
         largest = max(float(np.abs(u).max()) for u in self.commands)
         levels = np.random.default_rng(0).uniform(-largest, largest, _LEVELS)
-        given = np.concatenate([[0.0], np.full(settle + max(found.delay, delay), largest), levels.repeat(settle // 4)])
+        given = np.concatenate([[0.0], np.full(settle, largest), levels.repeat(settle // 4)])
         ours = simulate(linear, given[:, None])
         theirs = simulate(behind, _OPERATORS[name](given, level, period_s)[:, None])
         agreement = 1 - np.linalg.norm(theirs - ours) / max(float(np.linalg.norm(theirs - theirs.mean())), 1e-300)
-        rest = settle + max(found.delay, delay)
-        return theirs[rest].item() / ours[rest].item(), 100 * float(agreement)
+        return theirs[settle].item() / ours[settle].item(), 100 * float(agreement)
 
 
 def _followed(command: Array, move: Callable[[float, float], float]) -> Array:

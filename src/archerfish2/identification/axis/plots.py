@@ -110,8 +110,7 @@ def step_plot(plant: PlantRecord, *, output: int = 0, title: str = "") -> "Figur
             if plant.draws:
                 panel.fill_between(time, *interval(simulate(plant, step, draws=True)[..., output]), **_BAND)
             panel.plot(time, simulate(plant, step)[:, output], color=_RED, label="plant")
-            gain = plant.dc_gain[output, channel]
-            panel.axhline(gain, color=MUTED, linewidth=0.9, linestyle="--", label="steady gain")
+            panel.axhline(plant.dc_gain[output, channel], color=MUTED, linestyle="--", label="steady gain")
             panel.set(xlabel=f"time since the step of {plant.input_names[channel]} [s]")
         axes[0, 0].set(title=title, ylabel=f"{plant.output_names[output]} per unit")
         _legend(figure, axes[0, 0])

@@ -41,7 +41,7 @@ class Excitation:
     expected: AxisResult  # what the identification makes of them
 
     def save(self, folder: str | Path) -> None:
-        """Write each command to a file, with the expected angle, which is no measured one.
+        """Write each command to a file, with the expected angle beside it.
 
         Raises:
           InputError: if the folder can't be written.
@@ -50,16 +50,13 @@ class Excitation:
             log.write_csv(Path(folder) / name)
 
     def plot(self) -> "Figure":
-        """Draw the commands and their spectra."""
+        """Draw the commands."""
         with plot_style():
-            figure, ((times,), (spectra,)) = new_figure(2, 1, height=5.5)
+            figure, ((panel,),) = new_figure()
             for name, log in self.logs.items():
-                u = np.degrees(log.inputs[:, 0])
-                times.plot(log.time, u, label=name)
-                spectra.magnitude_spectrum(u - u[0], Fs=1 / log.period_s, scale="dB")
-            times.set(xlabel="time [s]", ylabel="command [°]")
-            spectra.set(xscale="log", ylim=(-120, None), xlabel="frequency [Hz]", ylabel="amplitude [dB re 1°]")
-            times.legend()
+                panel.plot(log.time, np.degrees(log.inputs[:, 0]), label=name)
+            panel.set(xlabel="time [s]", ylabel="command [°]")
+            panel.legend()
         return figure
 
     @property
@@ -72,15 +69,12 @@ class Excitation:
             moved = ["jump", "jump"] if moved[1] > limits.max_acceleration else moved
             rows.append((name, len(log) * log.period_s, *np.degrees([log.inputs.min(), log.inputs.max()]), *moved))
         most = (*np.degrees([limits.low, limits.high]).tolist(), limits.max_rate, limits.max_acceleration)
-        return Report(
-            title=f"{self.expected.plant.axis}: commands for its identification",
-            headline=f"expected of their logs: {found.headline}",
-            known=found.known,
-            doubts=(*[_JUMPS] * any("jump" in row for row in rows), *found.reasons, *found.doubts),
-            next_steps=(_PLAY, *found.next_steps),
-            tables=(Table("Commands", _COLUMNS, (*rows, ("limit", None, *most))), *found.tables[:2]),
-            figures=(("Commands and their spectra", self.plot), *found.figures),
-        )
+        table = Table("Commands", _COLUMNS, (*rows, ("limit", None, *most)))
+        doubts = (*[_JUMPS] * any("jump" in row for row in rows), *found.reasons, *found.doubts)
+        steps, figures = (_PLAY, *found.next_steps), (("Commands", self.plot), *found.figures)
+        title = f"{self.expected.plant.axis}: commands for its identification"
+        headline, tables = f"expected of their logs: {found.headline}", (table, *found.tables[:2])
+        return Report(title, headline, None, (), found.known, doubts, steps, tables, figures)
 
 
 def excite(

@@ -114,9 +114,9 @@ def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: f
     low_hz, high_hz, durations = settings.low_hz, settings.high_hz, (settings.duration_s, settings.period_s)
     count, repeat = (max(1, round(each / period_s)) for each in durations)
     if kind == "sweep":
-        time = period_s * np.arange(count)
         frequency = low_hz + (high_hz - low_hz) * np.arange(count) / count
-        return np.asarray(chirp(time, low_hz, count * period_s, high_hz, phi=-90) * _largest_sine(frequency, budget))
+        sine = chirp(np.arange(count), low_hz * period_s, count, high_hz * period_s, phi=-90)
+        return np.asarray(sine * _largest_sine(frequency, budget))
     if kind == "multisine":
         length_s = repeat * period_s
         harmonics = np.arange(max(1, round(low_hz * length_s)), int(high_hz * length_s + 1e-9) + 1)
