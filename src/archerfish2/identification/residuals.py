@@ -36,7 +36,7 @@ class ResidualTests(NamedTuple):
 
     lags: NDArray[np.int64]  # −25…25 [samples]; at a positive one the input comes first, (L,)
     correlation: Array  # of the residual with each input, −1…1, (m, L)
-    band: Array  # half width of its band, (m, L)
+    band: Array  # half width of its band, the same at all lags, (m, 1)
     explained_share: float  # of the residual's power by the last 25 inputs, linearly, 0…1
     independent: bool  # whether no input's correlation leaves its band at a lag ≥ 0
     feedback: bool  # whether an input's innovations follow those of the residual

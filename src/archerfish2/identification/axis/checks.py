@@ -8,7 +8,6 @@ from scipy.special import fdtri
 from archerfish2.identification.axis.fit import AxisFit, fit_axis
 from archerfish2.identification.frequency import measured_response
 from archerfish2.identification.simulation import Array
-from archerfish2.identification.sources import exchanged
 from archerfish2.identification.validation import free_run
 from archerfish2.logs.recording import Finding, Recording
 from archerfish2.records.plant import PlantRecord
@@ -87,7 +86,7 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
     odd = plant.delay_samples <= plant.D.any() or len(plant.A) >= _MANY
     if plant.D.shape != (1, 1) or not (odd or percent < _SUSPECT):
         return None
-    logs, other = [exchanged(each) for each in recordings], exchanged(log)
+    logs, other = [_exchanged(each) for each in recordings], _exchanged(log)
     plants = [fit_axis(logs, order).plant for order in (1, 2, 3)]
     best = max(float(free_run(p, other.inputs, other.outputs, drift=drift).fit_percent[0]) for p in plants)
     if best < percent + min(_WORTH, (100 - percent) / 2):
@@ -95,6 +94,11 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
     message = f"the output comes before the input: exchanged, the fit is {best:.1f} % instead of {percent:.1f} %"
     remedy = f'take "{log.output_names[0]}" as the input and "{log.input_names[0]}" as the output'
     return Finding("swapped", "warning", log.source, message, remedy)
+
+
+def _exchanged(log: Recording) -> Recording:
+    names = {"input_names": log.output_names, "output_names": log.input_names}
+    return Recording.from_arrays(log.outputs, log.inputs, log.period_s, **names)
 
 
 def _sine_hz(signal: Array, period_s: float) -> float:
