@@ -12,8 +12,11 @@ __version__ = "0.2.0"
 
 # Name=module.
 _NAMES = """InputError=errors MuzzleRecord=records.muzzle PlantRecord=records.plant Policy=controllers.policy
-Results=evaluation.results Robot=robot Task=task TrainConfig=learning.config evaluate=evaluation.evaluate
-export=export.export make_environment=learning.environments make_world=simulation.world rollout=evaluation.trajectory
+Recording=logs.recording Results=evaluation.results Robot=robot Task=task TrainConfig=learning.config
+evaluate=evaluation.evaluate excite=identification.excitation.excite export=export.export
+identify_axis=identification.axis.identify identify_muzzle=identification.muzzle.identify
+identify_robot=identification.robot identify_sensing=identification.sensing.identify
+make_environment=learning.environments make_world=simulation.world read_log=logs.log rollout=evaluation.trajectory
 train=learning.train tune=evaluation.tuning"""
 _PLACES = dict(each.split("=") for each in _NAMES.split())
 __all__ = [*_PLACES, "__version__"]
@@ -22,13 +25,10 @@ __all__ = [*_PLACES, "__version__"]
 def __getattr__(name: str) -> Any:
     if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it has {', '.join(__all__)}")
-    value = getattr(importlib.import_module(f"{__name__}.{_PLACES[name]}"), name)
-    globals()[name] = value
-    return value
+    return globals().setdefault(name, getattr(importlib.import_module(f"{__name__}.{_PLACES[name]}"), name))
 
 
-def __dir__() -> list[str]:
-    return list(__all__)
+__dir__ = __all__.copy
 
 
 name_environments()

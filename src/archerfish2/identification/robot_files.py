@@ -41,8 +41,8 @@ class AxisFiles(Struct, frozen=True, kw_only=True):
 class MuzzleFiles(Struct, frozen=True, kw_only=True):
     """Section [muzzle] of logs.toml."""
 
-    shots: tuple[str, ...] = ("shots.csv",)
-    """Files of shots."""
+    shots: tuple[str, ...] = ()
+    """Files of shots; shots.csv if not given."""
     length_m: Positive | None = None
     """From the pivot to the muzzle [m]; that of tape.json if not given."""
     height_m: Positive | None = None

@@ -1,7 +1,6 @@
 """Logs of one axis from files or arrays, at one sampling period."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -51,14 +50,6 @@ def read_sources(logs: Sequence[Source], validate: Sequence[Source] = (), divide
         [resampled(each, period_s) for each in held_back],
         tuple(finding for log in every for finding in log.findings),
         {Path(log.source).name: log.sha256 for log in every if log.sha256},
-    )
-
-
-def exchanged(recording: Recording) -> Recording:
-    """Return a recording with inputs and outputs exchanged."""
-    outputs, names = recording.inputs, recording.input_names
-    return replace(
-        recording, inputs=recording.outputs, outputs=outputs, input_names=recording.output_names, output_names=names
     )
 
 

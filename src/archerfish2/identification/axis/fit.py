@@ -51,7 +51,6 @@ class AxisFit(NamedTuple):
     """A plant, and the fit that gave it."""
 
     plant: PlantRecord
-    fit_percent: Array  # of a free run, initial state and constant fitted, for each recording and output, (k, p)
     structure: Structure
     fit: LinearFit  # of outputs over their scale
     scale: Array  # of the outputs, (p,)
@@ -75,11 +74,6 @@ class AxisFit(NamedTuple):
         """Poles in the z plane, largest first, shape (n,)."""
         poles = poles_of(self.fit.sections)
         return np.asarray(poles[np.lexsort((-poles.imag, -np.abs(poles).round(12)))])
-
-    @property
-    def extended(self) -> tuple[bool, ...]:
-        """Whether each recording begins at a rest that was put before it once more."""
-        return tuple(each.pad > 0 for each in self.experiments)
 
 
 def fit_axis(
@@ -135,26 +129,22 @@ def fit_axis(
         scale, final = scale * noise, [replace(e, y=e.y / noise) for e in final]
         fit, constraints, ridge = _settled(final, structure, [fit.sections])
     plant = plant_of(fit, structure, scale, period)
-    fits = np.array([free_run(plant, u, y, drift=structure.drift).fit_percent for u, y in logs])
-    return AxisFit(plant, fits, structure, fit, scale, final, constraints, ridge, selection)
+    return AxisFit(plant, structure, fit, scale, final, constraints, ridge, selection)
 
 
-def with_gain(found: AxisFit, gain: Array, recordings: Sequence[Series]) -> AxisFit:
+def with_gain(found: AxisFit, gain: Array) -> AxisFit:
     """Return the fit with the constraint that the plant has a steady gain.
 
     Args:
       found: without it.
       gain: steady output per steady input, shape (p, m).
-      recordings: that were fitted.
     """
     structure, scale = found.structure, found.scale
     data = [e.at(structure.delay, structure.feedthrough) for e in found.experiments]
-    constraints = [*found.constraints, steady_gain(gain / scale[:, None], found.fit, data)]
+    constraints = [*found.constraints, steady_gain(gain / scale[:, None], data)]
     fit = refine(found.fit.sections, data + constraints, 30, 1e-8, found.ridge)
     plant = plant_of(fit, structure, scale, found.plant.sample_period_s)
-    runs = [free_run(plant, each.inputs, each.outputs, drift=structure.drift) for each in recordings]
-    fits = np.array([each.fit_percent for each in runs])
-    return found._replace(plant=plant, fit_percent=fits, fit=fit, constraints=constraints)
+    return found._replace(plant=plant, fit=fit, constraints=constraints)
 
 
 def plant_of(fit: LinearFit, structure: Structure, scale: Array, period_s: float) -> PlantRecord:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from archerfish2.errors import InputError
 from archerfish2.identification.axis.bootstrap import draw_plants, interval
@@ -47,8 +46,8 @@ class LogFit(NamedTuple):
 
     @property
     def fit_percent(self) -> float:
-        """Fit of the output that is explained worst [%]."""
-        return float(self.run.fit_percent.min())
+        """Fit of the first output, by which a plant is judged [%]."""
+        return float(self.run.fit_percent[0])
 
 
 class Pole(NamedTuple):
@@ -147,7 +146,7 @@ def identify_axis(
     found = free = fit_axis(read.fitted, order, max_delay=longest, feedthrough=feedthrough, held_back=read.held_back)
     given = _given_gain(dc_gain, read.fitted)
     if given:
-        found = with_gain(free, np.reshape([each.value for each in given], free.gain.shape), read.fitted)
+        found = with_gain(free, np.reshape([each.value for each in given], free.gain.shape))
     names = {"input_names": read.fitted[0].input_names, "output_names": read.fitted[0].output_names}
     drawn = draw_plants(found, _DRAWS, seed)
     draws = {name: np.stack([getattr(each, name) for each in drawn]) for name in "ABCD"}
@@ -216,7 +215,7 @@ def _delay(found: AxisFit) -> Estimate:
 
 
 def _poles(poles: Complex, drawn: Sequence[Complex], period_s: float, band: tuple[float, float]) -> tuple[Pole, ...]:
-    logs = np.log(np.array([each[linear_sum_assignment(abs(poles[:, None] - each))[1]] for each in drawn]) + 1e-300)
+    logs = np.log(np.array([_matched(poles, each) for each in drawn]) + 1e-300)
     estimates = []
     for place, pole in enumerate(poles):
         if pole.imag >= 0:
@@ -226,6 +225,16 @@ def _poles(poles: Complex, drawn: Sequence[Complex], period_s: float, band: tupl
             known = known and np.std(np.log(frequency[1:])) < _SCATTER
             estimates.append(Pole(_estimate(frequency, "Hz"), _estimate(damping, ""), bool(known)))
     return tuple(sorted(estimates, key=lambda each: each.frequency_hz.value))
+
+
+def _matched(poles: Complex, others: Complex) -> Complex:
+    """Return other poles in the order of those that they are nearest to."""
+    distance, found = np.abs(poles[:, None] - others), others.copy()
+    for _ in poles:
+        one, other = np.unravel_index(np.argmin(distance), distance.shape)
+        found[one] = others[other]
+        distance[one], distance[:, other] = np.inf, np.inf
+    return found
 
 
 def _estimate(values: Array, unit: str) -> Estimate:

@@ -3,7 +3,6 @@
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from archerfish2.identification.simulation import Array
 
@@ -52,4 +51,6 @@ def local_power(squares: Array) -> Array:
       squares: of the residual, shape (F,).
     """
     width = 2 * max(2, round(np.sqrt(len(squares)) / 2)) + 1
-    return np.asarray(np.maximum(uniform_filter1d(squares, width, mode="reflect"), slow_wander(squares, width)))
+    padded = np.pad(squares, width // 2, mode="symmetric")
+    mean = np.convolve(padded, np.full(width, 1 / width), mode="valid")
+    return np.asarray(np.maximum(mean, slow_wander(squares, width)))

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import lapack, lstsq, solve_triangular
+from scipy.linalg import lapack, lstsq
 
 from archerfish2.identification.axis.sections import Sections, free_numbers, section_states, sections_of, theta_slopes
 from archerfish2.identification.axis.spectrum import Lines
@@ -50,8 +50,8 @@ def solve(sections: Sections, data: list[Lines]) -> LinearFit:
         outputs.append(y - logs[-1].outputs @ q.T)
     X, Y = np.concatenate(columns, 1), np.concatenate(outputs, 1)
     Q, triangle = _factorised(X)
-    if np.all(np.abs(np.diag(triangle)) > 1e-11 * np.linalg.norm(triangle, axis=0)):
-        numerators, residual = solve_triangular(triangle, Q.T @ Y.T), Y - (Y @ Q) @ Q.T
+    if _is_regular(triangle):
+        numerators, residual = lapack.dtrtrs(triangle, Q.T @ Y.T)[0], Y - (Y @ Q) @ Q.T
     else:  # columns depend on each other, as those of equal poles
         size = np.maximum(np.linalg.norm(X, axis=1), 1e-300)
         numerators = lstsq(X.T / size, Y.T, lapack_driver="gelsy", cond=1e-11)[0] / size[:, None]
@@ -91,7 +91,9 @@ def jacobian(fit: LinearFit, data: list[Lines], theta: Array) -> Array:
     """
     slopes = []
     for lines, log in zip(data, fit.logs, strict=True):
-        own = lstsq(log.triangle, (log.outputs - fit.numerators.T @ log.driven).T, lapack_driver="gelsy", cond=1e-13)[0]
+        own = (log.outputs - fit.numerators.T @ log.driven).T
+        if len(own):
+            own = lapack.dtrtrs(log.triangle, own)[0] if _is_regular(log.triangle) else lstsq(log.triangle, own)[0]
         at, parts = 0, []
         for section, inverse in zip(fit.sections, log.inverses, strict=True):
             k, m = slice(at, at + len(section)), len(lines.inputs)
@@ -127,7 +129,7 @@ def refine(sections: Sections, data: list[Lines], steps: int, tolerance: float, 
         hessian, before = hessian / np.outer(scale, scale), fit.cost + ridge * theta @ theta
         for _ in range(8):
             damped = hessian + damping * np.eye(len(theta))
-            move = -np.linalg.lstsq(damped, gradient / scale, rcond=None)[0] / scale
+            move = -np.linalg.solve(damped, gradient / scale) / scale
             tried = np.clip(theta + np.clip(move, -2, 2), -_LARGEST, _LARGEST)
             new = solve(sections_of(tried), data)
             after = new.cost + ridge * tried @ tried
@@ -175,6 +177,11 @@ def _factorised(columns: Array) -> tuple[Array, Array]:
         return columns.T, columns @ columns.T
     packed, scales, *_ = lapack.dgeqrf(columns.T)
     return lapack.dorgqr(packed, scales)[0], np.triu(packed[: len(columns)])
+
+
+def _is_regular(triangle: Array) -> bool:
+    """Whether the columns of a triangular matrix are independent."""
+    return bool(np.all(np.abs(np.diag(triangle)) > 1e-11 * np.sqrt(np.einsum("ij,ij->j", triangle, triangle))))
 
 
 def _real(x: Complex) -> Array:

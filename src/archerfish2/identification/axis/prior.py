@@ -11,7 +11,7 @@ from archerfish2.identification.simulation import Array
 
 _BINS, _POINTS = 48, 8  # of the frequencies up to half the sampling rate; of those below the band
 _LEAST_NOISE = 1e-32  # power of a line
-_FIRM = 1e4  # of a steady gain that is given, over noise
+_FIRM = 1e4  # weight of a steady gain that is given, over the size of the outputs
 _WEIGHT = 500.0  # rows of noise that the constraints of an input count as
 
 
@@ -51,15 +51,15 @@ def out_of_band(fit: LinearFit, data: Sequence[Lines], delay: int) -> tuple[list
     return constraints, 1.5 * noise
 
 
-def steady_gain(gain: Array, fit: LinearFit, data: Sequence[Lines]) -> Lines:
-    """Return the constraint that a plant has a steady gain, to a ten-thousandth of what one row's noise is.
+def steady_gain(gain: Array, data: Sequence[Lines]) -> Lines:
+    """Return the constraint that a plant has a steady gain, however firmly the logs contradict it.
 
     Args:
       gain: shape (p, m).
-      fit: of the data.
       data: lines of all logs.
     """
-    firm = np.sqrt(max(fit.cost / fit.residual.size, _LEAST_NOISE)) * _FIRM / np.abs(gain).max()
+    size = np.sqrt(sum(float(np.sum(np.abs(lines.outputs) ** 2)) for lines in data))
+    firm = _FIRM * size / max(np.abs(gain).max(), 1e-9)
     unit = firm * np.eye(gain.shape[1])
     return _soft(data[0], np.ones(gain.shape[1]), unit, firm * gain)
 

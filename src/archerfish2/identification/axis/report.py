@@ -13,7 +13,7 @@ import numpy as np
 from archerfish2.identification.axis.plots import correlation_plot, run_plot, step_plot
 from archerfish2.identification.frequency import frequency_response
 from archerfish2.reports.report import Report
-from archerfish2.reports.table import Entry, Estimate, Table, number
+from archerfish2.reports.table import Entry, Estimate, Table, entry_texts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,8 +26,9 @@ _NOISY_FIT, _NOISE_SHARE = 55.0, 0.1  # a fit of noise's fault: at least, and sh
 _GAIN_WIDTH, _GAIN_SHARE = 0.05, 0.85  # draws within this much of the gain; share of them from which it is known
 _RUNS = 4  # that are drawn
 _DEPENDENT = 0.05  # share of the residual that past inputs explain, from which it is worth a word
+_RUNS_ON = 0.5  # what is left of a state after the longest recording, from which the axis may integrate
 _MOVING = 0.3  # deviation of an output over that of the recording that moves most, from which a recording counts
-_SPOILING = {"swapped": "exchange input and output", "time-unit": "name the unit of the stamps"}
+_STRONG = 0.7  # share of the residual that a nonlinearity leaves, up to which it may make a plant useless
 
 
 _LINEAR = {
@@ -50,7 +51,7 @@ def shortfalls(result: "AxisResult") -> list[Shortfall]:
     found = [
         Shortfall(each.code, f"{each.place}: {each.message}: {each.remedy}.")
         for each in result.findings
-        if each.code in _SPOILING and each.severity == "warning"
+        if each.code == "swapped"
     ]
     return [*found, *_low_fit(result), *_unknown_gain(result), *_nonlinear(result)]
 
@@ -80,23 +81,26 @@ def _low_fit(result: "AxisResult") -> Iterator[Shortfall]:
 
 def _unknown_gain(result: "AxisResult") -> Iterator[Shortfall]:
     plant = result.plant
-    gain, drawn = plant.dc_gain, frequency_response(plant, np.zeros(1), draws=True)[:, 0].real
+    gain, drawn = plant.dc_gain[0], frequency_response(plant, np.zeros(1), draws=True)[:, 0, 0].real
     known = np.mean(np.abs(drawn - gain) <= _GAIN_WIDTH * np.abs(gain), axis=0) >= _GAIN_SHARE
     if result.free_gain:  # that of the plateaus, or a number that was given
-        known = np.array([e.high - e.low <= 2 * _GAIN_WIDTH * abs(e.value) for e in result.dc_gain])
-    for place in np.flatnonzero(~known).tolist():
-        yield Shortfall(
-            "gain",
-            f"The steady gain {_named(result, place)}is not known within {_GAIN_WIDTH:.0%}: "
-            f"{_words(result.dc_gain[place])}. Record a step from rest that is held until the axis rests "
-            f"(archerfish2 excite {plant.axis} --kinds step), or give the gain if it is known (--dc-gain).",
+        known = np.array([e.high - e.low <= 2 * _GAIN_WIDTH * abs(e.value) for e in result.dc_gain[: len(gain)]])
+    slowest = np.abs(np.linalg.eigvals(plant.A)).max() ** max(len(each.recording) for each in result.fits)
+    remedy = "The output runs on under a steady input: log its rate as the output, or an input at which it rests."
+    if slowest < _RUNS_ON:
+        remedy = (
+            "Record a step from rest that is held until the axis rests "
+            f"(archerfish2 excite {plant.axis} --kinds step), or give the gain if it is known (--dc-gain)."
         )
+    for place in np.flatnonzero(~known).tolist():
+        unknown = f"The steady gain {_named(result, place)}is not known within {_GAIN_WIDTH:.0%}"
+        yield Shortfall("gain", f"{unknown}: {_words(result.dc_gain[place])}. {remedy}")
 
 
 def _nonlinear(result: "AxisResult") -> Iterator[Shortfall]:
     """Yield a nonlinearity that makes the gain or the response of the linear plant wrong."""
     found = result.nonlinearity
-    if found is None:
+    if found is None or found.residual_share > _STRONG:
         return
     wrong = []
     if abs(found.gain_ratio - 1) > _GAIN_WIDTH:
@@ -225,7 +229,5 @@ def _named(result: "AxisResult", place: int) -> str:
 
 
 def _words(estimate: Estimate) -> str:
-    unit = f" {estimate.unit}" if estimate.unit else ""
-    if estimate.low == estimate.high:
-        return f"{number(estimate.value, 3)}{unit}"
-    return f"{number(estimate.value)} ({number(estimate.low)} to {number(estimate.high)}){unit}"
+    value, interval = entry_texts(estimate)
+    return f"{value} ({interval})" if interval and estimate.low < estimate.high else value

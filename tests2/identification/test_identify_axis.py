@@ -1,0 +1,167 @@
+"""One axis from logs to verdict: order, delay, drift and gain against plants that are known; what is said and saved."""
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy import signal
+
+from archerfish2.errors import InputError
+from archerfish2.identification.axis.bootstrap import draw_plants, interval
+from archerfish2.identification.axis.fit import fit_axis
+from archerfish2.identification.axis.identify import identify_axis
+from archerfish2.identification.axis.plateaus import plateau_gain
+from archerfish2.identification.axis.report import shortfalls
+from archerfish2.identification.simulation import simulate
+from archerfish2.logs.recording import Recording
+from archerfish2.records.json_files import plain
+from archerfish2.records.plant import PlantRecord
+
+PERIOD_S = 5e-3
+PLANT = PlantRecord.second_order(4.0, 0.6, 6 * PERIOD_S, PERIOD_S, gain=1.03)
+TIME = PERIOD_S * np.arange(2000)
+SWEEP = np.sin(2 * np.pi * (0.2 * TIME + 0.75 * TIME**2))  # to 15 Hz
+STEPS = np.repeat([0.0, 0.4, -0.2, 0.3, 0.0], 400)
+
+
+def recorded(u, noise=0.01, seed=0, plant=PLANT, memory=0.0, drift=0.0, source="log"):
+    """Simulate a log, noise in shares of the output's deviation, white or an autoregression of first order."""
+    y = simulate(plant, u[:, None])[:, 0]
+    e = np.random.default_rng(seed).standard_normal(len(u) + 500)
+    e = signal.lfilter([np.sqrt(1 - memory**2)], [1, -memory], e)[500:]
+    slow = drift * np.linspace(-1, 1, len(u)) ** 3
+    return Recording.from_arrays(u, y + noise * y.std() * e + slow + 2, PERIOD_S, source=source)
+
+
+@pytest.fixture(scope="module")
+def found():
+    logs = [recorded(SWEEP, source="sweep"), recorded(STEPS, seed=1, source="steps")]
+    return identify_axis(logs, validate=[recorded(STEPS[::-1], seed=2, source="held")], axis="pitch")
+
+
+def test_order_delay_gain_and_poles_are_those_of_the_plant_within_their_intervals(found):
+    assert (len(found.plant.A), found.delay_samples.value, found.plant.axis) == (2, 6, "pitch")
+    (gain,), (pole,) = found.dc_gain, found.poles
+    for each, true in ((gain, 1.03), (pole.frequency_hz, 4.0), (pole.damping, 0.6)):
+        assert each.low - 0.002 < true < each.high + 0.002
+        assert each.high - each.low < 0.02 * true
+    assert pole.determined
+    assert len(found.plant.draws["A"]) > 90
+    assert np.abs(np.linalg.eigvals(found.plant.draws["A"])).max() < 1
+    assert [each.held_back for each in found.fits] == [True, False, False]
+    assert min(each.fit_percent for each in found.fits) > 98
+
+
+def test_the_plant_is_that_of_scipy_with_its_delay_as_states(found):
+    A, B, C, D, period_s = found.plant.to_state_space()
+    moving = STEPS[:, None] - STEPS[0]
+    assert_allclose(found.predict(moving), signal.dlsim((A, B, C, D, period_s), moving)[1], atol=1e-12)
+
+
+def test_the_order_is_the_one_that_predicts_held_back_logs_best(found):
+    orders = {each.order: each for each in found.candidates if each.fit_percent is not None}
+    assert set(orders) == set(range(1, 9))
+    best = max(orders.values(), key=lambda each: each.held_back_percent - 0.2 * each.order)
+    assert best.order == len(found.plant.A)
+    assert sum(each.weight for each in found.candidates) == pytest.approx(1)
+
+
+def test_the_report_says_what_is_known_and_all_of_it_is_saved(found, tmp_path):
+    assert found.report.usable
+    assert "order 2, delay 30.00 ms" in str(found).replace("30.0 ms", "30.00 ms")
+    found.save(tmp_path)
+    assert_allclose(PlantRecord.load(tmp_path / "pitch.json").A, found.plant.A)
+    page = (tmp_path / "pitch.html").read_text()
+    assert page.count("<svg") == 6
+    assert json.dumps(plain(found.report.to_dict()))
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9])
+def test_intervals_hold_what_they_state(memory):
+    """Of 20 logs at 95 % each fewer than 15 cover with a probability of 3e-4; of two figures and spectra, 1e-3."""
+    true, covered = np.append(1.03, np.abs(np.log(np.linalg.eigvals(PLANT.A)[0]))), []
+    for seed in range(20):
+        log = recorded(SWEEP, 0.1, seed, memory=memory)
+        drawn = draw_plants(fit_axis([log], 2, 6, feedthrough=False), 60, seed)
+        values = [[e.dc_gain.item(), np.abs(np.log(np.linalg.eigvals(e.A).astype(complex))).min()] for e in drawn]
+        low, high = interval(np.array(values))
+        covered.append((low <= true) & (true <= high))
+    assert np.sum(covered, axis=0).min() >= 15
+
+
+def test_a_drift_is_part_of_the_structure_where_it_explains_the_log():
+    drifting = recorded(SWEEP, 0.01, drift=1.0)
+    result = identify_axis([drifting])
+    assert all(each.drift for each in result.candidates if each.weight)
+    assert result.dc_gain[0].value == pytest.approx(1.03, rel=0.02)
+    assert not any(each.drift for each in identify_axis([recorded(SWEEP)]).candidates if each.weight)
+
+
+def test_a_gain_that_no_log_reaches_is_not_known_and_the_next_step_is_a_command():
+    fast = np.sin(2 * np.pi * (5 * TIME + 0.5 * TIME**2))  # from 5 Hz, above the corner
+    result = identify_axis([recorded(fast, 0.2)], axis="yaw")
+    assert [each.code for each in shortfalls(result)] == ["gain"]
+    assert not result.report.usable
+    assert "archerfish2 excite yaw --kinds step" in result.report.reasons[0]
+
+
+def test_noise_is_told_from_what_the_input_still_explains():
+    assert identify_axis([recorded(SWEEP, 0.3)], order=2).report.usable  # 70 % of a log that noise alone spoils
+    result = identify_axis([recorded(SWEEP)], order=1)
+    assert shortfalls(result)[0].code == "fit"
+    assert "Past inputs still explain" in " ".join(result.report.doubts)
+
+
+def test_a_gain_is_held_where_it_is_given_or_from_the_plateaus():
+    logs = [recorded(SWEEP), recorded(STEPS, seed=1)]
+    given, plateaus = identify_axis(logs, order=2, dc_gain=1.2), identify_axis(logs, order=2, dc_gain="plateaus")
+    assert given.plant.dc_gain.item() == pytest.approx(1.2, rel=1e-4)
+    assert "contradicts the logs" in given.report.doubts[0]
+    expected = plateau_gain(logs)
+    assert plateaus.dc_gain == (expected,)
+    assert expected.low < 1.03 < expected.high
+    assert plateaus.plant.dc_gain.item() == pytest.approx(expected.value, rel=1e-4)
+    assert plateau_gain(logs[:1]) is None
+
+
+def test_the_slope_of_plateaus_is_that_of_a_hand_calculation():
+    levels, rest = np.repeat([0.0, 1.0, -1.0], 100), np.repeat([0.0, 1.1, -0.9], 100)
+    found = plateau_gain([Recording.from_arrays(levels, rest, 0.02)])
+    # Slope (1.1 + 0.9) / 2, residuals −1/15, 1/30, 1/30 with one degree of freedom, t = 12.706.
+    assert found.value == pytest.approx(1.0)
+    assert (found.high - found.low) / 2 == pytest.approx(12.7062 * np.sqrt(1 / 150 / 2), rel=1e-4)
+
+
+def test_the_first_output_decides_and_a_rate_may_have_no_steady_gain():
+    rng, u = np.random.default_rng(0), 0.1 * np.random.default_rng(1).standard_normal(1500).cumsum()
+    angle = signal.lfilter([0, 0, 0.1], [1, -0.9], u)
+    outputs = np.stack([angle, np.gradient(angle)], axis=1) + 0.01 * rng.standard_normal((1500, 2))
+    result = identify_axis([Recording.from_arrays(u, outputs, 0.01, output_names=("angle", "rate"))])
+    assert result.report.usable
+    assert [each.value for each in result.dc_gain] == pytest.approx([1, 0], abs=2e-3)
+
+
+def test_periods_are_brought_together_and_divide_the_decisions():
+    slow = recorded(SWEEP)
+    finer = Recording.from_arrays(np.repeat(STEPS, 2), recorded(STEPS).outputs.repeat(2), PERIOD_S / 2)
+    assert identify_axis([slow, finer], order=2).plant.sample_period_s == PERIOD_S
+    other = Recording.from_arrays(slow.inputs, slow.outputs, 3e-3)
+    assert identify_axis([other], order=2, divides_s=0.02).plant.sample_period_s == pytest.approx(0.02 / 6)
+
+
+QUIET = Recording.from_arrays(SWEEP, np.random.default_rng(0).normal(size=len(SWEEP)), PERIOD_S, source="quiet.csv")
+REFUSED = {
+    "no-response": (lambda: identify_axis([QUIET]), 'quiet.csv: "y" does not respond to u; check the columns'),
+    "single-sine": (lambda: identify_axis([recorded(np.sin(9 * TIME))]), "single sine"),
+    "too-short": (lambda: identify_axis([recorded(SWEEP).slice(0, 40)]), "too few"),
+    None: (lambda: identify_axis([]), "expected a log or more"),
+}
+
+
+@pytest.mark.parametrize("code", REFUSED)
+def test_logs_that_determine_nothing_are_refused(code):
+    call, complaint = REFUSED[code]
+    with pytest.raises(InputError, match=complaint) as error:
+        call()
+    assert code in {error.value.code, None}

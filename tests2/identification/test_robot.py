@@ -1,0 +1,87 @@
+"""A robot from the folder of its logs, and the commands: what is identified, assumed, named in logs.toml, refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+from archerfish2.cli.main import main
+from archerfish2.identification.robot import identify_parts, identify_robot
+from archerfish2.identification.simulation import simulate
+from archerfish2.logs.log import read_log
+from archerfish2.logs.recording import Recording
+from archerfish2.records.plant import PlantRecord
+from archerfish2.robot import Robot
+
+
+@pytest.fixture(scope="module")
+def robot_folder(lab_folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("robot")
+    main(["identify", str(lab_folder), "--out", str(out), "--name", "infantry"])
+    return out
+
+
+def test_a_folder_of_logs_becomes_a_robot_like_that_of_the_first_edition(robot_folder):
+    robot = Robot.load(robot_folder)
+    assert (robot.name, robot.assumed, len(robot.parts)) == ("infantry", (), 4)
+    assert all(each.usable for each in robot.parts.values())
+    assert robot.pitch.dc_gain.item() == pytest.approx(
+        1.0290796, abs=1e-4
+    )  # the plateaus', as the first edition has it
+    assert robot.yaw.dc_gain.item() == pytest.approx(1.0001579, abs=1e-4)
+    assert 0.02 % robot.pitch.sample_period_s == pytest.approx(0, abs=1e-9)
+    assert robot.muzzle.speed == pytest.approx(17.851, abs=0.02)
+    assert robot.sensing.camera.time_offset == pytest.approx(6.48e-3, abs=2e-5)
+    report = json.loads((robot_folder / "report.json").read_text())
+    tables = {each["title"].partition(",")[0]: each["rows"] for each in report["tables"]}
+    assert max(abs(row[-1]) for row in tables["Landing points"]) < 5  # % of the mean distances
+    assert [row[1] for row in tables["Steps of other sizes"]] == [2, 5, 15, 2, 10, 30]
+    pages = {each.name for each in robot_folder.glob("*.html")}
+    assert pages == {"robot.html", "pitch.html", "yaw.html", "muzzle.html", "sensing.html"}
+
+
+def test_a_team_names_its_own_files_columns_and_units(lab_folder, tmp_path, refused):
+    for name, file in (("sweep", "a.csv"), ("step_validation", "b.csv")):
+        log = read_log(lab_folder / f"yaw_{name}.csv").recordings[0]
+        u, y = (np.degrees(each) for each in (log.inputs, log.outputs))
+        Recording(u, y, log.period_s, input_names=("cmd",), output_names=("enc",)).write_csv(tmp_path / file, "t_s")
+    settings = tmp_path / "logs.toml"
+    settings.write_text(
+        '[yaw]\nfit=["a.csv"]\nvalidate=["b.csv"]\ninput="cmd"\noutput="enc"\ntime="t_s"\nunit="deg"\n'
+        "[limits]\npitch_deg=[-20,12]\nyaw_deg=[-60,60]\nmax_rate_deg_s=600\nmax_acceleration_deg_s2=[5000,3000]\n"
+    )
+    robot = identify_robot(tmp_path)
+    assert robot.assumed == ("pitch", "muzzle", "sensing")
+    assert robot.yaw.dc_gain.item() == pytest.approx(1.0, abs=0.05)
+    assert robot.limits.pitch.low == pytest.approx(np.radians(-20))
+    assert robot.limits.yaw.max_acceleration == pytest.approx(np.radians(3000))
+    for text, complaint in (
+        ("[yaw]\nfits=[]", "logs.toml: .*unknown field `?fits`?.*; correct it"),
+        ("[yaw", "logs.toml: is not TOML"),
+        ('[yaw]\nfit=["c.csv"]', "c.csv: there is no such file"),
+    ):
+        settings.write_text(text)
+        refused(complaint, identify_robot, tmp_path)
+
+
+def test_folders_without_logs_are_refused(tmp_path, refused):
+    refused("gone: there is no such folder", identify_parts, tmp_path / "gone")
+    refused(
+        "expected pitch_sweep.csv, .* found none of them; name the logs so, or in logs.toml", identify_parts, tmp_path
+    )
+
+
+def test_an_axis_is_identified_by_a_command_next_to_another(tmp_path, capsys):
+    plant, u = PlantRecord.second_order(4.0, 0.6, 0.03, 0.01), np.repeat([0.0, 0.4, -0.2, 0.3, 0.0], 120)
+    y = simulate(plant, u[:, None])[:, 0] + 1e-3 * np.random.default_rng(0).standard_normal(len(u))
+    Recording.from_arrays(u, y, 0.01).write_csv(tmp_path / "steps.csv")
+    log, out = str(tmp_path / "steps.csv"), str(tmp_path / "out")
+    for axis in ("yaw", "pitch"):
+        main(["identify", "axis", log, "--validate", log, "--axis", axis, "--out", out])
+    assert PlantRecord.load(tmp_path / "out" / "yaw.json").axis == "yaw"
+    assert json.loads((tmp_path / "out" / "pitch_report.json").read_text())["usable"]
+    assert "pitch: what the logs say" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["identify", "axis", log, "--input", "cmd", "--out", str(tmp_path / "none")])
+    assert 'no column "cmd"' in capsys.readouterr().err
+    assert not list((tmp_path / "none").glob("*.json"))
