@@ -64,9 +64,9 @@ def test_units_and_signs_are_seen_in_the_gain():
 def test_exchanged_columns_are_found_by_trying(name):
     log = recorded(INPUTS[name])
     wrong = Recording.from_arrays(log.outputs, log.inputs, 0.01, input_names=("y",), output_names=("u",))
-    found = exchanged_columns(fit_axis([wrong], 2), wrong, [wrong], fit_axis)
+    found = exchanged_columns(fit_axis([wrong], 2), wrong, [wrong])
     assert (found.code, found.remedy) == ("swapped", 'take "u" as the input and "y" as the output')
-    assert exchanged_columns(fit_axis([log], 2), log, [log], fit_axis) is None
+    assert exchanged_columns(fit_axis([log], 2), log, [log]) is None
 
 
 def followed(command, move):

@@ -1,10 +1,11 @@
 """Frequency responses of a plant and as measured, and the band in which logs determine it."""
 
 from collections.abc import Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
+from scipy import signal
 
 from archerfish2.identification.simulation import Array, Complex, matrices
 from archerfish2.logs.recording import Recording, Values
@@ -12,7 +13,6 @@ from archerfish2.records.plant import PlantRecord
 
 _SEGMENT = 16, 1024  # samples of Welch's segments, at least and at most
 _SHARE = 1e-2  # of the largest density of an input, from which a frequency counts as excited
-_FAINT = 1e-5  # share of the largest density of all logs, below which that of a log counts as none
 _FALSE_ALARM, _TAPERS = 0.01, 5
 
 
@@ -51,12 +51,12 @@ def measured_response(recordings: Sequence[Recording]) -> MeasuredResponse:
     segment = int(np.clip(2 ** int(np.log2(max(map(len, recordings)) / 4 + 1)), *_SEGMENT))
     hz, averages = np.fft.rfftfreq(segment, recordings[0].period_s), 0
     spectra = np.zeros((hz.size, *2 * (inputs + recordings[0].outputs.shape[1],)), complex)
-    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(segment) / segment)
-    for each in (recording for recording in recordings if len(recording) >= 2 * segment):
-        pieces = sliding_window_view(np.hstack([each.inputs, each.outputs]), segment, axis=0)[:: segment // 2]
-        lines = np.fft.rfft((pieces - pieces.mean(2, keepdims=True)) * window)
-        spectra += np.einsum("saf,sbf->fab", lines.conj(), lines)
-        averages += len(pieces)
+    for each in recordings:
+        signals = np.hstack([each.inputs, each.outputs]).T
+        segments = 2 * len(each) // segment - 1  # each overlaps the next by half
+        if segments >= 3:
+            spectra += segments * signal.csd(signals, signals[:, None], nperseg=segment)[1].T
+            averages += segments
     power = np.diagonal(spectra, axis1=1, axis2=2).real
     # A segment's mean is taken off, so that its lowest lines are empty.
     excited = (power[:, :inputs] > _SHARE * power[:, :inputs].max(0)) & (hz > 1.5 * hz[1])[:, None]
@@ -79,35 +79,31 @@ def excited_band(recordings: Sequence[Recording]) -> tuple[float, float]:
     whose inputs are mostly held, few of Welch's segments have a response; there the power alone counts.
     """
     found = [np.zeros(0)]
-    for channel in range(recordings[0].inputs.shape[1]):
-        densities = [_density(each.inputs[:, channel]) * each.period_s**2 for each in recordings]
-        faint = max(_FAINT * max(density.max() for density in densities), 1e-300)
-        for each, density in zip(recordings, densities, strict=True):
-            hz = (1 + np.flatnonzero(density >= max(_SHARE * density.max(), faint))) / (len(each) * each.period_s)
-            if hz.size and not _mostly_held(each.inputs[:, channel]):
-                at, _, coherence, significant = measured_response([each])
-                inside = (at >= hz[0]) & (at <= hz[-1])
-                at, coherent = at[inside], coherence[inside, :, channel].max(1) > significant
-                if coherent.any():
-                    hz = hz.clip(0 if coherent[0] else at[coherent][0], None if coherent[-1] else at[coherent][-1])
-            found.append(hz)
+    for each, channel in product(recordings, range(recordings[0].inputs.shape[1])):
+        u = each.inputs[:, channel]
+        if np.ptp(u) == 0:
+            continue
+        held = bool(np.mean(np.diff(u) != 0) < 0.5)
+        density = _density(u, held)
+        hz = (1 + np.flatnonzero(density >= _SHARE * density.max())) / (len(each) * each.period_s)
+        at, _, coherence, significant = measured_response([each])
+        inside = (at >= hz[0]) & (at <= hz[-1])
+        at, coherent = at[inside], coherence[inside, :, channel].max(1, initial=0.0) > significant
+        if coherent.any() and not held:
+            hz = hz.clip(0 if coherent[0] else at[coherent][0], None if coherent[-1] else at[coherent][-1])
+        found.append(hz)
     every = np.concatenate(found)
     return float(np.min(every, initial=np.inf)), float(np.max(every, initial=0))
 
 
-def _mostly_held(signal: Values) -> bool:
-    return bool(np.mean(np.diff(signal) != 0) < 0.5)
+def _density(u: Values, held: bool) -> Array:
+    """Return the power without the mean at each line, by sine tapers, which leak little (Riedel and Sidorenko 1995).
 
-
-def _density(signal: Values) -> Array:
-    """Power without the mean at each line, by the sine tapers of Riedel and Sidorenko (1995), which leak little.
-
-    Of a signal that is mostly held the jumps are the content, and a taper would lose those near an end.
+    The content of a signal that is mostly held are its jumps, and a taper would lose those near an end.
     """
-    phase = np.pi * np.arange(1, len(signal) + 1) / (len(signal) + 1)
-    tapers = np.sqrt(2) * np.sin(np.arange(1, _TAPERS + 1)[:, None] * phase)
-    tapers = np.ones_like(tapers[:1]) if (held := _mostly_held(signal)) else tapers
-    density = np.mean(np.abs(np.fft.rfft(tapers * (signal - signal.mean()))) ** 2, axis=0)[1:]
-    if not held:  # the mean is missing from what the tapers don't resolve, which gets the density beside it
+    phase = np.pi * np.arange(1, len(u) + 1) / (len(u) + 1)
+    tapers = np.ones((1, len(u))) if held else np.sqrt(2) * np.sin(np.arange(1, _TAPERS + 1)[:, None] * phase)
+    density = np.mean(np.abs(np.fft.rfft(tapers * (u - u.mean()))) ** 2, axis=0)[1:]
+    if not held:  # the tapers widen the gap of the mean, which gets the density beside it
         density[:4] = density[:4][-1]
     return np.asarray(density)

@@ -1,8 +1,8 @@
-"""What the residual of a free run still has: tests of whiteness, of independence of past inputs, and for feedback.
+"""Tests of the residual of a free run: whether it depends on past inputs, and whether there is feedback.
 
-A free run takes disturbances as they come, so that its residual may be coloured; what counts is that it does not depend
-on past inputs (Söderström and Stoica, System Identification, 1989, section 11.2). For a fixed input u and a stationary
-residual e that is independent of it the sums Σₜ e[t] u[t−τ] have the covariances
+Disturbances may be coloured, so the residual need not be white; what counts is that it does not depend on past inputs
+(Söderström and Stoica, System Identification, 1989, section 11.2). For a fixed input u and a stationary
+residual e that is independent of it, the sums Σₜ e[t] u[t−τ] have the covariances
 
     γ(d) = ∫ S_e(ω) |U(ω)|² exp(iωd) dω / 2π,    d the difference of two lags,
 
@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.special import ndtri
 
-from archerfish2.identification.simulation import Array, free_responses, simulate
+from archerfish2.identification.simulation import Array
 from archerfish2.logs.recording import Values
-from archerfish2.records.plant import PlantRecord
 
 _LAGS = 25  # largest lag [samples]
 _FALSE_ALARM = 0.01
-_HIGHEST_ORDER = 30  # of the autoregression
+_ORDER = 20  # of the autoregression
 _MOST_ROWS = 20_000  # samples that are regressed on inputs; of a longer log every few
 _FEEDBACK = 0.1  # share of the residual's innovations that later ones of an input explain, from which there is feedback
 _UNPREDICTABLE = 3e-4  # share of an input's power that its innovations have at least, to say anything of feedback
@@ -33,25 +32,22 @@ _TINY = 1e-300
 
 
 class ResidualTests(NamedTuple):
-    """Tests of one output of one log, with bands that a good model keeps."""
+    """Tests of one output of one log, with the band that the correlations of a good model do not leave."""
 
     lags: NDArray[np.int64]  # −25…25 [samples]; at a positive one the input comes first, (L,)
     correlation: Array  # of the residual with each input, −1…1, (m, L)
-    band: Array  # half width of its band, (m, L)
-    whiteness: Array  # correlation of the residual with itself, lags 1…25, (25,)
-    white_band: Array  # half width of its band, (25,)
+    band: Array  # half width of its band, the same at all lags, (m, 1)
     explained_share: float  # of the residual's power by the last 25 inputs, linearly, 0…1
     independent: bool  # whether no input's correlation leaves its band at a lag ≥ 0
     feedback: bool  # whether an input's innovations follow those of the residual
 
 
-def residual_tests(residual: Array, inputs: Values, errors: Array | None = None) -> ResidualTests | None:
-    """Test a residual; None where the log is too short for it, of less than 100 samples for each input and one more.
+def residual_tests(residual: Array, inputs: Values) -> ResidualTests | None:
+    """Test a residual; None of a log with fewer than 100 samples for each input and 100 more.
 
     Args:
       residual: measured less simulated output, shape (N,).
       inputs: of the log, shape (N, m).
-      errors: of a log that was not fitted, whose residual has them too: those of `parameter_errors`, shape (k, N).
     """
     (samples, channels), lags = inputs.shape, np.arange(-_LAGS, _LAGS + 1)
     if samples < 4 * _LAGS * (1 + channels):
@@ -60,30 +56,12 @@ def residual_tests(residual: Array, inputs: Values, errors: Array | None = None)
     power, taps = _autoregression(e)
     spectrum = power / np.abs(np.fft.fft(taps, 2 * samples)) ** 2
     variance = np.mean(spectrum * np.abs(np.fft.fft(us, 2 * samples)) ** 2, axis=1)[:, None]  # γ(0)
-    if errors is not None and len(errors):
-        centred = errors - errors.mean(1, keepdims=True)
-        variance = variance + [np.mean([_products(each, u, lags) ** 2 for each in centred], 0) for u in us]
     scale = np.sqrt(np.maximum((e @ e) * np.sum(us**2, 1), _TINY))[:, None]
     correlation = np.array([_products(e, u, lags) for u in us]) / scale
     band = -ndtri(_FALSE_ALARM / 2 / (channels * (_LAGS + 1))) * np.sqrt(np.maximum(variance, _TINY)) / scale
     independent = not np.any((np.abs(correlation) > band)[:, lags >= 0])
-    white = _products(e, e, lags[lags > 0]) / max(float(e @ e), _TINY)
-    white_band = -ndtri(_FALSE_ALARM / 2 / _LAGS) * np.sqrt(samples - lags[lags > 0]) / samples
     feedback = any(_follows(u, np.convolve(e, taps)[: len(e)]) for u in us)
-    return ResidualTests(lags, correlation, band, white, white_band, _explained_share(e, us), independent, feedback)
-
-
-def parameter_errors(plant: PlantRecord, inputs: Array, output: int = 0) -> Array:
-    """Return the outputs of a plant's draws less its own, less what a free run's initial state explains, shape (k, N).
-
-    Args:
-      plant: with draws.
-      inputs: shape (N, m).
-      output: which one.
-    """
-    errors = simulate(plant, inputs, draws=True)[..., output] - simulate(plant, inputs)[:, output]
-    free = free_responses(plant, len(inputs))[:, output]
-    return np.asarray(errors - np.linalg.lstsq(free, errors.T)[0].T @ free.T)
+    return ResidualTests(lags, correlation, band, _explained_share(e, us), independent, feedback)
 
 
 def _products(e: Array, u: Array, lags: NDArray[np.int64]) -> Array:
@@ -93,27 +71,20 @@ def _products(e: Array, u: Array, lags: NDArray[np.int64]) -> Array:
 
 
 def _autoregression(e: Array) -> tuple[float, Array]:
-    """Fit 1 + a₁ z + … by Yule and Walker's equations, its order by Akaike's criterion; also the innovations' power."""
-    longest = min(_HIGHEST_ORDER, len(e) // 10)
-    covariance = _products(e, e, np.arange(longest + 1)) / len(e)
+    """Return the innovations' power and the taps 1 + a₁ z + … of an autoregression, by Yule and Walker's equations."""
+    covariance = _products(e, e, np.arange(min(_ORDER, len(e) // 20) + 1)) / len(e)
     covariance[0] = covariance[0] * (1 + 1e-9) + _TINY  # regular, where the residual is all but predictable
-    found = [(len(e) * np.log(covariance[0]), np.ones(1))]
-    for order in range(1, longest + 1):
-        taps = solve_toeplitz(covariance[:order], -covariance[1 : order + 1])
-        variance = max(float(covariance[0] + taps @ covariance[1 : order + 1]), _TINY)
-        found.append((len(e) * np.log(variance) + 2 * order, np.append(1, taps)))
-    best = min(found, key=lambda each: each[0])[1]
-    return float(np.mean(np.convolve(e, best)[len(best) : len(e)] ** 2)), best
+    taps = np.append(1, solve_toeplitz(covariance[:-1], -covariance[1:]))
+    return float(np.mean(np.convolve(e, taps)[len(taps) : len(e)] ** 2)), taps
 
 
 def _follows(u: Array, innovations: Array) -> bool:
-    """Whether innovations of an input depend on those of the residual before."""
+    """Return whether innovations of an input depend on earlier ones of the residual."""
     power, taps = _autoregression(u)
     if power < _UNPREDICTABLE * np.mean(u**2):
         return False
-    own, theirs = (
-        each[_HIGHEST_ORDER:] - each[_HIGHEST_ORDER:].mean() for each in (np.convolve(u, taps)[: len(u)], innovations)
-    )
+    both = np.stack([np.convolve(u, taps)[: len(u)], innovations])[:, _ORDER:]
+    own, theirs = both - both.mean(1, keepdims=True)
     size = np.sqrt(max(float((own @ own) * (theirs @ theirs)), _TINY))
     correlation = _products(theirs, own, np.arange(-_LAGS, 0)) / size
     limit = -ndtri(_FALSE_ALARM / 2 / _LAGS) / np.sqrt(len(own))

@@ -1,6 +1,5 @@
-"""A plant record set in motion: simulated outputs and free responses; and its balanced realisation."""
+"""Simulated outputs, free responses and the balanced realisation of a plant record."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -34,39 +33,30 @@ def simulate(plant: PlantRecord, inputs: Array, *, draws: bool = False) -> Array
       draws: whether to simulate the k draws instead of the plant itself.
     """
     A, B, C, D, delays = matrices(plant, draws=draws)
-    (many, order, _), count = A.shape, len(inputs)
+    count = len(inputs)
     u = inputs[np.maximum(np.arange(count) - delays[:, None], 0)]
-    # In about √N blocks of √N samples: all blocks together from zero, the states between them, all of them from those.
-    length = math.isqrt(count) + 1
-    blocks, turn = -(-count // length), A.swapaxes(1, 2)
-    drive: Array = np.zeros((many, blocks * length, order))
-    drive[:, :count] = u @ B.swapaxes(1, 2)
-    drive = drive.reshape(many, blocks, length, order)
-    first, step = np.zeros_like(drive[:, :, 0]), np.linalg.matrix_power(turn, length)
-    last = first
-    for sample in range(length):
-        last = last @ turn + drive[:, :, sample]
-    for block in range(1, blocks):
-        first[:, [block]] = first[:, [block - 1]] @ step + last[:, [block - 1]]
-    for sample in range(length):  # the states take the place of what drives them
-        drive[:, :, sample], first = first, first @ turn + drive[:, :, sample]
-    found = drive.reshape(many, blocks * length, order)[:, :count] @ C.swapaxes(1, 2) + u @ D.swapaxes(1, 2)
+    states, power, span = np.zeros((len(A), count, A.shape[1])), A.swapaxes(1, 2), 1
+    states[:, 1:] = u[:, :-1] @ B.swapaxes(1, 2)
+    while span < count:  # by doubling: a state is what the last inputs drive, and Aᵏ times the state k samples before
+        states[:, span:] += states[:, :-span] @ power
+        power, span = power @ power, 2 * span
+    found = states @ C.swapaxes(1, 2) + u @ D.swapaxes(1, 2)
     return np.asarray(found if draws else found[0])
 
 
 def free_responses(plant: PlantRecord, count: int) -> Array:
     """Return the outputs without input from each unit initial state, C Aᵗ, shape (count, p, n)."""
     found, power = plant.C[None], plant.A
-    while len(found) < count:  # by doubling: those of the next times are those found and a product with Aᵏ
+    while len(found) < count:  # by doubling: responses of the next k samples are those found, times Aᵏ
         found, power = np.concatenate([found, found @ power]), power @ power
     return found[:count]
 
 
 def balanced(plant: PlantRecord) -> PlantRecord:
-    """Choose states of which each is as easy to reach as to observe (Moore 1981); the transfer function stays the same.
+    """Return the realisation whose states are each as easy to reach as to observe (Moore 1981).
 
-    Both Gramians become one diagonal matrix, each draw's those of the draw. A plant or draw that is not minimal has no
-    balanced realisation and stays as it is.
+    The Gramians of controllability and observability become one diagonal matrix, for each draw its own; the transfer
+    function stays the same. A plant or draw that is not minimal has no balanced realisation and stays as it is.
 
     Args:
       plant: stable.

@@ -1,11 +1,11 @@
 """Findings about the relation of inputs and outputs: whether there is one, in which direction, and in which units."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.special import fdtri
 
-from archerfish2.identification.axis.fit import AxisFit
+from archerfish2.identification.axis.fit import AxisFit, fit_axis
 from archerfish2.identification.frequency import measured_response
 from archerfish2.identification.simulation import Array
 from archerfish2.identification.validation import free_run
@@ -16,13 +16,15 @@ _OWN_LAGS, _LAGS, _SAMPLES_A_LAG, _MOST_SAMPLES = 8, 100, 20, 20_000  # of the r
 _FALSE_ALARM, _COHERENT = 1e-4, 0.5  # of its F test; median coherence that shows a response too
 _SINE_SHARE, _FEWEST_PERIODS = 0.98, 3  # of the power near one line, from which an input is a single sine; in the log
 _SAMPLES_A_PARAMETER, _DEPENDENT = 10, 1e6  # condition number from which inputs depend on each other
-_DEGREES, _TOLERANCE = 180 / np.pi, 1.15
-_OPPOSITE = -1.4, -0.7  # gains of an angle that moves against its command
 _SUSPECT, _WORTH = 60.0, 2.0  # fit below which columns may be exchanged; what that gains at least, or half of the rest
 _MANY = 6  # poles
-
-Fit = Callable[[Sequence[Recording], int], AxisFit]
-"""Identifies a plant of a given order."""
+_UNITS, _SIGN = ("degrees-radians", "log both in radians"), ("sign-flip", "change the sign of one of them")
+_GAINS = (
+    (50.0, 66.0, "as if the output were in degrees and the input in radians", *_UNITS),
+    (1 / 66.0, 1 / 50.0, "as if the output were in radians and the input in degrees", *_UNITS),
+    (-1.4, -0.7, "so that it moves the other way", *_SIGN),
+)
+"""Steady gains that are suspicious, those of units of either sign."""
 
 
 def log_findings(recordings: Sequence[Recording], order: int) -> list[Finding]:
@@ -59,29 +61,24 @@ def plant_findings(plant: PlantRecord, log: Recording) -> list[Finding]:
 
     Args:
       plant: identified.
-      log: one of those from which.
+      log: one of those that it was identified from.
     """
     found = list[Finding]()
-    output, units = log.output_names[0], ("degrees", "radians")
     for name, gain in zip(log.input_names, plant.dc_gain[0].tolist(), strict=True):
-        for factor, (one, other) in ((_DEGREES, units), (1 / _DEGREES, units[::-1])):
-            if factor / _TOLERANCE < abs(gain) < factor * _TOLERANCE:
-                message = f'the steady gain from "{name}" is {gain:.3g}, as if "{output}" were in {one}, it in {other}'
-                found.append(Finding("degrees-radians", "warning", log.source, message, "log both in radians"))
-        if _OPPOSITE[0] < gain < _OPPOSITE[1]:
-            message = f'"{output}" moves against "{name}": the steady gain is {gain:.3g}'
-            found.append(Finding("sign-flip", "warning", log.source, message, "turn the sign of one of them"))
+        for low, high, meaning, code, remedy in _GAINS:
+            if low < (gain if low < 0 else abs(gain)) < high:
+                message = f'the steady gain of "{log.output_names[0]}" from "{name}" is {gain:.3g}, {meaning}'
+                found.append(Finding(code, "warning", log.source, message, remedy))
     return found
 
 
-def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recording], fit: Fit) -> Finding | None:
+def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recording]) -> Finding | None:
     """Find that input and output are exchanged, by trying it where the plant has no delay or fits badly.
 
     Args:
       found: the plant.
       log: the log by which plants are compared.
       recordings: from which plants are identified.
-      fit: identifies one.
     """
     plant, drift = found.plant, found.structure.drift
     percent = float(free_run(plant, log.inputs, log.outputs, drift=drift).fit_percent[0])
@@ -90,7 +87,7 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
     if plant.D.shape != (1, 1) or not (odd or percent < _SUSPECT):
         return None
     logs, other = [_exchanged(each) for each in recordings], _exchanged(log)
-    plants = [fit(logs, order).plant for order in (1, 2, 3)]
+    plants = [fit_axis(logs, order).plant for order in (1, 2, 3)]
     best = max(float(free_run(p, other.inputs, other.outputs, drift=drift).fit_percent[0]) for p in plants)
     if best < percent + min(_WORTH, (100 - percent) / 2):
         return None
@@ -113,7 +110,7 @@ def _sine_hz(signal: Array, period_s: float) -> float:
 
 
 def _responds(log: Recording, channel: int) -> bool:
-    """Whether past inputs improve the prediction of the output by its own past, or are coherent with it."""
+    """Return whether past inputs improve the prediction of the output by its own past, or are coherent with it."""
     lags = min(_LAGS, min(len(log), _MOST_SAMPLES) // _SAMPLES_A_LAG)
     coherence = measured_response([log]).coherence[:, 0, channel]
     if lags <= _OWN_LAGS or (coherence.size and np.median(coherence) > _COHERENT):

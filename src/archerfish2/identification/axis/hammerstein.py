@@ -5,13 +5,14 @@ it. Behind the right operator the plant lacks the bias that the nonlinearity giv
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from archerfish2.identification.axis.fit import AxisFit, Series, plant_of
 from archerfish2.identification.axis.log_start import rounding_floor
-from archerfish2.identification.axis.output_error import LinearFit, refine, refine_best, residuals_by_log, solve
+from archerfish2.identification.axis.output_error import LinearFit, refine, refine_best, residuals_by_log
 from archerfish2.identification.axis.sections import poles_of, sections_from_poles
 from archerfish2.identification.axis.spectrum import Experiment, Lines, lines_of, thinned
 from archerfish2.identification.simulation import Array, simulate
@@ -34,10 +35,8 @@ class Nonlinearity(NamedTuple):
     level: float  # limit, or half width, in units of the input; of a rate limit per second
     residual_share: float  # power of its residual over the linear plant's
     gained: float  # twice the log likelihood
-    gained_points: float  # of the fit [%]
     gain_ratio: float  # steady output at the largest command over that of the linear plant
     agreement_percent: float  # fit of the linear plant to it, on steps as large as the largest command
-    delay: int  # of the plant behind it [samples]
 
 
 def nonlinearity(found: AxisFit, recordings: Sequence[Series]) -> Nonlinearity | None:
@@ -74,16 +73,16 @@ class _Search:
         self.starts = [self.base.sections, sections_from_poles(np.abs(poles) ** _FASTER * np.exp(1j * np.angle(poles)))]
 
     def logs(self, name: str, level: float) -> list[Experiment]:
-        both = [(_OPERATORS[name](u, level, self.period_s)[:, None], len(u)) for u in self.commands]
-        logs = zip(both, self.found.experiments, strict=True)
-        return [Experiment(u, e.y[:n], min(e.pad, n), e.rest, e.skip, e.drift) for (u, n), e in logs]
+        inputs = [_OPERATORS[name](u, level, self.period_s)[:, None] for u in self.commands]
+        logs = zip(self.found.experiments, inputs, strict=True)
+        return [replace(e, u=u, y=e.y[: len(u)], pad=min(e.pad, len(u))) for e, u in logs]
 
     def lines(self, name: str, level: float, delay: int) -> list[Lines]:
         return lines_of(self.logs(name, level), self.picks, delay, self.found.structure.feedthrough)
 
     def cost(self, name: str, level: float) -> float:
         data = self.lines(name, level, self.found.delay)
-        return solve(self.starts[0], data).cost if name in _STATIC else refine_best(self.starts, data, *_ROUGH).cost
+        return refine_best(self.starts, data, *_ROUGH).cost
 
     def best(self, name: str, levels: list[float]) -> Nonlinearity | None:
         """Fit the plant behind an operator at its best level; None if it explains no more than a linear one."""
@@ -92,8 +91,7 @@ class _Search:
             level = min(costs, key=costs.__getitem__)
             costs |= {level * factor: self.cost(name, level * factor) for factor in factors}
         level, at = min(costs, key=costs.__getitem__), self.found.delay
-        starts, logs = self.starts[: 1 if name in _STATIC else 2], self.logs(name, level)
-        fits = {at: refine_best(starts, self.lines(name, level, at), *_FINE)}
+        fits = {at: refine_best(self.starts, self.lines(name, level, at), *_FINE)}
         if fits[at].cost >= self.base.cost:
             return None
         for delay in (at + step for step in _DELAYS if at + step >= 0):
@@ -101,31 +99,29 @@ class _Search:
         delay = min(fits, key=lambda each: fits[each].cost)
         # The poles or the delay may be what is better, and not the operator.
         other = [refine(fits[delay].sections, self.lines("none", 0.0, each), *_FINE) for each in (at, delay)]
-        groups = [fits[delay]], [self.base, *other]
-        cost, linear = (max(min(fit.cost for fit in each), rounding_floor(logs)) for each in groups)
-        data = self.lines(name, level, delay)
+        logs, data = self.logs(name, level), self.lines(name, level, delay)
+        least = rounding_floor(logs)
+        share = max(fits[delay].cost, least) / max(least, min(each.cost for each in (self.base, *other)))
         output = np.concatenate([e.outputs[0] for e in data])
         residual = np.concatenate([r[0] for r in residuals_by_log(fits[delay], data)])
         power, response = np.abs(residual) ** 2, np.abs(output - residual) ** 2
         colour = max(1.0, float(power @ response / max(power.mean() * response.sum(), 1e-300)))
-        share = sum(e.measured for e in logs) / sum(e.length for e in logs)  # a rest that is put before adds nothing
-        gained = 2 * len(power) * share / colour * np.log(linear / cost)
-        points = 100 * (np.sqrt(linear) - np.sqrt(cost)) / np.linalg.norm(output)
-        compared = self.compared(name, level, fits[delay], delay)
-        return Nonlinearity(name, level, cost / linear, float(gained), float(points), *compared, delay)
+        measured = sum(e.measured for e in logs) / sum(e.length for e in logs)  # a rest put before adds nothing
+        gained = -2 * len(power) * measured / colour * float(np.log(share))
+        return Nonlinearity(name, level, share, gained, *self.compared(name, level, fits[delay], delay))
 
     def compared(self, name: str, level: float, fit: LinearFit, delay: int) -> tuple[float, float]:
         """Return the gain behind an operator over the linear plant's, and the fit of that one to it [%]."""
-        first, scale, structure = min(delay, self.found.delay), self.found.scale, self.found.structure
-        pairs = (self.base, self.found.delay), (fit, delay)
-        plants = [plant_of(f, structure._replace(delay=d - first), scale, self.period_s) for f, d in pairs]
+        found, period_s = self.found, self.period_s
+        linear = plant_of(self.base, found.structure, found.scale, period_s)
+        behind = plant_of(fit, found.structure._replace(delay=delay), found.scale, period_s)
         decay = -np.log(np.clip(np.abs(poles_of(self.base.sections)).max(), 1e-6, 1 - 1e-4))
-        settle = min(int(_SETTLED / decay) + 10, _LONGEST)
+        settle = min(int(_SETTLED / decay) + 10, _LONGEST) + max(found.delay, delay)
         largest = max(float(np.abs(u).max()) for u in self.commands)
-        steps = np.repeat(largest * np.random.default_rng(0).uniform(-1, 1, _LEVELS), settle // 4)
-        given = np.concatenate([np.repeat([0, largest], [1, settle]), steps])
-        changed = _OPERATORS[name](given, level, self.period_s)
-        ours, theirs = (simulate(plant, u[:, None]) for plant, u in zip(plants, (given, changed), strict=True))
+        levels = np.random.default_rng(0).uniform(-largest, largest, _LEVELS)
+        given = np.concatenate([[0.0], np.full(settle, largest), levels.repeat(settle // 4)])
+        ours = simulate(linear, given[:, None])
+        theirs = simulate(behind, _OPERATORS[name](given, level, period_s)[:, None])
         agreement = 1 - np.linalg.norm(theirs - ours) / max(float(np.linalg.norm(theirs - theirs.mean())), 1e-300)
         return theirs[settle].item() / ours[settle].item(), 100 * float(agreement)
 
@@ -137,7 +133,6 @@ def _followed(command: Array, move: Callable[[float, float], float]) -> Array:
     return np.array(found)
 
 
-_STATIC = ("saturation", "dead zone")
 _OPERATORS: dict[str, Callable[[Array, float, float], Array]] = {
     "none": lambda u, *_: u,
     "saturation": lambda u, level, _: np.clip(u, -level, level),

@@ -160,7 +160,7 @@ def identify_axis(
         for each in group
     ]
     worst = judged(fits).recording
-    swapped = exchanged_columns(found, worst, read.fitted, fit_axis)
+    swapped = exchanged_columns(found, worst, read.fitted)
     findings = [*read.findings, *found_before, *plant_findings(plant, read.fitted[0]), *([swapped] if swapped else [])]
     return AxisResult(
         plant,

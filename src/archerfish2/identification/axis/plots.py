@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from archerfish2.identification.axis.bootstrap import interval
 from archerfish2.identification.frequency import MeasuredResponse, frequency_response
 from archerfish2.identification.residuals import ResidualTests
 from archerfish2.identification.simulation import Array, simulate
@@ -19,20 +20,16 @@ _BLUE, _RED, _GREEN = PALETTE[:3]
 _BAND: Any = {"color": _RED, "alpha": 0.25, "linewidth": 0, "label": "95 % band"}
 _DOTS: Any = {"color": INK, "linestyle": "none", "marker": ".", "markersize": 4.0, "label": "measured (H1)"}
 _LONGEST = 2000  # samples of a run that are legible
-_POINTS, _AROUND = 400, 4.0  # frequencies; factor from the band to the lowest, and to those by which limits are set
-_MARGIN_DB, _MARGIN_DEGREES = 12.0, 60.0  # around the plant: bands where nothing is known would squeeze the rest
+_POINTS, _AROUND = 400, 4.0  # frequencies, and the factor that they reach beyond the excited band
 _SETTLED, _STEP = 6.0, (50, 5000)  # time constants that a step is drawn for, and its samples, least and most
 
 
-def run_plot(
-    log: Recording, run: FreeRun, errors: Array | None = None, *, output: int = 0, title: str = ""
-) -> "Figure":
+def run_plot(log: Recording, run: FreeRun, *, output: int = 0, title: str = "") -> "Figure":
     """Draw measured and simulated output and, below, the residual; of a long log where that is largest.
 
     Args:
       log: with outputs.
       run: the plant's free run of it.
-      errors: of the draws, as of `parameter_errors`, shape (k, N).
       output: which one.
       title: above.
     """
@@ -45,8 +42,6 @@ def run_plot(
         figure, axes = new_figure(2, 1, height=4.4, sharex=True, height_ratios=(2, 1))
         above, below = axes[:, 0]
         above.plot(time, measured[part], color=INK, linewidth=1.0, label="measured")
-        if errors is not None and len(errors):
-            above.fill_between(time, *(simulated + _interval(errors))[:, part], **_BAND)
         above.plot(time, simulated[part], color=_RED, linestyle=(0, (4, 1.5)), label="simulated")
         above.set(title=title, ylabel=log.output_names[output])
         below.plot(time, (measured - simulated)[part], color=_BLUE, linewidth=0.8)
@@ -68,29 +63,28 @@ def bode_plot(
       output: which one.
       title: above.
     """
-    hz = np.geomspace(excited_hz[0] / _AROUND, 0.5 / plant.sample_period_s, _POINTS)
+    hz = np.geomspace(excited_hz[0] / _AROUND, min(_AROUND * excited_hz[1], 0.5 / plant.sample_period_s), _POINTS)
     response, drawn = (frequency_response(plant, hz, draws=draws)[..., output, :] for draws in (False, True))
-    inputs, near_band = range(response.shape[1]), hz <= _AROUND * excited_hz[1]
     with plot_style():
-        figure, axes = new_figure(2, len(inputs), height=5.0, sharex=True)
-        for channel, (magnitude, phase) in zip(inputs, axes.T, strict=True):
-            own, draws, seen = response[:, channel], drawn[..., channel], measured.response[:, output, channel]
+        figure, axes = new_figure(2, response.shape[1], height=5.0, sharex=True)
+        for channel, (magnitude, phase) in enumerate(axes.T):
+            own, draws = response[:, channel], drawn[..., channel]
             coherent = measured.coherence[:, output, channel] > measured.significant
-            at, seen, turn = measured.hz[coherent], seen[coherent], np.degrees(np.unwrap(np.angle(own)))
-            # About the plant's own phase: noisy ones slip by a turn when they are unwrapped by themselves.
-            angle, near = np.degrees(np.angle(seen)), np.interp(at, hz, turn)
-            angle += 360 * np.round((near - angle) / 360)
-            if len(draws):
-                magnitude.fill_between(hz, *_decibel(_interval(np.abs(draws))), **_BAND)
-                spread = np.degrees(_interval(np.unwrap(np.angle(draws / own))))
-                phase.fill_between(hz, *(turn + spread), **_BAND)
-            both = (magnitude, _decibel(own), _decibel(seen), _MARGIN_DB), (phase, turn, angle, _MARGIN_DEGREES)
-            for panel, curve, points, margin in both:
-                panel.plot(hz, curve, color=_RED, label="plant")
-                panel.plot(at, points, **_DOTS)
+            at, points = measured.hz[coherent], measured.response[coherent, output, channel]
+            # About the plant's own phase: noisy phases slip by a turn when they are unwrapped by themselves.
+            turn, ratio = np.unwrap(np.angle(own)), points / frequency_response(plant, at)[:, output, channel]
+            turns = turn + np.angle(draws / own), np.interp(at, hz, turn) + np.angle(ratio)
+            for panel, *curves in (
+                (magnitude, *map(_decibel, (own, draws, points))),
+                (phase, *map(np.degrees, (turn, *turns))),
+            ):
+                panel.plot(hz, curves[0], color=_RED, label="plant")
+                panel.set(xscale="log", xlim=(hz[0], hz[-1]), ymargin=0.2)
+                panel.autoscale(enable=False)  # the band of the draws would squeeze the rest where nothing is known
+                if len(draws):
+                    panel.fill_between(hz, *interval(curves[1]), **_BAND)
+                panel.plot(at, curves[2], **_DOTS)
                 panel.axvspan(*excited_hz, color=_GREEN, alpha=0.1, linewidth=0, label="excited band")
-                low, high = curve[near_band].min() - margin, curve[near_band].max() + margin
-                panel.set(ylim=(low, high), xscale="log", xlim=(hz[0], hz[-1]))
             phase.set(xlabel=f"frequency of {plant.input_names[channel]} [Hz]")
         axes[0, 0].set(title=title, ylabel="magnitude [dB]")
         axes[1, 0].set(ylabel="phase [°]")
@@ -114,10 +108,9 @@ def step_plot(plant: PlantRecord, *, output: int = 0, title: str = "") -> "Figur
         for channel, panel in enumerate(axes[0]):
             step = (time >= 0)[:, None] * np.eye(inputs)[channel]
             if plant.draws:
-                panel.fill_between(time, *_interval(simulate(plant, step, draws=True)[..., output]), **_BAND)
+                panel.fill_between(time, *interval(simulate(plant, step, draws=True)[..., output]), **_BAND)
             panel.plot(time, simulate(plant, step)[:, output], color=_RED, label="plant")
-            gain = plant.dc_gain[output, channel]
-            panel.axhline(gain, color=MUTED, linewidth=0.9, linestyle="--", label="steady gain")
+            panel.axhline(plant.dc_gain[output, channel], color=MUTED, linestyle="--", label="steady gain")
             panel.set(xlabel=f"time since the step of {plant.input_names[channel]} [s]")
         axes[0, 0].set(title=title, ylabel=f"{plant.output_names[output]} per unit")
         _legend(figure, axes[0, 0])
@@ -125,15 +118,12 @@ def step_plot(plant: PlantRecord, *, output: int = 0, title: str = "") -> "Figur
 
 
 def correlation_plot(tests: ResidualTests, *, title: str = "") -> "Figure":
-    """Draw the correlation of a residual with each input in its band; what leaves the band has another colour."""
+    """Draw the correlation of a residual with each input, and the band that a good model's does not leave."""
     with plot_style():
         figure, axes = new_figure(1, len(tests.band), height=3.0)
         for panel, values, band in zip(axes[0], tests.correlation, tests.band, strict=True):
             panel.fill_between(tests.lags, -band, band, color=_GREEN, alpha=0.18, linewidth=0, label="99 % band")
-            outside = np.abs(values) > band
-            for chosen, color, label in ((~outside, _BLUE, "inside"), (outside, _RED, "outside")):
-                panel.vlines(tests.lags[chosen], 0.0, values[chosen], color=color, linewidth=1.6, label=label)
-            panel.axhline(0.0, color=MUTED, linewidth=0.8)
+            panel.vlines(tests.lags, 0.0, values, color=_BLUE, linewidth=1.6, label="residual")
             panel.set(xlabel="lag after the input [samples]")
         axes[0, 0].set(title=title, ylabel="correlation")
         _legend(figure, axes[0, 0])
@@ -144,10 +134,6 @@ def _legend(figure: "Figure", panel: Any) -> None:
     """Set the legend outside, where it hides nothing."""
     figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     figure.align_ylabels()
-
-
-def _interval(drawn: Array) -> Array:
-    return np.asarray(np.quantile(drawn, (0.025, 0.975), axis=0, method="weibull"))
 
 
 def _decibel(response: Any) -> Array:

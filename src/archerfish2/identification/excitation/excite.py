@@ -6,7 +6,6 @@ The prediction simulates the logs and runs the identification on them, so that i
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -42,7 +41,7 @@ class Excitation:
     expected: AxisResult  # what the identification makes of them
 
     def save(self, folder: str | Path) -> None:
-        """Write each command to a file, with the expected angle, which is no measured one.
+        """Write each command to a file, with the expected angle beside it.
 
         Raises:
           InputError: if the folder can't be written.
@@ -51,16 +50,13 @@ class Excitation:
             log.write_csv(Path(folder) / name)
 
     def plot(self) -> "Figure":
-        """Draw the commands and their spectra."""
+        """Draw the commands."""
         with plot_style():
-            figure, ((times,), (spectra,)) = new_figure(2, 1, height=5.5)
+            figure, ((panel,),) = new_figure()
             for name, log in self.logs.items():
-                u = np.degrees(log.inputs[:, 0])
-                times.plot(log.time, u, label=name)
-                spectra.magnitude_spectrum(u - u[0], Fs=1 / log.period_s, scale="dB")
-            times.set(xlabel="time [s]", ylabel="command [°]")
-            spectra.set(xscale="log", ylim=(-120, None), xlabel="frequency [Hz]", ylabel="amplitude [dB re 1°]")
-            times.legend()
+                panel.plot(log.time, np.degrees(log.inputs[:, 0]), label=name)
+            panel.set(xlabel="time [s]", ylabel="command [°]")
+            panel.legend()
         return figure
 
     @property
@@ -69,19 +65,16 @@ class Excitation:
         found, limits = self.expected.report, self.limits
         rows: list[tuple[Entry, ...]] = []
         for name, log in self.logs.items():
-            _, rate, acceleration = demand(log.inputs[:, 0] - log.inputs[0], log.period_s).tolist()
-            moved = (rate, acceleration) if acceleration <= limits.max_acceleration else ("jump", "jump")
+            _, *moved = demand(log.inputs[:, 0] - log.inputs[0], log.period_s).tolist()
+            moved = ["jump", "jump"] if moved[1] > limits.max_acceleration else moved
             rows.append((name, len(log) * log.period_s, *np.degrees([log.inputs.min(), log.inputs.max()]), *moved))
         most = (*np.degrees([limits.low, limits.high]).tolist(), limits.max_rate, limits.max_acceleration)
-        return Report(
-            title=f"{self.expected.plant.axis}: commands for its identification",
-            headline=f"expected of their logs: {found.headline}",
-            known=found.known,
-            doubts=(*[_JUMPS] * any("jump" in row for row in rows), *found.reasons, *found.doubts),
-            next_steps=(_PLAY, *found.next_steps),
-            tables=(Table("Commands", _COLUMNS, (*rows, ("limit", None, *most))), *found.tables[:2]),
-            figures=(("Commands and their spectra", self.plot), *found.figures),
-        )
+        table = Table("Commands", _COLUMNS, (*rows, ("limit", None, *most)))
+        doubts = (*[_JUMPS] * any("jump" in row for row in rows), *found.reasons, *found.doubts)
+        steps, figures = (_PLAY, *found.next_steps), (("Commands", self.plot), *found.figures)
+        title = f"{self.expected.plant.axis}: commands for its identification"
+        headline, tables = f"expected of their logs: {found.headline}", (table, *found.tables[:2])
+        return Report(title, headline, None, (), found.known, doubts, steps, tables, figures)
 
 
 def excite(
@@ -117,10 +110,11 @@ def excite(
     if plant.D.shape != (1, 1) or not 0 <= noise_sd < math.inf:
         raise InputError(f"excite: expected shape (1, 1), noise_sd ≥ 0, not {plant.D.shape}, {noise_sd:g}; correct it")
     logs: tuple[list[Recording], list[Recording]] = [], []
-    for kind, held_back in product(dict.fromkeys(kinds), (False, True)[: 1 + validation]):
-        u = plan_command(kind, limits, settings, period_s, held_back)
-        y = u[:1] * plant.dc_gain[0] + simulate(plant, u[:, None] - u[0])[:, 0] + noise_sd * rng.standard_normal(len(u))
-        fields = {"output_names": ("expected",), "source": f"{axis}_{kind}{'_validation' * held_back}.csv"}
-        logs[held_back].append(Recording.from_arrays(u, y, period_s, **fields))
+    for held_back, kept in enumerate(logs[: 1 + validation]):
+        for kind in kinds:
+            u = plan_command(kind, limits, settings, period_s, bool(held_back))[:, None]
+            y = u[0] @ plant.dc_gain.T + simulate(plant, u - u[0]) + noise_sd * rng.standard_normal(u.shape)
+            source = f"{axis}_{kind}{'_validation' * held_back}.csv"
+            kept.append(Recording.from_arrays(u, y, period_s, output_names=("expected",), source=source))
     expected = identify_axis(logs[False], validate=logs[True], axis=axis, order=len(plant.A), seed=seed)
     return Excitation(limits, {each.source: each for each in (*logs[False], *logs[True])}, expected)

@@ -9,17 +9,18 @@ from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
+from scipy.signal import chirp, max_len_seq
 from scipy.signal.windows import tukey
 
 from archerfish2.errors import InputError
-from archerfish2.identification.excitation.signals import SweepMethod, multisine, prbs, sweep
 from archerfish2.identification.simulation import Array
 from archerfish2.records.limits import AxisLimits
 from archerfish2.records.record import Angle, Struct
 
 Kind = Literal["sweep", "multisine", "prbs", "step"]
 Positive = Annotated[float, Meta(gt=0.0, le=1000.0)]
-_LEVELS, _OTHER_LEVELS = (1.0, 0.0, -1.0, 0.0), (-0.7, 0.0, 0.5, 0.0)  # of the steps, in their size
+_LEVELS = (1.0, 0.0, -1.0, 0.0), (-0.7, 0.0, 0.5, 0.0)  # of the steps, and of those held back, in their size
 
 
 class ExcitationSettings(Struct, frozen=True, kw_only=True):
@@ -33,8 +34,6 @@ class ExcitationSettings(Struct, frozen=True, kw_only=True):
     """Lowest frequency [Hz]."""
     high_hz: Positive = 50.0
     """Highest frequency [Hz]."""
-    sweep_method: SweepMethod = "linear"
-    """How the frequency of a sweep rises with time."""
     amplitude: Positive | None = None
     """Largest distance of sweep, multisine and PRBS from the centre [rad]; as large as the limits allow if None."""
     period_s: Positive = 2.0
@@ -91,51 +90,94 @@ def plan_command(
     reach = settings.limit_share * max(min(limits.high - centre, centre - limits.low), 0.0)
     size = settings.step if kind == "step" else settings.amplitude or reach
     if not 0 < size <= reach:
-        most, middle, got = (f"{math.degrees(each):.3g}°" for each in (reach, centre, size))
-        raise InputError(
-            f"excitation: {kind}: expected up to {most} about {middle}, got {got}; lower it, move the centre"
-        )
+        expected, about, got = (f"{math.degrees(each):.3g}°" for each in (reach, centre, size))
+        raise InputError(f"excitation: {kind}: expected up to {expected} about {about}, got {got}; change one of them")
     budget = np.array([size, *settings.limit_share * np.array([limits.max_rate, limits.max_acceleration])])
-    signal = (_steps if kind == "step" else _signal)(kind, settings, budget, period_s, held_back)
+    if kind == "step":
+        signal = _steps(settings, budget, period_s, _LEVELS[held_back])
+    else:
+        signal = _within(budget, _signal(kind, settings, budget, period_s), period_s, 1 / low_hz)
+        signal = -signal[::-1] if held_back else signal
     return np.asarray(centre + np.pad(signal, round(settings.settle_s / period_s)))
 
 
-def _steps(_: Kind, settings: ExcitationSettings, budget: Array, period_s: float, held_back: bool) -> Array:
-    levels = budget[0] * np.repeat(_OTHER_LEVELS if held_back else _LEVELS, max(1, round(settings.hold_s / period_s)))
-    signal = np.append(0.0, levels)
+def _steps(settings: ExcitationSettings, budget: Array, period_s: float, levels: tuple[float, ...]) -> Array:
+    hold = max(1, round(settings.hold_s / period_s))
+    signal = np.append(0.0, budget[0] * np.repeat(levels, hold))
     jump = np.abs(np.diff(signal)).max()
     half_s = max(np.sqrt(jump / budget[2]), jump / budget[1])
     return _slewed(signal, math.ceil(half_s / period_s)) if settings.slew_steps else signal
 
 
-def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: float, held_back: bool) -> Array:
-    """Return a signal that uses up one part of the budget: angle, rate or acceleration."""
+def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: float) -> Array:
+    """Return a sweep, multisine or PRBS."""
     low_hz, high_hz, durations = settings.low_hz, settings.high_hz, (settings.duration_s, settings.period_s)
     count, repeat = (max(1, round(each / period_s)) for each in durations)
     if kind == "sweep":
-        sine, frequency = sweep(count, period_s, low_hz, high_hz, settings.sweep_method)
-        signal: Array = sine * _largest_sine(frequency, budget)
-    elif kind == "multisine":
-        lowest, highest = low_hz * repeat * period_s - 1e-9, high_hz * repeat * period_s + 1e-9
-        harmonics = np.arange(np.ceil(lowest), np.floor(highest) + 1)
-        amplitude = _largest_sine(harmonics / (repeat * period_s), budget)
-        signal = np.tile(multisine(repeat, int(harmonics[0]), amplitude, amplitude * harmonics**2), count // repeat)
-    else:
-        clock = max(2, int(0.44 / high_hz / period_s))  # its spectrum has half the power at 0.44 of the clock's rate
-        bits = int(np.clip(np.log2(repeat / clock + 1), 2, 32))
-        signal = _slewed(prbs(count, clock, bits), clock // 2)
-    # Fading within a period of the lowest frequency costs no more acceleration than its sine.
-    fade = min(1 / low_hz, settings.duration_s / 10) / period_s
-    signal *= tukey(signal.size, min(2 * fade / (signal.size - 1), 1))
-    # A little less than the budget, for the rounding of the sum with the centre.
-    signal *= (1 - 1e-9) / np.max(demand(signal, period_s) / budget)
-    return np.asarray(-signal[::-1] if held_back else signal)
+        frequency = low_hz + (high_hz - low_hz) * np.arange(count) / count
+        sine = chirp(np.arange(count), low_hz * period_s, count, high_hz * period_s, phi=-90)
+        return np.asarray(sine * _largest_sine(frequency, budget))
+    if kind == "multisine":
+        length_s = repeat * period_s
+        harmonics = np.arange(max(1, round(low_hz * length_s)), int(high_hz * length_s + 1e-9) + 1)
+        period = multisine(repeat, harmonics, _largest_sine(harmonics / length_s, budget))
+        return np.tile(period, count // repeat)
+    clock = max(2, int(0.44 / high_hz / period_s))
+    bits = int(np.clip(np.log2(repeat / clock + 1), 2, 32))
+    return _slewed(prbs(count, clock, bits), clock // 2)
+
+
+def multisine(count: int, harmonics: NDArray[np.int64], amplitude: Array) -> Array:
+    """Return one period of Σ aₙ cos(2π n t + φₙ), t in periods, whose second derivative has a low peak.
+
+    With p the share of each sine in the power of the second derivative, Schroeder's phases (1970, eq 10) are
+    φₙ = −2π Σ (n − l) pₗ over l < n.
+
+    Args:
+      count: samples N of the period.
+      harmonics: consecutive numbers n, below N / 2, shape (L,).
+      amplitude: aₙ, shape (L,).
+
+    Returns:
+      Shape (N,).
+    """
+    power = (amplitude * harmonics**2) ** 2
+    share = np.cumsum(power) / np.sum(power)
+    spectrum = np.zeros(count // 2 + 1, np.complex128)
+    spectrum[harmonics] = 0.5 * count * amplitude * np.exp(-2j * np.pi * (np.cumsum(share) - share))
+    return np.fft.irfft(spectrum, count)
+
+
+def prbs(count: int, clock: int, bits: int) -> Array:
+    """Return a pseudo-random binary sequence of the levels −1 and 1, of maximum length: 2^bits − 1 clock periods.
+
+    Its spectrum is flat from 1 / ((2^bits − 1) clock period) to half its power at 0.44 / clock period.
+
+    Args:
+      count: samples N; the sequence repeats.
+      clock: shortest time at one level [samples].
+      bits: length of the shift register, 2…32.
+
+    Returns:
+      Shape (N,).
+    """
+    levels = max_len_seq(bits, length=-(-count // clock))[0]
+    return np.repeat(2.0 * levels - 1.0, clock)[:count]
 
 
 def _largest_sine(frequency_hz: Array, budget: Array) -> Array:
     """Return min(angle, rate / ω, acceleration / ω²), rounded: in a sweep a corner is a jump of the rate."""
     bounds = budget[:, None] / (2 * np.pi * frequency_hz) ** np.arange(3)[:, None]
     return np.asarray(np.sum(bounds**-6.0, axis=0) ** (-1 / 6.0))  # a corner lies 11 % below a sharp one
+
+
+def _within(budget: Array, signal: Array, period_s: float, fade_s: float) -> Array:
+    """Return a signal that fades in and out, scaled to use up one part of the budget: angle, rate or acceleration."""
+    # Fading within a period of the lowest frequency costs no more acceleration than its sine.
+    fade = min(fade_s / period_s, len(signal) / 10)
+    signal = signal * tukey(len(signal), min(2 * fade / (len(signal) - 1), 1))
+    # A little less than the budget, for the rounding of the sum with the centre.
+    return np.asarray(signal * (1 - 1e-9) / np.max(demand(signal, period_s) / budget))
 
 
 def _slewed(signal: Array, half: int) -> Array:
