@@ -108,9 +108,6 @@ def test_what_a_stopped_recorder_has_written_is_read_and_a_hole_refused(tmp_path
     for torn in (content[:500], content[:middle] + bytes(400) + content[middle + 400 :]):
         path.write_bytes(torn)
         refused("torn.mcap: .*try `mcap recover`", read_log, path, **APART)
-    file = write(tmp_path / "other", apart(), ".db3")
-    file.with_name(f"{file.name}-wal").write_bytes(b"messages")
-    refused("has messages that are not in it.*`ros2 bag reindex`", read_log, file, **APART)
 
 
 BACK, YAW, ONE = [*axis(10**9)["/axis"], (2**62, joints(1, (0, 0), (0, 0)))], "/axis/yaw/position", "/axis/effort[1]"
@@ -154,7 +151,7 @@ ARRAYS = {".npz": lambda path, **arrays: np.savez(path, **arrays), ".mat": lambd
 
 
 @pytest.mark.parametrize("ending", [*PLUGINS, *ARRAYS])
-@pytest.mark.parametrize("count", [40, pytest.param(2000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [20, pytest.param(2000, marks=pytest.mark.slow)])
 def test_a_damaged_file_is_refused_in_one_line_or_gives_a_sound_recording(tmp_path, ending, count):
     store = ROS1 if ending == ".bag" else ROS2
     path, names = tmp_path / f"damaged{ending}", SAME if ending in PLUGINS else {}
