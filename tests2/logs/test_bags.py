@@ -151,7 +151,7 @@ ARRAYS = {".npz": lambda path, **arrays: np.savez(path, **arrays), ".mat": lambd
 
 
 @pytest.mark.parametrize("ending", [*PLUGINS, *ARRAYS])
-@pytest.mark.parametrize("count", [20, pytest.param(2000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [40, pytest.param(2000, marks=pytest.mark.slow)])
 def test_a_damaged_file_is_refused_in_one_line_or_gives_a_sound_recording(tmp_path, ending, count):
     store = ROS1 if ending == ".bag" else ROS2
     path, names = tmp_path / f"damaged{ending}", SAME if ending in PLUGINS else {}

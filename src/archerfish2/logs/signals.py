@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from archerfish2.logs.recording import Finding, Recording, Values
-from archerfish2.logs.stamps import Rows, Signals, held_mean, thinned
+from archerfish2.logs.stamps import Rows, Signals, held_mean, subsampled
 from archerfish2.logs.table import log_fault
 
 _ANGLES = (2 * np.pi, 360.0, 400.0)
@@ -29,7 +29,7 @@ def fresh_rows(rows: Rows, source: str) -> tuple[Rows, list[Finding]]:
     """
     changes = np.flatnonzero((rows.outputs[1:] != rows.outputs[:-1]).any(axis=1)) + 1
     gaps = np.diff(changes)
-    every = int(np.median(thinned(gaps))) if gaps.size > _STEPS else 0
+    every = int(np.median(subsampled(gaps))) if gaps.size > _STEPS else 0
     regular = every > 1 and (np.mean(gaps % every == 0) > 0.9 or np.quantile(gaps, 0.9) <= 2 * every)
     if not (regular and any(map(_is_smooth, rows.outputs.T))):
         return rows, []
@@ -115,7 +115,7 @@ def _saturation(signal: Values, _: Recording) -> str:
     moves = signal[1:] != signal[:-1]
     motion = signal[moves.argmax() : signal.size - moves[::-1].argmax()]  # without the rest before and after it
     lowest, highest = motion == motion.min(), motion == motion.max()
-    if (share := max(lowest.mean(), highest.mean())) <= _SATURATED or np.unique(thinned(motion)).size <= _STEPS:
+    if (share := max(lowest.mean(), highest.mean())) <= _SATURATED or np.unique(subsampled(motion)).size <= _STEPS:
         return ""
     between = np.diff(motion[~(lowest | highest)])
     stepwise = np.count_nonzero(between) < between.size / 2
@@ -123,7 +123,7 @@ def _saturation(signal: Values, _: Recording) -> str:
 
 
 def _quantisation(signal: Values, _: Recording) -> str:
-    some = thinned(signal)
+    some = subsampled(signal)
     steps = np.diff(np.unique(some))
     quantum = steps[steps > 1e-9 * np.ptp(some)].min()
     noise = quantum / np.sqrt(12) / some.std()
@@ -135,7 +135,7 @@ def _spikes(signal: Values, recording: Recording) -> str:
     """Find single samples that leave and return: a lost bit, not a motion."""
     steps = np.diff(signal)
     sizes = np.abs(steps)
-    limit = _SPIKE * np.quantile(thinned(sizes), 0.9)
+    limit = _SPIKE * np.quantile(subsampled(sizes), 0.9)
     first = np.flatnonzero(np.minimum(sizes[:-1], sizes[1:]) > limit)
     out, back = steps[first], steps[first + 1]
     found = first[np.abs(out + back) < 0.2 * np.abs(out - back)]

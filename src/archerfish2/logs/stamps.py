@@ -100,7 +100,7 @@ def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
     if unit != "s":
         message = f'stamps "{time}" are in {unit}, as the name says, and were turned into seconds'
         return stamps, [Finding("time-unit", "repaired", table.source, message, "nothing to do")]
-    steps = thinned(np.diff(stamps))
+    steps = subsampled(np.diff(stamps))
     period = float(np.nanmedian(steps)) if np.any(steps > 0) else 0.0
     if period <= 0 or _PLAUSIBLE_S[0] <= period <= _PLAUSIBLE_S[1]:
         return stamps, []
@@ -110,7 +110,7 @@ def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
     return stamps * _SECONDS[unit], [Finding("time-unit", "warning", table.source, message, remedy)]
 
 
-def thinned(values: Values) -> Values:
+def subsampled(values: Values) -> Values:
     """Return some of many values, equally spaced: enough for their median or last digit."""
     return values[:: len(values) // 100_000 + 1]
 
@@ -135,7 +135,7 @@ def uninterrupted(rows: Rows, source: str) -> tuple[list[Rows], list[Finding]]:
       InputError: if no part is long enough.
     """
     steps, findings, remedy = np.diff(rows.time), [], "log without interruptions"
-    gaps = _gaps(rows.time, float(np.median(thinned(steps))))
+    gaps = _gaps(rows.time, float(np.median(subsampled(steps))))
     if gaps.size:
         at, longest = rows.time[gaps[0] - 1], steps[gaps - 1].max()
         message = f"gaps: {gaps.size}, the first at {at:.4g} s, of up to {longest:.4g} s; the log was cut there"
