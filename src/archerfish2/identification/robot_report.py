@@ -50,18 +50,11 @@ def robot_report(found: "IdentifiedRobot") -> Report:
     robot = found.robot
     bad = [part for part, each in robot.parts.items() if not each.usable]
     assumed = f"; assumed: {', '.join(robot.assumed)}" if robot.assumed else ""
-    headline = f"{', '.join(bad)} not usable" if bad else f"{', '.join(robot.parts)} usable"
     rows = [(part, "usable" if each.usable else "not usable", each.headline) for part, each in robot.parts.items()]
-    rows += [(part, "assumed", "the paper's") for part in robot.assumed if part != "sensing"]
-    rows += [("sensing", "assumed", "immediate and perfect")] if "sensing" in robot.assumed else []
-    tables = [
-        Table(
-            "Parts",
-            ("part", "", "what is known"),
-            tuple(rows),
-            f"Pages: {', '.join(each.page for each in robot.parts.values())}.",
-        )
-    ]
+    absent = {part: "immediate and perfect" if part == "sensing" else "the paper's" for part in robot.assumed}
+    rows += [(part, "assumed", each) for part, each in absent.items()]
+    pages = ", ".join(each.page for each in robot.parts.values())
+    tables = [Table("Parts", ("part", "", "what is known"), tuple(rows), f"Their pages: {pages}.")]
     if found.landings:
         errors = [100 * (each.predicted / each.measured.value - 1) for each in found.landings]
         pairs = zip(found.landings, errors, strict=True)
@@ -70,14 +63,13 @@ def robot_report(found: "IdentifiedRobot") -> Report:
         tables.append(Table("Landing points, which no fit has seen", columns, landings))
     if found.steps:
         steps = tuple((each.axis, each.size_deg, each.fit_percent) for each in found.steps)
-        note = (
-            "Large steps reach the limits of the motor, which a linear plant lacks; the limits of commands avoid them."
+        note = "Large steps reach the motor's limits, which a linear plant lacks; the limits of commands avoid them."
+        tables.append(
+            Table("Steps of other sizes, which no fit has seen", ("axis", "size [°]", "fit [%]"), steps, note)
         )
-        columns = ("axis", "size [°]", "fit [%]")
-        tables.append(Table("Steps of other sizes, which no fit has seen", columns, steps, note))
     return Report(
         title=f"{robot.name}: what the logs say",
-        headline=headline + assumed,
+        headline=", ".join(bad or robot.parts) + assumed,
         usable=not bad,
         reasons=tuple(f"{part}: {reason}" for part in bad for reason in robot.parts[part].reasons),
         known=tuple(f"{part}: {each}" for part, report in _reports(found) for each in report.known[:2]),
@@ -116,7 +108,7 @@ def step_sizes_plot(steps: tuple[LargeStep, ...], *, title: str = "") -> "Figure
         figure, panels = new_figure(1, len(axes), height=3.2, sharey=True)
         for axis, panel in zip(axes, panels[0], strict=True):
             for index, each in enumerate(each for each in steps if each.axis == axis):
-                color, size = look(index)["color"], np.radians(each.size_deg)
+                color, size = look(index)["color"], np.copysign(np.radians(each.size_deg), each.simulated[-1])
                 panel.plot(each.time, each.measured / size, color=color, label=f"{each.size_deg}°")
                 panel.plot(each.time, each.simulated / size, color=color, linestyle="--")
             panel.set(title=title or axis, xlabel="time since the step [s]", xlim=(-0.05, 0.6))
