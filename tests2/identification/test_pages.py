@@ -46,7 +46,7 @@ def test_the_blocks_on_muzzle_and_sensing_run_on_a_robot_s_logs(lab_folder, tmp_
     for each in lab_folder.glob("*.csv"):
         (tmp_path / each.name).symlink_to(each)
     exec("".join(PYTHON[3:5]), {"af": af})
-    assert re.search(r"Muzzle: 17\.\d+ m/s.*latency 3\d", capsys.readouterr().out, re.DOTALL)
+    assert re.search(r"17\.\d+ m/s.*latency 3\d", capsys.readouterr().out, re.DOTALL)
 
 
 def test_logs_toml_of_the_page_is_read_as_it_says(tmp_path):

@@ -50,11 +50,11 @@ def robot_report(found: "IdentifiedRobot") -> Report:
     robot = found.robot
     bad = [part for part, each in robot.parts.items() if not each.usable]
     assumed = f"; assumed: {', '.join(robot.assumed)}" if robot.assumed else ""
-    rows = [(part, "usable" if each.usable else "not usable", each.headline) for part, each in robot.parts.items()]
+    rows = [(f"{name}: {e.headline}", "usable" if e.usable else "not usable") for name, e in robot.parts.items()]
     absent = {part: "immediate and perfect" if part == "sensing" else "the paper's" for part in robot.assumed}
-    rows += [(part, "assumed", each) for part, each in absent.items()]
+    rows += [(f"{part}: {each}", "assumed") for part, each in absent.items()]
     pages = ", ".join(each.page for each in robot.parts.values())
-    tables = [Table("Parts", ("part", "", "what is known"), tuple(rows), f"Their pages: {pages}.")]
+    tables = [Table("Parts", ("part", ""), tuple(rows), f"Their pages: {pages}.")]
     if found.landings:
         errors = [100 * (each.predicted / each.measured.value - 1) for each in found.landings]
         pairs = zip(found.landings, errors, strict=True)

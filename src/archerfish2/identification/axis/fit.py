@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
@@ -18,7 +18,7 @@ from archerfish2.identification.axis.starts import distinct, vector_fits
 from archerfish2.identification.axis.structure import Structure, delay_table
 from archerfish2.identification.simulation import Array, Complex
 from archerfish2.identification.validation import free_run
-from archerfish2.logs.recording import Values
+from archerfish2.logs.recording import Recording
 from archerfish2.records.plant import PlantRecord
 
 _ALL_LINES, _MOST_LINES = 8000, 12_000  # up to which all lines are fitted; beyond, so many of those that respond
@@ -29,22 +29,6 @@ _CONTRADICTED = 0.05  # probability at which constraints count as contradicted b
 DELAY = 20  # up to which a delay is searched at first [samples]
 _LARGEST_ORDER, _ORDERS, _PILOT = 20, range(1, 9), 4  # that can be given; from which is chosen; of the first fits
 _LEAST_NOISE = 1e-8  # of an output's standard deviation, by which outputs are weighed
-
-
-class Series(Protocol):
-    """Inputs and outputs at equal intervals, as of a `Recording`."""
-
-    @property
-    def inputs(self) -> Values:
-        """Inputs, shape (N, m)."""
-
-    @property
-    def outputs(self) -> Values:
-        """Outputs, shape (N, p)."""
-
-    @property
-    def period_s(self) -> float:
-        """Sampling period [s]."""
 
 
 class AxisFit(NamedTuple):
@@ -77,13 +61,13 @@ class AxisFit(NamedTuple):
 
 
 def fit_axis(
-    recordings: Sequence[Series],
+    recordings: Sequence[Recording],
     order: int | None = None,
     delay: int | None = None,
     *,
     max_delay: int = DELAY,
     feedthrough: bool = True,
-    held_back: Sequence[Series] = (),
+    held_back: Sequence[Recording] = (),
 ) -> AxisFit:
     """Identify the plant of one axis by output error, of one output or of one input.
 
@@ -162,33 +146,29 @@ def plant_of(fit: LinearFit, structure: Structure, scale: Array, period_s: float
     return PlantRecord.from_state_space(A, B, C, D, period_s, structure.delay)
 
 
-def _checked(recordings: Sequence[Series], order: int, delay: int) -> list[tuple[Array, Array]]:
+def _checked(recordings: Sequence[Recording], order: int, delay: int) -> list[tuple[Array, Array]]:
     """Return inputs and outputs of each recording less their means."""
     if not (recordings and 1 <= order <= _LARGEST_ORDER and delay >= 0):
         wanted = f"a recording or more, an order of 1…{_LARGEST_ORDER} and a delay of at least 0"
         raise InputError(f"fit_axis: expected {wanted}, got {len(recordings)}, {order} and {delay}; correct it")
-    logs = [(np.asarray(each.inputs, float), np.asarray(each.outputs, float)) for each in recordings]
-    shapes = (logs[0][0].shape[1:], logs[0][1].shape[1:])
-    inputs, outputs = (size[0] if len(size) == 1 else 0 for size in shapes)
+    inputs, outputs = recordings[0].inputs.shape[1], recordings[0].outputs.shape[1]
     if min(inputs, outputs) != 1:
-        got = f"u (N, {inputs}) and y (N, {outputs}); identify one output at a time"
-        raise InputError(f"fit_axis: expected arrays of one input or of one output, got {got}")
-    period, least = recordings[0].period_s, _least_samples(order, inputs)
-    for number, ((u, y), each) in enumerate(zip(logs, recordings, strict=True), 1):
-        fits = len(u) == len(y) > 0 and (u.shape[1:], y.shape[1:]) == shapes
-        other_period = abs(each.period_s - period) > 1e-9 * period
+        got = f"{inputs} inputs and {outputs} outputs; identify one output at a time"
+        raise InputError(f"fit_axis: expected one input or one output, got {got}")
+    least, period = _least_samples(order, inputs), recordings[0].period_s
+    for each in recordings:
         faults = {
-            f"arrays as of the first, got u {u.shape} and y {y.shape}; correct it": not fits,
-            f"the first one's period of {period} s, got {each.period_s} s; resample it": other_period,
-            f"at least {least} samples, got {len(u)}; record longer": len(u) < least,
-            "finite numbers; leave out where there are none": not (np.isfinite(u).all() and np.isfinite(y).all()),
-            "outputs that move, got a constant one; leave it out": bool(fits) and not np.ptp(y, axis=0).all(),
+            f"the period of {period} s of the first recording, got {each.period_s} s; resample it": (
+                abs(each.period_s - period) > 1e-9 * period
+            ),
+            f"at least {least} samples, got {len(each)}; record longer": len(each) < least,
+            "outputs that move, got a constant one; leave it out": not np.ptp(each.outputs, axis=0).all(),
         }
         for expected in (text for text, wrong in faults.items() if wrong):
-            raise InputError(f"fit_axis: recording {number}: expected {expected}")
-    if not np.max([np.ptp(u, axis=0) for u, _ in logs], axis=0).all():
+            raise InputError(f"{each.source}: expected {expected}")
+    if not np.max([np.ptp(each.inputs, axis=0) for each in recordings], axis=0).all():
         raise InputError("fit_axis: expected inputs that move, got a constant; leave that input out")
-    return [(u - u.mean(0), y - y.mean(0)) for u, y in logs]
+    return [(each.inputs - each.inputs.mean(0), each.outputs - each.outputs.mean(0)) for each in recordings]
 
 
 def _least_samples(order: int, inputs: int) -> int:

@@ -10,12 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from archerfish2.identification.axis.fit import AxisFit, Series, plant_of
+from archerfish2.identification.axis.fit import AxisFit, plant_of
 from archerfish2.identification.axis.log_start import rounding_floor
 from archerfish2.identification.axis.output_error import LinearFit, refine, refine_best, residuals_by_log
 from archerfish2.identification.axis.sections import poles_of, sections_from_poles
 from archerfish2.identification.axis.spectrum import Experiment, Lines, lines_of, thinned
 from archerfish2.identification.simulation import Array, simulate
+from archerfish2.logs.recording import Recording
 
 _MOST_SAMPLES, _LINES = 8000, 400  # of all logs
 _FINE, _ROUGH = (10, 1e-4), (4, 1e-2)  # steps and tolerance of a fit
@@ -39,7 +40,7 @@ class Nonlinearity(NamedTuple):
     agreement_percent: float  # fit of the linear plant to it, on steps as large as the largest command
 
 
-def nonlinearity(found: AxisFit, recordings: Sequence[Series]) -> Nonlinearity | None:
+def nonlinearity(found: AxisFit, recordings: Sequence[Recording]) -> Nonlinearity | None:
     """Return the operator that explains the logs best, if it is clearly better than none.
 
     Args:

@@ -152,7 +152,7 @@ def _known(result: "AxisResult", delay: Estimate) -> Iterator[str]:
     yield f"The inputs excite {low:.3g} to {high:.3g} Hz; outside, the plant is an extrapolation."
     yield f"The delay is {_words(delay)}; a plant may share it between dead time and poles."
     determined = sum(each.determined for each in result.poles)
-    yield f"Of {len(result.poles)} poles, pairs counted once, the logs determine {determined}."
+    yield f"The logs determine {determined} of its {len(result.poles)} poles or pairs of poles."
 
 
 def _doubts(result: "AxisResult") -> Iterator[str]:

@@ -40,7 +40,7 @@ def muzzle_report(result: "MuzzleResult") -> Report:
     rows = tuple((name.replace("_sd", " scatter").replace("_", " "), each) for name, each in shown.items())
     return Report(
         title=f"Muzzle from {shots.source}",
-        headline=f"Muzzle: {speed}, scatter {' and '.join(scatter)}; {used}; {verdict}.",
+        headline=f"{speed}, scatter {' and '.join(scatter)}; {used}; {verdict}.",
         usable=not doubts,
         reasons=tuple(doubts),
         known=(str(fit), f"Given, not estimated: {given} (SI units)."),
