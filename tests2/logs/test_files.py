@@ -63,7 +63,7 @@ ACCEPTED = {
 }
 
 REFUSED = {
-    "empty": ("", "empty", "is empty; pass a log"),
+    "empty": ("", "empty", "is empty, or ends within its first line; pass a log"),
     "names alone": ("time_s,u,y\n", "no-data", "has names but no samples"),
     "another encoding": (text({5: "0.03,3.5,时间"}).encode("gbk"), "encoding", "line 5: is no UTF-8 text"),
     "zero bytes": (text({9: "0.07,\0,0"}), "encoding", "line 9: is no UTF-8 text"),
@@ -120,6 +120,10 @@ def test_what_is_left_out_or_read_otherwise_is_reported_and_counted(tmp_path, co
     assert {each.code: each.samples for each in log.findings if each.severity == "repaired"} == found
     assert log.samples == len(log.recordings[0]) + sum(found.values())
     assert (len(log.recordings), log.recordings[0].period_s) == (1, 0.01)
+
+
+def test_a_table_with_the_name_of_a_compressed_one_is_read_as_what_it_is(tmp_path):
+    assert_array_equal(read(tmp_path, text(), "log.csv.gz").recordings[0].outputs[:, 0], Y)
 
 
 def test_what_is_no_file_too_large_or_of_another_format_is_refused(tmp_path, refused):
@@ -211,10 +215,9 @@ def test_arrays_are_read_by_name_and_by_column(tmp_path, content, arguments):
 
 
 @pytest.mark.parametrize(("content", "code", "complaint"), REFUSED.values(), ids=REFUSED)
-def test_what_is_wrong_is_named_with_its_line_or_array(tmp_path, content, code, complaint, refused):
-    refused(f"^{tmp_path}/log.csv: .*{complaint}", read, tmp_path, content)
-    with pytest.raises(InputError) as error:
-        read_log(tmp_path / "log.csv")
+def test_what_is_wrong_is_named_with_its_line_or_array(tmp_path, content, code, complaint):
+    with pytest.raises(InputError, match=f"^{tmp_path}/log.csv: [^\n]*{complaint}[^\n]*$") as error:
+        read(tmp_path, content)
     assert (error.value.code, len(str(error.value)) < 500) == (code, True)
 
 
@@ -245,7 +248,7 @@ def damaged(content, draw):
     return "\n".join(lines).encode(errors="surrogatepass")
 
 
-@pytest.mark.parametrize("count", [600, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [300, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_a_damaged_table_is_refused_in_one_line_or_gives_a_sound_recording(tmp_path, count):
     lengths, codes = [], set()
     for number in range(count):
@@ -267,7 +270,7 @@ def test_a_million_lines_are_read_in_twice_the_time_of_numpy(tmp_path):
     rows = np.column_stack([np.arange(1_000_000) * 1e-3, np.random.default_rng(0).standard_normal((1_000_000, 2))])
     np.savetxt(path := tmp_path / "log.csv", rows, "%.6f", ",", header="time_s,u,y", comments="")
     spent = {}
-    for function, arguments in ((read_log, {}), (np.loadtxt, {"delimiter": ",", "skiprows": 1})) * 2:
+    for function, arguments in ((read_log, {}), (np.loadtxt, {"delimiter": ",", "skiprows": 1})) * 5:
         started = time.process_time()
         function(path, **arguments)
         spent[function] = min(spent.get(function, np.inf), time.process_time() - started)

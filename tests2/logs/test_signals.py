@@ -130,7 +130,6 @@ FAULTS = {
     "quantisation": (np.radians(np.round(np.degrees(SWEPT / 3))), "moves in steps of 0.01745, which is a noise of"),
     "spike": (changed([120, 340], 3.0), "leaves and returns within a sample 2 times, first at 0.6 s"),
     "frozen": (changed(slice(300, 600), SWEPT[300]), "rests from 1.5 s for 300 samples while the input moves"),
-    "two-sources": (np.where(np.arange(COUNT) % 2, SWEPT, 5 + SWEPT), "alternates between two values"),
 }
 
 

@@ -166,8 +166,8 @@ def test_a_recording_is_read_back_and_cut_at_its_times(tmp_path, refused):
 
 def test_signals_that_are_no_recording_are_refused(refused):
     ramp, make = np.arange(3.0), Recording.from_arrays
-    refused(r"^recording: shapes .* \(3, 1\) and \(4, 1\), expected \(3, 1\) and", make, ramp, np.arange(4.0), 0.1)
-    refused(r"are \(3, 2\) and \(3, 1\), expected \(3, 1\)", make, np.ones((3, 2)), ramp, 0.1)
+    refused(r"^recording: .* shapes \(3, 1\) and \(4, 1\), expected \(3, 1\) and", make, ramp, np.arange(4.0), 0.1)
+    refused(r"shapes \(3, 2\) and \(3, 1\), expected \(3, 1\)", make, np.ones((3, 2)), ramp, 0.1)
     refused("not empty", make, [], [], 0.1)
     refused("not finite; cut the recording", make, ramp, [0, np.nan, 1], 0.1)
     refused("period_s is 0.0, expected above 0 s", make, ramp, ramp, 0.0)

@@ -15,12 +15,10 @@ from archerfish2.logs.recording import Values
 from archerfish2.logs.table import MAX_BYTES, LogTable, listed, log_fault
 
 _COLUMN = re.compile(r"(.+)\[(\d{1,9})\]")
-_CONVERT = f"""import io, math, sys, warnings, numpy, scipy.io
+_CONVERT = """import io, sys, warnings, numpy, scipy.io
 warnings.simplefilter("error")  # of a name that is there twice
-content = io.BytesIO(sys.stdin.buffer.read())
-if sum(8 * math.prod(shape) for _, shape, _ in scipy.io.whosmat(content)) > {MAX_BYTES}:
-    sys.exit("its arrays have more than {MAX_BYTES >> 20} MB")
-numpy.savez(sys.stdout.buffer, **{{k: v for k, v in scipy.io.loadmat(content).items() if k[:2] != "__"}})"""
+arrays = scipy.io.loadmat(io.BytesIO(sys.stdin.buffer.read()))
+numpy.savez(sys.stdout.buffer, **{name: each for name, each in arrays.items() if not name.startswith("__")})"""
 """Program that turns a MATLAB file into an .npz file."""
 
 

@@ -66,9 +66,7 @@ def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
 
 def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:
     """Return a bag's file, or a copy in a folder without the record that a recorder left half when it was stopped."""
-    content, log = file.read_bytes(), file.with_name(f"{file.name}-wal")
-    if log.is_file() and log.stat().st_size:
-        raise ValueError(f"its recorder was stopped, {log.name} has messages that are not in it")
+    content = file.read_bytes()
     if not content.startswith(_MCAP) or content.endswith(_MCAP):
         return file
     end = after = len(_MCAP)  # of its last whole record, which are a type, the length of what follows, and that
@@ -93,10 +91,7 @@ def _topic(path: Path, reader: Any, signal: str) -> str:
 def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: list[Finding]) -> _Series:
     """Read signals of a topic, without the messages that name other joints alone."""
     connections = [each for each in reader.connections if each.topic == topic]
-    (kind, *others), types = sorted({each.msgtype for each in connections}), reader.typestore.fielddefs
-    if others or kind not in types:
-        problem = f"messages of {topic} are of types {listed((kind, *others))}, expected one that is defined"
-        raise log_fault(path, problem, "record it alone, as MCAP, which has definitions", "unknown-format")
+    kind = connections[0].msgtype
     own = [signal for signal, each in of.items() if each == topic]
     places = [signal[len(topic) + 1 :].rpartition("/") for signal in own]
     steps = [(joint, re.findall(r"[^.\[\]]+", field)) for joint, _, field in places]
@@ -112,13 +107,15 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
         except Exception as error:  # as above
             code = "no-column" if isinstance(error, (AttributeError, IndexError, TypeError)) else "damaged"
             problem = f"message {count} of {topic} has no {listed(own)} ({error!r:.200})"
-            remedy = f"the fields of {kind} are {listed(name for name, _ in types[kind][1])}"
-            raise log_fault(path, problem, f"{remedy}; if you named one of them, copy the bag again", code) from error
+            _, fields = reader.typestore.fielddefs.get(kind, ((), ()))
+            remedy = "if you named one of them, copy the bag again; if there are none, record MCAP, which defines them"
+            remedy = f"the fields of {kind} are {listed(name for name, _ in fields)}; {remedy}"
+            raise log_fault(path, problem, remedy, code) from error
     if (stated := sum(each.msgcount for each in connections)) > count:  # a reader may end at a damaged record
         raise log_fault(path, f"{count} of {stated} messages of {topic} can be read", _RECOVER, "damaged")
     if not rows or joints - seen:
         problem = f"topic {topic} has {count} messages, none with {listed(joints - seen)}"
-        raise log_fault(path, problem, f"it has {listed(seen)}", "no-column" if count else "no-data")
+        raise log_fault(path, problem, f"it has {listed(sorted(seen))}", "no-column" if count else "no-data")
     if count > len(rows):
         message = f"messages of {topic} that name other joints left out: {count - len(rows)}"
         findings.append(Finding("other-joints", "repaired", str(path), message, "nothing to do"))

@@ -3,6 +3,7 @@
 import hashlib
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from archerfish2.errors import InputError, file_error
@@ -14,12 +15,11 @@ from archerfish2.logs.stamps import at_equal_intervals, uninterrupted, usable_ro
 from archerfish2.logs.table import MAX_BYTES, LogTable
 from archerfish2.logs.text import read_text
 
-_COMPRESSED = (b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"\xfd7zXZ\0", b"BZh")
-_UNREAD = {
-    **dict.fromkeys(_COMPRESSED, ("is compressed", "unpack it first")),
-    **dict.fromkeys((b"\x89HDF", b"MATLAB 7.3"), ("is an HDF5 file (MATLAB 7.3)", "save it with -v7, or as CSV")),
-    b"\x93NUMPY": ("is a single NumPy array", "store the signals by name with numpy.savez"),
-}
+_UNREAD = (
+    ((b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"\xfd7zXZ\0", b"BZh"), "is compressed", "unpack it first"),
+    ((b"\x89HDF", b"MATLAB 7.3"), "is an HDF5 file (MATLAB 7.3)", "save it with -v7, or as CSV"),
+    ((b"\x93NUMPY",), "is a single NumPy array", "store the signals by name with numpy.savez"),
+)
 """How files begin that can't be read, what they are, and what to do."""
 
 
@@ -47,15 +47,16 @@ def read_log(
       InputError: naming the file and the line at fault, with a code, if the log can't be used.
     """
     path, stamps = Path(path), time if sample_period_s is None else None
-    signals = _names(inputs), _names(outputs)
+    inputs, outputs = ((each,) if isinstance(each, str) else tuple(each) for each in (inputs, outputs))
+    if not (inputs and outputs):
+        raise InputError("read_log: no input or no output is named; name at least one of each", "no-column")
+    signals = inputs, outputs
     if stamps is None and not 0 < (sample_period_s or 0) < math.inf:
         problem = f"sample_period_s is {sample_period_s}, expected a number above 0 s"
         raise InputError(f"read_log: {problem}; pass it, or the name of the stamps", "sample-period")
     if not (files := bag_files(path)):
         raise file_error(path, "is a folder, and no bag's", "pass a log, or the folder of a bag", "unknown-format")
-    digest, source = hashlib.sha256(), str(path)
-    for file in files:
-        digest.update(content := file_content(file))
+    content, source = b"".join(map(file_content, files)), str(path)
     if path.is_dir() or content.startswith(tuple(BAGS)) or path.suffix in BAGS.values():
         table, stamps = read_bag(path, list(dict.fromkeys((*signals[0], *signals[1])))), "time_s"
     else:
@@ -66,21 +67,14 @@ def read_log(
     parts, gaps = uninterrupted(fresh, source)
     parts, wraps = without_wraps(parts, signals, source)
     even, period, jitter = at_equal_intervals(parts, source)
-    period_s, name = sample_period_s or float(f"{period:.12g}"), path.name
-    names = [f"{name}[{time[0]:.3f} s…]" if len(even) > 1 else name for time, _, _ in even]
-    every = [
-        Recording(*each[1:], period_s, float(each.time[0]), *signals, at) for each, at in zip(even, names, strict=True)
-    ]
+    period_s = sample_period_s or float(f"{period:.12g}")
+    every = [Recording(u, y, period_s, float(at[0]), *signals, path.name) for at, u, y in even]
+    if len(every) > 1:
+        every = [replace(each, source=f"{path.name}[{each.start_s:.3f} s…]") for each in every]
     recordings, warnings = examined(every, source)
     samples = len(rows.time) + sum(each.samples for each in (*table.findings, *repairs))
     findings = (*table.findings, *repairs, *repeats, *gaps, *wraps, *jitter, *warnings)
-    return Log(recordings, findings, samples, source, digest.hexdigest())
-
-
-def _names(names: str | Sequence[str]) -> tuple[str, ...]:
-    if not names:
-        raise InputError("read_log: no input or no output is named; name at least one of each", "no-column")
-    return (names,) if isinstance(names, str) else tuple(names)
+    return Log(recordings, findings, samples, source, hashlib.sha256(content).hexdigest())
 
 
 def file_content(path: Path) -> bytes:
@@ -102,7 +96,7 @@ def file_content(path: Path) -> bytes:
 
 
 def _table(path: Path, content: bytes, wanted: list[str]) -> LogTable:
-    for begin, (problem, remedy) in _UNREAD.items():
+    for begin, problem, remedy in _UNREAD:
         if content.startswith(begin):
             raise file_error(path, problem, remedy, "unknown-format")
     archive, matlab = content.startswith(b"PK\x03\x04"), content.startswith(b"MATLAB") or path.suffix == ".mat"

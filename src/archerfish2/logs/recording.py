@@ -48,9 +48,7 @@ class Recording:
         shapes = (len(self), len(self.input_names)), (len(self), len(self.output_names))
         found = self.inputs.shape, self.outputs.shape
         if found != shapes or 0 in (*found[0], *found[1]):
-            problem = (
-                f"shapes of inputs and outputs are {found[0]} and {found[1]}, expected {shapes[0]} and {shapes[1]}"
-            )
+            problem = f"inputs and outputs have shapes {found[0]} and {found[1]}, expected {shapes[0]} and {shapes[1]}"
             raise InputError(f"{self.source}: {problem}, not empty; check the arrays and their names")
         if not (np.isfinite(self.inputs).all() and np.isfinite(self.outputs).all() and np.isfinite(self.start_s)):
             raise InputError(f"{self.source}: has a value that is not finite; cut the recording there")
@@ -90,7 +88,7 @@ class Recording:
         """
         if not 0 <= start < stop <= len(self):
             raise InputError(f"{self.source}: has no samples {start} to {stop}; give a range within 0 to {len(self)}")
-        inputs, outputs, begin = self.inputs[start:stop], self.outputs[start:stop], self.start_s + start * self.period_s
+        inputs, outputs, begin = self.inputs[start:stop], self.outputs[start:stop], float(self.time[start])
         source = f"{self.source}[{start}:{stop}]"
         return replace(self, inputs=inputs, outputs=outputs, start_s=begin, source=source)
 

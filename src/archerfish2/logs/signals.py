@@ -6,13 +6,13 @@ from itertools import pairwise
 import numpy as np
 
 from archerfish2.logs.recording import Finding, Recording, Values
-from archerfish2.logs.stamps import Rows, Signals, held_mean
+from archerfish2.logs.stamps import Rows, Signals, held_mean, subsampled
 from archerfish2.logs.table import log_fault
 
 _ANGLES = (2 * np.pi, 360.0, 400.0)
 _COUNTERS = (*_ANGLES, 1.0, 3600.0, 36_000.0, *(2.0**bits for bits in range(8, 33)))
 """What encoders wrap at: turns, parts of a degree, powers of 2."""
-_STEPS = 20  # values of a signal up to which it is a sequence of steps
+_STEPS = 20  # values or changes of a signal up to which it is a sequence of steps
 _SATURATED, _QUANTISED, _FROZEN, _SPIKE = 0.05, 0.02, 0.1, 30.0
 """Shares of samples at an extreme, of noise in an output, and of samples at rest; step of a spike over the usual."""
 
@@ -27,19 +27,19 @@ def fresh_rows(rows: Rows, source: str) -> tuple[Rows, list[Finding]]:
       rows: samples of a log.
       source: the file, for messages.
     """
-    changes = np.flatnonzero(np.diff(rows.outputs, axis=0).any(axis=1)) + 1
+    changes = np.flatnonzero((rows.outputs[1:] != rows.outputs[:-1]).any(axis=1)) + 1
     gaps = np.diff(changes)
-    every = int(np.median(gaps)) if gaps.size > _STEPS else 0
+    every = int(np.median(subsampled(gaps))) if gaps.size > _STEPS else 0
     regular = every > 1 and (np.mean(gaps % every == 0) > 0.9 or np.quantile(gaps, 0.9) <= 2 * every)
     if not (regular and any(map(_is_smooth, rows.outputs.T))):
         return rows, []
     bounds = [changes[0] % every, *changes, len(rows.time)]
-    fresh = np.unique(np.concatenate([np.arange(a, max(b - every // 2, a + 1), every) for a, b in pairwise(bounds)]))
-    edges = np.append(rows.time[fresh], rows.time[-1] + np.median(np.diff(rows.time)))
-    rate_hz, lost = 1 / np.median(np.diff(rows.time[fresh])), len(rows.time) - fresh.size
+    kept = np.unique(np.concatenate([np.arange(a, max(b - every // 2, a + 1), every) for a, b in pairwise(bounds)]))
+    edges = np.append(rows.time[kept], rows.time[-1] + np.median(np.diff(rows.time)))
+    rate_hz, lost = 1 / np.median(np.diff(rows.time[kept])), len(rows.time) - kept.size
     message = f"outputs are fresh in one row of {every} only ({rate_hz:.4g} Hz), the others were left out"
     finding = Finding("held-output", "repaired", source, message, "log each measurement once", lost)
-    return Rows(rows.time[fresh], held_mean(rows.time, rows.inputs, edges), rows.outputs[fresh]), [finding]
+    return Rows(rows.time[kept], held_mean(rows.time, rows.inputs, edges), rows.outputs[kept]), [finding]
 
 
 def _is_smooth(signal: Values) -> bool:
@@ -60,8 +60,11 @@ def without_wraps(parts: Sequence[Rows], names: Signals, source: str) -> tuple[l
     turns, remedy = dict.fromkeys(names[0], _ANGLES) | dict.fromkeys(names[1], _COUNTERS), "log it over many turns"
     for _, u, y in smooth:
         for name, signal in zip((*names[0], *names[1]), (*u.T, *y.T), strict=True):
-            for turn in [each for each in turns[name] if _wraps_at(signal, each)][:1]:
-                jumps = np.count_nonzero(np.abs(np.diff(signal)) > 0.75 * turn)
+            steps = np.diff(signal)
+            most, least = np.ptp(steps) / 0.75, np.ptp(signal) / 1.02
+            possible = [each for each in turns[name] if least <= each < most]
+            for turn in [each for each in possible if _wraps_at(signal, each)][:1]:
+                jumps = np.count_nonzero(np.abs(steps) > 0.75 * turn)
                 signal[:] = np.unwrap(signal, period=turn)
                 message = f'"{name}" jumps by a whole turn of {turn:.6g} {jumps} times and was unwrapped'
                 findings.append(Finding("angle-wrap", "repaired", source, message, remedy))
@@ -69,13 +72,13 @@ def without_wraps(parts: Sequence[Rows], names: Signals, source: str) -> tuple[l
 
 
 def _wraps_at(signal: Values, turn: float) -> bool:
-    """Return whether a signal moves smoothly within a turn but for jumps by a whole one."""
+    """Return whether a signal moves smoothly but for jumps by a whole turn; it may be a counter of whole numbers."""
     steps = np.abs(np.diff(signal))
     jump = steps > 0.75 * turn
-    smooth, (low, high) = steps[~jump].max(initial=0.0), (signal.min() / turn, signal.max() / turn)
-    if not jump.any() or smooth > turn / 4 or np.mean(~jump & (steps > 0)) < 0.2 or high - low > 1.02:
+    if not jump.any() or steps[~jump].max(initial=0.0) > turn / 4 or np.mean(~jump & (steps > 0)) < 0.2:
         return False
-    counter = turn in _ANGLES or ((low > -0.02 or high < 0.52) and (turn == 1 or not np.any(signal % 1)))
+    from_zero = signal.min() > -0.02 * turn or signal.max() < 0.52 * turn  # or from minus half a turn
+    counter = turn in _ANGLES or (from_zero and (turn == 1 or not np.any(signal % 1)))
     bends, near = np.abs(np.diff(np.unwrap(signal, period=turn), 2)), jump[1:] | jump[:-1]
     return bool(counter and bends[near].max() <= 2 * bends[~near].max(initial=0.0))
 
@@ -92,49 +95,53 @@ def examined(recordings: Sequence[Recording], source: str) -> tuple[tuple[Record
     """
     kept, findings, remedy = [], list[Finding](), "record a log in which it changes, or name another column"
     for each in recordings:
-        names, first = (*each.input_names, *each.output_names), len(each.input_names)
-        signals = np.hstack([each.inputs, each.outputs]).T
-        still = int(np.argmin(np.ptp(signals, axis=1)))
-        if not np.ptp(signals[still]):
-            code = "constant-input" if still < first else "constant-output"
-            message = f'"{names[still]}" is {signals[still, 0]:g} throughout {len(each)} samples'
+        signals = dict(zip(each.input_names + each.output_names, (*each.inputs.T, *each.outputs.T), strict=True))
+        if still := [name for name, signal in signals.items() if not np.ptp(signal)]:
+            code = "constant-input" if still[0] in each.input_names else "constant-output"
+            message = f'"{still[0]}" is {signals[still[0]][0]:g} throughout {len(each)} samples'
             findings.append(Finding(code, "repaired", each.source, f"{message}, left out", remedy, len(each)))
             continue
         kept.append(each)
-        for index, signal in enumerate(signals):
-            for code, check, advice in _CHECKS[: None if index >= first else 1]:
+        for name, signal in signals.items():
+            for code, check, advice in _CHECKS[: None if name in each.output_names else 1]:
                 if found := check(signal, each):
-                    findings.append(Finding(code, "warning", each.source, f'"{names[index]}" {found}', advice))
+                    findings.append(Finding(code, "warning", each.source, f'"{name}" {found}', advice))
     if not kept:
         raise log_fault(source, message, remedy, code)
     return tuple(kept), findings
 
 
 def _saturation(signal: Values, _: Recording) -> str:
-    moving = np.flatnonzero(np.diff(signal))
-    motion = signal[moving[0] : moving[-1] + 2]  # without the rest before and after it
-    extreme = np.stack([motion == motion.min(), motion == motion.max()])
-    between = np.diff(motion[~extreme.any(axis=0)])
-    steps = np.unique(signal).size <= _STEPS or np.count_nonzero(between) < between.size / 2
-    share = 0.0 if steps else extreme.mean(axis=1).max()
-    return f"is at its extreme in {share:.0%} of the samples" if share > _SATURATED else ""
+    moves = signal[1:] != signal[:-1]
+    motion = signal[moves.argmax() : signal.size - moves[::-1].argmax()]  # without the rest before and after it
+    lowest, highest = motion == motion.min(), motion == motion.max()
+    if (share := max(lowest.mean(), highest.mean())) <= _SATURATED or np.unique(subsampled(motion)).size <= _STEPS:
+        return ""
+    between = np.diff(motion[~(lowest | highest)])
+    stepwise = np.count_nonzero(between) < between.size / 2
+    return "" if stepwise else f"is at its extreme in {share:.0%} of the samples"
 
 
 def _quantisation(signal: Values, _: Recording) -> str:
-    steps = np.diff(np.unique(signal))
-    quantum = steps[steps > 1e-9 * np.ptp(signal)].min()
-    noise = quantum / np.sqrt(12) / signal.std()
+    some = subsampled(signal)
+    steps = np.diff(np.unique(some))
+    quantum = steps[steps > 1e-9 * np.ptp(some)].min()
+    noise = quantum / np.sqrt(12) / some.std()
     message = f"moves in steps of {quantum:.4g}, which is a noise of {noise:.1%} of its standard deviation"
-    return message if steps.size < signal.size / 4 and noise >= _QUANTISED else ""
+    return message if steps.size < some.size / 4 and noise >= _QUANTISED else ""
 
 
 def _spikes(signal: Values, recording: Recording) -> str:
     """Find single samples that leave and return: a lost bit, not a motion."""
     steps = np.diff(signal)
-    out, back, limit = steps[:-1], steps[1:], _SPIKE * np.quantile(np.abs(steps), 0.9)
-    found = (np.minimum(abs(out), abs(back)) > limit) & (abs(out + back) < 0.2 * abs(out - back))
-    first = f"first at {recording.time[np.argmax(found) + 1]:.4g} s"
-    return f"leaves and returns within a sample {found.sum()} times, {first}" if limit and found.any() else ""
+    sizes = np.abs(steps)
+    limit = _SPIKE * np.quantile(subsampled(sizes), 0.9)
+    first = np.flatnonzero(np.minimum(sizes[:-1], sizes[1:]) > limit)
+    out, back = steps[first], steps[first + 1]
+    found = first[np.abs(out + back) < 0.2 * np.abs(out - back)]
+    if not limit or not found.size:
+        return ""
+    return f"leaves and returns within a sample {found.size} times, first at {recording.time[found[0] + 1]:.4g} s"
 
 
 def _frozen(signal: Values, recording: Recording) -> str:
@@ -148,16 +155,10 @@ def _frozen(signal: Values, recording: Recording) -> str:
     return f"rests from {recording.time[start]:.4g} s for {stop - start} samples while the input moves" if rests else ""
 
 
-def _alternation(signal: Values, _: Recording) -> str:
-    one, two = (np.median(np.abs(signal[step:] - signal[:-step])) for step in (1, 2))
-    return "alternates between two values" if two < 0.1 * one and np.unique(signal).size > _STEPS else ""
-
-
 _CHECKS: tuple[tuple[str, Callable[[Values, Recording], str], str], ...] = (
     ("saturation", _saturation, "if it was cut off there, record with a smaller command"),
     ("quantisation", _quantisation, "log more digits, or record larger motions"),
     ("spike", _spikes, "remove those lines, the log is then cut there"),
     ("frozen", _frozen, "check the sensor's link; cut that part out"),
-    ("two-sources", _alternation, "log each source under a name of its own"),
 )
 """Codes, what finds the fault in an output, the first in inputs too, and what to do about it."""

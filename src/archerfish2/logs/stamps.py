@@ -57,17 +57,20 @@ def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: f
     """
     u, y = (np.column_stack([table.columns[name] for name in names]) for names in signals)
     stamps, findings = (period_s * np.arange(len(u)), []) if time is None else _seconds(table, time)
-    _check_order(table, stamps, np.flatnonzero(~np.isnan(stamps)), strictly=False)
+    if len(u) > 1 and (np.diff(stamps) > 0).all() and not (np.isnan(u).any() or np.isnan(y).any()):
+        return Rows(stamps - stamps[0], u, y), findings
+    _check_order(table, stamps, ~np.isnan(stamps), "time-backward", "cut the log there into two")
     last = np.maximum.accumulate(np.where(np.isnan(u), 0, np.arange(len(u))[:, None]), axis=0)
     held = np.column_stack([stamps, np.take_along_axis(u, last, axis=0)])
     every = np.column_stack([held, y])
     whole, repeated = ~np.isnan(every).any(axis=1), np.zeros(len(u), dtype=np.bool_)
     rows = np.flatnonzero(whole)
     repeated[rows[1:]] = (every[rows[1:]] == every[rows[:-1]]).all(axis=1)
+    kept = whole & ~repeated
     lacking, no_output = np.isnan(u), np.asarray(np.isnan(y).all(axis=1))
     # Inputs that no row with an output has are on a clock of their own, and what holds them alone is no sample.
     apart = no_output & ~lacking[:, (lacking | no_output[:, None]).all(axis=0)].all(axis=1)
-    held_at, late = whole & ~repeated & lacking.any(axis=1), np.isnan(held).any(axis=1) & ~np.isnan(y).any(axis=1)
+    held_at, late = kept & lacking.any(axis=1), np.isnan(held).any(axis=1) & ~np.isnan(y).any(axis=1)
     for code, found, message, remedy in (
         ("missing-values", ~(whole | late | apart), "without a stamp or an output left out", "log values in every row"),
         ("late-input", late, "before the first value of an input left out", "start the log before the axis"),
@@ -77,11 +80,11 @@ def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: f
         if count := int(found.sum()):
             place, samples = table.place(int(np.argmax(found))), 0 if found is held_at else count
             findings.append(Finding(code, "repaired", place, f"rows {message}: {count}", remedy, samples))
-    rows = np.flatnonzero(whole & ~repeated)
+    rows = np.flatnonzero(kept)
     if rows.size < 2:
         problem, code = f"rows with all signals: {rows.size}, expected 2 or more", "too-short"
         raise log_fault(table.source, problem, "log all signals together", code if whole.all() else "missing-values")
-    _check_order(table, stamps, rows, strictly=True)
+    _check_order(table, stamps, kept, "time-duplicate", "log finer stamps, or pass sample_period_s instead")
     inputs, known, steps = held[rows, 1:], np.flatnonzero(~np.isnan(held).any(axis=1)), np.diff(stamps[rows])
     # Between some rows an input may have values of its own.
     between = (np.diff(np.searchsorted(known, rows)) > 1) & (steps <= _GAP * np.median(steps))
@@ -97,8 +100,8 @@ def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
     if unit != "s":
         message = f'stamps "{time}" are in {unit}, as the name says, and were turned into seconds'
         return stamps, [Finding("time-unit", "repaired", table.source, message, "nothing to do")]
-    steps = np.diff(stamps[~np.isnan(stamps)])
-    period = float(np.median(steps)) if steps.size else 0.0
+    steps = subsampled(np.diff(stamps))
+    period = float(np.nanmedian(steps)) if np.any(steps > 0) else 0.0
     if period <= 0 or _PLAUSIBLE_S[0] <= period <= _PLAUSIBLE_S[1]:
         return stamps, []
     unit = next((each for each, scale in _SECONDS.items() if _USUAL_S[0] <= scale * period < _USUAL_S[1]), "s")
@@ -107,14 +110,17 @@ def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
     return stamps * _SECONDS[unit], [Finding("time-unit", "warning", table.source, message, remedy)]
 
 
-def _check_order(table: LogTable, stamps: Values, rows: NDArray[np.int64], *, strictly: bool) -> None:
-    """Refuse stamps that go back or, if `strictly`, don't go on; those of several topics may be equal."""
+def subsampled(values: Values) -> Values:
+    """Return some of many values, equally spaced: enough for their median or last digit."""
+    return values[:: len(values) // 100_000 + 1]
+
+
+def _check_order(table: LogTable, stamps: Values, among: NDArray[np.bool_], code: str, remedy: str) -> None:
+    """Refuse stamps of some rows that go back or, with another code, do not go on: those of two topics may be equal."""
+    rows = np.flatnonzero(among)
     steps = np.diff(stamps[rows])
-    bad = steps <= 1e-9 * max(1.0, float(np.median(steps))) if strictly else steps < 0
-    for index in np.flatnonzero(bad)[:1]:
+    for index in np.flatnonzero(steps < 0 if code == "time-backward" else steps <= 0)[:1]:
         problem = f"time {stamps[rows[index + 1]]:.12g} s does not come after {stamps[rows[index]]:.12g} s"
-        remedy = "log finer stamps, or pass sample_period_s instead" if strictly else "cut the log there into two"
-        code = "time-duplicate" if strictly else "time-backward"
         raise log_fault(table.place(rows[index + 1]), problem, remedy, code)
 
 
@@ -129,8 +135,7 @@ def uninterrupted(rows: Rows, source: str) -> tuple[list[Rows], list[Finding]]:
       InputError: if no part is long enough.
     """
     steps, findings, remedy = np.diff(rows.time), [], "log without interruptions"
-    period = float(np.median(steps))
-    gaps = _gaps(rows.time, period)
+    gaps = _gaps(rows.time, float(np.median(subsampled(steps))))
     if gaps.size:
         at, longest = rows.time[gaps[0] - 1], steps[gaps - 1].max()
         message = f"gaps: {gaps.size}, the first at {at:.4g} s, of up to {longest:.4g} s; the log was cut there"
@@ -172,7 +177,7 @@ def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], 
     """
     times = [each.time for each in parts]
     counted: list[Values] = [np.arange(each.size, dtype=np.float64) for each in times]
-    if all(map(_is_even, times, counted)):
+    if _are_even(times, counted):
         return list(parts), _period(times, counted), []
     from scipy.interpolate import CubicSpline
 
@@ -181,11 +186,10 @@ def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], 
     interval = np.median(longest[width:] - longest[:-width]) / width  # few windows have a lost sample
     exact = [(each - each[0]) / interval for each in times]
     numbered, places, reason = [_numbers(each) for each in exact], exact, "resampled"
-    limit = _SMOOTHER * sum(map(_roughness, times, parts))
-    if all(map(_is_even, times, numbered)):
+    if _are_even(times, numbered):
         places, reason = numbered, "some samples are lost"
-    elif smoother := [each for each in (counted, numbered) if sum(map(_roughness, each, parts)) < limit]:
-        places, reason = smoother[0], "outputs are smooth at equal ones"
+    elif sum(map(_roughness, counted, parts)) < _SMOOTHER * sum(map(_roughness, times, parts)):
+        places, reason = counted, "outputs are smooth at equal ones"
     period, steps = _period(times, places), np.concatenate([np.diff(each) for each in times])
     edges = [np.arange(int(each[-1] + 1e-9) + 2, dtype=np.float64) for each in places]
     pieces = list(zip(places, parts, edges, strict=True))
@@ -202,17 +206,18 @@ def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], 
     return [Rows(*each) for each in zip(times, inputs, outputs, strict=True)], period, [finding]
 
 
-def _is_even(time: Values, numbers: Values) -> bool:
-    """Return whether stamps of numbered samples, or all intervals, lie within a tenth of a period of equal ones."""
-    period = _period([time], [numbers])
-    late = time - period * numbers
-    return bool(min(np.abs(late - late.mean()).max(), np.abs(np.diff(late)).max()) <= _EVEN * period)
+def _are_even(times: Sequence[Values], numbers: Sequence[Values]) -> bool:
+    """Return whether all stamps of each part, or all intervals, lie within a tenth of a period of equal ones."""
+    period = _period(times, numbers)
+    late = [time - period * number for time, number in zip(times, numbers, strict=True)]
+    return all(min(np.ptp(each) / 2, np.abs(np.diff(each)).max()) <= _EVEN * period for each in late)
 
 
 def _period(times: Sequence[Values], numbers: Sequence[Values]) -> float:
     """Return the slope of lines through the stamps of numbered samples, by least squares."""
     centred = [each - each.mean() for each in numbers]
-    return float(sum(map(np.dot, centred, times)) / sum(map(np.dot, centred, centred)))
+    covariance = sum(float(np.sum(number * time)) for number, time in zip(centred, times, strict=True))
+    return covariance / sum(float(np.sum(number**2)) for number in centred)
 
 
 def _numbers(place: Values) -> Values:

@@ -8,6 +8,7 @@ import csv
 import re
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +25,8 @@ _SEPARATOR_LINE = re.compile(r' *"?sep=(.)"? *', re.IGNORECASE)
 """First line of a spreadsheet's CSV file, which states the separator."""
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+_HEAD = 2**16  # bytes that have the names and the first sample of a usual table
+_UNPACKED = (".gz", ".bz2", ".xz")  # endings by which NumPy takes a file for a compressed one
 _SHOWN = 40  # characters of a bad field, and lines in which a name is looked for that is not in the first
 
 
@@ -37,7 +40,7 @@ def read_text(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
     """Read columns of numbers from a text table; a missing value becomes NaN, in a line of separators alone all.
 
     Args:
-      path: of the file, for messages.
+      path: of the file.
       content: of it, in UTF-8, or in UTF-16 with its byte order mark.
       wanted: names of columns; where the first line has numbers they are "1", "2", ….
 
@@ -45,15 +48,13 @@ def read_text(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
       InputError: if it is no text, a column is missing or there twice, or a line has other fields than the first one,
         begins with a mark of comments, or has a field that is no number.
     """
+    if (table := _read_at_once(path, content, wanted)) is not None:
+        return table
     lines, findings = _lines(path, content)
     header = _header(path, lines)
     positions = [_position(path, lines, header, name) for name in wanted]
-    body, numbers = lines[header.first :], range(header.first + 1, len(lines) + 1)
-    values = _read_at_once(body, header, positions)
-    if values is not None:
-        return LogTable(dict(zip(wanted, values.T, strict=True)), numbers, "line", str(path), findings)
-    full = [(number, line) for number, line in zip(numbers, body, strict=True) if line.strip()]
-    rows = {number: _row(path, number, line, header) for number, line in full}
+    body = enumerate(lines[header.first :], header.first + 1)
+    rows = {number: _row(path, number, line, header) for number, line in body if line.strip()}
     texts = {name: [row[at].strip() for row in rows.values()] for name, at in zip(wanted, positions, strict=True)}
     if _have_decimal_commas(texts):
         texts = {name: [text.replace(",", ".") for text in column] for name, column in texts.items()}
@@ -61,6 +62,22 @@ def read_text(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
         findings += (Finding("decimal-comma", "repaired", str(path), message, "write decimal points"),)
     columns = {name: _values(path, list(rows), name, column) for name, column in texts.items()}
     return LogTable(columns, list(rows), "line", str(path), findings)
+
+
+def _read_at_once(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable | None:
+    """Read a table that has numbers alone below its names; return None of any other: its lines are read one by one."""
+    with suppress(ValueError, OSError):
+        lines = content[: content.rfind(b"\n", 0, _HEAD) + 1].decode("utf-8-sig").split("\n")
+        header = _header(path, lines)
+        positions = [_position(path, lines, header, name) for name in wanted]
+        if lines[header.first].strip() and path.suffix not in _UNPACKED:
+            read = partial(np.loadtxt, delimiter=header.separator, comments=None, encoding="utf-8", ndmin=2)
+            values = read(path, skiprows=header.first)  # NumPy takes a third longer to read the content
+            end = np.count_nonzero(np.frombuffer(content, np.uint8) == ord("\n"))
+            if values.shape == (end - header.first, len(header.names)):  # no line is blank, or without its end
+                columns = dict(zip(wanted, np.ascontiguousarray(values.T)[positions], strict=True))
+                return LogTable(columns, range(header.first + 1, end + 1), "line", str(path))
+    return None
 
 
 def column_names(path: Path, content: bytes) -> list[str]:
@@ -73,26 +90,20 @@ def _lines(path: Path, content: bytes) -> tuple[list[str], tuple[Finding, ...]]:
 
     A line ends with a line feed, a carriage return or both; a form feed or a Unicode separator may stand in a field.
     """
-    encoding = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
-    try:
-        decoded = content.decode(encoding)
-    except UnicodeDecodeError as error:
-        decoded = content[: error.start].decode(encoding, "ignore") + "\0?"
+    encoding = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8"
+    decoded = content.decode(encoding, "replace").removeprefix("\ufeff")
     text = decoded.rstrip("\0\x1a")  # what a loss of power leaves, and the end mark of DOS
     zeros = "\0" in decoded[len(text) :]
     text = text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
-    if "\0" in text:
-        line, kind = text.partition("\0")[0].count("\n") + 1, encoding.removesuffix("-sig").upper()
-        remedy = "save the log as UTF-8 text, or remove the damaged lines"
-        raise log_fault(path, f"line {line}: is no {kind} text", remedy, "encoding")
+    if damaged := re.search("[\0\ufffd]", text):
+        line, remedy = text.count("\n", 0, damaged.start()) + 1, "save the log as UTF-8, or remove the damaged lines"
+        raise log_fault(path, f"line {line}: is no {encoding.upper()} text", remedy, "encoding")
     *lines, last = text.split("\n")
-    if not any(line.strip(_BLANK) for line in lines):
-        lines, last = [*lines, last], ""  # of names alone
     torn, place = last.strip(_BLANK) != "", f"{path}: line {len(lines) + 1}"
     while lines and not lines[-1].strip(_BLANK):
         lines.pop()
     if not lines:
-        raise log_fault(path, "is empty", "pass a log whose first line names the columns", "empty")
+        raise log_fault(path, "is empty, or ends within its first line", "pass a log that names its columns", "empty")
     if not (torn or zeros):
         return lines, ()
     message = "no line break ends the last line, which was left out" if torn else "zero bytes follow the last line"
@@ -102,7 +113,7 @@ def _lines(path: Path, content: bytes) -> tuple[list[str], tuple[Finding, ...]]:
 
 def _header(path: Path, lines: list[str]) -> _Header:
     full = (index for index, line in enumerate(lines) if line.strip())
-    first = next(full)
+    first = next(full, 0)
     if stated := _SEPARATOR_LINE.fullmatch(lines[first]):
         first = next(full, first)
     names, separator = _names(path, first + 1, lines[first], stated[1] if stated else None)
@@ -146,22 +157,6 @@ def _position(path: Path, lines: list[str], header: _Header, name: str) -> int:
         if '"' not in line and name in _names(path, index + 1, line)[0]:
             remedy = f"it is in line {index + 1}: remove the lines above"
     raise log_fault(place, f'there is no column "{name}"', remedy, "no-column")
-
-
-def _read_at_once(body: list[str], header: _Header, positions: list[int]) -> Values | None:
-    """Return values of shape (rows, columns); None where a line is not whole or a field is no number."""
-    names, separator, text = header.names, header.separator, "\n".join(body)
-    if not body or any(mark in text for mark in '"#%'):
-        return None
-    for columns in (None, positions):
-        # All columns together show a line of another length; next to words, the separators do.
-        if columns and (separator is None or {line.count(separator) + 1 for line in body} != {len(names)}):
-            return None
-        with suppress(ValueError):
-            values = np.loadtxt(body, delimiter=separator, usecols=columns, comments=None, ndmin=2)
-            whole = values.shape == (len(body), len(columns or names))
-            return (values if columns else values[:, positions]) if whole else None
-    return None
 
 
 def _row(path: Path, number: int, line: str, header: _Header) -> list[str]:
