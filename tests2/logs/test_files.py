@@ -270,7 +270,7 @@ def test_a_million_lines_are_read_in_twice_the_time_of_numpy(tmp_path):
     rows = np.column_stack([np.arange(1_000_000) * 1e-3, np.random.default_rng(0).standard_normal((1_000_000, 2))])
     np.savetxt(path := tmp_path / "log.csv", rows, "%.6f", ",", header="time_s,u,y", comments="")
     spent = {}
-    for function, arguments in ((read_log, {}), (np.loadtxt, {"delimiter": ",", "skiprows": 1})) * 2:
+    for function, arguments in ((read_log, {}), (np.loadtxt, {"delimiter": ",", "skiprows": 1})) * 5:
         started = time.process_time()
         function(path, **arguments)
         spent[function] = min(spent.get(function, np.inf), time.process_time() - started)

@@ -107,8 +107,8 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
         except Exception as error:  # as above
             code = "no-column" if isinstance(error, (AttributeError, IndexError, TypeError)) else "damaged"
             problem = f"message {count} of {topic} has no {listed(own)} ({error!r:.200})"
-            _, fields = reader.typestore.fielddefs.get(kind, ((), ()))  # some bags do not define their own types
-            remedy = "if you named one of them, copy the bag again" if fields else "record MCAP, which has definitions"
+            _, fields = reader.typestore.fielddefs.get(kind, ((), ()))
+            remedy = "if you named one of them, copy the bag again; if there are none, record MCAP, which defines them"
             remedy = f"the fields of {kind} are {listed(name for name, _ in fields)}; {remedy}"
             raise log_fault(path, problem, remedy, code) from error
     if (stated := sum(each.msgcount for each in connections)) > count:  # a reader may end at a damaged record

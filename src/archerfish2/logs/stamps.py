@@ -66,10 +66,11 @@ def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: f
     whole, repeated = ~np.isnan(every).any(axis=1), np.zeros(len(u), dtype=np.bool_)
     rows = np.flatnonzero(whole)
     repeated[rows[1:]] = (every[rows[1:]] == every[rows[:-1]]).all(axis=1)
+    kept = whole & ~repeated
     lacking, no_output = np.isnan(u), np.asarray(np.isnan(y).all(axis=1))
     # Inputs that no row with an output has are on a clock of their own, and what holds them alone is no sample.
     apart = no_output & ~lacking[:, (lacking | no_output[:, None]).all(axis=0)].all(axis=1)
-    held_at, late = whole & ~repeated & lacking.any(axis=1), np.isnan(held).any(axis=1) & ~np.isnan(y).any(axis=1)
+    held_at, late = kept & lacking.any(axis=1), np.isnan(held).any(axis=1) & ~np.isnan(y).any(axis=1)
     for code, found, message, remedy in (
         ("missing-values", ~(whole | late | apart), "without a stamp or an output left out", "log values in every row"),
         ("late-input", late, "before the first value of an input left out", "start the log before the axis"),
@@ -79,7 +80,6 @@ def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: f
         if count := int(found.sum()):
             place, samples = table.place(int(np.argmax(found))), 0 if found is held_at else count
             findings.append(Finding(code, "repaired", place, f"rows {message}: {count}", remedy, samples))
-    kept = whole & ~repeated
     rows = np.flatnonzero(kept)
     if rows.size < 2:
         problem, code = f"rows with all signals: {rows.size}, expected 2 or more", "too-short"

@@ -40,7 +40,7 @@ def read_text(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
     """Read columns of numbers from a text table; a missing value becomes NaN, in a line of separators alone all.
 
     Args:
-      path: of the file, for messages.
+      path: of the file.
       content: of it, in UTF-8, or in UTF-16 with its byte order mark.
       wanted: names of columns; where the first line has numbers they are "1", "2", ….
 
@@ -65,14 +65,14 @@ def read_text(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
 
 
 def _read_at_once(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable | None:
-    """Read a table of numbers alone; None of any other one, or with a fault, which its single lines show."""
+    """Read a table that has numbers alone below its names; return None of any other: its lines are read one by one."""
     with suppress(ValueError, OSError):
         lines = content[: content.rfind(b"\n", 0, _HEAD) + 1].decode("utf-8-sig").split("\n")
         header = _header(path, lines)
         positions = [_position(path, lines, header, name) for name in wanted]
         if lines[header.first].strip() and path.suffix not in _UNPACKED:
             read = partial(np.loadtxt, delimiter=header.separator, comments=None, encoding="utf-8", ndmin=2)
-            values = read(path, skiprows=header.first)  # from the content it takes a third longer
+            values = read(path, skiprows=header.first)  # NumPy takes a third longer to read the content
             end = np.count_nonzero(np.frombuffer(content, np.uint8) == ord("\n"))
             if values.shape == (end - header.first, len(header.names)):  # no line is blank, or without its end
                 columns = dict(zip(wanted, np.ascontiguousarray(values.T)[positions], strict=True))
