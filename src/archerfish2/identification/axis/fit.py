@@ -143,7 +143,9 @@ def plant_of(fit: LinearFit, structure: Structure, scale: Array, period_s: float
     numerators = fit.numerators * scale
     inputs = len(numerators) // (structure.order + structure.feedthrough)
     A, B, C, D = state_matrices(fit.sections, numerators, inputs)
-    return PlantRecord.from_state_space(A, B, C, D, period_s, structure.delay)
+    # Nearly equal poles have huge numerators of opposite signs, which a record would refuse.
+    size = np.sqrt(max(np.abs(C).max(), 1e-100) / max(np.abs(B).max(), 1e-100))
+    return PlantRecord.from_state_space(A, size * B, C / size, D, period_s, structure.delay)
 
 
 def _checked(recordings: Sequence[Recording], order: int, delay: int) -> list[tuple[Array, Array]]:
