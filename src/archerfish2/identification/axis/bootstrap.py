@@ -11,9 +11,9 @@ from scipy.fft import irfft, rfft
 
 from archerfish2.identification.axis.fit import AxisFit, plant_of
 from archerfish2.identification.axis.noise import local_power
-from archerfish2.identification.axis.output_error import refine, residual_of
-from archerfish2.identification.axis.spectrum import Experiment, Indices, strongest
-from archerfish2.identification.axis.structure import Structure
+from archerfish2.identification.axis.output_error import LinearFit, jacobian, refine, residuals_by_log, solve
+from archerfish2.identification.axis.sections import free_numbers
+from archerfish2.identification.axis.spectrum import Experiment, Indices, Lines, strongest
 from archerfish2.identification.simulation import Array, Complex
 from archerfish2.records.plant import PlantRecord
 
@@ -40,10 +40,10 @@ def draw_plants(found: AxisFit, draws: int, seed: int) -> list[PlantRecord]:
         fit, soft = found.fit, [c._replace(feedthrough=structure.feedthrough) for c in found.constraints]
         if structure != chosen:
             fit = refine(found.selection.found[structure][1].sections, data + soft, 10, 1e-6, found.ridge)
-        residuals = [residual_of(fit.sections, fit.numerators, lines) for lines in data]
+        every = solve(fit.sections, data + soft)
+        residuals = residuals_by_log(every, data + soft)[: len(data)]
         responses = [lines.outputs - each for lines, each in zip(data, residuals, strict=True)]
-        own = _parameters_a_log(structure, found)
-        spectra = [_spectrum(e, each, own) for e, each in zip(logs, residuals, strict=True)]
+        spectra = [_spectrum(*each) for each in zip(logs, residuals, _taken(every, data + soft), strict=True)]
         picks = strongest([np.mean(np.abs(each) ** 2, axis=0) for each in responses], _LINES)
         lines = [d._replace(outputs=y).pick(k) for d, y, k in zip(data, responses, picks, strict=True)]
         for _ in range(round(draws * weight / sum(likely.values()))):
@@ -67,18 +67,25 @@ def _near(values: Array) -> Array:
     return np.asarray(np.all(np.abs(values - middle) <= _FAR * sd, axis=1))
 
 
-def _parameters_a_log(structure: Structure, found: AxisFit) -> float:
-    inputs, logs = found.experiments[0].u.shape[1], len(found.experiments)
-    return float(structure.order * (1 + inputs + logs) + structure.feedthrough * inputs) / logs
+def _taken(fit: LinearFit, data: list[Lines]) -> list[Array]:
+    """Share of the noise at each line of each log that a fit takes out of its residual: its leverage, (p, F) each."""
+    slopes = np.linalg.qr(jacobian(fit, data, free_numbers(fit.sections)).T)[0]
+    driven = np.sum(slopes**2, axis=1).reshape(len(fit.residual), -1) + np.sum(fit.basis**2, axis=1)
+    ends = np.cumsum([2 * len(lines.z) for lines in data if lines.impulse.size])
+    logs = zip(np.split(driven, ends, axis=1)[:-1], fit.logs, strict=False)  # constraints come last
+    rows = [each + np.sum(log.basis**2, axis=1) for each, log in logs]
+    return [each.reshape(len(each), -1, 2).mean(axis=2) for each in rows]
 
 
-def _spectrum(log: Experiment, residual: Complex, parameters: float) -> Array:
-    """Power of the noise at the lines of the measured samples, corrected for what the fit removed, shape (p, F)."""
+def _spectrum(log: Experiment, residual: Complex, taken: Array) -> Array:
+    """Power of the noise at the lines of the measured samples, corrected for what the fit has taken, shape (p, F)."""
     padded = np.concatenate([np.zeros((len(residual), 1)), residual / log.size], axis=1) * np.sqrt(log.length / 2)
     samples = irfft(padded, log.length)[:, log.pad :]
     squares = np.abs(rfft(samples - samples.mean(1, keepdims=True))[:, 1:]) ** 2 / log.measured
-    left = max(log.measured - parameters, log.measured / 2)
-    return np.array([local_power(each) for each in squares]) * log.measured / left
+    share = log.length / log.measured
+    places = share * np.arange(1, 1 + squares.shape[1]) - 1
+    left = [1 - share * np.interp(places, np.arange(len(each)), each) for each in taken]
+    return np.array([local_power(*each) for each in zip(squares, left, strict=True)])
 
 
 def _noise(log: Experiment, power: Array, lines: Indices, rng: np.random.Generator) -> Complex:

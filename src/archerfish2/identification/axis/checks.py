@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.signal import correlate
 from scipy.special import fdtri
 
 from archerfish2.identification.axis.fit import AxisFit, fit_axis
@@ -13,6 +14,7 @@ from archerfish2.logs.recording import Finding, Recording
 from archerfish2.records.plant import PlantRecord
 
 _OWN_LAGS, _LAGS, _SAMPLES_A_LAG, _MOST_SAMPLES = 8, 100, 20, 20_000  # of the regression that tests for a response
+_LONGEST_DELAY = 8  # beyond the log's length over it no response is looked for
 _FALSE_ALARM, _COHERENT = 1e-4, 0.5  # of its F test; median coherence that shows a response too
 _SINE_SHARE, _FEWEST_PERIODS = 0.98, 3  # of the power near one line, from which an input is a single sine; in the log
 _SAMPLES_A_PARAMETER, _DEPENDENT = 10, 1e6  # condition number from which inputs depend on each other
@@ -111,16 +113,31 @@ def _sine_hz(signal: Array, period_s: float) -> float:
 
 def _responds(log: Recording, channel: int) -> bool:
     """Return whether past inputs improve the prediction of the output by its own past, or are coherent with it."""
-    lags = min(_LAGS, min(len(log), _MOST_SAMPLES) // _SAMPLES_A_LAG)
+    n = min(len(log), _MOST_SAMPLES)
+    lags, farthest = min(_LAGS, n // _SAMPLES_A_LAG), n // _LONGEST_DELAY
     coherence = measured_response([log]).coherence[:, 0, channel]
     if lags <= _OWN_LAGS or (coherence.size and np.median(coherence) > _COHERENT):
         return True  # a log that is too short can't show that there is none
+    y, u = ((each - each.mean()) / each.std() for each in (log.outputs[:n, 0], log.inputs[:n, channel]))
+    own = _past(y, 1, _OWN_LAGS)
+    white_y, white_u = _left(y, own), _left(u, _past(u, 1, _OWN_LAGS))
+    peak = np.argmax(np.abs(correlate(white_y, white_u, method="fft")[n - 1 : n + farthest]))
+    freedom, searched = n - _OWN_LAGS - 2 * lags - 1, 1 + farthest // lags
+    for first in {0, max(0, int(peak) - lags // 2)}:
+        left = _left(y, np.hstack([own, _past(u, first, lags + 1)]))
+        ratio = (white_y @ white_y - left @ left) / max(float(left @ left), 1e-300) * freedom / (lags + 1)
+        if ratio > fdtri(lags + 1, freedom, 1 - _FALSE_ALARM / searched):
+            return True
+    return False
+
+
+def _past(x: Array, first: int, count: int) -> Array:
+    """Return the values of a signal `first` samples ago and before that, shape (N, count)."""
     # Held before the log, so that a response within its first samples counts.
-    both = np.stack([log.outputs[:_MOST_SAMPLES, 0], log.inputs[:_MOST_SAMPLES, channel]])
-    both = np.pad((both - both.mean(1, keepdims=True)) / both.std(1, keepdims=True), ((0, 0), (lags, 0)), "edge")
-    y, u = np.lib.stride_tricks.sliding_window_view(both, lags + 1, axis=1)[..., ::-1]
-    columns = y[:, 1 : _OWN_LAGS + 1], np.hstack([y[:, 1 : _OWN_LAGS + 1], u])
-    squares = [np.sum((y[:, 0] - x @ np.linalg.lstsq(x, y[:, 0], rcond=1e-9)[0]) ** 2) for x in columns]
-    freedom = len(y) - _OWN_LAGS - 2 * lags - 1
-    ratio = (squares[0] - squares[1]) / max(float(squares[1]), 1e-300) * freedom / (lags + 1)
-    return bool(ratio > fdtri(lags + 1, freedom, 1 - _FALSE_ALARM))
+    padded = np.pad(x, (first + count - 1, 0), "edge")
+    return np.lib.stride_tricks.sliding_window_view(padded, count)[: len(x)]
+
+
+def _left(x: Array, columns: Array) -> Array:
+    """Return what a regression on columns leaves of a signal."""
+    return np.asarray(x - columns @ np.linalg.lstsq(columns, x, rcond=1e-9)[0])

@@ -8,6 +8,7 @@ from archerfish2.identification.simulation import Array
 
 _EDGES = (3, 6, 12, 24, 48, 96)  # lines between which the power law of a slow wander is fitted
 _STEEP, _STEEPEST = -0.7, -2.0  # slope of the law from which it is taken, and at most
+_LEAST_LEFT = 0.2  # share of the noise in a residual
 
 
 def noise_power(squares: Array) -> Array:
@@ -44,13 +45,14 @@ def slow_wander(squares: Array, most: int) -> Array:
     return law
 
 
-def local_power(squares: Array) -> Array:
-    """Return a residual's power around each line, for draws, shape (F,).
+def local_power(squares: Array, left: Array) -> Array:
+    """Return the power of the noise around each line, for draws, shape (F,).
 
     Args:
-      squares: of the residual, shape (F,).
+      squares: of a residual, shape (F,).
+      left: share of the noise that is in it, shape (F,).
     """
     width = 2 * max(2, round(np.sqrt(len(squares)) / 2)) + 1
-    padded = np.pad(squares, width // 2, mode="symmetric")
-    mean = np.convolve(padded, np.full(width, 1 / width), mode="valid")
-    return np.asarray(np.maximum(mean, slow_wander(squares, width)))
+    padded = np.pad([squares, left], ((0, 0), (width // 2, width // 2)), mode="symmetric")
+    power, share = (np.convolve(each, np.full(width, 1 / width), mode="valid") for each in padded)
+    return np.asarray(np.maximum(power / np.maximum(share, _LEAST_LEFT), slow_wander(squares, width)))

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.linalg import norm
 from scipy.linalg import lapack, lstsq
 
 from archerfish2.identification.axis.sections import Sections, free_numbers, section_states, sections_of, theta_slopes
@@ -15,6 +16,7 @@ from archerfish2.identification.axis.spectrum import Lines
 from archerfish2.identification.simulation import Array, Complex
 
 _LARGEST = 8.5  # |θ|; its tanh is 1 − 8e−8
+_ROUNDING = 1e-9  # of a driven column, up to which what own columns leave of it is rounding
 
 
 class LogFactors(NamedTuple):
@@ -46,24 +48,19 @@ def solve(sections: Sections, data: list[Lines]) -> LinearFit:
         states, inverses, x, own = _columns(sections, lines)
         y, (q, triangle) = _real(lines.outputs), _factorised(own)
         logs.append(LogFactors(states, inverses, q, triangle, y @ q, x @ q))
-        columns.append(x - logs[-1].driven @ q.T)
+        left = x - logs[-1].driven @ q.T
+        # An input that moves in the first samples alone is what a transient is.
+        columns.append(left * (norm(left, axis=1) > _ROUNDING * norm(x, axis=1))[:, None])
         outputs.append(y - logs[-1].outputs @ q.T)
     X, Y = np.concatenate(columns, 1), np.concatenate(outputs, 1)
     Q, triangle = _factorised(X)
     if _is_regular(triangle):
         numerators, residual = lapack.dtrtrs(triangle, Q.T @ Y.T)[0], Y - (Y @ Q) @ Q.T
     else:  # columns depend on each other, as those of equal poles
-        size = np.maximum(np.linalg.norm(X, axis=1), 1e-300)
+        size = np.maximum(norm(X, axis=1), 1e-300)
         numerators = lstsq(X.T / size, Y.T, lapack_driver="gelsy", cond=1e-11)[0] / size[:, None]
         residual = Y - numerators.T @ X
     return LinearFit(sections, float(np.vdot(residual, residual)), numerators, residual, Q, logs)
-
-
-def residual_of(sections: Sections, numerators: Array, lines: Lines) -> Complex:
-    """Return the residual of one log under given numerators, its own columns fitted, shape (p, F)."""
-    _, _, x, own = _columns(sections, lines)
-    residual, (q, _) = _real(lines.outputs) - numerators.T @ x, _factorised(own)
-    return np.asarray((residual - (residual @ q) @ q.T).view(complex))
 
 
 def project(fit: LinearFit, columns: Sequence[Complex]) -> Array:
