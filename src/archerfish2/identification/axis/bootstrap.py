@@ -7,7 +7,7 @@ is drawn for the samples that were measured.
 from dataclasses import replace
 
 import numpy as np
-from scipy.fft import irfft, rfft
+from numpy.fft import irfft, rfft
 
 from archerfish2.identification.axis.fit import AxisFit, plant_of
 from archerfish2.identification.axis.noise import local_power

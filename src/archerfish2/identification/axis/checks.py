@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import correlate
 from scipy.special import fdtri
 
 from archerfish2.identification.axis.fit import AxisFit, fit_axis
@@ -121,7 +120,8 @@ def _responds(log: Recording, channel: int) -> bool:
     y, u = ((each - each.mean()) / each.std() for each in (log.outputs[:n, 0], log.inputs[:n, channel]))
     own = _past(y, 1, _OWN_LAGS)
     white_y, white_u = _left(y, own), _left(u, _past(u, 1, _OWN_LAGS))
-    peak = np.argmax(np.abs(correlate(white_y, white_u, method="fft")[n - 1 : n + farthest]))
+    spectra = np.fft.rfft(white_y, 2 * n) * np.fft.rfft(white_u, 2 * n).conj()
+    peak = np.argmax(np.abs(np.fft.irfft(spectra)[: farthest + 1]))
     freedom, searched = n - _OWN_LAGS - 2 * lags - 1, 1 + farthest // lags
     for first in {0, max(0, int(peak) - lags // 2)}:
         left = _left(y, np.hstack([own, _past(u, first, lags + 1)]))

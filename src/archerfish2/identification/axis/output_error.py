@@ -5,10 +5,10 @@ projected out log by log, one factorisation serves all outputs, and Levenberg an
 """
 
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.linalg import norm
 from scipy.linalg import lapack, lstsq
 
 from archerfish2.identification.axis.sections import Sections, free_numbers, section_states, sections_of, theta_slopes
@@ -16,7 +16,7 @@ from archerfish2.identification.axis.spectrum import Lines
 from archerfish2.identification.simulation import Array, Complex
 
 _LARGEST = 8.5  # |θ|; its tanh is 1 − 8e−8
-_ROUNDING = 1e-9  # of a driven column, up to which what own columns leave of it is rounding
+_ROUNDING = 1e-18  # of a driven column's power, up to which what own columns leave of it is rounding
 
 
 class LogFactors(NamedTuple):
@@ -50,14 +50,14 @@ def solve(sections: Sections, data: list[Lines]) -> LinearFit:
         logs.append(LogFactors(states, inverses, q, triangle, y @ q, x @ q))
         left = x - logs[-1].driven @ q.T
         # An input that moves in the first samples alone is what a transient is.
-        columns.append(left * (norm(left, axis=1) > _ROUNDING * norm(x, axis=1))[:, None])
+        columns.append(left * (_squares(left) > _ROUNDING * _squares(x))[:, None])
         outputs.append(y - logs[-1].outputs @ q.T)
     X, Y = np.concatenate(columns, 1), np.concatenate(outputs, 1)
     Q, triangle = _factorised(X)
     if _is_regular(triangle):
         numerators, residual = lapack.dtrtrs(triangle, Q.T @ Y.T)[0], Y - (Y @ Q) @ Q.T
     else:  # columns depend on each other, as those of equal poles
-        size = np.maximum(norm(X, axis=1), 1e-300)
+        size = np.maximum(np.sqrt(_squares(X)), 1e-300)
         numerators = lstsq(X.T / size, Y.T, lapack_driver="gelsy", cond=1e-11)[0] / size[:, None]
         residual = Y - numerators.T @ X
     return LinearFit(sections, float(np.vdot(residual, residual)), numerators, residual, Q, logs)
@@ -173,12 +173,21 @@ def _factorised(columns: Array) -> tuple[Array, Array]:
     if not len(columns):
         return columns.T, columns @ columns.T
     packed, scales, *_ = lapack.dgeqrf(columns.T)
-    return lapack.dorgqr(packed, scales)[0], np.triu(packed[: len(columns)])
+    return lapack.dorgqr(packed, scales)[0], packed[: len(columns)] * _upper(len(columns))
+
+
+@cache
+def _upper(size: int) -> Array:
+    return np.triu(np.ones((size, size)))
 
 
 def _is_regular(triangle: Array) -> bool:
     """Whether the columns of a triangular matrix are independent."""
-    return bool(np.all(np.abs(np.diag(triangle)) > 1e-11 * np.sqrt(np.einsum("ij,ij->j", triangle, triangle))))
+    return bool(np.all(np.diag(triangle) ** 2 > 1e-22 * _squares(triangle.T)))
+
+
+def _squares(rows: Array) -> Array:
+    return np.asarray(np.einsum("ij,ij->i", rows, rows))
 
 
 def _real(x: Complex) -> Array:
