@@ -5,6 +5,7 @@ import math
 import os
 import platform
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -68,12 +69,13 @@ def bars_table(bars: Sequence[Bar]) -> Table:
     return Table("", ("figure", "found", "count", "limit", ""), tuple(rows))
 
 
-def run(function: Callable[[Job], Row], jobs: Sequence[Job], workers: int, every: int = 100) -> Iterator[Row]:
+def run(function: Callable[[Job], Row], jobs: Sequence[Job], workers: int) -> Iterator[Row]:
     """Yield what a function makes of each job, in their order, in processes of their own where workers are above 1."""
-    pool = ProcessPoolExecutor(workers) if workers > 1 else None
+    pool, begun = ProcessPoolExecutor(workers) if workers > 1 else None, time.monotonic()
     for number, row in enumerate((pool.map if pool else map)(function, jobs), 1):
-        if number % every == 0 and number < len(jobs):
-            print(f"{number} of {len(jobs)}", file=sys.stderr, flush=True)
+        if number % max(len(jobs) // 20, 1) == 0 and number < len(jobs):
+            left = (time.monotonic() - begun) * (len(jobs) / number - 1)
+            print(f"{number} of {len(jobs)}, {left:.0f} s left", file=sys.stderr, flush=True)
         yield row
     if pool:
         pool.shutdown()
