@@ -55,8 +55,7 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
     count = int(_SMOOTHED_S / float(np.median(np.diff(nodes)))) // 2 * 2 + 1
     if 7 <= count < nodes.size:
         even = np.linspace(nodes[0], nodes[-1], nodes.size)
-        angles = savgol_filter([np.interp(even, nodes, each) for each in angles.T], count, 3).T
-        nodes = even
+        nodes, angles = even, savgol_filter([np.interp(even, nodes, each) for each in angles.T], count, 3).T
     return GimbalTrack(nodes, CubicSpline(nodes, angles), time, rate, quantum)
 
 
