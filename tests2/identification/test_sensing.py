@@ -168,10 +168,17 @@ def test_what_moves_with_the_gimbal_is_in_doubt_and_what_is_no_plate_is_not_usab
     )
 
 
+def test_moments_by_another_clock_make_the_record_not_usable(found):
+    truth, _ = found[0]
+    late = identify_sensing(truth.sweep, truth.plate, target=truth.target, target_steps=truth.moments + 0.02)
+    assert late.sensing.link.feedback_delay == pytest.approx(FEEDBACK_S - 0.02, abs=3e-3)
+    assert (late.report.usable, "by one clock" in late.report.reasons[0]) == (False, True)
+
+
 def test_what_can_not_be_used_is_refused(sweep, refused):
     gimbal, plate = sweep.sweep, sweep.plate
     refused("without the other", identify_sensing, gimbal, plate, target=plate)
-    refused("by one clock", identify_sensing, gimbal, plate._replace(receive=plate.receive + 5))
+    refused(r"plate\.csv: .*by one clock", identify_sensing, gimbal, plate._replace(receive=plate.receive + 5))
     refused("has 19 detections", identify_sensing, gimbal, DetectionLog(plate.time[:19], plate.position[:19]))
 
 
@@ -238,7 +245,7 @@ def test_angles_outside_a_log_and_in_its_gaps_are_not_covered(refused):
     expected = [False, True, True, False, False, False, True, True, False]
     assert track(np.sin(TIME[kept]), TIME[kept]).covers(moments).tolist() == expected
     assert track(np.sin(TIME[::50]), TIME[::50]).covers(np.arange(1.0, 9.0, 0.03)).all()  # a slow log
-    refused(r"gimbal\.csv: the yaw is", track, np.full(TIME.size, 0.1))
+    refused(r"gimbal\.csv: the yaw has 1 values in", track, np.full(TIME.size, 0.1))
 
 
 STAMPS = np.sort(np.random.default_rng(0).uniform(0.5, 19.0, 1200))
@@ -258,7 +265,7 @@ def test_bearings_that_can_not_be_aligned_are_refused(refused):
     tone = 0.3 * np.sin(2 * np.pi * 2 * TIME)
     for yaw, azimuth, complaint in (
         (chirp(TIME), -bearing(0.0), "check signs"),
-        (2 * chirp(TIME), bearing(0.0), r"does not mirror the yaw .* moves by 0\.5.* times"),
+        (2 * chirp(TIME), bearing(0.0), r"mirrors the yaw at no offset, and moves by 0\.5.* times"),
         (tone, 0.1 - np.interp(STAMPS, TIME, tone), "repeats itself"),
     ):
         refused(complaint, rough_offset, track(yaw), STAMPS, azimuth)

@@ -45,7 +45,7 @@ class Alignment(NamedTuple):
     drift: float  # rate of the camera's clock against the gimbal log's, less 1
 
 
-def rough_offset(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float = 0.0) -> float:
+def rough_offset(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float = 0.0, source: str = "plate") -> float:
     """Find the offset at which the plate's azimuth best mirrors the yaw, to `STEP_S`.
 
     Args:
@@ -53,6 +53,7 @@ def rough_offset(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float
       time: stamps of the detections, on the camera's clock [s], shape (K,).
       azimuth: of the plate in the camera's frame [rad], shape (K,).
       limit_s: largest offset [s]; if 0 it is `NEAR_S` where the clocks overlap, else any.
+      source: name of the detections' log, for messages.
 
     Returns:
       What is added to the stamps [s].
@@ -73,16 +74,17 @@ def rough_offset(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float
             misfit[place] = _robust_sd(azimuth[covered] + np.interp((time + offset)[covered], track.time, yaws))
     if np.all(misfit == np.inf):
         problem = f"the gimbal log covers fewer than 20 detections at any offset within ±{limit:g} s"
-        raise InputError(f"{problem}; log both at once, for longer, or raise max_offset_s", "no-overlap")
+        raise InputError(f"{source}: {problem}; log both at once, for longer, or raise max_offset_s", "no-overlap")
     best, motion = int(np.argmin(misfit)), _robust_sd(azimuth)
     if misfit[best] > _MIRRORED * motion:
-        problem = f"does not mirror the yaw at any offset, and moves by {motion / _robust_sd(yaws):.3g} times as much"
-        remedy = "check signs, frame and degrees, and that the plate was at rest"
-        raise InputError(f"the plate's bearing {problem}; {remedy}", "no-alignment")
+        problem = f"mirrors the yaw at no offset, and moves by {motion / _robust_sd(yaws):.3g} times as much"
+        remedy = "check signs, --frame and --degrees, and that the plate was at rest"
+        raise InputError(f"{source}: the plate's bearing {problem}; {remedy}", "no-alignment")
     other = np.where(np.abs(offsets - offsets[best]) > _APART_S, misfit, np.inf)
     if other.min() < _AMBIGUOUS * misfit[best]:
-        problem = f"the sweep repeats itself: {offsets[best]:.3f} s and {offsets[np.argmin(other)]:.3f} s fit alike"
-        raise InputError(f"{problem}; record one whose frequency changes, or narrow max_offset_s", "ambiguous-offset")
+        problem = f"the sweep repeats itself, {offsets[best]:.3f} s and {offsets[np.argmin(other)]:.3f} s fit alike"
+        remedy = "sweep through several frequencies (archerfish2 excite yaw), or narrow max_offset_s"
+        raise InputError(f"{source}: {problem}; {remedy}", "ambiguous-offset")
     return float(offsets[best])
 
 

@@ -66,7 +66,8 @@ def identify_sensing(
     start = log.time[0]  # far from it, numbers have no room for microseconds
     track, stamps = gimbal_track(log._replace(time=log.time - start)), plate.time - start
     period, missed = timing.frame_timing(stamps, plate.source)
-    offset = rough_offset(track, stamps, spherical(plate.position)[:, 0], max_offset_s)
+    azimuth = spherical(plate.position)[:, 0]
+    offset = rough_offset(track, stamps, azimuth, max_offset_s, plate.source)
     alignment = align(track, stamps, plate.position, offset)
     found = alignment.estimates | {
         "camera.rate_hz": statistics.converted(period, lambda value: 1 / value, "Hz"),
@@ -80,7 +81,8 @@ def identify_sensing(
         delay = plate.receive - plate.time
         found["camera.latency_jitter"] = timing.latency_jitter(delay, found["camera.stamp_jitter"])
         if gimbal_clock == "receipt":
-            basis, found["camera.latency"] = "feedback", timing.sweep_latency(plate, found["camera.time_offset"])
+            found["camera.latency"] = timing.sweep_latency(delay, found["camera.time_offset"], plate.source)
+            basis = "feedback"
     if stepping is not None:
         moments = np.asarray(_read(logs.read_moments, target_steps))
         exposed, used = timing.step_latency(stepping, moments, period.value)

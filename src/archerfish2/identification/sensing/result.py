@@ -119,7 +119,7 @@ class SensingResult:
             "timing_commands.csv": link.command_latency is None,
         }
         again = "Then give the same command with these options; archerfish2 identify LOGS finds files of these names."
-        done = "Nothing more to record: train a policy (archerfish2 train ROBOT)."
+        done = "Nothing more to record: archerfish2 train FOLDER takes sensing.json with pitch.json and yaw.json there."
         rows = tuple((label, *(shown.get(name) if name else "" for name in names)) for label, *names in _ROWS)
         care = "with care, see what is in doubt; " if doubts and not reasons else ""
         return Report(

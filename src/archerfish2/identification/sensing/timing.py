@@ -125,22 +125,22 @@ def _onset(since: Array, yaw: Array) -> float | None:
     return float(min(np.linspace(-0.1, 0.9, 201), key=misfit) * since[count - 1])
 
 
-def sweep_latency(detections: DetectionLog, offset: Estimate) -> Estimate:
+def sweep_latency(delay: Array, offset: Estimate, source: str) -> Estimate:
     """Return the mean latency less the feedback's delay, if one clock stamped receipts and gimbal log.
 
     Args:
-      detections: with the times of receipt.
+      delay: times between stamps and receipts [s], shape (K,).
       offset: what is added to a stamp to get its exposure on the gimbal log's clock [s].
+      source: name of the log, for messages.
 
     Raises:
       InputError: if detections are received too early or too late.
     """
-    assert detections.receive is not None
-    latency = difference(mean_estimate(detections.receive - detections.time), offset)
+    latency = difference(mean_estimate(delay), offset)
     if not EARLIEST_S <= latency.value <= LONGEST_S:
         problem = f"received {latency.value:.3g} s after exposure, expected {EARLIEST_S:g} to {LONGEST_S:g} s"
-        remedy = 'stamp receipts and gimbal log by one clock, or pass gimbal_clock="own"'
-        raise InputError(f"{detections.source}: {problem}; {remedy}", "two-clocks")
+        remedy = "stamp receipts and gimbal log by one clock, or set the gimbal's clock to own"
+        raise InputError(f"{source}: {problem}; {remedy} (--gimbal-clock own)", "two-clocks")
     return latency
 
 

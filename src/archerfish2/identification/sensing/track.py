@@ -39,8 +39,8 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
     """
     time, yaw = np.asarray(log.time, float), np.asarray(log.yaw, float)
     if time.size < 20 or np.ptp(yaw) == 0:
-        problem = f"the yaw is {yaw[:1]} rad throughout its {time.size} samples"
-        raise InputError(f"{log.source}: {problem}; pass a log of 20 and more, in which it moves", "no-motion")
+        problem = f"the yaw has {np.unique(yaw).size} values in {time.size} samples"
+        raise InputError(f"{log.source}: {problem}; log at least 20, in which it moves", "no-motion")
     quantum, fresh, changed = _quantum(yaw), np.ones(time.size, dtype=bool), np.diff(yaw) != 0
     # Neighbouring samples may agree only because an angle is rounded; not while it crosses several steps per sample.
     period = float(np.median(np.diff(time)))
