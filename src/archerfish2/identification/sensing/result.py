@@ -88,7 +88,7 @@ class SensingResult:
         known = {
             f"A detection is received {latency} after its frame was exposed{less}.": camera.latency is not None,
             f"A plate at rest scatters by {place} across the line of sight (standard deviation).": True,
-            f"The angle moves {delay} after a command; plants have this already.": link.command_delay is not None,
+            f"The angle moves {delay} after a command, which plants include.": link.command_delay is not None,
             **{f"{used} of {logged} {name} used.": used < logged for name, (used, logged) in self.counts.items()},
             "Figures in brackets are 95 % intervals.": True,
         }
@@ -96,21 +96,20 @@ class SensingResult:
         moving, drift = self.alignment.motion_share, 1e6 * self.alignment.drift
         other, missed = camera.outlier_share, camera.miss_probability
         spoiling = {
-            f"Detections scatter by {across:.0f} mm: keep one plate in view, at rest, and give metres.": across > 50,
+            f"Detections scatter by {across:.0f} mm: show one plate at rest, with positions in metres.": across > 50,
             f"The feedback's delay is below zero ({early:.1f} ms): stamp all logs by one clock.": early < -3,
         }
         doubtful = {
             "The latency is unknown, and taken as 0: log receive_s by the gimbal log's clock.": camera.latency is None,
             f"The gimbal's motion explains {moving:.0%} of the bearing's residual, which intervals do not include: "
-            f"calibrate the lens, hold plate and robot still, use clocks without drift ({drift:.0f} ppm).": moving
-            > 0.02,
+            f"calibrate the lens, hold plate and robot still, avoid clock drift ({drift:.0f} ppm).": moving > 0.02,
             f"Intervals of stamps scatter by {uneven:.0%}, so misses are miscounted: stamp exposures.": uneven > 0.15,
             f"{other:.0%} of the detections are not the plate: cover what looks like one.": other > 0.1,
             f"The plate was missed in {missed:.0%} of the frames: bring it nearer, or light it better.": missed > 0.3,
         }
         reasons, doubts = _those(spoiling), _those(doubtful)
         missing = {
-            "Put right what is in doubt, and sweep again (archerfish2 excite yaw --kinds sweep).": reasons + doubts,
+            "Mend what is wrong or in doubt, and sweep again (archerfish2 excite yaw --kinds sweep).": reasons + doubts,
             "For the latency from exposure, record 20 jumps of a target by 0.3 m, a second apart, and when it jumps: "
             "--target timing_target.csv --target-steps timing_moments.csv": camera.latency_basis != "exposure",
             "For the delay of commands, record 20 steps of the yaw by 5 to 10°, held for half a second: --steps "
