@@ -1,5 +1,6 @@
 """Camera and link: simulated recordings with known truth, SciPy, counts by hand, and logs that people stamp by 1970."""
 
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,9 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from archerfish2.cli.identify_sensing import IdentifySensing
 from archerfish2.identification.sensing.alignment import rough_offset, spherical
-from archerfish2.identification.sensing.delays import command_delays, step_latency
 from archerfish2.identification.sensing.identify import identify_sensing
-from archerfish2.identification.sensing.timing import frame_timing
+from archerfish2.identification.sensing.timing import command_delays, frame_timing, step_latency
 from archerfish2.identification.sensing.track import gimbal_track
 from archerfish2.identification.statistics import mean_estimate, scatter_estimate
 from archerfish2.logs.timing import DetectionLog, GimbalLog, read_detections, read_gimbal_log
@@ -113,10 +113,12 @@ def test_offset_and_delays_are_found_and_their_intervals_have_the_truth(found):
 
 def test_a_full_set_leaves_only_the_commands_stamps_missing(found, tmp_path):
     _, result = found[0]
-    assert [each.split(":")[0] for each in result.report.next_steps] == ["The command latency is not known"]
+    assert ["--commands" in each for each in result.report.next_steps] == [True, False]
+    assert (repr(result), result.report.usable) == (str(result.report), True)
+    assert re.search(r"camera 80 Hz, .*\nframes a second +80\.0\d\n", repr(result), re.DOTALL)
     result.save(tmp_path)
     assert SensingRecord.load(tmp_path / "sensing.json").camera.latency == result.sensing.camera.latency
-    assert "Alignment of camera and gimbal" in (tmp_path / "sensing.html").read_text()
+    assert '<p class="verdict good">Usable</p>' in (tmp_path / "sensing.html").read_text()
     assert (len(result.plot().axes), result.counts["target steps"]) == (1, (14, 14))
 
 
@@ -124,9 +126,20 @@ def test_a_sweep_alone_gives_the_latency_less_the_feedbacks_delay(sweep):
     result = identify_sensing(sweep.sweep, sweep.plate)
     assert (result.sensing.camera.latency_basis, result.sensing.link.command_delay) == ("feedback", None)
     assert result.sensing.camera.latency == pytest.approx(sweep.latency - FEEDBACK_S, abs=1e-3)
-    assert ["too short by the feedback's" in each for each in result.report.next_steps] == [True, False, False]
-    assert "latency is not known" in identify_sensing(sweep.sweep, sweep.plate, gimbal_clock="own").report.next_steps[0]
-    assert identify_sensing(sweep.sweep, sweep.plate._replace(receive=None)).sensing.camera.latency is None
+    assert ("less the delay of the gimbal's feedback" in result.report.known[0], result.report.doubts) == (True, ())
+    assert [re.findall("--[a-z-]+", each) for each in result.report.next_steps] == [
+        ["--target", "--target-steps"],
+        ["--steps"],
+        ["--commands"],
+        [],
+    ]
+    for alone in (
+        identify_sensing(sweep.sweep, sweep.plate, gimbal_clock="own"),
+        identify_sensing(sweep.sweep, sweep.plate._replace(receive=None)),
+    ):
+        assert (alone.sensing.camera.latency, alone.report.usable) == (None, True)
+        assert alone.report.headline.startswith("with care")
+        assert "latency is unknown" in alone.report.doubts[0]
 
 
 def test_frames_stamped_on_receipt_have_the_latency_as_their_offset(sweep):
@@ -136,24 +149,36 @@ def test_frames_stamped_on_receipt_have_the_latency_as_their_offset(sweep):
     assert_allclose([camera.latency_jitter, camera.bearing_sd * camera.noise_range], [0.002, 0.005], rtol=0.2)
 
 
-def test_what_moves_with_the_gimbal_and_what_is_no_plate_is_in_doubt(sweep):
+def test_what_moves_with_the_gimbal_is_in_doubt_and_what_is_no_plate_is_not_usable(sweep):
     plate = sweep.plate
     assert identify_sensing(sweep.sweep, plate).report.doubts == ()
     result = identify_sensing(sweep.sweep, plate._replace(time=plate.time * (1 - 4e-4)))
     assert result.alignment.drift == pytest.approx(4e-4, rel=0.25)
-    assert "clocks that drift" in result.report.doubts[0]
+    assert "clock drift (411 ppm)" in result.report.doubts[0]
     azimuth, _, reach = spherical(plate.position).T
     bent = azimuth * (1 - 0.1 * azimuth**2)  # a barrel distortion of half a degree at 20°
     position = np.column_stack([reach * np.cos(bent), reach * np.sin(bent), plate.position[:, 2]])
     assert "lens" in identify_sensing(sweep.sweep, plate._replace(position=position)).report.doubts[0]
     several = plate.position + np.outer(np.arange(len(plate.time)) % 3 - 1, [0, 0, 0.4])
-    assert "was it one plate" in identify_sensing(sweep.sweep, plate._replace(position=several)).report.doubts[0]
+    report = identify_sensing(sweep.sweep, plate._replace(position=several)).report
+    assert (report.usable, "show one plate" in report.reasons[0], "again" in report.next_steps[0]) == (
+        False,
+        True,
+        True,
+    )
+
+
+def test_moments_by_another_clock_make_the_record_not_usable(found):
+    truth, _ = found[0]
+    late = identify_sensing(truth.sweep, truth.plate, target=truth.target, target_steps=truth.moments + 0.02)
+    assert late.sensing.link.feedback_delay == pytest.approx(FEEDBACK_S - 0.02, abs=3e-3)
+    assert (late.report.usable, "by one clock" in late.report.reasons[0]) == (False, True)
 
 
 def test_what_can_not_be_used_is_refused(sweep, refused):
     gimbal, plate = sweep.sweep, sweep.plate
     refused("without the other", identify_sensing, gimbal, plate, target=plate)
-    refused("by one clock", identify_sensing, gimbal, plate._replace(receive=plate.receive + 5))
+    refused(r"plate\.csv: .*by one clock", identify_sensing, gimbal, plate._replace(receive=plate.receive + 5))
     refused("has 19 detections", identify_sensing, gimbal, DetectionLog(plate.time[:19], plate.position[:19]))
 
 
@@ -176,9 +201,13 @@ def test_stamps_since_1970_change_nothing():
 def test_the_command_line_writes_what_python_gives(tmp_path, capsys, sweep):
     plate, texts = sweep.plate, {"fmt": "%.17g", "delimiter": ",", "comments": ""}
     gimbal, seen = np.column_stack(sweep.sweep[:4]), np.column_stack([plate.time, plate.position, plate.receive])
+    gimbal[:, 1:] = np.degrees(gimbal[:, 1:])
     np.savetxt(tmp_path / "sweep.csv", gimbal, header="time_s,yaw,pitch,yaw_command", **texts)
-    np.savetxt(tmp_path / "plate.csv", seen, header="time_s,x,y,z,receive_s", **texts)
-    IdentifySensing(tmp_path / "sweep.csv", tmp_path / "plate.csv", out=tmp_path / "out").run()
+    seen[:, [2, 3]] *= -1  # into the optical frame
+    np.savetxt(tmp_path / "plate.csv", seen, header="time_s,z,x,y,receive_s", **texts)
+    IdentifySensing(
+        tmp_path / "sweep.csv", tmp_path / "plate.csv", frame="optical", degrees=True, out=tmp_path / "out"
+    ).run()
     expected = identify_sensing(sweep.sweep, sweep.plate)
     record = SensingRecord.load(tmp_path / "out" / "sensing.json")
     assert record.values() == pytest.approx(expected.sensing.values(), rel=1e-9)
@@ -216,7 +245,7 @@ def test_angles_outside_a_log_and_in_its_gaps_are_not_covered(refused):
     expected = [False, True, True, False, False, False, True, True, False]
     assert track(np.sin(TIME[kept]), TIME[kept]).covers(moments).tolist() == expected
     assert track(np.sin(TIME[::50]), TIME[::50]).covers(np.arange(1.0, 9.0, 0.03)).all()  # a slow log
-    refused(r"gimbal\.csv: the yaw is", track, np.full(TIME.size, 0.1))
+    refused(r"gimbal\.csv: the yaw has 1 values in", track, np.full(TIME.size, 0.1))
 
 
 STAMPS = np.sort(np.random.default_rng(0).uniform(0.5, 19.0, 1200))
@@ -236,7 +265,7 @@ def test_bearings_that_can_not_be_aligned_are_refused(refused):
     tone = 0.3 * np.sin(2 * np.pi * 2 * TIME)
     for yaw, azimuth, complaint in (
         (chirp(TIME), -bearing(0.0), "check signs"),
-        (2 * chirp(TIME), bearing(0.0), r"does not mirror the yaw .* moves by 0\.5.* times"),
+        (2 * chirp(TIME), bearing(0.0), r"mirrors the yaw at no offset, and moves by 0\.5.* times"),
         (tone, 0.1 - np.interp(STAMPS, TIME, tone), "repeats itself"),
     ):
         refused(complaint, rough_offset, track(yaw), STAMPS, azimuth)

@@ -9,7 +9,7 @@ import tyro
 
 from archerfish2 import storage
 from archerfish2.identification.sensing.identify import identify_sensing
-from archerfish2.logs.timing import Frame, read_detections, read_gimbal_log
+from archerfish2.logs.timing import Frame
 
 _File = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")]
 
@@ -61,26 +61,11 @@ class IdentifySensing:
 
     def run(self) -> None:
         """Identify, write, print."""
-        sweep, *steps = (read_gimbal_log(each, degrees=self.degrees) for each in (self.sweep, *self.steps))
-        plate, *shown = (
-            read_detections(each, frame=self.frame, degrees=self.degrees)
-            for each in (self.detections, self.target)
-            if each
-        )
+        logs = {name: each for name, each in vars(self).items() if name not in ("out", "overwrite")}
         given = (self.sweep, self.detections, *self.steps, self.target, self.target_steps, self.commands, self.feedback)
         inputs, facts = [each for each in given if each], {"options": " ".join(sys.argv[3:])}
         names = ("sensing.json", "sensing.html")
         with storage.output_folder(self.out, "identify sensing", inputs, self.overwrite, facts, names) as folder:
-            result = identify_sensing(
-                sweep,
-                plate,
-                steps=steps,
-                target=shown[0] if shown else None,
-                target_steps=self.target_steps,
-                commands=self.commands,
-                feedback=self.feedback,
-                gimbal_clock=self.gimbal_clock,
-                max_offset_s=self.max_offset_s,
-            )
+            result = identify_sensing(**logs)
             result.save(folder)
-        print(f"{result.report}\n\nopen {self.out / 'sensing.html'}")  # noqa: T201
+        print(f"{result}\n\nopen {self.out / 'sensing.html'}")  # noqa: T201

@@ -45,7 +45,7 @@ class Alignment(NamedTuple):
     drift: float  # rate of the camera's clock against the gimbal log's, less 1
 
 
-def rough_offset(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float = 0.0) -> float:
+def rough_offset(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float = 0.0, source: str = "plate") -> float:
     """Find the offset at which the plate's azimuth best mirrors the yaw, to `STEP_S`.
 
     Args:
@@ -53,6 +53,7 @@ def rough_offset(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float
       time: stamps of the detections, on the camera's clock [s], shape (K,).
       azimuth: of the plate in the camera's frame [rad], shape (K,).
       limit_s: largest offset [s]; if 0 it is `NEAR_S` where the clocks overlap, else any.
+      source: name of the detections' log, for messages.
 
     Returns:
       What is added to the stamps [s].
@@ -73,17 +74,17 @@ def rough_offset(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float
             misfit[place] = _robust_sd(azimuth[covered] + np.interp((time + offset)[covered], track.time, yaws))
     if np.all(misfit == np.inf):
         problem = f"the gimbal log covers fewer than 20 detections at any offset within ±{limit:g} s"
-        raise InputError(f"{problem}; log both at once, for longer, or raise max_offset_s", "no-overlap")
+        raise InputError(f"{source}: {problem}; log both at once, for longer, or raise max_offset_s", "no-overlap")
     best, motion = int(np.argmin(misfit)), _robust_sd(azimuth)
     if misfit[best] > _MIRRORED * motion:
-        problem = f"does not mirror the yaw at any offset, and moves by {motion / _robust_sd(yaws):.3g} times as much"
-        remedy = "check signs and the frame, whether angles are in degrees, and that the plate was at rest"
-        raise InputError(f"the plate's bearing {problem}; {remedy}", "no-alignment")
+        problem = f"mirrors the yaw at no offset, and moves by {motion / _robust_sd(yaws):.3g} times as much"
+        remedy = "check signs, --frame and --degrees, and that the plate was at rest"
+        raise InputError(f"{source}: the plate's bearing {problem}; {remedy}", "no-alignment")
     other = np.where(np.abs(offsets - offsets[best]) > _APART_S, misfit, np.inf)
     if other.min() < _AMBIGUOUS * misfit[best]:
-        problem = f"offsets of {offsets[best]:.3f} s and {offsets[np.argmin(other)]:.3f} s fit alike"
-        remedy = "record a sweep whose frequency changes, or narrow max_offset_s"
-        raise InputError(f"the sweep repeats itself: {problem}; {remedy}", "ambiguous-offset")
+        problem = f"the sweep repeats itself, {offsets[best]:.3f} s and {offsets[np.argmin(other)]:.3f} s fit alike"
+        remedy = "sweep through several frequencies (archerfish2 excite yaw), or narrow max_offset_s"
+        raise InputError(f"{source}: {problem}; {remedy}", "ambiguous-offset")
     return float(offsets[best])
 
 
@@ -131,10 +132,6 @@ def align(track: GimbalTrack, time: Array, position: Array, start: float) -> Ali
         angles = track.angles(moments + x[-1])
         return np.asarray(measured - spherical(plate_in_camera(x[:-1], *angles.T)))
 
-    def slopes(x: Array) -> Array:
-        steps = 1e-4 * np.eye(x.size)
-        return np.stack([(residual(x - each) - residual(x + each)) / 2e-4 for each in steps], axis=-1)
-
     def weighted(x: Array, weight: Array) -> Array:
         return np.append(weight * residual(x), x / _PRIOR_SD)
 
@@ -143,7 +140,8 @@ def align(track: GimbalTrack, time: Array, position: Array, start: float) -> Ali
     sd, inlier = np.broadcast_to(_robust_sd(residual(x)), measured.shape), np.ones(len(measured), bool)
     for loss in ("soft_l1", "linear", "linear"):
         x = least_squares(weighted, x, loss=loss, x_scale="jac", args=(inlier[:, None] / sd,)).x
-        left, slope = residual(x), slopes(x)
+        left = residual(x)
+        slope = np.stack([(residual(x - h) - residual(x + h)) / 2e-4 for h in 1e-4 * np.eye(x.size)], axis=-1)
         sd = np.broadcast_to(_robust_sd(left), measured.shape) if loss == "soft_l1" else sd
         inlier = np.all(np.abs(left) < _OUTLIER * sd, axis=1)
         columns = slope[inlier].reshape(-1, x.size)
@@ -151,16 +149,14 @@ def align(track: GimbalTrack, time: Array, position: Array, start: float) -> Ali
         noise = statistics.variance_components(left[inlier].ravel(), columns, scales)
         sd = np.sqrt(noise.variances[:3] + slope[..., -1] ** 2 * noise.variances[3])
     errors = np.sqrt(np.diag(noise.variances_covariance))
-    found = {
-        f"camera.{name}": statistics.deviation_estimate(float(variance), float(error), unit)
-        for (name, unit), variance, error in zip(_NOISE.items(), noise.variances, errors, strict=True)
-    }
+    found = {"camera.outlier_share": statistics.share_estimate(int(np.sum(~inlier)), inlier.size)}
+    for (name, unit), variance, error in zip(_NOISE.items(), noise.variances, errors, strict=True):
+        found[f"camera.{name}"] = statistics.deviation_estimate(float(variance), float(error), unit)
     rows = slope[inlier] / sd[inlier, :, None]
     bread = np.linalg.inv(np.einsum("kcp,kcq->pq", rows, rows) + np.diag(_PRIOR_SD**-2.0))
     score = np.einsum("kcp,kc->kp", rows, (left / sd)[inlier])
     spread = len(score) * bread @ statistics.long_run_covariance(score) @ bread
     found["camera.time_offset"] = statistics.normal_estimate(start + x[-1], np.sqrt(spread[-1, -1]))
-    found["camera.outlier_share"] = statistics.share_estimate(int(np.sum(~inlier)), inlier.size)
     found["camera.noise_range"] = Estimate(float(np.median(measured[inlier, 2])), np.nan, np.nan, "m")
     moments = moments + x[-1]
     return Alignment(found, moments, left, inlier, *_motion_share(track, moments[inlier], left[inlier, 0]))
@@ -175,7 +171,7 @@ def _motion_share(track: GimbalTrack, moments: Array, residual: Array) -> tuple[
     angle, rate, change = (track.angles(moments, order)[:, 0] for order in range(3))
     ramp = -rate * (moments - moments.mean())
     columns = np.column_stack([np.ones_like(angle), angle, angle**2, angle**3, rate, np.abs(rate), change, ramp])
-    solution, terms, freedom = np.linalg.lstsq(columns, residual)[0], columns.shape[1] - 1, len(columns) - 8
+    solution, freedom = np.linalg.lstsq(columns, residual)[0], len(columns) - columns.shape[1]
     unexplained = np.var(residual - columns @ solution) / max(np.var(residual), 1e-300)
-    share = float(1 - unexplained * (freedom + terms) / freedom)
+    share = float(1 - unexplained * (len(columns) - 1) / freedom)
     return share if share > _INSIGNIFICANT / freedom else 0.0, float(solution[-1])

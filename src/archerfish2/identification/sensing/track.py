@@ -39,8 +39,8 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
     """
     time, yaw = np.asarray(log.time, float), np.asarray(log.yaw, float)
     if time.size < 20 or np.ptp(yaw) == 0:
-        problem = f"the yaw is {yaw[:1]} rad throughout its {time.size} samples"
-        raise InputError(f"{log.source}: {problem}; pass a log of 20 and more, in which it moves", "no-motion")
+        problem = f"the yaw has {np.unique(yaw).size} values in {time.size} samples"
+        raise InputError(f"{log.source}: {problem}; log at least 20, in which it moves", "no-motion")
     quantum, fresh, changed = _quantum(yaw), np.ones(time.size, dtype=bool), np.diff(yaw) != 0
     # Neighbouring samples may agree only because an angle is rounded; not while it crosses several steps per sample.
     period = float(np.median(np.diff(time)))
@@ -55,8 +55,7 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
     count = int(_SMOOTHED_S / float(np.median(np.diff(nodes)))) // 2 * 2 + 1
     if 7 <= count < nodes.size:
         even = np.linspace(nodes[0], nodes[-1], nodes.size)
-        angles = savgol_filter([np.interp(even, nodes, each) for each in angles.T], count, 3).T
-        nodes = even
+        nodes, angles = even, savgol_filter([np.interp(even, nodes, each) for each in angles.T], count, 3).T
     return GimbalTrack(nodes, CubicSpline(nodes, angles), time, rate, quantum)
 
 
