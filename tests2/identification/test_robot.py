@@ -1,6 +1,7 @@
 """A robot from the folder of its logs, and the commands: what is identified, assumed, named in logs.toml, refused."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -56,19 +57,66 @@ def test_a_team_names_its_own_files_columns_and_units(lab_folder, tmp_path, refu
     assert robot.limits.pitch.low == pytest.approx(np.radians(-20))
     assert robot.limits.yaw.max_acceleration == pytest.approx(np.radians(3000))
     for text, complaint in (
-        ("[yaw]\nfits=[]", "logs.toml: .*unknown field `?fits`?.*; correct it"),
+        ("[yaw]\nfits=[]", r"logs.toml: field yaw: .* field fits; correct it; .* may have fit, validate, .*\[limits\]"),
         ("[yaw", "logs.toml: is not TOML"),
+        (
+            '[yaw]\nfit=["a.csv"]\nvalidate=["a.csv"]',
+            r"logs.toml: \[yaw\] has a.csv both .* and held back, .*; take it",
+        ),
         ('[yaw]\nfit=["c.csv"]', "c.csv: there is no such file"),
     ):
         settings.write_text(text)
         refused(complaint, identify_robot, tmp_path)
+    (tmp_path / "limits.json").write_text('{"schema": "archerfish.limits/1"}')
+    remedy = r"write its figures to \[limits\] in logs.toml, then: archerfish2 identify"
+    refused(f"limits.json: field schema: .*; {remedy}", identify_robot, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def one_table(tmp_path_factory):
+    """Return a folder with both axes in one table, a sample of it twice, and the angles by other signs."""
+    folder, plant, noise = tmp_path_factory.mktemp("logs"), PlantRecord.second_order(4.0, 0.6), np.random.default_rng(0)
+    u = np.repeat([0.0, 0.4, -0.2, 0.3, 0.0], 120)
+    angle = simulate(plant, u[:, None])[:, 0]
+    y = np.stack([-angle, -angle], 1) + 1e-3 * noise.standard_normal((len(u), 2))
+    table = folder / "both.csv"
+    Recording(u[:, None], y, plant.sample_period_s, output_names=("pitch", "yaw")).write_csv(table)
+    lines = table.read_text().splitlines(keepends=True)
+    table.write_text("".join([*lines[:50], *lines[49:]]))
+    axis = '[{0}]\nfit=["both.csv"]\noutput="-{0}"\n'
+    (folder / "logs.toml").write_text(axis.format("pitch") + axis.format("yaw") + "dc_gain=1.0\n")
+    for name in ("Yaw_Step.csv", "timing_sweep.csv"):
+        (folder / name).write_text("time_s,u,y\n")
+    return folder
+
+
+def test_signs_gain_and_name_are_given_and_what_is_to_be_done_is_said(one_table):
+    found = identify_parts(one_table, name="mine")
+    assert (found.robot.name, found.robot.assumed) == ("mine", ("muzzle", "sensing", "limits"))
+    assert found.robot.pitch.dc_gain.item() == pytest.approx(1.0, abs=0.01)
+    assert found.robot.yaw.dc_gain.item() == pytest.approx(1.0, abs=1e-9)
+    unused, *others = found.report.findings
+    assert unused.message == 'not used: "Yaw_Step.csv", "timing_sweep.csv"'
+    assert "expected names are {pitch,yaw}_{sweep,step}" in unused.remedy
+    assert [each.code for each in others] == ["time-duplicate"]  # of both axes, and there once
+    steps = found.report.next_steps
+    assert "pitch_step_validation.csv" in steps[0]
+    assert [each for each in steps if re.search(r"--\w", each) and "archerfish2 " not in each] == []
+
+
+def test_a_robot_is_not_written_among_its_logs(one_table, capsys, refused):
+    before = sorted(one_table.iterdir())
+    refused("is the folder of the logs.*; choose another", identify_robot, one_table, out=one_table / ".")
+    with pytest.raises(SystemExit):
+        main(["identify", str(one_table), "--out", str(one_table)])
+    assert "is the folder of the logs" in capsys.readouterr().err
+    assert sorted(one_table.iterdir()) == before
 
 
 def test_folders_without_logs_are_refused(tmp_path, refused):
     refused("gone: there is no such folder", identify_parts, tmp_path / "gone")
-    refused(
-        "expected pitch_sweep.csv, .* found none of them; name the logs so, or in logs.toml", identify_parts, tmp_path
-    )
+    (tmp_path / "Yaw_Step.csv").touch()
+    refused('expected .*shots.csv.*, found "Yaw_Step.csv"; name the logs so, or in logs.toml', identify_parts, tmp_path)
 
 
 def test_an_axis_is_identified_by_a_command_next_to_another(tmp_path, capsys):

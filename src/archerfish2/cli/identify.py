@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from archerfish2 import storage
-from archerfish2.identification.robot import identify_parts
+from archerfish2.identification import robot, robot_files
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,10 @@ class Identify:
     def run(self) -> None:
         """Identify, write, print."""
         out = self.out or Path("runs") / self.logs.resolve().name
-        name = self.name or out.resolve().name
+        robot_files.check_output(self.logs, out)
         facts, names = {"options": " ".join(sys.argv[2:])}, ("robot.json", "robot.html")
-        inputs = sorted(each for each in self.logs.glob("*") if each.is_file())
-        with storage.output_folder(out, "identify", inputs, self.overwrite, facts, names) as folder:
-            found = identify_parts(self.logs, self.seed, name)
+        with storage.output_folder(out, "identify", self.logs.glob("*"), self.overwrite, facts, names) as folder:
+            found = robot.identify_parts(self.logs, name=self.name or out.resolve().name, seed=self.seed)
             found.save(folder)
-        print(f"{found.report}\n\nopen {out / 'robot.html'}; next: archerfish2 train {out}")  # noqa: T201
+        then = f"; next: archerfish2 train {out}" if found.report.usable else ""
+        print(f"{found.report}\n\nopen {out / 'robot.html'}{then}")  # noqa: T201

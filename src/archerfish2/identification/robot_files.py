@@ -1,24 +1,29 @@
 """The folder of a robot's logs: what its files are called, and what logs.toml and tape.json say of them."""
 
 import tomllib
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
-import msgspec
 import numpy as np
 from msgspec import Meta
 
 from archerfish2.errors import file_error
-from archerfish2.records.json_files import fault, read_json
+from archerfish2.logs.log import read_log
+from archerfish2.logs.recording import Log
+from archerfish2.records.json_files import read_json, read_struct, to_struct
 from archerfish2.records.limits import AxisLimits, LimitsRecord
 from archerfish2.records.record import Struct
 
 AXES = ("pitch", "yaw")
+EXPECTED = "{pitch,yaw}_{sweep,step}[_validation].csv, {pitch,yaw}_step_{N}deg.csv, shots.csv, timing_{sweep,plate}.csv"
+"""What logs are called."""
+LOGS = (".csv", ".txt", ".tsv", ".npz", ".mat", ".bag", ".db3", ".mcap")
+"""Endings of files that somebody means to be read."""
 Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
-Range = tuple[float, float]
 Both = Positive | Annotated[tuple[Positive, ...], Meta(min_length=2, max_length=2)]
 """One figure for both axes, or [pitch, yaw]; a tuple of fixed length beside a number crashes msgspec 0.22."""
-T = TypeVar("T", bound=Struct)
 
 
 class AxisFiles(Struct, frozen=True, kw_only=True):
@@ -29,13 +34,15 @@ class AxisFiles(Struct, frozen=True, kw_only=True):
     validate: tuple[str, ...] = ()
     """Files to be held back; AXIS_sweep_validation.csv and AXIS_step_validation.csv if not given."""
     input: str = "u"
-    """Signal of the command."""
+    """Signal of the command; after a minus, with its sign changed."""
     output: str = "y"
-    """Signal of the angle."""
+    """Signal of the angle; after a minus, with its sign changed."""
     time: str = "time_s"
     """Stamps."""
     unit: Literal["rad", "deg"] = "rad"
     """Of both signals."""
+    dc_gain: float | Literal["plateaus"] = "plateaus"
+    """Steady angle per steady command, if it is known."""
 
 
 class MuzzleFiles(Struct, frozen=True, kw_only=True):
@@ -52,9 +59,9 @@ class MuzzleFiles(Struct, frozen=True, kw_only=True):
 class LimitsFigures(Struct, frozen=True, kw_only=True):
     """Section [limits] of logs.toml."""
 
-    pitch_deg: Range
+    pitch_deg: tuple[float, float]
     """Smallest and largest pitch, muzzle up positive [°]."""
-    yaw_deg: Range
+    yaw_deg: tuple[float, float]
     """Smallest and largest yaw, left positive [°]."""
     max_rate_deg_s: Both
     """Largest rate of a command [°/s]."""
@@ -63,15 +70,10 @@ class LimitsFigures(Struct, frozen=True, kw_only=True):
 
     def record(self) -> LimitsRecord:
         """Return the limits in radians."""
-        rates, accelerations = (
-            np.radians(np.broadcast_to(each, 2)) for each in (self.max_rate_deg_s, self.max_acceleration_deg_s2)
-        )
-        ranges = np.radians([self.pitch_deg, self.yaw_deg])
-        axes = [
-            AxisLimits(low=low, high=high, max_rate=rate, max_acceleration=acceleration)
-            for low, high, rate, acceleration in np.column_stack([ranges, rates, accelerations]).tolist()
-        ]
-        return LimitsRecord(pitch=axes[0], yaw=axes[1], source="logs.toml")
+        rows: Any = (*zip(self.pitch_deg, self.yaw_deg, strict=True), self.max_rate_deg_s, self.max_acceleration_deg_s2)
+        by_axis = np.radians([np.broadcast_to(each, 2) for each in rows]).T.tolist()
+        pitch, yaw = (AxisLimits(**dict(zip(AxisLimits.__struct_fields__, each, strict=True))) for each in by_axis)
+        return LimitsRecord(pitch=pitch, yaw=yaw, source="logs.toml")
 
 
 class LogFolder(Struct, frozen=True, kw_only=True):
@@ -96,40 +98,72 @@ class Tape(Struct, frozen=True, kw_only=True):
     """Of the muzzle above the ground with the barrel level [m]."""
 
 
-def read_folder(folder: Path) -> tuple[LogFolder, Tape]:
-    """Read logs.toml and tape.json, both of which may be missing.
+def check_output(folder: Path, out: Path) -> None:
+    """Refuse to write a robot into the folder of its logs.
+
+    Raises:
+      InputError: if both are the same.
+    """
+    if folder.resolve() == out.resolve():
+        raise file_error(out, "is the folder of the logs, which are only read", "choose another folder for the robot")
+
+
+def read_folder(folder: Path) -> tuple[LogFolder, Tape, LimitsRecord | None]:
+    """Read logs.toml, tape.json and the limits of logs.toml or limits.json, all of which may be missing.
 
     Raises:
       InputError: if the folder is missing, or a file is damaged or has an unknown field.
     """
     if not folder.is_dir():
         raise file_error(folder, "there is no such folder", "name the folder of the logs")
-    settings, tape = folder / "logs.toml", folder / "tape.json"
+    path, tape, limits = (folder / each for each in ("logs.toml", "tape.json", "limits.json"))
     try:
-        content = tomllib.loads(settings.read_text(encoding="utf-8")) if settings.exists() else {}
+        content = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     except (OSError, ValueError) as error:
-        raise file_error(settings, f"is not TOML ({error})", "correct it") from error
-    return _struct(settings, content, LogFolder), _struct(tape, read_json(tape) if tape.exists() else {}, Tape)
+        raise file_error(path, f"is not TOML ({error})", "correct it") from error
+    keys = [", ".join(each.__struct_fields__) for each in (AxisFiles, MuzzleFiles, LimitsFigures, Tape)]
+    remedy = "correct it; [pitch] and [yaw] may have {}, [muzzle] {}, [limits] {}".format(*keys)
+    settings = to_struct(content, path, LogFolder, None, remedy)
+    lengths = read_json(tape) if tape.exists() else {}
+    measured = to_struct(lengths, tape, Tape, None, f"correct it; it may have {keys[3]}")
+    if settings.limits or not limits.exists():
+        return settings, measured, settings.limits.record() if settings.limits else None
+    remedy = f"write its figures to [limits] in logs.toml, then: archerfish2 identify {folder}"
+    return settings, measured, read_struct(limits, LimitsRecord, LimitsRecord.schema, remedy)
+
+
+def files_there(folder: Path, named: Sequence[str], *usual: str) -> list[Path]:
+    """Return the files that are named, else the usual ones that are there."""
+    return [folder / each for each in named or usual if named or (folder / each).exists()]
 
 
 def axis_logs(folder: Path, axis: str, files: AxisFiles) -> tuple[list[Path], list[Path]]:
-    """Return the logs of an axis that are fitted and held back: those that are named, or the usual ones that are there.
+    """Return the logs of an axis that are fitted and held back.
 
     Args:
       folder: of the logs.
       axis: "pitch" or "yaw".
       files: section of logs.toml.
+
+    Raises:
+      InputError: if a log is both.
     """
-    usual = ([f"{axis}_{kind}{end}.csv" for kind in ("sweep", "step")] for end in ("", "_validation"))
-    pairs = zip((files.fit, files.validate), usual, strict=True)
-    fitted, held_back = (
-        [folder / each for each in named or names if named or (folder / each).exists()] for named, names in pairs
-    )
+    usual = [[f"{axis}_{kind}{end}.csv" for kind in ("sweep", "step")] for end in ("", "_validation")]
+    fitted, held_back = files_there(folder, files.fit, *usual[0]), files_there(folder, files.validate, *usual[1])
+    for both in set(fitted).intersection(held_back):
+        problem = f"[{axis}] has {both.name} both fitted and held back, expected one of the two"
+        raise file_error(folder / "logs.toml", problem, "take it out of fit, or name other logs in validate")
     return fitted, held_back
 
 
-def _struct(path: Path, content: object, kind: type[T]) -> T:
-    try:
-        return msgspec.convert(content, kind)
-    except msgspec.ValidationError as error:
-        raise file_error(path, fault(error, content), "correct it") from error
+def read_axis(path: Path, files: AxisFiles) -> Log:
+    """Read a log of an axis in radians, with the signs that logs.toml gives.
+
+    Raises:
+      InputError: if it can't be used.
+    """
+    u, y = (each.removeprefix("-") for each in (files.input, files.output))
+    log, unit = read_log(path, inputs=u, outputs=y, time=files.time), np.radians(1.0) if files.unit == "deg" else 1.0
+    scale_u, scale_y = (-unit if each.startswith("-") else unit for each in (files.input, files.output))
+    recordings = (replace(e, inputs=scale_u * e.inputs, outputs=scale_y * e.outputs) for e in log.recordings)
+    return replace(log, recordings=tuple(recordings))

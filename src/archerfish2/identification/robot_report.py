@@ -1,117 +1,107 @@
-"""Report of an identified robot: its parts, what is assumed, and what to do next."""
+"""Report of an identified robot: its parts, what is assumed, what no fit has seen, and what to do next."""
 
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeAlias
 
+import msgspec
 import numpy as np
 
-from archerfish2.identification.simulation import Array
+from archerfish2.identification.axis.plots import run_plot
+from archerfish2.identification.muzzle.flight import flown, vertical
+from archerfish2.identification.robot_files import AXES, LogFolder, read_axis
+from archerfish2.identification.simulation import simulate
+from archerfish2.identification.statistics import mean_estimate
+from archerfish2.identification.validation import FreeRun
+from archerfish2.logs.recording import Finding
+from archerfish2.logs.shots import read_shots
+from archerfish2.records.muzzle import MuzzleRecord
+from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.report import Report
-from archerfish2.reports.style import look, new_figure, plot_style
-from archerfish2.reports.table import Estimate, Table
+from archerfish2.reports.table import Entry, Table
+from archerfish2.robot import Robot
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from archerfish2.identification.robot import IdentifiedRobot
-
-
-class Landing(NamedTuple):
-    """Landing points at one pitch."""
-
-    pitch_deg: float  # of the barrel [°]
-    measured: Estimate  # mean distance [m]
-    shots: int  # how many
-    predicted: float  # distance of a pellet of mean speed [m]
-
-
-class LargeStep(NamedTuple):
-    """A step of another size than those that were fitted, and what the plant makes of it."""
-
-    axis: str  # "pitch" or "yaw"
-    size_deg: int  # of the step, as the file is called [°]
-    time: Array  # since the step [s], (N,)
-    measured: Array  # angle since before the step [rad], (N,)
-    simulated: Array  # the same of the plant [rad], (N,)
-    fit_percent: float  # from the step on [%]
-
-
+Figures: TypeAlias = tuple[tuple[str, Callable[[], Any]], ...]
 _RECORD = {
-    "pitch": "pitch_sweep.csv and pitch_step.csv (archerfish2 excite pitch)",
-    "yaw": "yaw_sweep.csv and yaw_step.csv (archerfish2 excite yaw)",
     "muzzle": "shots.csv: hits on a plate, with speeds",
     "sensing": "timing_sweep.csv and timing_plate.csv",
     "limits": "limits.json, or [limits] in logs.toml",
 }
 
 
-def robot_report(found: "IdentifiedRobot") -> Report:
-    """Report an identified robot."""
-    robot = found.robot
+def robot_report(
+    robot: Robot, reports: dict[str, Report], tables: list[Table], figures: Figures, findings: list[Finding]
+) -> Report:
+    """Report an identified robot.
+
+    Args:
+      robot: with its verdicts.
+      reports: of the parts.
+      tables: of what no fit has seen.
+      figures: of the same.
+      findings: of the folder.
+    """
     bad = [part for part, each in robot.parts.items() if not each.usable]
-    assumed = f"; assumed: {', '.join(robot.assumed)}" if robot.assumed else ""
-    rows = [(f"{name}: {e.headline}", "usable" if e.usable else "not usable") for name, e in robot.parts.items()]
-    absent = {part: "immediate and perfect" if part == "sensing" else "the paper's" for part in robot.assumed}
-    rows += [(f"{part}: {each}", "assumed") for part, each in absent.items()]
-    pages = ", ".join(each.page for each in robot.parts.values())
-    tables = [Table("Parts", ("part", ""), tuple(rows), f"Their pages: {pages}.")]
-    if found.landings:
-        errors = [100 * (each.predicted / each.measured.value - 1) for each in found.landings]
-        pairs = zip(found.landings, errors, strict=True)
-        landings = tuple((f"{e.pitch_deg:.2f}°", e.shots, e.measured, e.predicted, error) for e, error in pairs)
-        columns = ("pitch", "shots", "measured [m]", "predicted [m]", "error [%]")
-        tables.append(Table("Landing points, which no fit has seen", columns, landings))
-    if found.steps:
-        steps = tuple((each.axis, each.size_deg, each.fit_percent) for each in found.steps)
-        note = "Large steps reach the motor's limits, which a linear plant lacks; the limits of commands avoid them."
-        tables.append(
-            Table("Steps of other sizes, which no fit has seen", ("axis", "size [°]", "fit [%]"), steps, note)
-        )
+
+    def of_parts(name: str, most: int | None = None) -> list[str]:
+        return [f"{part}: {each}" for part, report in reports.items() for each in getattr(report, name)[:most]]
+
+    record = {part: f"{part}_sweep.csv and {part}_step.csv (archerfish2 excite {part})" for part in AXES} | _RECORD
+    steps = [*of_parts("next_steps", 2), *(f"{part}: record {record[part]}." for part in robot.assumed)]
+    steps += [] if bad else ["Train a policy (archerfish2 train ROBOT), and compare it (archerfish2 evaluate ROBOT)."]
+    rows = [(f"{part}: {e.headline}", ("not usable", "usable")[e.usable]) for part, e in robot.parts.items()]
+    absent = {"sensing": "sensing: immediate and perfect"}
+    rows += [(absent.get(part, f"{part}: the paper's"), "assumed") for part in robot.assumed]
+    pages = f"Their pages: {', '.join(each.page for each in robot.parts.values())}."
+    every = [*findings, *(each for report in reports.values() for each in report.findings)]
     return Report(
         title=f"{robot.name}: what the logs say",
-        headline=", ".join(bad or robot.parts) + assumed,
+        headline=", ".join(bad or robot.parts) + (f"; assumed: {', '.join(robot.assumed)}" if robot.assumed else ""),
         usable=not bad,
         reasons=tuple(f"{part}: {reason}" for part in bad for reason in robot.parts[part].reasons),
-        known=tuple(f"{part}: {each}" for part, report in _reports(found) for each in report.known[:2]),
-        doubts=tuple(f"{part}: {each}" for part, report in _reports(found) for each in report.doubts),
-        next_steps=tuple(_next_steps(found)),
-        tables=tuple(tables),
-        figures=tuple(_figures(found)),
-        findings=tuple(each for _, report in _reports(found) for each in report.findings),
+        known=tuple(of_parts("known", 2)),
+        doubts=tuple(of_parts("doubts")),
+        next_steps=tuple(steps),
+        tables=(Table("Parts", ("part", ""), tuple(rows), pages), *tables),
+        figures=figures,
+        findings=tuple(dict.fromkeys(every)),
     )
 
 
-def _reports(found: "IdentifiedRobot") -> Iterator[tuple[str, Report]]:
-    for part, result in {**found.axes, "muzzle": found.muzzle, "sensing": found.sensing}.items():
-        if result is not None:
-            yield part, result.report
+def landing_errors(path: Path, muzzle: MuzzleRecord) -> Table:
+    """Compare the mean landing distance of each setting with that of pellets of mean speed."""
+    shots, rows = replace(read_shots(path), speed=None), list[tuple[Entry, ...]]()
+    (number, names), flights = shots.settings(), flown(shots, msgspec.structs.asdict(muzzle))
+    for mine in (number == each for each in range(len(names))):
+        pitch, measured = np.degrees(shots.pitch[mine].mean()), mean_estimate(vertical(shots)[mine])._replace(unit="")
+        predicted = float(flights[mine].mean())
+        error = 100 * (predicted / measured.value - 1)
+        rows.append((f"{pitch:.2f}°", int(mine.sum()), measured, predicted, error))
+    columns = ("pitch", "shots", "measured [m]", "predicted [m]", "error [%]")
+    return Table("Landing points, which no fit has seen", columns, tuple(rows))
 
 
-def _next_steps(found: "IdentifiedRobot") -> Iterator[str]:
-    for part, report in _reports(found):
-        yield from (f"{part}: {each}" for each in report.next_steps[:2])
-    for part in found.robot.assumed:
-        yield f"{part}: record {_RECORD[part]}."
-    if all(each.usable for each in found.robot.parts.values()):
-        yield "Train a policy (archerfish2 train ROBOT), and compare it (archerfish2 evaluate ROBOT)."
+def large_steps(folder: Path, settings: LogFolder, plants: dict[str, PlantRecord]) -> tuple[list[Table], Figures]:
+    """Simulate steps of other sizes; nothing is fitted, so that what a saturated motor lacks shows.
 
-
-def _figures(found: "IdentifiedRobot") -> Iterator[tuple[str, Callable[[], "Figure"]]]:
-    if found.steps:
-        yield "Steps of other sizes, measured and as the plants have them.", lambda: step_sizes_plot(found.steps)
-
-
-def step_sizes_plot(steps: tuple[LargeStep, ...], *, title: str = "") -> "Figure":
-    """Draw steps over their size, measured and simulated, one panel an axis."""
-    axes = sorted({each.axis for each in steps})
-    with plot_style():
-        figure, panels = new_figure(1, len(axes), height=3.2, sharey=True)
-        for axis, panel in zip(axes, panels[0], strict=True):
-            for index, each in enumerate(each for each in steps if each.axis == axis):
-                color, size = look(index)["color"], np.copysign(np.radians(each.size_deg), each.simulated[-1])
-                panel.plot(each.time, each.measured / size, color=color, label=f"{each.size_deg}°")
-                panel.plot(each.time, each.simulated / size, color=color, linestyle="--")
-            panel.set(title=title or axis, xlabel="time since the step [s]", xlim=(-0.05, 0.6))
-            panel.legend(title="measured; dashed: plant", loc="lower right")
-        panels[0, 0].set_ylabel("angle over the step's size")
-    return figure
+    Returns:
+      A table of all, if there are some, and a figure of each axis' largest.
+    """
+    rows, figures = list[tuple[Entry, ...]](), dict[str, Any]()
+    for axis, plant in plants.items():
+        names = (re.fullmatch(rf"{axis}_step_([1-9]\d*)deg\.csv", each.name) for each in folder.iterdir())
+        for size, name in sorted((int(match[1]), match[0]) for match in names if match):
+            log = read_axis(folder / name, getattr(settings, axis)).recordings[0]
+            begin = int(np.argmax(log.inputs[:, 0] != log.inputs[0, 0]))
+            offset = log.outputs[: max(begin, 1)].mean(0)
+            simulated = simulate(plant, np.asarray(log.inputs - log.inputs[0])) + offset
+            measured, left = log.outputs[begin:], (log.outputs - simulated)[begin:]
+            fit = 100 * (1 - np.linalg.norm(left, axis=0) / np.linalg.norm(measured - measured.mean(0), axis=0))
+            rows.append((axis, size, float(fit[0])))
+            figures[axis] = f"{name}, not fitted.", partial(run_plot, log, FreeRun(simulated, fit, offset))
+    note = "Large steps reach the motor's limits, which a linear plant lacks; the limits of commands avoid them."
+    title = "Steps of other sizes, which no fit has seen"
+    return [Table(title, ("axis", "size [°]", "fit [%]"), tuple(rows), note)] * bool(rows), tuple(figures.values())

@@ -82,8 +82,8 @@ def read_struct(path: Path, kind: type[T], schema: str, remedy: str) -> T:
     return to_struct(read_json(path, remedy), path, kind, schema, remedy)
 
 
-def to_struct(content: Any, path: Path, kind: type[T], schema: str, remedy: str) -> T:
-    """Return the content of a JSON file as a struct; see `read_struct`."""
+def to_struct(content: Any, path: Path, kind: type[T], schema: str | None, remedy: str) -> T:
+    """Return the content of a file as a struct; see `read_struct`. One without a schema has None."""
     found = content.pop("schema", None) if isinstance(content, dict) else type(content).__name__
     if found != schema:
         raise file_error(path, f'field schema: expected "{schema}", got {reprlib.repr(found)}', remedy)

@@ -89,8 +89,8 @@ def _unknown_gain(result: "AxisResult") -> Iterator[Shortfall]:
     remedy = "The output runs on under a steady input: log its rate as the output, or an input at which it rests."
     if slowest < _RUNS_ON:
         remedy = (
-            "Record a step from rest that is held until the axis rests "
-            f"(archerfish2 excite {plant.axis} --kinds step), or give the gain if it is known (--dc-gain)."
+            f"Record a step from rest that is held until it rests (archerfish2 excite {plant.axis} --kinds step), "
+            "or give the gain if it is known (dc_gain in logs.toml, or --dc-gain of archerfish2 identify axis)."
         )
     for place in np.flatnonzero(~known).tolist():
         unknown = f"The steady gain {_named(result, place)}is not known within {_GAIN_WIDTH:.0%}"
@@ -179,7 +179,7 @@ def _doubts(result: "AxisResult") -> Iterator[str]:
 def _next_steps(result: "AxisResult") -> Iterator[str]:
     axis = result.plant.axis
     if not any(each.held_back for each in result.fits):
-        yield "Hold a log back (--validate LOG), to see how the plant predicts one that it was not fitted to."
+        yield f"Hold a log back ({axis}_step_validation.csv, or archerfish2 identify axis --validate) to see its fit."
     low, high = result.delay_samples.low, result.delay_samples.high
     if high - low > 2:
         yield (
