@@ -1,6 +1,7 @@
 """One axis from logs to verdict: order, delay, drift and gain against plants that are known; what is said and saved."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from archerfish2.identification.axis.identify import identify_axis
 from archerfish2.identification.axis.plateaus import plateau_gain
 from archerfish2.identification.axis.report import shortfalls
 from archerfish2.identification.simulation import simulate
+from archerfish2.identification.sources import read_sources
 from archerfish2.logs.recording import Recording
 from archerfish2.records.json_files import plain
 from archerfish2.records.plant import PlantRecord
@@ -51,6 +53,22 @@ def test_order_delay_gain_and_poles_are_those_of_the_plant_within_their_interval
     assert np.abs(np.linalg.eigvals(found.plant.draws["A"])).max() < 1
     assert [each.held_back for each in found.fits] == [True, False, False]
     assert min(each.fit_percent for each in found.fits) > 98
+
+
+def test_a_log_that_is_repeated_counts_once_and_one_that_is_fitted_is_not_held_back():
+    log, steps = recorded(SWEEP, source="sweep"), recorded(STEPS, seed=1, source="steps")
+    slower = Recording.from_arrays(steps.inputs[::2], steps.outputs[::2], 2 * PERIOD_S, source="slower")
+    read = read_sources([log, replace(log, source="copy"), slower], [log])
+    assert [(each.code, each.place, each.samples) for each in read.findings] == [
+        ("repeated-log", "copy", 2000),
+        ("not-held-back", "sweep", 0),
+        ("other-period", "sweep", 0),
+        ("other-period", "sweep", 0),
+    ]
+    assert [(each.source, len(each), each.period_s) for each in read.fitted] == [
+        ("sweep", 1000, 2 * PERIOD_S),
+        ("slower", 1000, 2 * PERIOD_S),
+    ]
 
 
 def test_the_plant_is_that_of_scipy_with_its_delay_as_states(found):

@@ -41,16 +41,33 @@ def read_sources(logs: Sequence[Source], validate: Sequence[Source] = (), divide
         if (each.input_names, each.output_names) != (fitted[0].input_names, fitted[0].output_names):
             names = f"{', '.join(fitted[0].input_names)} and {', '.join(fitted[0].output_names)}"
             raise InputError(f"{each.source}: expected the signals {names} of {fitted[0].source}; read the same ones")
+    contents, kept = dict[bytes, Recording](), list[Recording]()
+    findings = [each for group in read for log in group for each in log.findings]
+    for each in fitted:
+        first = contents.setdefault(_content(each), each)
+        if first is each:
+            kept.append(each)
+            continue
+        message = f"the same as {first.source}, and left out"
+        findings.append(Finding("repeated-log", "repaired", each.source, message, "name each log once", len(each)))
+    message = "fitted, too, so that it shows nothing of other motions"
+    seen = (each.source for each in held_back if _content(each) in contents)
+    findings += [Finding("not-held-back", "warning", each, message, "hold another log back") for each in seen]
     period_s = max(each.period_s for each in (*fitted, *held_back))
+    message = f"brought to a sampling period of {1e3 * period_s:.4g} ms"
+    faster = (each.source for each in (*kept, *held_back) if each.period_s < (1 - 1e-6) * period_s)
+    findings += [Finding("other-period", "repaired", each, message, "log all at one rate") for each in faster]
     if divides_s is not None:
         period_s = divides_s / max(1, int(divides_s / period_s * (1 + 1e-6)))
-    every = [*read[0], *read[1]]
-    return AxisLogs(
-        [resampled(each, period_s) for each in fitted],
-        [resampled(each, period_s) for each in held_back],
-        tuple(finding for log in every for finding in log.findings),
-        {Path(log.source).name: log.sha256 for log in every if log.sha256},
-    )
+    hashes: dict[str, str | int | float | None] = {
+        Path(log.source).name: log.sha256 for group in read for log in group if log.sha256
+    }
+    kept, held_back = ([resampled(each, period_s) for each in group] for group in (kept, held_back))
+    return AxisLogs(kept, held_back, tuple(findings), hashes)
+
+
+def _content(recording: Recording) -> bytes:
+    return recording.inputs.tobytes() + recording.outputs.tobytes()
 
 
 def _log(source: Source) -> Log:
