@@ -12,7 +12,8 @@ import numpy as np
 from archerfish2.errors import file_error
 from archerfish2.identification.axis.identify import AxisResult, identify_axis
 from archerfish2.identification.muzzle.flight import landing_distance
-from archerfish2.identification.muzzle.identify import MuzzleResult, identify_muzzle
+from archerfish2.identification.muzzle.identify import identify_muzzle
+from archerfish2.identification.muzzle.result import MuzzleResult
 from archerfish2.identification.robot_files import AXES, AxisFiles, axis_logs, read_folder
 from archerfish2.identification.robot_report import Landing, LargeStep, robot_report
 from archerfish2.identification.sensing.identify import identify_sensing
