@@ -101,8 +101,9 @@ class LackOfFit(NamedTuple):
 
     def __str__(self) -> str:
         verdict = "does not fit" if self.matters else "fits" if self.variance_ratio != 1 else "is not tested"
-        text = f"The flight model {verdict}: it leaves {self.rms_percent:.1f} % of the distance (rms over the settings)"
-        return f"{text}, at worst {self.worst_percent:+.1f} % at {self.worst_setting} (F test: p = {self.p_value:.2g})."
+        off = f"mean hits are {self.rms_percent:.1f} % of the distance off (rms over the settings)"
+        worst = f"at worst {self.worst_percent:+.1f} % at {self.worst_setting} (F test: p = {self.p_value:.2g})"
+        return f"The flight model {verdict}: {off}, {worst}."
 
 
 def lack_of_fit(shots: Shots, fit: MuzzleFit, *, is_test: bool = True) -> LackOfFit:
@@ -112,7 +113,7 @@ def lack_of_fit(shots: Shots, fit: MuzzleFit, *, is_test: bool = True) -> LackOf
     percent, spare = 100 * mean / far, len(shots) - len(names)
     worst = int(np.argmax(np.abs(percent)))
     left = float(np.sqrt(np.mean(percent**2))), float(percent[worst]), names[worst]
-    if not (is_test and spare):
+    if not (is_test and spare and len(names) > 1):
         return LackOfFit(*left)
     ratio = fit.residual / fit.sd
     own = within_settings(shots, ratio)

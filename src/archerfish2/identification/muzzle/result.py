@@ -20,6 +20,8 @@ from archerfish2.reports.table import Estimate, Table, entry_texts
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_NOTE = "Offset: mean angle off the barrel, up or left positive; scatter: standard deviation; 1° is 17 mm per metre."
+
 
 @dataclass(frozen=True, eq=False)
 class MuzzleResult:
@@ -65,37 +67,40 @@ class MuzzleResult:
     @property
     def report(self) -> Report:
         """Judge the muzzle: usable is one that neither a lack of fit nor the shots put in question."""
-        fit, muzzle, shots = self.lack_of_fit, self.muzzle, self.shots
+        fit, muzzle, shots, landed = self.lack_of_fit, self.muzzle, self.shots, self.shots.hit_height is None
         shown = {
             name: converted(each, np.degrees, "°") if each.unit == "rad" else each
             for name, each in self.estimates.items()
         }
-        scatter = [f"{entry_texts(shown[name])[0]} in {name[:-3]}" for name in ("pitch_sd", "yaw_sd") if name in shown]
-        used, verdict = f"{np.count_nonzero(self.kept)} of {len(shots)} shots used", str(fit).partition(":")[0].lower()
+        text = {name: entry_texts(each) for name, each in shown.items()}
+        scatter = " and ".join(f"{text[name][0]} in {name[:-3]}" for name in ("pitch_sd", "yaw_sd") if name in text)
+        used = f"{np.count_nonzero(self.kept)} of {len(shots)} shots used"
         doubts = [each.message for each in self.findings if each.code == "too-many-outliers"] + [str(fit)] * fit.matters
-        given = ", ".join(
-            f"{name} {getattr(muzzle, name):g}" for name in ("height", "drag", "length") if name not in shown
-        )
+        units = {"drag": "1/m", "length": "m"} | ({"height": "m"} if landed else {})
+        given = {name: getattr(muzzle, name) for name in units if name not in shown}
+        known = ", ".join(f"{name} {value:g} {units[name]}" for name, value in given.items())
         sizes = np.bincount(shots.settings()[0][self.kept])
-        more = sizes.size < 3 or sizes.min() < 10 or shots.speed is None
         again = f"archerfish2 identify muzzle {' '.join(map(str, shots.files))}"
-        rises = shots.hit_height is None and not muzzle.length and np.ptp(shots.pitch) > np.radians(1)
-        steps = (
-            (rises, f"Measure how far the muzzle is from the pivot, for it rises with the pitch: {again} --length-m …"),
-            (fit.matters, f"Measure angles [°], distances and height again; then: {again} --drag estimate"),
-            (more, f"Shoot twenty times at each of three to five settings, with measured speeds: {again} MORE.csv"),
-        )
-        speed = "{} ({})".format(*entry_texts(shown["speed"]))
+        again += "".join(f" --{name}-m {given[name]:g}" for name in ("height", "length") if given.get(name))
+        steps = {
+            f"The muzzle rises with the pitch: measure its distance from the pivot, then: {again} --length-m METRES": (
+                landed and not muzzle.length and np.ptp(shots.pitch) > np.radians(1)
+            ),
+            f"Measure angles [°], distances and height again; then: {again} --drag estimate": fit.matters,
+            f"Shoot twenty times at each of three to five settings, with measured speeds: {again} MORE.csv": (
+                sizes.size < 3 or sizes.min() < 10 or shots.speed is None
+            ),
+        }
         rows = tuple((name.replace("_sd", " scatter").replace("_", " "), each) for name, each in shown.items())
         return Report(
             f"Muzzle from {shots.source}",
-            f"{speed}, scatter {' and '.join(scatter)}; {used}; {verdict}.",
+            f"{' ('.join(text['speed'])}), scatter {scatter}; {used}; {str(fit).partition(':')[0].lower()}.",
             usable=not doubts,
             reasons=tuple(doubts),
-            known=(str(fit), f"Given, not estimated: {given} (SI units)."),
-            next_steps=tuple(text for is_due, text in steps if is_due),
-            tables=(Table("Parameters", ("parameter", "estimate, 95 %"), rows),),
-            figures=(("Measured less modelled", self.plot),),
+            known=(str(fit), f"Taken as given: {known}."),
+            next_steps=tuple(step for step, is_due in steps.items() if is_due),
+            tables=(Table("Parameters", ("parameter", "estimate, 95 %"), rows, _NOTE),),
+            figures=(("Measured less modelled, shot by shot", self.plot),),
             findings=self.findings,
             provenance=plain(muzzle.provenance),
         )
