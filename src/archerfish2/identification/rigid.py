@@ -6,6 +6,7 @@ Output error: parameters and initial states of all segments of the logs are thos
 alone, is nearest to what was measured. An axis under torque alone drifts away from any simulation, hence segments.
 """
 
+import functools
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -153,13 +154,13 @@ def _simulate(segments: Segments, values: Array, starts: Array) -> Array:
     inertia, damping, moment, phase, offset, friction = np.moveaxis(values, -1, 0)[..., None]
     # Of m and l only m l² and g / l act: l = 1 m makes m the inertia.
     axis = RigidAxis(inertia, 1.0, damping, moment / inertia)
-    steps = math.ceil(segments.period_s / _FINE_S) if np.any(friction > 0) else 1
+    steps = math.ceil(segments.period_s / _FINE_S) if (slides := bool(np.any(friction > 0))) else 1
     step_s, angles = segments.period_s / steps, list[Array]()
     state = RigidState(starts[..., 0] - phase, starts[..., 1])
     for torque in segments.torque.T:
         angles.append(state.angle + phase)
         for _ in range(steps):
-            held = dry_friction(axis, state, torque + offset, friction, step_s)
+            held = dry_friction(axis, state, torque + offset, friction, step_s) if slides else 0.0
             state = rigid_step(axis, state, torque + offset + held, step_s)
     return np.stack(angles, axis=-1)
 
@@ -169,23 +170,27 @@ def _fit(segments: Segments, free: list[int], values: Array, starts: Array) -> R
     count, values = len(free), values.copy()
     moves = linalg.block_diag(np.eye(count), np.tile(np.eye(2), len(starts)))  # each parameter, all angles, all rates
 
-    def errors(tried: Array) -> Array:
+    @functools.lru_cache(1)  # the Jacobian is wanted where the residual was computed last
+    def linearised(packed: bytes) -> tuple[Array, Array]:
+        """Return the residual (S, L), and its slopes in the parameters and in the own initial state (S, L, k + 2)."""
+        x = np.frombuffer(packed)
+        steps = 1e-6 * np.append(np.maximum(np.abs(x[:count]), 1e-2 * np.abs(x[:count]).max()), [1, 1])
+        tried = np.vstack([x, x + steps[:, None] * moves])
         every = np.tile(values, (len(tried), 1))
         every[:, free] = tried[:, :count]
         with np.errstate(over="ignore", invalid="ignore"):
-            return _simulate(segments, every, tried[:, count:].reshape(len(tried), -1, 2)) - segments.angle
+            runs = _simulate(segments, every, tried[:, count:].reshape(len(tried), -1, 2))
+        return runs[0] - segments.angle, np.moveaxis(runs[1:] - runs[0], 0, -1) / steps
 
     def jacobian(x: Array) -> Any:
-        steps = 1e-6 * np.append(np.maximum(np.abs(x[:count]), 1e-2 * np.abs(x[:count]).max()), [1, 1])
-        runs = errors(np.vstack([x, x + steps[:, None] * moves]))
-        slopes = np.moveaxis(runs[1:] - runs[0], 0, -1) / steps
+        slopes = linearised(x.tobytes())[1]
         own = sparse.block_diag(list(slopes[..., count:]))  # an initial state acts in its own segment alone
         return sparse.hstack([slopes[..., :count].reshape(-1, count), own]).tocsr()
 
     x = np.concatenate([values[free], starts.ravel()])
     lowest = np.where(np.isin([*free, *[1] * starts.size], [0, 2, _DRY]), 0.0, -np.inf)
     options: Any = {"bounds": (lowest, np.inf), "x_scale": "jac", "ftol": 1e-6, "xtol": 1e-6, "gtol": None}
-    found = optimize.least_squares(lambda x: errors(x[None]).ravel(), x, jacobian, max_nfev=60, **options)
+    found = optimize.least_squares(lambda x: linearised(x.tobytes())[0].ravel(), x, jacobian, max_nfev=60, **options)
     values[free], residual = found.x[:count], found.fun.reshape(segments.angle.shape)
     return RigidFit(values, found.x[count:].reshape(-1, 2), residual, _estimates(free, values, residual, found.jac))
 

@@ -68,10 +68,7 @@ class MuzzleResult:
     def report(self) -> Report:
         """Judge the muzzle: usable is one that neither a lack of fit nor the shots put in question."""
         fit, muzzle, shots, landed = self.lack_of_fit, self.muzzle, self.shots, self.shots.hit_height is None
-        shown = {
-            name: converted(each, np.degrees, "°") if each.unit == "rad" else each
-            for name, each in self.estimates.items()
-        }
+        shown = {name: _in_degrees(each) for name, each in self.estimates.items()}
         text = {name: entry_texts(each) for name, each in shown.items()}
         scatter = " and ".join(f"{text[name][0]} in {name[:-3]}" for name in ("pitch_sd", "yaw_sd") if name in text)
         used = f"{np.count_nonzero(self.kept)} of {len(shots)} shots used"
@@ -80,17 +77,18 @@ class MuzzleResult:
         given = {name: getattr(muzzle, name) for name in units if name not in shown}
         known = ", ".join(f"{name} {value:g} {units[name]}" for name, value in given.items())
         sizes = np.bincount(shots.settings()[0][self.kept])
+        more = sizes.size < 3 or sizes.min() < 10 or shots.speed is None
+        rises = landed and not muzzle.length and np.ptp(shots.pitch) > np.radians(1)
         again = f"archerfish2 identify muzzle {' '.join(map(str, shots.files))}"
         again += "".join(f" --{name}-m {given[name]:g}" for name in ("height", "length") if given.get(name))
-        steps = {
-            f"The muzzle rises with the pitch: measure its distance from the pivot, then: {again} --length-m METRES": (
-                landed and not muzzle.length and np.ptp(shots.pitch) > np.radians(1)
+        steps = (
+            (
+                rises,
+                f"The muzzle rises with the pitch: measure how far it is from the pivot: {again} --length-m METRES",
             ),
-            f"Measure angles [°], distances and height again; then: {again} --drag estimate": fit.matters,
-            f"Shoot twenty times at each of three to five settings, with measured speeds: {again} MORE.csv": (
-                sizes.size < 3 or sizes.min() < 10 or shots.speed is None
-            ),
-        }
+            (fit.matters, f"Measure angles [°], distances and height again; then: {again} --drag estimate"),
+            (more, f"Shoot twenty times at each of three to five settings, with measured speeds: {again} MORE.csv"),
+        )
         rows = tuple((name.replace("_sd", " scatter").replace("_", " "), each) for name, each in shown.items())
         return Report(
             f"Muzzle from {shots.source}",
@@ -98,9 +96,13 @@ class MuzzleResult:
             usable=not doubts,
             reasons=tuple(doubts),
             known=(str(fit), f"Taken as given: {known}."),
-            next_steps=tuple(step for step, is_due in steps.items() if is_due),
+            next_steps=tuple(step for is_due, step in steps if is_due),
             tables=(Table("Parameters", ("parameter", "estimate, 95 %"), rows, _NOTE),),
             figures=(("Measured less modelled, shot by shot", self.plot),),
             findings=self.findings,
             provenance=plain(muzzle.provenance),
         )
+
+
+def _in_degrees(each: Estimate) -> Estimate:
+    return converted(each, np.degrees, "°") if each.unit == "rad" else each
