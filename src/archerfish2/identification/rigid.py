@@ -59,9 +59,6 @@ class RigidResult(NamedTuple):
     fits: tuple[tuple[str, float], ...]  # of the angle of each recording, segment by segment [%]
     report: Report
 
-    def __repr__(self) -> str:
-        return str(self.report)
-
 
 def identify_rigid(
     logs: Sequence[Source],

@@ -72,10 +72,9 @@ class Excitation:
             jumps = moved[1] > np.degrees(limits.max_acceleration)
             rows.append((name, len(log) * log.period_s, u.min(), u.max(), *(["jump"] * 2 if jumps else moved)))
         most = np.degrees([limits.low, limits.high, limits.max_rate, limits.max_acceleration]).tolist()
-        doubts = (*[_JUMPS] * any("jump" in row for row in rows), *found.reasons, *found.doubts)
-        every = 1e3 * log.period_s
+        jumping, start, every = any("jump" in row for row in rows), f"{u[0]:.3g}°", f"{1e3 * log.period_s:g} ms"
         steps = (
-            f"Bring the axis to {u[0]:.3g}°, its centre, and play u [rad] of each file, a value every {every:g} ms.",
+            f"Bring the axis to {start}, its centre, and play u [rad] of each file, a value every {every}.",
             f"Log time_s, u and the angle y [rad] side by side, into files of the same names, as logs/{rows[0][0]}.",
             "Then: archerfish2 identify logs --out my-robot",
         )
@@ -83,7 +82,7 @@ class Excitation:
             f"{self.expected.plant.axis}: commands for its identification",
             f"expected of their logs: {found.headline}",
             known=found.known,
-            doubts=doubts,
+            doubts=(*[_JUMPS] * jumping, *found.reasons, *found.doubts),
             next_steps=(*steps, *found.next_steps),
             tables=(Table("Commands", _COLUMNS, (*rows, ("limit", None, *most))), *found.tables[:2]),
             figures=(("Commands", self.plot), *found.figures),

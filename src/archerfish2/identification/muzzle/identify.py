@@ -1,6 +1,6 @@
 """`identify_muzzle`: from shots to a muzzle record, with its report."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -15,10 +15,11 @@ from archerfish2.logs.shots import Shots, read_shots
 from archerfish2.paper.conditions import assumed_conditions
 from archerfish2.provenance import provenance
 from archerfish2.records.muzzle import MuzzleRecord
-from archerfish2.reports.table import Estimate
 
 PELLET_DRAG = assumed_conditions().drag
 """Of a 17 mm pellet [1/m]."""
+Doubt = tuple[object, str, str, str]
+"""Whether it is there, its code, what it is, and what to do."""
 
 
 def identify_muzzle(
@@ -70,30 +71,27 @@ def identify_muzzle(
     found = {**fit.values, "yaw_sd": 0.0} | {name: each.value for name, each in estimates.items()}
     intervals = {name: (each.low, each.high) for name, each in estimates.items()}
     muzzle = MuzzleRecord(**found, intervals=intervals, provenance=provenance(seed, shots.files))
-    alike = [name for name, each in longer.items() if each[0] > 1]
-    findings = (*shots.findings, *_warnings(shots, kept, estimates, too_many, rounded, alike))
+    lost = ", ".join(map(shots.place, np.flatnonzero(~kept).tolist()))
+    alike = ", ".join(name for name, each in longer.items() if each[0] > 1)
+    opened = ", ".join(name for name, each in estimates.items() if np.isin(each[1:3], RANGES[name]).any())
+    doubts = _doubts(shots, lost, alike, opened, too_many, rounded)
+    findings = [Finding(code, "warning", shots.source, *texts) for is_there, code, *texts in doubts if is_there]
     there = linearised(shots, fit.values)
     expected, sd = there.mean + 0.5 * there.curvatures @ fit.variances, np.sqrt(there.scales @ fit.variances)
-    return MuzzleResult(muzzle, estimates, shots, kept, expected, sd, misfit, findings)
+    return MuzzleResult(muzzle, estimates, shots, kept, expected, sd, misfit, (*shots.findings, *findings))
 
 
-def _warnings(
-    shots: Shots, kept: checks.Flags, estimates: dict[str, Estimate], too_many: int, rounded: float, alike: list[str]
-) -> Iterator[Finding]:
-    """Yield what may spoil an estimate."""
-    lost = ", ".join(map(shots.place, np.flatnonzero(~kept).tolist()))
-    opened = [name for name, each in estimates.items() if np.isin(each[1:3], RANGES[name]).any()]
+def _doubts(shots: Shots, lost: str, alike: str, opened: str, too_many: int, rounded: float) -> tuple[Doubt, ...]:
+    """Return what may spoil an estimate."""
     columns = [each for each in vars(shots).values() if isinstance(each, np.ndarray)]
     copies = len(shots) - np.unique(columns, axis=1).shape[1]
     copies *= shots.speed is not None or shots.lateral is not None  # equal values of one measurement are no copies
-    for is_there, code, message, remedy in (
+    return (
         (lost, "outliers", f"ricochets or flyers were left out: {lost}", "check these lines"),
         (too_many, "too-many-outliers", f"{too_many} shots disagree; all were used", "check whole settings"),
         (copies, "repeated-shots", f"{copies} shots repeat an earlier one exactly", "remove what was written twice"),
         (rounded, "rounded-speeds", f"speeds in steps of {2 * rounded:g} m/s hide their scatter", "record more digits"),
-        (alike, "dependent-shots", f"successive shots are correlated: {', '.join(alike)}", "pause between shots"),
-        (opened, "open-interval", f"not bounded on both sides: {', '.join(opened)}", "shoot at more settings"),
+        (alike, "dependent-shots", f"successive shots are correlated: {alike}", "pause between shots"),
+        (opened, "open-interval", f"not bounded on both sides: {opened}", "shoot at more settings"),
         (shots.lateral is None, "no-lateral", "yaw offset and scatter are unknown: taken as 0", "record lateral_m"),
-    ):
-        if is_there:
-            yield Finding(code, "warning", shots.source, message, remedy)
+    )
