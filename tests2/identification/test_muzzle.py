@@ -212,7 +212,13 @@ def test_the_command_writes_record_and_page_and_says_what_to_do(tmp_path, capsys
     IdentifyMuzzle((tmp_path / "s.csv",), height_m=0.4, out=tmp_path / "out").run()
     printed, page = capsys.readouterr().out, (tmp_path / "out" / "muzzle.html").read_text()
     assert ("<script" in page, page.count("<svg")) == (False, 1)
-    for step in ("--height-m 0.4 --length-m METRES", "lateral_m", "three to five settings", "MORE.csv", "height 0.4 m"):
+    for step in (
+        "--height-m 0.4 --length-m METRES",
+        "lateral_m",
+        "three to five settings",
+        "s.csv MORE.csv --height-m 0.4",
+        "height 0.4 m",
+    ):
         assert step in printed
     assert MuzzleRecord.load(tmp_path / "out" / "muzzle.json").provenance["inputs"].keys() == {"s.csv"}
     written = json.loads((tmp_path / "out" / "run.json").read_text())["identify muzzle"]["files"]

@@ -75,7 +75,7 @@ def identify_muzzle(
     alike = ", ".join(name for name, each in longer.items() if each[0] > 1)
     opened = ", ".join(name for name, each in estimates.items() if np.isin(each[1:3], RANGES[name]).any())
     doubts = _doubts(shots, lost, alike, opened, too_many, rounded)
-    findings = [Finding(code, "warning", shots.source, *texts) for is_there, code, *texts in doubts if is_there]
+    findings = [Finding(code, "warning", shots.source, text, remedy) for there, code, text, remedy in doubts if there]
     there = linearised(shots, fit.values)
     expected, sd = there.mean + 0.5 * there.curvatures @ fit.variances, np.sqrt(there.scales @ fit.variances)
     return MuzzleResult(muzzle, estimates, shots, kept, expected, sd, misfit, (*shots.findings, *findings))

@@ -79,15 +79,14 @@ class MuzzleResult:
         sizes = np.bincount(shots.settings()[0][self.kept])
         more = sizes.size < 3 or sizes.min() < 10 or shots.speed is None
         rises = landed and not muzzle.length and np.ptp(shots.pitch) > np.radians(1)
+        given_so = "".join(f" --{name}-m {given[name]:g}" for name in ("height", "length") if given.get(name))
         again = f"archerfish2 identify muzzle {' '.join(map(str, shots.files))}"
-        again += "".join(f" --{name}-m {given[name]:g}" for name in ("height", "length") if given.get(name))
+        rise = "The muzzle rises with the pitch: measure how far it is from the pivot"
+        settings = "Shoot twenty times at each of three to five settings, with measured speeds"
         steps = (
-            (
-                rises,
-                f"The muzzle rises with the pitch: measure how far it is from the pivot: {again} --length-m METRES",
-            ),
-            (fit.matters, f"Measure angles [°], distances and height again; then: {again} --drag estimate"),
-            (more, f"Shoot twenty times at each of three to five settings, with measured speeds: {again} MORE.csv"),
+            (rises, f"{rise}: {again}{given_so} --length-m METRES"),
+            (fit.matters, f"Measure angles [°], distances and height again; then: {again}{given_so} --drag estimate"),
+            (more, f"{settings}: {again} MORE.csv{given_so}"),
         )
         rows = tuple((name.replace("_sd", " scatter").replace("_", " "), each) for name, each in shown.items())
         return Report(
