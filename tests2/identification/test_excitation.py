@@ -112,16 +112,26 @@ def test_the_command_writes_what_to_play_and_reports_the_outcome(tmp_path, capsy
     assert_allclose(table[:, 1], plan_command("sweep", LIMITS, ExcitationSettings(duration_s=2.0), PERIOD))
     assert_allclose(table[:, 0], PERIOD * np.arange(3000), atol=1e-9)
     printed = capsys.readouterr().out
-    assert all(text in printed for text in ("Steps jump", "steady gain", "validation.csv  held back", "80.00"))
+    assert all(text in printed for text in ("Steps jump", "steady gain", "validation.csv  held back", "4584", "-7.73°"))
+
+
+def test_a_gimbal_without_a_file_of_limits_is_excited_within_its_travel_at_its_own_rate(tmp_path):
+    few = {"kinds": ("sweep",), "no_validation": True, "sample_period_s": 0.01}
+    Excite(axis="pitch", range_deg=(0.0, 20.0), max_rate_deg_s=100.0, out=tmp_path, **few).run()
+    time, command, _ = np.loadtxt(tmp_path / "pitch_sweep.csv", delimiter=",", skiprows=1).T
+    assert (command[0], time[1]) == (pytest.approx(np.radians(10.0)), 0.01)
+    assert np.abs(np.diff(command)).max() / 0.01 < 0.8 * np.radians(100.0) + 1e-9
+    frequency, power = np.fft.rfftfreq(len(command), 0.01), np.abs(np.fft.rfft(command - command[0])) ** 2
+    assert power[frequency > 42.0].max() < 1e-3 * power[(frequency > 30.0) & (frequency < 38.0)].mean()
 
 
 MIMO = PlantRecord.from_state_space(0.5 * np.eye(2), np.eye(2), np.eye(2), 0.0, PERIOD)
 REFUSED = [
-    ({"settings": ExcitationSettings(high_hz=600.0)}, "low_hz < high_hz < 500 "),
-    ({"settings": ExcitationSettings(period_s=20.0)}, "period_s ≤ duration_s, got .*period_s=20"),
-    ({"settings": ExcitationSettings(amplitude=0.3)}, r"sweep: expected .*14°.* about .*-7.73°.*, got .*17.2°"),
-    ({"settings": ExcitationSettings(step=0.3), "kinds": ("step",)}, "step: expected .* got 17.2°"),
-    ({"plant": MIMO}, r"shape \(1, 1\).* not \(2, 2\)"),
+    ({"settings": ExcitationSettings(high_hz=600.0)}, "low_hz < high_hz < 500, .* got 2, 600 and 10; .* --high-hz"),
+    ({"settings": ExcitationSettings(period_s=20.0), "kinds": ("prbs",)}, "prbs: .* duration_s of 20 or more"),
+    ({"settings": ExcitationSettings(amplitude=0.3)}, r"sweep: 17.2° about -7.73°, expected up to 14°.* --centre-deg"),
+    ({"settings": ExcitationSettings(step=0.3), "kinds": ("step",)}, "step: 17.2° .* the travel by --range-deg"),
+    ({"plant": MIMO}, r"shape \(2, 2\).* expected .*\(1, 1\)"),
     ({"noise_sd": -1.0}, "noise_sd ≥ 0"),
 ]
 

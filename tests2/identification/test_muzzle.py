@@ -110,6 +110,7 @@ def test_the_muzzle_is_found_from_either_kind_of_shots(speeds, planes):
     # A false alarm of one of six intervals has a probability of about 26 % in each of the four; the seed is without.
     result = identify(fire([0] if planes else FIVE, 100 if len(planes) == 1 else 20, planes, speeds, seed=2))
     assert (missed(result), result.kept.all()) == ([], True)
+    assert ("the flight model is not tested" in repr(result)) == (planes == (4,))  # one setting fits any model
     assert result.estimates.keys() == {"speed", "speed_sd", "pitch_offset", "pitch_sd", "yaw_offset", "yaw_sd"}
     assert_allclose([result.muzzle.speed / 18, result.muzzle.pitch_sd / 0.006], 1, atol=0.25)
 
@@ -206,16 +207,19 @@ def test_table_1_does_not_fit_by_as_much_as_in_the_first_edition():
 def test_the_command_writes_record_and_page_and_says_what_to_do(tmp_path, capsys):
     shots = fire([-3, 3], 6, lateral=False)
     rows = np.stack([np.degrees(shots.pitch), shots.distance, shots.speed], axis=1)
-    np.savetxt(
-        tmp_path / "s.csv", rows, fmt="%.4f", delimiter=",", header="pitch_deg,distance_m,speed_m_s", comments=""
-    )
+    header = "pitch_deg,distance_m,speed_m_s"
+    np.savetxt(tmp_path / "s.csv", rows, "%.4f", delimiter=",", header=header, comments="")
     IdentifyMuzzle((tmp_path / "s.csv",), height_m=0.4, out=tmp_path / "out").run()
     printed, page = capsys.readouterr().out, (tmp_path / "out" / "muzzle.html").read_text()
     assert ("<script" in page, page.count("<svg")) == (False, 1)
-    for step in ("--length-m", "lateral_m", "three to five settings", "s.csv MORE.csv"):
+    for step in (
+        "--height-m 0.4 --length-m METRES",
+        "lateral_m",
+        "three to five settings",
+        "s.csv MORE.csv --height-m 0.4",
+        "height 0.4 m",
+    ):
         assert step in printed
     assert MuzzleRecord.load(tmp_path / "out" / "muzzle.json").provenance["inputs"].keys() == {"s.csv"}
-    assert json.loads((tmp_path / "out" / "run.json").read_text())["identify muzzle"]["files"] == [
-        "muzzle.html",
-        "muzzle.json",
-    ]
+    written = json.loads((tmp_path / "out" / "run.json").read_text())["identify muzzle"]["files"]
+    assert written == ["muzzle.html", "muzzle.json"]

@@ -17,6 +17,11 @@ from archerfish2.records.limits import LimitsRecord
 from archerfish2.records.plant import PlantRecord
 
 
+def _option(metavar: str) -> Any:
+    """Return how an option is shown that has no default of its own."""
+    return tyro.conf.arg(metavar=metavar, help_behavior_hint="")
+
+
 @dataclass(frozen=True)
 class Excite:
     """Write the commands to play to an axis for its identification, and predict what their logs will give.
@@ -28,37 +33,51 @@ class Excite:
       falls with frequency where rate or acceleration would pass the limits
     - the prediction is the identification itself, on the logs that --plant, or an axis of second order, would give
 
-    Examples:
+    A new gimbal needs its travel, the period at which it takes commands, and small angles, with which motors saturate
+    less:
+      archerfish2 excite pitch --range-deg -20 30 --sample-period-s 0.005 --amplitude-deg 1 --step-deg 2
+
+    Limits that are not given are those of GM6020 motors: pitch -25 to 10°, yaw -75 to 75°, 688 °/s, 7330 °/s² of pitch
+    and 3840 °/s² of yaw. An axis accelerates by its motor's torque over its inertia; a lower value only makes commands
+    smaller.
+
+    Other examples:
       archerfish2 excite pitch --limits my-robot/limits.json --out runs/excite
       archerfish2 excite yaw --kinds multisine step --amplitude-deg 1
     """
 
     axis: Annotated[Literal["pitch", "yaw"], tyro.conf.Positional]
-    """Whose limits are taken."""
+    """Axis that is to be moved: names the files, and chooses its part of the limits."""
     kinds: tuple[Kind, ...] = ("sweep", "step")
     """Signals, each a log of its own."""
     no_validation: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
     """Do without the commands that are held back."""
-    duration_s: float = 10.0
-    """Length of sweep, multisine and PRBS."""
-    low_hz: float = 2.0
-    """Lowest frequency."""
-    high_hz: float = 50.0
-    """Highest frequency."""
-    amplitude_deg: float | None = None
+    range_deg: Annotated[tuple[float, float] | None, _option("LOW HIGH")] = None
+    """Travel of the axis [°]; pitch is positive with the muzzle up, yaw to the left."""
+    max_rate_deg_s: Annotated[float | None, _option("FLOAT")] = None
+    """Largest rate that the axis can follow [°/s]."""
+    max_acceleration_deg_s2: Annotated[float | None, _option("FLOAT")] = None
+    """Largest acceleration that the axis can follow [°/s²]."""
+    limits: Annotated[Path | None, _option("FILE")] = None
+    """Limits record of the robot, as identify writes it; the three options before replace its figures."""
+    centre_deg: Annotated[float | None, _option("FLOAT")] = None
+    """Angle about which the axis is moved; the middle of its travel if not given."""
+    amplitude_deg: Annotated[float | None, _option("FLOAT")] = None
     """Largest distance of sweep, multisine and PRBS from the centre; as large as the limits allow if not given."""
     step_deg: float = 3.0
     """Size of the steps."""
     slew_steps: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
     """Keep the steps, too, within the limits of rate and acceleration."""
-    centre_deg: float | None = None
-    """Angle about which the axis is moved; the middle of its travel if not given."""
-    limits: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
-    """Limits record of the robot; those of a gimbal of GM6020 motors if not given."""
-    plant: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
-    """Plant record of the axis, from an earlier identification; else 10 Hz, damping 0.7, delay 5 ms."""
+    duration_s: float = 10.0
+    """Length of sweep, multisine and PRBS."""
+    low_hz: float = 2.0
+    """Lowest frequency."""
+    high_hz: Annotated[float | None, _option("FLOAT")] = None
+    """Highest frequency; 50, or 0.4 of the sampling rate where that is less, if not given."""
     sample_period_s: float = 1e-3
-    """Sampling period of commands and logs, without --plant."""
+    """Time between commands, and between samples of the logs: 0.005 for 200 Hz; --plant brings its own."""
+    plant: Annotated[Path | None, _option("FILE")] = None
+    """Plant record of the axis, from an earlier identification; else 10 Hz, damping 0.7, delay 5 ms."""
     noise_deg: float = 0.013
     """Standard deviation of the measured angle's noise; the default is the rounding of an encoder of 8192 counts."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/excite")
@@ -68,17 +87,20 @@ class Excite:
 
     def run(self) -> None:
         """Plan, predict, write, print."""
-        names = ("sample_period_s", "duration_s", "low_hz", "high_hz", "slew_steps")
+        limits = getattr(LimitsRecord.load(self.limits) if self.limits else gate_limits(), self.axis)
+        low, high = self.range_deg or (None, None)
+        travel = {"low": low, "high": high}
+        most = {"max_rate": self.max_rate_deg_s, "max_acceleration": self.max_acceleration_deg_s2}
         angles = {"amplitude": self.amplitude_deg, "step": self.step_deg, "centre": self.centre_deg}
-        radians: Any = {name: math.radians(degrees) for name, degrees in angles.items() if degrees is not None}
+        names = ("sample_period_s", "duration_s", "low_hz", "high_hz", "slew_steps")
         found = excite(
             self.axis,
-            getattr(LimitsRecord.load(self.limits) if self.limits else gate_limits(), self.axis),
+            limits.replace(**_radians(travel | most)),
             kinds=self.kinds,
             validation=not self.no_validation,
             plant=PlantRecord.load(self.plant) if self.plant else None,
             noise_sd=math.radians(self.noise_deg),
-            settings=ExcitationSettings(**{name: getattr(self, name) for name in names}, **radians),
+            settings=ExcitationSettings(**{name: getattr(self, name) for name in names} | _radians(angles)),
         )
         facts, inputs = {"options": " ".join(sys.argv[2:])}, [each for each in (self.limits, self.plant) if each]
         with storage.output_folder(self.out, f"excite {self.axis}", inputs, self.overwrite, facts) as folder:
@@ -86,3 +108,7 @@ class Excite:
             found.report.write_page(folder / f"{self.axis}_excitation.html")
             write_json(folder / f"{self.axis}_excitation.json", plain(found.report.to_dict()))
         print(f"{found.report}\n\nopen {self.out / self.axis}_excitation.html; the commands are beside it")  # noqa: T201
+
+
+def _radians(degrees: dict[str, float | None]) -> dict[str, float]:
+    return {name: math.radians(value) for name, value in degrees.items() if value is not None}

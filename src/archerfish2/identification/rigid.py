@@ -24,14 +24,14 @@ from archerfish2.logs.log import read_log
 from archerfish2.reports.report import Report
 from archerfish2.reports.table import Estimate, Table
 
-_UNITS = {"inertia": "kg m²", "damping": "N m s/rad", "gravity_moment": "N m", "gravity_phase": "rad"}
-_UNITS |= {"torque_offset": "N m", "friction": "N m"}
+_NAMES = "inertia", "damping", "gravity_moment", "gravity_phase", "torque_offset", "friction"
+_UNITS = "kg m²", "N m s/rad", "N m", "rad", "N m", "N m"
 _FREE, _DRY = {"pitch": [0, 1, 2, 3], "yaw": [0, 1, 4]}, 5
 """Which of these are estimated."""
 _FINE_S, _SMOOTH_S = 5e-3, 0.1  # within them an axis can't both stop and break free; an angle is nearly a parabola
 _FRICTIONS, _CERTAIN = (0.01, 0.1), 0.5
 """Of the torque's range, from which friction is searched; share of it above which its interval is to lie."""
-_FEWEST, _AGREE, _USABLE_PERCENT = 50, 0.1, 80.0
+_FEWEST, _AGREE, _USABLE_PERCENT, _WANTED = 50, 0.1, 80.0, ("inertia", "gravity_moment")
 _RECORD = "record a log that speeds up and slows down, and for pitch one that moves slowly through the whole travel"
 
 
@@ -44,13 +44,12 @@ class Segments(NamedTuple):
 
 
 class RigidFit(NamedTuple):
-    """Parameters whose simulation is nearest to the angle; k of them are free."""
+    """Parameters whose simulation is nearest to the angle."""
 
-    free: list[int]  # places of the k
-    values: Array  # (6,)
+    values: Array  # all of them, (6,)
     starts: Array  # initial angle and rate of each segment, (S, 2)
     residual: Array  # simulated less measured angle [rad], (S, L)
-    slopes: Array  # of the residual in the free parameters, less what initial states explain, (S, L, k)
+    estimates: dict[str, Estimate]  # of those that were free
 
 
 class RigidResult(NamedTuple):
@@ -84,53 +83,52 @@ def identify_rigid(
     Raises:
       InputError: if a log can't be used, rate and angle contradict each other, or the logs leave a parameter open.
     """
-    name = (rate or "").removeprefix("-")
+    name, free = (rate or "").removeprefix("-"), _FREE[kind]
     signals: Any = {"inputs": "torque", "outputs": ("angle", name) if name else "angle"}
     read = read_sources([read_log(each, **signals) if isinstance(each, str | Path) else each for each in logs])
     logged, names, period_s = read.fitted, read.fitted[0].output_names, read.fitted[0].period_s
     fewest, expected = min(map(len, logged)), f"torque_per_unit ≠ 0, segment_s ≥ 0.05, {_FEWEST} samples of each log"
     if not (0 < abs(torque_per_unit) < math.inf and 0.05 <= segment_s < math.inf and fewest >= _FEWEST):
         raise InputError(f"rigid: expected {expected}, got {torque_per_unit:g}, {segment_s:g}, {fewest}; correct it")
-    if rate and name not in names[1:]:
+    if name not in ("", *names[1:]):
         raise InputError(f"rigid: expected an output {name}, got {', '.join(names)}; name the rate, or leave it out")
     length = min(len(each) // math.ceil(len(each) * period_s / segment_s - 1e-6) for each in logged)
-    counts = [len(each) // length for each in logged]
-    cut = [np.hstack([e.inputs, e.outputs])[: n * length] for e, n in zip(logged, counts, strict=True)]
-    torque, *outputs = np.concatenate(cut).T.reshape(-1, sum(counts), length)
+    cut = [np.hstack([each.inputs, each.outputs])[: len(each) // length * length] for each in logged]
+    torque, *outputs = np.concatenate(cut).T.reshape(-1, sum(map(len, cut)) // length, length)
     outputs = [x * (math.radians(1.0) if "deg" in each else 1.0) for x, each in zip(outputs, names, strict=True)]
     segments, sources = Segments(torque_per_unit * torque, outputs[0], period_s), ", ".join(e.source for e in logged)
     if rate:
         _check_rate(segments, outputs[names.index(name, 1)] * (1.0 if rate == name else -1.0), sources, rate)
-    fit = _fit(segments, _FREE[kind], *_first_guess(segments, _FREE[kind], sources))
+    fit = _fit(segments, free, *_first_guess(segments, free, sources))
     if friction != "none":
         begun = [np.append(fit.values[:_DRY], size * np.ptp(segments.torque)) for size in _FRICTIONS]
-        tried = [_fit(segments, [*fit.free, _DRY], each, fit.starts) for each in begun]
+        tried = [_fit(segments, [*free, _DRY], each, fit.starts) for each in begun]
         dry = min(tried, key=lambda each: float(np.sum(each.residual**2)))
-        dry = _fit(segments, dry.free, dry.values, dry.starts)
-        value, low, _, _ = _estimates(dry)["friction"]
-        fit = dry if friction == "coulomb" or low > _CERTAIN * value else fit
-    errors, angles = (np.split(each, np.cumsum(counts)[:-1]) for each in (fit.residual, segments.angle))
-    shares = [100 * (1 - float(np.sqrt(np.mean(e**2)) / a.std())) for e, a in zip(errors, angles, strict=True)]
-    estimates, fits = _estimates(fit), tuple(zip((each.source for each in logged), shares, strict=True))
-    wide = [name for name, (value, low, high, _) in estimates.items() if high - low > abs(value)]
-    reasons = tuple(f"{each} is not determined: {_RECORD}" for each in wide if each in ("inertia", "gravity_moment"))
+        dry = _fit(segments, [*free, _DRY], dry.values, dry.starts)
+        if friction == "coulomb" or dry.estimates["friction"].low > _CERTAIN * dry.values[_DRY]:
+            fit = dry
+    starts = np.cumsum([len(each) // length for each in logged])[:-1]
+    pairs = zip(logged, np.split(fit.residual, starts), np.split(segments.angle, starts), strict=True)
+    fits = tuple((each.source, 100 * (1 - float(np.sqrt(np.mean(e**2)) / angle.std()))) for each, e, angle in pairs)
+    wide = [name for name, each in fit.estimates.items() if each.high - each.low > abs(each.value)]
+    reasons = tuple(f"{each} is not determined: {_RECORD}" for each in wide if each in _WANTED)
     reasons += tuple(f"the model misses part of {each}" for each, share in fits if share < _USABLE_PERCENT)
-    table = Table("Parameters and fits [%]", ("", "value"), (*estimates.items(), *fits))
-    headline = ", ".join(f"{each} {found.value:.4g} {found.unit}" for each, found in estimates.items())
+    table = Table("Parameters and fits [%]", ("", "value"), (*fit.estimates.items(), *fits))
+    headline = ", ".join(f"{each} {found.value:.4g} {found.unit}" for each, found in fit.estimates.items())
     report = Report(f"Rigid {kind} axis", headline, not reasons, reasons, tables=(table,), findings=read.findings)
-    return RigidResult(estimates, fits, report)
+    return RigidResult(fit.estimates, fits, report)
 
 
 def _check_rate(segments: Segments, rates: Array, sources: str, rate: str) -> None:
     """Refuse a rate that is not the angle's derivative: the angle is regressed on its integral, which is smooth."""
     turned = integrate.cumulative_trapezoid(rates, dx=segments.period_s, initial=0.0)
-    turned, angle = (each - each.mean(axis=1, keepdims=True) for each in (turned, segments.angle))
+    turned, angle = (signal.detrend(each, type="constant") for each in (turned, segments.angle))
     product, power = np.sum(turned * angle), np.sum(turned**2)
     slope, explained = power / product, product**2 / (power * np.sum(angle**2))
-    meaning = "its sign is turned" if abs(slope + 1) <= _AGREE else "its unit is another one, as degrees for 57.3"
     if explained < 0.5 or abs(slope - 1) > _AGREE:
-        meaning = meaning if explained > 0.5 else "it is of another axis"
-        problem = f'rate "{rate}" is {slope:.4g} times the derivative of the angle, expected 1: {meaning}'
+        meaning = "its sign is turned" if abs(slope + 1) <= _AGREE else "its unit is another one, as degrees for 57.3"
+        problem = f'rate "{rate}" is {slope:.4g} times the derivative of the angle, expected 1: '
+        problem += meaning if explained > 0.5 else "it is of another axis"
         raise InputError(f'{sources}: {problem}; correct it ("-NAME" turns the sign), or leave it out', "rate")
 
 
@@ -166,13 +164,12 @@ def _simulate(segments: Segments, values: Array, starts: Array) -> Array:
 
 def _fit(segments: Segments, free: list[int], values: Array, starts: Array) -> RigidFit:
     """Fit parameters and initial states by least squares."""
-    count, x, values = len(free), np.concatenate([values[free], starts.ravel()]), values.copy()
+    count, values = len(free), values.copy()
     moves = linalg.block_diag(np.eye(count), np.tile(np.eye(2), len(starts)))  # each parameter, all angles, all rates
-    lowest = np.where(np.isin([*free, *[1] * starts.size], [0, 2, _DRY]), 0.0, -np.inf)
 
     @functools.lru_cache(1)  # the Jacobian is wanted where the residual was computed last
-    def linearised(packed: bytes) -> tuple[Array, Array, Array]:
-        """Return the residual (S, L), its slopes in the parameters (S, L, k) and in the own initial state (S, L, 2)."""
+    def linearised(packed: bytes) -> tuple[Array, Array]:
+        """Return the residual (S, L), and its slopes in the parameters and in the own initial state (S, L, k + 2)."""
         x = np.frombuffer(packed)
         steps = 1e-6 * np.append(np.maximum(np.abs(x[:count]), 1e-2 * np.abs(x[:count]).max()), [1, 1])
         tried = np.vstack([x, x + steps[:, None] * moves])
@@ -180,31 +177,28 @@ def _fit(segments: Segments, free: list[int], values: Array, starts: Array) -> R
         every[:, free] = tried[:, :count]
         with np.errstate(over="ignore", invalid="ignore"):
             runs = _simulate(segments, every, tried[:, count:].reshape(len(tried), -1, 2))
-        slopes = np.moveaxis(runs[1:] - runs[0], 0, -1) / steps
-        return runs[0] - segments.angle, slopes[..., :count], slopes[..., count:]
+        return runs[0] - segments.angle, np.moveaxis(runs[1:] - runs[0], 0, -1) / steps
 
     def jacobian(x: Array) -> Any:
-        _, shared, own = linearised(x.tobytes())
-        return sparse.hstack([shared.reshape(-1, count), sparse.block_diag(list(own))]).tocsr()
+        slopes = linearised(x.tobytes())[1]
+        own = sparse.block_diag(list(slopes[..., count:]))  # an initial state acts in its own segment alone
+        return sparse.hstack([slopes[..., :count].reshape(-1, count), own]).tocsr()
 
+    x = np.concatenate([values[free], starts.ravel()])
+    lowest = np.where(np.isin([*free, *[1] * starts.size], [0, 2, _DRY]), 0.0, -np.inf)
     options: Any = {"bounds": (lowest, np.inf), "x_scale": "jac", "ftol": 1e-6, "xtol": 1e-6, "gtol": None}
-    x = optimize.least_squares(lambda x: linearised(x.tobytes())[0].ravel(), x, jacobian, max_nfev=60, **options).x
-    error, shared, own = linearised(x.tobytes())
-    basis, values[free] = np.linalg.qr(own)[0], x[:count]
-    shared = shared - basis @ (basis.swapaxes(1, 2) @ shared)
-    return RigidFit(free, values, x[count:].reshape(-1, 2), error, shared)
+    found = optimize.least_squares(lambda x: linearised(x.tobytes())[0].ravel(), x, jacobian, max_nfev=60, **options)
+    values[free], residual = found.x[:count], found.fun.reshape(segments.angle.shape)
+    return RigidFit(values, found.x[count:].reshape(-1, 2), residual, _estimates(free, values, residual, found.jac))
 
 
-def _estimates(fit: RigidFit) -> dict[str, Estimate]:
-    """Return the parameters with their intervals, by (JᵀJ)⁻¹ Jᵀ Γ J (JᵀJ)⁻¹, Γ of an autoregression of first order."""
-    left, length, units = fit.residual, fit.residual.shape[1], list(_UNITS.items())
-    slopes = fit.slopes.reshape(left.size, -1)
-    bread = np.linalg.inv(slopes.T @ slopes)
+def _estimates(free: list[int], values: Array, left: Array, jacobian: Any) -> dict[str, Estimate]:
+    """Return parameters with intervals, by (JᵀJ)⁻¹ Jᵀ Γ J (JᵀJ)⁻¹, Γ of an autoregression of first order."""
+    length, influence = left.shape[1], jacobian @ np.linalg.inv((jacobian.T @ jacobian).toarray())[:, : len(free)]
     # A level and a trend of its own, fitted to each segment, bias the memory ρ by −(2 + 4 ρ) / length (Kendall 1954).
     memory = np.mean(left[:, 1:] * left[:, :-1]) / np.mean(left**2)
     memory = ((memory + 2 / length) / (1 - 4 / length)).clip(-0.99, 0.99)
-    coloured = signal.lfilter([1.0], [1.0, -memory], slopes[::-1], axis=0)
-    power = np.mean((left[:, 1:] - memory * left[:, :-1]) ** 2) / (1 - (len(bread) + fit.starts.size) / left.size)
-    errors = np.sqrt(power * np.diag(bread @ (coloured.T @ coloured) @ bread))
-    named = zip(fit.free, errors, strict=True)
-    return {units[at][0]: normal_estimate(fit.values[at], error, units[at][1]) for at, error in named}
+    coloured = signal.lfilter([1.0], [1.0, -memory], influence[::-1], axis=0)
+    power = np.mean((left[:, 1:] - memory * left[:, :-1]) ** 2) / (1 - jacobian.shape[1] / left.size)
+    errors = np.sqrt(power * np.sum(coloured**2, axis=0))
+    return {_NAMES[at]: normal_estimate(values[at], e, _UNITS[at]) for at, e in zip(free, errors, strict=True)}

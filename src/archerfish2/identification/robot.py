@@ -9,7 +9,8 @@ from typing import Any, TypeAlias
 from archerfish2.errors import file_error
 from archerfish2.identification import robot_files
 from archerfish2.identification.axis.identify import AxisResult, identify_axis
-from archerfish2.identification.muzzle.identify import MuzzleResult, identify_muzzle
+from archerfish2.identification.muzzle.identify import identify_muzzle
+from archerfish2.identification.muzzle.result import MuzzleResult
 from archerfish2.identification.robot_files import AxisFiles
 from archerfish2.identification.robot_report import landing_errors, large_steps, robot_report
 from archerfish2.identification.sensing.identify import identify_sensing

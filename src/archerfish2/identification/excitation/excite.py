@@ -16,6 +16,7 @@ from archerfish2.identification.axis.identify import AxisResult, identify_axis
 from archerfish2.identification.excitation.plan import ExcitationSettings, Kind, demand, plan_command
 from archerfish2.identification.simulation import simulate
 from archerfish2.logs.recording import Recording
+from archerfish2.paper.gimbal import gate_limits
 from archerfish2.records.limits import AxisLimits
 from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.report import Report
@@ -27,18 +28,20 @@ if TYPE_CHECKING:
 
 ENCODER_NOISE = 2 * math.pi / 8192 / math.sqrt(12)
 """Standard deviation of the rounding of an encoder of 8192 counts a turn [rad]."""
-_COLUMNS = ("command", "length [s]", "lowest [°]", "highest [°]", "rate [rad/s]", "acceleration [rad/s²]")
-_JUMPS = "Steps jump beyond the limits of rate and acceleration: the motor saturates for their first milliseconds."
-_PLAY = "Play column u of each file, log the angle as y in a file of that name elsewhere, and identify from these logs."
+_COLUMNS = ("command", "length [s]", "lowest [°]", "highest [°]", "rate [°/s]", "acceleration [°/s²]")
+_JUMPS = "Steps jump beyond the limits: the motor saturates for their first milliseconds (--slew-steps keeps them)."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Excitation:
     """Commands for one axis, and what to expect of their logs."""
 
     limits: AxisLimits
     logs: dict[str, Recording]  # by file name: the command "u", and the "expected" angle with noise [rad]
     expected: AxisResult  # what the identification makes of them
+
+    def __repr__(self) -> str:
+        return str(self.report)
 
     def save(self, folder: str | Path) -> None:
         """Write each command to a file, with the expected angle beside it.
@@ -62,24 +65,33 @@ class Excitation:
     @property
     def report(self) -> Report:
         """The commands, and what the identification reports of their simulated logs."""
-        found, limits = self.expected.report, self.limits
-        rows: list[tuple[Entry, ...]] = []
+        found, limits, rows = self.expected.report, self.limits, list[tuple[Entry, ...]]()
         for name, log in self.logs.items():
-            _, *moved = demand(log.inputs[:, 0] - log.inputs[0], log.period_s).tolist()
-            moved = ["jump", "jump"] if moved[1] > limits.max_acceleration else moved
-            rows.append((name, len(log) * log.period_s, *np.degrees([log.inputs.min(), log.inputs.max()]), *moved))
-        most = (*np.degrees([limits.low, limits.high]).tolist(), limits.max_rate, limits.max_acceleration)
-        table = Table("Commands", _COLUMNS, (*rows, ("limit", None, *most)))
-        doubts = (*[_JUMPS] * any("jump" in row for row in rows), *found.reasons, *found.doubts)
-        steps, figures = (_PLAY, *found.next_steps), (("Commands", self.plot), *found.figures)
-        title = f"{self.expected.plant.axis}: commands for its identification"
-        headline, tables = f"expected of their logs: {found.headline}", (table, *found.tables[:2])
-        return Report(title, headline, None, (), found.known, doubts, steps, tables, figures)
+            u = np.degrees(log.inputs[:, 0])
+            moved = demand(u - u[0], log.period_s)[1:].tolist()
+            jumps = moved[1] > np.degrees(limits.max_acceleration)
+            rows.append((name, len(log) * log.period_s, u.min(), u.max(), *(["jump"] * 2 if jumps else moved)))
+        most = np.degrees([limits.low, limits.high, limits.max_rate, limits.max_acceleration]).tolist()
+        jumping, start, every = any("jump" in row for row in rows), f"{u[0]:.3g}°", f"{1e3 * log.period_s:g} ms"
+        steps = (
+            f"Bring the axis to {start}, its centre, and play u [rad] of each file, a value every {every}.",
+            f"Log time_s, u and the angle y [rad] side by side, into files of the same names, as logs/{rows[0][0]}.",
+            "Then: archerfish2 identify logs --out my-robot",
+        )
+        return Report(
+            f"{self.expected.plant.axis}: commands for its identification",
+            f"expected of their logs: {found.headline}",
+            known=found.known,
+            doubts=(*[_JUMPS] * jumping, *found.reasons, *found.doubts),
+            next_steps=(*steps, *found.next_steps),
+            tables=(Table("Commands", _COLUMNS, (*rows, ("limit", None, *most))), *found.tables[:2]),
+            figures=(("Commands", self.plot), *found.figures),
+        )
 
 
 def excite(
     axis: Literal["pitch", "yaw"],
-    limits: AxisLimits,
+    limits: AxisLimits | None = None,
     *,
     kinds: Sequence[Kind] = ("sweep", "step"),
     validation: bool = True,
@@ -92,7 +104,7 @@ def excite(
 
     Args:
       axis: names the files.
-      limits: of the axis.
+      limits: of the axis; those of a gimbal of GM6020 motors if None.
       kinds: signals, a command for each.
       validation: whether there is another command of each kind, to be held back.
       plant: what the axis is taken to be, of one input and one output, whose sampling period the commands have; of
@@ -105,10 +117,12 @@ def excite(
       InputError: if a command does not fit the limits, or logs of them would not determine a plant.
     """
     rng, settings = np.random.default_rng(seed), settings or ExcitationSettings()
+    limits = limits or getattr(gate_limits(), axis)
     period_s = plant.sample_period_s if plant else settings.sample_period_s
     plant = plant or PlantRecord.second_order(10.0, 0.7, round(5e-3 / period_s) * period_s, period_s)
     if plant.D.shape != (1, 1) or not 0 <= noise_sd < math.inf:
-        raise InputError(f"excite: expected shape (1, 1), noise_sd ≥ 0, not {plant.D.shape}, {noise_sd:g}; correct it")
+        found = f"a plant of shape {plant.D.shape} and noise_sd {noise_sd:g}"
+        raise InputError(f"excite: {found}, expected shape (1, 1) and noise_sd ≥ 0; change --plant, --noise-deg")
     logs: tuple[list[Recording], list[Recording]] = [], []
     for held_back, kept in enumerate(logs[: 1 + validation]):
         for kind in kinds:

@@ -32,8 +32,8 @@ class ExcitationSettings(Struct, frozen=True, kw_only=True):
     """Of a sweep, multisine or PRBS, less the rest before and after [s]."""
     low_hz: Positive = 2.0
     """Lowest frequency [Hz]."""
-    high_hz: Positive = 50.0
-    """Highest frequency [Hz]."""
+    high_hz: Positive | None = None
+    """Highest frequency [Hz]; 50, but at most 0.4 times the sampling rate, if None."""
     amplitude: Positive | None = None
     """Largest distance of sweep, multisine and PRBS from the centre [rad]; as large as the limits allow if None."""
     period_s: Positive = 2.0
@@ -82,28 +82,25 @@ def plan_command(
     Raises:
       InputError: if the signal can't be made, or does not fit the limits.
     """
-    low_hz, high_hz = settings.low_hz, settings.high_hz
-    if not (low_hz < high_hz < 0.5 / period_s and 1 / (high_hz - low_hz) <= settings.period_s <= settings.duration_s):
-        expected = f"low_hz < high_hz < {0.5 / period_s:g} and 1 / (high_hz - low_hz) ≤ period_s ≤ duration_s"
-        raise InputError(f"excitation: expected {expected}, got {settings}; change them")
     centre = 0.5 * (limits.low + limits.high) if settings.centre is None else settings.centre
     reach = settings.limit_share * max(min(limits.high - centre, centre - limits.low), 0.0)
     size = settings.step if kind == "step" else settings.amplitude or reach
     if not 0 < size <= reach:
-        expected, about, got = (f"{math.degrees(each):.3g}°" for each in (reach, centre, size))
-        raise InputError(f"excitation: {kind}: expected up to {expected} about {about}, got {got}; change one of them")
+        angles = (size, centre, reach, limits.low, limits.high)
+        got, about, most, low, high = (f"{math.degrees(each):.3g}°" for each in angles)
+        problem = f"excitation: {kind}: {got} about {about}, expected up to {most}, as the travel is {low} to {high}"
+        raise InputError(f"{problem}; give --amplitude-deg, --step-deg, --centre-deg, or the travel by --range-deg")
     budget = np.array([size, *settings.limit_share * np.array([limits.max_rate, limits.max_acceleration])])
     if kind == "step":
         signal = _steps(settings, budget, period_s, _LEVELS[held_back])
     else:
-        signal = _within(budget, _signal(kind, settings, budget, period_s), period_s, 1 / low_hz)
+        signal = _within(budget, _signal(kind, settings, budget, period_s), period_s, 1 / settings.low_hz)
         signal = -signal[::-1] if held_back else signal
     return np.asarray(centre + np.pad(signal, round(settings.settle_s / period_s)))
 
 
 def _steps(settings: ExcitationSettings, budget: Array, period_s: float, levels: tuple[float, ...]) -> Array:
-    hold = max(1, round(settings.hold_s / period_s))
-    signal = np.append(0.0, budget[0] * np.repeat(levels, hold))
+    signal = np.append(0.0, budget[0] * np.repeat(levels, max(1, round(settings.hold_s / period_s))))
     jump = np.abs(np.diff(signal)).max()
     half_s = max(np.sqrt(jump / budget[2]), jump / budget[1])
     return _slewed(signal, math.ceil(half_s / period_s)) if settings.slew_steps else signal
@@ -111,8 +108,15 @@ def _steps(settings: ExcitationSettings, budget: Array, period_s: float, levels:
 
 def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: float) -> Array:
     """Return a sweep, multisine or PRBS."""
-    low_hz, high_hz, durations = settings.low_hz, settings.high_hz, (settings.duration_s, settings.period_s)
-    count, repeat = (max(1, round(each / period_s)) for each in durations)
+    low_hz, high_hz = settings.low_hz, settings.high_hz or min(50.0, 0.4 / period_s)
+    least_s, most_hz = settings.period_s if kind != "sweep" else 1 / low_hz, 0.5 / period_s
+    if not (low_hz < high_hz < most_hz and 1 / (high_hz - low_hz) <= least_s <= settings.duration_s):
+        expected = f"low_hz < high_hz < {most_hz:g}, half the sampling rate, and duration_s of {least_s:g} or more"
+        got = f"{low_hz:g}, {high_hz:g} and {settings.duration_s:g}"
+        raise InputError(
+            f"excitation: {kind}: expected {expected}, got {got}; change --low-hz, --high-hz, --duration-s"
+        )
+    count, repeat = round(settings.duration_s / period_s), round(least_s / period_s)
     if kind == "sweep":
         frequency = low_hz + (high_hz - low_hz) * np.arange(count) / count
         sine = chirp(np.arange(count), low_hz * period_s, count, high_hz * period_s, phi=-90)
@@ -123,8 +127,7 @@ def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: f
         period = multisine(repeat, harmonics, _largest_sine(harmonics / length_s, budget))
         return np.tile(period, count // repeat)
     clock = max(2, int(0.44 / high_hz / period_s))
-    bits = int(np.clip(np.log2(repeat / clock + 1), 2, 32))
-    return _slewed(prbs(count, clock, bits), clock // 2)
+    return _slewed(prbs(count, clock, int(np.clip(np.log2(repeat / clock + 1), 2, 32))), clock // 2)
 
 
 def multisine(count: int, harmonics: NDArray[np.int64], amplitude: Array) -> Array:

@@ -5,14 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
-from scipy.stats import f as fisher
-from scipy.stats import median_abs_deviation
-from scipy.stats import t as student
+from scipy import ndimage, stats
 
 from archerfish2.errors import InputError
-from archerfish2.identification.muzzle import estimate
-from archerfish2.identification.muzzle.estimate import Known, MuzzleFit, rounding_step
+from archerfish2.identification.muzzle.estimate import MuzzleFit, Parameters, fit_muzzle, robust_fit, rounding_step
 from archerfish2.identification.muzzle.flight import azimuth, vertical
 from archerfish2.identification.statistics import Array
 from archerfish2.logs.shots import Shots
@@ -23,13 +19,13 @@ _REACH = 130.0
 """Above what a pellet of 35 m/s reaches without drag, from 3 m above the ground [m]."""
 
 
-def check_shots(shots: Shots, known: Known) -> None:
-    """Refuse shots that can't be what they are said to be, or that can't separate the parameters that are not known.
+def check_shots(shots: Shots, free: list[str]) -> None:
+    """Refuse shots that can't be what they are said to be, or that can't separate the free parameters.
 
     Raises:
       InputError: with a code and what to do.
     """
-    for is_there, problem, remedy, code in _faults(shots, estimate.free_names(known)):
+    for is_there, problem, remedy, code in _faults(shots, free):
         if is_there:
             raise InputError(f"{shots.source}: {problem}; {remedy}", code)
 
@@ -37,9 +33,8 @@ def check_shots(shots: Shots, known: Known) -> None:
 def _faults(shots: Shots, free: list[str]) -> Iterator[tuple[bool, str, str, str]]:
     """Yield whether a fault is there, what it is, what to do, and its code."""
     # A change of pitch moves all hits alike, so that these need a distance for each parameter.
-    kind, values = "target distances", shots.distance
-    if shots.hit_height is None:
-        kind, values = "pitch settings", np.degrees(shots.pitch)
+    landed = shots.hit_height is None
+    kind, values = ("pitch settings", np.degrees(shots.pitch)) if landed else ("target distances", shots.distance)
     count, settings = len(shots), np.unique(np.round(values, 2)).size
     needed = max(5, len(free) + 4 - (shots.speed is not None))
     remedy = f"shoot at least {needed}, better 20 at each of several {kind}"
@@ -53,10 +48,9 @@ def _faults(shots: Shots, free: list[str]) -> Iterator[tuple[bool, str, str, str
     lengths = ((shots.distance, _REACH), (shots.hit_height, shots.distance), (shots.lateral, shots.distance))
     large = any(np.median(np.abs(each) / limit) > 1 for each, limit in lengths if each is not None)
     yield large, "most distances or heights are beyond the reach of a pellet", "give metres", "millimetres"
-    problem = (
-        f"{shots.place(int(np.argmax(shots.distance)))}: {shots.distance.max():g} m is beyond the reach of a pellet"
-    )
-    yield shots.distance.max() > _REACH, problem, "correct the value or remove the line", "beyond-reach"
+    furthest = int(np.argmax(shots.distance))
+    problem = f"{shots.place(furthest)}: {shots.distance[furthest]:g} m is beyond the reach of a pellet"
+    yield shots.distance[furthest] > _REACH, problem, "correct the value or remove the line", "beyond-reach"
     scatter = np.abs(within_settings(shots, vertical(shots))).max()
     same = shots.speed is None and scatter < 1e-9 and len(shots.settings()[1]) < count
     yield same, "all shots of a setting agree to the last digit", "give each shot, not their mean", "no-scatter"
@@ -71,7 +65,7 @@ def within_settings(shots: Shots, values: Array) -> Array:
     return np.asarray(values - ndimage.mean(values, number, number))
 
 
-def without_outliers(shots: Shots, known: Known) -> tuple[Flags, MuzzleFit, int]:
+def without_outliers(shots: Shots, free: list[str], known: Parameters) -> tuple[Flags, MuzzleFit, int]:
     """Estimate the muzzle without ricochets and flyers: shots far from a robust fit, or from the median azimuth.
 
     The limit is the quantile of Student's t that the furthest of as many good shots exceeds in 1 % of all sets
@@ -80,18 +74,18 @@ def without_outliers(shots: Shots, known: Known) -> tuple[Flags, MuzzleFit, int]
     Returns:
       Which shots were kept, shape (N,), their fit, and the number of outliers where they were too many, else 0.
     """
-    point, deviation = estimate.robust_fit(shots, known)
+    values, deviation = robust_fit(shots, free, known)
     number, aside, count = shots.settings()[0], azimuth(shots), len(shots)
     # A setting of five shots that is off as a whole is a lack of fit, and none of its shots a ricochet.
     shared = ndimage.median(deviation, number, number) * (np.bincount(number)[number] >= 5)
     apart = np.minimum(np.abs(deviation), np.abs(deviation - shared))
     if aside is not None:
-        spread = max(median_abs_deviation(aside, scale="normal"), rounding_step(aside) / 3.5, 1e-9)
+        spread = max(stats.median_abs_deviation(aside, scale="normal"), rounding_step(aside) / 3.5, 1e-9)
         apart = np.maximum(apart, np.abs(aside - np.median(aside)) / spread)
-    kept = (apart <= student.ppf(1 - 0.01 / (4 * count), 0.37 * count)) | (count < 10)
+    kept = (apart <= stats.t.ppf(1 - 0.01 / (4 * count), 0.37 * count)) | (count < 10)
     too_many = int(np.count_nonzero(~kept)) * (kept.mean() < 0.8)
     kept |= too_many > 0
-    return kept, estimate.fit_muzzle(shots.select(kept), known, point), too_many
+    return kept, fit_muzzle(shots.select(kept), free, values), too_many
 
 
 class LackOfFit(NamedTuple):
@@ -106,23 +100,25 @@ class LackOfFit(NamedTuple):
 
     def __str__(self) -> str:
         verdict = "does not fit" if self.matters else "fits" if self.variance_ratio != 1 else "is not tested"
-        text = f"The flight model {verdict}: it leaves {self.rms_percent:.1f} % of the distance (rms over the settings)"
-        return f"{text}, at worst {self.worst_percent:+.1f} % at {self.worst_setting} (F test: p = {self.p_value:.2g})."
+        off = f"mean hits are {self.rms_percent:.1f} % of the distance off (rms over the settings)"
+        worst = f"at worst {self.worst_percent:+.1f} % at {self.worst_setting} (F test: p = {self.p_value:.2g})"
+        return f"The flight model {verdict}: {off}, {worst}."
 
 
 def lack_of_fit(shots: Shots, fit: MuzzleFit, *, is_test: bool = True) -> LackOfFit:
     """Compare the deviations of the settings' means with the scatter inside the settings, where that is a test."""
     number, names = shots.settings()
     mean, far = (ndimage.mean(each, number, range(len(names))) for each in (fit.residual, shots.distance))
-    worst, spare = int(np.argmax(np.abs(mean / far))), len(shots) - len(names)
-    left = 100 * float(np.sqrt(np.mean((mean / far) ** 2))), 100 * float(mean[worst] / far[worst]), names[worst]
-    if not (is_test and spare):
+    percent, spare = 100 * mean / far, len(shots) - len(names)
+    worst = int(np.argmax(np.abs(percent)))
+    left = float(np.sqrt(np.mean(percent**2))), float(percent[worst]), names[worst]
+    if not (is_test and spare and len(names) > 1):
         return LackOfFit(*left)
     ratio = fit.residual / fit.sd
     own = within_settings(shots, ratio)
-    between, within = float(np.sum((ratio - own) ** 2)), float(np.sum(own**2)) / spare
     # As many parameters as settings leave no freedom, and a right model would pass through all means.
-    freedom = max(len(names) - fit.design.shape[1], 1)
-    p_value = float(fisher.sf(between / freedom / within, freedom, spare))
+    freedom = max(len(names) - len(fit.free), 1)
+    between, within = float(np.sum((ratio - own) ** 2)), float(np.sum(own**2)) / spare
+    p_value = float(stats.f.sf(between / freedom / within, freedom, spare))
     matters = p_value < 0.05 and between / len(shots) > 0.2**2 * within
     return LackOfFit(*left, between / freedom / within, p_value, matters)

@@ -1,4 +1,4 @@
-"""Means by weighted least squares, spreads by restricted maximum likelihood, in turns, and their intervals.
+"""Means by weighted least squares (Gauss–Newton), spreads by restricted maximum likelihood, in turns; their intervals.
 
 Where settings are repeated the spreads come from the scatter within the settings alone (pure error), so that a flight
 that does not fit can't pass for dispersion; else from the residuals. With measured speeds one spread is left, and the
@@ -6,20 +6,18 @@ intervals are those of a plain sample (t, χ²); without, those of the spreads c
 """
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.stats import chi2, norm
-from scipy.stats import t as student
+from scipy import optimize, stats
 
 from archerfish2.identification.muzzle.flight import RANGES, SHAPING, SPREADS, Response, flown, linearised, vertical
-from archerfish2.identification.statistics import Array, variance_components
+from archerfish2.identification.statistics import Array, VarianceComponents, variance_components
 from archerfish2.logs.shots import Shots
 from archerfish2.reports.table import Estimate
 
-Known: TypeAlias = Mapping[str, float]
-"""Parameters that are given, in SI units."""
+Parameters = Mapping[str, float]
+"""Parameters by name, in SI units."""
 _TYPICAL = np.array([0.5, 0.01]) ** 2
 """Variances of speed [(m/s)²] and elevation [rad²] that a search begins with; only their ratio matters."""
 _UNITS = {"speed": "m/s", "speed_sd": "m/s", "height": "m", "drag": "1/m"}
@@ -36,144 +34,121 @@ _LEAST = 1e-8
 class MuzzleFit(NamedTuple):
     """Estimate from the vertical measurements of N shots, with q free parameters and c spreads."""
 
-    values: dict[str, float]  # parameters that shape the mean, given or estimated, in SI units
+    free: list[str]  # names of the parameters that shape the mean and are estimated
+    values: Parameters  # parameters that shape the mean, given or estimated
     response: Response  # there
     design: Array  # derivatives by the free parameters, (N, q)
     within: Array  # columns that are no scatter: the settings' means, or the design, (N, p)
     residual: Array  # measured less expected [m], (N,)
-    variances: Array  # of the spreads [(m/s)²], [rad²], (c,)
+    spreads: VarianceComponents  # of the residual, in (m/s)² and rad²
+    variances: Array  # those, none below the least one, (c,)
     rounding: Array  # variance by the steps of the measurements [m²], (N,)
     sd: Array  # standard deviation of the measurements [m], (N,)
 
 
-def free_names(known: Known) -> list[str]:
-    """Return the parameters that are estimated from the means of the vertical measurements."""
-    return [name for name in SHAPING if name not in known]
-
-
-def values_at(known: Known, point: Array) -> dict[str, float]:
-    """Return all parameters for free ones of shape (q,)."""
-    return {**known, **dict(zip(free_names(known), point.tolist(), strict=True))}
-
-
-def rounding_step(values: Array) -> float:
+def rounding_step(values: Array | None) -> float:
     """Return the step of which measured values of shape (N,) are multiples, at least 1e-6; 0 where all are equal."""
-    return 1e-6 * float(np.gcd.reduce(np.rint(1e6 * (values - values[0])).astype(np.int64)))
+    return 0.0 if values is None else 1e-6 * float(np.gcd.reduce(np.rint(1e6 * (values - values[0])).astype(np.int64)))
 
 
-def fit_means(shots: Shots, known: Known, start: Array, sd: Array, shift: Any = 0.0, loss: str = "linear") -> Array:
-    """Fit the free parameters within their ranges by least squares, shape (q,).
-
-    Args:
-      shots: N of them.
-      known: parameters that are given, in SI units.
-      start: shape (q,).
-      sd: standard deviation of each measurement [m], shape (N,).
-      shift: added to the expected measurements [m], shape (N,) or ().
-      loss: of SciPy's `least_squares`.
-    """
-    low, high = np.array([RANGES[name] for name in free_names(known)]).T
-
-    def ratio(point: Array) -> Array:
-        return np.asarray((vertical(shots) - shift - flown(shots, values_at(known, point))) / sd)
-
-    start = np.clip(start, low + 1e-9, high - 1e-9)
-    return np.asarray(least_squares(ratio, start, bounds=(low, high), loss=loss, x_scale=0.1 * (high - low)).x)
-
-
-def robust_fit(shots: Shots, known: Known) -> tuple[Array, Array]:
+def robust_fit(shots: Shots, free: list[str], known: Parameters) -> tuple[Parameters, Array]:
     """Fit the means by Cauchy's loss.
 
     Returns:
-      The free parameters, shape (q,), and the residuals in robust standard deviations, shape (N,).
+      All parameters, and the residuals in robust standard deviations, shape (N,).
     """
-    point, measured = np.array([_START[name] for name in free_names(known)]), vertical(shots)
+    values, low, high = {**_START, **known}, *np.array([RANGES[name] for name in free]).T
+    measured, typical = vertical(shots), _TYPICAL[shots.speed is not None :]
+
+    def moved(point: Array) -> Parameters:
+        return {**values, **dict(zip(free, point.tolist(), strict=True))}
+
+    point = np.array([values[name] for name in free])
     for loss in ("soft_l1", "cauchy", "cauchy"):
-        there = linearised(shots, values_at(known, point))
-        shape = np.sqrt(there.scales @ _TYPICAL[shots.speed is not None :])
-        point = fit_means(shots, known, point, shape, loss=loss)
-    deviation = (measured - linearised(shots, values_at(known, point)).mean) / shape
-    scale = max(1.4826 * np.median(np.abs(deviation)), rounding_step(measured) / np.median(shape) / 3.5)
-    return point, deviation / scale
+        sd = np.sqrt(linearised(shots, moved(point)).scales @ typical)
+        options: Any = {"bounds": (low, high), "loss": loss, "x_scale": 0.1 * (high - low)}
+        begun = np.clip(point, low + 1e-9, high - 1e-9)
+        point = optimize.least_squares(lambda x, sd=sd: (measured - flown(shots, moved(x))) / sd, begun, **options).x
+    deviation = (measured - flown(shots, moved(point))) / sd
+    scale = max(1.4826 * np.median(np.abs(deviation)), rounding_step(measured) / np.median(sd) / 3.5)
+    return moved(point), deviation / scale
 
 
-def fit_muzzle(shots: Shots, known: Known, point: Array) -> MuzzleFit:
-    """Estimate the free parameters, from a point of shape (q,) nearby, and the spreads."""
+def fit_muzzle(shots: Shots, free: list[str], values: Parameters) -> MuzzleFit:
+    """Estimate the free parameters, from values nearby, and the spreads."""
     typical, number, measured = _TYPICAL[shots.speed is not None :], shots.settings()[0], vertical(shots)
     groups = (number[:, None] == np.arange(number.max() + 1)).astype(float)
-    pure = len(shots) - groups.shape[1] >= max(4, (len(shots) - point.size) / 2)
-    step, speed_step = rounding_step(measured), 0.0 if shots.speed is None else rounding_step(shots.speed)
-    variances = typical
+    pure = len(shots) - groups.shape[1] >= max(4, (len(shots) - len(free)) / 2)
+    step, speed_step, variances = rounding_step(measured), rounding_step(shots.speed), typical
+    low, high = np.array([RANGES[name] for name in free]).T
     for _ in range(_ROUNDS):
-        there = linearised(shots, values_at(known, point))
+        there = linearised(shots, values)
         rounding = (step**2 + (speed_step * there.slopes[:, 0]) ** 2) / 12
-        shift = 0.5 * there.curvatures @ variances
-        design, residual = there.slopes[:, list(map(SHAPING.index, free_names(known)))], measured - there.mean - shift
-        within = groups if pure else design
-        found = variance_components(residual, within, there.scales, rounding).variances
-        variances = np.maximum(found, _LEAST * typical)
+        design = there.slopes[:, list(map(SHAPING.index, free))]
+        residual, within = measured - there.mean - 0.5 * there.curvatures @ variances, groups if pure else design
+        spreads = variance_components(residual, within, there.scales, rounding)
+        variances = np.maximum(spreads.variances, _LEAST * typical)
         sd = np.sqrt(there.scales @ variances + rounding)
-        point = fit_means(shots, known, point, sd, shift)
-    return MuzzleFit(values_at(known, point), there, design, within, residual, variances, rounding, sd)
-
-
-def expected(shots: Shots, fit: MuzzleFit) -> tuple[Array, Array]:
-    """Return expected measurements of shots and their standard deviations [m], shape (N,) each."""
-    there = linearised(shots, fit.values)
-    return there.mean + 0.5 * there.curvatures @ fit.variances, np.sqrt(there.scales @ fit.variances)
+        goal = residual + design @ [values[name] for name in free]
+        point = optimize.lsq_linear(design / sd[:, None], goal / sd, (low, high), "bvls").x
+        values = {**values, **dict(zip(free, point.tolist(), strict=True))}
+    return MuzzleFit(free, values, there, design, within, residual, spreads, variances, rounding, sd)
 
 
 def vertical_estimates(
-    known: Known, fit: MuzzleFit, misfit: float, rounded: float, longer: tuple[float, float], seed: int
+    fit: MuzzleFit, misfit: float, rounded: float, longer: tuple[float, float], seed: int
 ) -> dict[str, Estimate]:
     """Return the free parameters and spreads with their intervals, which end where the parameters are sought.
 
     Args:
-      known: parameters that were given.
       fit: the estimate.
       misfit: variance of the settings' means over what scatter explains, at least 1; it widens the means' intervals.
       rounded: common error of the measured speeds [m/s].
       longer: see `dependence`.
       seed: of the bootstrap.
     """
-    freedom, scales, names = fit.within.shape[0] - fit.within.shape[1], fit.response.scales, free_names(known)
+    freedom, scales = fit.within.shape[0] - fit.within.shape[1], fit.response.scales
     if scales.shape[1] == 1:
         rounding = np.mean(fit.rounding / scales[:, 0])
         squares = (fit.variances + rounding) * _variance_factors(freedom, longer[1])[:, None] - rounding
     else:
-        found = variance_components(fit.residual, fit.within, scales, fit.rounding)
         noise = fit.sd * np.random.default_rng(seed).standard_normal((_DRAWS, fit.sd.size))
         drawn = [variance_components(each, fit.within, scales, fit.rounding) for each in noise]
         pivots = [(each.unconstrained - fit.variances) / each.errors for each in drawn]
         tails = np.quantile(pivots, [0.975, 0.025], axis=0, method="weibull")
-        squares = found.unconstrained - longer[1] * tails * found.errors
+        squares = fit.spreads.unconstrained - longer[1] * tails * fit.spreads.errors
     inverse = np.linalg.pinv(fit.design / fit.sd[:, None], rcond=1e-9)
-    half = student.ppf(0.975, freedom) * np.sqrt(misfit) * longer[0] * np.linalg.norm(inverse, axis=1)
+    half = stats.t.ppf(0.975, freedom) * np.sqrt(misfit) * longer[0] * np.linalg.norm(inverse, axis=1)
     half += rounded * np.abs(inverse @ (fit.response.slopes[:, 0] / fit.sd))
-    means, names = np.array([fit.values[name] for name in names]), [*names, *SPREADS[-scales.shape[1] :]]
+    means, names = np.array([fit.values[name] for name in fit.free]), [*fit.free, *SPREADS[-scales.shape[1] :]]
     ends = np.hstack([[means - half, means + half], np.sqrt(np.maximum(squares, 0.0))])
     ends = np.clip(ends, *np.array([RANGES[name] for name in names]).T)
     rows = zip(names, [*means, *np.sqrt(fit.variances)], *ends.tolist(), strict=True)
     return {name: Estimate(value, low, high, _UNITS.get(name, "rad")) for name, value, low, high in rows}
 
 
-def sample_intervals(sample: Array, unit: str) -> tuple[Estimate, Estimate]:
-    """Return mean and standard deviation of a sample of shape (N,), without what its rounding adds, by t and χ².
+def sample_intervals(sample: Array, longer: tuple[float, float], unit: str) -> tuple[Estimate, Estimate]:
+    """Return mean and standard deviation of a sample, without what its rounding adds, by t and χ².
 
     Where the step is above the scatter, rounding does not average out, and the scatter is open below.
+
+    Args:
+      sample: shape (N,).
+      longer: see `dependence`.
+      unit: of the sample.
     """
     error, square, freedom = mean_error(sample), rounding_step(sample) ** 2 / 12, sample.size - 1
-    mean, total, longer = float(sample.mean()), max(float(sample.var(ddof=1)), square), dependence(sample)
-    half = longer[0] * float(student.ppf(0.975, freedom) * sample.std() / np.sqrt(freedom)) + error
+    mean, total = float(sample.mean()), max(float(sample.var(ddof=1)), square)
+    half = longer[0] * float(stats.t.ppf(0.975, freedom) * sample.std() / np.sqrt(freedom)) + error
     low, high = total * _variance_factors(freedom, longer[1]) - (0.0 if error else square)
     low, value, high = np.sqrt(np.maximum([0.0 if error else low, total - square, high], 0.0)).tolist()
     return Estimate(mean, mean - half, mean + half, unit), Estimate(value, low, high, unit)
 
 
-def mean_error(sample: Array) -> float:
+def mean_error(sample: Array | None) -> float:
     """Return what the mean of rounded values, shape (N,), may be off by: half a step above their scatter, else 0."""
     step = rounding_step(sample)
-    return step / 2 if step > sample.std() else 0.0
+    return step / 2 if sample is not None and step > sample.std() else 0.0
 
 
 def dependence(series: Array) -> tuple[float, float]:
@@ -185,7 +160,7 @@ def dependence(series: Array) -> tuple[float, float]:
     deviation = (series - series.mean()) / (series.std() or 1.0)
     statistic = float(np.sum(np.diff(deviation) ** 2)) / series.size
     rho = 1 - statistic / 2
-    if statistic == 0 or norm.sf(rho * np.sqrt(series.size)) >= 0.01:
+    if statistic == 0 or stats.norm.sf(rho * np.sqrt(series.size)) >= 0.01:
         return 1.0, 1.0
     rho = min(rho + (1 + 3 * rho) / series.size, 0.97)
     return float(np.sqrt((1 + rho) / (1 - rho))), float(np.sqrt((1 + rho**2) / (1 - rho**2)))
@@ -193,4 +168,4 @@ def dependence(series: Array) -> tuple[float, float]:
 
 def _variance_factors(freedom: int, longer: float) -> Array:
     """Return the ends of a variance's interval over the variance, by χ², shape (2,)."""
-    return np.asarray((freedom / chi2.ppf([0.975, 0.025], freedom)) ** longer)
+    return np.asarray((freedom / stats.chi2.ppf([0.975, 0.025], freedom)) ** longer)

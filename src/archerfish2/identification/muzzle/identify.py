@@ -1,63 +1,25 @@
 """`identify_muzzle`: from shots to a muzzle record, with its report."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from archerfish2.errors import InputError
 from archerfish2.identification.muzzle import checks, estimate
-from archerfish2.identification.muzzle.flight import RANGES, azimuth, vertical
-from archerfish2.identification.muzzle.report import muzzle_report, shots_by_setting
-from archerfish2.identification.statistics import Array
+from archerfish2.identification.muzzle.flight import RANGES, SHAPING, azimuth, linearised
+from archerfish2.identification.muzzle.result import MuzzleResult
 from archerfish2.logs.recording import Finding
 from archerfish2.logs.shots import Shots, read_shots
 from archerfish2.paper.conditions import assumed_conditions
 from archerfish2.provenance import provenance
 from archerfish2.records.muzzle import MuzzleRecord
-from archerfish2.reports.report import Report
-from archerfish2.reports.table import Estimate
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PELLET_DRAG = assumed_conditions().drag
 """Of a 17 mm pellet [1/m]."""
-
-
-@dataclass(frozen=True, eq=False)
-class MuzzleResult:
-    """An identified muzzle, and how well it explains N shots."""
-
-    muzzle: MuzzleRecord
-    estimates: dict[str, Estimate]  # by field of the record, in SI units; the other fields were given
-    shots: Shots
-    kept: checks.Flags  # which shots were used, (N,)
-    expected: Array  # landing distance, or height of the hit, of each shot by the model [m], (N,)
-    expected_sd: Array  # standard deviation of each by the model [m], (N,)
-    lack_of_fit: checks.LackOfFit  # of the flight model
-    findings: tuple[Finding, ...]  # what was repaired, and what may spoil the estimate
-
-    @property
-    def report(self) -> Report:
-        """Verdict, figures and next steps."""
-        return muzzle_report(self)
-
-    def plot(self) -> "Figure":
-        """Draw the shots of each setting with the fitted dispersion."""
-        number, names = self.shots.settings()
-        return shots_by_setting(number, vertical(self.shots) - self.expected, self.expected_sd, self.kept, names=names)
-
-    def save(self, folder: str | Path) -> None:
-        """Write muzzle.json and muzzle.html.
-
-        Raises:
-          InputError: if they can't be written.
-        """
-        self.muzzle.save(Path(folder) / "muzzle.json")
-        self.report.write_page(Path(folder) / "muzzle.html")
+Doubt = tuple[object, str, str, str]
+"""Whether it is there, its code, what it is, and what to do."""
 
 
 def identify_muzzle(
@@ -92,46 +54,44 @@ def identify_muzzle(
     # Hits are measured from the muzzle's height; the model's speed is added to measured ones.
     zeros = (("height", shots.hit_height), ("speed", shots.speed))
     known = {name: 0.0 for name, measured in zeros if measured is not None} | known
-    checks.check_shots(shots, known)
-    kept, fit, too_many = checks.without_outliers(shots, known)
+    free = [name for name in SHAPING if name not in known]
+    checks.check_shots(shots, free)
+    kept, fit, too_many = checks.without_outliers(shots, free, known)
     used = shots.select(kept)
-    rounded = 0.0 if used.speed is None else estimate.mean_error(used.speed)
+    rounded = estimate.mean_error(used.speed)
     misfit = checks.lack_of_fit(used, fit, is_test=not rounded)
-    longer = estimate.dependence(checks.within_settings(used, fit.residual / fit.sd))
-    alike = ["vertical"] * (longer[0] > 1)
+    vertical = checks.within_settings(used, fit.residual / fit.sd)
+    series = {"vertical": vertical, "speed": used.speed, "yaw_offset": azimuth(used)}
+    longer = {name: estimate.dependence(each) for name, each in series.items() if each is not None}
     ratio = misfit.variance_ratio if misfit.p_value < 0.05 else 1.0
-    estimates = estimate.vertical_estimates(known, fit, ratio, rounded, longer, seed)
-    for sample, unit, *names in (
-        (used.speed, "m/s", "speed", "speed_sd"),
-        (azimuth(used), "rad", "yaw_offset", "yaw_sd"),
-    ):
-        if sample is not None:
-            estimates |= dict(zip(names, estimate.sample_intervals(sample, unit), strict=True))
-            alike += names[:1] * (estimate.dependence(sample)[0] > 1)
-    found = fit.values | {"yaw_sd": 0.0} | {name: each.value for name, each in estimates.items()}
+    estimates = estimate.vertical_estimates(fit, ratio, rounded, longer["vertical"], seed)
+    for mean, scatter, unit in (("speed", "speed_sd", "m/s"), ("yaw_offset", "yaw_sd", "rad")):
+        if (sample := series[mean]) is not None:
+            estimates[mean], estimates[scatter] = estimate.sample_intervals(sample, longer[mean], unit)
+    found = {**fit.values, "yaw_sd": 0.0} | {name: each.value for name, each in estimates.items()}
     intervals = {name: (each.low, each.high) for name, each in estimates.items()}
     muzzle = MuzzleRecord(**found, intervals=intervals, provenance=provenance(seed, shots.files))
-    findings = (*shots.findings, *_warnings(shots, kept, estimates, too_many, rounded, alike))
-    return MuzzleResult(muzzle, estimates, shots, kept, *estimate.expected(shots, fit), misfit, findings)
-
-
-def _warnings(
-    shots: Shots, kept: checks.Flags, estimates: Mapping[str, Estimate], too_many: int, rounded: float, alike: list[str]
-) -> Iterator[Finding]:
-    """Yield what may spoil an estimate."""
     lost = ", ".join(map(shots.place, np.flatnonzero(~kept).tolist()))
-    opened = [name for name, each in estimates.items() if np.isin(each[1:3], RANGES[name]).any()]
+    alike = ", ".join(name for name, each in longer.items() if each[0] > 1)
+    opened = ", ".join(name for name, each in estimates.items() if np.isin(each[1:3], RANGES[name]).any())
+    doubts = _doubts(shots, lost, alike, opened, too_many, rounded)
+    findings = [Finding(code, "warning", shots.source, text, remedy) for there, code, text, remedy in doubts if there]
+    there = linearised(shots, fit.values)
+    expected, sd = there.mean + 0.5 * there.curvatures @ fit.variances, np.sqrt(there.scales @ fit.variances)
+    return MuzzleResult(muzzle, estimates, shots, kept, expected, sd, misfit, (*shots.findings, *findings))
+
+
+def _doubts(shots: Shots, lost: str, alike: str, opened: str, too_many: int, rounded: float) -> tuple[Doubt, ...]:
+    """Return what may spoil an estimate."""
     columns = [each for each in vars(shots).values() if isinstance(each, np.ndarray)]
     copies = len(shots) - np.unique(columns, axis=1).shape[1]
     copies *= shots.speed is not None or shots.lateral is not None  # equal values of one measurement are no copies
-    for is_there, code, message, remedy in (
+    return (
         (lost, "outliers", f"ricochets or flyers were left out: {lost}", "check these lines"),
         (too_many, "too-many-outliers", f"{too_many} shots disagree; all were used", "check whole settings"),
         (copies, "repeated-shots", f"{copies} shots repeat an earlier one exactly", "remove what was written twice"),
         (rounded, "rounded-speeds", f"speeds in steps of {2 * rounded:g} m/s hide their scatter", "record more digits"),
-        (alike, "dependent-shots", f"successive shots are correlated: {', '.join(alike)}", "pause between shots"),
-        (opened, "open-interval", f"not bounded on both sides: {', '.join(opened)}", "shoot at more settings"),
+        (alike, "dependent-shots", f"successive shots are correlated: {alike}", "pause between shots"),
+        (opened, "open-interval", f"not bounded on both sides: {opened}", "shoot at more settings"),
         (shots.lateral is None, "no-lateral", "yaw offset and scatter are unknown: taken as 0", "record lateral_m"),
-    ):
-        if is_there:
-            yield Finding(code, "warning", shots.source, message, remedy)
+    )
