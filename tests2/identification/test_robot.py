@@ -14,6 +14,8 @@ from archerfish2.logs.recording import Recording
 from archerfish2.records.plant import PlantRecord
 from archerfish2.robot import Robot
 
+FILES = "sweep", "plate"
+
 
 @pytest.fixture(scope="module")
 def robot_folder(lab_folder, tmp_path_factory):
@@ -102,6 +104,20 @@ def test_signs_gain_and_name_are_given_and_what_is_to_be_done_is_said(one_table)
     steps = found.report.next_steps
     assert "pitch_step_validation.csv" in steps[0]
     assert [each for each in steps if re.search(r"--\w", each) and "archerfish2 " not in each] == []
+
+
+def test_timing_logs_may_be_in_degrees_and_in_the_optical_frame(lab_folder, robot_folder, tmp_path):
+    (header, *sweep), (names, *plate) = ((lab_folder / f"timing_{each}.csv").read_text().split() for each in FILES)
+    stamps, angles = np.hsplit(np.loadtxt(sweep, delimiter=","), [1])
+    rows = np.loadtxt(plate, delimiter=",")
+    assert names == "time_s,receive_s,x,y,z"
+    rows[:, 2:] = np.stack([-rows[:, 3], -rows[:, 4], rows[:, 2]], 1)
+    for name, first, table in zip(FILES, (header, names), (np.hstack([stamps, np.degrees(angles)]), rows), strict=True):
+        np.savetxt(tmp_path / f"timing_{name}.csv", table, delimiter=",", header=first, comments="", fmt="%.12g")
+    (tmp_path / "logs.toml").write_text('[sensing]\nframe = "optical"\ndegrees = true\n')
+    known, found = (Robot.load(robot_folder).sensing.camera, identify_robot(tmp_path).sensing.camera)
+    assert found.time_offset == pytest.approx(known.time_offset, abs=1e-6)
+    assert found.bearing_sd == pytest.approx(known.bearing_sd, rel=1e-3)
 
 
 def test_a_robot_is_not_written_among_its_logs(one_table, capsys, refused):

@@ -6,6 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from msgspec.structs import asdict
+
 from archerfish2.errors import file_error
 from archerfish2.identification import robot_files
 from archerfish2.identification.axis.identify import AxisResult, identify_axis
@@ -85,7 +87,7 @@ def identify_parts(folder: str | Path, *, name: str = "", seed: int = 0) -> Iden
         height_m = settings.muzzle.height_m or tape.muzzle_height_m
         jobs["muzzle"] = partial(identify_muzzle, shots, length_m=length_m, height_m=height_m, seed=seed)
     if {"timing_sweep.csv", "timing_plate.csv"} <= there:
-        jobs["sensing"] = partial(_sensing, folder, seed)
+        jobs["sensing"] = partial(_sensing, folder, asdict(settings.sensing), seed)
     if not jobs:
         problem = f"expected {robot_files.EXPECTED}, found {listed(sorted(there))}"
         raise file_error(folder, problem, "name the logs so, or in logs.toml")
@@ -118,10 +120,10 @@ def _axis(axis: str, files: AxisFiles, fitted: list[Path], held_back: list[Path]
     return identify_axis(logs, validate=validate, axis=axis, dc_gain=files.dc_gain, seed=seed, **_AXIS)
 
 
-def _sensing(folder: Path, seed: int) -> Result:
+def _sensing(folder: Path, how: dict[str, Any], seed: int) -> Result:
     sweep, plate, steps = (folder / f"timing_{name}.csv" for name in ("sweep", "plate", "steps"))
     others = {argument: folder / f"timing_{name}.csv" for argument, name in _TIMING.items()}
-    given: Any = {argument: path for argument, path in others.items() if path.exists()}
+    given = how | {argument: path for argument, path in others.items() if path.exists()}
     return identify_sensing(sweep, plate, steps=[steps] if steps.exists() else [], seed=seed, **given)
 
 

@@ -12,6 +12,7 @@ from msgspec import Meta
 from archerfish2.errors import file_error
 from archerfish2.logs.log import read_log
 from archerfish2.logs.recording import Log
+from archerfish2.logs.timing import Frame
 from archerfish2.records.json_files import read_json, read_struct, to_struct
 from archerfish2.records.limits import AxisLimits, LimitsRecord
 from archerfish2.records.record import Struct
@@ -56,6 +57,17 @@ class MuzzleFiles(Struct, frozen=True, kw_only=True):
     """Of the muzzle above the ground with the barrel level [m]; that of tape.json if not given."""
 
 
+class SensingFiles(Struct, frozen=True, kw_only=True):
+    """Section [sensing] of logs.toml; see `identify_sensing`."""
+
+    frame: Frame = "camera"
+    """Of the positions of detections."""
+    degrees: bool = False
+    """Whether angles are in degrees."""
+    gimbal_clock: Literal["receipt", "own"] = "receipt"
+    """Who stamped the gimbal's logs."""
+
+
 class LimitsFigures(Struct, frozen=True, kw_only=True):
     """Section [limits] of logs.toml."""
 
@@ -85,6 +97,8 @@ class LogFolder(Struct, frozen=True, kw_only=True):
     """Yaw axis."""
     muzzle: MuzzleFiles = MuzzleFiles()
     """Shots and tape measures."""
+    sensing: SensingFiles = SensingFiles()
+    """Frame, unit and clock of the timing logs."""
     limits: LimitsFigures | None = None
     """Limits of the commands; limits.json if not given."""
 
@@ -121,11 +135,11 @@ def read_folder(folder: Path) -> tuple[LogFolder, Tape, LimitsRecord | None]:
         content = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     except (OSError, ValueError) as error:
         raise file_error(path, f"is not TOML ({error})", "correct it") from error
-    keys = [", ".join(each.__struct_fields__) for each in (AxisFiles, MuzzleFiles, LimitsFigures, Tape)]
-    remedy = "correct it; [pitch] and [yaw] may have {}, [muzzle] {}, [limits] {}".format(*keys)
+    keys = [", ".join(each.__struct_fields__) for each in (AxisFiles, MuzzleFiles, SensingFiles, LimitsFigures, Tape)]
+    remedy = "correct it; [pitch] and [yaw] may have {}, [muzzle] {}, [sensing] {}, [limits] {}".format(*keys)
     settings = to_struct(content, path, LogFolder, None, remedy)
     lengths = read_json(tape) if tape.exists() else {}
-    measured = to_struct(lengths, tape, Tape, None, f"correct it; it may have {keys[3]}")
+    measured = to_struct(lengths, tape, Tape, None, f"correct it; it may have {keys[4]}")
     if settings.limits or not limits.exists():
         return settings, measured, settings.limits.record() if settings.limits else None
     remedy = f"write its figures to [limits] in logs.toml, then: archerfish2 identify {folder}"
