@@ -10,7 +10,7 @@ from archerfish2.errors import InputError, file_error
 from archerfish2.logs.arrays import read_array_file
 from archerfish2.logs.bags import BAGS, bag_files, read_bag
 from archerfish2.logs.recording import Log, Recording
-from archerfish2.logs.signals import examined, fresh_rows, without_wraps
+from archerfish2.logs.signals import examined, fresh_rows, undo_wraps
 from archerfish2.logs.stamps import at_equal_intervals, uninterrupted, usable_rows
 from archerfish2.logs.table import MAX_BYTES, LogTable
 from archerfish2.logs.text import read_text
@@ -65,7 +65,7 @@ def read_log(
     rows, repairs = usable_rows(table, signals, stamps, sample_period_s or 1.0)
     fresh, repeats = fresh_rows(rows, source)
     parts, gaps = uninterrupted(fresh, source)
-    parts, wraps = without_wraps(parts, signals, source)
+    wraps = undo_wraps(parts, signals, source)
     even, period, jitter = at_equal_intervals(parts, source)
     period_s = sample_period_s or float(f"{period:.12g}")
     every = [Recording(u, y, period_s, float(at[0]), *signals, path.name) for at, u, y in even]

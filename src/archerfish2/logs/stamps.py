@@ -177,8 +177,9 @@ def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], 
     """
     times = [each.time for each in parts]
     counted: list[Values] = [np.arange(each.size, dtype=np.float64) for each in times]
-    if _are_even(times, counted):
-        return list(parts), _period(times, counted), []
+    period, even = _line(times, counted)
+    if even:
+        return list(parts), period, []
     from scipy.interpolate import CubicSpline
 
     longest = max(times, key=len)
@@ -186,11 +187,11 @@ def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], 
     interval = np.median(longest[width:] - longest[:-width]) / width  # few windows have a lost sample
     exact = [(each - each[0]) / interval for each in times]
     numbered, places, reason = [_numbers(each) for each in exact], exact, "resampled"
-    if _are_even(times, numbered):
+    if _line(times, numbered)[1]:
         places, reason = numbered, "some samples are lost"
     elif sum(map(_roughness, counted, parts)) < _SMOOTHER * sum(map(_roughness, times, parts)):
         places, reason = counted, "outputs are smooth at equal ones"
-    period, steps = _period(times, places), np.concatenate([np.diff(each) for each in times])
+    (period, _), steps = _line(times, places), np.concatenate([np.diff(each) for each in times])
     edges = [np.arange(int(each[-1] + 1e-9) + 2, dtype=np.float64) for each in places]
     pieces = list(zip(places, parts, edges, strict=True))
     curves = [CubicSpline(place, part.outputs)(edge[:-1]) for place, part, edge in pieces]
@@ -206,18 +207,17 @@ def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], 
     return [Rows(*each) for each in zip(times, inputs, outputs, strict=True)], period, [finding]
 
 
-def _are_even(times: Sequence[Values], numbers: Sequence[Values]) -> bool:
-    """Return whether all stamps of each part, or all intervals, lie within a tenth of a period of equal ones."""
-    period = _period(times, numbers)
-    late = [time - period * number for time, number in zip(times, numbers, strict=True)]
-    return all(min(np.ptp(each) / 2, np.abs(np.diff(each)).max()) <= _EVEN * period for each in late)
+def _line(times: Sequence[Values], numbers: Sequence[Values]) -> tuple[float, bool]:
+    """Return the period of numbered samples, and whether their stamps are even.
 
-
-def _period(times: Sequence[Values], numbers: Sequence[Values]) -> float:
-    """Return the slope of lines through the stamps of numbered samples, by least squares."""
+    It is the slope of lines through the stamps of each part, by least squares; stamps are even where all of a part, or
+    all intervals, lie within a tenth of a period of equal ones.
+    """
     centred = [each - each.mean() for each in numbers]
     covariance = sum(float(np.sum(number * time)) for number, time in zip(centred, times, strict=True))
-    return covariance / sum(float(np.sum(number**2)) for number in centred)
+    period = covariance / sum(float(np.sum(number**2)) for number in centred)
+    most, late = _EVEN * period, [time - period * number for time, number in zip(times, numbers, strict=True)]
+    return period, all(np.ptp(each) / 2 <= most or np.abs(np.diff(each)).max() <= most for each in late)
 
 
 def _numbers(place: Values) -> Values:
