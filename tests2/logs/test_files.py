@@ -14,7 +14,8 @@ from numpy.testing import assert_array_equal
 
 from archerfish2.errors import InputError
 from archerfish2.logs.log import read_log
-from archerfish2.logs.table import MAX_BYTES, time_unit
+from archerfish2.logs.recording import MAX_BYTES
+from archerfish2.logs.stamps import time_unit
 from archerfish2.storage import file_hash
 
 COUNT = 40

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from archerfish2.errors import InputError
-from archerfish2.logs.recording import Values
-from archerfish2.logs.table import MAX_BYTES, LogTable, listed, log_fault
+from archerfish2.logs.recording import MAX_BYTES, LogTable, Values, listed, log_fault
 
 _COLUMN = re.compile(r"(.+)\[(\d{1,9})\]")
 _CONVERT = """import io, sys, warnings, numpy, scipy.io

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from archerfish2.errors import InputError
-from archerfish2.logs.recording import Finding, Values
-from archerfish2.logs.table import LogTable, listed, log_fault
+from archerfish2.logs.recording import Finding, LogTable, Values, listed, log_fault
 
 BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
 """How files of a bag begin, and the ending of their names, by which rosbags recognises them."""

@@ -3,16 +3,14 @@
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from archerfish2.errors import InputError, file_error
 from archerfish2.logs.arrays import read_array_file
 from archerfish2.logs.bags import BAGS, bag_files, read_bag
-from archerfish2.logs.recording import Log, Recording
+from archerfish2.logs.recording import MAX_BYTES, Log, LogTable, Recording
 from archerfish2.logs.signals import examined, fresh_rows, undo_wraps
 from archerfish2.logs.stamps import at_equal_intervals, uninterrupted, usable_rows
-from archerfish2.logs.table import MAX_BYTES, LogTable
 from archerfish2.logs.text import read_text
 
 _UNREAD = (
@@ -68,9 +66,10 @@ def read_log(
     wraps = undo_wraps(parts, signals, source)
     even, period, jitter = at_equal_intervals(parts, source)
     period_s = sample_period_s or float(f"{period:.12g}")
-    every = [Recording(u, y, period_s, float(at[0]), *signals, path.name) for at, u, y in even]
-    if len(every) > 1:
-        every = [replace(each, source=f"{path.name}[{each.start_s:.3f} s…]") for each in every]
+    names = [path.name if len(even) == 1 else f"{path.name}[{each.time[0]:.3f} s…]" for each in even]
+    every = [
+        Recording(u, y, period_s, float(at[0]), *signals, name) for name, (at, u, y) in zip(names, even, strict=True)
+    ]
     recordings, warnings = examined(every, source)
     samples = len(rows.time) + sum(each.samples for each in (*table.findings, *repairs))
     findings = (*table.findings, *repairs, *repeats, *gaps, *wraps, *jitter, *warnings)

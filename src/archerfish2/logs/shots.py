@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish2.logs.log import file_content
-from archerfish2.logs.recording import Finding
-from archerfish2.logs.table import log_fault
+from archerfish2.logs.recording import Finding, log_fault
 from archerfish2.logs.text import column_names, read_text
 
 _LANDING, _PLANE = "distance_m", ("plane_distance_m", "hit_height_m")

@@ -5,9 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from archerfish2.logs.recording import Finding, Recording, Values
+from archerfish2.logs.recording import Finding, Recording, Values, log_fault
 from archerfish2.logs.stamps import Rows, Signals, held_mean, subsampled
-from archerfish2.logs.table import log_fault
 
 _ANGLES = (2 * np.pi, 360.0, 400.0)
 _COUNTERS = (*_ANGLES, 1.0, 3600.0, 36_000.0, *(2.0**bits for bits in range(8, 33)))

@@ -4,6 +4,7 @@ An input is in force from its sample on, an output is measured at its sample. So
 outputs is no sample, and over other intervals than those of the log inputs are averaged and outputs interpolated.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -12,10 +13,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from archerfish2.logs.recording import Finding, Recording, Values
-from archerfish2.logs.table import LogTable, log_fault, time_unit
+from archerfish2.logs.recording import Finding, LogTable, Recording, Values, log_fault
 
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_UNIT = re.compile(r"(?:(?<![^\W\d_])|(?<=[a-z])(?=[A-Z]))(?i:([muµμn]|milli|micro|nano)s(ecs?|econds?)?)[\])}\s]*$")
 _PLAUSIBLE_S, _USUAL_S = (1e-5, 0.5), (1e-4, 0.1)
 """Periods that a gimbal is logged at, and those that are usual [s]."""
 _GAP = 3.0
@@ -108,6 +109,12 @@ def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
     message = f'stamps "{time}" are {period:.4g} s apart, as no gimbal is logged, and were read as {unit}'
     remedy = f'if they are in {unit}, name the column "time_{unit}", else in their unit'
     return stamps * _SECONDS[unit], [Finding("time-unit", "warning", table.source, message, remedy)]
+
+
+def time_unit(name: str) -> str:
+    """Return the unit that the name of stamps ends with ("TimeUS", "time [ms]", "t_nsec"), s where with no other."""
+    prefix = found[1].lower() if (found := _UNIT.search(name)) else ""
+    return {"milli": "m", "micro": "u", "µ": "u", "μ": "u", "nano": "n"}.get(prefix, prefix) + "s"
 
 
 def subsampled(values: Values) -> Values:

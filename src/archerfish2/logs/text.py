@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from archerfish2.logs.recording import Finding, Values
-from archerfish2.logs.table import LogTable, listed, log_fault
+from archerfish2.logs.recording import Finding, LogTable, Values, listed, log_fault
 
 _MISSING = {"", "nan", "-nan", "na", "n/a", "null", "none"}
 """How loggers write a value that is missing, in lower case."""

@@ -10,8 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from archerfish2.logs.log import file_content
-from archerfish2.logs.recording import Values
-from archerfish2.logs.table import LogTable, log_fault
+from archerfish2.logs.recording import LogTable, Values, log_fault
 from archerfish2.logs.text import column_names, read_text
 
 Frame = Literal["camera", "optical", "base"]
