@@ -14,19 +14,18 @@ from archerfish2.errors import InputError
 from archerfish2.logs.recording import MAX_BYTES, LogTable, Values, listed, log_fault
 
 _COLUMN = re.compile(r"(.+)\[(\d{1,9})\]")
-_CONVERT = """import io, sys, warnings, numpy, scipy.io
+_CONVERT = """import sys, warnings, numpy, scipy.io
 warnings.simplefilter("error")  # of a name that is there twice
-arrays = scipy.io.loadmat(io.BytesIO(sys.stdin.buffer.read()))
+arrays = scipy.io.loadmat(sys.argv[1], appendmat=False)
 numpy.savez(sys.stdout.buffer, **{name: each for name, each in arrays.items() if not name.startswith("__")})"""
 """Program that turns a MATLAB file into an .npz file."""
 
 
-def read_array_file(path: Path, content: bytes, wanted: Sequence[str], *, matlab: bool) -> LogTable:
+def read_array_file(path: Path, wanted: Sequence[str], *, matlab: bool) -> LogTable:
     """Read signals from .npz or MATLAB files of version 4 to 7: vectors by name, columns of matrices as NAME[0].
 
     Args:
-      path: of the file, for messages.
-      content: of it.
+      path: of the file.
       wanted: names of the signals.
       matlab: whether it is a MATLAB file.
 
@@ -35,7 +34,7 @@ def read_array_file(path: Path, content: bytes, wanted: Sequence[str], *, matlab
         length than the others.
     """
     try:
-        return _read(path, _converted(content) if matlab else content, wanted)
+        return _read(path, io.BytesIO(_converted(path) if matlab else path.read_bytes()), wanted)
     except InputError:
         raise
     except Exception as error:  # the readers raise whatever a damaged byte leads them to
@@ -44,17 +43,17 @@ def read_array_file(path: Path, content: bytes, wanted: Sequence[str], *, matlab
         raise log_fault(path, problem, "write the file again, its signals as arrays of numbers", code) from error
 
 
-def _converted(content: bytes) -> bytes:
-    """Return an .npz file, by a process of its own: a damaged byte can crash SciPy's reader (scipy/scipy#25349)."""
-    done = subprocess.run([sys.executable, "-c", _CONVERT], input=content, capture_output=True, check=False)
+def _converted(path: Path) -> bytes:
+    """Return .npz content, by a process of its own: a damaged byte can crash SciPy's reader (scipy/scipy#25349)."""
+    done = subprocess.run([sys.executable, "-c", _CONVERT, path], capture_output=True, check=False)
     if done.returncode:
         raise ValueError(done.stderr.decode(errors="replace").strip().rpartition("\n")[2] or "the reader crashed")
     return done.stdout
 
 
-def _read(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
+def _read(path: Path, content: io.BytesIO, wanted: Sequence[str]) -> LogTable:
     """Read the arrays that have the wanted signals, each of which must be there once and fit into the memory."""
-    archive = np.load(io.BytesIO(content), allow_pickle=False)
+    archive = np.load(content, allow_pickle=False)
     there = [(each.filename.removesuffix(".npy"), each.file_size) for each in archive.zip.infolist()]
     names = [name for name, _ in there]
     found = {signal: None if signal in names else _COLUMN.fullmatch(signal) for signal in wanted}

@@ -8,7 +8,7 @@ from pathlib import Path
 from archerfish2.errors import InputError, file_error
 from archerfish2.logs.arrays import read_array_file
 from archerfish2.logs.bags import BAGS, bag_files, read_bag
-from archerfish2.logs.recording import MAX_BYTES, Log, LogTable, Recording
+from archerfish2.logs.recording import Log, LogTable, Recording, opened
 from archerfish2.logs.signals import examined, fresh_rows, undo_wraps
 from archerfish2.logs.stamps import at_equal_intervals, uninterrupted, usable_rows
 from archerfish2.logs.text import read_text
@@ -54,11 +54,15 @@ def read_log(
         raise InputError(f"read_log: {problem}; pass it, or the name of the stamps", "sample-period")
     if not (files := bag_files(path)):
         raise file_error(path, "is a folder, and no bag's", "pass a log, or the folder of a bag", "unknown-format")
-    content, source = b"".join(map(file_content, files)), str(path)
-    if path.is_dir() or content.startswith(tuple(BAGS)) or path.suffix in BAGS.values():
+    begin, digest, source = b"", hashlib.sha256(), str(path)
+    for each in files:
+        with opened(each) as file:
+            begin = begin or file.peek()
+            hashlib.file_digest(file, lambda: digest)
+    if path.is_dir() or begin.startswith(tuple(BAGS)) or path.suffix in BAGS.values():
         table, stamps = read_bag(path, list(dict.fromkeys((*signals[0], *signals[1])))), "time_s"
     else:
-        table = _table(path, content, list(dict.fromkeys([*([stamps] if stamps else []), *signals[0], *signals[1]])))
+        table = _table(path, begin, list(dict.fromkeys([*([stamps] if stamps else []), *signals[0], *signals[1]])))
     table.check()
     rows, repairs = usable_rows(table, signals, stamps, sample_period_s or 1.0)
     fresh, repeats = fresh_rows(rows, source)
@@ -73,32 +77,14 @@ def read_log(
     recordings, warnings = examined(every, source)
     samples = len(rows.time) + sum(each.samples for each in (*table.findings, *repairs))
     findings = (*table.findings, *repairs, *repeats, *gaps, *wraps, *jitter, *warnings)
-    return Log(recordings, findings, samples, source, hashlib.sha256(content).hexdigest())
+    return Log(recordings, findings, samples, source, digest.hexdigest())
 
 
-def file_content(path: Path) -> bytes:
-    """Return what a log's file has.
-
-    Raises:
-      InputError: if there is no such file, or it is too large or can't be read.
-    """
-    try:
-        if not path.is_file():
-            problem, code = ("is no file", "unreadable") if path.exists() else ("there is no such file", "no-such-file")
-            raise file_error(path, problem, "pass a file that has a log", code)
-        if (size := path.stat().st_size) > MAX_BYTES:
-            problem = f"has {size >> 20} MB, expected at most {MAX_BYTES >> 20} MB"
-            raise file_error(path, problem, "cut the log into shorter ones", "too-large")
-        return path.read_bytes()
-    except OSError as error:
-        raise file_error(path, f"can't be read ({error.strerror})", "check its permissions", "unreadable") from error
-
-
-def _table(path: Path, content: bytes, wanted: list[str]) -> LogTable:
-    for begin, problem, remedy in _UNREAD:
-        if content.startswith(begin):
+def _table(path: Path, begin: bytes, wanted: list[str]) -> LogTable:
+    for unread, problem, remedy in _UNREAD:
+        if begin.startswith(unread):
             raise file_error(path, problem, remedy, "unknown-format")
-    archive, matlab = content.startswith(b"PK\x03\x04"), content.startswith(b"MATLAB") or path.suffix == ".mat"
+    archive, matlab = begin.startswith(b"PK\x03\x04"), begin.startswith(b"MATLAB") or path.suffix == ".mat"
     if archive or matlab or path.suffix == ".npz":
-        return read_array_file(path, content, wanted, matlab=matlab and not archive)
-    return read_text(path, content, wanted)
+        return read_array_file(path, wanted, matlab=matlab and not archive)
+    return read_text(path, lambda _: wanted)

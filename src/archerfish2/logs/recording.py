@@ -2,7 +2,8 @@
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
@@ -149,6 +150,26 @@ class Log:
 def log_fault(path: str | Path, problem: str, remedy: str, code: str) -> InputError:
     """Return the error of a file, in one line whatever the file puts into the message; see `file_error`."""
     return file_error(path, one_line(problem), one_line(remedy), code)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[io.BufferedReader]:
+    """Open a log's file.
+
+    Raises:
+      InputError: if there is no such file, or it is too large or can't be read.
+    """
+    try:
+        if not path.is_file():
+            problem, code = ("is no file", "unreadable") if path.exists() else ("there is no such file", "no-such-file")
+            raise file_error(path, problem, "pass a file that has a log", code)
+        if (size := path.stat().st_size) > MAX_BYTES:
+            problem = f"has {size >> 20} MB, expected at most {MAX_BYTES >> 20} MB"
+            raise file_error(path, problem, "cut the log into shorter ones", "too-large")
+        with path.open("rb") as file:
+            yield file
+    except OSError as error:
+        raise file_error(path, f"can't be read ({error.strerror})", "check its permissions", "unreadable") from error
 
 
 def listed(names: Iterable[str]) -> str:

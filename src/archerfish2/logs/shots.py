@@ -8,9 +8,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish2.logs.log import file_content
 from archerfish2.logs.recording import Finding, log_fault
-from archerfish2.logs.text import column_names, read_text
+from archerfish2.logs.text import read_text
 
 _LANDING, _PLANE = "distance_m", ("plane_distance_m", "hit_height_m")
 Array = NDArray[np.float64]
@@ -102,10 +101,8 @@ def read_shots(*paths: str | Path, columns: ShotColumns = COLUMNS) -> Shots:
 
 def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Array], tuple[str, ...], tuple[Finding, ...]]:
     """Return what a file has by field, the place of each shot, and what was repaired."""
-    content = file_content(path)
     # A person who writes a table may leave out the last line break.
-    content += b"" if content.endswith((b"\n", b"\r", b"\0")) else b"\n"
-    table = read_text(path, content, _wanted(path, column_names(path, content), columns))
+    table = read_text(path, lambda names: _wanted(path, names, columns), whole=True)
     table.check()
     rows = np.flatnonzero(np.any(np.isfinite([*table.columns.values()]), axis=0))  # a line of separators is no shot
     fields = {name: field for field, name in vars(columns).items()}

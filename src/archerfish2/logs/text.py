@@ -6,15 +6,16 @@ number, so it is left out and counted.
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from archerfish2.logs.recording import Finding, LogTable, Values, listed, log_fault
+from archerfish2.logs.recording import Finding, LogTable, Values, listed, log_fault, opened
 
 _MISSING = {"", "nan", "-nan", "na", "n/a", "null", "none"}
 """How loggers write a value that is missing, in lower case."""
@@ -35,22 +36,23 @@ class _Header(NamedTuple):
     first: int  # index of the first line of data
 
 
-def read_text(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
+def read_text(path: Path, choose: Callable[[list[str]], list[str]], *, whole: bool = False) -> LogTable:
     """Read columns of numbers from a text table; a missing value becomes NaN, in a line of separators alone all.
 
     Args:
-      path: of the file.
-      content: of it, in UTF-8, or in UTF-16 with its byte order mark.
-      wanted: names of columns; where the first line has numbers they are "1", "2", ….
+      path: of the file, in UTF-8, or in UTF-16 with its byte order mark.
+      choose: which of the columns are read, by name; where the first line has numbers they are "1", "2", ….
+      whole: whether a last line is read although no line break ends it.
 
     Raises:
       InputError: if it is no text, a column is missing or there twice, or a line has other fields than the first one,
         begins with a mark of comments, or has a field that is no number.
     """
-    if (table := _read_at_once(path, content, wanted)) is not None:
+    if (table := _read_at_once(path, choose)) is not None:
         return table
-    lines, findings = _lines(path, content)
+    lines, findings = _lines(path, whole)
     header = _header(path, lines)
+    wanted = choose(header.names)
     positions = [_position(path, lines, header, name) for name in wanted]
     body = enumerate(lines[header.first :], header.first + 1)
     rows = {number: _row(path, number, line, header) for number, line in body if line.strip()}
@@ -63,33 +65,32 @@ def read_text(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
     return LogTable(columns, list(rows), "line", str(path), findings)
 
 
-def _read_at_once(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable | None:
+def _read_at_once(path: Path, choose: Callable[[list[str]], list[str]]) -> LogTable | None:
     """Read a table that has numbers alone below its names; return None of any other: its lines are read one by one."""
-    with suppress(ValueError, OSError):
-        lines = content[: content.rfind(b"\n", 0, _HEAD) + 1].decode("utf-8-sig").split("\n")
+    with suppress(ValueError, OSError), opened(path) as file:
+        head = file.read(_HEAD)
+        lines = head[: head.rfind(b"\n") + 1].decode("utf-8-sig").split("\n")
         header = _header(path, lines)
+        wanted = choose(header.names)
         positions = [_position(path, lines, header, name) for name in wanted]
         if lines[header.first].strip() and path.suffix not in _UNPACKED:
             read = partial(np.loadtxt, delimiter=header.separator, comments=None, encoding="utf-8", ndmin=2)
-            values = read(path, skiprows=header.first)  # NumPy takes a third longer to read the content
-            parts = np.array_split(np.frombuffer(content, np.uint8), len(content) // _HEAD + 1)  # that fit into a cache
-            end = sum(np.count_nonzero(each == ord("\n")) for each in parts)
+            values = read(path, skiprows=header.first)  # NumPy takes a third longer to read an open file
+            parts = chain([head], iter(partial(file.read, _HEAD), b""))
+            end = sum(np.count_nonzero(np.frombuffer(each, np.uint8) == ord("\n")) for each in parts)
             if values.shape == (end - header.first, len(header.names)):  # no line is blank, or without its end
                 columns = dict(zip(wanted, values.T[positions], strict=True))
                 return LogTable(columns, range(header.first + 1, end + 1), "line", str(path))
     return None
 
 
-def column_names(path: Path, content: bytes) -> list[str]:
-    """Return the names of the columns of a text table; see `read_text`."""
-    return _header(path, _lines(path, content)[0]).names
-
-
-def _lines(path: Path, content: bytes) -> tuple[list[str], tuple[Finding, ...]]:
+def _lines(path: Path, whole: bool) -> tuple[list[str], tuple[Finding, ...]]:
     """Return the lines up to the last whole one that has a value, and whether something was cut off after it.
 
     A line ends with a line feed, a carriage return or both; a form feed or a Unicode separator may stand in a field.
     """
+    with opened(path) as file:
+        content = file.read()
     encoding = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8"
     decoded = content.decode(encoding, "replace").removeprefix("\ufeff")
     text = decoded.rstrip("\0\x1a")  # what a loss of power leaves, and the end mark of DOS
@@ -98,6 +99,7 @@ def _lines(path: Path, content: bytes) -> tuple[list[str], tuple[Finding, ...]]:
     if damaged := re.search("[\0\ufffd]", text):
         line, remedy = text.count("\n", 0, damaged.start()) + 1, "save the log as UTF-8, or remove the damaged lines"
         raise log_fault(path, f"line {line}: is no {encoding.upper()} text", remedy, "encoding")
+    text += "\n" if whole and not zeros else ""
     *lines, last = text.split("\n")
     torn, place = last.strip(_BLANK) != "", f"{path}: line {len(lines) + 1}"
     while lines and not lines[-1].strip(_BLANK):

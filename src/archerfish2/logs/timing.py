@@ -9,9 +9,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from archerfish2.logs.log import file_content
 from archerfish2.logs.recording import LogTable, Values, log_fault
-from archerfish2.logs.text import column_names, read_text
+from archerfish2.logs.text import read_text
 
 Frame = Literal["camera", "optical", "base"]
 """Of logged positions, see `read_detections`."""
@@ -116,9 +115,7 @@ def read_message_times(path: str | Path) -> MessageTimes:
 
 def _table(path: str | Path, required: Sequence[str], optional: Sequence[str] = ()) -> LogTable:
     """Read a table that lacks no value, and whose first column increases."""
-    content = file_content(Path(path))
-    present = [each for each in column_names(Path(path), content) if each in optional]
-    table = read_text(Path(path), content, [*required, *present])
+    table = read_text(Path(path), lambda names: [*required, *(each for each in names if each in optional)])
     table.check()
     for name, values in table.columns.items():
         for index in np.flatnonzero(np.isnan(values))[:1]:
