@@ -34,7 +34,7 @@ def read_array_file(path: Path, wanted: Sequence[str], *, matlab: bool) -> LogTa
         length than the others.
     """
     try:
-        return _read(path, io.BytesIO(_converted(path) if matlab else path.read_bytes()), wanted)
+        return _read(path, _converted(path) if matlab else path.read_bytes(), wanted)
     except InputError:
         raise
     except Exception as error:  # the readers raise whatever a damaged byte leads them to
@@ -51,37 +51,36 @@ def _converted(path: Path) -> bytes:
     return done.stdout
 
 
-def _read(path: Path, content: io.BytesIO, wanted: Sequence[str]) -> LogTable:
-    """Read the arrays that have the wanted signals, each of which must be there once and fit into the memory."""
-    archive = np.load(content, allow_pickle=False)
-    there = [(each.filename.removesuffix(".npy"), each.file_size) for each in archive.zip.infolist()]
-    names = [name for name, _ in there]
-    found = {signal: None if signal in names else _COLUMN.fullmatch(signal) for signal in wanted}
-    places = {signal: (each[1], int(each[2])) if each else (signal, None) for signal, each in found.items()}
-    for name, _ in places.values():
-        sizes = [size for each, size in there if each == name]
-        if len(sizes) != 1:
-            remedy = "write each log into a file of its own" if sizes else f"the arrays are {listed(names)}; name one"
-            problem = f'has {len(sizes) or "no"} arrays "{name}", expected one'
-            raise log_fault(path, problem, remedy, "column-twice" if sizes else "no-column")
-        if sizes[0] > MAX_BYTES:
-            problem = f'array "{name}" unpacks to {sizes[0] >> 20} MB, expected at most {MAX_BYTES >> 20} MB'
-            raise log_fault(path, problem, "cut the log into shorter ones", "too-large")
-    columns = {signal: _column(path, name, archive[name], column) for signal, (name, column) in places.items()}
+def _read(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
+    archive = np.load(io.BytesIO(content), allow_pickle=False)
+    columns = {signal: _column(path, archive, signal) for signal in wanted}
     if len(lengths := {len(values) for values in columns.values()}) > 1:
         problem = f"signals have {' and '.join(map(str, sorted(lengths)))} samples, expected one number"
         raise log_fault(path, problem, "store the signals of one log with one length", "length")
     return LogTable(columns, range(1, max(lengths) + 1), "row", str(path))
 
 
-def _column(path: Path, name: str, given: Any, column: int | None) -> Values:
-    values = np.asarray(given)
+def _column(path: Path, archive: Any, signal: str) -> Values:
+    """Return an array, or a column of a matrix, which must be there once and fit into the memory."""
+    match = None if signal in archive.files else _COLUMN.fullmatch(signal)
+    name, column = (match[1], int(match[2])) if match else (signal, None)
+    sizes = [each.file_size for each in archive.zip.infolist() if each.filename.removesuffix(".npy") == name]
+    if len(sizes) != 1:
+        remedy = (
+            "write each log into a file of its own" if sizes else f"the arrays are {listed(archive.files)}; name one"
+        )
+        problem = f'has {len(sizes) or "no"} arrays "{name}", expected one'
+        raise log_fault(path, problem, remedy, "column-twice" if sizes else "no-column")
+    if sizes[0] > MAX_BYTES:
+        problem = f'array "{name}" unpacks to {sizes[0] >> 20} MB, expected at most {MAX_BYTES >> 20} MB'
+        raise log_fault(path, problem, "cut the log into shorter ones", "too-large")
+    values = archive[name]
     if values.dtype.kind not in "fiub":
         raise log_fault(path, f'array "{name}" is of type {values.dtype}', "store real numbers", "not-a-number")
     if column is None and values.size == max(values.shape, default=0):  # MATLAB's vectors are matrices
-        return values.reshape(-1).astype(np.float64)
+        return np.asarray(values.reshape(-1), np.float64)
     matrix = values.T if values.ndim == 2 and values.shape[0] < values.shape[1] else values  # more samples than signals
     if column is None or matrix.ndim != 2 or column >= matrix.shape[1]:
         problem = f'array "{name}" has shape {values.shape}, expected ' + ("one column" if column is None else "more")
         raise log_fault(path, problem, f'name one of its columns, the first as "{name}[0]"', "no-column")
-    return matrix[:, column].astype(np.float64)
+    return np.asarray(matrix[:, column], np.float64)

@@ -70,10 +70,8 @@ def read_log(
     wraps = undo_wraps(parts, signals, source)
     even, period, jitter = at_equal_intervals(parts, source)
     period_s = sample_period_s or float(f"{period:.12g}")
-    names = [path.name if len(even) == 1 else f"{path.name}[{each.time[0]:.3f} s…]" for each in even]
-    every = [
-        Recording(u, y, period_s, float(at[0]), *signals, name) for name, (at, u, y) in zip(names, even, strict=True)
-    ]
+    piece = "[{:.3f} s…]" * (len(even) > 1)
+    every = [Recording(u, y, period_s, float(at[0]), *signals, path.name + piece.format(at[0])) for at, u, y in even]
     recordings, warnings = examined(every, source)
     samples = len(rows.time) + sum(each.samples for each in (*table.findings, *repairs))
     findings = (*table.findings, *repairs, *repeats, *gaps, *wraps, *jitter, *warnings)

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from archerfish2.logs.recording import Finding, log_fault
 from archerfish2.logs.text import read_text
 
-_LANDING, _PLANE = "distance_m", ("plane_distance_m", "hit_height_m")
 Array = NDArray[np.float64]
+_LANDING, _PLANE = "distance_m", ("plane_distance_m", "hit_height_m")
 
 _SIGNED = {"pitch_deg": 90.0, "yaw_deg": 90.0, "hit_height_m": np.inf, "lateral_m": np.inf}
-"""Values that may be negative, and what they are smaller than in size."""
+"""Array that may be negative, and what they are smaller than in size."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from archerfish2.logs.recording import Finding, LogTable, Recording, Values, log_fault
@@ -89,8 +88,7 @@ def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: f
     inputs, known, steps = held[rows, 1:], np.flatnonzero(~np.isnan(held).any(axis=1)), np.diff(stamps[rows])
     # Between some rows an input may have values of its own.
     between = (np.diff(np.searchsorted(known, rows)) > 1) & (steps <= _GAP * np.median(steps))
-    if between.any():
-        inputs[:-1][between] = held_mean(stamps[known], held[known, 1:], stamps[rows])[between]
+    inputs[:-1][between] = held_mean(stamps[known], held[known, 1:], stamps[rows])[between]
     return Rows(stamps[rows] - stamps[rows[0]], inputs, y[rows]), findings
 
 
@@ -160,12 +158,10 @@ def uninterrupted(rows: Rows, source: str) -> tuple[list[Rows], list[Finding]]:
 
 def _gaps(time: Values, period: float) -> NDArray[np.int64]:
     """Return the first sample after each gap; after one that was only stamped late, the next ones follow at once."""
-    longer = np.diff(time) > _GAP * period
-    if not longer.any():
-        return np.flatnonzero(longer)
-    lateness = np.pad(time - period * np.arange(time.size), (0, _WINDOW), constant_values=np.inf)
-    least = sliding_window_view(lateness, _WINDOW + 1).min(axis=1)
-    return np.flatnonzero(longer & (np.diff(least) > (_GAP - 1) * period)) + 1
+    longer, late = np.flatnonzero(np.diff(time) > _GAP * period), time - period * np.arange(time.size)
+    least = {at: late[at : at + _WINDOW + 1].min() for each in longer.tolist() for at in (each, each + 1)}
+    lasting = [least[at + 1] - least[at] > (_GAP - 1) * period for at in longer.tolist()]
+    return longer[np.array(lasting, dtype=np.bool_)] + 1
 
 
 def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], float, list[Finding]]:

@@ -9,7 +9,6 @@ import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -52,11 +51,10 @@ def read_text(path: Path, choose: Callable[[list[str]], list[str]], *, whole: bo
         return table
     lines, findings = _lines(path, whole)
     header = _header(path, lines)
-    wanted = choose(header.names)
-    positions = [_position(path, lines, header, name) for name in wanted]
+    positions = {name: _position(path, lines, header, name) for name in choose(header.names)}
     body = enumerate(lines[header.first :], header.first + 1)
     rows = {number: _row(path, number, line, header) for number, line in body if line.strip()}
-    texts = {name: [row[at].strip() for row in rows.values()] for name, at in zip(wanted, positions, strict=True)}
+    texts = {name: [row[at].strip() for row in rows.values()] for name, at in positions.items()}
     if _have_decimal_commas(texts):
         texts = {name: [text.replace(",", ".") for text in column] for name, column in texts.items()}
         message = "decimal commas were read as decimal points"
@@ -71,15 +69,14 @@ def _read_at_once(path: Path, choose: Callable[[list[str]], list[str]]) -> LogTa
         head = file.read(_HEAD)
         lines = head[: head.rfind(b"\n") + 1].decode("utf-8-sig").split("\n")
         header = _header(path, lines)
-        wanted = choose(header.names)
-        positions = [_position(path, lines, header, name) for name in wanted]
+        positions = {name: _position(path, lines, header, name) for name in choose(header.names)}
         if lines[header.first].strip() and path.suffix not in _UNPACKED:
-            read = partial(np.loadtxt, delimiter=header.separator, comments=None, encoding="utf-8", ndmin=2)
-            values = read(path, skiprows=header.first)  # NumPy takes a third longer to read an open file
-            parts = chain([head], iter(partial(file.read, _HEAD), b""))
-            end = sum(np.count_nonzero(np.frombuffer(each, np.uint8) == ord("\n")) for each in parts)
+            # NumPy takes a third longer to read an open file.
+            values = np.loadtxt(path, float, None, header.separator, skiprows=header.first, ndmin=2, encoding="utf-8")
+            parts = iter(partial(file.read, _HEAD), b"")
+            end = head.count(b"\n") + sum(np.count_nonzero(np.frombuffer(each, "u1") == ord("\n")) for each in parts)
             if values.shape == (end - header.first, len(header.names)):  # no line is blank, or without its end
-                columns = dict(zip(wanted, values.T[positions], strict=True))
+                columns = dict(zip(positions, values.T[[*positions.values()]], strict=True))
                 return LogTable(columns, range(header.first + 1, end + 1), "line", str(path))
     return None
 
