@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from archerfish2.errors import InputError
 from archerfish2.logs.recording import MAX_BYTES, LogTable, Values, listed, log_fault
 
 _COLUMN = re.compile(r"(.+)\[(\d{1,9})\]")
@@ -30,17 +29,16 @@ def read_array_file(path: Path, wanted: Sequence[str], *, matlab: bool) -> LogTa
       matlab: whether it is a MATLAB file.
 
     Raises:
-      InputError: if it is damaged, or an array is missing, there twice, too large, not of real numbers, or of another
-        length than the others.
+      InputError: if an array is missing, there twice, too large, not of real numbers, or of another length than the
+        others.
+      Exception: whatever a damaged byte leads the libraries to.
     """
-    try:
-        return _read(path, _converted(path) if matlab else path.read_bytes(), wanted)
-    except InputError:
-        raise
-    except Exception as error:  # the readers raise whatever a damaged byte leads them to
-        problem = f"is damaged, or has objects ({type(error).__name__}: {str(error)[:200]})"
-        code = "not-a-number" if "Object arrays" in str(error) else "damaged"
-        raise log_fault(path, problem, "write the file again, its signals as arrays of numbers", code) from error
+    archive = np.load(io.BytesIO(_converted(path) if matlab else path.read_bytes()), allow_pickle=False)
+    columns = {signal: _column(path, archive, signal) for signal in wanted}
+    if len(lengths := {len(values) for values in columns.values()}) > 1:
+        problem = f"signals have {' and '.join(map(str, sorted(lengths)))} samples, expected one number"
+        raise log_fault(path, problem, "store the signals of one log with one length", "length")
+    return LogTable(columns, range(1, max(lengths) + 1), "row", str(path))
 
 
 def _converted(path: Path) -> bytes:
@@ -49,15 +47,6 @@ def _converted(path: Path) -> bytes:
     if done.returncode:
         raise ValueError(done.stderr.decode(errors="replace").strip().rpartition("\n")[2] or "the reader crashed")
     return done.stdout
-
-
-def _read(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
-    archive = np.load(io.BytesIO(content), allow_pickle=False)
-    columns = {signal: _column(path, archive, signal) for signal in wanted}
-    if len(lengths := {len(values) for values in columns.values()}) > 1:
-        problem = f"signals have {' and '.join(map(str, sorted(lengths)))} samples, expected one number"
-        raise log_fault(path, problem, "store the signals of one log with one length", "length")
-    return LogTable(columns, range(1, max(lengths) + 1), "row", str(path))
 
 
 def _column(path: Path, archive: Any, signal: str) -> Values:

@@ -12,13 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from archerfish2.errors import InputError
 from archerfish2.logs.recording import Finding, LogTable, Values, listed, log_fault
 
 BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
 """How files of a bag begin, and the ending of their names, by which rosbags recognises them."""
 _MCAP, _MCAP_FOOTER = b"\x89MCAP0\r\n", b"\x02\x14" + bytes(27)
-_RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
+RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
 _Series = tuple[Any, Values]
 """Number in the topic, receipt and stamp [ns] of N messages, (3, N), and signals, (N, m), NaN where not in them."""
 
@@ -38,7 +37,8 @@ def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
       signals: their names; of messages with equal times those of the last one's topic come last.
 
     Raises:
-      InputError: if rosbags is not installed, the bag can't be read, or a topic or a field is not in it.
+      InputError: if rosbags is not installed, a record is lost, or a topic or a field is not in it.
+      Exception: whatever a damaged byte leads the libraries to.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -47,19 +47,14 @@ def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
         raise log_fault(path, "is a bag: needs rosbags", "pip install archerfish[bags]", "no-library") from error
     findings: list[Finding] = []
     with TemporaryDirectory() as folder:
-        try:
-            whole = (path / "metadata.yaml").is_file()
-            files = [path] if whole else [_whole(each, folder, findings) for each in bag_files(path)]
-            with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-                if not reader.connections:
-                    raise ValueError("it has no topics")
-                of = {signal: _topic(path, reader, signal) for signal in signals}
-                order = sorted(set(of.values()), key=of[signals[-1]].__eq__)
-                series = [_series(path, reader, topic, of, findings) for topic in order]
-        except InputError:
-            raise
-        except Exception as error:  # the libraries raise whatever a damaged byte leads them to
-            raise log_fault(path, f"is damaged, or no bag ({error!r:.200})", _RECOVER, "damaged") from error
+        whole = (path / "metadata.yaml").is_file()
+        files = [path] if whole else [_whole(each, folder, findings) for each in bag_files(path)]
+        with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            if not reader.connections:
+                raise ValueError("it has no topics")
+            of = {signal: _topic(path, reader, signal) for signal in signals}
+            order = sorted(set(of.values()), key=of[signals[-1]].__eq__)
+            series = [_series(path, reader, topic, of, findings) for topic in order]
     return _one_table(path, series, signals, findings)
 
 
@@ -103,7 +98,7 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
                 rows.append([_value(message, *each) for each in steps])
                 stamp = getattr(getattr(message, "header", None), "stamp", None)
                 times.append((count, received, stamp.sec * 10**9 + stamp.nanosec if stamp else 0))
-        except Exception as error:  # as above
+        except Exception as error:  # of any kind
             code = "no-column" if isinstance(error, (AttributeError, IndexError, TypeError)) else "damaged"
             problem = f"message {count} of {topic} has no {listed(own)} ({error!r:.200})"
             _, fields = reader.typestore.fielddefs.get(kind, ((), ()))
@@ -111,7 +106,7 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
             remedy = f"the fields of {kind} are {listed(name for name, _ in fields)}; {remedy}"
             raise log_fault(path, problem, remedy, code) from error
     if (stated := sum(each.msgcount for each in connections)) > count:  # a reader may end at a damaged record
-        raise log_fault(path, f"{count} of {stated} messages of {topic} can be read", _RECOVER, "damaged")
+        raise log_fault(path, f"{count} of {stated} messages of {topic} can be read", RECOVER, "damaged")
     if not rows or joints - seen:
         problem = f"topic {topic} has {count} messages, none with {listed(joints - seen)}"
         raise log_fault(path, problem, f"it has {listed(sorted(seen))}", "no-column" if count else "no-data")

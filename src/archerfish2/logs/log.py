@@ -7,8 +7,8 @@ from pathlib import Path
 
 from archerfish2.errors import InputError, file_error
 from archerfish2.logs.arrays import read_array_file
-from archerfish2.logs.bags import BAGS, bag_files, read_bag
-from archerfish2.logs.recording import Log, LogTable, Recording, opened
+from archerfish2.logs.bags import BAGS, RECOVER, bag_files, read_bag
+from archerfish2.logs.recording import Log, LogTable, Recording, log_fault, opened
 from archerfish2.logs.signals import examined, fresh_rows, undo_wraps
 from archerfish2.logs.stamps import at_equal_intervals, uninterrupted, usable_rows
 from archerfish2.logs.text import read_text
@@ -59,11 +59,9 @@ def read_log(
         with opened(each) as file:
             begin = begin or file.peek()
             hashlib.file_digest(file, lambda: digest)
-    if path.is_dir() or begin.startswith(tuple(BAGS)) or path.suffix in BAGS.values():
-        table, stamps = read_bag(path, list(dict.fromkeys((*signals[0], *signals[1])))), "time_s"
-    else:
-        table = _table(path, begin, list(dict.fromkeys([*([stamps] if stamps else []), *signals[0], *signals[1]])))
-    table.check()
+    bag, wanted = path.is_dir() or begin.startswith(tuple(BAGS)) or path.suffix in BAGS.values(), (*inputs, *outputs)
+    stamps = "time_s" if bag else stamps
+    table = _table(path, begin, list(dict.fromkeys((stamps, *wanted) if stamps and not bag else wanted)), bag)
     rows, repairs = usable_rows(table, signals, stamps, sample_period_s or 1.0)
     fresh, repeats = fresh_rows(rows, source)
     parts, gaps = uninterrupted(fresh, source)
@@ -78,11 +76,22 @@ def read_log(
     return Log(recordings, findings, samples, source, digest.hexdigest())
 
 
-def _table(path: Path, begin: bytes, wanted: list[str]) -> LogTable:
-    for unread, problem, remedy in _UNREAD:
-        if begin.startswith(unread):
-            raise file_error(path, problem, remedy, "unknown-format")
-    archive, matlab = begin.startswith(b"PK\x03\x04"), begin.startswith(b"MATLAB") or path.suffix == ".mat"
-    if archive or matlab or path.suffix == ".npz":
-        return read_array_file(path, wanted, matlab=matlab and not archive)
+def _table(path: Path, begin: bytes, wanted: list[str], bag: bool) -> LogTable:
+    archive = begin.startswith(b"PK\x03\x04")
+    matlab = not archive and (begin.startswith(b"MATLAB") or path.suffix == ".mat")
+    try:
+        if bag:
+            return read_bag(path, wanted)
+        for unread, problem, remedy in _UNREAD:
+            if begin.startswith(unread):
+                raise file_error(path, problem, remedy, "unknown-format")
+        if archive or matlab or path.suffix == ".npz":
+            return read_array_file(path, wanted, matlab=matlab)
+    except InputError:
+        raise
+    except Exception as error:
+        problem = f"is damaged, or {'no bag' if bag else 'has objects'} ({type(error).__name__}: {str(error)[:200]})"
+        remedy = RECOVER if bag else "write the file again, its signals as arrays of numbers"
+        code = "not-a-number" if "Object arrays" in str(error) else "damaged"
+        raise log_fault(path, problem, remedy, code) from error
     return read_text(path, lambda _: wanted)

@@ -31,8 +31,13 @@ class Finding(NamedTuple):
     samples: int = 0  # that were left out
 
 
-class LogTable(NamedTuple):
-    """Columns of a log, not at equal intervals yet."""
+@dataclass(frozen=True, eq=False)
+class LogTable:
+    """Columns of a log, not at equal intervals yet.
+
+    Raises:
+      InputError: if there is no sample, or a value is infinite or beyond all units.
+    """
 
     columns: dict[str, Values]  # by name, each of shape (N,); NaN where a value is missing
     places: Sequence[int]  # line or row of the file that each sample comes from, counted from 1; shape (N,)
@@ -40,18 +45,17 @@ class LogTable(NamedTuple):
     source: str  # the file, for messages
     findings: tuple[Finding, ...] = ()  # what the reader repaired
 
-    def place(self, index: int) -> str:
-        """Return file and place of a sample."""
-        return f"{self.source}: {self.place_kind} {self.places[index]}"
-
-    def check(self) -> None:
-        """Refuse a table without samples, and values that are infinite or beyond all units."""
+    def __post_init__(self) -> None:
         if not len(self.places):
             raise log_fault(self.source, "has names but no samples", "pass a log that has some", "no-data")
         for name, values in self.columns.items():
             if (beyond := np.abs(values) > _LARGEST_VALUE).any():
                 problem = f'"{name}" is {values[beyond][0]:g}, expected a number within ±{_LARGEST_VALUE:g}'
                 raise log_fault(self.place(int(np.argmax(beyond))), problem, "cut the log there into two", "infinite")
+
+    def place(self, index: int) -> str:
+        """Return file and place of a sample."""
+        return f"{self.source}: {self.place_kind} {self.places[index]}"
 
 
 @dataclass(frozen=True, eq=False)

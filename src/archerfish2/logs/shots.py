@@ -103,7 +103,6 @@ def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Array], tuple[str
     """Return what a file has by field, the place of each shot, and what was repaired."""
     # A person who writes a table may leave out the last line break.
     table = read_text(path, lambda names: _wanted(path, names, columns), whole=True)
-    table.check()
     rows = np.flatnonzero(np.any(np.isfinite([*table.columns.values()]), axis=0))  # a line of separators is no shot
     fields = {name: field for field, name in vars(columns).items()}
     found = {fields[name]: np.asarray(values[rows], float) for name, values in table.columns.items()}

@@ -13,7 +13,7 @@ from archerfish2.logs.recording import LogTable, Values, log_fault
 from archerfish2.logs.text import read_text
 
 MessageTimes = tuple[Values, Values]
-"""Of messages that arrived, by one clock or by synchronised ones: when sent, increasing, and received [s], (N,) each."""
+"""When messages were sent, increasing, and received, by one clock or by synchronised ones [s], (N,) each."""
 Frame = Literal["camera", "optical", "base"]
 """Of logged positions, see `read_detections`."""
 
@@ -112,7 +112,6 @@ def read_message_times(path: str | Path) -> MessageTimes:
 def _table(path: str | Path, required: Sequence[str], optional: Sequence[str] = ()) -> LogTable:
     """Read a table that lacks no value, and whose first column increases."""
     table = read_text(Path(path), lambda names: [*required, *(each for each in names if each in optional)])
-    table.check()
     for name, values in table.columns.items():
         for index in np.flatnonzero(np.isnan(values))[:1]:
             raise log_fault(table.place(index), f'"{name}" has no value', "remove the line", "missing-value")
