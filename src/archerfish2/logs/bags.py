@@ -86,21 +86,20 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
     """Read signals of a topic, without the messages that name other joints alone."""
     connections = [each for each in reader.connections if each.topic == topic]
     kind = connections[0].msgtype
-    own = [signal for signal, each in of.items() if each == topic]
-    places = [signal[len(topic) + 1 :].rpartition("/") for signal in own]
-    steps = [(joint, re.findall(r"[^.\[\]]+", field)) for joint, _, field in places]
-    joints, times, rows, seen, count = {joint for joint, _ in steps}, [], [], {""}, 0
+    places = {signal: signal[len(topic) + 1 :].rpartition("/") for signal, each in of.items() if each == topic}
+    steps = {signal: (joint, re.findall(r"[^.\[\]]+", field)) for signal, (joint, _, field) in places.items()}
+    joints, times, rows, seen, count = {joint for joint, _ in steps.values()}, [], [], {""}, 0
     for count, (_, received, content) in enumerate(reader.messages(connections=connections), 1):
         try:
             message = reader.deserialize(content, kind)
             seen.update(here := message.name if any(joints) else ())
             if not all(joints) or not joints.isdisjoint(here):
-                rows.append([_value(message, *each) for each in steps])
+                rows.append([_value(message, *steps[each]) if each in steps else None for each in of])
                 stamp = getattr(getattr(message, "header", None), "stamp", None)
                 times.append((count, received, stamp.sec * 10**9 + stamp.nanosec if stamp else 0))
         except Exception as error:  # of any kind
             code = "no-column" if isinstance(error, (AttributeError, IndexError, TypeError)) else "damaged"
-            problem = f"message {count} of {topic} has no {listed(own)} ({error!r:.200})"
+            problem = f"message {count} of {topic} has no {listed(steps)} ({error!r:.200})"
             _, fields = reader.typestore.fielddefs.get(kind, ((), ()))
             remedy = "if you named one of them, copy the bag again; if there are none, record MCAP, which defines them"
             remedy = f"the fields of {kind} are {listed(name for name, _ in fields)}; {remedy}"
@@ -113,9 +112,7 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
     if count > len(rows):
         message = f"messages of {topic} that name other joints left out: {count - len(rows)}"
         findings.append(Finding("other-joints", "repaired", str(path), message, "nothing to do"))
-    values = np.full((len(rows), len(of)), np.nan)
-    values[:, [each == topic for each in of.values()]] = np.array(rows, dtype=np.float64)
-    return np.array(times, dtype=np.int64).T, values
+    return np.array(times, dtype=np.int64).T, np.array(rows, dtype=np.float64)
 
 
 def _value(message: Any, joint: str, steps: Sequence[str]) -> float | None:

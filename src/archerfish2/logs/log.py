@@ -1,7 +1,6 @@
 """One function for logs of all formats: the content of a file shows what it is."""
 
 import hashlib
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -49,7 +48,7 @@ def read_log(
     if not (inputs and outputs):
         raise InputError("read_log: no input or no output is named; name at least one of each", "no-column")
     signals = inputs, outputs
-    if stamps is None and not 0 < (sample_period_s or 0) < math.inf:
+    if stamps is None and not 0 < (sample_period_s or 0) < float("inf"):
         problem = f"sample_period_s is {sample_period_s}, expected a number above 0 s"
         raise InputError(f"read_log: {problem}; pass it, or the name of the stamps", "sample-period")
     if not (files := bag_files(path)):
@@ -92,6 +91,5 @@ def _table(path: Path, begin: bytes, wanted: list[str], bag: bool) -> LogTable:
     except Exception as error:
         problem = f"is damaged, or {'no bag' if bag else 'has objects'} ({type(error).__name__}: {str(error)[:200]})"
         remedy = RECOVER if bag else "write the file again, its signals as arrays of numbers"
-        code = "not-a-number" if "Object arrays" in str(error) else "damaged"
-        raise log_fault(path, problem, remedy, code) from error
+        raise log_fault(path, problem, remedy, "not-a-number" if "Object array" in str(error) else "damaged") from error
     return read_text(path, lambda _: wanted)

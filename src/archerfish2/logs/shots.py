@@ -126,8 +126,7 @@ def _wanted(path: Path, there: list[str], columns: ShotColumns) -> list[str]:
     for field in (field for field, name in vars(columns).items() if name not in there):
         pattern = re.sub("_(deg|m_s|m)$", r"_\\w+", field)
         for other in (each for each in there if re.fullmatch(pattern, each) and each not in vars(COLUMNS)):
-            problem = f'"{other}" has another unit than {field}'
-            raise log_fault(path, problem, f"convert it to {field}", "unknown-unit")
+            raise log_fault(path, f'"{other}" has another unit than {field}', f"convert it to {field}", "unknown-unit")
     wanted = {field for field, name in vars(columns).items() if name in there or name != field} | {"pitch_deg"}
     kind = {_LANDING} if wanted.isdisjoint(_PLANE) else {*_PLANE}
     if _LANDING in wanted - kind:

@@ -8,7 +8,6 @@ import csv
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -73,7 +72,7 @@ def _read_at_once(path: Path, choose: Callable[[list[str]], list[str]]) -> LogTa
         if lines[header.first].strip() and path.suffix not in _UNPACKED:
             # NumPy takes a third longer to read an open file.
             values = np.loadtxt(path, float, None, header.separator, skiprows=header.first, ndmin=2, encoding="utf-8")
-            parts = iter(partial(file.read, _HEAD), b"")
+            parts = iter(lambda: file.read(_HEAD), b"")
             end = head.count(b"\n") + sum(np.count_nonzero(np.frombuffer(each, "u1") == ord("\n")) for each in parts)
             if values.shape == (end - header.first, len(header.names)):  # no line is blank, or without its end
                 columns = dict(zip(positions, values.T[[*positions.values()]], strict=True))
