@@ -4,6 +4,7 @@ import io
 import re
 import subprocess
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,8 @@ def read_array_file(path: Path, wanted: Sequence[str], *, matlab: bool) -> LogTa
       Exception: whatever a damaged byte leads the libraries to.
     """
     archive = np.load(io.BytesIO(_converted(path) if matlab else path.read_bytes()), allow_pickle=False)
-    columns = {signal: _column(path, archive, signal) for signal in wanted}
+    with warnings.catch_warnings(action="ignore"):  # of headers that Python 2 wrote
+        columns = {signal: _column(path, archive, signal) for signal in wanted}
     if len(lengths := {len(values) for values in columns.values()}) > 1:
         problem = f"signals have {' and '.join(map(str, sorted(lengths)))} samples, expected one number"
         raise log_fault(path, problem, "store the signals of one log with one length", "length")

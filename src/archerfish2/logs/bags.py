@@ -37,14 +37,13 @@ def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
       signals: their names; of messages with equal times those of the last one's topic come last.
 
     Raises:
-      InputError: if rosbags is not installed, a record is lost, or a topic or a field is not in it.
+      ImportError: if rosbags is not installed.
+      InputError: if a record is lost, or a topic or a field is not in it.
       Exception: whatever a damaged byte leads the libraries to.
     """
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise log_fault(path, "is a bag: needs rosbags", "pip install archerfish[bags]", "no-library") from error
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
     findings: list[Finding] = []
     with TemporaryDirectory() as folder:
         whole = (path / "metadata.yaml").is_file()
@@ -64,9 +63,10 @@ def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:
     if not content.startswith(_MCAP) or content.endswith(_MCAP):
         return file
     end = after = len(_MCAP)  # of its last whole record, which are a type, the length of what follows, and that
-    while after <= len(content) and content[end:].strip(b"\0"):
+    written = len(content.rstrip(b"\0"))
+    while after <= len(content) and end < written:
         end, after = after, after + 9 + int.from_bytes(content[after + 1 : after + 9], "little")
-        if content[end : end + 1] == b"\0" and content[end:].strip(b"\0"):
+        if content[end : end + 1] == b"\0" and end < written:
             raise ValueError(f"its records break off at byte {end}")
     (copy := Path(folder, file.name)).write_bytes(content[:end] + _MCAP_FOOTER + _MCAP)
     message, remedy = f"the last {len(content) - end} bytes are no whole record", "stop the recorder before copying"

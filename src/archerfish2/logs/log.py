@@ -88,6 +88,8 @@ def _table(path: Path, begin: bytes, wanted: list[str], bag: bool) -> LogTable:
             return read_array_file(path, wanted, matlab=matlab)
     except InputError:
         raise
+    except ImportError as error:
+        raise log_fault(path, "is a bag: needs rosbags", "pip install archerfish[bags]", "no-library") from error
     except Exception as error:
         problem = f"is damaged, or {'no bag' if bag else 'has objects'} ({type(error).__name__}: {str(error)[:200]})"
         remedy = RECOVER if bag else "write the file again, its signals as arrays of numbers"

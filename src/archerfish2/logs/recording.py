@@ -49,9 +49,10 @@ class LogTable:
         if not len(self.places):
             raise log_fault(self.source, "has names but no samples", "pass a log that has some", "no-data")
         for name, values in self.columns.items():
-            if (beyond := np.abs(values) > _LARGEST_VALUE).any():
-                problem = f'"{name}" is {values[beyond][0]:g}, expected a number within ±{_LARGEST_VALUE:g}'
-                raise log_fault(self.place(int(np.argmax(beyond))), problem, "cut the log there into two", "infinite")
+            if max(np.fmax.reduce(values), -np.fmin.reduce(values)) > _LARGEST_VALUE:  # without a copy
+                row = int(np.argmax(np.abs(values) > _LARGEST_VALUE))
+                problem = f'"{name}" is {values[row]:g}, expected a number within ±{_LARGEST_VALUE:g}'
+                raise log_fault(self.place(row), problem, "cut the log there into two", "infinite")
 
     def place(self, index: int) -> str:
         """Return file and place of a sample."""

@@ -40,6 +40,7 @@ class Rows(NamedTuple):
     outputs: Values  # (N, p)
 
 
+@np.errstate(invalid="ignore")  # a damaged file may have signalling NaN
 def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: float) -> tuple[Rows, list[Finding]]:
     """Return the samples of a log, some rows of which may be without a stamp or some signals.
 
@@ -57,7 +58,7 @@ def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: f
     """
     u, y = (np.column_stack([table.columns[name] for name in names]) for names in signals)
     stamps, findings = (period_s * np.arange(len(u)), []) if time is None else _seconds(table, time)
-    if len(u) > 1 and (np.diff(stamps) > 0).all() and not (np.isnan(u).any() or np.isnan(y).any()):
+    if len(u) > 1 and (stamps[1:] > stamps[:-1]).all() and not (np.isnan(u).any() or np.isnan(y).any()):
         return Rows(stamps - stamps[0], u, y), findings
     _check_order(table, stamps, ~np.isnan(stamps), "time-backward", "cut the log there into two")
     last = np.maximum.accumulate(np.where(np.isnan(u), 0, np.arange(len(u))[:, None]), axis=0)
@@ -94,12 +95,11 @@ def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: f
 
 def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
     """Return the stamps in seconds, shape (N,), and what their unit was or may be."""
-    unit = time_unit(time)
-    stamps = table.columns[time] * _SECONDS[unit]
+    unit, stamps = time_unit(time), table.columns[time]
     if unit != "s":
         message = f'stamps "{time}" are in {unit}, as the name says, and were turned into seconds'
-        return stamps, [Finding("time-unit", "repaired", table.source, message, "nothing to do")]
-    steps = subsampled(np.diff(stamps))
+        return stamps * _SECONDS[unit], [Finding("time-unit", "repaired", table.source, message, "nothing to do")]
+    steps = subsampled(stamps[1:]) - subsampled(stamps[:-1])
     period = float(np.nanmedian(steps)) if np.any(steps > 0) else 0.0
     if period <= 0 or _PLAUSIBLE_S[0] <= period <= _PLAUSIBLE_S[1]:
         return stamps, []
@@ -140,7 +140,7 @@ def uninterrupted(rows: Rows, source: str) -> tuple[list[Rows], list[Finding]]:
       InputError: if no part is long enough.
     """
     steps, findings, remedy = np.diff(rows.time), [], "log without interruptions"
-    gaps = _gaps(rows.time, float(np.median(subsampled(steps))))
+    gaps = _gaps(rows.time, steps)
     if gaps.size:
         at, longest = rows.time[gaps[0] - 1], steps[gaps - 1].max()
         message = f"gaps: {gaps.size}, the first at {at:.4g} s, of up to {longest:.4g} s; the log was cut there"
@@ -156,12 +156,13 @@ def uninterrupted(rows: Rows, source: str) -> tuple[list[Rows], list[Finding]]:
     return long, findings
 
 
-def _gaps(time: Values, period: float) -> NDArray[np.int64]:
+def _gaps(time: Values, steps: Values) -> NDArray[np.int64]:
     """Return the first sample after each gap; after one that was only stamped late, the next ones follow at once."""
-    longer, late = np.flatnonzero(np.diff(time) > _GAP * period), time - period * np.arange(time.size)
-    least = {at: late[at : at + _WINDOW + 1].min() for each in longer.tolist() for at in (each, each + 1)}
-    lasting = [least[at + 1] - least[at] > (_GAP - 1) * period for at in longer.tolist()]
-    return longer[np.array(lasting, dtype=np.bool_)] + 1
+    period = float(np.median(subsampled(steps)))
+    longer = np.flatnonzero(steps > _GAP * period).tolist()
+    nearby = [time[at : at + _WINDOW + 2] - period * np.arange(at, min(at + _WINDOW + 2, time.size)) for at in longer]
+    delays = [late[1:].min() - late[: _WINDOW + 1].min() for late in nearby]
+    return np.array([at + 1 for at, each in zip(longer, delays, strict=True) if each > (_GAP - 1) * period], np.int64)
 
 
 def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], float, list[Finding]]:
