@@ -18,8 +18,6 @@ BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
 """How files of a bag begin, and the ending of their names, by which rosbags recognises them."""
 _MCAP, _MCAP_FOOTER = b"\x89MCAP0\r\n", b"\x02\x14" + bytes(27)
 RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
-_Series = tuple[Any, Values]
-"""Number in the topic, receipt and stamp [ns] of N messages, (3, N), and signals, (N, m), NaN where not in them."""
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -46,8 +44,8 @@ def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
 
     findings: list[Finding] = []
     with TemporaryDirectory() as folder:
-        whole = (path / "metadata.yaml").is_file()
-        files = [path] if whole else [_whole(each, folder, findings) for each in bag_files(path)]
+        indexed = (path / "metadata.yaml").is_file()
+        files = [path] if indexed else [_whole(each, folder, findings) for each in bag_files(path)]
         with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             if not reader.connections:
                 raise ValueError("it has no topics")
@@ -82,8 +80,12 @@ def _topic(path: Path, reader: Any, signal: str) -> str:
     raise log_fault(path, f'has no topic of signal "{signal}"', remedy, "no-column")
 
 
-def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: list[Finding]) -> _Series:
-    """Read signals of a topic, without the messages that name other joints alone."""
+def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: list[Finding]) -> tuple[Any, Values]:
+    """Read signals of a topic, without the messages that name other joints alone.
+
+    Returns:
+      Number in the topic, receipt and stamp [ns] of N messages, (3, N), and signals, (N, m), NaN where not in them.
+    """
     connections = [each for each in reader.connections if each.topic == topic]
     kind = connections[0].msgtype
     places = {signal: signal[len(topic) + 1 :].rpartition("/") for signal, each in of.items() if each == topic}
@@ -125,7 +127,9 @@ def _value(message: Any, joint: str, steps: Sequence[str]) -> float | None:
     return float(message)
 
 
-def _one_table(path: Path, series: Sequence[_Series], signals: Sequence[str], findings: list[Finding]) -> LogTable:
+def _one_table(
+    path: Path, series: Sequence[tuple[Any, Values]], signals: Sequence[str], findings: list[Finding]
+) -> LogTable:
     """Return the messages of all topics in order of time, and of the topics where times are equal."""
     if len(stamped := {bool(stamps.any()) for (_, _, stamps), _ in series}) > 1:
         problem = "some topics have header.stamp, and some the time of their receipt alone"

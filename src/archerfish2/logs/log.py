@@ -59,9 +59,8 @@ def read_log(
             begin = begin or file.peek()
             hashlib.file_digest(file, lambda: digest)
     bag, wanted = path.is_dir() or begin.startswith(tuple(BAGS)) or path.suffix in BAGS.values(), (*inputs, *outputs)
-    stamps = "time_s" if bag else stamps
     table = _table(path, begin, list(dict.fromkeys((stamps, *wanted) if stamps and not bag else wanted)), bag)
-    rows, repairs = usable_rows(table, signals, stamps, sample_period_s or 1.0)
+    rows, repairs = usable_rows(table, signals, "time_s" if bag else stamps, sample_period_s or 1.0)
     fresh, repeats = fresh_rows(rows, source)
     parts, gaps = uninterrupted(fresh, source)
     wraps = undo_wraps(parts, signals, source)
@@ -76,8 +75,7 @@ def read_log(
 
 
 def _table(path: Path, begin: bytes, wanted: list[str], bag: bool) -> LogTable:
-    archive = begin.startswith(b"PK\x03\x04")
-    matlab = not archive and (begin.startswith(b"MATLAB") or path.suffix == ".mat")
+    archive, matlab = begin.startswith(b"PK\x03\x04"), begin.startswith(b"MATLAB") or path.suffix == ".mat"
     try:
         if bag:
             return read_bag(path, wanted)
@@ -85,7 +83,7 @@ def _table(path: Path, begin: bytes, wanted: list[str], bag: bool) -> LogTable:
             if begin.startswith(unread):
                 raise file_error(path, problem, remedy, "unknown-format")
         if archive or matlab or path.suffix == ".npz":
-            return read_array_file(path, wanted, matlab=matlab)
+            return read_array_file(path, wanted, matlab=matlab and not archive)
     except InputError:
         raise
     except ImportError as error:

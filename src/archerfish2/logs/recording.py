@@ -121,9 +121,8 @@ class Recording:
         """
         if not 0 <= start < stop <= len(self):
             raise InputError(f"{self.source}: has no samples {start} to {stop}; give a range within 0 to {len(self)}")
-        inputs, outputs, begin = self.inputs[start:stop], self.outputs[start:stop], float(self.time[start])
-        source = f"{self.source}[{start}:{stop}]"
-        return replace(self, inputs=inputs, outputs=outputs, start_s=begin, source=source)
+        u, y, begin = self.inputs[start:stop], self.outputs[start:stop], float(self.time[start])
+        return replace(self, inputs=u, outputs=y, start_s=begin, source=f"{self.source}[{start}:{stop}]")
 
     def write_csv(self, path: str | Path, time: str = "time_s") -> None:
         """Write a CSV file, from which `read_log` reads the same values.

@@ -61,8 +61,7 @@ def undo_wraps(parts: Sequence[Rows], names: Signals, source: str) -> list[Findi
         for name, signal in zip((*names[0], *names[1]), (*u.T, *y.T), strict=True):
             steps = np.diff(signal)
             most, least = np.ptp(steps) / 0.75, np.ptp(signal) / 1.02
-            possible = [each for each in turns[name] if least <= each < most]
-            for turn in [each for each in possible if _wraps_at(signal, each)][:1]:
+            for turn in [each for each in turns[name] if least <= each < most and _wraps_at(signal, each)][:1]:
                 jumps = np.count_nonzero(np.abs(steps) > 0.75 * turn)
                 signal[:] = np.unwrap(signal, period=turn)
                 message = f'"{name}" jumps by a whole turn of {turn:.6g} {jumps} times and was unwrapped'

@@ -26,7 +26,6 @@ _EVEN = 0.1  # of a period: departures from equal spacing that matter less than 
 _SMOOTHER = 0.7  # share of the outputs' roughness over their stamps, below which samples were taken evenly
 _COSTLY, _OSCILLATING = 0.02, 0.1
 """Differences of lines and curves through the samples, in standard deviations: one costs a fit up to 2 points."""
-_SAME_PERIOD = 1e-6  # relative difference
 _EARLY = 0.3  # of a period that a stamp may come before its place; it may come late by the rest
 Signals = tuple[tuple[str, ...], tuple[str, ...]]
 """Names of inputs and of outputs."""
@@ -264,7 +263,7 @@ def held_mean(time: Values, signals: Values, edges: Values) -> Values:
 
 def resampled(recording: Recording, period_s: float) -> Recording:
     """Return a recording at another sampling period [s]: inputs averaged, outputs interpolated by a cubic spline."""
-    if abs(recording.period_s / period_s - 1) < _SAME_PERIOD:
+    if abs(recording.period_s / period_s - 1) < 1e-6:
         return replace(recording, period_s=period_s)
     from scipy.interpolate import CubicSpline
 

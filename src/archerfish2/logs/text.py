@@ -9,7 +9,6 @@ import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,12 +27,6 @@ _UNPACKED = (".gz", ".bz2", ".xz")  # endings by which NumPy takes a file for a 
 _SHOWN = 40  # characters of a bad field, and lines in which a name is looked for that is not in the first
 
 
-class _Header(NamedTuple):
-    names: list[str]  # of the columns; "1", "2", … where the first line has numbers
-    separator: str | None  # None: blanks
-    first: int  # index of the first line of data
-
-
 def read_text(path: Path, choose: Callable[[list[str]], list[str]], *, whole: bool = False) -> LogTable:
     """Read columns of numbers from a text table; a missing value becomes NaN, in a line of separators alone all.
 
@@ -49,10 +42,10 @@ def read_text(path: Path, choose: Callable[[list[str]], list[str]], *, whole: bo
     if (table := _read_at_once(path, choose)) is not None:
         return table
     lines, findings = _lines(path, whole)
-    header = _header(path, lines)
-    positions = {name: _position(path, lines, header, name) for name in choose(header.names)}
-    body = enumerate(lines[header.first :], header.first + 1)
-    rows = {number: _row(path, number, line, header) for number, line in body if line.strip()}
+    names, separator, first = _header(path, lines)
+    positions = {name: _position(path, lines, first, names, name) for name in choose(names)}
+    body = enumerate(lines[first:], first + 1)
+    rows = {number: _row(path, number, line, separator, len(names)) for number, line in body if line.strip()}
     texts = {name: [row[at].strip() for row in rows.values()] for name, at in positions.items()}
     if _have_decimal_commas(texts):
         texts = {name: [text.replace(",", ".") for text in column] for name, column in texts.items()}
@@ -67,16 +60,16 @@ def _read_at_once(path: Path, choose: Callable[[list[str]], list[str]]) -> LogTa
     with suppress(ValueError, OSError), opened(path) as file:
         head = file.read(_HEAD)
         lines = head[: head.rfind(b"\n") + 1].decode("utf-8-sig").split("\n")
-        header = _header(path, lines)
-        positions = {name: _position(path, lines, header, name) for name in choose(header.names)}
-        if lines[header.first].strip() and path.suffix not in _UNPACKED:
+        names, separator, first = _header(path, lines)
+        positions = {name: _position(path, lines, first, names, name) for name in choose(names)}
+        if lines[first].strip() and path.suffix not in _UNPACKED:
             # NumPy takes a third longer to read an open file.
-            values = np.loadtxt(path, float, None, header.separator, skiprows=header.first, ndmin=2, encoding="utf-8")
+            values = np.loadtxt(path, float, None, separator, skiprows=first, ndmin=2, encoding="utf-8")
             parts = iter(lambda: file.read(_HEAD), b"")
             end = head.count(b"\n") + sum(np.count_nonzero(np.frombuffer(each, "u1") == ord("\n")) for each in parts)
-            if values.shape == (end - header.first, len(header.names)):  # no line is blank, or without its end
+            if values.shape == (end - first, len(names)):  # no line is blank, or without its end
                 columns = dict(zip(positions, values.T[[*positions.values()]], strict=True))
-                return LogTable(columns, range(header.first + 1, end + 1), "line", str(path))
+                return LogTable(columns, range(first + 1, end + 1), "line", str(path))
     return None
 
 
@@ -109,7 +102,8 @@ def _lines(path: Path, whole: bool) -> tuple[list[str], tuple[Finding, ...]]:
     return lines, (Finding("truncated", "repaired", place, f"{message}: values are lost", remedy, int(torn)),)
 
 
-def _header(path: Path, lines: list[str]) -> _Header:
+def _header(path: Path, lines: list[str]) -> tuple[list[str], str | None, int]:
+    """Return the columns' names ("1", "2", … above numbers), their separator (None: blanks), index of the first row."""
     full = (index for index, line in enumerate(lines) if line.strip())
     first = next(full, 0)
     if stated := _SEPARATOR_LINE.fullmatch(lines[first]):
@@ -117,8 +111,8 @@ def _header(path: Path, lines: list[str]) -> _Header:
     names, separator = _names(path, first + 1, lines[first], stated[1] if stated else None)
     values = [each for each in names if each.lower() not in _MISSING]
     if values and all(map(_NUMBER.fullmatch, values)):
-        return _Header([str(index + 1) for index in range(len(names))], separator, first)
-    return _Header(names, separator, first + 1)
+        return [str(index + 1) for index in range(len(names))], separator, first
+    return names, separator, first + 1
 
 
 def _names(path: Path, number: int, line: str, separator: str | None = None) -> tuple[list[str], str | None]:
@@ -144,21 +138,21 @@ def _fields(path: Path, number: int, line: str, separator: str | None) -> list[s
         raise log_fault(path, problem, remedy, "row-length") from error
 
 
-def _position(path: Path, lines: list[str], header: _Header, name: str) -> int:
-    place = f"{path}: line {max(header.first, 1)}"
-    if (count := header.names.count(name)) == 1:
-        return header.names.index(name)
+def _position(path: Path, lines: list[str], first: int, names: list[str], name: str) -> int:
+    place = f"{path}: line {max(first, 1)}"
+    if (count := names.count(name)) == 1:
+        return names.index(name)
     if count:
         raise log_fault(place, f'{count} columns are named "{name}"', "rename all but one", "column-twice")
-    remedy = f"the columns are {listed(header.names)}; name one of them"
+    remedy = f"the columns are {listed(names)}; name one of them"
     for index, line in enumerate(() if _NUMBER.fullmatch(name) else lines[:_SHOWN]):
         if '"' not in line and name in _names(path, index + 1, line)[0]:
             remedy = f"it is in line {index + 1}: remove the lines above"
     raise log_fault(place, f'there is no column "{name}"', remedy, "no-column")
 
 
-def _row(path: Path, number: int, line: str, header: _Header) -> list[str]:
-    fields, count = _fields(path, number, line, header.separator), len(header.names)
+def _row(path: Path, number: int, line: str, separator: str | None, count: int) -> list[str]:
+    fields = _fields(path, number, line, separator)
     if line.lstrip().startswith(("#", "%")):
         problem, remedy = "begins as a comment, or a sample that was taken out", "remove the line, or the mark"
         raise log_fault(path, f"line {number}: {problem}", remedy, "comment")
