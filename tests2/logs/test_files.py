@@ -181,6 +181,7 @@ def appended(content, name, member, size=None):
 CRASHING = (SOUND := mat(time_s=T, u=U, y=Y))[:185] + b"\x10" + SOUND[186:]
 CLAIM = file_of(np.lib.format.write_array_header_1_0, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
 SIGNALS = np.column_stack([U, Y])
+OLD = file_of(np.save, T).replace(b"(40,), } ", b"(40L,), }")  # whose header NumPy warns of
 ARRAYS = {
     "vectors": (npz(time_s=T, u=U, y=Y), {}),
     "integers and a matrix": (npz(time_ms=(1000 * T).astype(int), x=SIGNALS), {"time": "time_ms"}),
@@ -188,6 +189,7 @@ ARRAYS = {
     "names with brackets": (npz(**{"time_s": T, "x[0]": U, "x[1]": Y}), {}),
     "columns of MATLAB": (mat(time_s=T, u=U[:, None], y=Y[None]), {}),
     "a matrix of MATLAB": (mat(time_s=T, x=SIGNALS), {}),
+    "an array of Python 2": (appended(npz(u=U, y=Y), "time_s", OLD), {}),
 }
 REFUSED |= {
     "objects": (npz(time_s=T, u=U.astype(object), y=Y), "not-a-number", "has objects .*allow_pickle"),
