@@ -63,7 +63,7 @@ def read_log(
     rows, repairs = usable_rows(table, signals, "time_s" if bag else stamps, sample_period_s or 1.0)
     fresh, repeats = fresh_rows(rows, source)
     parts, gaps = uninterrupted(fresh, source)
-    wraps = undo_wraps(parts, signals, source)
+    wraps = list(undo_wraps(parts, signals, source))
     even, period, jitter = at_equal_intervals(parts, source)
     period_s = sample_period_s or float(f"{period:.12g}")
     piece = "[{:.3f} s…]" * (len(even) > 1)

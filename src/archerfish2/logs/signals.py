@@ -1,6 +1,6 @@
 """What the signals of a log show by themselves: wrapped angles and counters, repeated feedback, faults of a sensor."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -47,7 +47,7 @@ def _is_smooth(signal: Values) -> bool:
     return bool(changes.size and np.median(changes) > 1.5 * changes.min() and np.mean(changes**2) < signal.var())
 
 
-def undo_wraps(parts: Sequence[Rows], names: Signals, source: str) -> list[Finding]:
+def undo_wraps(parts: Sequence[Rows], names: Signals, source: str) -> Iterator[Finding]:
     """Undo, in place, the jumps of angles that were logged within a turn, and of outputs that are counters.
 
     Args:
@@ -55,7 +55,6 @@ def undo_wraps(parts: Sequence[Rows], names: Signals, source: str) -> list[Findi
       names: of inputs and outputs.
       source: the file, for messages.
     """
-    findings, remedy = list[Finding](), "log it over many turns"
     turns = dict.fromkeys(names[0], _ANGLES) | dict.fromkeys(names[1], _COUNTERS)
     for _, u, y in parts:
         for name, signal in zip((*names[0], *names[1]), (*u.T, *y.T), strict=True):
@@ -65,8 +64,7 @@ def undo_wraps(parts: Sequence[Rows], names: Signals, source: str) -> list[Findi
                 jumps = np.count_nonzero(np.abs(steps) > 0.75 * turn)
                 signal[:] = np.unwrap(signal, period=turn)
                 message = f'"{name}" jumps by a whole turn of {turn:.6g} {jumps} times and was unwrapped'
-                findings.append(Finding("angle-wrap", "repaired", source, message, remedy))
-    return findings
+                yield Finding("angle-wrap", "repaired", source, message, "log it over many turns")
 
 
 def _wraps_at(signal: Values, turn: float) -> bool:

@@ -120,10 +120,8 @@ def _names(path: Path, number: int, line: str, separator: str | None = None) -> 
     line = line.lstrip("#% ") if line.lstrip().startswith(("#", "%")) else line
     most = max(",;\t", key=line.count)
     separator = separator or (most if most in line else None)
-    names = [field.strip().strip('"') for field in _fields(path, number, line, separator)]
-    while names and not names[-1]:
-        names.pop()
-    return names, separator
+    line = line.rstrip(f" \r{separator or ''}")  # of separators after the last name
+    return [field.strip().strip('"') for field in _fields(path, number, line, separator)], separator
 
 
 def _fields(path: Path, number: int, line: str, separator: str | None) -> list[str]:
