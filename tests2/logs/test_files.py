@@ -134,7 +134,7 @@ def test_what_is_no_file_too_large_or_of_another_format_is_refused(tmp_path, ref
     os.truncate(tmp_path / "large", MAX_BYTES + 1)
     for name, found in (
         ("link", "there is no"),
-        ("pipe", "is no file"),
+        ("pipe", "there is no"),
         ("", "is a folder, and no bag's"),
         ("large", "has 512 MB"),
     ):

@@ -165,7 +165,7 @@ def opened(path: Path) -> Iterator[io.BufferedReader]:
     """
     try:
         if not path.is_file():
-            raise file_error(path, "there is no file of that name", "pass a file that has a log", "no-such-file")
+            raise file_error(path, "there is no such file", "pass a file that has a log", "no-such-file")
         if (size := path.stat().st_size) > MAX_BYTES:
             problem = f"has {size >> 20} MB, expected at most {MAX_BYTES >> 20} MB"
             raise file_error(path, problem, "cut the log into shorter ones", "too-large")
