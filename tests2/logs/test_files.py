@@ -14,7 +14,8 @@ from numpy.testing import assert_array_equal
 
 from archerfish2.errors import InputError
 from archerfish2.logs.log import read_log
-from archerfish2.logs.table import MAX_BYTES, time_unit
+from archerfish2.logs.recording import MAX_BYTES
+from archerfish2.logs.stamps import time_unit
 from archerfish2.storage import file_hash
 
 COUNT = 40
@@ -133,7 +134,7 @@ def test_what_is_no_file_too_large_or_of_another_format_is_refused(tmp_path, ref
     os.truncate(tmp_path / "large", MAX_BYTES + 1)
     for name, found in (
         ("link", "there is no"),
-        ("pipe", "is no file"),
+        ("pipe", "there is no"),
         ("", "is a folder, and no bag's"),
         ("large", "has 512 MB"),
     ):
@@ -180,6 +181,7 @@ def appended(content, name, member, size=None):
 CRASHING = (SOUND := mat(time_s=T, u=U, y=Y))[:185] + b"\x10" + SOUND[186:]
 CLAIM = file_of(np.lib.format.write_array_header_1_0, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
 SIGNALS = np.column_stack([U, Y])
+OLD = file_of(np.save, T).replace(b"(40,), } ", b"(40L,), }")  # whose header NumPy warns of
 ARRAYS = {
     "vectors": (npz(time_s=T, u=U, y=Y), {}),
     "integers and a matrix": (npz(time_ms=(1000 * T).astype(int), x=SIGNALS), {"time": "time_ms"}),
@@ -187,6 +189,7 @@ ARRAYS = {
     "names with brackets": (npz(**{"time_s": T, "x[0]": U, "x[1]": Y}), {}),
     "columns of MATLAB": (mat(time_s=T, u=U[:, None], y=Y[None]), {}),
     "a matrix of MATLAB": (mat(time_s=T, x=SIGNALS), {}),
+    "an array of Python 2": (appended(npz(u=U, y=Y), "time_s", OLD), {}),
 }
 REFUSED |= {
     "objects": (npz(time_s=T, u=U.astype(object), y=Y), "not-a-number", "has objects .*allow_pickle"),

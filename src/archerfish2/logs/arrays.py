@@ -4,86 +4,74 @@ import io
 import re
 import subprocess
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from archerfish2.errors import InputError
-from archerfish2.logs.recording import Values
-from archerfish2.logs.table import MAX_BYTES, LogTable, listed, log_fault
+from archerfish2.logs.recording import MAX_BYTES, LogTable, Values, listed, log_fault
 
 _COLUMN = re.compile(r"(.+)\[(\d{1,9})\]")
-_CONVERT = """import io, sys, warnings, numpy, scipy.io
+_CONVERT = """import sys, warnings, numpy, scipy.io
 warnings.simplefilter("error")  # of a name that is there twice
-arrays = scipy.io.loadmat(io.BytesIO(sys.stdin.buffer.read()))
+arrays = scipy.io.loadmat(sys.argv[1], appendmat=False)
 numpy.savez(sys.stdout.buffer, **{name: each for name, each in arrays.items() if not name.startswith("__")})"""
 """Program that turns a MATLAB file into an .npz file."""
 
 
-def read_array_file(path: Path, content: bytes, wanted: Sequence[str], *, matlab: bool) -> LogTable:
+def read_array_file(path: Path, wanted: Sequence[str], *, matlab: bool) -> LogTable:
     """Read signals from .npz or MATLAB files of version 4 to 7: vectors by name, columns of matrices as NAME[0].
 
     Args:
-      path: of the file, for messages.
-      content: of it.
+      path: of the file.
       wanted: names of the signals.
       matlab: whether it is a MATLAB file.
 
     Raises:
-      InputError: if it is damaged, or an array is missing, there twice, too large, not of real numbers, or of another
-        length than the others.
+      InputError: if an array is missing, there twice, too large, not of real numbers, or of another length than the
+        others.
+      Exception: whatever a damaged byte leads the libraries to.
     """
-    try:
-        return _read(path, _converted(content) if matlab else content, wanted)
-    except InputError:
-        raise
-    except Exception as error:  # the readers raise whatever a damaged byte leads them to
-        problem = f"is damaged, or has objects ({type(error).__name__}: {str(error)[:200]})"
-        code = "not-a-number" if "Object arrays" in str(error) else "damaged"
-        raise log_fault(path, problem, "write the file again, its signals as arrays of numbers", code) from error
-
-
-def _converted(content: bytes) -> bytes:
-    """Return an .npz file, by a process of its own: a damaged byte can crash SciPy's reader (scipy/scipy#25349)."""
-    done = subprocess.run([sys.executable, "-c", _CONVERT], input=content, capture_output=True, check=False)
-    if done.returncode:
-        raise ValueError(done.stderr.decode(errors="replace").strip().rpartition("\n")[2] or "the reader crashed")
-    return done.stdout
-
-
-def _read(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
-    """Read the arrays that have the wanted signals, each of which must be there once and fit into the memory."""
-    archive = np.load(io.BytesIO(content), allow_pickle=False)
-    there = [(each.filename.removesuffix(".npy"), each.file_size) for each in archive.zip.infolist()]
-    names = [name for name, _ in there]
-    found = {signal: None if signal in names else _COLUMN.fullmatch(signal) for signal in wanted}
-    places = {signal: (each[1], int(each[2])) if each else (signal, None) for signal, each in found.items()}
-    for name, _ in places.values():
-        sizes = [size for each, size in there if each == name]
-        if len(sizes) != 1:
-            remedy = "write each log into a file of its own" if sizes else f"the arrays are {listed(names)}; name one"
-            problem = f'has {len(sizes) or "no"} arrays "{name}", expected one'
-            raise log_fault(path, problem, remedy, "column-twice" if sizes else "no-column")
-        if sizes[0] > MAX_BYTES:
-            problem = f'array "{name}" unpacks to {sizes[0] >> 20} MB, expected at most {MAX_BYTES >> 20} MB'
-            raise log_fault(path, problem, "cut the log into shorter ones", "too-large")
-    columns = {signal: _column(path, name, archive[name], column) for signal, (name, column) in places.items()}
+    archive = np.load(io.BytesIO(_converted(path) if matlab else path.read_bytes()), allow_pickle=False)
+    with warnings.catch_warnings(action="ignore"):  # of headers that Python 2 wrote
+        columns = {signal: _column(path, archive, signal) for signal in wanted}
     if len(lengths := {len(values) for values in columns.values()}) > 1:
         problem = f"signals have {' and '.join(map(str, sorted(lengths)))} samples, expected one number"
         raise log_fault(path, problem, "store the signals of one log with one length", "length")
     return LogTable(columns, range(1, max(lengths) + 1), "row", str(path))
 
 
-def _column(path: Path, name: str, given: Any, column: int | None) -> Values:
-    values = np.asarray(given)
+def _converted(path: Path) -> bytes:
+    """Return .npz content, by a process of its own: a damaged byte can crash SciPy's reader (scipy/scipy#25349)."""
+    done = subprocess.run([sys.executable, "-c", _CONVERT, path], capture_output=True, check=False)
+    if done.returncode:
+        raise ValueError(done.stderr.decode(errors="replace").strip().rpartition("\n")[2] or "the reader crashed")
+    return done.stdout
+
+
+def _column(path: Path, archive: Any, signal: str) -> Values:
+    """Return an array, or a column of a matrix, which must be there once and fit into the memory."""
+    match = None if signal in archive.files else _COLUMN.fullmatch(signal)
+    name, column = (match[1], int(match[2])) if match else (signal, None)
+    sizes = [each.file_size for each in archive.zip.infolist() if each.filename.removesuffix(".npy") == name]
+    if len(sizes) != 1:
+        remedy = (
+            "write each log into a file of its own" if sizes else f"the arrays are {listed(archive.files)}; name one"
+        )
+        problem = f'has {len(sizes) or "no"} arrays "{name}", expected one'
+        raise log_fault(path, problem, remedy, "column-twice" if sizes else "no-column")
+    if sizes[0] > MAX_BYTES:
+        problem = f'array "{name}" unpacks to {sizes[0] >> 20} MB, expected at most {MAX_BYTES >> 20} MB'
+        raise log_fault(path, problem, "cut the log into shorter ones", "too-large")
+    values = archive[name]
     if values.dtype.kind not in "fiub":
         raise log_fault(path, f'array "{name}" is of type {values.dtype}', "store real numbers", "not-a-number")
     if column is None and values.size == max(values.shape, default=0):  # MATLAB's vectors are matrices
-        return values.reshape(-1).astype(np.float64)
+        return np.asarray(values.reshape(-1), np.float64)
     matrix = values.T if values.ndim == 2 and values.shape[0] < values.shape[1] else values  # more samples than signals
     if column is None or matrix.ndim != 2 or column >= matrix.shape[1]:
         problem = f'array "{name}" has shape {values.shape}, expected ' + ("one column" if column is None else "more")
         raise log_fault(path, problem, f'name one of its columns, the first as "{name}[0]"', "no-column")
-    return matrix[:, column].astype(np.float64)
+    return np.asarray(matrix[:, column], np.float64)

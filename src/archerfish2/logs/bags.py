@@ -12,16 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from archerfish2.errors import InputError
-from archerfish2.logs.recording import Finding, Values
-from archerfish2.logs.table import LogTable, listed, log_fault
+from archerfish2.logs.recording import Finding, LogTable, Values, listed, log_fault
 
 BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
 """How files of a bag begin, and the ending of their names, by which rosbags recognises them."""
 _MCAP, _MCAP_FOOTER = b"\x89MCAP0\r\n", b"\x02\x14" + bytes(27)
-_RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
-_Series = tuple[Any, Values]
-"""Number in the topic, receipt and stamp [ns] of N messages, (3, N), and signals, (N, m), NaN where not in them."""
+RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -39,28 +35,23 @@ def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
       signals: their names; of messages with equal times those of the last one's topic come last.
 
     Raises:
-      InputError: if rosbags is not installed, the bag can't be read, or a topic or a field is not in it.
+      ImportError: if rosbags is not installed.
+      InputError: if a record is lost, or a topic or a field is not in it.
+      Exception: whatever a damaged byte leads the libraries to.
     """
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise log_fault(path, "is a bag: needs rosbags", "pip install archerfish[bags]", "no-library") from error
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
     findings: list[Finding] = []
     with TemporaryDirectory() as folder:
-        try:
-            whole = (path / "metadata.yaml").is_file()
-            files = [path] if whole else [_whole(each, folder, findings) for each in bag_files(path)]
-            with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-                if not reader.connections:
-                    raise ValueError("it has no topics")
-                of = {signal: _topic(path, reader, signal) for signal in signals}
-                order = sorted(set(of.values()), key=of[signals[-1]].__eq__)
-                series = [_series(path, reader, topic, of, findings) for topic in order]
-        except InputError:
-            raise
-        except Exception as error:  # the libraries raise whatever a damaged byte leads them to
-            raise log_fault(path, f"is damaged, or no bag ({error!r:.200})", _RECOVER, "damaged") from error
+        indexed = (path / "metadata.yaml").is_file()
+        files = [path] if indexed else [_whole(each, folder, findings) for each in bag_files(path)]
+        with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            if not reader.connections:
+                raise ValueError("it has no topics")
+            of = {signal: _topic(path, reader, signal) for signal in signals}
+            order = sorted(set(of.values()), key=of[signals[-1]].__eq__)
+            series = [_series(path, reader, topic, of, findings) for topic in order]
     return _one_table(path, series, signals, findings)
 
 
@@ -70,9 +61,10 @@ def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:
     if not content.startswith(_MCAP) or content.endswith(_MCAP):
         return file
     end = after = len(_MCAP)  # of its last whole record, which are a type, the length of what follows, and that
-    while after <= len(content) and content[end:].strip(b"\0"):
+    written = len(content.rstrip(b"\0"))
+    while after <= len(content) and end < written:
         end, after = after, after + 9 + int.from_bytes(content[after + 1 : after + 9], "little")
-        if content[end : end + 1] == b"\0" and content[end:].strip(b"\0"):
+        if content[end : end + 1] == b"\0" and end < written:
             raise ValueError(f"its records break off at byte {end}")
     (copy := Path(folder, file.name)).write_bytes(content[:end] + _MCAP_FOOTER + _MCAP)
     message, remedy = f"the last {len(content) - end} bytes are no whole record", "stop the recorder before copying"
@@ -88,40 +80,41 @@ def _topic(path: Path, reader: Any, signal: str) -> str:
     raise log_fault(path, f'has no topic of signal "{signal}"', remedy, "no-column")
 
 
-def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: list[Finding]) -> _Series:
-    """Read signals of a topic, without the messages that name other joints alone."""
+def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: list[Finding]) -> tuple[Any, Values]:
+    """Read signals of a topic, without the messages that name other joints alone.
+
+    Returns:
+      Number in the topic, receipt and stamp [ns] of N messages, (3, N), and signals, (N, m), NaN where not in them.
+    """
     connections = [each for each in reader.connections if each.topic == topic]
     kind = connections[0].msgtype
-    own = [signal for signal, each in of.items() if each == topic]
-    places = [signal[len(topic) + 1 :].rpartition("/") for signal in own]
-    steps = [(joint, re.findall(r"[^.\[\]]+", field)) for joint, _, field in places]
-    joints, times, rows, seen, count = {joint for joint, _ in steps}, [], [], {""}, 0
+    places = {signal: signal[len(topic) + 1 :].rpartition("/") for signal, each in of.items() if each == topic}
+    steps = {signal: (joint, re.findall(r"[^.\[\]]+", field)) for signal, (joint, _, field) in places.items()}
+    joints, times, rows, seen, count = {joint for joint, _ in steps.values()}, [], [], {""}, 0
     for count, (_, received, content) in enumerate(reader.messages(connections=connections), 1):
         try:
             message = reader.deserialize(content, kind)
             seen.update(here := message.name if any(joints) else ())
             if not all(joints) or not joints.isdisjoint(here):
-                rows.append([_value(message, *each) for each in steps])
+                rows.append([_value(message, *steps[each]) if each in steps else None for each in of])
                 stamp = getattr(getattr(message, "header", None), "stamp", None)
                 times.append((count, received, stamp.sec * 10**9 + stamp.nanosec if stamp else 0))
-        except Exception as error:  # as above
+        except Exception as error:  # of any kind
             code = "no-column" if isinstance(error, (AttributeError, IndexError, TypeError)) else "damaged"
-            problem = f"message {count} of {topic} has no {listed(own)} ({error!r:.200})"
+            problem = f"message {count} of {topic} has no {listed(steps)} ({error!r:.200})"
             _, fields = reader.typestore.fielddefs.get(kind, ((), ()))
             remedy = "if you named one of them, copy the bag again; if there are none, record MCAP, which defines them"
             remedy = f"the fields of {kind} are {listed(name for name, _ in fields)}; {remedy}"
             raise log_fault(path, problem, remedy, code) from error
     if (stated := sum(each.msgcount for each in connections)) > count:  # a reader may end at a damaged record
-        raise log_fault(path, f"{count} of {stated} messages of {topic} can be read", _RECOVER, "damaged")
+        raise log_fault(path, f"{count} of {stated} messages of {topic} can be read", RECOVER, "damaged")
     if not rows or joints - seen:
         problem = f"topic {topic} has {count} messages, none with {listed(joints - seen)}"
         raise log_fault(path, problem, f"it has {listed(sorted(seen))}", "no-column" if count else "no-data")
     if count > len(rows):
         message = f"messages of {topic} that name other joints left out: {count - len(rows)}"
         findings.append(Finding("other-joints", "repaired", str(path), message, "nothing to do"))
-    values = np.full((len(rows), len(of)), np.nan)
-    values[:, [each == topic for each in of.values()]] = np.array(rows, dtype=np.float64)
-    return np.array(times, dtype=np.int64).T, values
+    return np.array(times, dtype=np.int64).T, np.array(rows, dtype=np.float64)
 
 
 def _value(message: Any, joint: str, steps: Sequence[str]) -> float | None:
@@ -134,7 +127,9 @@ def _value(message: Any, joint: str, steps: Sequence[str]) -> float | None:
     return float(message)
 
 
-def _one_table(path: Path, series: Sequence[_Series], signals: Sequence[str], findings: list[Finding]) -> LogTable:
+def _one_table(
+    path: Path, series: Sequence[tuple[Any, Values]], signals: Sequence[str], findings: list[Finding]
+) -> LogTable:
     """Return the messages of all topics in order of time, and of the topics where times are equal."""
     if len(stamped := {bool(stamps.any()) for (_, _, stamps), _ in series}) > 1:
         problem = "some topics have header.stamp, and some the time of their receipt alone"

@@ -1,18 +1,15 @@
 """One function for logs of all formats: the content of a file shows what it is."""
 
 import hashlib
-import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from archerfish2.errors import InputError, file_error
 from archerfish2.logs.arrays import read_array_file
-from archerfish2.logs.bags import BAGS, bag_files, read_bag
-from archerfish2.logs.recording import Log, Recording
-from archerfish2.logs.signals import examined, fresh_rows, without_wraps
+from archerfish2.logs.bags import BAGS, RECOVER, bag_files, read_bag
+from archerfish2.logs.recording import Log, LogTable, Recording, log_fault, opened
+from archerfish2.logs.signals import examined, fresh_rows, undo_wraps
 from archerfish2.logs.stamps import at_equal_intervals, uninterrupted, usable_rows
-from archerfish2.logs.table import MAX_BYTES, LogTable
 from archerfish2.logs.text import read_text
 
 _UNREAD = (
@@ -51,55 +48,48 @@ def read_log(
     if not (inputs and outputs):
         raise InputError("read_log: no input or no output is named; name at least one of each", "no-column")
     signals = inputs, outputs
-    if stamps is None and not 0 < (sample_period_s or 0) < math.inf:
+    if stamps is None and not 0 < (sample_period_s or 0) < float("inf"):
         problem = f"sample_period_s is {sample_period_s}, expected a number above 0 s"
         raise InputError(f"read_log: {problem}; pass it, or the name of the stamps", "sample-period")
     if not (files := bag_files(path)):
         raise file_error(path, "is a folder, and no bag's", "pass a log, or the folder of a bag", "unknown-format")
-    content, source = b"".join(map(file_content, files)), str(path)
-    if path.is_dir() or content.startswith(tuple(BAGS)) or path.suffix in BAGS.values():
-        table, stamps = read_bag(path, list(dict.fromkeys((*signals[0], *signals[1])))), "time_s"
-    else:
-        table = _table(path, content, list(dict.fromkeys([*([stamps] if stamps else []), *signals[0], *signals[1]])))
-    table.check()
-    rows, repairs = usable_rows(table, signals, stamps, sample_period_s or 1.0)
+    begin, digest, source = b"", hashlib.sha256(), str(path)
+    for each in files:
+        with opened(each) as file:
+            begin = begin or file.peek()
+            hashlib.file_digest(file, lambda: digest)
+    bag, wanted = path.is_dir() or begin.startswith(tuple(BAGS)) or path.suffix in BAGS.values(), (*inputs, *outputs)
+    table = _table(path, begin, list(dict.fromkeys((stamps, *wanted) if stamps and not bag else wanted)), bag)
+    rows, repairs = usable_rows(table, signals, "time_s" if bag else stamps, sample_period_s or 1.0)
     fresh, repeats = fresh_rows(rows, source)
     parts, gaps = uninterrupted(fresh, source)
-    parts, wraps = without_wraps(parts, signals, source)
+    wraps = list(undo_wraps(parts, signals, source))
     even, period, jitter = at_equal_intervals(parts, source)
     period_s = sample_period_s or float(f"{period:.12g}")
-    every = [Recording(u, y, period_s, float(at[0]), *signals, path.name) for at, u, y in even]
-    if len(every) > 1:
-        every = [replace(each, source=f"{path.name}[{each.start_s:.3f} s…]") for each in every]
+    piece = "[{:.3f} s…]" * (len(even) > 1)
+    every = [Recording(u, y, period_s, float(at[0]), *signals, path.name + piece.format(at[0])) for at, u, y in even]
     recordings, warnings = examined(every, source)
     samples = len(rows.time) + sum(each.samples for each in (*table.findings, *repairs))
     findings = (*table.findings, *repairs, *repeats, *gaps, *wraps, *jitter, *warnings)
-    return Log(recordings, findings, samples, source, hashlib.sha256(content).hexdigest())
+    return Log(recordings, findings, samples, source, digest.hexdigest())
 
 
-def file_content(path: Path) -> bytes:
-    """Return what a log's file has.
-
-    Raises:
-      InputError: if there is no such file, or it is too large or can't be read.
-    """
+def _table(path: Path, begin: bytes, wanted: list[str], bag: bool) -> LogTable:
+    archive, matlab = begin.startswith(b"PK\x03\x04"), begin.startswith(b"MATLAB") or path.suffix == ".mat"
     try:
-        if not path.is_file():
-            problem, code = ("is no file", "unreadable") if path.exists() else ("there is no such file", "no-such-file")
-            raise file_error(path, problem, "pass a file that has a log", code)
-        if (size := path.stat().st_size) > MAX_BYTES:
-            problem = f"has {size >> 20} MB, expected at most {MAX_BYTES >> 20} MB"
-            raise file_error(path, problem, "cut the log into shorter ones", "too-large")
-        return path.read_bytes()
-    except OSError as error:
-        raise file_error(path, f"can't be read ({error.strerror})", "check its permissions", "unreadable") from error
-
-
-def _table(path: Path, content: bytes, wanted: list[str]) -> LogTable:
-    for begin, problem, remedy in _UNREAD:
-        if content.startswith(begin):
-            raise file_error(path, problem, remedy, "unknown-format")
-    archive, matlab = content.startswith(b"PK\x03\x04"), content.startswith(b"MATLAB") or path.suffix == ".mat"
-    if archive or matlab or path.suffix == ".npz":
-        return read_array_file(path, content, wanted, matlab=matlab and not archive)
-    return read_text(path, content, wanted)
+        if bag:
+            return read_bag(path, wanted)
+        for unread, problem, remedy in _UNREAD:
+            if begin.startswith(unread):
+                raise file_error(path, problem, remedy, "unknown-format")
+        if archive or matlab or path.suffix == ".npz":
+            return read_array_file(path, wanted, matlab=matlab and not archive)
+    except InputError:
+        raise
+    except ImportError as error:
+        raise log_fault(path, "is a bag: needs rosbags", "pip install archerfish[bags]", "no-library") from error
+    except Exception as error:
+        problem = f"is damaged, or {'no bag' if bag else 'has objects'} ({type(error).__name__}: {str(error)[:200]})"
+        remedy = RECOVER if bag else "write the file again, its signals as arrays of numbers"
+        raise log_fault(path, problem, remedy, "not-a-number" if "Object array" in str(error) else "damaged") from error
+    return read_text(path, lambda _: wanted)

@@ -1,7 +1,9 @@
-"""What a log becomes: recordings at equal intervals, and findings on what was repaired or may spoil an estimate."""
+"""What a log is: columns as its file has them, then recordings at equal intervals, and findings on both."""
 
 import csv
 import io
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
@@ -9,10 +11,13 @@ from typing import Any, Literal, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from archerfish2.errors import InputError
+from archerfish2.errors import InputError, file_error, one_line
 from archerfish2.storage import write_bytes
 
 Values = NDArray[np.floating[Any]]
+MAX_BYTES = 512 * 2**20
+"""Of the largest file, and the largest array unpacked: an hour of two axes at 1 kHz as text."""
+_LARGEST_VALUE = 1e30  # its square is finite
 
 
 class Finding(NamedTuple):
@@ -24,6 +29,34 @@ class Finding(NamedTuple):
     message: str  # what is there
     remedy: str  # what to do about it
     samples: int = 0  # that were left out
+
+
+@dataclass(frozen=True, eq=False)
+class LogTable:
+    """Columns of a log, not at equal intervals yet.
+
+    Raises:
+      InputError: if there is no sample, or a value is infinite or beyond all units.
+    """
+
+    columns: dict[str, Values]  # by name, each of shape (N,); NaN where a value is missing
+    places: Sequence[int]  # line or row of the file that each sample comes from, counted from 1; shape (N,)
+    place_kind: str  # "line" or "row"
+    source: str  # the file, for messages
+    findings: tuple[Finding, ...] = ()  # what the reader repaired
+
+    def __post_init__(self) -> None:
+        if not len(self.places):
+            raise log_fault(self.source, "has names but no samples", "pass a log that has some", "no-data")
+        for name, values in self.columns.items():
+            if max(np.fmax.reduce(values), -np.fmin.reduce(values)) > _LARGEST_VALUE:  # without a copy
+                row = int(np.argmax(np.abs(values) > _LARGEST_VALUE))
+                problem = f'"{name}" is {values[row]:g}, expected a number within ±{_LARGEST_VALUE:g}'
+                raise log_fault(self.place(row), problem, "cut the log there into two", "infinite")
+
+    def place(self, index: int) -> str:
+        """Return file and place of a sample."""
+        return f"{self.source}: {self.place_kind} {self.places[index]}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +121,8 @@ class Recording:
         """
         if not 0 <= start < stop <= len(self):
             raise InputError(f"{self.source}: has no samples {start} to {stop}; give a range within 0 to {len(self)}")
-        inputs, outputs, begin = self.inputs[start:stop], self.outputs[start:stop], float(self.time[start])
-        source = f"{self.source}[{start}:{stop}]"
-        return replace(self, inputs=inputs, outputs=outputs, start_s=begin, source=source)
+        u, y, begin = self.inputs[start:stop], self.outputs[start:stop], float(self.time[start])
+        return replace(self, inputs=u, outputs=y, start_s=begin, source=f"{self.source}[{start}:{stop}]")
 
     def write_csv(self, path: str | Path, time: str = "time_s") -> None:
         """Write a CSV file, from which `read_log` reads the same values.
@@ -117,3 +149,32 @@ class Log:
     samples: int  # rows of the source, those included that findings left out
     source: str  # the file
     sha256: str  # of its content
+
+
+def log_fault(path: str | Path, problem: str, remedy: str, code: str) -> InputError:
+    """Return the error of a file, in one line whatever the file puts into the message; see `file_error`."""
+    return file_error(path, one_line(problem), one_line(remedy), code)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[io.BufferedReader]:
+    """Open a log's file.
+
+    Raises:
+      InputError: if there is no such file, or it is too large or can't be read.
+    """
+    try:
+        if not path.is_file():
+            raise file_error(path, "there is no such file", "pass a file that has a log", "no-such-file")
+        if (size := path.stat().st_size) > MAX_BYTES:
+            problem = f"has {size >> 20} MB, expected at most {MAX_BYTES >> 20} MB"
+            raise file_error(path, problem, "cut the log into shorter ones", "too-large")
+        with path.open("rb") as file:
+            yield file
+    except OSError as error:
+        raise file_error(path, f"can't be read ({error.strerror})", "check its permissions", "unreadable") from error
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return names in quotation marks, for a message; of a long list its beginning."""
+    return (", ".join(f'"{each}"' for each in names if each) or "none")[:300]

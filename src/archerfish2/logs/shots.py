@@ -8,16 +8,14 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish2.logs.log import file_content
-from archerfish2.logs.recording import Finding
-from archerfish2.logs.table import log_fault
-from archerfish2.logs.text import column_names, read_text
+from archerfish2.logs.recording import Finding, log_fault
+from archerfish2.logs.text import read_text
 
-_LANDING, _PLANE = "distance_m", ("plane_distance_m", "hit_height_m")
 Array = NDArray[np.float64]
+_LANDING, _PLANE = "distance_m", ("plane_distance_m", "hit_height_m")
 
 _SIGNED = {"pitch_deg": 90.0, "yaw_deg": 90.0, "hit_height_m": np.inf, "lateral_m": np.inf}
-"""Values that may be negative, and what they are smaller than in size."""
+"""Array that may be negative, and what they are smaller than in size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,11 +101,8 @@ def read_shots(*paths: str | Path, columns: ShotColumns = COLUMNS) -> Shots:
 
 def _read(path: Path, columns: ShotColumns) -> tuple[dict[str, Array], tuple[str, ...], tuple[Finding, ...]]:
     """Return what a file has by field, the place of each shot, and what was repaired."""
-    content = file_content(path)
     # A person who writes a table may leave out the last line break.
-    content += b"" if content.endswith((b"\n", b"\r", b"\0")) else b"\n"
-    table = read_text(path, content, _wanted(path, column_names(path, content), columns))
-    table.check()
+    table = read_text(path, lambda names: _wanted(path, names, columns), whole=True)
     rows = np.flatnonzero(np.any(np.isfinite([*table.columns.values()]), axis=0))  # a line of separators is no shot
     fields = {name: field for field, name in vars(columns).items()}
     found = {fields[name]: np.asarray(values[rows], float) for name, values in table.columns.items()}
@@ -131,8 +126,7 @@ def _wanted(path: Path, there: list[str], columns: ShotColumns) -> list[str]:
     for field in (field for field, name in vars(columns).items() if name not in there):
         pattern = re.sub("_(deg|m_s|m)$", r"_\\w+", field)
         for other in (each for each in there if re.fullmatch(pattern, each) and each not in vars(COLUMNS)):
-            problem = f'"{other}" has another unit than {field}'
-            raise log_fault(path, problem, f"convert it to {field}", "unknown-unit")
+            raise log_fault(path, f'"{other}" has another unit than {field}', f"convert it to {field}", "unknown-unit")
     wanted = {field for field, name in vars(columns).items() if name in there or name != field} | {"pitch_deg"}
     kind = {_LANDING} if wanted.isdisjoint(_PLANE) else {*_PLANE}
     if _LANDING in wanted - kind:

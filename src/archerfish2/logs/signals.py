@@ -1,13 +1,12 @@
 """What the signals of a log show by themselves: wrapped angles and counters, repeated feedback, faults of a sensor."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from archerfish2.logs.recording import Finding, Recording, Values
+from archerfish2.logs.recording import Finding, Recording, Values, log_fault
 from archerfish2.logs.stamps import Rows, Signals, held_mean, subsampled
-from archerfish2.logs.table import log_fault
 
 _ANGLES = (2 * np.pi, 360.0, 400.0)
 _COUNTERS = (*_ANGLES, 1.0, 3600.0, 36_000.0, *(2.0**bits for bits in range(8, 33)))
@@ -48,27 +47,24 @@ def _is_smooth(signal: Values) -> bool:
     return bool(changes.size and np.median(changes) > 1.5 * changes.min() and np.mean(changes**2) < signal.var())
 
 
-def without_wraps(parts: Sequence[Rows], names: Signals, source: str) -> tuple[list[Rows], list[Finding]]:
-    """Undo the jumps of angles that were logged within a turn, and of outputs that are counters.
+def undo_wraps(parts: Sequence[Rows], names: Signals, source: str) -> Iterator[Finding]:
+    """Undo, in place, the jumps of angles that were logged within a turn, and of outputs that are counters.
 
     Args:
       parts: samples without gaps.
       names: of inputs and outputs.
       source: the file, for messages.
     """
-    findings, smooth = [], [Rows(part.time, part.inputs.copy(), part.outputs.copy()) for part in parts]
-    turns, remedy = dict.fromkeys(names[0], _ANGLES) | dict.fromkeys(names[1], _COUNTERS), "log it over many turns"
-    for _, u, y in smooth:
+    turns = dict.fromkeys(names[0], _ANGLES) | dict.fromkeys(names[1], _COUNTERS)
+    for _, u, y in parts:
         for name, signal in zip((*names[0], *names[1]), (*u.T, *y.T), strict=True):
             steps = np.diff(signal)
             most, least = np.ptp(steps) / 0.75, np.ptp(signal) / 1.02
-            possible = [each for each in turns[name] if least <= each < most]
-            for turn in [each for each in possible if _wraps_at(signal, each)][:1]:
+            for turn in [each for each in turns[name] if least <= each < most and _wraps_at(signal, each)][:1]:
                 jumps = np.count_nonzero(np.abs(steps) > 0.75 * turn)
                 signal[:] = np.unwrap(signal, period=turn)
                 message = f'"{name}" jumps by a whole turn of {turn:.6g} {jumps} times and was unwrapped'
-                findings.append(Finding("angle-wrap", "repaired", source, message, remedy))
-    return smooth, findings
+                yield Finding("angle-wrap", "repaired", source, message, "log it over many turns")
 
 
 def _wraps_at(signal: Values, turn: float) -> bool:
@@ -115,7 +111,8 @@ def _saturation(signal: Values, _: Recording) -> str:
     moves = signal[1:] != signal[:-1]
     motion = signal[moves.argmax() : signal.size - moves[::-1].argmax()]  # without the rest before and after it
     lowest, highest = motion == motion.min(), motion == motion.max()
-    if (share := max(lowest.mean(), highest.mean())) <= _SATURATED or np.unique(subsampled(motion)).size <= _STEPS:
+    share = max(map(np.count_nonzero, (lowest, highest))) / motion.size
+    if share <= _SATURATED or np.unique(subsampled(motion)).size <= _STEPS:
         return ""
     between = np.diff(motion[~(lowest | highest)])
     stepwise = np.count_nonzero(between) < between.size / 2
@@ -136,7 +133,8 @@ def _spikes(signal: Values, recording: Recording) -> str:
     steps = np.diff(signal)
     sizes = np.abs(steps)
     limit = _SPIKE * np.quantile(subsampled(sizes), 0.9)
-    first = np.flatnonzero(np.minimum(sizes[:-1], sizes[1:]) > limit)
+    large = sizes > limit
+    first = np.flatnonzero(large[:-1] & large[1:])
     out, back = steps[first], steps[first + 1]
     found = first[np.abs(out + back) < 0.2 * np.abs(out - back)]
     if not limit or not found.size:
@@ -145,7 +143,7 @@ def _spikes(signal: Values, recording: Recording) -> str:
 
 
 def _frozen(signal: Values, recording: Recording) -> str:
-    ends = np.concatenate([[0], np.flatnonzero(np.diff(signal)) + 1, [signal.size]])
+    ends = np.concatenate([[0], np.flatnonzero(signal[1:] != signal[:-1]) + 1, [signal.size]])
     longest = int(np.argmax(np.diff(ends)))
     start, stop = ends[longest], ends[longest + 1]
     # An output may rest while an input is held, and for its delay after the step that ends the rest.

@@ -4,18 +4,18 @@ An input is in force from its sample on, an output is measured at its sample. So
 outputs is no sample, and over other intervals than those of the log inputs are averaged and outputs interpolated.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from archerfish2.logs.recording import Finding, Recording, Values
-from archerfish2.logs.table import LogTable, log_fault, time_unit
+from archerfish2.logs.recording import Finding, LogTable, Recording, Values, log_fault
 
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_UNIT = re.compile(r"(?:(?<![^\W\d_])|(?<=[a-z])(?=[A-Z]))(?i:([muµμn]|milli|micro|nano)s(ecs?|econds?)?)[\])}\s]*$")
 _PLAUSIBLE_S, _USUAL_S = (1e-5, 0.5), (1e-4, 0.1)
 """Periods that a gimbal is logged at, and those that are usual [s]."""
 _GAP = 3.0
@@ -26,7 +26,6 @@ _EVEN = 0.1  # of a period: departures from equal spacing that matter less than 
 _SMOOTHER = 0.7  # share of the outputs' roughness over their stamps, below which samples were taken evenly
 _COSTLY, _OSCILLATING = 0.02, 0.1
 """Differences of lines and curves through the samples, in standard deviations: one costs a fit up to 2 points."""
-_SAME_PERIOD = 1e-6  # relative difference
 _EARLY = 0.3  # of a period that a stamp may come before its place; it may come late by the rest
 Signals = tuple[tuple[str, ...], tuple[str, ...]]
 """Names of inputs and of outputs."""
@@ -40,6 +39,7 @@ class Rows(NamedTuple):
     outputs: Values  # (N, p)
 
 
+@np.errstate(invalid="ignore")  # a damaged file may have signalling NaN
 def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: float) -> tuple[Rows, list[Finding]]:
     """Return the samples of a log, some rows of which may be without a stamp or some signals.
 
@@ -57,7 +57,7 @@ def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: f
     """
     u, y = (np.column_stack([table.columns[name] for name in names]) for names in signals)
     stamps, findings = (period_s * np.arange(len(u)), []) if time is None else _seconds(table, time)
-    if len(u) > 1 and (np.diff(stamps) > 0).all() and not (np.isnan(u).any() or np.isnan(y).any()):
+    if len(u) > 1 and (stamps[1:] > stamps[:-1]).all() and not (np.isnan(u).any() or np.isnan(y).any()):
         return Rows(stamps - stamps[0], u, y), findings
     _check_order(table, stamps, ~np.isnan(stamps), "time-backward", "cut the log there into two")
     last = np.maximum.accumulate(np.where(np.isnan(u), 0, np.arange(len(u))[:, None]), axis=0)
@@ -88,19 +88,17 @@ def usable_rows(table: LogTable, signals: Signals, time: str | None, period_s: f
     inputs, known, steps = held[rows, 1:], np.flatnonzero(~np.isnan(held).any(axis=1)), np.diff(stamps[rows])
     # Between some rows an input may have values of its own.
     between = (np.diff(np.searchsorted(known, rows)) > 1) & (steps <= _GAP * np.median(steps))
-    if between.any():
-        inputs[:-1][between] = held_mean(stamps[known], held[known, 1:], stamps[rows])[between]
+    inputs[:-1][between] = held_mean(stamps[known], held[known, 1:], stamps[rows])[between]
     return Rows(stamps[rows] - stamps[rows[0]], inputs, y[rows]), findings
 
 
 def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
     """Return the stamps in seconds, shape (N,), and what their unit was or may be."""
-    unit = time_unit(time)
-    stamps = table.columns[time] * _SECONDS[unit]
+    unit, stamps = time_unit(time), table.columns[time]
     if unit != "s":
         message = f'stamps "{time}" are in {unit}, as the name says, and were turned into seconds'
-        return stamps, [Finding("time-unit", "repaired", table.source, message, "nothing to do")]
-    steps = subsampled(np.diff(stamps))
+        return stamps * _SECONDS[unit], [Finding("time-unit", "repaired", table.source, message, "nothing to do")]
+    steps = subsampled(stamps[1:]) - subsampled(stamps[:-1])
     period = float(np.nanmedian(steps)) if np.any(steps > 0) else 0.0
     if period <= 0 or _PLAUSIBLE_S[0] <= period <= _PLAUSIBLE_S[1]:
         return stamps, []
@@ -108,6 +106,12 @@ def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
     message = f'stamps "{time}" are {period:.4g} s apart, as no gimbal is logged, and were read as {unit}'
     remedy = f'if they are in {unit}, name the column "time_{unit}", else in their unit'
     return stamps * _SECONDS[unit], [Finding("time-unit", "warning", table.source, message, remedy)]
+
+
+def time_unit(name: str) -> str:
+    """Return the unit that the name of stamps ends with ("TimeUS", "time [ms]", "t_nsec"), s where with no other."""
+    prefix = found[1].lower() if (found := _UNIT.search(name)) else ""
+    return {"milli": "m", "micro": "u", "µ": "u", "μ": "u", "nano": "n"}.get(prefix, prefix) + "s"
 
 
 def subsampled(values: Values) -> Values:
@@ -135,7 +139,7 @@ def uninterrupted(rows: Rows, source: str) -> tuple[list[Rows], list[Finding]]:
       InputError: if no part is long enough.
     """
     steps, findings, remedy = np.diff(rows.time), [], "log without interruptions"
-    gaps = _gaps(rows.time, float(np.median(subsampled(steps))))
+    gaps = _gaps(rows.time, steps)
     if gaps.size:
         at, longest = rows.time[gaps[0] - 1], steps[gaps - 1].max()
         message = f"gaps: {gaps.size}, the first at {at:.4g} s, of up to {longest:.4g} s; the log was cut there"
@@ -151,14 +155,13 @@ def uninterrupted(rows: Rows, source: str) -> tuple[list[Rows], list[Finding]]:
     return long, findings
 
 
-def _gaps(time: Values, period: float) -> NDArray[np.int64]:
+def _gaps(time: Values, steps: Values) -> NDArray[np.int64]:
     """Return the first sample after each gap; after one that was only stamped late, the next ones follow at once."""
-    longer = np.diff(time) > _GAP * period
-    if not longer.any():
-        return np.flatnonzero(longer)
-    lateness = np.pad(time - period * np.arange(time.size), (0, _WINDOW), constant_values=np.inf)
-    least = sliding_window_view(lateness, _WINDOW + 1).min(axis=1)
-    return np.flatnonzero(longer & (np.diff(least) > (_GAP - 1) * period)) + 1
+    period = float(np.median(subsampled(steps)))
+    longer = np.flatnonzero(steps > _GAP * period).tolist()
+    nearby = [time[at : at + _WINDOW + 2] - period * np.arange(at, min(at + _WINDOW + 2, time.size)) for at in longer]
+    delays = [late[1:].min() - late[: _WINDOW + 1].min() for late in nearby]
+    return np.array([at + 1 for at, each in zip(longer, delays, strict=True) if each > (_GAP - 1) * period], np.int64)
 
 
 def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], float, list[Finding]]:
@@ -177,8 +180,9 @@ def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], 
     """
     times = [each.time for each in parts]
     counted: list[Values] = [np.arange(each.size, dtype=np.float64) for each in times]
-    if _are_even(times, counted):
-        return list(parts), _period(times, counted), []
+    period, even = _line(times, counted)
+    if even:
+        return list(parts), period, []
     from scipy.interpolate import CubicSpline
 
     longest = max(times, key=len)
@@ -186,11 +190,11 @@ def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], 
     interval = np.median(longest[width:] - longest[:-width]) / width  # few windows have a lost sample
     exact = [(each - each[0]) / interval for each in times]
     numbered, places, reason = [_numbers(each) for each in exact], exact, "resampled"
-    if _are_even(times, numbered):
+    if _line(times, numbered)[1]:
         places, reason = numbered, "some samples are lost"
     elif sum(map(_roughness, counted, parts)) < _SMOOTHER * sum(map(_roughness, times, parts)):
         places, reason = counted, "outputs are smooth at equal ones"
-    period, steps = _period(times, places), np.concatenate([np.diff(each) for each in times])
+    (period, _), steps = _line(times, places), np.concatenate([np.diff(each) for each in times])
     edges = [np.arange(int(each[-1] + 1e-9) + 2, dtype=np.float64) for each in places]
     pieces = list(zip(places, parts, edges, strict=True))
     curves = [CubicSpline(place, part.outputs)(edge[:-1]) for place, part, edge in pieces]
@@ -206,18 +210,17 @@ def at_equal_intervals(parts: Sequence[Rows], source: str) -> tuple[list[Rows], 
     return [Rows(*each) for each in zip(times, inputs, outputs, strict=True)], period, [finding]
 
 
-def _are_even(times: Sequence[Values], numbers: Sequence[Values]) -> bool:
-    """Return whether all stamps of each part, or all intervals, lie within a tenth of a period of equal ones."""
-    period = _period(times, numbers)
-    late = [time - period * number for time, number in zip(times, numbers, strict=True)]
-    return all(min(np.ptp(each) / 2, np.abs(np.diff(each)).max()) <= _EVEN * period for each in late)
+def _line(times: Sequence[Values], numbers: Sequence[Values]) -> tuple[float, bool]:
+    """Return the period of numbered samples, and whether their stamps are even.
 
-
-def _period(times: Sequence[Values], numbers: Sequence[Values]) -> float:
-    """Return the slope of lines through the stamps of numbered samples, by least squares."""
+    It is the slope of lines through the stamps of each part, by least squares; stamps are even where all of a part, or
+    all intervals, lie within a tenth of a period of equal ones.
+    """
     centred = [each - each.mean() for each in numbers]
     covariance = sum(float(np.sum(number * time)) for number, time in zip(centred, times, strict=True))
-    return covariance / sum(float(np.sum(number**2)) for number in centred)
+    period = covariance / sum(float(np.sum(number**2)) for number in centred)
+    most, late = _EVEN * period, [time - period * number for time, number in zip(times, numbers, strict=True)]
+    return period, all(np.ptp(each) / 2 <= most or np.abs(np.diff(each)).max() <= most for each in late)
 
 
 def _numbers(place: Values) -> Values:
@@ -260,7 +263,7 @@ def held_mean(time: Values, signals: Values, edges: Values) -> Values:
 
 def resampled(recording: Recording, period_s: float) -> Recording:
     """Return a recording at another sampling period [s]: inputs averaged, outputs interpolated by a cubic spline."""
-    if abs(recording.period_s / period_s - 1) < _SAME_PERIOD:
+    if abs(recording.period_s / period_s - 1) < 1e-6:
         return replace(recording, period_s=period_s)
     from scipy.interpolate import CubicSpline
 

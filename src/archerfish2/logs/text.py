@@ -6,16 +6,13 @@ number, so it is left out and counted.
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from archerfish2.logs.recording import Finding, Values
-from archerfish2.logs.table import LogTable, listed, log_fault
+from archerfish2.logs.recording import Finding, LogTable, Values, listed, log_fault, opened
 
 _MISSING = {"", "nan", "-nan", "na", "n/a", "null", "none"}
 """How loggers write a value that is missing, in lower case."""
@@ -30,32 +27,26 @@ _UNPACKED = (".gz", ".bz2", ".xz")  # endings by which NumPy takes a file for a 
 _SHOWN = 40  # characters of a bad field, and lines in which a name is looked for that is not in the first
 
 
-class _Header(NamedTuple):
-    names: list[str]  # of the columns; "1", "2", … where the first line has numbers
-    separator: str | None  # None: blanks
-    first: int  # index of the first line of data
-
-
-def read_text(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
+def read_text(path: Path, choose: Callable[[list[str]], list[str]], *, whole: bool = False) -> LogTable:
     """Read columns of numbers from a text table; a missing value becomes NaN, in a line of separators alone all.
 
     Args:
-      path: of the file.
-      content: of it, in UTF-8, or in UTF-16 with its byte order mark.
-      wanted: names of columns; where the first line has numbers they are "1", "2", ….
+      path: of the file, in UTF-8, or in UTF-16 with its byte order mark.
+      choose: which of the columns are read, by name; where the first line has numbers they are "1", "2", ….
+      whole: whether a last line is read although no line break ends it.
 
     Raises:
       InputError: if it is no text, a column is missing or there twice, or a line has other fields than the first one,
         begins with a mark of comments, or has a field that is no number.
     """
-    if (table := _read_at_once(path, content, wanted)) is not None:
+    if (table := _read_at_once(path, choose)) is not None:
         return table
-    lines, findings = _lines(path, content)
-    header = _header(path, lines)
-    positions = [_position(path, lines, header, name) for name in wanted]
-    body = enumerate(lines[header.first :], header.first + 1)
-    rows = {number: _row(path, number, line, header) for number, line in body if line.strip()}
-    texts = {name: [row[at].strip() for row in rows.values()] for name, at in zip(wanted, positions, strict=True)}
+    lines, findings = _lines(path, whole)
+    names, separator, first = _header(path, lines)
+    positions = {name: _position(path, lines, first, names, name) for name in choose(names)}
+    body = enumerate(lines[first:], first + 1)
+    rows = {number: _row(path, number, line, separator, len(names)) for number, line in body if line.strip()}
+    texts = {name: [row[at].strip() for row in rows.values()] for name, at in positions.items()}
     if _have_decimal_commas(texts):
         texts = {name: [text.replace(",", ".") for text in column] for name, column in texts.items()}
         message = "decimal commas were read as decimal points"
@@ -64,32 +55,31 @@ def read_text(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable:
     return LogTable(columns, list(rows), "line", str(path), findings)
 
 
-def _read_at_once(path: Path, content: bytes, wanted: Sequence[str]) -> LogTable | None:
+def _read_at_once(path: Path, choose: Callable[[list[str]], list[str]]) -> LogTable | None:
     """Read a table that has numbers alone below its names; return None of any other: its lines are read one by one."""
-    with suppress(ValueError, OSError):
-        lines = content[: content.rfind(b"\n", 0, _HEAD) + 1].decode("utf-8-sig").split("\n")
-        header = _header(path, lines)
-        positions = [_position(path, lines, header, name) for name in wanted]
-        if lines[header.first].strip() and path.suffix not in _UNPACKED:
-            read = partial(np.loadtxt, delimiter=header.separator, comments=None, encoding="utf-8", ndmin=2)
-            values = read(path, skiprows=header.first)  # NumPy takes a third longer to read the content
-            end = np.count_nonzero(np.frombuffer(content, np.uint8) == ord("\n"))
-            if values.shape == (end - header.first, len(header.names)):  # no line is blank, or without its end
-                columns = dict(zip(wanted, np.ascontiguousarray(values.T)[positions], strict=True))
-                return LogTable(columns, range(header.first + 1, end + 1), "line", str(path))
+    with suppress(ValueError, OSError), opened(path) as file:
+        head = file.read(_HEAD)
+        lines = head[: head.rfind(b"\n") + 1].decode("utf-8-sig").split("\n")
+        names, separator, first = _header(path, lines)
+        positions = {name: _position(path, lines, first, names, name) for name in choose(names)}
+        if lines[first].strip() and path.suffix not in _UNPACKED:
+            # NumPy takes a third longer to read an open file.
+            values = np.loadtxt(path, float, None, separator, skiprows=first, ndmin=2, encoding="utf-8")
+            parts = iter(lambda: file.read(_HEAD), b"")
+            end = head.count(b"\n") + sum(np.count_nonzero(np.frombuffer(each, "u1") == ord("\n")) for each in parts)
+            if values.shape == (end - first, len(names)):  # no line is blank, or without its end
+                columns = dict(zip(positions, values.T[[*positions.values()]], strict=True))
+                return LogTable(columns, range(first + 1, end + 1), "line", str(path))
     return None
 
 
-def column_names(path: Path, content: bytes) -> list[str]:
-    """Return the names of the columns of a text table; see `read_text`."""
-    return _header(path, _lines(path, content)[0]).names
-
-
-def _lines(path: Path, content: bytes) -> tuple[list[str], tuple[Finding, ...]]:
+def _lines(path: Path, whole: bool) -> tuple[list[str], tuple[Finding, ...]]:
     """Return the lines up to the last whole one that has a value, and whether something was cut off after it.
 
     A line ends with a line feed, a carriage return or both; a form feed or a Unicode separator may stand in a field.
     """
+    with opened(path) as file:
+        content = file.read()
     encoding = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8"
     decoded = content.decode(encoding, "replace").removeprefix("\ufeff")
     text = decoded.rstrip("\0\x1a")  # what a loss of power leaves, and the end mark of DOS
@@ -98,6 +88,7 @@ def _lines(path: Path, content: bytes) -> tuple[list[str], tuple[Finding, ...]]:
     if damaged := re.search("[\0\ufffd]", text):
         line, remedy = text.count("\n", 0, damaged.start()) + 1, "save the log as UTF-8, or remove the damaged lines"
         raise log_fault(path, f"line {line}: is no {encoding.upper()} text", remedy, "encoding")
+    text += "\n" if whole and not zeros else ""
     *lines, last = text.split("\n")
     torn, place = last.strip(_BLANK) != "", f"{path}: line {len(lines) + 1}"
     while lines and not lines[-1].strip(_BLANK):
@@ -111,7 +102,8 @@ def _lines(path: Path, content: bytes) -> tuple[list[str], tuple[Finding, ...]]:
     return lines, (Finding("truncated", "repaired", place, f"{message}: values are lost", remedy, int(torn)),)
 
 
-def _header(path: Path, lines: list[str]) -> _Header:
+def _header(path: Path, lines: list[str]) -> tuple[list[str], str | None, int]:
+    """Return the columns' names ("1", "2", … above numbers), their separator (None: blanks), index of the first row."""
     full = (index for index, line in enumerate(lines) if line.strip())
     first = next(full, 0)
     if stated := _SEPARATOR_LINE.fullmatch(lines[first]):
@@ -119,8 +111,8 @@ def _header(path: Path, lines: list[str]) -> _Header:
     names, separator = _names(path, first + 1, lines[first], stated[1] if stated else None)
     values = [each for each in names if each.lower() not in _MISSING]
     if values and all(map(_NUMBER.fullmatch, values)):
-        return _Header([str(index + 1) for index in range(len(names))], separator, first)
-    return _Header(names, separator, first + 1)
+        return [str(index + 1) for index in range(len(names))], separator, first
+    return names, separator, first + 1
 
 
 def _names(path: Path, number: int, line: str, separator: str | None = None) -> tuple[list[str], str | None]:
@@ -128,10 +120,8 @@ def _names(path: Path, number: int, line: str, separator: str | None = None) -> 
     line = line.lstrip("#% ") if line.lstrip().startswith(("#", "%")) else line
     most = max(",;\t", key=line.count)
     separator = separator or (most if most in line else None)
-    names = [field.strip().strip('"') for field in _fields(path, number, line, separator)]
-    while names and not names[-1]:
-        names.pop()
-    return names, separator
+    line = line.rstrip(f" \r{separator or ''}")  # of separators after the last name
+    return [field.strip().strip('"') for field in _fields(path, number, line, separator)], separator
 
 
 def _fields(path: Path, number: int, line: str, separator: str | None) -> list[str]:
@@ -146,21 +136,21 @@ def _fields(path: Path, number: int, line: str, separator: str | None) -> list[s
         raise log_fault(path, problem, remedy, "row-length") from error
 
 
-def _position(path: Path, lines: list[str], header: _Header, name: str) -> int:
-    place = f"{path}: line {max(header.first, 1)}"
-    if (count := header.names.count(name)) == 1:
-        return header.names.index(name)
+def _position(path: Path, lines: list[str], first: int, names: list[str], name: str) -> int:
+    place = f"{path}: line {max(first, 1)}"
+    if (count := names.count(name)) == 1:
+        return names.index(name)
     if count:
         raise log_fault(place, f'{count} columns are named "{name}"', "rename all but one", "column-twice")
-    remedy = f"the columns are {listed(header.names)}; name one of them"
+    remedy = f"the columns are {listed(names)}; name one of them"
     for index, line in enumerate(() if _NUMBER.fullmatch(name) else lines[:_SHOWN]):
         if '"' not in line and name in _names(path, index + 1, line)[0]:
             remedy = f"it is in line {index + 1}: remove the lines above"
     raise log_fault(place, f'there is no column "{name}"', remedy, "no-column")
 
 
-def _row(path: Path, number: int, line: str, header: _Header) -> list[str]:
-    fields, count = _fields(path, number, line, header.separator), len(header.names)
+def _row(path: Path, number: int, line: str, separator: str | None, count: int) -> list[str]:
+    fields = _fields(path, number, line, separator)
     if line.lstrip().startswith(("#", "%")):
         problem, remedy = "begins as a comment, or a sample that was taken out", "remove the line, or the mark"
         raise log_fault(path, f"line {number}: {problem}", remedy, "comment")

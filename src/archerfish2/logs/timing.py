@@ -9,11 +9,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from archerfish2.logs.log import file_content
-from archerfish2.logs.recording import Values
-from archerfish2.logs.table import LogTable, log_fault
-from archerfish2.logs.text import column_names, read_text
+from archerfish2.logs.recording import LogTable, Values, log_fault
+from archerfish2.logs.text import read_text
 
+MessageTimes = tuple[Values, Values]
+"""When messages were sent, increasing, and received, by one clock or by synchronised ones [s], (N,) each."""
 Frame = Literal["camera", "optical", "base"]
 """Of logged positions, see `read_detections`."""
 
@@ -35,13 +35,6 @@ class DetectionLog(NamedTuple):
     position: Values  # of the plate in the camera's frame: x forward, y left, z up [m], (K, 3)
     receive: Values | None = None  # when each reached the program, on its clock [s], (K,), if it was logged
     source: str = "detections"  # for messages
-
-
-class MessageTimes(NamedTuple):
-    """Messages that arrived, both stamps by one clock or by synchronised ones."""
-
-    sent: Values  # increasing [s], (N,)
-    received: Values  # [s], (N,)
 
 
 def read_gimbal_log(path: str | Path, *, degrees: bool = False) -> GimbalLog:
@@ -106,21 +99,19 @@ def read_message_times(path: str | Path) -> MessageTimes:
         was sent or long after, or there are fewer than 50.
     """
     table = _table(path, ("sent_s", "received_s"))
-    latency = table.columns["received_s"] - table.columns["sent_s"]
+    sent, received = table.columns.values()
+    latency = received - sent
     if latency.size < 50:
         raise log_fault(path, f"has {latency.size} messages, expected at least 50", "log for longer", "too-short")
     for index in np.flatnonzero((latency < 0) | (latency > 2.0))[:1]:
         problem = f"received {latency[index]:.4g} s after it was sent, expected 0 to 2 s"
         raise log_fault(table.place(index), problem, "stamp both ends by one clock", "two-clocks")
-    return MessageTimes(*table.columns.values())
+    return sent, received
 
 
 def _table(path: str | Path, required: Sequence[str], optional: Sequence[str] = ()) -> LogTable:
     """Read a table that lacks no value, and whose first column increases."""
-    content = file_content(Path(path))
-    present = [each for each in column_names(Path(path), content) if each in optional]
-    table = read_text(Path(path), content, [*required, *present])
-    table.check()
+    table = read_text(Path(path), lambda names: [*required, *(each for each in names if each in optional)])
     for name, values in table.columns.items():
         for index in np.flatnonzero(np.isnan(values))[:1]:
             raise log_fault(table.place(index), f'"{name}" has no value', "remove the line", "missing-value")
