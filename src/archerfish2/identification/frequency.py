@@ -5,7 +5,6 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from scipy import signal
 
 from archerfish2.identification.simulation import Array, Complex, matrices
 from archerfish2.logs.recording import Recording, Values
@@ -50,13 +49,15 @@ def measured_response(recordings: Sequence[Recording]) -> MeasuredResponse:
     inputs = recordings[0].inputs.shape[1]
     segment = int(np.clip(2 ** int(np.log2(max(map(len, recordings)) / 4 + 1)), *_SEGMENT))
     hz, averages = np.fft.rfftfreq(segment, recordings[0].period_s), 0
-    spectra = np.zeros((hz.size, *2 * (inputs + recordings[0].outputs.shape[1],)), complex)
+    spectra, window = np.zeros((hz.size, *2 * (inputs + recordings[0].outputs.shape[1],)), complex), np.hanning(segment + 1)
     for each in recordings:
-        signals = np.hstack([each.inputs, each.outputs]).T
-        segments = 2 * len(each) // segment - 1  # each overlaps the next by half
-        if segments >= 3:
-            spectra += segments * signal.csd(signals, signals[:, None], nperseg=segment)[1].T
-            averages += segments
+        if 2 * len(each) // segment < 4:
+            continue
+        signals = np.hstack([each.inputs, each.outputs])
+        pieces = np.lib.stride_tricks.sliding_window_view(signals, segment, axis=0)[:: segment // 2]
+        lines = np.fft.rfft((pieces - pieces.mean(2, keepdims=True)) * window[:-1]).T  # (F, signals, pieces)
+        spectra += lines.conj() @ lines.swapaxes(1, 2)
+        averages += len(pieces)
     power = np.diagonal(spectra, axis1=1, axis2=2).real
     # A segment's mean is taken off, so that its lowest lines are empty.
     excited = (power[:, :inputs] > _SHARE * power[:, :inputs].max(0)) & (hz > 1.5 * hz[1])[:, None]
