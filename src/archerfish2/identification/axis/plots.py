@@ -79,7 +79,10 @@ def bode_plot(
                 (phase, *map(np.degrees, (turn, *turns))),
             ):
                 panel.plot(hz, curves[0], color=_RED, label="plant")
-                panel.set(xscale="log", xlim=(hz[0], hz[-1]), ymargin=0.2)
+                panel.set_xscale("log", subs=[3])
+                panel.xaxis.set_major_formatter("{x:g}")
+                panel.xaxis.set_minor_formatter("{x:g}")
+                panel.set(xlim=(hz[0], hz[-1]), ymargin=0.2)
                 panel.autoscale(enable=False)  # the band of the draws would squeeze the rest where nothing is known
                 if len(draws):
                     panel.fill_between(hz, *interval(curves[1]), **_BAND)
