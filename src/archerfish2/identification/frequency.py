@@ -49,7 +49,10 @@ def measured_response(recordings: Sequence[Recording]) -> MeasuredResponse:
     inputs = recordings[0].inputs.shape[1]
     segment = int(np.clip(2 ** int(np.log2(max(map(len, recordings)) / 4 + 1)), *_SEGMENT))
     hz, averages = np.fft.rfftfreq(segment, recordings[0].period_s), 0
-    spectra, window = np.zeros((hz.size, *2 * (inputs + recordings[0].outputs.shape[1],)), complex), np.hanning(segment + 1)
+    spectra, window = (
+        np.zeros((hz.size, *2 * (inputs + recordings[0].outputs.shape[1],)), complex),
+        np.hanning(segment + 1),
+    )
     for each in recordings:
         if 2 * len(each) // segment < 4:
             continue
