@@ -108,9 +108,10 @@ def svg_text(figure: "Figure", *, prefix: str = "", label: str = "") -> str:
     """
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
+    canvas: Any = FigureCanvasSVG(figure)
     stream = io.StringIO()
     with plot_style():  # `savefig` would draw twice, once for the layout alone
-        FigureCanvasSVG(figure).print_svg(stream, metadata={"Date": None})  # else stamped with the current time
+        canvas.print_svg(stream, metadata={"Date": None})  # else stamped with the current time
     text = stream.getvalue()
     element = text[text.index("<svg") :]
     if prefix:
