@@ -132,11 +132,10 @@ def deviation_estimate(variance: float, error: float, unit: str = "s") -> Estima
 
 def scatter_estimate(sample: Array) -> Estimate:
     """Return a standard deviation without the assumption of normality (Bonett 2006), of a sample of shape (n,) [s]."""
-    count, squares = sample.size, (sample - sample.mean()) ** 2
-    trimmed, correction = trim_mean(sample, 1 / (2 * np.sqrt(max(count - 4, 1)))), count / (count - Z95)
-    kurtosis = count * float(np.sum((sample - trimmed) ** 4)) / max(float(squares.sum()) ** 2, 1e-300)
+    count, variance, correction = sample.size, float(sample.var(ddof=1)), sample.size / (sample.size - Z95)
+    trimmed = trim_mean(sample, 1 / (2 * np.sqrt(max(count - 4, 1))))
+    kurtosis = count * float(np.sum((sample - trimmed) ** 4)) / max((variance * (count - 1)) ** 2, 1e-300)
     error = correction * np.sqrt(max(kurtosis - (count - 3) / count, 0.0) / (count - 1))
-    variance = float(squares.sum()) / (count - 1)
     low, high = correction * variance * np.exp(np.array([-Z95, Z95]) * error)
     return converted(Estimate(variance, low, high), np.sqrt)
 

@@ -183,18 +183,11 @@ def _tables(result: "AxisResult", delay: Estimate) -> Iterator[Table]:
         (each.recording.source, "held back" if each.held_back else "fitted", each.fit_percent) for each in result.fits
     )
     yield Table("Fit of a free run [%]", ("recording", "", "fit"), tuple(fits), "100 is all of the output's deviation.")
-    least, order = min(each.bic for each in result.candidates), len(result.plant.A)
-    tried = tuple(
-        (
-            f"{each.order} *" if each.order == order else str(each.order),
-            max(each.delay - each.feedthrough, 0),
-            each.bic - least,
-            each.fit_percent,
-            each.held_back_percent,
-        )
-        for each in sorted(result.candidates)
-        if each.fit_percent is not None
-    )
+    orders = [each for each in sorted(result.candidates) if each.fit_percent is not None]
+    least = min(each.bic for each in result.candidates)
+    names = (f"{c.order} *" if c.order == len(result.plant.A) else str(c.order) for c in orders)
+    figures = [(max(c.delay - c.feedthrough, 0), c.bic - least, c.fit_percent, c.held_back_percent) for c in orders]
+    tried = tuple((name, *row) for name, row in zip(names, figures, strict=True))
     rule = "by the fit of what was held back, less 0.2 points a state" if result.fits[0].held_back else "by the BIC"
     columns = ("order", "delay [samples]", "BIC less the best", "fit [%]", "fit held back [%]")
     yield Table("The likeliest structure of each order", columns, tried, f"* chosen: {rule}.")
