@@ -6,6 +6,7 @@ it. Behind the right operator the plant lacks the bias that the nonlinearity giv
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -56,10 +57,9 @@ def nonlinearity(found: AxisFit, recordings: Sequence[Recording]) -> Nonlinearit
     moves = [np.abs(y[width:] - y[:-width]) for y in (each.outputs[:, 0] for each in recordings)]
     speed = max(np.quantile(each, 0.995) for each in moves) / (width * period * np.abs(found.gain.item()))
     levels = largest * _LIMITS, largest * _SHARES, span / 2 * _SHARES, speed * _SLEWS
-    search = _Search(found, commands, period)
-    named = zip(list(_OPERATORS)[1:], levels, strict=True)
-    fits = [fit for name, each in named if (fit := search.best(name, each.tolist()))]
-    best = min(fits, key=lambda each: each.residual_share, default=None)
+    search, names = _Search(found, commands, period), list(_OPERATORS)[1:]
+    fits = [search.best(name, each.tolist()) for name, each in zip(names, levels, strict=True)]
+    best = min(filter(None, fits), key=lambda each: each.residual_share, default=None)
     return best if best and best.gained > _CLEAR and best.residual_share < _SHARE else None
 
 
@@ -86,8 +86,8 @@ class _Search:
         """Fit the plant behind an operator at its best level; None if it explains no more than a linear one."""
         costs, at = dict[float, float](), self.found.delay
         for factors in (*_NEAR, ()):
-            tried = {each: self.lines(self.logs(name, each), at) for each in levels}
-            costs |= {each: refine_best(self.starts, data, *_ROUGH).cost for each, data in tried.items()}
+            for each in levels:
+                costs[each] = refine_best(self.starts, self.lines(self.logs(name, each), at), *_ROUGH).cost
             level = min(costs, key=costs.__getitem__)
             levels = [level * factor for factor in factors]
         logs = self.logs(name, level)
@@ -111,11 +111,11 @@ class _Search:
 
     def compared(self, name: str, level: float, fit: LinearFit, delay: int) -> tuple[float, float]:
         """Return the gain behind an operator over the linear plant's, and the fit of that one to it [%]."""
-        found, period_s = self.found, self.period_s
-        linear = plant_of(self.base, found.structure, found.scale, period_s)
-        behind = plant_of(fit, found.structure._replace(delay=delay), found.scale, period_s)
+        structure, scale, period_s = self.found.structure, self.found.scale, self.period_s
+        linear = plant_of(self.base, structure, scale, period_s)
+        behind = plant_of(fit, structure._replace(delay=delay), scale, period_s)
         decay = -np.log(np.clip(np.abs(poles_of(self.base.sections)).max(), 1e-6, 1 - 1e-4))
-        settle = min(int(_SETTLED / decay) + 10, _LONGEST) + max(found.delay, delay)
+        settle = min(int(_SETTLED / decay) + 10, _LONGEST) + max(structure.delay, delay)
         largest = max(float(np.abs(u).max()) for u in self.commands)
         levels = np.random.default_rng(0).uniform(-largest, largest, _LEVELS)
         given = np.concatenate([[0.0], np.full(settle, largest), levels.repeat(settle // 4)])
@@ -126,10 +126,8 @@ class _Search:
 
 
 def _followed(command: Array, move: Callable[[float, float], float]) -> Array:
-    place, found = float(command[0]), []
-    for wanted in command.tolist():
-        found.append(place := move(place, wanted))
-    return np.array(found)
+    """Return where each sample's move from the last place leads, from the first sample on."""
+    return np.array(list(accumulate(command.tolist(), move)))
 
 
 _OPERATORS: dict[str, Callable[[Array, float, float], Array]] = {
