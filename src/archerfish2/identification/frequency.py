@@ -5,7 +5,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from scipy import signal
+from numpy.lib.stride_tricks import sliding_window_view
 
 from archerfish2.identification.simulation import Array, Complex, matrices
 from archerfish2.logs.recording import Recording, Values
@@ -47,16 +47,14 @@ def measured_response(recordings: Sequence[Recording]) -> MeasuredResponse:
     Args:
       recordings: of the same p outputs and m inputs; those of less than two segments are left out.
     """
-    inputs = recordings[0].inputs.shape[1]
+    inputs, signals = recordings[0].inputs.shape[1], [np.hstack([each.inputs, each.outputs]) for each in recordings]
     segment = int(np.clip(2 ** int(np.log2(max(map(len, recordings)) / 4 + 1)), *_SEGMENT))
-    hz, averages = np.fft.rfftfreq(segment, recordings[0].period_s), 0
-    spectra = np.zeros((hz.size, *2 * (inputs + recordings[0].outputs.shape[1],)), complex)
-    for each in recordings:
-        signals = np.hstack([each.inputs, each.outputs]).T
-        segments = 2 * len(each) // segment - 1  # each overlaps the next by half
-        if segments >= 3:
-            spectra += segments * signal.csd(signals, signals[:, None], nperseg=segment)[1].T
-            averages += segments
+    hz, none = np.fft.rfftfreq(segment, recordings[0].period_s), np.zeros((0, signals[0].shape[1], segment))
+    # Each segment overlaps the next by half.
+    segments = [sliding_window_view(x, segment, 0)[:: segment // 2] for x in signals if len(x) >= 2 * segment]
+    joined = np.concatenate([none, *segments])
+    lines = np.fft.rfft((joined - joined.mean(2, keepdims=True)) * np.hanning(segment + 1)[:-1]).T
+    spectra = lines.conj() @ lines.swapaxes(1, 2)
     power = np.diagonal(spectra, axis1=1, axis2=2).real
     # A segment's mean is taken off, so that its lowest lines are empty.
     excited = (power[:, :inputs] > _SHARE * power[:, :inputs].max(0)) & (hz > 1.5 * hz[1])[:, None]
@@ -68,7 +66,7 @@ def measured_response(recordings: Sequence[Recording]) -> MeasuredResponse:
     own = np.abs(found) ** 2 / np.diagonal(among, axis1=1, axis2=2).real[..., None]
     both = found / size[:, None], own / np.maximum(own + rest, 1e-300)
     response, coherence = (np.where(excited[..., None], x, 0)[excited.any(1)].swapaxes(1, 2) for x in both)
-    significant = 1 - (_FALSE_ALARM / max(response.size, 1)) ** (1 / max(averages - inputs, 1))
+    significant = 1 - (_FALSE_ALARM / max(response.size, 1)) ** (1 / max(len(joined) - inputs, 1))
     return MeasuredResponse(hz[excited.any(1)], response, coherence, significant)
 
 

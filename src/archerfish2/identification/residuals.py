@@ -57,22 +57,16 @@ def residual_tests(residual: Array, inputs: Values) -> ResidualTests | None:
     spectrum = power / np.abs(np.fft.fft(taps, 2 * samples)) ** 2
     variance = np.mean(spectrum * np.abs(np.fft.fft(us, 2 * samples)) ** 2, axis=1)[:, None]  # γ(0)
     scale = np.sqrt(np.maximum((e @ e) * np.sum(us**2, 1), _TINY))[:, None]
-    correlation = np.array([_products(e, u, lags) for u in us]) / scale
+    correlation = np.array([np.correlate(np.pad(e, _LAGS), u) for u in us]) / scale  # Σₜ e[t] u[t−τ]
     band = -ndtri(_FALSE_ALARM / 2 / (channels * (_LAGS + 1))) * np.sqrt(np.maximum(variance, _TINY)) / scale
     independent = not np.any((np.abs(correlation) > band)[:, lags >= 0])
     feedback = any(_follows(u, np.convolve(e, taps)[: len(e)]) for u in us)
     return ResidualTests(lags, correlation, band, _explained_share(e, us), independent, feedback)
 
 
-def _products(e: Array, u: Array, lags: NDArray[np.int64]) -> Array:
-    """Return Σₜ e[t] u[t−τ] for each lag τ."""
-    n = len(e)
-    return np.array([e[max(k, 0) : n + min(k, 0)] @ u[max(-k, 0) : n - max(k, 0)] for k in lags.tolist()])
-
-
 def _autoregression(e: Array) -> tuple[float, Array]:
     """Return the innovations' power and the taps 1 + a₁ z + … of an autoregression, by Yule and Walker's equations."""
-    covariance = _products(e, e, np.arange(min(_ORDER, len(e) // 20) + 1)) / len(e)
+    covariance = np.correlate(np.pad(e, (0, min(_ORDER, len(e) // 20))), e) / len(e)
     covariance[0] = covariance[0] * (1 + 1e-9) + _TINY  # regular, where the residual is all but predictable
     taps = np.append(1, solve_toeplitz(covariance[:-1], -covariance[1:]))
     return float(np.mean(np.convolve(e, taps)[len(taps) : len(e)] ** 2)), taps
@@ -86,7 +80,7 @@ def _follows(u: Array, innovations: Array) -> bool:
     both = np.stack([np.convolve(u, taps)[: len(u)], innovations])[:, _ORDER:]
     own, theirs = both - both.mean(1, keepdims=True)
     size = np.sqrt(max(float((own @ own) * (theirs @ theirs)), _TINY))
-    correlation = _products(theirs, own, np.arange(-_LAGS, 0)) / size
+    correlation = np.correlate(np.pad(theirs, (_LAGS, 0)), own)[:-1] / size
     limit = -ndtri(_FALSE_ALARM / 2 / _LAGS) / np.sqrt(len(own))
     return bool(np.abs(correlation).max() > limit and correlation @ correlation > _FEEDBACK)
 

@@ -6,15 +6,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
-from scipy.stats import binomtest, chi2, norm, trim_mean
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit
+from scipy.stats import binomtest, trim_mean
 
 from archerfish2.reports.table import Estimate
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 50
-Z95 = float(norm.ppf(0.975))
+Z95 = float(ndtri(0.975))
 """Half width of a 95 % interval in standard errors."""
 
 
@@ -22,12 +22,10 @@ class VarianceComponents(NamedTuple):
     """Weighted least squares whose weights are estimated too; p coefficients, c variances."""
 
     coefficients: Array  # of the columns, (p,)
-    covariance: Array  # of the coefficients, (p, p)
     variances: Array  # of the components, none negative, (c,)
     variances_covariance: Array  # of the variances, robust to tails that are not normal (sandwich), (c, c)
     unconstrained: Array  # the variances that Fisher scoring gives where they may be negative, (c,)
     errors: Array  # standard errors of the variances for normal noise, (c,)
-    residual: Array  # measured less fitted, (N,)
     sd: Array  # of each measurement, (N,)
 
 
@@ -53,9 +51,9 @@ def variance_components(
         variance = np.maximum(parts @ np.append(theta, 1.0), 1e-9 * scatter + 1e-300)
         root = 1 / np.sqrt(variance)
         left, size, right = np.linalg.svd(columns * root[:, None], full_matrices=False)
-        rank = np.count_nonzero(size > 1e-9 * size.max(initial=0.0))
-        basis, back = left[:, :rank], right[:rank].T / size[:rank]
-        coefficients = back @ (basis.T @ (measured * root))
+        kept = size > 1e-9 * size.max(initial=0.0)
+        basis = left[:, kept]
+        coefficients = right[kept].T @ (basis.T @ (measured * root) / size[kept])
         squares = ((measured - columns @ coefficients) * root) ** 2
         shares = parts / variance[:, None]
         inner = np.einsum("np,nj,nq->jpq", basis, shares, basis)
@@ -72,17 +70,13 @@ def variance_components(
     unconstrained, errors = bread @ (target / scale), np.sqrt(2 * np.diag(bread))
     scores = shares[:, :-1] * (squares - 1)[:, None]
     spread = bread @ (scores.T @ scores) @ bread
-    residual = measured - columns @ coefficients
-    covariance, sd = back @ back.T, np.sqrt(variance)
-    return VarianceComponents(coefficients, covariance, theta, spread, unconstrained, errors, residual, sd)
+    return VarianceComponents(coefficients, theta, spread, unconstrained, errors, np.sqrt(variance))
 
 
-def sample_estimates(sample: Array, unit: str = "") -> tuple[Estimate, Estimate]:
-    """Return mean and standard deviation of a normal sample, shape (N,), with their exact intervals (t, χ²)."""
-    freedom, mean, sd = sample.size - 1, float(sample.mean()), float(sample.std(ddof=1))
-    half = float(student.ppf(0.975, freedom) * sd / np.sqrt(sample.size))
-    low, high = (sd * float(np.sqrt(freedom / chi2.ppf(level, freedom))) for level in (0.975, 0.025))
-    return Estimate(mean, mean - half, mean + half, unit), Estimate(sd, low, high, unit)
+def sample_mean(sample: Array) -> Estimate:
+    """Return the mean of a normal sample, shape (N,) [s], with Student's interval."""
+    error = stdtrit(sample.size - 1, 0.975) / Z95 * sample.std(ddof=1) / np.sqrt(sample.size)
+    return normal_estimate(sample.mean(), error)
 
 
 def long_run_covariance(scores: Array) -> Array:
@@ -95,12 +89,10 @@ def long_run_covariance(scores: Array) -> Array:
       Shape (q, q).
     """
     count = len(scores)
-    total = scores.T @ scores / count
     lags = min(int(np.ceil(4 * (count / 100) ** (2 / 9))) + 4, count - 1)
-    for lag in range(1, lags + 1):
-        cross = scores[lag:].T @ scores[:-lag] / count
-        total = total + (1 - lag / (lags + 1)) * (cross + cross.T)
-    return np.asarray(total)
+    crosses = [(1 - lag / (lags + 1)) * scores[lag:].T @ scores[: count - lag] for lag in range(1, lags + 1)]
+    one_sided = sum(crosses, scores.T @ scores / 2)
+    return np.asarray(one_sided + one_sided.T) / count
 
 
 def standard_error(series: Array) -> float:
@@ -140,11 +132,10 @@ def deviation_estimate(variance: float, error: float, unit: str = "s") -> Estima
 
 def scatter_estimate(sample: Array) -> Estimate:
     """Return a standard deviation without the assumption of normality (Bonett 2006), of a sample of shape (n,) [s]."""
-    count, squares = sample.size, (sample - sample.mean()) ** 2
-    trimmed, correction = trim_mean(sample, 1 / (2 * np.sqrt(max(count - 4, 1)))), count / (count - Z95)
-    kurtosis = count * float(np.sum((sample - trimmed) ** 4)) / max(float(squares.sum()) ** 2, 1e-300)
+    count, variance, correction = sample.size, float(sample.var(ddof=1)), sample.size / (sample.size - Z95)
+    trimmed = trim_mean(sample, 1 / (2 * np.sqrt(max(count - 4, 1))))
+    kurtosis = count * float(np.sum((sample - trimmed) ** 4)) / max((variance * (count - 1)) ** 2, 1e-300)
     error = correction * np.sqrt(max(kurtosis - (count - 3) / count, 0.0) / (count - 1))
-    variance = float(squares.sum()) / (count - 1)
     low, high = correction * variance * np.exp(np.array([-Z95, Z95]) * error)
     return converted(Estimate(variance, low, high), np.sqrt)
 

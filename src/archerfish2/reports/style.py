@@ -106,10 +106,13 @@ def svg_text(figure: "Figure", *, prefix: str = "", label: str = "") -> str:
       prefix: goes before every id, so that several figures can share a page.
       label: alternative text for screen readers.
     """
-    stream = io.BytesIO()
-    with plot_style():
-        figure.savefig(stream, format="svg", metadata={"Date": None})  # else stamped with the current time
-    text = stream.getvalue().decode()
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    canvas: Any = FigureCanvasSVG(figure)
+    stream = io.StringIO()
+    with plot_style():  # `savefig` would draw twice, once for the layout alone
+        canvas.print_svg(stream, metadata={"Date": None})  # else stamped with the current time
+    text = stream.getvalue()
     element = text[text.index("<svg") :]
     if prefix:
         element = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{prefix}-", element)

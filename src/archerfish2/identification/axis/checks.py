@@ -17,7 +17,8 @@ _LONGEST_DELAY = 8  # beyond the log's length over it no response is looked for
 _FALSE_ALARM, _COHERENT = 1e-4, 0.5  # of its F test; median coherence that shows a response too
 _SINE_SHARE, _FEWEST_PERIODS = 0.98, 3  # of the power near one line, from which an input is a single sine; in the log
 _SAMPLES_A_PARAMETER, _DEPENDENT = 10, 1e6  # condition number from which inputs depend on each other
-_SUSPECT, _WORTH = 60.0, 2.0  # fit below which columns may be exchanged; what that gains at least, or half of the rest
+_SUSPECT, _GOOD = 60.0, 80.0  # fit below which columns may be exchanged; least fit of the exchanged ones
+_WORTH = 2.0  # points that an exchange gains at least, or half of the rest
 _MANY = 6  # poles
 _UNITS, _SIGN = ("degrees-radians", "log both in radians"), ("sign-flip", "change the sign of one of them")
 _GAINS = (
@@ -87,10 +88,10 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
     odd = plant.delay_samples <= plant.D.any() or len(plant.A) >= _MANY
     if plant.D.shape != (1, 1) or not (odd or percent < _SUSPECT):
         return None
-    logs, other = [_exchanged(each) for each in recordings], _exchanged(log)
+    other, *logs = map(_exchanged, (log, *recordings))
     plants = [fit_axis(logs, order).plant for order in (1, 2, 3)]
     best = max(float(free_run(p, other.inputs, other.outputs, drift=drift).fit_percent[0]) for p in plants)
-    if best < percent + min(_WORTH, (100 - percent) / 2):
+    if best < max(_GOOD, percent + min(_WORTH, (100 - percent) / 2)):
         return None
     message = f"the output comes before the input: exchanged, the fit is {best:.1f} % instead of {percent:.1f} %"
     remedy = f'take "{log.output_names[0]}" as the input and "{log.input_names[0]}" as the output'

@@ -6,13 +6,14 @@ it. Behind the right operator the plant lacks the bias that the nonlinearity giv
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
 
 from archerfish2.identification.axis.fit import AxisFit, plant_of
 from archerfish2.identification.axis.log_start import rounding_floor
-from archerfish2.identification.axis.output_error import LinearFit, refine, refine_best, residuals_by_log
+from archerfish2.identification.axis.output_error import LinearFit, refine, refine_best
 from archerfish2.identification.axis.sections import poles_of, sections_from_poles
 from archerfish2.identification.axis.spectrum import Experiment, Lines, lines_of, thinned
 from archerfish2.identification.simulation import Array, simulate
@@ -56,10 +57,9 @@ def nonlinearity(found: AxisFit, recordings: Sequence[Recording]) -> Nonlinearit
     moves = [np.abs(y[width:] - y[:-width]) for y in (each.outputs[:, 0] for each in recordings)]
     speed = max(np.quantile(each, 0.995) for each in moves) / (width * period * np.abs(found.gain.item()))
     levels = largest * _LIMITS, largest * _SHARES, span / 2 * _SHARES, speed * _SLEWS
-    search = _Search(found, commands, period)
-    named = zip(list(_OPERATORS)[1:], levels, strict=True)
-    fits = [fit for name, each in named if (fit := search.best(name, each.tolist()))]
-    best = min(fits, key=lambda each: each.residual_share, default=None)
+    search, names = _Search(found, commands, period), list(_OPERATORS)[1:]
+    fits = [search.best(name, each.tolist()) for name, each in zip(names, levels, strict=True)]
+    best = min(filter(None, fits), key=lambda each: each.residual_share, default=None)
     return best if best and best.gained > _CLEAR and best.residual_share < _SHARE else None
 
 
@@ -68,8 +68,9 @@ class _Search:
 
     def __init__(self, found: AxisFit, commands: list[Array], period_s: float) -> None:
         self.found, self.commands, self.period_s = found, commands, period_s
-        self.picks = thinned(self.logs("none", 0.0), _LINES)
-        self.base = refine(found.fit.sections, self.lines("none", 0.0, found.delay), *_FINE)
+        self.linear = self.logs("none", 0.0)
+        self.picks = thinned(self.linear, _LINES)
+        self.base = refine(found.fit.sections, self.lines(self.linear, found.delay), *_FINE)
         poles = poles_of(self.base.sections)
         self.starts = [self.base.sections, sections_from_poles(np.abs(poles) ** _FASTER * np.exp(1j * np.angle(poles)))]
 
@@ -78,33 +79,30 @@ class _Search:
         logs = zip(self.found.experiments, inputs, strict=True)
         return [replace(e, u=u, y=e.y[: len(u)], pad=min(e.pad, len(u))) for e, u in logs]
 
-    def lines(self, name: str, level: float, delay: int) -> list[Lines]:
-        return lines_of(self.logs(name, level), self.picks, delay, self.found.structure.feedthrough)
-
-    def cost(self, name: str, level: float) -> float:
-        data = self.lines(name, level, self.found.delay)
-        return refine_best(self.starts, data, *_ROUGH).cost
+    def lines(self, logs: list[Experiment], delay: int) -> list[Lines]:
+        return lines_of(logs, self.picks, delay, self.found.structure.feedthrough)
 
     def best(self, name: str, levels: list[float]) -> Nonlinearity | None:
         """Fit the plant behind an operator at its best level; None if it explains no more than a linear one."""
-        costs = {level: self.cost(name, level) for level in levels}
-        for factors in _NEAR:
+        costs, at = dict[float, float](), self.found.delay
+        for factors in (*_NEAR, ()):
+            for each in levels:
+                costs[each] = refine_best(self.starts, self.lines(self.logs(name, each), at), *_ROUGH).cost
             level = min(costs, key=costs.__getitem__)
-            costs |= {level * factor: self.cost(name, level * factor) for factor in factors}
-        level, at = min(costs, key=costs.__getitem__), self.found.delay
-        fits = {at: refine_best(self.starts, self.lines(name, level, at), *_FINE)}
+            levels = [level * factor for factor in factors]
+        logs = self.logs(name, level)
+        fits = {at: refine_best(self.starts, self.lines(logs, at), *_FINE)}
         if fits[at].cost >= self.base.cost:
             return None
         for delay in (at + step for step in _DELAYS if at + step >= 0):
-            fits[delay] = refine(fits[at].sections, self.lines(name, level, delay), *_FINE)
+            fits[delay] = refine(fits[at].sections, self.lines(logs, delay), *_FINE)
         delay = min(fits, key=lambda each: fits[each].cost)
         # The poles or the delay may be what is better, and not the operator.
-        other = [refine(fits[delay].sections, self.lines("none", 0.0, each), *_FINE) for each in (at, delay)]
-        logs, data = self.logs(name, level), self.lines(name, level, delay)
+        other = [refine(fits[delay].sections, self.lines(self.linear, each), *_FINE) for each in (at, delay)]
         least = rounding_floor(logs)
         share = max(fits[delay].cost, least) / max(least, min(each.cost for each in (self.base, *other)))
-        output = np.concatenate([e.outputs[0] for e in data])
-        residual = np.concatenate([r[0] for r in residuals_by_log(fits[delay], data)])
+        output = np.concatenate([each.outputs[0] for each in self.lines(logs, delay)])
+        residual = fits[delay].residual[0].view(complex)
         power, response = np.abs(residual) ** 2, np.abs(output - residual) ** 2
         colour = max(1.0, float(power @ response / max(power.mean() * response.sum(), 1e-300)))
         measured = sum(e.measured for e in logs) / sum(e.length for e in logs)  # a rest put before adds nothing
@@ -113,11 +111,11 @@ class _Search:
 
     def compared(self, name: str, level: float, fit: LinearFit, delay: int) -> tuple[float, float]:
         """Return the gain behind an operator over the linear plant's, and the fit of that one to it [%]."""
-        found, period_s = self.found, self.period_s
-        linear = plant_of(self.base, found.structure, found.scale, period_s)
-        behind = plant_of(fit, found.structure._replace(delay=delay), found.scale, period_s)
+        structure, scale, period_s = self.found.structure, self.found.scale, self.period_s
+        linear = plant_of(self.base, structure, scale, period_s)
+        behind = plant_of(fit, structure._replace(delay=delay), scale, period_s)
         decay = -np.log(np.clip(np.abs(poles_of(self.base.sections)).max(), 1e-6, 1 - 1e-4))
-        settle = min(int(_SETTLED / decay) + 10, _LONGEST) + max(found.delay, delay)
+        settle = min(int(_SETTLED / decay) + 10, _LONGEST) + max(structure.delay, delay)
         largest = max(float(np.abs(u).max()) for u in self.commands)
         levels = np.random.default_rng(0).uniform(-largest, largest, _LEVELS)
         given = np.concatenate([[0.0], np.full(settle, largest), levels.repeat(settle // 4)])
@@ -128,10 +126,8 @@ class _Search:
 
 
 def _followed(command: Array, move: Callable[[float, float], float]) -> Array:
-    place, found = float(command[0]), []
-    for wanted in command.tolist():
-        found.append(place := move(place, wanted))
-    return np.array(found)
+    """Return where each sample's move from the last place leads, from the first sample on."""
+    return np.array(list(accumulate(command.tolist(), move)))
 
 
 _OPERATORS: dict[str, Callable[[Array, float, float], Array]] = {

@@ -24,16 +24,15 @@ _POINTS, _AROUND = 400, 4.0  # frequencies, and the factor that they reach beyon
 _SETTLED, _STEP = 6.0, (50, 5000)  # time constants that a step is drawn for, and its samples, least and most
 
 
-def run_plot(log: Recording, run: FreeRun, *, output: int = 0, title: str = "") -> "Figure":
-    """Draw measured and simulated output and, below, the residual; of a long log where that is largest.
+def run_plot(log: Recording, run: FreeRun, *, title: str = "") -> "Figure":
+    """Draw the first output, measured and simulated, and below it the residual; of a long log where that is largest.
 
     Args:
       log: with outputs.
       run: the plant's free run of it.
-      output: which one.
       title: above.
     """
-    measured, simulated = log.outputs[:, output], run.outputs[:, output]
+    measured, simulated = log.outputs[:, 0], run.outputs[:, 0]
     energy, length = np.append(0, np.cumsum((measured - simulated) ** 2)), min(_LONGEST, len(log))
     start = int(np.argmax(energy[length:] - energy[: len(energy) - length]))
     part = slice(start, start + length)
@@ -43,61 +42,58 @@ def run_plot(log: Recording, run: FreeRun, *, output: int = 0, title: str = "") 
         above, below = axes[:, 0]
         above.plot(time, measured[part], color=INK, linewidth=1.0, label="measured")
         above.plot(time, simulated[part], color=_RED, linestyle=(0, (4, 1.5)), label="simulated")
-        above.set(title=title, ylabel=log.output_names[output])
         below.plot(time, (measured - simulated)[part], color=_BLUE, linewidth=0.8)
         below.axhline(0.0, color=MUTED, linewidth=0.8)
         below.set(ylabel="residual", xlabel="time [s]" + ", where the residual is largest" * (length < len(log)))
-        _legend(figure, above)
-    return figure
+        return _labelled(figure, title, log.output_names[0])
 
 
 def bode_plot(
-    plant: PlantRecord, measured: MeasuredResponse, excited_hz: tuple[float, float], *, output: int = 0, title: str = ""
+    plant: PlantRecord, measured: MeasuredResponse, excited_hz: tuple[float, float], *, title: str = ""
 ) -> "Figure":
-    """Draw magnitude and phase from each input with the band of the draws, and as measured where that is significant.
+    """Draw the response of the first output to each input with the band of the draws, and what of it was measured.
 
     Args:
       plant: with draws, or without.
       measured: from the logs.
       excited_hz: band in which the logs determine the plant [Hz].
-      output: which one.
       title: above.
     """
     hz = np.geomspace(excited_hz[0] / _AROUND, min(_AROUND * excited_hz[1], 0.5 / plant.sample_period_s), _POINTS)
-    response, drawn = (frequency_response(plant, hz, draws=draws)[..., output, :] for draws in (False, True))
+    response, drawn = (frequency_response(plant, hz, draws=draws)[..., 0, :] for draws in (False, True))
     with plot_style():
         figure, axes = new_figure(2, response.shape[1], height=5.0, sharex=True)
         for channel, (magnitude, phase) in enumerate(axes.T):
             own, draws = response[:, channel], drawn[..., channel]
-            coherent = measured.coherence[:, output, channel] > measured.significant
-            at, points = measured.hz[coherent], measured.response[coherent, output, channel]
+            coherent = measured.coherence[:, 0, channel] > measured.significant
+            at, points = measured.hz[coherent], measured.response[coherent, 0, channel]
             # About the plant's own phase: noisy phases slip by a turn when they are unwrapped by themselves.
-            turn, ratio = np.unwrap(np.angle(own)), points / frequency_response(plant, at)[:, output, channel]
+            turn, ratio = np.unwrap(np.angle(own)), points / frequency_response(plant, at)[:, 0, channel]
             turns = turn + np.angle(draws / own), np.interp(at, hz, turn) + np.angle(ratio)
             for panel, *curves in (
                 (magnitude, *map(_decibel, (own, draws, points))),
                 (phase, *map(np.degrees, (turn, *turns))),
             ):
                 panel.plot(hz, curves[0], color=_RED, label="plant")
-                panel.set(xscale="log", xlim=(hz[0], hz[-1]), ymargin=0.2)
+                panel.set_xscale("log", subs=[3])
+                panel.xaxis.set_major_formatter("{x:g}")
+                panel.xaxis.set_minor_formatter("{x:g}")
+                panel.set(xlim=(hz[0], hz[-1]), ymargin=0.2)
                 panel.autoscale(enable=False)  # the band of the draws would squeeze the rest where nothing is known
                 if len(draws):
                     panel.fill_between(hz, *interval(curves[1]), **_BAND)
                 panel.plot(at, curves[2], **_DOTS)
                 panel.axvspan(*excited_hz, color=_GREEN, alpha=0.1, linewidth=0, label="excited band")
             phase.set(xlabel=f"frequency of {plant.input_names[channel]} [Hz]")
-        axes[0, 0].set(title=title, ylabel="magnitude [dB]")
         axes[1, 0].set(ylabel="phase [°]")
-        _legend(figure, axes[0, 0])
-    return figure
+        return _labelled(figure, title, "magnitude [dB]")
 
 
-def step_plot(plant: PlantRecord, *, output: int = 0, title: str = "") -> "Figure":
-    """Draw the responses to a unit step of each input, with the band of the draws and the steady gain.
+def step_plot(plant: PlantRecord, *, title: str = "") -> "Figure":
+    """Draw the first output's responses to a unit step of each input, with the band of the draws and the steady gain.
 
     Args:
       plant: with draws, or without.
-      output: which one.
       title: above.
     """
     decay = -np.log(min(float(np.abs(np.linalg.eigvals(plant.A)).max()), 1 - 1e-9))
@@ -108,13 +104,11 @@ def step_plot(plant: PlantRecord, *, output: int = 0, title: str = "") -> "Figur
         for channel, panel in enumerate(axes[0]):
             step = (time >= 0)[:, None] * np.eye(inputs)[channel]
             if plant.draws:
-                panel.fill_between(time, *interval(simulate(plant, step, draws=True)[..., output]), **_BAND)
-            panel.plot(time, simulate(plant, step)[:, output], color=_RED, label="plant")
-            panel.axhline(plant.dc_gain[output, channel], color=MUTED, linestyle="--", label="steady gain")
+                panel.fill_between(time, *interval(simulate(plant, step, draws=True)[..., 0]), **_BAND)
+            panel.plot(time, simulate(plant, step)[:, 0], color=_RED, label="plant")
+            panel.axhline(plant.dc_gain[0, channel], color=MUTED, linestyle="--", label="steady gain")
             panel.set(xlabel=f"time since the step of {plant.input_names[channel]} [s]")
-        axes[0, 0].set(title=title, ylabel=f"{plant.output_names[output]} per unit")
-        _legend(figure, axes[0, 0])
-    return figure
+        return _labelled(figure, title, f"{plant.output_names[0]} per unit")
 
 
 def correlation_plot(tests: ResidualTests, *, title: str = "") -> "Figure":
@@ -125,15 +119,15 @@ def correlation_plot(tests: ResidualTests, *, title: str = "") -> "Figure":
             panel.fill_between(tests.lags, -band, band, color=_GREEN, alpha=0.18, linewidth=0, label="99 % band")
             panel.vlines(tests.lags, 0.0, values, color=_BLUE, linewidth=1.6, label="residual")
             panel.set(xlabel="lag after the input [samples]")
-        axes[0, 0].set(title=title, ylabel="correlation")
-        _legend(figure, axes[0, 0])
-    return figure
+        return _labelled(figure, title, "correlation")
 
 
-def _legend(figure: "Figure", panel: Any) -> None:
-    """Set the legend outside, where it hides nothing."""
-    figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+def _labelled(figure: "Figure", title: str, ylabel: str) -> "Figure":
+    """Label the first panel, whose legend is put outside, where it hides nothing."""
+    figure.axes[0].set(title=title, ylabel=ylabel)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     figure.align_ylabels()
+    return figure
 
 
 def _decibel(response: Any) -> Array:

@@ -18,6 +18,7 @@ from archerfish2.reports.table import Entry, Estimate, Table, entry_texts
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from archerfish2.identification.axis.hammerstein import Nonlinearity
     from archerfish2.identification.axis.identify import AxisResult, LogFit
 
 USABLE_FIT = 80.0
@@ -29,7 +30,6 @@ _DEPENDENT = 0.05  # share of the residual that past inputs explain, from which 
 _RUNS_ON = 0.5  # what is left of a state after the longest recording, from which the axis may integrate
 _MOVING = 0.3  # deviation of an output over that of the recording that moves most, from which a recording counts
 _STRONG = 0.7  # share of the residual that a nonlinearity leaves, up to which it may make a plant useless
-
 
 _LINEAR = {
     "saturation": "record with a smaller command",
@@ -48,11 +48,8 @@ class Shortfall(NamedTuple):
 
 def shortfalls(result: "AxisResult") -> list[Shortfall]:
     """Return what makes a plant useless, the gravest first; nothing if it is usable."""
-    found = [
-        Shortfall(each.code, f"{each.place}: {each.message}: {each.remedy}.")
-        for each in result.findings
-        if each.code == "swapped"
-    ]
+    swapped = [each for each in result.findings if each.code == "swapped"]
+    found = [Shortfall(each.code, f"{each.place}: {each.message}: {each.remedy}.") for each in swapped]
     return [*found, *_low_fit(result), *_unknown_gain(result), *_nonlinear(result)]
 
 
@@ -60,21 +57,20 @@ def judged(fits: Sequence["LogFit"]) -> "LogFit":
     """Return the recording by which a plant is judged: the worst that was held back and moves, else that was fitted."""
     fits = [each for each in fits if each.held_back] or list(fits)
     spreads = np.array([each.recording.outputs.std(0) for each in fits])
-    moving = [each for each, spread in zip(fits, spreads, strict=True) if np.any(spread >= _MOVING * spreads.max(0))]
-    return min(moving, key=lambda each: each.fit_percent)
+    moving = np.any(spreads >= _MOVING * spreads.max(0), axis=1)
+    return min((each for each, moves in zip(fits, moving, strict=True) if moves), key=lambda each: each.fit_percent)
 
 
 def _low_fit(result: "AxisResult") -> Iterator[Shortfall]:
-    worst = judged(result.fits)
-    noise = result.nonlinearity is None and worst.tests is not None and worst.tests.explained_share < _NOISE_SHARE
-    if worst.fit_percent >= USABLE_FIT or (worst.fit_percent >= _NOISY_FIT and noise):
+    worst, found = judged(result.fits), result.nonlinearity
+    noise = found is None and worst.tests is not None and worst.tests.explained_share < _NOISE_SHARE
+    if worst.fit_percent >= (_NOISY_FIT if noise else USABLE_FIT):
         return
-    if result.nonlinearity is not None:
-        why = f"{_nonlinear_words(result)}: {_LINEAR[result.nonlinearity.name]}"
+    why = "the rest depends on the input: check the columns, and whether something else moves the axis"
+    if found is not None:
+        why = f"{_nonlinear_words(found)}: {_LINEAR[found.name]}"
     elif noise:
         why = "the rest does not depend on the input, so it is noise: command larger motions, or average repeated runs"
-    else:
-        why = "the rest depends on the input: check the columns, and whether something else moves the axis"
     share = f"{worst.fit_percent:.1f} %" if worst.fit_percent > 0 else "less than a constant would"
     yield Shortfall("fit", f"The plant explains {share} of {worst.recording.source}, expected {USABLE_FIT:g} %; {why}.")
 
@@ -88,10 +84,9 @@ def _unknown_gain(result: "AxisResult") -> Iterator[Shortfall]:
     slowest = np.abs(np.linalg.eigvals(plant.A)).max() ** max(len(each.recording) for each in result.fits)
     remedy = "The output runs on under a steady input: log its rate as the output, or an input at which it rests."
     if slowest < _RUNS_ON:
-        remedy = (
-            f"Record a step from rest that is held until it rests (archerfish2 excite {plant.axis} --kinds step), "
-            "or give the gain if it is known (dc_gain in logs.toml, or --dc-gain of archerfish2 identify axis)."
-        )
+        step = f"Record a step from rest that is held until it rests (archerfish2 excite {plant.axis} --kinds step)"
+        given = "dc_gain in logs.toml, or archerfish2 identify axis --dc-gain"
+        remedy = f"{step}, or give the gain if it is known ({given})."
     for place in np.flatnonzero(~known).tolist():
         unknown = f"The steady gain {_named(result, place)}is not known within {_GAIN_WIDTH:.0%}"
         yield Shortfall("gain", f"{unknown}: {_words(result.dc_gain[place])}. {remedy}")
@@ -102,20 +97,17 @@ def _nonlinear(result: "AxisResult") -> Iterator[Shortfall]:
     found = result.nonlinearity
     if found is None or found.residual_share > _STRONG:
         return
-    wrong = []
+    wrong, agreement = [], max(found.agreement_percent, 0)
     if abs(found.gain_ratio - 1) > _GAIN_WIDTH:
         wrong.append(f"its steady gain is {found.gain_ratio:.3g} times that of the linear plant")
-    if found.agreement_percent < USABLE_FIT:
-        agreement = max(found.agreement_percent, 0)
+    if agreement < USABLE_FIT:
         wrong.append(f"on other motions of the same size the linear plant follows to {agreement:.0f} % only")
     if wrong:
-        code, remedy = found.name.replace(" ", "-"), _LINEAR[found.name]
-        yield Shortfall(code, f"{_nonlinear_words(result)}; {'; '.join(wrong)}: {remedy}.")
+        sentence = f"{_nonlinear_words(found)}; {'; '.join(wrong)}: {_LINEAR[found.name]}."
+        yield Shortfall(found.name.replace(" ", "-"), sentence)
 
 
-def _nonlinear_words(result: "AxisResult") -> str:
-    found = result.nonlinearity
-    assert found is not None
+def _nonlinear_words(found: "Nonlinearity") -> str:
     size = f"{found.level:.3g} per second" if found.name == "rate limit" else f"±{found.level:.3g} of the command"
     return f"A {found.name} of {size} explains {1 - found.residual_share:.0%} of what the linear plant leaves"
 
@@ -124,9 +116,8 @@ def axis_report(result: "AxisResult") -> Report:
     """Report an identified axis."""
     missing, plant, worst = shortfalls(result), result.plant, judged(result.fits)
     name = f"{worst.recording.source} ({'held back' if worst.held_back else 'fitted, none held back'})"
-    period_ms = 1e3 * plant.sample_period_s
-    value, low, high, _ = result.delay_samples
-    delay = Estimate(period_ms * value, period_ms * low, period_ms * high, "ms")
+    value, low, high = (1e3 * plant.sample_period_s * each for each in result.delay_samples[:3])
+    delay = Estimate(value, low, high, "ms")
     return Report(
         title=f"{plant.axis}: what the logs say",
         headline=f"order {len(plant.A)}, delay {_words(delay)}, fit {worst.fit_percent:.1f} % of {name}",
@@ -158,34 +149,25 @@ def _known(result: "AxisResult", delay: Estimate) -> Iterator[str]:
 def _doubts(result: "AxisResult") -> Iterator[str]:
     for given, free in zip(result.dc_gain, result.free_gain, strict=False):
         if given.low == given.high and not free.low <= given.value <= free.high:
-            yield (
-                f"The gain that was given, {given.value:.4g}, contradicts the logs, which have {_words(free)}: check "
-                "its unit and sign, or leave it out."
-            )
-
-    for each in result.fits:
-        if each.tests is not None and each.tests.feedback:
-            yield (
-                f"In {each.recording.source} the input follows the output's disturbances, which biases the plant: log "
-                "the set point of the loop as the input."
-            )
-        if each.tests is not None and not each.tests.independent and each.tests.explained_share > _DEPENDENT:
-            yield (
-                f"Past inputs still explain {each.tests.explained_share:.0%} of what the plant leaves of "
-                f"{each.recording.source}: look at its plot."
-            )
+            wrong = f"The gain that was given, {given.value:.4g}, contradicts the logs, which have {_words(free)}"
+            yield f"{wrong}: check its unit and sign, or leave it out."
+    for name, tests in ((each.recording.source, each.tests) for each in result.fits if each.tests is not None):
+        if tests.feedback:
+            wrong = f"In {name} the input follows the output's disturbances, which biases the plant"
+            yield f"{wrong}: log the set point of the loop as the input."
+        if not tests.independent and tests.explained_share > _DEPENDENT:
+            share = f"{tests.explained_share:.0%} of what the plant leaves of {name}"
+            yield f"Past inputs still explain {share}: look at its plot."
 
 
 def _next_steps(result: "AxisResult") -> Iterator[str]:
-    axis = result.plant.axis
     if not any(each.held_back for each in result.fits):
-        yield f"Hold a log back ({axis}_step_validation.csv, or archerfish2 identify axis --validate) to see its fit."
+        file = f"{result.plant.axis}_step_validation.csv"
+        yield f"Hold a log back ({file}, or archerfish2 identify axis --validate) to see its fit."
     low, high = result.delay_samples.low, result.delay_samples.high
     if high - low > 2:
-        yield (
-            f"The delay may be {low:g} to {high:g} samples: add a log with sharp edges "
-            f"(archerfish2 excite {axis} --kinds step)."
-        )
+        remedy = f"add a log with sharp edges (archerfish2 excite {result.plant.axis} --kinds step)"
+        yield f"The delay may be {low:g} to {high:g} samples: {remedy}."
     if not all(each.determined for each in result.poles):
         yield "Some poles are not determined: excite higher frequencies if the robot uses them."
 
@@ -197,22 +179,15 @@ def _tables(result: "AxisResult", delay: Estimate) -> Iterator[Table]:
         kind = "pole" if each.determined else "pole, not determined"
         rows += [(f"{kind}: natural frequency", each.frequency_hz), ("    its damping", each.damping)]
     yield Table("The plant", ("quantity", "estimate (95 % interval)"), tuple(rows))
-    logs = tuple(
+    fits = (
         (each.recording.source, "held back" if each.held_back else "fitted", each.fit_percent) for each in result.fits
     )
-    yield Table("Fit of a free run [%]", ("recording", "", "fit"), logs, "100 is all of the output's deviation.")
+    yield Table("Fit of a free run [%]", ("recording", "", "fit"), tuple(fits), "100 is all of the output's deviation.")
+    orders = [each for each in sorted(result.candidates) if each.fit_percent is not None]
     least = min(each.bic for each in result.candidates)
-    orders = sorted(each for each in result.candidates if each.fit_percent is not None)
-    tried = tuple(
-        (
-            f"{each.order}{' *' if each.order == len(result.plant.A) else ''}",
-            max(each.delay - each.feedthrough, 0),
-            each.bic - least,
-            each.fit_percent,
-            each.held_back_percent,
-        )
-        for each in orders
-    )
+    names = (f"{c.order} *" if c.order == len(result.plant.A) else str(c.order) for c in orders)
+    figures = [(max(c.delay - c.feedthrough, 0), c.bic - least, c.fit_percent, c.held_back_percent) for c in orders]
+    tried = tuple((name, *row) for name, row in zip(names, figures, strict=True))
     rule = "by the fit of what was held back, less 0.2 points a state" if result.fits[0].held_back else "by the BIC"
     columns = ("order", "delay [samples]", "BIC less the best", "fit [%]", "fit held back [%]")
     yield Table("The likeliest structure of each order", columns, tried, f"* chosen: {rule}.")
@@ -224,17 +199,16 @@ def _figures(result: "AxisResult") -> Iterator[tuple[str, Callable[[], "Figure"]
         yield f"{each.recording.source}, {role}.", partial(run_plot, each.recording, each.run)
     yield "Frequency response, with the 95 % band of the draws.", result.bode
     yield "Response to a unit step.", partial(step_plot, result.plant)
-    for each in result.fits[:1]:
-        if each.tests is not None:
-            caption = f"Correlation of the residual of {each.recording.source} with the input; noise stays in the band."
-            yield caption, partial(correlation_plot, each.tests)
+    first = result.fits[0]
+    if first.tests is not None:
+        caption = f"Correlation of the residual of {first.recording.source} with the input; noise stays in the band."
+        yield caption, partial(correlation_plot, first.tests)
 
 
 def _named(result: "AxisResult", place: int) -> str:
     inputs, outputs = result.plant.input_names, result.plant.output_names
-    if len(inputs) * len(outputs) == 1:
-        return ""
-    return f"from {inputs[place % len(inputs)]} to {outputs[place // len(inputs)]} "
+    named = f"from {inputs[place % len(inputs)]} to {outputs[place // len(inputs)]} "
+    return named * (len(inputs) * len(outputs) > 1)
 
 
 def _words(estimate: Estimate) -> str:

@@ -92,7 +92,7 @@ def identify_sensing(
     delays, logged = timing.command_delays([log, *more])
     counts["command steps"] = delays.size, logged
     if delays.size >= 4:
-        found["link.command_delay"] = statistics.sample_estimates(delays, "s")[0]
+        found["link.command_delay"] = statistics.sample_mean(delays)
         found["link.command_jitter"] = statistics.scatter_estimate(delays)
     for name, times in (("link.command_latency", commands), ("link.feedback_latency", feedback)):
         if times is not None:
