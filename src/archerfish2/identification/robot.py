@@ -17,8 +17,7 @@ from archerfish2.identification.robot_files import AxisFiles
 from archerfish2.identification.robot_report import landing_errors, large_steps, robot_report
 from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.identification.sensing.result import SensingResult
-from archerfish2.logs.recording import Finding
-from archerfish2.logs.table import listed
+from archerfish2.logs.recording import Finding, listed
 from archerfish2.progress import bar
 from archerfish2.records.json_files import plain, write_json
 from archerfish2.reports.report import Report
