@@ -57,9 +57,7 @@ def _column(path: Path, archive: Any, signal: str) -> Values:
     name, column = (match[1], int(match[2])) if match else (signal, None)
     sizes = [each.file_size for each in archive.zip.infolist() if each.filename.removesuffix(".npy") == name]
     if len(sizes) != 1:
-        remedy = (
-            "write each log into a file of its own" if sizes else f"the arrays are {listed(archive.files)}; name one"
-        )
+        remedy = "keep one of them" if sizes else f"the arrays are {listed(archive.files)}; name one"
         problem = f'has {len(sizes) or "no"} arrays "{name}", expected one'
         raise log_fault(path, problem, remedy, "column-twice" if sizes else "no-column")
     if sizes[0] > MAX_BYTES:

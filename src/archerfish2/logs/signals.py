@@ -112,11 +112,9 @@ def _saturation(signal: Values, _: Recording) -> str:
     motion = signal[moves.argmax() : signal.size - moves[::-1].argmax()]  # without the rest before and after it
     lowest, highest = motion == motion.min(), motion == motion.max()
     share = max(map(np.count_nonzero, (lowest, highest))) / motion.size
-    if share <= _SATURATED or np.unique(subsampled(motion)).size <= _STEPS:
-        return ""
     between = np.diff(motion[~(lowest | highest)])
-    stepwise = np.count_nonzero(between) < between.size / 2
-    return "" if stepwise else f"is at its extreme in {share:.0%} of the samples"
+    stepwise = np.count_nonzero(between) < between.size / 2 or np.unique(subsampled(motion)).size <= _STEPS
+    return "" if stepwise or share <= _SATURATED else f"is at its extreme in {share:.0%} of the samples"
 
 
 def _quantisation(signal: Values, _: Recording) -> str:
@@ -131,9 +129,8 @@ def _quantisation(signal: Values, _: Recording) -> str:
 def _spikes(signal: Values, recording: Recording) -> str:
     """Find single samples that leave and return: a lost bit, not a motion."""
     steps = np.diff(signal)
-    sizes = np.abs(steps)
-    limit = _SPIKE * np.quantile(subsampled(sizes), 0.9)
-    large = sizes > limit
+    limit = _SPIKE * np.quantile(subsampled(np.abs(steps)), 0.9)
+    large = np.abs(steps) > limit
     first = np.flatnonzero(large[:-1] & large[1:])
     out, back = steps[first], steps[first + 1]
     found = first[np.abs(out + back) < 0.2 * np.abs(out - back)]
