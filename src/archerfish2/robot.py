@@ -120,7 +120,7 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
             if not (verdict.usable or accept_unusable):
                 problem = f"is not usable: {(verdict.reasons or (verdict.headline,))[0]}"
                 remedy = verdict.next_step or "identify it again"
-                raise file_error(files[part], one_line(problem), one_line(f"{remedy}, or set accept_unusable"))
+                raise file_error(files[part], one_line(problem), one_line(f"{remedy}, or pass accept_unusable=True"))
         found: dict[str, Any] = {part: RECORDS[part].load(path) for part, path in files.items() if path.exists()}
         needed = {"pitch", "yaw", *facts.records, *facts.parts, *(("muzzle", "limits") if is_written else ())}
         if missing := sorted(needed - found.keys()):

@@ -115,6 +115,13 @@ def test_the_command_writes_what_to_play_and_reports_the_outcome(tmp_path, capsy
     assert all(text in printed for text in ("Steps jump", "steady gain", "validation.csv  held back", "4584", "-7.73°"))
 
 
+def test_a_command_is_not_written_over_a_log(tmp_path, refused):
+    plan = excite("pitch", LIMITS, kinds=("step",), validation=False)
+    (tmp_path / "pitch_step.csv").write_text("a log")
+    refused("pitch_step.csv: is there already, and may be a log; move it", plan.save, tmp_path)
+    assert (tmp_path / "pitch_step.csv").read_text() == "a log"
+
+
 def test_a_gimbal_without_a_file_of_limits_is_excited_within_its_travel_at_its_own_rate(tmp_path):
     few = {"kinds": ("sweep",), "no_validation": True, "sample_period_s": 0.01}
     Excite(axis="pitch", range_deg=(0.0, 20.0), max_rate_deg_s=100.0, out=tmp_path, **few).run()

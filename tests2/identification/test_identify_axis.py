@@ -58,17 +58,33 @@ def test_order_delay_gain_and_poles_are_those_of_the_plant_within_their_interval
 def test_a_log_that_is_repeated_counts_once_and_one_that_is_fitted_is_not_held_back():
     log, steps = recorded(SWEEP, source="sweep"), recorded(STEPS, seed=1, source="steps")
     slower = Recording.from_arrays(steps.inputs[::2], steps.outputs[::2], 2 * PERIOD_S, source="slower")
-    read = read_sources([log, replace(log, source="copy"), slower], [log])
+    read = read_sources([log, replace(log, source="copy"), slower], log)
+    assert read.held_back == []
     assert [(each.code, each.place, each.samples) for each in read.findings] == [
         ("repeated-log", "copy", 2000),
         ("not-held-back", "sweep", 0),
-        ("other-period", "sweep", 0),
         ("other-period", "sweep", 0),
     ]
     assert [(each.source, len(each), each.period_s) for each in read.fitted] == [
         ("sweep", 1000, 2 * PERIOD_S),
         ("slower", 1000, 2 * PERIOD_S),
     ]
+
+
+def test_a_log_of_another_sign_is_named_and_nothing_else_is_blamed():
+    logs = [recorded(SWEEP, source="sweep"), recorded(STEPS, seed=1, source="steps")]
+    turned = Recording.from_arrays(STEPS, -logs[1].outputs, PERIOD_S, source="turned")
+    found = identify_axis([logs[0], turned], validate=logs[1], order=2)
+    (reason,) = found.report.reasons
+    assert reason.startswith("turned: this log alone has a steady gain of -1.03, the others one of 1.03: bring all")
+    assert identify_axis(logs, validate=logs[1], order=2).report.usable
+
+
+def test_a_pole_that_alternates_behind_an_operator_stays_real():
+    u = np.random.default_rng(3).choice([-1.0, 0.0, 1.0], 400)
+    y = signal.lfilter([0, 1.0], [1, 0.6], np.clip(u, -0.5, 0.5))
+    found = identify_axis([Recording.from_arrays(u, y + 1e-3 * u[::-1], PERIOD_S)], order=1, feedthrough=False)
+    assert found.plant.A.item() == pytest.approx(-0.6, abs=0.01)
 
 
 def test_the_plant_is_that_of_scipy_with_its_delay_as_states(found):

@@ -161,6 +161,8 @@ def test_radians_do_not_fit_and_repeated_and_missing_measurements_are_said():
     shots = fire(FIVE, 10, seed=8, lateral=False)
     radians = identify(replace(shots, pitch=np.radians(shots.pitch)))
     assert (radians.report.usable, "angles [°]" in radians.report.next_steps[0]) == (False, True)
+    turned = identify(replace(shots, pitch=-shots.pitch)).report
+    assert "The pitch offset is large: check signs and the zero." in (*turned.doubts, *turned.reasons)
     columns = np.stack([shots.pitch, shots.yaw, shots.distance, shots.speed])[:, np.r_[0:50, 4:12]]
     assert codes(identify(Shots(*columns[:3], speed=columns[3]))) == {"repeated-shots", "no-lateral"}
 

@@ -58,8 +58,16 @@ def test_a_team_names_its_own_files_columns_and_units(lab_folder, tmp_path, refu
     assert robot.yaw.dc_gain.item() == pytest.approx(1.0, abs=0.05)
     assert robot.limits.pitch.low == pytest.approx(np.radians(-20))
     assert robot.limits.yaw.max_acceleration == pytest.approx(np.radians(3000))
+    settings.write_text(settings.read_text().replace("[-60,60]", "[-0.5,0.5]"))
+    limits, *_ = identify_parts(tmp_path).report.findings
+    assert (limits.code, limits.place) == ("limits", "logs.toml")
+    assert re.fullmatch(r"commands of yaw go from -.* to .*°, its limits are -0.5 to 0.5°", limits.message)
     for text, complaint in (
         ("[yaw]\nfits=[]", r"logs.toml: field yaw: .* field fits; correct it; .* may have fit, validate, .*\[limits\]"),
+        (
+            "[limits]\npitch_deg=[9,-9]\nyaw_deg=[-9,9]\nmax_rate_deg_s=9\nmax_acceleration_deg_s2=9",
+            r"logs.toml: \[limits\]: expected the lowest angle before the highest, got 9, -9",
+        ),
         ("[yaw", "logs.toml: is not TOML"),
         (
             '[yaw]\nfit=["a.csv"]\nvalidate=["a.csv"]',
@@ -87,7 +95,7 @@ def one_table(tmp_path_factory):
     table.write_text("".join([*lines[:50], *lines[49:]]))
     axis = '[{0}]\nfit=["both.csv"]\noutput="-{0}"\n'
     (folder / "logs.toml").write_text(axis.format("pitch") + axis.format("yaw") + "dc_gain=1.0\n")
-    for name in ("Yaw_Step.csv", "timing_sweep.csv"):
+    for name in ("Gier.CSV", "timing_sweep.csv"):
         (folder / name).write_text("time_s,u,y\n")
     return folder
 
@@ -98,7 +106,7 @@ def test_signs_gain_and_name_are_given_and_what_is_to_be_done_is_said(one_table)
     assert found.robot.pitch.dc_gain.item() == pytest.approx(1.0, abs=0.01)
     assert found.robot.yaw.dc_gain.item() == pytest.approx(1.0, abs=1e-9)
     unused, *others = found.report.findings
-    assert unused.message == 'not used: "Yaw_Step.csv", "timing_sweep.csv"'
+    assert unused.message == 'not used: "Gier.CSV", "timing_sweep.csv"'
     assert "expected names are {pitch,yaw}_{sweep,step}" in unused.remedy
     assert [each.code for each in others] == ["time-duplicate"]  # of both axes, and there once
     steps = found.report.next_steps
@@ -113,7 +121,7 @@ def test_timing_logs_may_be_in_degrees_and_in_the_optical_frame(lab_folder, robo
     assert names == "time_s,receive_s,x,y,z"
     rows[:, 2:] = np.stack([-rows[:, 3], -rows[:, 4], rows[:, 2]], 1)
     for name, first, table in zip(FILES, (header, names), (np.hstack([stamps, np.degrees(angles)]), rows), strict=True):
-        np.savetxt(tmp_path / f"timing_{name}.csv", table, delimiter=",", header=first, comments="", fmt="%.12g")
+        np.savetxt(tmp_path / f"TIMING_{name}.CSV", table, delimiter=",", header=first, comments="", fmt="%.12g")
     (tmp_path / "logs.toml").write_text('[sensing]\nframe = "optical"\ndegrees = true\n')
     known, found = (Robot.load(robot_folder).sensing.camera, identify_robot(tmp_path).sensing.camera)
     assert found.time_offset == pytest.approx(known.time_offset, abs=1e-6)
@@ -126,13 +134,14 @@ def test_a_robot_is_not_written_among_its_logs(one_table, capsys, refused):
     with pytest.raises(SystemExit):
         main(["identify", str(one_table), "--out", str(one_table)])
     assert "is the folder of the logs" in capsys.readouterr().err
+    refused("is the folder of the logs", identify_robot, one_table, out=one_table / "robot")
     assert sorted(one_table.iterdir()) == before
 
 
 def test_folders_without_logs_are_refused(tmp_path, refused):
     refused("gone: there is no such folder", identify_parts, tmp_path / "gone")
-    (tmp_path / "Yaw_Step.csv").touch()
-    refused('expected .*shots.csv.*, found "Yaw_Step.csv"; name the logs so, or in logs.toml', identify_parts, tmp_path)
+    (tmp_path / "Gier.CSV").touch()
+    refused('expected .*shots.csv.*, found "Gier.CSV"; name the logs so, or in logs.toml', identify_parts, tmp_path)
 
 
 def test_an_axis_is_identified_by_a_command_next_to_another(tmp_path, capsys):

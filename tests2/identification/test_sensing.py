@@ -179,6 +179,8 @@ def test_what_can_not_be_used_is_refused(sweep, refused):
     gimbal, plate = sweep.sweep, sweep.plate
     refused("without the other", identify_sensing, gimbal, plate, target=plate)
     refused(r"plate\.csv: .*by one clock", identify_sensing, gimbal, plate._replace(receive=plate.receive + 5))
+    refused("frame: expected camera or optical or base, got optic", identify_sensing, gimbal, plate, frame="optic")
+    refused("gimbal_clock: expected receipt or own", identify_sensing, gimbal, plate, gimbal_clock="mine")
     refused("has 19 detections", identify_sensing, gimbal, DetectionLog(plate.time[:19], plate.position[:19]))
 
 

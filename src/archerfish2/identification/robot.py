@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import numpy as np
 from msgspec.structs import asdict
 
 from archerfish2.errors import file_error
@@ -20,6 +21,7 @@ from archerfish2.identification.sensing.result import SensingResult
 from archerfish2.logs.recording import Finding, listed
 from archerfish2.progress import bar
 from archerfish2.records.json_files import plain, write_json
+from archerfish2.records.limits import LimitsRecord
 from archerfish2.reports.report import Report
 from archerfish2.robot import RECORDS, PartVerdict, Robot
 
@@ -28,6 +30,7 @@ _AXIS: Any = {"feedthrough": False, "divides_s": 0.02}
 that it lacks. Its sampling period divides the time between decisions [s]."""
 _TIMING = {"target": "target", "target_steps": "moments", "commands": "commands", "feedback": "reports"}
 """Arguments of `identify_sensing`, and which timing_….csv they are."""
+_BEYOND = 0.1  # of the range between two limits, up to which commands may be beyond them
 Result: TypeAlias = AxisResult | MuzzleResult | SensingResult
 
 
@@ -75,7 +78,7 @@ def identify_parts(folder: str | Path, *, name: str = "", seed: int = 0) -> Iden
     """Identify the parts of a robot; see `identify_robot`."""
     folder = Path(folder)
     settings, tape, limits = robot_files.read_folder(folder)
-    there = {each.name for each in folder.iterdir() if each.suffix.lower() in robot_files.LOGS}
+    there = robot_files.logs_there(folder)
     jobs = dict[str, Callable[[], Result]]()
     for axis in robot_files.AXES:
         fitted, held_back = robot_files.axis_logs(folder, axis, getattr(settings, axis))
@@ -85,10 +88,10 @@ def identify_parts(folder: str | Path, *, name: str = "", seed: int = 0) -> Iden
         length_m = settings.muzzle.length_m or tape.muzzle_length_m or 0.0
         height_m = settings.muzzle.height_m or tape.muzzle_height_m
         jobs["muzzle"] = partial(identify_muzzle, shots, length_m=length_m, height_m=height_m, seed=seed)
-    if {"timing_sweep.csv", "timing_plate.csv"} <= there:
-        jobs["sensing"] = partial(_sensing, folder, asdict(settings.sensing), seed)
+    if {"timing_sweep.csv", "timing_plate.csv"} <= there.keys():
+        jobs["sensing"] = partial(_sensing, there, asdict(settings.sensing), seed)
     if not jobs:
-        problem = f"expected {robot_files.EXPECTED}, found {listed(sorted(there))}"
+        problem = f"expected {robot_files.EXPECTED}, found {listed(each.name for each in there.values())}"
         raise file_error(folder, problem, "name the logs so, or in logs.toml")
     found = dict[str, Any]()
     with bar("identifying", len(jobs), "parts") as advance:
@@ -101,17 +104,21 @@ def identify_parts(folder: str | Path, *, name: str = "", seed: int = 0) -> Iden
     assumed = tuple(part for part in RECORDS if part not in records)
     verdicts = {part: _verdict(part, each.report) for part, each in found.items()}
     robot = Robot.paper().replace(name=name, assumed=assumed, parts=verdicts, **records)
-    tables, figures = large_steps(folder, settings, {axis: records[axis] for axis in robot_files.AXES if axis in found})
-    used = {f"{axis}_step_{size}deg.csv" for table in tables for axis, size, _ in table.rows}
+    axes = [axis for axis in robot_files.AXES if axis in found]
+    tables, figures = large_steps(folder, settings, {axis: records[axis] for axis in axes})
+    used = [f"{axis}_step_{size}deg.csv" for table in tables for axis, size, _ in table.rows]
     if "muzzle" in found and "landings.csv" in there:
-        tables.insert(0, landing_errors(folder / "landings.csv", robot.muzzle))
-        used.add("landings.csv")
+        tables.insert(0, landing_errors(there["landings.csv"], robot.muzzle))
+        used.append("landings.csv")
     for facts in (each.provenance for each in records.values()):
-        used |= {*facts.get("inputs", ()), *facts.get("logs", ())}
-    remedy = f"rename them, or name them in logs.toml; expected names are {robot_files.EXPECTED}"
-    unused = Finding("unused", "warning", str(folder), f"not used: {listed(sorted(there - used))}", remedy)
+        used += [*facts.get("inputs", ()), *facts.get("logs", ())]
+    findings = [each for axis in axes if limits for each in _beyond(limits, axis, found[axis])]
+    if left := there.keys() - map(str.lower, used):
+        remedy = f"rename them, or name them in logs.toml; expected names are {robot_files.EXPECTED}"
+        message = f"not used: {listed(there[each].name for each in sorted(left))}"
+        findings.append(Finding("unused", "warning", str(folder), message, remedy))
     reports = {part: each.report for part, each in found.items()}
-    return IdentifiedRobot(robot, found, robot_report(robot, reports, tables, figures, [unused] * bool(there - used)))
+    return IdentifiedRobot(robot, found, robot_report(robot, reports, tables, figures, findings))
 
 
 def _axis(axis: str, files: AxisFiles, fitted: list[Path], held_back: list[Path], seed: int) -> Result:
@@ -119,11 +126,21 @@ def _axis(axis: str, files: AxisFiles, fitted: list[Path], held_back: list[Path]
     return identify_axis(logs, validate=validate, axis=axis, dc_gain=files.dc_gain, seed=seed, **_AXIS)
 
 
-def _sensing(folder: Path, how: dict[str, Any], seed: int) -> Result:
-    sweep, plate, steps = (folder / f"timing_{name}.csv" for name in ("sweep", "plate", "steps"))
-    others = {argument: folder / f"timing_{name}.csv" for argument, name in _TIMING.items()}
-    given = how | {argument: path for argument, path in others.items() if path.exists()}
-    return identify_sensing(sweep, plate, steps=[steps] if steps.exists() else [], seed=seed, **given)
+def _sensing(there: dict[str, Path], how: dict[str, Any], seed: int) -> Result:
+    sweep, plate, steps = (there.get(f"timing_{name}.csv") for name in ("sweep", "plate", "steps"))
+    others: Any = {argument: there.get(f"timing_{name}.csv") for argument, name in _TIMING.items()}
+    return identify_sensing(sweep or "", plate or "", steps=[steps] if steps else [], seed=seed, **how, **others)
+
+
+def _beyond(limits: LimitsRecord, axis: str, result: AxisResult) -> list[Finding]:
+    """Warn of commands far beyond an axis' limits, of which units or signs of either are the likely cause."""
+    u, most = np.concatenate([each.recording.inputs for each in result.fits]), getattr(limits, axis)
+    low, high, slack = u.min(), u.max(), _BEYOND * (most.high - most.low)
+    if most.low - slack <= low and high <= most.high + slack:
+        return []
+    angles = np.degrees([low, high, most.low, most.high])
+    message = "commands of {} go from {:.3g} to {:.3g}°, its limits are {:.3g} to {:.3g}°".format(axis, *angles)
+    return [Finding("limits", "warning", limits.source or "limits.json", message, "check units and signs of both")]
 
 
 def _verdict(part: str, report: Report) -> PartVerdict:

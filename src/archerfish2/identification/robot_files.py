@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from msgspec import Meta
 
-from archerfish2.errors import file_error
+from archerfish2.errors import InputError, file_error
 from archerfish2.logs.log import read_log
 from archerfish2.logs.recording import Log
 from archerfish2.logs.timing import Frame
@@ -80,6 +80,12 @@ class LimitsFigures(Struct, frozen=True, kw_only=True):
     max_acceleration_deg_s2: Both
     """Largest acceleration of a command [°/s²]."""
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for low, high in (self.pitch_deg, self.yaw_deg):
+            if not low < high:
+                raise InputError(f"[limits]: expected the lowest angle before the highest, got {low:g}, {high:g}")
+
     def record(self) -> LimitsRecord:
         """Return the limits in radians."""
         rows: Any = (*zip(self.pitch_deg, self.yaw_deg, strict=True), self.max_rate_deg_s, self.max_acceleration_deg_s2)
@@ -116,9 +122,9 @@ def check_output(folder: Path, out: Path) -> None:
     """Refuse to write a robot into the folder of its logs.
 
     Raises:
-      InputError: if both are the same.
+      InputError: if it is that, or in it.
     """
-    if folder.resolve() == out.resolve():
+    if folder.resolve() in (out.resolve(), *out.resolve().parents):
         raise file_error(out, "is the folder of the logs, which are only read", "choose another folder for the robot")
 
 
@@ -146,9 +152,15 @@ def read_folder(folder: Path) -> tuple[LogFolder, Tape, LimitsRecord | None]:
     return settings, measured, read_struct(limits, LimitsRecord, LimitsRecord.schema, remedy)
 
 
+def logs_there(folder: Path) -> dict[str, Path]:
+    """Return the logs in a folder by their names in lower case."""
+    return {each.name.lower(): each for each in sorted(folder.iterdir()) if each.suffix.lower() in LOGS}
+
+
 def files_there(folder: Path, named: Sequence[str], *usual: str) -> list[Path]:
     """Return the files that are named, else the usual ones that are there."""
-    return [folder / each for each in named or usual if named or (folder / each).exists()]
+    there = logs_there(folder)
+    return [folder / each for each in named] or [there[each] for each in usual if each in there]
 
 
 def axis_logs(folder: Path, axis: str, files: AxisFiles) -> tuple[list[Path], list[Path]]:

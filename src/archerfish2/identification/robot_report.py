@@ -1,6 +1,7 @@
 """Report of an identified robot: its parts, what is assumed, what no fit has seen, and what to do next."""
 
 import re
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -56,18 +57,21 @@ def robot_report(
     absent = {"sensing": "sensing: immediate and perfect"}
     rows += [(absent.get(part, f"{part}: the paper's"), "assumed") for part in robot.assumed]
     pages = f"Their pages: {', '.join(each.page for each in robot.parts.values())}."
-    every = [*findings, *(each for report in reports.values() for each in report.findings)]
+    alike = defaultdict[Finding, dict[str, int]](dict)  # samples by place
+    for each in (*findings, *(each for report in reports.values() for each in report.findings)):
+        alike[each._replace(place="", samples=0)][each.place] = each.samples
+    every = (each._replace(place=", ".join(at), samples=sum(at.values())) for each, at in alike.items())
     return Report(
         title=f"{robot.name}: what the logs say",
         headline=", ".join(bad or robot.parts) + (f"; assumed: {', '.join(robot.assumed)}" if robot.assumed else ""),
         usable=not bad,
         reasons=tuple(f"{part}: {reason}" for part in bad for reason in robot.parts[part].reasons),
-        known=tuple(of_parts("known", 2)),
+        known=tuple(f"{part}: {each.headline}" for part, each in reports.items()),
         doubts=tuple(of_parts("doubts")),
         next_steps=tuple(steps),
         tables=(Table("Parts", ("part", ""), tuple(rows), pages), *tables),
         figures=figures,
-        findings=tuple(dict.fromkeys(every)),
+        findings=tuple(every),
     )
 
 
@@ -92,7 +96,7 @@ def large_steps(folder: Path, settings: LogFolder, plants: dict[str, PlantRecord
     """
     rows, figures = list[tuple[Entry, ...]](), dict[str, Any]()
     for axis, plant in plants.items():
-        names = (re.fullmatch(rf"{axis}_step_([1-9]\d*)deg\.csv", each.name) for each in folder.iterdir())
+        names = (re.fullmatch(rf"(?i){axis}_step_([1-9]\d*)deg\.csv", each.name) for each in folder.iterdir())
         for size, name in sorted((int(match[1]), match[0]) for match in names if match):
             log = read_axis(folder / name, getattr(settings, axis)).recordings[0]
             begin = int(np.argmax(log.inputs[:, 0] != log.inputs[0, 0]))

@@ -22,7 +22,9 @@ class AxisLogs(NamedTuple):
     hashes: dict[str, str | int | float | None]  # SHA-256 by file
 
 
-def read_sources(logs: Sequence[Source], validate: Sequence[Source] = (), divides_s: float | None = None) -> AxisLogs:
+def read_sources(
+    logs: Source | Sequence[Source], validate: Source | Sequence[Source] = (), divides_s: float | None = None
+) -> AxisLogs:
     """Read logs and bring them to one sampling period: the longest, or the next longer one that divides a time.
 
     Args:
@@ -33,7 +35,8 @@ def read_sources(logs: Sequence[Source], validate: Sequence[Source] = (), divide
     Raises:
       InputError: if one can't be read, none is given, or their signals have other names.
     """
-    read = [[_log(each) for each in group] for group in (logs, validate)]
+    groups = ([each] if isinstance(each, Source) else each for each in (logs, validate))
+    read = [[_log(each) for each in group] for group in groups]
     fitted, held_back = ([each for log in group for each in log.recordings] for group in read)
     if not fitted:
         raise InputError("identify: expected a log or more, got none; pass a file")
@@ -50,9 +53,10 @@ def read_sources(logs: Sequence[Source], validate: Sequence[Source] = (), divide
             continue
         message = f"the same as {first.source}, and left out"
         findings.append(Finding("repeated-log", "repaired", each.source, message, "name each log once", len(each)))
-    message = "fitted, too, so that it shows nothing of other motions"
-    seen = (each.source for each in held_back if _content(each) in contents)
-    findings += [Finding("not-held-back", "warning", each, message, "hold another log back") for each in seen]
+    message = "fitted, too, so that it shows nothing of other motions, and not held back"
+    both = (each.source for each in held_back if _content(each) in contents)
+    findings += [Finding("not-held-back", "warning", each, message, "hold another log back") for each in both]
+    held_back = [each for each in held_back if _content(each) not in contents]
     period_s = max(each.period_s for each in (*fitted, *held_back))
     message = f"brought to a sampling period of {1e3 * period_s:.4g} ms"
     faster = (each.source for each in (*kept, *held_back) if each.period_s < (1 - 1e-6) * period_s)

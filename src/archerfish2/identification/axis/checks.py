@@ -15,6 +15,7 @@ from archerfish2.records.plant import PlantRecord
 _OWN_LAGS, _LAGS, _SAMPLES_A_LAG, _MOST_SAMPLES = 8, 100, 20, 20_000  # of the regression that tests for a response
 _LONGEST_DELAY = 8  # beyond the log's length over it no response is looked for
 _FALSE_ALARM, _COHERENT = 1e-4, 0.5  # of its F test; median coherence that shows a response too
+_EXPLAINED, _OTHER_UNIT = 80.0, 20.0  # fit from which a plant of a log alone counts; ratio of gains of one axis
 _SINE_SHARE, _FEWEST_PERIODS = 0.98, 3  # of the power near one line, from which an input is a single sine; in the log
 _SAMPLES_A_PARAMETER, _DEPENDENT = 10, 1e6  # condition number from which inputs depend on each other
 _SUSPECT, _GOOD = 60.0, 80.0  # fit below which columns may be exchanged; least fit of the exchanged ones
@@ -71,6 +72,27 @@ def plant_findings(plant: PlantRecord, log: Recording) -> list[Finding]:
             if low < (gain if low < 0 else abs(gain)) < high:
                 message = f'the steady gain of "{log.output_names[0]}" from "{name}" is {gain:.3g}, {meaning}'
                 found.append(Finding(code, "warning", log.source, message, remedy))
+    return found
+
+
+def contradictions(logs: Sequence[tuple[Recording, float]]) -> list[Finding]:
+    """Find logs of another sign or unit than the others, where all together fit badly: each is fitted alone.
+
+    Args:
+      logs: recordings of one input and one output, and how well they are explained [%].
+    """
+    gains: dict[Recording, float] = {}
+    for log in (log for log, _ in logs) if min(percent for _, percent in logs) < _EXPLAINED else ():
+        plant = fit_axis([log], 2).plant
+        if free_run(plant, log.inputs, log.outputs).fit_percent[0] > _EXPLAINED:
+            gains[log] = plant.dc_gain.item()
+    sign, found = 1 if sum(map(np.sign, gains.values())) >= 0 else -1, list[Finding]()
+    for log, gain in gains.items() if len(gains) > 1 else ():
+        others = sign * float(np.median([abs(each) for other, each in gains.items() if other is not log]))
+        if not abs(others) / _OTHER_UNIT < sign * gain < abs(others) * _OTHER_UNIT:
+            message = f"this log alone has a steady gain of {gain:.3g}, the others one of {others:.3g}"
+            remedy = "bring all logs to one sign and unit, or leave this one out"
+            found.append(Finding("contradiction", "warning", log.source, message, remedy))
     return found
 
 

@@ -72,7 +72,7 @@ class _Search:
         self.picks = thinned(self.linear, _LINES)
         self.base = refine(found.fit.sections, self.lines(self.linear, found.delay), *_FINE)
         poles = poles_of(self.base.sections)
-        self.starts = [self.base.sections, sections_from_poles(np.abs(poles) ** _FASTER * np.exp(1j * np.angle(poles)))]
+        self.starts = [self.base.sections, sections_from_poles(poles * np.abs(poles) ** (_FASTER - 1))]
 
     def logs(self, name: str, level: float) -> list[Experiment]:
         inputs = [_OPERATORS[name](u, level, self.period_s)[:, None] for u in self.commands]

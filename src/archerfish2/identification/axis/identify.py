@@ -11,7 +11,7 @@ import numpy as np
 
 from archerfish2.errors import InputError
 from archerfish2.identification.axis.bootstrap import draw_plants, interval
-from archerfish2.identification.axis.checks import exchanged_columns, log_findings, plant_findings
+from archerfish2.identification.axis.checks import contradictions, exchanged_columns, log_findings, plant_findings
 from archerfish2.identification.axis.fit import DELAY, AxisFit, fit_axis, with_gain
 from archerfish2.identification.axis.hammerstein import Nonlinearity, nonlinearity
 from archerfish2.identification.axis.plateaus import plateau_gain
@@ -106,9 +106,9 @@ class AxisResult:
 
 
 def identify_axis(
-    logs: Sequence[Source],
+    logs: Source | Sequence[Source],
     *,
-    validate: Sequence[Source] = (),
+    validate: Source | Sequence[Source] = (),
     axis: str = "axis",
     order: int | None = None,
     max_delay: int | None = None,
@@ -123,7 +123,7 @@ def identify_axis(
     held back if there are some; the plant is fitted by output error, its intervals are those of a parametric bootstrap.
 
     Args:
-      logs: files with the columns time_s, u and y, or logs and recordings as `read_log` returns them.
+      logs: files with the columns time_s, u and y, or logs and recordings as `read_log` returns them; one or several.
       validate: logs that are held back.
       axis: name of the axis.
       order: number of poles, 1 to 20; chosen up to 8 if not given.
@@ -162,6 +162,8 @@ def identify_axis(
     worst = judged(fits).recording
     swapped = exchanged_columns(found, worst, read.fitted)
     findings = [*read.findings, *found_before, *plant_findings(plant, read.fitted[0]), *([swapped] if swapped else [])]
+    if plant.D.shape == (1, 1):
+        findings += contradictions([(each.recording, each.fit_percent) for each in fits])
     return AxisResult(
         plant,
         tuple(fits),
@@ -178,12 +180,13 @@ def identify_axis(
 
 def _given_gain(dc_gain: Sequence[float] | float | str | None, recordings: Sequence[Recording]) -> tuple[Estimate, ...]:
     """Return the gains that a plant is to have; none if they are to be fitted."""
-    if isinstance(dc_gain, str):
+    if dc_gain == "plateaus":
         found = plateau_gain(recordings)
         return () if found is None else (found,)
     expected = len(recordings[0].input_names) * len(recordings[0].output_names)
     given = [] if dc_gain is None else np.ravel(dc_gain).tolist()
-    if given and (len(given) != expected or not np.all(np.isfinite(given))):
+    numbers = all(isinstance(each, int | float) and np.isfinite(each) for each in given)
+    if given and (len(given) != expected or not numbers):
         raise InputError(
             f"dc_gain: expected {expected} finite numbers, got {given}; give one for each input and output"
         )

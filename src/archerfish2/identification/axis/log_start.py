@@ -48,6 +48,12 @@ def resting_samples(u: Array, y: Array) -> int:
     return n if np.all(still & (y[:n].std(0) <= 0.3 * y.std(0))) else 0
 
 
+def mostly_held(u: Array) -> bool:
+    """Return whether inputs, shape (N, m), are held for most of a log, as those of steps are."""
+    still = np.abs(np.diff(u, axis=0)) <= _HELD * np.ptp(u, axis=0)
+    return bool(np.mean(np.all(still, axis=1)) > 0.5)
+
+
 def first_guess(u: Array, y: Array, longest: int) -> Experiment:
     """Return a log, extended by its rest if it has one and its inputs are mostly held.
 
@@ -56,10 +62,8 @@ def first_guess(u: Array, y: Array, longest: int) -> Experiment:
       y: outputs, shape (N, p).
       longest: delay that is considered [samples].
     """
-    rest = resting_samples(u, y)
-    mostly_held = np.mean(np.all(np.abs(np.diff(u, axis=0)) <= _HELD * np.ptp(u, axis=0), axis=1)) > 0.5
-    if rest:
-        return Experiment(u, y, pad=len(y) if mostly_held else 0, rest=rest)
+    if rest := resting_samples(u, y):
+        return Experiment(u, y, pad=len(y) if mostly_held(u) else 0, rest=rest)
     return Experiment(u, y, skip=_unsettled(u, longest))
 
 

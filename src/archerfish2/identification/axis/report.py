@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from archerfish2.identification.axis.log_start import mostly_held
 from archerfish2.identification.axis.plots import correlation_plot, run_plot, step_plot
 from archerfish2.identification.frequency import frequency_response
 from archerfish2.reports.report import Report
@@ -48,9 +49,11 @@ class Shortfall(NamedTuple):
 
 def shortfalls(result: "AxisResult") -> list[Shortfall]:
     """Return what makes a plant useless, the gravest first; nothing if it is usable."""
-    swapped = [each for each in result.findings if each.code == "swapped"]
-    found = [Shortfall(each.code, f"{each.place}: {each.message}: {each.remedy}.") for each in swapped]
-    return [*found, *_low_fit(result), *_unknown_gain(result), *_nonlinear(result)]
+    wrong = [each for each in result.findings if each.code in ("swapped", "contradiction")]
+    if wrong:  # what else is found follows from it
+        return [Shortfall(each.code, f"{each.place}: {each.message}: {each.remedy}.") for each in wrong]
+    low_fit = list(_low_fit(result))
+    return [*low_fit, *_unknown_gain(result), *(() if low_fit else _nonlinear(result))]
 
 
 def judged(fits: Sequence["LogFit"]) -> "LogFit":
@@ -137,13 +140,14 @@ def _known(result: "AxisResult", delay: Estimate) -> Iterator[str]:
     for place, gain in enumerate(result.dc_gain):
         yield f"The steady gain {_named(result, place)}is {_words(gain)}, 95 % interval."
         if result.free_gain:
-            source = "was given" if gain.low == gain.high else "is that of the plateaus at which the steps come to rest"
+            source = "was given" if gain.low == gain.high else "is the slope of the levels at which steps come to rest"
             yield f"It {source}; a fit of the whole logs has {_words(result.free_gain[place])}."
     low, high = result.excited_hz
     yield f"The inputs excite {low:.3g} to {high:.3g} Hz; outside, the plant is an extrapolation."
     yield f"The delay is {_words(delay)}; a plant may share it between dead time and poles."
-    determined = sum(each.determined for each in result.poles)
-    yield f"The logs determine {determined} of its {len(result.poles)} poles or pairs of poles."
+    determined, count = sum(each.determined for each in result.poles), len(result.poles)
+    share = f"{determined} of {count}" if determined < count else "all"
+    yield f"The logs determine {share} of its poles, a pair counted as one."
 
 
 def _doubts(result: "AxisResult") -> Iterator[str]:
@@ -168,7 +172,10 @@ def _next_steps(result: "AxisResult") -> Iterator[str]:
     if high - low > 2:
         remedy = f"add a log with sharp edges (archerfish2 excite {result.plant.axis} --kinds step)"
         yield f"The delay may be {low:g} to {high:g} samples: {remedy}."
-    if not all(each.determined for each in result.poles):
+    if not any(mostly_held(np.asarray(each.recording.inputs)) for each in result.fits if not each.held_back):
+        remedy = f"record a step from rest that is held (archerfish2 excite {result.plant.axis} --kinds step)"
+        yield f"No log holds its input, so the steady gain is that of slow motions: {remedy}."
+    if any(not each.determined and each.frequency_hz.value > result.excited_hz[1] for each in result.poles):
         yield "Some poles are not determined: excite higher frequencies if the robot uses them."
 
 

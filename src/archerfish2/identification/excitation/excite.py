@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from archerfish2.errors import InputError
+from archerfish2.errors import InputError, file_error
 from archerfish2.identification.axis.identify import AxisResult, identify_axis
 from archerfish2.identification.excitation.plan import ExcitationSettings, Kind, demand, plan_command
 from archerfish2.identification.simulation import simulate
@@ -47,10 +47,13 @@ class Excitation:
         """Write each command to a file, with the expected angle beside it.
 
         Raises:
-          InputError: if the folder can't be written.
+          InputError: if the folder can't be written, or has a file of that name, which may be a log.
         """
-        for name, log in self.logs.items():
-            log.write_csv(Path(folder) / name)
+        paths = {Path(folder) / name: log for name, log in self.logs.items()}
+        for path in filter(Path.exists, paths):
+            raise file_error(path, "is there already, and may be a log", "move it, or save into another folder")
+        for path, log in paths.items():
+            log.write_csv(path)
 
     def plot(self) -> "Figure":
         """Draw the commands."""

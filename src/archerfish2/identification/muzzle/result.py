@@ -20,6 +20,7 @@ from archerfish2.reports.table import Estimate, Table, entry_texts
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_LARGE_OFFSET = np.radians(2.0)  # beyond what a mounted barrel has
 _NOTE = "Offset: mean angle off the barrel, up or left positive; scatter: standard deviation; 1° is 17 mm per metre."
 
 
@@ -78,6 +79,7 @@ class MuzzleResult:
         known = ", ".join(f"{name} {value:g} {units[name]}" for name, value in given.items())
         sizes = np.bincount(shots.settings()[0][self.kept])
         more = sizes.size < 3 or sizes.min() < 10 or shots.speed is None
+        doubtful = [name for name in ("pitch_offset", "yaw_offset") if abs(getattr(muzzle, name)) > _LARGE_OFFSET]
         rises = landed and not muzzle.length and np.ptp(shots.pitch) > np.radians(1)
         given_so = "".join(f" --{name}-m {given[name]:g}" for name in ("height", "length") if given.get(name))
         again = f"archerfish2 identify muzzle {' '.join(map(str, shots.files))}"
@@ -85,7 +87,10 @@ class MuzzleResult:
         settings = "Shoot twenty times at each of three to five settings, with measured speeds"
         steps = (
             (rises, f"{rise}: {again}{given_so} --length-m METRES"),
-            (fit.matters, f"Measure angles [°], distances and height again; then: {again}{given_so} --drag estimate"),
+            (
+                fit.matters and "drag" not in shown,
+                f"Measure angles [°], distances and height again; then: {again}{given_so} --drag estimate",
+            ),
             (more, f"{settings}: {again} MORE.csv{given_so}"),
         )
         rows = tuple((name.replace("_sd", " scatter").replace("_", " "), each) for name, each in shown.items())
@@ -95,6 +100,7 @@ class MuzzleResult:
             usable=not doubts,
             reasons=tuple(doubts),
             known=(str(fit), f"Taken as given: {known}."),
+            doubts=tuple(f"The {each.replace('_', ' ')} is large: check signs and the zero." for each in doubtful),
             next_steps=tuple(step for is_due, step in steps if is_due),
             tables=(Table("Parameters", ("parameter", "estimate, 95 %"), rows, _NOTE),),
             figures=(("Measured less modelled, shot by shot", self.plot),),

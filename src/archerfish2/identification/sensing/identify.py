@@ -6,7 +6,7 @@ What these can't separate is reported as a sum, or left out with the measurement
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -59,6 +59,10 @@ def identify_sensing(
     """
     if (target is None) != (target_steps is None):
         raise InputError("target and target_steps: got one without the other; pass both, or neither", "target-steps")
+    allowed = {"frame": (frame, get_args(logs.Frame)), "gimbal_clock": (gimbal_clock, ("receipt", "own"))}
+    for name, (value, values) in allowed.items():
+        if value not in values:
+            raise InputError(f"{name}: expected {' or '.join(values)}, got {value}; correct it")
     read_gimbal = partial(logs.read_gimbal_log, degrees=degrees)
     read_detections = partial(logs.read_detections, frame=frame, degrees=degrees)
     log, *more = (_read(read_gimbal, each) for each in (sweep, *steps))
