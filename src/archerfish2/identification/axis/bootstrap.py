@@ -23,7 +23,7 @@ _FAR = 6.0  # robust standard deviations of a gain beyond which a draw has found
 
 
 def draw_plants(found: AxisFit, draws: int, seed: int) -> list[PlantRecord]:
-    """Draw plants, in random order; a few less than asked for if some were far from the others.
+    """Draw plants, in random order; about as many as asked for, less those that are far from the others.
 
     Args:
       found: the fit.
