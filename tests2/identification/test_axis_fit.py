@@ -187,6 +187,17 @@ def test_units_change_nothing_and_a_given_delay_is_kept():
     assert fit_axis([recording], 2, 3).delay == 3
 
 
+def test_an_input_that_moves_in_its_first_sample_alone_is_told_from_no_transient():
+    pulse = Experiment(np.eye(400, 1), np.random.default_rng(0).standard_normal((400, 1)))
+    assert np.abs(solve(sections_of(np.array([-0.9, 1.4])), [pulse.at(0, False)]).numerators).max() < 1
+
+
+def test_a_long_delay_is_found_where_an_even_longer_one_is_allowed():
+    u = np.repeat(np.random.default_rng(0).standard_normal(60), 50)
+    recording = log(u, noisy(second_order(u, 0.008, 0.5, 120), 0.01, np.random.default_rng(0)))
+    assert abs(fit_axis([recording], 2, max_delay=250).delay - 120) <= 1
+
+
 def test_a_long_log_a_long_delay_and_a_double_pole():
     time = np.arange(40_000)
     u = np.sin(2 * np.pi * (0.002 * time + 0.048 * time**2 / 2 / len(time)))

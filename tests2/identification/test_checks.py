@@ -32,13 +32,23 @@ def codes(findings):
 
 @pytest.mark.parametrize("name", INPUTS)
 def test_a_response_is_found_even_late_or_in_noise_as_large_and_its_absence_too(name):
-    late = PLANT.replace(delay_samples=60)
+    late = PLANT.replace(delay_samples=170)  # an eighth of the log is searched
     assert log_findings([recorded(INPUTS[name], 1.0), recorded(INPUTS[name], plant=late)], 1) == []
     for seed in range(30):  # logs of noise, coloured as often as white, at a false alarm of 1e-4 each
         noise = signal.lfilter([1], [1, -0.95 * (seed % 2)], np.random.default_rng(9 + seed).normal(size=1500))
         log = Recording.from_arrays(INPUTS[name], noise, 0.01)
         assert codes(log_findings([log], 1)) == [("no-response", "refused")]
     assert codes(log_findings([log, recorded(INPUTS[name])], 1)) == [("no-response", "warning")]
+
+
+def test_a_response_after_a_long_rest_is_found_and_a_still_log_has_none():
+    u = np.append(np.zeros(21_000), INPUTS["levels"])
+    still = Recording.from_arrays(np.full(1500, 0.1), np.random.default_rng(0).normal(size=1500), 0.01)
+    assert log_findings([recorded(u, 1.0)], 1) == []
+    assert codes(log_findings([still, recorded(INPUTS["noise"])], 1)) == [("no-response", "warning")]
+    found = fit_axis([recorded(INPUTS["noise"], plant=PLANT.replace(delay_samples=0))], 2)
+    assert exchanged_columns(found, recorded(INPUTS["noise"]), [recorded(INPUTS["noise"]), still]) is None
+    assert exchanged_columns(found, still, [still]) is None
 
 
 def test_logs_that_are_too_short_of_one_sine_or_of_inputs_that_are_one_are_found():
@@ -94,6 +104,7 @@ OPERATORS = {
 def test_a_nonlinearity_is_named_with_its_level_and_a_linear_axis_has_none(name):
     (level, operator), plant = OPERATORS[name], PlantRecord.second_order(5, 0.6, 0.01, 0.005)
     u = np.repeat(np.append(0.0, np.random.default_rng(0).uniform(-1, 1, 40)), 50)
+    u = np.append(np.zeros(9000 * (name == "saturation")), u)
     log = Recording.from_arrays(u, recorded(operator(u), 0.01, plant, 9).outputs, 0.005)
     found = nonlinearity(fit_axis([log], 2), [log])
     if name == "none":

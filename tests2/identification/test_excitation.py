@@ -12,7 +12,7 @@ from archerfish2.identification.excitation.excite import excite
 from archerfish2.identification.excitation.plan import ExcitationSettings, demand, multisine, plan_command, prbs
 from archerfish2.identification.simulation import simulate
 from archerfish2.logs.recording import Recording
-from archerfish2.paper.gimbal import printed_plants
+from archerfish2.paper.gimbal import gate_limits, printed_plants
 from archerfish2.records.limits import AxisLimits, LimitsRecord
 from archerfish2.records.plant import PlantRecord
 
@@ -98,7 +98,9 @@ def test_the_prediction_is_the_spread_of_real_identifications():
 
 def test_the_printed_second_pair_of_pitch_is_not_determined_by_a_sweep():
     plant = printed_plants()["pitch"]
-    poles = excite("pitch", LIMITS, kinds=("sweep",), validation=False, plant=plant).expected.poles
+    planned = excite("pitch", kinds=("sweep",), validation=False, plant=plant)
+    assert planned.limits.high == gate_limits().pitch.high
+    poles = planned.expected.poles
     assert [each.determined for each in poles] == [True, *[False] * (len(poles) - 1)]
 
 

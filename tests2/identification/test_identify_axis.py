@@ -46,6 +46,7 @@ def test_order_delay_gain_and_poles_are_those_of_the_plant_within_their_interval
     assert (len(found.plant.A), found.delay_samples.value, found.plant.axis) == (2, 6, "pitch")
     (gain,), (pole,) = found.dc_gain, found.poles
     for each, true in ((gain, 1.03), (pole.frequency_hz, 4.0), (pole.damping, 0.6)):
+        assert each.low < each.value < each.high
         assert each.low - 0.002 < true < each.high + 0.002
         assert each.high - each.low < 0.02 * true
     assert pole.determined
@@ -114,14 +115,18 @@ def test_the_report_says_what_is_known_and_all_of_it_is_saved(found, tmp_path):
 @pytest.mark.parametrize("memory", [0.0, 0.9])
 def test_intervals_hold_what_they_state(memory):
     """Of 20 logs at 95 % each fewer than 15 cover with a probability of 3e-4; of two figures and spectra, 1e-3."""
-    true, covered = np.append(1.03, np.abs(np.log(np.linalg.eigvals(PLANT.A)[0]))), []
+    true, covered, gains = np.append(1.03, np.abs(np.log(np.linalg.eigvals(PLANT.A)[0]))), [], []
     for seed in range(20):
         log = recorded(SWEEP, 0.1, seed, memory=memory)
-        drawn = draw_plants(fit_axis([log], 2, 6, feedthrough=False), 60, seed)
+        fit = fit_axis([log], 2, 6, feedthrough=False)
+        drawn = draw_plants(fit, 60, seed)
         values = [[e.dc_gain.item(), np.abs(np.log(np.linalg.eigvals(e.A).astype(complex))).min()] for e in drawn]
         low, high = interval(np.array(values))
         covered.append((low <= true) & (true <= high))
+        gains.append((fit.gain.item(), np.std(values, axis=0)[0]))
     assert np.sum(covered, axis=0).min() >= 15
+    found, drawn_sd = np.array(gains).T  # nor are they too wide
+    assert 0.7 < drawn_sd.mean() / found.std(ddof=1) < 1.35
 
 
 def test_a_drift_is_part_of_the_structure_where_it_explains_the_log():

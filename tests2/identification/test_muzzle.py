@@ -69,6 +69,13 @@ def test_without_drag_a_landing_is_the_parabola_and_with_it_quadratic_drag_withi
         assert found == pytest.approx(expected, rel=share, abs=1.3e-3)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_an_interval_has_its_estimate_however_roughly_the_hits_are_measured(seed):
+    shots = fire([0], 5, (1, 2, 3), speeds=False, seed=seed)
+    found = identify(replace(shots, hit_height=shots.hit_height.round(1))).estimates
+    assert [name for name, (value, low, high, _) in found.items() if not low <= value <= high] == []
+
+
 def test_expected_measurements_are_the_mean_and_deviation_of_random_shots():
     # A wide dispersion, so that the second order of the mean shows: 0.012 m against a standard error of 0.002 m.
     shots, variances = Shots(np.array([0.1]), np.zeros(1), np.ones(1)), np.array([0.8, 0.025]) ** 2

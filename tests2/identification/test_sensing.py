@@ -181,7 +181,17 @@ def test_what_can_not_be_used_is_refused(sweep, refused):
     refused(r"plate\.csv: .*by one clock", identify_sensing, gimbal, plate._replace(receive=plate.receive + 5))
     refused("frame: expected camera or optical or base, got optic", identify_sensing, gimbal, plate, frame="optic")
     refused("gimbal_clock: expected receipt or own", identify_sensing, gimbal, plate, gimbal_clock="mine")
+    millimetres = plate._replace(position=1e3 * plate.position)
+    refused(r"plate\.csv: .*; give positions in metres", identify_sensing, gimbal, millimetres)
     refused("has 19 detections", identify_sensing, gimbal, DetectionLog(plate.time[:19], plate.position[:19]))
+
+
+@pytest.mark.parametrize("decimals", [(2, 2, 1), (3, 3, 0)])
+def test_coordinates_of_few_digits_have_their_rounding_as_noise(sweep, decimals):
+    exact = sweep.plate.position
+    position = np.stack([each.round(n) for each, n in zip(exact.T, decimals, strict=True)], axis=1)
+    found, rounded = (identify_sensing(sweep.sweep, sweep.plate._replace(position=each)) for each in (exact, position))
+    assert rounded.sensing.camera.time_offset == pytest.approx(found.sensing.camera.time_offset, abs=1e-3)
 
 
 @pytest.mark.skipif(not EPOCH.is_dir(), reason="the recordings of people, shared/data/cases, are not here")

@@ -100,7 +100,7 @@ def identify_parts(folder: str | Path, *, name: str = "", seed: int = 0) -> Iden
             found[part] = job()
     records = {part: getattr(each, part, None) or each.plant for part, each in found.items()}
     records |= {"limits": limits} if limits else {}
-    name = name or folder.resolve().name[:100] or "robot"
+    name = (name or folder.resolve().name or "robot")[:100]
     assumed = tuple(part for part in RECORDS if part not in records)
     verdicts = {part: _verdict(part, each.report) for part, each in found.items()}
     robot = Robot.paper().replace(name=name, assumed=assumed, parts=verdicts, **records)

@@ -23,7 +23,7 @@ _FAR = 6.0  # robust standard deviations of a gain beyond which a draw has found
 
 
 def draw_plants(found: AxisFit, draws: int, seed: int) -> list[PlantRecord]:
-    """Draw plants, in random order; a few less than asked for if some were far from the others.
+    """Draw plants, in random order; about as many as asked for, less those that are far from the others.
 
     Args:
       found: the fit.
@@ -91,8 +91,7 @@ def _spectrum(log: Experiment, residual: Complex, taken: Array) -> Array:
 def _noise(log: Experiment, power: Array, lines: Indices, rng: np.random.Generator) -> Complex:
     """Draw noise for the measured samples; its transform at some lines of the log, shape (p, k)."""
     if not log.pad:  # the transform of such noise is independent from line to line
-        # A structure may skip fewer samples than the chosen one, of which the spectrum is.
-        power = power[:, np.minimum(lines, power.shape[1] - 1)]
+        power = power[:, lines]
     real, imaginary = rng.standard_normal((2, *power.shape))
     noise = np.sqrt(power / 2) * (real + 1j * imaginary)
     if not log.pad:

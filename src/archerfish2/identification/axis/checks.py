@@ -108,9 +108,10 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
     percent = float(free_run(plant, log.inputs, log.outputs, drift=drift).fit_percent[0])
     # The inverse of an axis leads, so that a plant of it has no delay, or many poles.
     odd = plant.delay_samples <= plant.D.any() or len(plant.A) >= _MANY
-    if plant.D.shape != (1, 1) or not (odd or percent < _SUSPECT):
+    moving = [each for each in recordings if np.ptp(each.inputs)]
+    if plant.D.shape != (1, 1) or not (odd or percent < _SUSPECT) or not np.ptp(log.inputs):
         return None
-    other, *logs = map(_exchanged, (log, *recordings))
+    other, *logs = map(_exchanged, (log, *moving))
     plants = [fit_axis(logs, order).plant for order in (1, 2, 3)]
     best = max(float(free_run(p, other.inputs, other.outputs, drift=drift).fit_percent[0]) for p in plants)
     if best < max(_GOOD, percent + min(_WORTH, (100 - percent) / 2)):
@@ -135,12 +136,14 @@ def _sine_hz(signal: Array, period_s: float) -> float:
 
 def _responds(log: Recording, channel: int) -> bool:
     """Return whether past inputs improve the prediction of the output by its own past, or are coherent with it."""
-    n = min(len(log), _MOST_SAMPLES)
+    n, begins = min(len(log), _MOST_SAMPLES), int(np.argmax(log.inputs[:, channel] != log.inputs[0, channel]))
     lags, farthest = min(_LAGS, n // _SAMPLES_A_LAG), n // _LONGEST_DELAY
     coherence = measured_response([log]).coherence[:, 0, channel]
     if lags <= _OWN_LAGS or (coherence.size and np.median(coherence) > _COHERENT):
         return True  # a log that is too short can't show that there is none
-    y, u = ((each - each.mean()) / each.std() for each in (log.outputs[:n, 0], log.inputs[:n, channel]))
+    first = min(max(begins - _LAGS, 0), len(log) - n)  # a log may rest for longer than what is tested
+    signals = (each[first : first + n] for each in (log.outputs[:, 0], log.inputs[:, channel]))
+    y, u = ((each - each.mean()) / max(float(each.std()), 1e-300) for each in signals)
     own = _past(y, 1, _OWN_LAGS)
     white_y, white_u = _left(y, own), _left(u, _past(u, 1, _OWN_LAGS))
     spectra = np.fft.rfft(white_y, 2 * n) * np.fft.rfft(white_u, 2 * n).conj()

@@ -51,13 +51,20 @@ def nonlinearity(found: AxisFit, recordings: Sequence[Recording]) -> Nonlinearit
     if found.plant.D.shape != (1, 1):
         return None
     most, period = _MOST_SAMPLES // len(recordings), recordings[0].period_s
-    commands = [np.asarray(each.inputs[:most, 0]) for each in recordings]
+    # A log may rest for longer than that before it moves.
+    first = (int(np.argmax(each.inputs[:, 0] != each.inputs[0, 0])) for each in recordings)
+    begins = [max(0, at - most // 2) for at in first]
+    commands = [np.asarray(log.inputs[at : at + most, 0]) for log, at in zip(recordings, begins, strict=True)]
+    cut = [
+        replace(e, y=e.y[at : at + most], pad=min(e.pad, most), rest=max(e.rest - at, 1), skip=max(e.skip - at, 0))
+        for e, at in zip(found.experiments, begins, strict=True)
+    ]
     largest, span = (max(float(size(u)) for u in commands) for size in (lambda u: np.abs(u).max(), np.ptp))
     width = max(1, most // 1000)
     moves = [np.abs(y[width:] - y[:-width]) for y in (each.outputs[:, 0] for each in recordings)]
     speed = max(np.quantile(each, 0.995) for each in moves) / (width * period * np.abs(found.gain.item()))
     levels = largest * _LIMITS, largest * _SHARES, span / 2 * _SHARES, speed * _SLEWS
-    search, names = _Search(found, commands, period), list(_OPERATORS)[1:]
+    search, names = _Search(found._replace(experiments=cut), commands, period), list(_OPERATORS)[1:]
     fits = [search.best(name, each.tolist()) for name, each in zip(names, levels, strict=True)]
     best = min(filter(None, fits), key=lambda each: each.residual_share, default=None)
     return best if best and best.gained > _CLEAR and best.residual_share < _SHARE else None
@@ -76,8 +83,7 @@ class _Search:
 
     def logs(self, name: str, level: float) -> list[Experiment]:
         inputs = [_OPERATORS[name](u, level, self.period_s)[:, None] for u in self.commands]
-        logs = zip(self.found.experiments, inputs, strict=True)
-        return [replace(e, u=u, y=e.y[: len(u)], pad=min(e.pad, len(u))) for e, u in logs]
+        return [replace(e, u=u) for e, u in zip(self.found.experiments, inputs, strict=True)]
 
     def lines(self, logs: list[Experiment], delay: int) -> list[Lines]:
         return lines_of(logs, self.picks, delay, self.found.structure.feedthrough)

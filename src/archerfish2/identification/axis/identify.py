@@ -127,7 +127,8 @@ def identify_axis(
       validate: logs that are held back.
       axis: name of the axis.
       order: number of poles, 1 to 20; chosen up to 8 if not given.
-      max_delay: largest input delay [samples]; found if not given.
+      max_delay: up to which the input delay is searched at first, 20 if not given; further where the best lies at that
+        end [samples].
       feedthrough: whether an input may act within its own sample.
       dc_gain: steady output per steady input that the plant is to have, output by output and input by input, or
         "plateaus": that of `plateau_gain`, if the logs have such steps; fitted if not given.

@@ -65,7 +65,7 @@ def delay_table(experiments: Sequence[Experiment], order: int, delays: tuple[int
         below = max((delay for delay in tried if delay < here), default=here)
         above = min((delay for delay in tried if delay > here), default=here)
         waiting = sorted({(below + here) // 2, (here + above + 1) // 2} - tried.keys())
-        if highest <= here == max(tried) < most:
+        if min(highest, _GRID[-1]) <= here == max(tried) < most:
             waiting.append(min(2 * max(here, 1), most))
     return tried
 

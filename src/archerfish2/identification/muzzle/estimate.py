@@ -122,8 +122,9 @@ def vertical_estimates(
     half += rounded * np.abs(inverse @ (fit.response.slopes[:, 0] / fit.sd))
     means, names = np.array([fit.values[name] for name in fit.free]), [*fit.free, *SPREADS[-scales.shape[1] :]]
     ends = np.hstack([[means - half, means + half], np.sqrt(np.maximum(squares, 0.0))])
-    ends = np.clip(ends, *np.array([RANGES[name] for name in names]).T)
-    rows = zip(names, [*means, *np.sqrt(fit.variances)], *ends.tolist(), strict=True)
+    found = np.vstack([[*means, *np.sqrt(fit.variances)], ends])
+    found = np.clip(found, *np.array([RANGES[name] for name in names]).T)
+    rows = zip(names, *np.stack([found[0], found.min(axis=0), found.max(axis=0)]).tolist(), strict=True)
     return {name: Estimate(value, low, high, _UNITS.get(name, "rad")) for name, value, low, high in rows}
 
 

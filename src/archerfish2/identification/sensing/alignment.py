@@ -24,6 +24,7 @@ _OUTLIER = 5.0  # standard deviations in one coordinate beyond which it is not t
 _INSIGNIFICANT = 11.5
 """Explained power above its mean, in that of the residual per degree of freedom, that 1 in 100 right alignments exceed
 by chance (χ² of 7 terms)."""
+_LEAST_SD = 1e-9  # of a coordinate [rad, m], so that one without noise has a weight
 _NOISE = {"bearing_sd": "rad", "elevation_sd": "rad", "range_sd": "m", "stamp_jitter": "s"}
 
 # Parameters: azimuth of the plate in the base frame less the camera's on the gimbal, horizontal distance of the plate
@@ -89,7 +90,9 @@ def rough_offset(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float
 
 
 def _robust_sd(values: Array) -> Array:
-    return np.asarray(1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0))
+    found = 1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0)
+    # Of coarsely rounded values most may be equal.
+    return np.asarray(np.maximum(np.where(found > 0, found, values.std(axis=0)), _LEAST_SD))
 
 
 def spherical(position: Array) -> Array:
@@ -147,7 +150,7 @@ def align(track: GimbalTrack, time: Array, position: Array, start: float) -> Ali
         columns = slope[inlier].reshape(-1, x.size)
         scales = np.column_stack([np.tile(np.eye(3), (inlier.sum(), 1)), columns[:, -1] ** 2])
         noise = statistics.variance_components(left[inlier].ravel(), columns, scales)
-        sd = np.sqrt(noise.variances[:3] + slope[..., -1] ** 2 * noise.variances[3])
+        sd = np.sqrt(noise.variances[:3] + slope[..., -1] ** 2 * noise.variances[3] + _LEAST_SD**2)
     errors = np.sqrt(np.diag(noise.variances_covariance))
     found = {"camera.outlier_share": statistics.share_estimate(int(np.sum(~inlier)), inlier.size)}
     for (name, unit), variance, error in zip(_NOISE.items(), noise.variances, errors, strict=True):

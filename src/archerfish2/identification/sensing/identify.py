@@ -21,6 +21,8 @@ from archerfish2.provenance import provenance
 from archerfish2.records.sensing import SensingRecord
 from archerfish2.reports.table import Estimate
 
+_FARTHEST_M = 100.0  # that a plate is seen
+
 
 def identify_sensing(
     sweep: logs.GimbalLog | str | Path,
@@ -67,6 +69,8 @@ def identify_sensing(
     read_detections = partial(logs.read_detections, frame=frame, degrees=degrees)
     log, *more = (_read(read_gimbal, each) for each in (sweep, *steps))
     plate, stepping = (_read(read_detections, each) for each in (detections, target))
+    if (far := float(np.median(np.linalg.norm(plate.position, axis=1)))) > _FARTHEST_M:
+        raise InputError(f"{plate.source}: the plate is {far:.4g} m away; give positions in metres", "millimetres")
     start = log.time[0]  # far from it, numbers have no room for microseconds
     track, stamps = gimbal_track(log._replace(time=log.time - start)), plate.time - start
     period, missed = timing.frame_timing(stamps, plate.source)
