@@ -9,8 +9,8 @@ from scipy import io, signal
 
 from archerfish2.identification.axis.fit import fit_axis
 from archerfish2.identification.axis.log_start import first_guess
-from archerfish2.identification.axis.noise import noise_power
-from archerfish2.identification.axis.output_error import jacobian, refine, solve
+from archerfish2.identification.axis.noise import local_power, noise_power
+from archerfish2.identification.axis.output_error import jacobian, leverage, refine, solve
 from archerfish2.identification.axis.sections import free_numbers, response, sections_of, state_matrices
 from archerfish2.identification.axis.spectrum import Experiment, lines_of, thinned
 from archerfish2.identification.simulation import simulate
@@ -105,6 +105,19 @@ def test_the_printed_axes_are_found_under_noise(noise, least):
             found = fit_axis([log(SWEEP, noisy(sweep[:, 0], noise, np.random.default_rng(seed)))], 4).plant
             fits.append([fit_percent(sweep, simulate(found, SWEEP)), fit_percent(step, simulate(found, STEP))])
     assert np.all(np.median(fits, axis=0) >= least), np.median(fits, axis=0)
+
+
+def test_leverage_is_the_number_of_parameters_and_noise_is_corrected_by_it():
+    rng, time = np.random.default_rng(0), np.arange(400)
+    u, y = np.sin(1e-3 * time**2)[:, None], rng.standard_normal((400, 1))
+    logs = [Experiment(u, y), Experiment(u, y[::-1], pad=400, rest=50)]
+    fit = refine([np.array([-1.2, 0.5])], [each.at(3) for each in logs], 5, 1e-4)
+    first, second = leverage(fit, [each.at(3) for each in logs])
+    # Two poles, three numerators; of each log two transients, and of one the level of its rest. A line has two rows.
+    assert 2 * (first.sum() + second.sum()) == pytest.approx(2 + 3 + 2 * 2 + 1, abs=1e-6)
+    assert first[0, :10].mean() > 3 * first.mean()  # the sweep is slow
+    squares = rng.standard_exponential(200)
+    assert_allclose(local_power(squares, np.full(200, 0.5)), 2 * local_power(squares, np.ones(200)))
 
 
 def test_the_gradient_is_that_of_differences():

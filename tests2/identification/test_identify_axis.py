@@ -156,7 +156,7 @@ def test_a_gain_is_held_where_it_is_given_or_from_the_plateaus():
     logs = [recorded(SWEEP), recorded(STEPS, seed=1)]
     given, plateaus = identify_axis(logs, order=2, dc_gain=1.2), identify_axis(logs, order=2, dc_gain="plateaus")
     assert given.plant.dc_gain.item() == pytest.approx(1.2, rel=1e-4)
-    assert "contradicts the logs" in given.report.doubts[0]
+    assert "contradicts the logs" in given.report.reasons[0]
     expected = plateau_gain(logs)
     assert plateaus.dc_gain == (expected,)
     assert expected.low < 1.03 < expected.high

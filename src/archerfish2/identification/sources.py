@@ -62,6 +62,9 @@ def read_sources(
     faster = (each.source for each in (*kept, *held_back) if each.period_s < (1 - 1e-6) * period_s)
     findings += [Finding("other-period", "repaired", each, message, "log all at one rate") for each in faster]
     if divides_s is not None:
+        if period_s > divides_s * (1 + 1e-6):
+            problem = f"has a sample every {period_s:.4g} s, expected one every {divides_s:g} s at least"
+            raise InputError(f"{fitted[0].source}: {problem}; log faster")
         period_s = divides_s / max(1, int(divides_s / period_s * (1 + 1e-6)))
     hashes: dict[str, str | int | float | None] = {
         Path(log.source).name: log.sha256 for group in read for log in group if log.sha256
@@ -71,7 +74,7 @@ def read_sources(
 
 
 def _content(recording: Recording) -> bytes:
-    return recording.inputs.tobytes() + recording.outputs.tobytes()
+    return str(recording.period_s).encode() + recording.inputs.tobytes() + recording.outputs.tobytes()
 
 
 def _log(source: Source) -> Log:

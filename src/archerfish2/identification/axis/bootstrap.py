@@ -11,9 +11,8 @@ from numpy.fft import irfft, rfft
 
 from archerfish2.identification.axis.fit import AxisFit, plant_of
 from archerfish2.identification.axis.noise import local_power
-from archerfish2.identification.axis.output_error import LinearFit, jacobian, refine, residuals_by_log, solve
-from archerfish2.identification.axis.sections import free_numbers
-from archerfish2.identification.axis.spectrum import Experiment, Indices, Lines, strongest
+from archerfish2.identification.axis.output_error import leverage, refine, residuals_by_log, solve
+from archerfish2.identification.axis.spectrum import Experiment, Indices, strongest
 from archerfish2.identification.simulation import Array, Complex
 from archerfish2.records.plant import PlantRecord
 
@@ -43,7 +42,7 @@ def draw_plants(found: AxisFit, draws: int, seed: int) -> list[PlantRecord]:
         every = solve(fit.sections, data + soft)
         residuals = residuals_by_log(every, data + soft)[: len(data)]
         responses = [lines.outputs - each for lines, each in zip(data, residuals, strict=True)]
-        spectra = [_spectrum(*each) for each in zip(logs, residuals, _taken(every, data + soft), strict=True)]
+        spectra = [_spectrum(*each) for each in zip(logs, residuals, leverage(every, data + soft), strict=True)]
         picks = strongest([np.mean(np.abs(each) ** 2, axis=0) for each in responses], _LINES)
         lines = [d._replace(outputs=y).pick(k) for d, y, k in zip(data, responses, picks, strict=True)]
         for _ in range(round(draws * weight / sum(likely.values()))):
@@ -65,16 +64,6 @@ def _near(values: Array) -> Array:
     middle = np.median(values, axis=0)
     sd = 1.4826 * np.median(np.abs(values - middle), axis=0) + 1e-300
     return np.asarray(np.all(np.abs(values - middle) <= _FAR * sd, axis=1))
-
-
-def _taken(fit: LinearFit, data: list[Lines]) -> list[Array]:
-    """Share of the noise at each line of each log that a fit takes out of its residual: its leverage, (p, F) each."""
-    slopes = np.linalg.qr(jacobian(fit, data, free_numbers(fit.sections)).T)[0]
-    driven = np.sum(slopes**2, axis=1).reshape(len(fit.residual), -1) + np.sum(fit.basis**2, axis=1)
-    ends = np.cumsum([2 * len(lines.z) for lines in data if lines.impulse.size])
-    logs = zip(np.split(driven, ends, axis=1)[:-1], fit.logs, strict=False)  # constraints come last
-    rows = [each + np.sum(log.basis**2, axis=1) for each, log in logs]
-    return [each.reshape(len(each), -1, 2).mean(axis=2) for each in rows]
 
 
 def _spectrum(log: Experiment, residual: Complex, taken: Array) -> Array:

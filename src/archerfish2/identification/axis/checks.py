@@ -19,7 +19,7 @@ _EXPLAINED, _OTHER_UNIT = 80.0, 20.0  # fit from which a plant of a log alone co
 _SINE_SHARE, _FEWEST_PERIODS = 0.98, 3  # of the power near one line, from which an input is a single sine; in the log
 _SAMPLES_A_PARAMETER, _DEPENDENT = 10, 1e6  # condition number from which inputs depend on each other
 _SUSPECT, _GOOD = 60.0, 80.0  # fit below which columns may be exchanged; least fit of the exchanged ones
-_WORTH = 2.0  # points that an exchange gains at least, or half of the rest
+_WORTH, _LEAST = 2.0, 0.01  # points that an exchange gains at least, or half of the rest if that is not too little
 _MANY = 6  # poles
 _UNITS, _SIGN = ("degrees-radians", "log both in radians"), ("sign-flip", "change the sign of one of them")
 _GAINS = (
@@ -114,7 +114,7 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
     other, *logs = map(_exchanged, (log, *moving))
     plants = [fit_axis(logs, order).plant for order in (1, 2, 3)]
     best = max(float(free_run(p, other.inputs, other.outputs, drift=drift).fit_percent[0]) for p in plants)
-    if best < max(_GOOD, percent + min(_WORTH, (100 - percent) / 2)):
+    if best < max(_GOOD, percent + max(_LEAST, min(_WORTH, (100 - percent) / 2))):
         return None
     message = f"the output comes before the input: exchanged, the fit is {best:.1f} % instead of {percent:.1f} %"
     remedy = f'take "{log.output_names[0]}" as the input and "{log.input_names[0]}" as the output'

@@ -106,6 +106,21 @@ def jacobian(fit: LinearFit, data: list[Lines], theta: Array) -> Array:
     return np.asarray(theta_slopes(theta) @ by_coefficients)
 
 
+def leverage(fit: LinearFit, data: list[Lines]) -> list[Array]:
+    """Return the share of the noise at each line that a fit takes out of its residual, of each log, shape (p, F).
+
+    Args:
+      fit: of the data.
+      data: lines of all logs, then soft constraints.
+    """
+    slopes = np.linalg.qr(jacobian(fit, data, free_numbers(fit.sections)).T)[0]
+    driven = np.sum(slopes**2, axis=1).reshape(len(fit.residual), -1) + np.sum(fit.basis**2, axis=1)
+    ends = np.cumsum([2 * len(lines.z) for lines in data if lines.impulse.size])
+    logs = zip(np.split(driven, ends, axis=1)[:-1], fit.logs, strict=False)
+    rows = [each + np.sum(log.basis**2, axis=1) for each, log in logs]
+    return [each.reshape(len(each), -1, 2).mean(axis=2) for each in rows]
+
+
 def refine(sections: Sections, data: list[Lines], steps: int, tolerance: float, ridge: float = 0) -> LinearFit:
     """Move the poles by Levenberg and Marquardt's method to a local minimum of the sum of squares.
 

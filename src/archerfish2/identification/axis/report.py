@@ -52,6 +52,11 @@ def shortfalls(result: "AxisResult") -> list[Shortfall]:
     wrong = [each for each in result.findings if each.code in ("swapped", "contradiction")]
     if wrong:  # what else is found follows from it
         return [Shortfall(each.code, f"{each.place}: {each.message}: {each.remedy}.") for each in wrong]
+    for given, free in zip(result.dc_gain, result.free_gain, strict=False):
+        slack = _GAIN_WIDTH * abs(given.value)
+        if given.low == given.high and not free.low - slack <= given.value <= free.high + slack:
+            sentence = f"The gain that was given, {given.value:.4g}, contradicts the logs, which have {_words(free)}"
+            return [Shortfall("gain", f"{sentence}: check its unit and sign, or leave it out.")]
     low_fit = list(_low_fit(result))
     return [*low_fit, *_unknown_gain(result), *(() if low_fit else _nonlinear(result))]
 
@@ -151,10 +156,6 @@ def _known(result: "AxisResult", delay: Estimate) -> Iterator[str]:
 
 
 def _doubts(result: "AxisResult") -> Iterator[str]:
-    for given, free in zip(result.dc_gain, result.free_gain, strict=False):
-        if given.low == given.high and not free.low <= given.value <= free.high:
-            wrong = f"The gain that was given, {given.value:.4g}, contradicts the logs, which have {_words(free)}"
-            yield f"{wrong}: check its unit and sign, or leave it out."
     for name, tests in ((each.recording.source, each.tests) for each in result.fits if each.tests is not None):
         if tests.feedback:
             wrong = f"In {name} the input follows the output's disturbances, which biases the plant"

@@ -6,7 +6,7 @@ intervals are those of a plain sample (t, χ²); without, those of the spreads c
 """
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy import optimize, stats
@@ -51,27 +51,45 @@ def rounding_step(values: Array | None) -> float:
     return 0.0 if values is None else 1e-6 * float(np.gcd.reduce(np.rint(1e6 * (values - values[0])).astype(np.int64)))
 
 
+def fit_means(
+    shots: Shots, free: list[str], values: Parameters, sd: Array, shift: Array | float = 0.0, loss: str = "linear"
+) -> Parameters:
+    """Fit the free parameters within their ranges by least squares.
+
+    Args:
+      shots: N of them.
+      free: names of the parameters.
+      values: of all parameters, from which it begins.
+      sd: standard deviation of each measurement [m], shape (N,).
+      shift: added to the expected measurements [m], shape (N,).
+      loss: of SciPy's `least_squares`.
+    """
+    low, high = np.array([RANGES[name] for name in free]).T
+
+    def moved(point: Array) -> Parameters:
+        return {**values, **dict(zip(free, point.tolist(), strict=True))}
+
+    def ratio(point: Array) -> Array:
+        return np.asarray((vertical(shots) - shift - flown(shots, moved(point))) / sd)
+
+    start = np.clip([values[name] for name in free], low + 1e-9, high - 1e-9)
+    return moved(optimize.least_squares(ratio, start, bounds=(low, high), loss=loss, x_scale=0.1 * (high - low)).x)
+
+
 def robust_fit(shots: Shots, free: list[str], known: Parameters) -> tuple[Parameters, Array]:
     """Fit the means by Cauchy's loss.
 
     Returns:
       All parameters, and the residuals in robust standard deviations, shape (N,).
     """
-    values, low, high = {**_START, **known}, *np.array([RANGES[name] for name in free]).T
     measured, typical = vertical(shots), _TYPICAL[shots.speed is not None :]
-
-    def moved(point: Array) -> Parameters:
-        return {**values, **dict(zip(free, point.tolist(), strict=True))}
-
-    point = np.array([values[name] for name in free])
+    values: Parameters = {**_START, **known}
     for loss in ("soft_l1", "cauchy", "cauchy"):
-        sd = np.sqrt(linearised(shots, moved(point)).scales @ typical)
-        options: Any = {"bounds": (low, high), "loss": loss, "x_scale": 0.1 * (high - low)}
-        begun = np.clip(point, low + 1e-9, high - 1e-9)
-        point = optimize.least_squares(lambda x, sd=sd: (measured - flown(shots, moved(x))) / sd, begun, **options).x
-    deviation = (measured - flown(shots, moved(point))) / sd
+        sd = np.sqrt(linearised(shots, values).scales @ typical)
+        values = fit_means(shots, free, values, sd, loss=loss)
+    deviation = (measured - flown(shots, values)) / sd
     scale = max(1.4826 * np.median(np.abs(deviation)), rounding_step(measured) / np.median(sd) / 3.5)
-    return moved(point), deviation / scale
+    return values, deviation / scale
 
 
 def fit_muzzle(shots: Shots, free: list[str], values: Parameters) -> MuzzleFit:
@@ -80,18 +98,16 @@ def fit_muzzle(shots: Shots, free: list[str], values: Parameters) -> MuzzleFit:
     groups = (number[:, None] == np.arange(number.max() + 1)).astype(float)
     pure = len(shots) - groups.shape[1] >= max(4, (len(shots) - len(free)) / 2)
     step, speed_step, variances = rounding_step(measured), rounding_step(shots.speed), typical
-    low, high = np.array([RANGES[name] for name in free]).T
     for _ in range(_ROUNDS):
         there = linearised(shots, values)
         rounding = (step**2 + (speed_step * there.slopes[:, 0]) ** 2) / 12
         design = there.slopes[:, list(map(SHAPING.index, free))]
-        residual, within = measured - there.mean - 0.5 * there.curvatures @ variances, groups if pure else design
+        shift, within = 0.5 * there.curvatures @ variances, groups if pure else design
+        residual = measured - there.mean - shift
         spreads = variance_components(residual, within, there.scales, rounding)
         variances = np.maximum(spreads.variances, _LEAST * typical)
         sd = np.sqrt(there.scales @ variances + rounding)
-        goal = residual + design @ [values[name] for name in free]
-        point = optimize.lsq_linear(design / sd[:, None], goal / sd, (low, high), "bvls").x
-        values = {**values, **dict(zip(free, point.tolist(), strict=True))}
+        values = fit_means(shots, free, values, sd, shift)
     return MuzzleFit(free, values, there, design, within, residual, spreads, variances, rounding, sd)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from archerfish2.identification.muzzle.checks import Flags, LackOfFit
-from archerfish2.identification.muzzle.flight import vertical
+from archerfish2.identification.muzzle.flight import RANGES, SHAPING, vertical
 from archerfish2.identification.statistics import Array, converted
 from archerfish2.logs.recording import Finding
 from archerfish2.logs.shots import Shots
@@ -74,6 +74,8 @@ class MuzzleResult:
         scatter = " and ".join(f"{text[name][0]} in {name[:-3]}" for name in ("pitch_sd", "yaw_sd") if name in text)
         used = f"{np.count_nonzero(self.kept)} of {len(shots)} shots used"
         doubts = [each.message for each in self.findings if each.code == "too-many-outliers"] + [str(fit)] * fit.matters
+        ends = (name for name in shown if name in SHAPING and self.estimates[name].value in RANGES[name])
+        doubts += [f"The {name.replace('_', ' ')} ran to an end of its range: shoot at more settings." for name in ends]
         units = {"drag": "1/m", "length": "m"} | ({"height": "m"} if landed else {})
         given = {name: getattr(muzzle, name) for name in units if name not in shown}
         known = ", ".join(f"{name} {value:g} {units[name]}" for name, value in given.items())
