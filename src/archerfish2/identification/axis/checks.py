@@ -15,7 +15,8 @@ from archerfish2.records.plant import PlantRecord
 _OWN_LAGS, _LAGS, _SAMPLES_A_LAG, _MOST_SAMPLES = 8, 100, 20, 20_000  # of the regression that tests for a response
 _LONGEST_DELAY = 8  # beyond the log's length over it no response is looked for
 _FALSE_ALARM, _COHERENT = 1e-4, 0.5  # of its F test; median coherence that shows a response too
-_EXPLAINED, _OTHER_UNIT = 80.0, 20.0  # fit from which a plant of a log alone counts; ratio of gains of one axis
+_FEWEST, _EXPLAINED, _OTHER_UNIT = 100, 80.0, 20.0
+"""Samples and fit from which a plant of a log alone counts, and ratio of gains that one axis doesn't have."""
 _SINE_SHARE, _FEWEST_PERIODS = 0.98, 3  # of the power near one line, from which an input is a single sine; in the log
 _SAMPLES_A_PARAMETER, _DEPENDENT = 10, 1e6  # condition number from which inputs depend on each other
 _SUSPECT, _GOOD = 60.0, 80.0  # fit below which columns may be exchanged; least fit of the exchanged ones
@@ -82,7 +83,9 @@ def contradictions(logs: Sequence[tuple[Recording, float]]) -> list[Finding]:
       logs: recordings of one input and one output, and how well they are explained [%].
     """
     gains: dict[Recording, float] = {}
-    for log in (log for log, _ in logs) if min(percent for _, percent in logs) < _EXPLAINED else ():
+    badly = min(percent for _, percent in logs) < _EXPLAINED
+    long = [log for log, _ in logs if len(log) >= _FEWEST and np.ptp(log.inputs) and np.ptp(log.outputs)]
+    for log in long if badly else ():
         plant = fit_axis([log], 2).plant
         if free_run(plant, log.inputs, log.outputs).fit_percent[0] > _EXPLAINED:
             gains[log] = plant.dc_gain.item()
