@@ -60,7 +60,8 @@ def robot_report(
     alike = defaultdict[Finding, dict[str, int]](dict)  # samples by place
     for each in (*findings, *(each for report in reports.values() for each in report.findings)):
         alike[each._replace(place="", samples=0)][each.place] = each.samples
-    every = (each._replace(place=", ".join(at), samples=sum(at.values())) for each, at in alike.items())
+    places = {each: ", ".join([*at][:3]) + f" and {len(at) - 3} more" * (len(at) > 3) for each, at in alike.items()}
+    every = (each._replace(place=places[each], samples=sum(at.values())) for each, at in alike.items())
     return Report(
         title=f"{robot.name}: what the logs say",
         headline=", ".join(bad or robot.parts) + (f"; assumed: {', '.join(robot.assumed)}" if robot.assumed else ""),

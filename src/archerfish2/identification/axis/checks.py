@@ -15,11 +15,14 @@ from archerfish2.records.plant import PlantRecord
 _OWN_LAGS, _LAGS, _SAMPLES_A_LAG, _MOST_SAMPLES = 8, 100, 20, 20_000  # of the regression that tests for a response
 _LONGEST_DELAY = 8  # beyond the log's length over it no response is looked for
 _FALSE_ALARM, _COHERENT = 1e-4, 0.5  # of its F test; median coherence that shows a response too
-_FEWEST, _EXPLAINED, _OTHER_UNIT = 100, 80.0, 20.0
-"""Samples and fit from which a plant of a log alone counts, and ratio of gains that one axis doesn't have."""
+_FEWEST, _OTHER_UNIT = 100, 20.0
+"""Samples of a log that is fitted alone; ratio of gains that one axis does not have."""
 _SINE_SHARE, _FEWEST_PERIODS = 0.98, 3  # of the power near one line, from which an input is a single sine; in the log
 _SAMPLES_A_PARAMETER, _DEPENDENT = 10, 1e6  # condition number from which inputs depend on each other
-_SUSPECT, _GOOD = 60.0, 80.0  # fit below which columns may be exchanged; least fit of the exchanged ones
+_SUSPECT, _GOOD = (
+    60.0,
+    80.0,
+)  # fit below which columns may be exchanged; least fit of exchanged ones and of a log alone
 _WORTH, _LEAST = 2.0, 0.01  # points that an exchange gains at least, or half of the rest if that is not too little
 _MANY = 6  # poles
 _UNITS, _SIGN = ("degrees-radians", "log both in radians"), ("sign-flip", "change the sign of one of them")
@@ -83,11 +86,11 @@ def contradictions(logs: Sequence[tuple[Recording, float]]) -> list[Finding]:
       logs: recordings of one input and one output, and how well they are explained [%].
     """
     gains: dict[Recording, float] = {}
-    badly = min(percent for _, percent in logs) < _EXPLAINED
+    badly = min(percent for _, percent in logs) < _GOOD
     long = [log for log, _ in logs if len(log) >= _FEWEST and np.ptp(log.inputs) and np.ptp(log.outputs)]
     for log in long if badly else ():
         plant = fit_axis([log], 2).plant
-        if free_run(plant, log.inputs, log.outputs).fit_percent[0] > _EXPLAINED:
+        if free_run(plant, log.inputs, log.outputs).fit_percent[0] > _GOOD:
             gains[log] = plant.dc_gain.item()
     sign, found = 1 if sum(map(np.sign, gains.values())) >= 0 else -1, list[Finding]()
     for log, gain in gains.items() if len(gains) > 1 else ():

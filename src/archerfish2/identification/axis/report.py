@@ -133,7 +133,7 @@ def axis_report(result: "AxisResult") -> Report:
         reasons=tuple(each.sentence for each in missing),
         known=tuple(_known(result, delay)),
         doubts=tuple(_doubts(result)),
-        next_steps=tuple(_next_steps(result)),
+        next_steps=(*["Mend what the reasons name, and identify again."] * bool(missing), *_next_steps(result)),
         tables=tuple(_tables(result, delay)),
         figures=tuple(_figures(result)),
         findings=result.findings,
