@@ -19,10 +19,7 @@ _FEWEST, _OTHER_UNIT = 100, 20.0
 """Samples of a log that is fitted alone; ratio of gains that one axis does not have."""
 _SINE_SHARE, _FEWEST_PERIODS = 0.98, 3  # of the power near one line, from which an input is a single sine; in the log
 _SAMPLES_A_PARAMETER, _DEPENDENT = 10, 1e6  # condition number from which inputs depend on each other
-_SUSPECT, _GOOD = (
-    60.0,
-    80.0,
-)  # fit below which columns may be exchanged; least fit of exchanged ones and of a log alone
+_SUSPECT, _GOOD = 60.0, 80.0  # fit below which columns may be exchanged; of exchanged ones, or a log alone, at least
 _WORTH, _LEAST = 2.0, 0.01  # points that an exchange gains at least, or half of the rest if that is not too little
 _MANY = 6  # poles
 _UNITS, _SIGN = ("degrees-radians", "log both in radians"), ("sign-flip", "change the sign of one of them")
@@ -153,8 +150,8 @@ def _responds(log: Recording, channel: int) -> bool:
     coherence = measured_response([log]).coherence[:, 0, channel]
     if lags <= _OWN_LAGS or (coherence.size and np.median(coherence) > _COHERENT):
         return True  # a log that is too short can't show that there is none
-    first = min(max(begins - _LAGS, 0), len(log) - n)  # a log may rest for longer than what is tested
-    signals = (each[first : first + n] for each in (log.outputs[:, 0], log.inputs[:, channel]))
+    start = min(max(begins - _LAGS, 0), len(log) - n)  # a log may rest for longer than what is tested
+    signals = (each[start : start + n] for each in (log.outputs[:, 0], log.inputs[:, channel]))
     y, u = ((each - each.mean()) / max(float(each.std()), 1e-300) for each in signals)
     own = _past(y, 1, _OWN_LAGS)
     white_y, white_u = _left(y, own), _left(u, _past(u, 1, _OWN_LAGS))
