@@ -85,7 +85,7 @@ def covered(job: tuple[int, str, int]) -> dict[str, bool]:
     result = identify_axis(list(logs_of(case, *job[1:])), order=case.order)
     gain, true = result.dc_gain[0], float(case.plant.dc_gain.item())
     found = {"steady gain": bool(gain.low <= true <= gain.high)}
-    lows, highs = interval(np.abs(frequency_response(result.plant, FREQUENCIES_HZ, draws=True)[..., 0, 0]))
+    lows, highs = interval(np.abs(frequency_response(result.record, FREQUENCIES_HZ, draws=True)[..., 0, 0]))
     gains = np.abs(frequency_response(case.plant, FREQUENCIES_HZ)[:, 0, 0])
     for frequency, low, at, high in zip(FREQUENCIES_HZ, lows, gains, highs, strict=True):
         found[f"gain at {frequency:g} Hz"] = bool(low <= at <= high)

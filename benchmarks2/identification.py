@@ -19,8 +19,7 @@ import numpy as np
 from scipy import io
 
 from archerfish2.identification.axis.identify import identify_axis
-from archerfish2.identification.simulation import simulate
-from archerfish2.identification.validation import free_run
+from archerfish2.identification.simulation import free_run, simulate
 from archerfish2.logs.recording import Recording
 from archerfish2.paper.gimbal import printed_plants
 from archerfish2.reports.table import Table
@@ -138,7 +137,7 @@ def recorded(job: tuple[str, int | None]) -> dict[str, Any]:
     row |= {"log": name, "order": order or "chosen", "seconds": time.process_time() - begun}
     if isinstance(result, str):
         return {**row, "reason": result}
-    plant = result.plant
+    plant = result.record
     known = result.fits[0].run  # with the drift that was found
     found = {"training": float(known.fit_percent[0]), "found_order": len(plant.A), "delay": plant.delay_samples}
     return {**row, **found, "test": float(free_run(plant, *test, known.offset).fit_percent[0])}
@@ -151,7 +150,7 @@ def printed(job: tuple[str, float, int, int | None]) -> dict[str, Any]:
     clean = simulate(true, SWEEP[:, None])
     measured = clean + noise * clean.std() * rng.standard_normal(clean.shape)
     result = identify_axis([Recording.from_arrays(SWEEP, measured, PERIOD_S)], order=order)
-    plant = result.plant
+    plant = result.record
     row: dict[str, Any] = {"axis": axis, "noise": noise, "seed": seed, "order": order or "chosen"}
     for name, signal in {"sweep": SWEEP, "step": STEP, "white": WHITE}.items():
         wanted, got = (simulate(each, signal[:, None]) for each in (true, plant))
@@ -169,7 +168,7 @@ def clean(job: tuple[str, int, int | None]) -> dict[str, Any]:
     true = printed_plants()[axis].replace(delay_samples=delay)
     y = simulate(true, SWEEP[:, None]) + 4
     y[:delay] = 4  # before the log the input was zero
-    plant = identify_axis([Recording.from_arrays(SWEEP, y, PERIOD_S)], order=order).plant
+    plant = identify_axis([Recording.from_arrays(SWEEP, y, PERIOD_S)], order=order).record
     poles = np.linalg.eigvals(plant.A)
     worst = max(float(np.abs(poles - pole).min()) for pole in np.linalg.eigvals(true.A))
     row: dict[str, Any] = {"axis": axis, "delay": delay, "order": order or "chosen", "pole_error": worst}

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from archerfish2.dynamics.muzzle import direction
 from archerfish2.dynamics.pellet import quadratic_crossing
-from archerfish2.identification.muzzle.identify import identify_muzzle
-from archerfish2.identification.muzzle.result import MuzzleResult
+from archerfish2.identification.muzzle.identify import MuzzleResult, identify_muzzle
 from archerfish2.logs.shots import Shots
 from archerfish2.paper.tables import landing_table
 from archerfish2.provenance import provenance

@@ -78,7 +78,7 @@ def against_peers(index: int) -> dict[str, Any]:
     facts = f"{log.rig.family}, {log.excitation}, {log.noise_kind}"
     if isinstance(result, str):
         return _row("peers", index, f"{facts}: {result}", fit=0.0, other=best)
-    return _row("peers", index, facts, fit=_fit(result.plant, given, clean), other=best, order=len(result.plant.A))
+    return _row("peers", index, facts, fit=_fit(result.record, given, clean), other=best, order=len(result.record.A))
 
 
 def _fit(plant: PlantRecord, given: Array, clean: Array) -> float:
@@ -117,10 +117,10 @@ def _estimated(name: str, index: int, u: Values, y: Values, delay: int) -> dict[
     for order in (2, None):
         result = quiet(partial(identify_axis, [recording], order=order))
         if not isinstance(result, str):
-            error = 100 * float(result.plant.dc_gain.item() - 1)
+            error = 100 * float(result.record.dc_gain.item() - 1)
             found = {"gain_error_percent": error, "delay_error": result.delay_samples.value - delay}
             row |= {name if order else f"chosen_{name}": value for name, value in found.items()}
-            row["order"] = len(result.plant.A)
+            row["order"] = len(result.record.A)
     return row
 
 
@@ -164,7 +164,7 @@ def sweep_and_step(index: int) -> dict[str, Any]:
     fits = []
     for logs in ([sweep, step], [sweep]):
         result = quiet(partial(identify_axis, logs))
-        fits.append(0.0 if isinstance(result, str) else _fit(result.plant, given, clean))
+        fits.append(0.0 if isinstance(result, str) else _fit(result.record, given, clean))
     facts = f"{rig.family}, {count} samples, {100 * log.noise:.2g} % {log.noise_kind}"
     return _row("pairs", index, facts, fit=fits[0], other=fits[1])
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from archerfish2.errors import InputError
-from archerfish2.identification.validation import free_run
+from archerfish2.identification.simulation import free_run
 from archerfish2.records.plant import PlantRecord
 from rigs import (
     COMMANDS,

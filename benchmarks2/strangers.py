@@ -87,7 +87,7 @@ def identified(seed: int, index: int) -> Row:
         except Exception:
             return replace(row, verdict="failed", right=False, reason=_short(traceback.format_exc(-1)))
         seconds = time.process_time() - begun
-    plant, report = result.plant, result.report
+    plant, report = result.record, result.report
     held_back, gain_right = judge(log, plant)
     usable, ratio = held_back >= USABLE_FIT and gain_right, plant.sample_period_s / log.period_s
     gain, delay = result.dc_gain[0], result.delay_samples

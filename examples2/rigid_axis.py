@@ -1,9 +1,9 @@
 """Identifies a rigid axis, eqs (1)–(3), from torque and angle. The log is simulated: put your own file in its place."""
 
 import numpy as np
+from rigid_axis_fit import identify_rigid
 
 from archerfish2.dynamics.rigid_axis import RigidAxis, RigidState, dry_friction, rigid_step
-from archerfish2.identification.rigid import identify_rigid
 from archerfish2.logs.recording import Recording
 
 PERIOD_S, FRICTION = 5e-3, 0.05

@@ -9,12 +9,10 @@ from scipy import io, signal
 
 from archerfish2.identification.axis.fit import fit_axis
 from archerfish2.identification.axis.log_start import first_guess
-from archerfish2.identification.axis.noise import local_power, noise_power
 from archerfish2.identification.axis.output_error import jacobian, leverage, refine, solve
 from archerfish2.identification.axis.sections import free_numbers, response, sections_of, state_matrices
-from archerfish2.identification.axis.spectrum import Experiment, lines_of, thinned
-from archerfish2.identification.simulation import simulate
-from archerfish2.identification.validation import free_run
+from archerfish2.identification.axis.spectrum import Experiment, lines_of, local_power, noise_power, thinned
+from archerfish2.identification.simulation import free_run, simulate
 from archerfish2.logs.recording import Recording
 from archerfish2.paper.gimbal import printed_plants
 from archerfish2.records.plant import PlantRecord

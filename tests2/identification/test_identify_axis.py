@@ -43,15 +43,15 @@ def found():
 
 
 def test_order_delay_gain_and_poles_are_those_of_the_plant_within_their_intervals(found):
-    assert (len(found.plant.A), found.delay_samples.value, found.plant.axis) == (2, 6, "pitch")
+    assert (len(found.record.A), found.delay_samples.value, found.record.axis) == (2, 6, "pitch")
     (gain,), (pole,) = found.dc_gain, found.poles
     for each, true in ((gain, 1.03), (pole.frequency_hz, 4.0), (pole.damping, 0.6)):
         assert each.low < each.value < each.high
         assert each.low - 0.002 < true < each.high + 0.002
         assert each.high - each.low < 0.02 * true
     assert pole.determined
-    assert len(found.plant.draws["A"]) > 90
-    assert np.abs(np.linalg.eigvals(found.plant.draws["A"])).max() < 1
+    assert len(found.record.draws["A"]) > 90
+    assert np.abs(np.linalg.eigvals(found.record.draws["A"])).max() < 1
     assert [each.held_back for each in found.fits] == [True, False, False]
     assert min(each.fit_percent for each in found.fits) > 98
 
@@ -85,11 +85,11 @@ def test_a_pole_that_alternates_behind_an_operator_stays_real():
     u = np.random.default_rng(3).choice([-1.0, 0.0, 1.0], 400)
     y = signal.lfilter([0, 1.0], [1, 0.6], np.clip(u, -0.5, 0.5))
     found = identify_axis([Recording.from_arrays(u, y + 1e-3 * u[::-1], PERIOD_S)], order=1, feedthrough=False)
-    assert found.plant.A.item() == pytest.approx(-0.6, abs=0.01)
+    assert found.record.A.item() == pytest.approx(-0.6, abs=0.01)
 
 
 def test_the_plant_is_that_of_scipy_with_its_delay_as_states(found):
-    A, B, C, D, period_s = found.plant.to_state_space()
+    A, B, C, D, period_s = found.record.to_state_space()
     moving = STEPS[:, None] - STEPS[0]
     assert_allclose(found.predict(moving), signal.dlsim((A, B, C, D, period_s), moving)[1], atol=1e-12)
 
@@ -98,7 +98,7 @@ def test_the_order_is_the_one_that_predicts_held_back_logs_best(found):
     orders = {each.order: each for each in found.candidates if each.fit_percent is not None}
     assert set(orders) == set(range(1, 9))
     best = max(orders.values(), key=lambda each: each.held_back_percent - 0.2 * each.order)
-    assert best.order == len(found.plant.A)
+    assert best.order == len(found.record.A)
     assert sum(each.weight for each in found.candidates) == pytest.approx(1)
 
 
@@ -106,7 +106,7 @@ def test_the_report_says_what_is_known_and_all_of_it_is_saved(found, tmp_path):
     assert found.report.usable
     assert "order 2, delay 30.00 ms" in str(found).replace("30.0 ms", "30.00 ms")
     found.save(tmp_path)
-    assert_allclose(PlantRecord.load(tmp_path / "pitch.json").A, found.plant.A)
+    assert_allclose(PlantRecord.load(tmp_path / "pitch.json").A, found.record.A)
     page = (tmp_path / "pitch.html").read_text()
     assert page.count("<svg") == 6
     assert json.dumps(plain(found.report.to_dict()))
@@ -155,12 +155,12 @@ def test_noise_is_told_from_what_the_input_still_explains():
 def test_a_gain_is_held_where_it_is_given_or_from_the_plateaus():
     logs = [recorded(SWEEP), recorded(STEPS, seed=1)]
     given, plateaus = identify_axis(logs, order=2, dc_gain=1.2), identify_axis(logs, order=2, dc_gain="plateaus")
-    assert given.plant.dc_gain.item() == pytest.approx(1.2, rel=1e-4)
+    assert given.record.dc_gain.item() == pytest.approx(1.2, rel=1e-4)
     assert "contradicts the logs" in given.report.reasons[0]
     expected = plateau_gain(logs)
     assert plateaus.dc_gain == (expected,)
     assert expected.low < 1.03 < expected.high
-    assert plateaus.plant.dc_gain.item() == pytest.approx(expected.value, rel=1e-4)
+    assert plateaus.record.dc_gain.item() == pytest.approx(expected.value, rel=1e-4)
     assert plateau_gain(logs[:1]) is None
 
 
@@ -184,9 +184,9 @@ def test_the_first_output_decides_and_a_rate_may_have_no_steady_gain():
 def test_periods_are_brought_together_and_divide_the_decisions():
     slow = recorded(SWEEP)
     finer = Recording.from_arrays(np.repeat(STEPS, 2), recorded(STEPS).outputs.repeat(2), PERIOD_S / 2)
-    assert identify_axis([slow, finer], order=2).plant.sample_period_s == PERIOD_S
+    assert identify_axis([slow, finer], order=2).record.sample_period_s == PERIOD_S
     other = Recording.from_arrays(slow.inputs, slow.outputs, 3e-3)
-    assert identify_axis([other], order=2, divides_s=0.02).plant.sample_period_s == pytest.approx(0.02 / 6)
+    assert identify_axis([other], order=2, divides_s=0.02).record.sample_period_s == pytest.approx(0.02 / 6)
 
 
 QUIET = Recording.from_arrays(SWEEP, np.random.default_rng(0).normal(size=len(SWEEP)), PERIOD_S, source="quiet.csv")

@@ -118,7 +118,7 @@ def test_the_muzzle_is_found_from_either_kind_of_shots(speeds, planes):
     assert (missed(result), result.kept.all()) == ([], True)
     assert ("the flight model is not tested" in repr(result)) == (planes == (4,))  # one setting fits any model
     assert result.estimates.keys() == {"speed", "speed_sd", "pitch_offset", "pitch_sd", "yaw_offset", "yaw_sd"}
-    assert_allclose([result.muzzle.speed / 18, result.muzzle.pitch_sd / 0.006], 1, atol=0.25)
+    assert_allclose([result.record.speed / 18, result.record.pitch_sd / 0.006], 1, atol=0.25)
 
 
 def test_intervals_of_small_sets_cover_with_unknown_height_and_drag_too():
@@ -135,7 +135,7 @@ def test_ricochets_are_left_out_and_listed_and_keep_the_estimates():
     result = identify(replace(clean, distance=distance, lateral=clean.lateral * distance / clean.distance))
     assert_array_equal(np.flatnonzero(~result.kept), astray)
     assert next(each for each in result.findings if each.code == "outliers").message.endswith("shot 68, shot 88")
-    assert result.muzzle.pitch_sd == pytest.approx(identify(clean).muzzle.pitch_sd, rel=0.07)
+    assert result.record.pitch_sd == pytest.approx(identify(clean).record.pitch_sd, rel=0.07)
     # One clean set in a hundred loses a shot.
     assert sum(not identify(fire([-3, 0, 3], 10, seed=seed)).kept.all() for seed in range(30)) <= 2
 
@@ -149,7 +149,7 @@ def test_too_many_outliers_are_counted_and_used():
 def test_a_setting_that_is_off_is_a_lack_of_fit_and_not_dispersion():
     shots = fire(FIVE, 20, seed=6)
     off = identify(replace(shots, distance=np.where(shots.pitch > 0.1, 1.1, 1.0) * shots.distance))
-    assert off.muzzle.pitch_sd == pytest.approx(identify(shots).muzzle.pitch_sd, rel=0.1)
+    assert off.record.pitch_sd == pytest.approx(identify(shots).record.pitch_sd, rel=0.1)
     assert (off.report.usable, "does not fit" in off.report.headline) == (False, True)
 
 

@@ -8,8 +8,7 @@ from numpy.testing import assert_allclose
 from scipy import io
 
 from archerfish2.identification.axis.fit import fit_axis
-from archerfish2.identification.simulation import simulate
-from archerfish2.identification.validation import free_run
+from archerfish2.identification.simulation import free_run, simulate
 from archerfish2.logs.log import read_log
 from archerfish2.logs.recording import Recording
 from archerfish2.paper.gimbal import printed_plants

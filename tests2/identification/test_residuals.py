@@ -11,8 +11,7 @@ from archerfish2.identification.axis.fit import fit_axis
 from archerfish2.identification.axis.plots import bode_plot, correlation_plot, run_plot, step_plot
 from archerfish2.identification.frequency import measured_response
 from archerfish2.identification.residuals import residual_tests
-from archerfish2.identification.simulation import simulate
-from archerfish2.identification.validation import free_run
+from archerfish2.identification.simulation import free_run, simulate
 from archerfish2.logs.recording import Recording
 from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.style import svg_text

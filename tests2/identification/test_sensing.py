@@ -97,7 +97,7 @@ def sweep():
 def test_offset_and_delays_are_found_and_their_intervals_have_the_truth(found):
     covered = []
     for truth, result in found:
-        camera, link = result.sensing.camera, result.sensing.link
+        camera, link = result.record.camera, result.record.link
         assert (camera.latency_basis, link.feedback_quantum) == ("exposure", pytest.approx(QUANTUM, rel=1e-3))
         assert camera.bearing_sd * camera.noise_range == pytest.approx(0.005, rel=0.12)
         assert camera.outlier_share == pytest.approx(0.01, abs=0.01)
@@ -106,7 +106,7 @@ def test_offset_and_delays_are_found_and_their_intervals_have_the_truth(found):
         true = {f"camera.{name}": value for name, value in true.items()} | {"camera.miss_probability": 0.05}
         true |= {"link.command_delay": 0.01 + FEEDBACK_S, "link.feedback_delay": FEEDBACK_S}
         for name, value in true.items():
-            low, high = result.sensing.intervals[name]
+            low, high = result.record.intervals[name]
             covered.append(low <= value <= high)
     assert sum(covered) >= 42  # all but 4 in 10,000 sets of independent intervals that have 95 %
 
@@ -117,15 +117,15 @@ def test_a_full_set_leaves_only_the_commands_stamps_missing(found, tmp_path):
     assert (repr(result), result.report.usable) == (str(result.report), True)
     assert re.search(r"camera 80 Hz, .*\nframes a second +80\.0\d\n", repr(result), re.DOTALL)
     result.save(tmp_path)
-    assert SensingRecord.load(tmp_path / "sensing.json").camera.latency == result.sensing.camera.latency
+    assert SensingRecord.load(tmp_path / "sensing.json").camera.latency == result.record.camera.latency
     assert '<p class="verdict good">Usable</p>' in (tmp_path / "sensing.html").read_text()
     assert (len(result.plot().axes), result.counts["target steps"]) == (1, (14, 14))
 
 
 def test_a_sweep_alone_gives_the_latency_less_the_feedbacks_delay(sweep):
     result = identify_sensing(sweep.sweep, sweep.plate)
-    assert (result.sensing.camera.latency_basis, result.sensing.link.command_delay) == ("feedback", None)
-    assert result.sensing.camera.latency == pytest.approx(sweep.latency - FEEDBACK_S, abs=1e-3)
+    assert (result.record.camera.latency_basis, result.record.link.command_delay) == ("feedback", None)
+    assert result.record.camera.latency == pytest.approx(sweep.latency - FEEDBACK_S, abs=1e-3)
     assert ("less the delay of the gimbal's feedback" in result.report.known[0], result.report.doubts) == (True, ())
     assert [re.findall("--[a-z-]+", each) for each in result.report.next_steps] == [
         ["--target", "--target-steps"],
@@ -137,14 +137,14 @@ def test_a_sweep_alone_gives_the_latency_less_the_feedbacks_delay(sweep):
         identify_sensing(sweep.sweep, sweep.plate, gimbal_clock="own"),
         identify_sensing(sweep.sweep, sweep.plate._replace(receive=None)),
     ):
-        assert (alone.sensing.camera.latency, alone.report.usable) == (None, True)
+        assert (alone.record.camera.latency, alone.report.usable) == (None, True)
         assert alone.report.headline.startswith("with care")
         assert "latency is unknown" in alone.report.doubts[0]
 
 
 def test_frames_stamped_on_receipt_have_the_latency_as_their_offset(sweep):
     late = sweep.plate._replace(time=sweep.plate.receive)
-    camera = identify_sensing(sweep.sweep, late).sensing.camera
+    camera = identify_sensing(sweep.sweep, late).record.camera
     assert_allclose([camera.time_offset, -camera.latency], FEEDBACK_S - sweep.latency, atol=1e-3)
     assert_allclose([camera.latency_jitter, camera.bearing_sd * camera.noise_range], [0.002, 0.005], rtol=0.2)
 
@@ -171,7 +171,7 @@ def test_what_moves_with_the_gimbal_is_in_doubt_and_what_is_no_plate_is_not_usab
 def test_moments_by_another_clock_make_the_record_not_usable(found):
     truth, _ = found[0]
     late = identify_sensing(truth.sweep, truth.plate, target=truth.target, target_steps=truth.moments + 0.02)
-    assert late.sensing.link.feedback_delay == pytest.approx(FEEDBACK_S - 0.02, abs=3e-3)
+    assert late.record.link.feedback_delay == pytest.approx(FEEDBACK_S - 0.02, abs=3e-3)
     assert (late.report.usable, "by one clock" in late.report.reasons[0]) == (False, True)
 
 
@@ -191,7 +191,7 @@ def test_coordinates_of_few_digits_have_their_rounding_as_noise(sweep, decimals)
     exact = sweep.plate.position
     position = np.stack([each.round(n) for each, n in zip(exact.T, decimals, strict=True)], axis=1)
     found, rounded = (identify_sensing(sweep.sweep, sweep.plate._replace(position=each)) for each in (exact, position))
-    assert rounded.sensing.camera.time_offset == pytest.approx(found.sensing.camera.time_offset, abs=1e-3)
+    assert rounded.record.camera.time_offset == pytest.approx(found.record.camera.time_offset, abs=1e-3)
 
 
 @pytest.mark.skipif(not EPOCH.is_dir(), reason="the recordings of people, shared/data/cases, are not here")
@@ -204,9 +204,9 @@ def test_stamps_since_1970_change_nothing():
         estimates.append([each[:3] for each in result.estimates.values()])
         assert_allclose(result.estimates["camera.time_offset"][:3], [6.99e-3, 6.92e-3, 7.06e-3], atol=1e-5)
         assert_allclose(result.estimates["camera.latency"][:3], [30e-3, 29.81e-3, 30.19e-3], atol=1e-5)
-        assert (result.sensing.camera.stamp_jitter < 4e-4, result.report.doubts) == (True, ())
+        assert (result.record.camera.stamp_jitter < 4e-4, result.report.doubts) == (True, ())
     assert_allclose(estimates[1:], [estimates[0]] * 2, rtol=1e-3, atol=2e-7)
-    alone = identify_sensing(gimbal, plate._replace(time=plate.time - 1.7e9)).sensing.camera  # one clock of the two
+    alone = identify_sensing(gimbal, plate._replace(time=plate.time - 1.7e9)).record.camera  # one clock of the two
     assert alone.time_offset - 1.7e9 == pytest.approx(6.99e-3, abs=1e-5)
 
 
@@ -222,7 +222,7 @@ def test_the_command_line_writes_what_python_gives(tmp_path, capsys, sweep):
     ).run()
     expected = identify_sensing(sweep.sweep, sweep.plate)
     record = SensingRecord.load(tmp_path / "out" / "sensing.json")
-    assert record.values() == pytest.approx(expected.sensing.values(), rel=1e-9)
+    assert record.values() == pytest.approx(expected.record.values(), rel=1e-9)
     assert list(record.provenance["inputs"]) == ["sweep.csv", "plate.csv"]
     assert expected.report.headline in capsys.readouterr().out
 

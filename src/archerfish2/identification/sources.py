@@ -58,16 +58,16 @@ def read_sources(
     findings += [Finding("not-held-back", "warning", each, message, "hold another log back") for each in both]
     held_back = [each for each in held_back if _content(each) not in contents]
     period_s = max(each.period_s for each in (*fitted, *held_back))
-    message = f"brought to a sampling period of {1e3 * period_s:.4g} ms"
-    faster = (each.source for each in (*kept, *held_back) if each.period_s < (1 - 1e-6) * period_s)
-    findings += [Finding("other-period", "repaired", each, message, "log all at one rate") for each in faster]
     if divides_s is not None:
         if period_s > divides_s * (1 + 1e-6):
             problem = f"has a sample every {period_s:.4g} s, expected one every {divides_s:g} s at least"
             raise InputError(f"{fitted[0].source}: {problem}; log faster")
         period_s = divides_s / max(1, int(divides_s / period_s * (1 + 1e-6)))
+    message = f"brought to a sampling period of {1e3 * period_s:.4g} ms"
+    faster = (each.source for each in (*kept, *held_back) if abs(each.period_s / period_s - 1) > 1e-6)
+    findings += [Finding("other-period", "repaired", each, message, "log all at one rate") for each in faster]
     hashes: dict[str, str | int | float | None] = {
-        Path(log.source).name: log.sha256 for group in read for log in group if log.sha256
+        log.source: log.sha256 for group in read for log in group if log.sha256
     }
     kept, held_back = ([resampled(each, period_s) for each in group] for group in (kept, held_back))
     return AxisLogs(kept, held_back, tuple(findings), hashes)

@@ -73,10 +73,10 @@ def variance_components(
     return VarianceComponents(coefficients, theta, spread, unconstrained, errors, np.sqrt(variance))
 
 
-def sample_mean(sample: Array) -> Estimate:
+def sample_mean(sample: Array, unit: str = "s") -> Estimate:
     """Return the mean of a normal sample, shape (N,) [s], with Student's interval."""
     error = stdtrit(sample.size - 1, 0.975) / Z95 * sample.std(ddof=1) / np.sqrt(sample.size)
-    return normal_estimate(sample.mean(), error)
+    return normal_estimate(sample.mean(), error, unit)
 
 
 def long_run_covariance(scores: Array) -> Array:

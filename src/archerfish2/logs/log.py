@@ -61,6 +61,7 @@ def read_log(
     bag, wanted = path.is_dir() or begin.startswith(tuple(BAGS)) or path.suffix in BAGS.values(), (*inputs, *outputs)
     table = _table(path, begin, list(dict.fromkeys((stamps, *wanted) if stamps and not bag else wanted)), bag)
     rows, repairs = usable_rows(table, signals, "time_s" if bag else stamps, sample_period_s or 1.0)
+    turns = list(undo_wraps([rows._replace(outputs=rows.outputs[:, :0])], (inputs, ()), source))
     fresh, repeats = fresh_rows(rows, source)
     parts, gaps = uninterrupted(fresh, source)
     wraps = list(undo_wraps(parts, signals, source))
@@ -70,7 +71,7 @@ def read_log(
     every = [Recording(u, y, period_s, float(at[0]), *signals, path.name + piece.format(at[0])) for at, u, y in even]
     recordings, warnings = examined(every, source)
     samples = len(rows.time) + sum(each.samples for each in (*table.findings, *repairs))
-    findings = (*table.findings, *repairs, *repeats, *gaps, *wraps, *jitter, *warnings)
+    findings = (*table.findings, *repairs, *turns, *repeats, *gaps, *wraps, *jitter, *warnings)
     return Log(recordings, findings, samples, source, digest.hexdigest())
 
 

@@ -3,15 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from archerfish2.errors import one_line
 from archerfish2.reports.page import page_html
+from archerfish2.reports.style import Figure
 from archerfish2.reports.table import Table, table_dict, tables_text
 from archerfish2.storage import write_bytes
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -26,7 +24,7 @@ class Report:
     doubts: tuple[str, ...] = ()  # what may be otherwise
     next_steps: tuple[str, ...] = ()  # what to do
     tables: tuple[Table, ...] = ()  # the figures
-    figures: tuple[tuple[str, "Callable[[], Figure]"], ...] = ()  # captions, and what draws, called for a page alone
+    figures: tuple[tuple[str, Callable[[], Figure]], ...] = ()  # captions, and what draws, called for a page alone
     findings: tuple[Any, ...] = ()  # what was found in the logs, NamedTuples
     provenance: dict[str, Any] = field(default_factory=dict)  # seed, commit, versions, hashes: what JSON can hold
 
@@ -65,3 +63,13 @@ class Report:
           InputError: if the file can't be written.
         """
         write_bytes(Path(path), page_html(self).encode())
+
+
+class Reported:
+    """Base of what has a report: it is printed as that report."""
+
+    report: Any
+    """A `Report`, as an attribute or a property."""
+
+    def __repr__(self) -> str:
+        return str(self.report)

@@ -9,10 +9,13 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    import matplotlib.figure
+
+Figure: TypeAlias = "matplotlib.figure.Figure"
+"""Named here without loading Matplotlib."""
 
 INK = "#222222"
 MUTED = "#767676"
@@ -73,7 +76,7 @@ def plot_style() -> Iterator[None]:
 
 def new_figure(
     rows: int = 1, columns: int = 1, *, width: float = 7.2, height: float = 3.2, **options: Any
-) -> tuple["Figure", Any]:
+) -> tuple[Figure, Any]:
     """Make a figure with a grid of axes, inside `plot_style()`.
 
     Args:
@@ -86,9 +89,9 @@ def new_figure(
     Returns:
       The figure and its axes, an object array of shape (rows, columns).
     """
-    from matplotlib.figure import Figure
+    from matplotlib import figure as figures
 
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = figures.Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
@@ -98,7 +101,7 @@ def look(index: int) -> dict[str, Any]:
     return {"color": color, "marker": marker, "linestyle": DASHES[index // len(PALETTE) % len(DASHES)]}
 
 
-def svg_text(figure: "Figure", *, prefix: str = "", label: str = "") -> str:
+def svg_text(figure: Figure, *, prefix: str = "", label: str = "") -> str:
     """Return a figure as an <svg> element for a page.
 
     Args:

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.fft import irfft, rfft
 
 from archerfish2.identification.axis.fit import AxisFit, plant_of
-from archerfish2.identification.axis.noise import local_power
 from archerfish2.identification.axis.output_error import leverage, refine, residuals_by_log, solve
-from archerfish2.identification.axis.spectrum import Experiment, Indices, strongest
+from archerfish2.identification.axis.spectrum import Experiment, Indices, local_power, strongest
 from archerfish2.identification.simulation import Array, Complex
 from archerfish2.records.plant import PlantRecord
 

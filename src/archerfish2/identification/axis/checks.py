@@ -7,8 +7,7 @@ from scipy.special import fdtri
 
 from archerfish2.identification.axis.fit import AxisFit, fit_axis
 from archerfish2.identification.frequency import measured_response
-from archerfish2.identification.simulation import Array
-from archerfish2.identification.validation import free_run
+from archerfish2.identification.simulation import Array, free_run
 from archerfish2.logs.recording import Finding, Recording
 from archerfish2.records.plant import PlantRecord
 

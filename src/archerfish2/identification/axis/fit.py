@@ -12,12 +12,10 @@ from archerfish2.identification.axis.log_start import first_guess, guarded, roun
 from archerfish2.identification.axis.output_error import LinearFit, refine, refine_best, residuals_by_log, solve
 from archerfish2.identification.axis.prior import out_of_band, steady_gain
 from archerfish2.identification.axis.sections import Sections, poles_of, state_matrices
-from archerfish2.identification.axis.selection import Selection, select_structure
+from archerfish2.identification.axis.selection import Selection, Structure, delay_table, select_structure
 from archerfish2.identification.axis.spectrum import Experiment, Lines, lines_of, strongest, thinned
 from archerfish2.identification.axis.starts import distinct, vector_fits
-from archerfish2.identification.axis.structure import Structure, delay_table
-from archerfish2.identification.simulation import Array, Complex
-from archerfish2.identification.validation import free_run
+from archerfish2.identification.simulation import Array, Complex, free_run
 from archerfish2.logs.recording import Recording
 from archerfish2.records.plant import PlantRecord
 

@@ -4,8 +4,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -20,17 +19,15 @@ from archerfish2.identification.axis.report import axis_report, judged
 from archerfish2.identification.axis.selection import Candidate
 from archerfish2.identification.frequency import excited_band, measured_response
 from archerfish2.identification.residuals import ResidualTests, residual_tests
-from archerfish2.identification.simulation import Array, Complex, balanced, simulate
+from archerfish2.identification.result import Result
+from archerfish2.identification.simulation import Array, Complex, FreeRun, balanced, free_run, simulate
 from archerfish2.identification.sources import Source, read_sources
-from archerfish2.identification.validation import FreeRun, free_run
 from archerfish2.logs.recording import Finding, Recording
 from archerfish2.provenance import provenance
 from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.report import Report
+from archerfish2.reports.style import Figure
 from archerfish2.reports.table import Estimate
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _DRAWS = 100
 _NEAR_BAND, _SCATTER = 1.5, 1 / 3  # of a natural frequency: beyond the band, and of its draws' logarithm
@@ -58,11 +55,11 @@ class Pole(NamedTuple):
     determined: bool  # whether the logs show where it is
 
 
-@dataclass(frozen=True, eq=False)
-class AxisResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class AxisResult(Result):
     """An identified axis."""
 
-    plant: PlantRecord  # with draws
+    record: PlantRecord  # with draws
     fits: tuple[LogFit, ...]  # of each recording, those held back first
     dc_gain: tuple[Estimate, ...]  # steady output per steady input, output by output and input by input
     delay_samples: Estimate  # of the first response; its range is of all structures by their weights
@@ -78,31 +75,25 @@ class AxisResult:
         """What is known, how sure that is, and what to do next."""
         return axis_report(self)
 
-    def __repr__(self) -> str:
-        return str(self.report)
+    @property
+    def part(self) -> str:
+        """Name of the part of a robot, and of its files."""
+        return self.record.axis
 
-    def save(self, folder: str | Path) -> None:
-        """Write AXIS.json, the plant's record, and AXIS.html, its page, into a folder that exists.
-
-        Raises:
-          InputError: if a file can't be written.
-        """
-        self.plant.save(Path(folder) / f"{self.plant.axis}.json")
-        self.report.write_page(Path(folder) / f"{self.plant.axis}.html")
-
-    def plot(self) -> "Figure":
+    def plot(self) -> Figure:
         """Draw the recording by which the plant is judged, as measured and as simulated."""
         worst = judged(self.fits)
         return run_plot(worst.recording, worst.run, title=worst.recording.source)
 
-    def bode(self) -> "Figure":
+    def bode(self) -> Figure:
         """Draw the frequency response with its band, and as measured."""
         fitted = [each.recording for each in self.fits if not each.held_back]
-        return bode_plot(self.plant, measured_response(fitted), self.excited_hz, title=self.plant.axis)
+        return bode_plot(self.record, measured_response(fitted), self.excited_hz, title=self.record.axis)
 
     def predict(self, u: Array) -> Array:
         """Simulate the outputs from rest, shape (N, p), under inputs (N, m)."""
-        return simulate(self.plant, np.reshape(u, (len(u), -1)))
+        rest = np.zeros((self.record.delay_samples, len(self.record.input_names)))
+        return simulate(self.record, np.vstack([rest, np.reshape(u, (len(u), -1))]))[len(rest) :]
 
 
 def identify_axis(
@@ -181,7 +172,7 @@ def identify_axis(
 
 def _given_gain(dc_gain: Sequence[float] | float | str | None, recordings: Sequence[Recording]) -> tuple[Estimate, ...]:
     """Return the gains that a plant is to have; none if they are to be fitted."""
-    if dc_gain == "plateaus":
+    if dc_gain == "plateaus" and len(recordings[0].input_names) * len(recordings[0].output_names) == 1:
         found = plateau_gain(recordings)
         return () if found is None else (found,)
     expected = len(recordings[0].input_names) * len(recordings[0].output_names)

@@ -14,6 +14,7 @@ from archerfish2.logs.recording import Recording
 from archerfish2.reports.table import Estimate
 
 _FEWEST = 3  # plateaus
+_STILL = 2e-3  # of the output's range, by which the means of both halves of a plateau may differ, beside their noise
 _HELD = 1e-6  # of an input's range, within which it counts as held
 
 
@@ -40,7 +41,15 @@ def _plateaus(recording: Recording, hold_s: float) -> tuple[Array, Array]:
     u, y = recording.inputs[:, 0], recording.outputs[:, 0]
     ends = np.append(np.flatnonzero(np.abs(np.diff(u)) > _HELD * np.ptp(u)), len(u) - 1)
     begins = np.append(0, ends[:-1] + 1)
-    long = ends - begins >= hold_s / recording.period_s
+    long = ends - begins + 1 >= hold_s / recording.period_s - 1e-6
     held = [(b + (e - b) * 4 // 5, e) for b, e in zip(begins[long], ends[long], strict=True)]
+    held = [(b, e) for b, e in held if _rests(y[b : e + 1], float(_STILL * np.ptp(y)))]
     levels, reached = np.array([u[e] for _, e in held]), np.array([y[b : e + 1].mean() for b, e in held])
     return (levels - levels.mean(), reached - reached.mean()) if held else (levels, reached)
+
+
+def _rests(y: Array, tolerance: float) -> bool:
+    """Return whether the means of both halves agree, to their noise or a tolerance."""
+    first, second = y[: len(y) // 2], y[len(y) // 2 :]
+    noise = np.std(np.diff(y)) / np.sqrt(2) * np.sqrt(4 / len(y))
+    return bool(abs(second.mean() - first.mean()) <= max(tolerance, 3 * noise))

@@ -1,20 +1,16 @@
 """Plots of an identified axis: its free run, frequency response, step response, and what its residual still has."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from archerfish2.identification.axis.bootstrap import interval
 from archerfish2.identification.frequency import MeasuredResponse, frequency_response
 from archerfish2.identification.residuals import ResidualTests
-from archerfish2.identification.simulation import Array, simulate
-from archerfish2.identification.validation import FreeRun
+from archerfish2.identification.simulation import Array, FreeRun, simulate
 from archerfish2.logs.recording import Recording
 from archerfish2.records.plant import PlantRecord
-from archerfish2.reports.style import INK, MUTED, PALETTE, new_figure, plot_style
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from archerfish2.reports.style import INK, MUTED, PALETTE, Figure, new_figure, plot_style
 
 _BLUE, _RED, _GREEN = PALETTE[:3]
 _BAND: Any = {"color": _RED, "alpha": 0.25, "linewidth": 0, "label": "95 % band"}
@@ -24,7 +20,7 @@ _POINTS, _AROUND = 400, 4.0  # frequencies, and the factor that they reach beyon
 _SETTLED, _STEP = 6.0, (50, 5000)  # time constants that a step is drawn for, and its samples, least and most
 
 
-def run_plot(log: Recording, run: FreeRun, *, title: str = "") -> "Figure":
+def run_plot(log: Recording, run: FreeRun, *, title: str = "") -> Figure:
     """Draw the first output, measured and simulated, and below it the residual; of a long log where that is largest.
 
     Args:
@@ -50,7 +46,7 @@ def run_plot(log: Recording, run: FreeRun, *, title: str = "") -> "Figure":
 
 def bode_plot(
     plant: PlantRecord, measured: MeasuredResponse, excited_hz: tuple[float, float], *, title: str = ""
-) -> "Figure":
+) -> Figure:
     """Draw the response of the first output to each input with the band of the draws, and what of it was measured.
 
     Args:
@@ -89,7 +85,7 @@ def bode_plot(
         return _labelled(figure, title, "magnitude [dB]")
 
 
-def step_plot(plant: PlantRecord, *, title: str = "") -> "Figure":
+def step_plot(plant: PlantRecord, *, title: str = "") -> Figure:
     """Draw the first output's responses to a unit step of each input, with the band of the draws and the steady gain.
 
     Args:
@@ -111,7 +107,7 @@ def step_plot(plant: PlantRecord, *, title: str = "") -> "Figure":
         return _labelled(figure, title, f"{plant.output_names[0]} per unit")
 
 
-def correlation_plot(tests: ResidualTests, *, title: str = "") -> "Figure":
+def correlation_plot(tests: ResidualTests, *, title: str = "") -> Figure:
     """Draw the correlation of a residual with each input, and the band that a good model's does not leave."""
     with plot_style():
         figure, axes = new_figure(1, len(tests.band), height=3.0)
@@ -122,7 +118,7 @@ def correlation_plot(tests: ResidualTests, *, title: str = "") -> "Figure":
         return _labelled(figure, title, "correlation")
 
 
-def _labelled(figure: "Figure", title: str, ylabel: str) -> "Figure":
+def _labelled(figure: Figure, title: str, ylabel: str) -> Figure:
     """Label the first panel, whose legend is put outside, where it hides nothing."""
     figure.axes[0].set(title=title, ylabel=ylabel)
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)

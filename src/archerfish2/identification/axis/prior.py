@@ -59,7 +59,8 @@ def steady_gain(gain: Array, data: Sequence[Lines]) -> Lines:
       data: lines of all logs.
     """
     size = np.sqrt(sum(float(np.sum(np.abs(lines.outputs) ** 2)) for lines in data))
-    firm = _FIRM * size / max(np.abs(gain).max(), 1e-9)
+    driven = np.sqrt(sum(float(np.sum(np.abs(lines.inputs) ** 2)) for lines in data))
+    firm = _FIRM * size / max(np.abs(gain).max(), size / max(driven, 1e-300))
     unit = firm * np.eye(gain.shape[1])
     return _soft(data[0], np.ones(gain.shape[1]), unit, firm * gain)
 

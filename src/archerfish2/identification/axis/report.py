@@ -84,7 +84,7 @@ def _low_fit(result: "AxisResult") -> Iterator[Shortfall]:
 
 
 def _unknown_gain(result: "AxisResult") -> Iterator[Shortfall]:
-    plant = result.plant
+    plant = result.record
     gain, drawn = plant.dc_gain[0], frequency_response(plant, np.zeros(1), draws=True)[:, 0, 0].real
     known = np.mean(np.abs(drawn - gain) <= _GAIN_WIDTH * np.abs(gain), axis=0) >= _GAIN_SHARE
     if result.free_gain:  # that of the plateaus, or a number that was given
@@ -122,7 +122,7 @@ def _nonlinear_words(found: "Nonlinearity") -> str:
 
 def axis_report(result: "AxisResult") -> Report:
     """Report an identified axis."""
-    missing, plant, worst = shortfalls(result), result.plant, judged(result.fits)
+    missing, plant, worst = shortfalls(result), result.record, judged(result.fits)
     name = f"{worst.recording.source} ({'held back' if worst.held_back else 'fitted, none held back'})"
     value, low, high = (1e3 * plant.sample_period_s * each for each in result.delay_samples[:3])
     delay = Estimate(value, low, high, "ms")
@@ -167,14 +167,14 @@ def _doubts(result: "AxisResult") -> Iterator[str]:
 
 def _next_steps(result: "AxisResult") -> Iterator[str]:
     if not any(each.held_back for each in result.fits):
-        file = f"{result.plant.axis}_step_validation.csv"
+        file = f"{result.record.axis}_step_validation.csv"
         yield f"Hold a log back ({file}, or archerfish2 identify axis --validate) to see its fit."
     low, high = result.delay_samples.low, result.delay_samples.high
     if high - low > 2:
-        remedy = f"add a log with sharp edges (archerfish2 excite {result.plant.axis} --kinds step)"
+        remedy = f"add a log with sharp edges (archerfish2 excite {result.record.axis} --kinds step)"
         yield f"The delay may be {low:g} to {high:g} samples: {remedy}."
     if not any(mostly_held(np.asarray(each.recording.inputs)) for each in result.fits if not each.held_back):
-        remedy = f"record a step from rest that is held (archerfish2 excite {result.plant.axis} --kinds step)"
+        remedy = f"record a step from rest that is held (archerfish2 excite {result.record.axis} --kinds step)"
         yield f"No log holds its input, so the steady gain is that of slow motions: {remedy}."
     if any(not each.determined and each.frequency_hz.value > result.excited_hz[1] for each in result.poles):
         yield "Some poles are not determined: excite higher frequencies if the robot uses them."
@@ -193,7 +193,7 @@ def _tables(result: "AxisResult", delay: Estimate) -> Iterator[Table]:
     yield Table("Fit of a free run [%]", ("recording", "", "fit"), tuple(fits), "100 is all of the output's deviation.")
     orders = [each for each in sorted(result.candidates) if each.fit_percent is not None]
     least = min(each.bic for each in result.candidates)
-    names = (f"{c.order} *" if c.order == len(result.plant.A) else str(c.order) for c in orders)
+    names = (f"{c.order} *" if c.order == len(result.record.A) else str(c.order) for c in orders)
     figures = [(max(c.delay - c.feedthrough, 0), c.bic - least, c.fit_percent, c.held_back_percent) for c in orders]
     tried = tuple((name, *row) for name, row in zip(names, figures, strict=True))
     rule = "by the fit of what was held back, less 0.2 points a state" if result.fits[0].held_back else "by the BIC"
@@ -206,7 +206,7 @@ def _figures(result: "AxisResult") -> Iterator[tuple[str, Callable[[], "Figure"]
         role = "held back: the plant saw its input alone" if each.held_back else "fitted"
         yield f"{each.recording.source}, {role}.", partial(run_plot, each.recording, each.run)
     yield "Frequency response, with the 95 % band of the draws.", result.bode
-    yield "Response to a unit step.", partial(step_plot, result.plant)
+    yield "Response to a unit step.", partial(step_plot, result.record)
     first = result.fits[0]
     if first.tests is not None:
         caption = f"Correlation of the residual of {first.recording.source} with the input; noise stays in the band."
@@ -214,7 +214,7 @@ def _figures(result: "AxisResult") -> Iterator[tuple[str, Callable[[], "Figure"]
 
 
 def _named(result: "AxisResult", place: int) -> str:
-    inputs, outputs = result.plant.input_names, result.plant.output_names
+    inputs, outputs = result.record.input_names, result.record.output_names
     named = f"from {inputs[place % len(inputs)]} to {outputs[place // len(inputs)]} "
     return named * (len(inputs) * len(outputs) > 1)
 

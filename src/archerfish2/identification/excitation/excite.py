@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -20,11 +20,8 @@ from archerfish2.paper.gimbal import gate_limits
 from archerfish2.records.limits import AxisLimits
 from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.report import Report
-from archerfish2.reports.style import new_figure, plot_style
+from archerfish2.reports.style import Figure, new_figure, plot_style
 from archerfish2.reports.table import Entry, Table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 ENCODER_NOISE = 2 * math.pi / 8192 / math.sqrt(12)
 """Standard deviation of the rounding of an encoder of 8192 counts a turn [rad]."""
@@ -55,7 +52,7 @@ class Excitation:
         for path, log in paths.items():
             log.write_csv(path)
 
-    def plot(self) -> "Figure":
+    def plot(self) -> Figure:
         """Draw the commands."""
         with plot_style():
             figure, ((panel,),) = new_figure()
@@ -82,7 +79,7 @@ class Excitation:
             "Then: archerfish2 identify logs --out my-robot",
         )
         return Report(
-            f"{self.expected.plant.axis}: commands for its identification",
+            f"{self.expected.record.axis}: commands for its identification",
             f"expected of their logs: {found.headline}",
             known=found.known,
             doubts=(*[_JUMPS] * jumping, *found.reasons, *found.doubts),
