@@ -18,7 +18,7 @@ import numpy as np
 from numpy.fft import rfft
 from numpy.typing import NDArray
 
-from archerfish2.identification.simulation import Array, Complex
+from archerfish2.identification.simulation import TINY, Array, Complex
 
 _EDGES = (3, 6, 12, 24, 48, 96)  # lines between which the power law of a slow wander is fitted
 _STEEP, _STEEPEST = -0.7, -2.0  # slope of the law from which it is taken, and at most
@@ -36,7 +36,7 @@ def noise_power(squares: Array) -> Array:
     above, means = squares[n // 2 :].mean(), []
     for low, high in zip(edges[-2::-1], edges[:0:-1], strict=True):
         above = (squares[low:high].sum() + 8 * above) / (high - low + 8)
-        means.append(np.log(max(above, 1e-300)))
+        means.append(np.log(max(above, TINY)))
     centres = [np.log(0.5 * (low + high + 1)) for low, high in pairwise(edges)]
     return np.asarray(np.exp(np.interp(np.log(np.arange(1, n + 1)), centres, means[::-1])))
 
@@ -74,6 +74,8 @@ def local_power(squares: Array, left: Array) -> Array:
 
 Indices = NDArray[np.int64]
 Weights = Sequence[Array] | None
+ROUNDING = 1e-16
+"""Of the outputs' power; no residual counts as smaller."""
 
 
 class Lines(NamedTuple):
@@ -142,6 +144,11 @@ class Experiment:
         return Lines(self.z, self.transform(u[self.skip :]), self.outputs, self.size, self._own)
 
 
+def rounding_floor(experiments: Sequence[Experiment]) -> float:
+    """Return the sum of squares below which a residual is rounding."""
+    return ROUNDING * sum(float(np.sum(np.abs(log.outputs) ** 2)) for log in experiments) + TINY
+
+
 def lines_of(
     logs: Sequence[Experiment], picks: Sequence[Indices], delay: int, feedthrough: bool = True, weights: Weights = None
 ) -> list[Lines]:
@@ -164,7 +171,7 @@ def thinned(experiments: Sequence[Experiment], count: int) -> list[Indices]:
     for e in experiments:
         n, here = len(e.z), max(50, count * len(e.z) // total)
         power = np.abs(e.at(0).inputs) ** 2
-        power = (power / np.maximum(power.mean(1, keepdims=True), 1e-300)).sum(0)
+        power = (power / np.maximum(power.mean(1, keepdims=True), TINY)).sum(0)
         order = np.argsort(-power, kind="stable")
         rest, step = np.sort(order[here // 2 :]), -(-max(n - here // 2, 1) // (here - here // 2))
         kept.append(np.arange(n) if n <= here else np.sort(np.append(order[: here // 2], rest[::step])))

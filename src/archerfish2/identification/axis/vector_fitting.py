@@ -9,6 +9,7 @@ from scipy.linalg import block_diag, lstsq
 from archerfish2.identification.axis.output_error import LinearFit, cost_of, project, solve
 from archerfish2.identification.axis.sections import Sections, order_of, sections_from_poles
 from archerfish2.identification.axis.spectrum import Lines
+from archerfish2.identification.simulation import TINY
 
 _Spread = tuple[float, float, int]
 SPREADS = ((0.1, 3.0, 0), (0.1, 0.5, 0), (0.7, 3.0, 0), (0.1, 3.0, 2))
@@ -63,7 +64,7 @@ def _relocated(fit: LinearFit, data: list[Lines]) -> Sections:
     both = zip(data, fit.logs, strict=True)
     sigma = [-((log.states * e.z)[:, None] * e.outputs).reshape(-1, len(e.z)) for e, log in both]
     columns = project(fit, sigma).reshape(order_of(fit.sections), -1)
-    size = np.linalg.norm(columns, axis=1) + 1e-300
+    size = np.linalg.norm(columns, axis=1) + TINY
     scaled = (columns / size[:, None]).T
     c = lstsq(scaled, fit.residual.reshape(-1), lapack_driver="gelsy", cond=1e-12)[0] / size
     A = block_diag(*(np.column_stack([-s, np.eye(len(s), len(s) - 1)]) for s in fit.sections))
