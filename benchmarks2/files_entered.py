@@ -78,7 +78,7 @@ def main() -> None:
     every = sorted({*identifying.files, *page.files})
     legs = {"read_log": reading, "identify_axis": identifying, "save": page}
     rows = [{"leg": leg, "files": len(found.files), "changes": found.changes} for leg, found in legs.items()]
-    lines = tuple((row["leg"], row["files"], row["changes"]) for row in rows)
+    lines = tuple((leg, len(found.files), found.changes) for leg, found in legs.items())
     table = Table("files that a log enters", ("leg", "files", "changes of file"), lines, ", ".join(every))
     bars = [
         Bar("CSV to AxisResult, files", len(identifying.files), most=IDENTIFYING),

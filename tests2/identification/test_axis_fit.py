@@ -8,10 +8,9 @@ from numpy.testing import assert_allclose
 from scipy import io, signal
 
 from archerfish2.identification.axis.fit import fit_axis
-from archerfish2.identification.axis.initial_conditions import begun_log
 from archerfish2.identification.axis.output_error import jacobian, leverage, refine, solve
 from archerfish2.identification.axis.sections import free_numbers, response, sections_of, state_matrices
-from archerfish2.identification.axis.spectrum import Experiment, lines_of, local_power, noise_power, thinned
+from archerfish2.identification.axis.spectrum import Experiment, begun_log, lines_of, local_power, noise_power, thinned
 from archerfish2.identification.simulation import free_run, simulate
 from archerfish2.logs.recording import Recording
 from archerfish2.paper.gimbal import printed_plants

@@ -9,8 +9,6 @@ from scipy.special import chdtri
 
 from archerfish2.errors import InputError
 from archerfish2.identification.axis.constraints import out_of_band, steady_gain
-from archerfish2.identification.axis.delay_search import search_delays
-from archerfish2.identification.axis.initial_conditions import begun_log
 from archerfish2.identification.axis.output_error import (
     LinearFit,
     plant_of,
@@ -21,8 +19,16 @@ from archerfish2.identification.axis.output_error import (
 )
 from archerfish2.identification.axis.sections import Sections, Structure, poles_of
 from archerfish2.identification.axis.selection import Selection, Validation, select_structure
-from archerfish2.identification.axis.spectrum import Experiment, Lines, lines_of, rounding_floor, strongest, thinned
-from archerfish2.identification.axis.vector_fitting import distinct, vector_fits
+from archerfish2.identification.axis.spectrum import (
+    Experiment,
+    Lines,
+    begun_log,
+    lines_of,
+    rounding_floor,
+    strongest,
+    thinned,
+)
+from archerfish2.identification.axis.vector_fitting import distinct, search_delays, vector_fits
 from archerfish2.identification.simulation import Array, Complex
 from archerfish2.logs.recording import Recording
 from archerfish2.records.plant import PlantRecord

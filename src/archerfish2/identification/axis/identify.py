@@ -24,7 +24,6 @@ from archerfish2.identification.axis.plateaus import plateau_gain
 from archerfish2.identification.axis.report import GAIN_WIDTH, axis_report
 from archerfish2.identification.axis.result import AxisEstimates, GivenGain, LogFit, Pole, judged
 from archerfish2.identification.frequency import excited_band
-from archerfish2.identification.residuals import residual_tests
 from archerfish2.identification.simulation import TINY, Array, Complex, balanced, free_run
 from archerfish2.identification.sources import AxisLogs, Source, read_sources
 from archerfish2.identification.statistics import Z95
@@ -114,8 +113,8 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, gain_source: str, seed: i
         )
     )
     drift = found.structure.drift
-    fits = [_log_fit(plant, log, True, drift) for log in logs.held_back]
-    fits += [_log_fit(plant, log, False, drift) for log in logs.fitted]
+    fits = [LogFit(log, True, free_run(plant, log.inputs, log.outputs, drift=drift)) for log in logs.held_back]
+    fits += [LogFit(log, False, free_run(plant, log.inputs, log.outputs, drift=drift)) for log in logs.fitted]
     alone = cache(fit_alone)
     findings = [*logs.findings, *silent_logs(logs.fitted, alone), *plant_findings(plant, first)]
     if swapped := exchanged_columns(found, judged(tuple(fits)).recording, logs.fitted):
@@ -161,12 +160,6 @@ def _known_gain(
         expected = f"expected {shape[0] * shape[1]} finite numbers, got {given}"
         raise InputError(f"dc_gain: {expected}; give one for each input and output")
     return (np.reshape(np.array(given, float), shape), np.zeros(shape)), "given"
-
-
-def _log_fit(plant: PlantRecord, recording: Recording, held_back: bool, drift: bool) -> LogFit:
-    run = free_run(plant, recording.inputs, recording.outputs, drift=drift)
-    residual = np.asarray(recording.outputs[:, 0] - run.outputs[:, 0])
-    return LogFit(recording, held_back, run, residual_tests(residual, recording.inputs))
 
 
 def gains_of(found: AxisFit, drawn: Sequence[PlantRecord]) -> tuple[Estimate, ...]:

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from archerfish2.identification.axis.initial_conditions import mostly_held
 from archerfish2.identification.axis.nonlinearity import Nonlinearity
 from archerfish2.identification.axis.plots import correlation_plot, run_plot, step_plot
 from archerfish2.identification.axis.result import AxisEstimates
+from archerfish2.identification.axis.spectrum import mostly_held
 from archerfish2.identification.frequency import frequency_response
 from archerfish2.reports.report import Report
 from archerfish2.reports.style import Figure

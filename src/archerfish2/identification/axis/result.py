@@ -1,6 +1,7 @@
 """What is known of an identified axis."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ from archerfish2.identification.axis.nonlinearity import Nonlinearity
 from archerfish2.identification.axis.plots import bode_plot, run_plot
 from archerfish2.identification.axis.selection import Candidate
 from archerfish2.identification.frequency import measured_response
-from archerfish2.identification.residuals import ResidualTests
+from archerfish2.identification.residuals import ResidualTests, residual_tests
 from archerfish2.identification.result import Result
 from archerfish2.identification.simulation import Array, FreeRun, simulate
 from archerfish2.logs.recording import Finding, Recording
@@ -20,13 +21,19 @@ from archerfish2.reports.table import Estimate
 _MOVING = 0.3  # deviation of an output over that of the recording that moves most, from which a recording counts
 
 
-class LogFit(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class LogFit:
     """How a plant explains a recording."""
 
     recording: Recording  # as it was fitted
     held_back: bool  # whether it was not fitted
     run: FreeRun  # with initial state and constant of its own
-    tests: ResidualTests | None  # of the residual of the first output; None of a short recording
+
+    @cached_property
+    def tests(self) -> ResidualTests | None:
+        """Tests of the residual of the first output; None of a short recording."""
+        residual = np.asarray(self.recording.outputs[:, 0] - self.run.outputs[:, 0])
+        return residual_tests(residual, self.recording.inputs)
 
     @property
     def fit_percent(self) -> float:
@@ -72,13 +79,13 @@ class AxisEstimates(Result):
 
     @property
     def judged(self) -> LogFit:
-        """The fit by which the plant is judged: the worst of a recording that moves, of those held back if any is."""
+        """The fit by which the plant is judged."""
         return judged(self.fits)
 
     def plot(self) -> Figure:
         """Draw the recording by which the plant is judged, as measured and as simulated."""
-        recording, _, run, _ = self.judged
-        return run_plot(recording, run, title=recording.source)
+        judged = self.judged
+        return run_plot(judged.recording, judged.run, title=judged.recording.source)
 
     def bode(self) -> Figure:
         """Draw the frequency response with its band, and as measured."""

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from archerfish2.identification.axis.constraints import out_of_band
-from archerfish2.identification.axis.delay_search import DelayTable
 from archerfish2.identification.axis.output_error import (
     LinearFit,
     cost_of,
@@ -32,7 +31,7 @@ from archerfish2.identification.axis.spectrum import (
     strongest,
     thinned,
 )
-from archerfish2.identification.axis.vector_fitting import subsets, vector_fits
+from archerfish2.identification.axis.vector_fitting import DelayTable, subsets, vector_fits
 from archerfish2.identification.simulation import TINY, Array, Complex, free_run
 
 _WHITTLE_LINES, _PLAIN_LINES, _FIT_LINES = 1500, 1000, 8000  # of all logs
