@@ -180,6 +180,32 @@ def test_the_first_output_decides_and_a_rate_may_have_no_steady_gain():
     assert [each.value for each in result.dc_gain] == pytest.approx([1, 0], abs=2e-3)
 
 
+def test_a_simulation_begins_at_rest_and_keeps_the_delay(found):
+    response = found.simulate(np.ones(100))[:, 0]
+    delay = found.record.delay_samples
+    assert delay > 0
+    assert_allclose(response[:delay], 0, atol=1e-12)
+    assert np.abs(response[delay:]).min() > 0 if found.record.D.any() else response[delay] == 0
+
+
+def test_logs_of_one_name_in_two_folders_are_two_in_the_provenance(tmp_path):
+    paths = [tmp_path / run / "sweep.csv" for run in ("monday", "tuesday")]
+    for seed, path in enumerate(paths):
+        path.parent.mkdir()
+        recorded(SWEEP, seed=seed).write_csv(path)
+    hashes = identify_axis(paths, order=2).record.provenance["logs"]
+    assert set(hashes) == {str(path) for path in paths}
+    assert len(set(hashes.values())) == 2
+
+
+def test_a_log_that_is_resampled_to_divide_the_decisions_is_said():
+    log = Recording.from_arrays(recorded(SWEEP).inputs, recorded(SWEEP).outputs, 3e-3)
+    read = read_sources([log], divides_s=0.02)
+    assert [finding.code for finding in read.findings] == ["other-period"]
+    assert "3.333 ms" in read.findings[0].message
+    assert read_sources([recorded(SWEEP)], divides_s=0.02).findings == ()
+
+
 def test_periods_are_brought_together_and_divide_the_decisions():
     slow = recorded(SWEEP)
     finer = Recording.from_arrays(np.repeat(STEPS, 2), recorded(STEPS).outputs.repeat(2), PERIOD_S / 2)

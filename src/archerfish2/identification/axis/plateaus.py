@@ -21,6 +21,7 @@ from archerfish2.reports.table import Estimate
 
 _FEWEST = 3  # plateaus
 _AVERAGED = 5  # the last fifth of a plateau
+_FEW_VALUES = 10
 _HELD = 1e-6  # of an input's range, within which it counts as held
 _STILL, _NOISE = 2e-3, 3.0
 """What a step may still move within what is averaged: share of the step, or standard errors of that share."""
@@ -64,7 +65,9 @@ def _plateaus(recording: Recording, hold_s: float) -> Plateaus:
     begins = np.append(0, ends[:-1] + 1)
     # A hold of exactly `hold_s` counts, also where the period is not a binary fraction.
     long = ends - begins + 1 >= hold_s / recording.period_s - 1e-6
-    resolution = float(np.diff(np.unique(y)).min(initial=np.inf))
+    values = np.unique(y)
+    # Of few values the smallest difference is none of rounding.
+    resolution = float(np.diff(values).min()) if len(values) > _FEW_VALUES else 0.0
     rows = [(*_plateau(u, y, begin, end), resolution) for begin, end in zip(begins[long], ends[long], strict=True)]
     return Plateaus(*np.array(rows).reshape(-1, len(Plateaus._fields)).T)
 
