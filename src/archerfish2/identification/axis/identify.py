@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from archerfish2.errors import InputError
 from archerfish2.identification.axis.bootstrap import draw_plants, interval
 from archerfish2.identification.axis.checks import (
+    GOOD,
     check_logs,
     contradictions,
     exchanged_columns,
@@ -116,7 +117,10 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, gain_source: str, seed: i
     fits = [LogFit(log, True, free_run(plant, log.inputs, log.outputs, drift=drift)) for log in logs.held_back]
     fits += [LogFit(log, False, free_run(plant, log.inputs, log.outputs, drift=drift)) for log in logs.fitted]
     alone = cache(fit_alone)
-    findings = [*logs.findings, *silent_logs(logs.fitted, alone), *plant_findings(plant, first)]
+    silent = silent_logs([fit.recording for fit in fits if not fit.held_back and fit.fit_percent < GOOD], alone)
+    if len(silent) == len(logs.fitted):
+        raise InputError(f"{silent[0].place}: {silent[0].message}; {silent[0].remedy}", silent[0].code)
+    findings = [*logs.findings, *silent, *plant_findings(plant, first)]
     if swapped := exchanged_columns(found, judged(tuple(fits)).recording, logs.fitted):
         findings.append(swapped)
     if plant.D.shape == (1, 1):
