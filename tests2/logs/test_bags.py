@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.io import savemat
 
 from archerfish2.errors import InputError
-from archerfish2.logs.log import read_log
+from archerfish2.logs.log import read_log, signals_in
 
 pytest.importorskip("rosbags")
 from rosbags.rosbag1 import Writer as Writer1
@@ -74,6 +74,12 @@ def test_bags_are_read_exactly_from_file_and_folder_whatever_their_clock(tmp_pat
         assert_array_equal(np.hstack([recording.inputs, recording.outputs]), np.column_stack([U, Y]))
         assert (log.findings, log.samples, recording.period_s) == ((), COUNT, 0.01)
         file.with_name("metadata.yaml").unlink(missing_ok=True)
+
+
+def test_the_signals_of_a_bag_are_its_numbers_by_topic_and_joint(tmp_path):
+    file = write(tmp_path, axis() | apart())
+    joint_fields = [f"/axis/{joint}/{field}" for field in ("position", "effort") for joint in ("pitch", "yaw")]
+    assert signals_in(file) == signals_in(file.parent) == ("/angle/data", *joint_fields, "/command/data")
 
 
 def test_joints_are_found_by_name_and_messages_of_other_joints_left_out(tmp_path):

@@ -13,7 +13,7 @@ import scipy.io
 from numpy.testing import assert_array_equal
 
 from archerfish2.errors import InputError
-from archerfish2.logs.log import read_log
+from archerfish2.logs.log import read_log, signals_in
 from archerfish2.logs.recording import MAX_BYTES
 from archerfish2.logs.stamps import time_unit
 from archerfish2.storage import file_hash
@@ -153,6 +153,15 @@ def test_a_unit_of_time_is_taken_from_a_name_that_states_it():
 
 
 T = np.arange(COUNT) / 100
+
+
+def test_the_signals_of_a_file_are_listed_by_the_names_that_read_log_takes(tmp_path, refused):
+    contents = {text(): "time_s u y", text().partition("\n")[2]: "1 2 3", npz(a=U, b=Y): "a b", mat(c=U, d=Y): "c d"}
+    for content, names in contents.items():
+        (tmp_path / "log.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
+        assert signals_in(tmp_path / "log.csv") == tuple(names.split())
+    (tmp_path / "log.csv").write_bytes(npz(a=U)[:100])
+    refused("is damaged", signals_in, tmp_path / "log.csv")
 
 
 def file_of(write, *arguments, **arrays):

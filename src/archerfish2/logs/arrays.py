@@ -34,13 +34,22 @@ def read_array_file(path: Path, wanted: Sequence[str], *, matlab: bool) -> LogTa
         others.
       Exception: whatever a damaged byte leads the libraries to.
     """
-    archive = np.load(io.BytesIO(_converted(path) if matlab else path.read_bytes()), allow_pickle=False)
+    archive = _archive(path, matlab)
     with warnings.catch_warnings(action="ignore"):  # of headers that Python 2 wrote
         columns = {signal: _column(path, archive, signal) for signal in wanted}
     if len(lengths := {len(values) for values in columns.values()}) > 1:
         problem = f"signals have {' and '.join(map(str, sorted(lengths)))} samples, expected one number"
         raise log_fault(path, problem, "store the signals of one log with one length", "length")
     return LogTable(columns, range(1, max(lengths) + 1), "row", str(path))
+
+
+def array_names(path: Path, *, matlab: bool) -> tuple[str, ...]:
+    """Return the names of the arrays in such a file."""
+    return tuple(_archive(path, matlab).files)
+
+
+def _archive(path: Path, matlab: bool) -> Any:
+    return np.load(io.BytesIO(_converted(path) if matlab else path.read_bytes()), allow_pickle=False)
 
 
 def _converted(path: Path) -> bytes:

@@ -4,8 +4,10 @@ A signal is named TOPIC/FIELD with the field's path as `ros2 topic echo` prints 
 "/gimbal/angle.z"), or TOPIC/JOINT/FIELD where messages name their values ("/joint_states/yaw/position").
 """
 
+import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,6 +19,7 @@ from archerfish2.logs.recording import Finding, LogTable, Values, listed, log_fa
 BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
 """How files of a bag begin, and the ending of their names, by which rosbags recognises them."""
 _MCAP, _MCAP_FOOTER = b"\x89MCAP0\r\n", b"\x02\x14" + bytes(27)
+_LISTED = 8  # elements of an array, up to which they are listed
 RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
 
 
@@ -39,20 +42,60 @@ def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
       InputError: if a record is lost, or a topic or a field is not in it.
       Exception: whatever a damaged byte leads the libraries to.
     """
+    findings: list[Finding] = []
+    with _reader(path, findings) as reader:
+        of = {signal: _topic(path, reader, signal) for signal in signals}
+        order = sorted(set(of.values()), key=of[signals[-1]].__eq__)
+        series = [_series(path, reader, topic, of, findings) for topic in order]
+    return _one_table(path, series, signals, findings)
+
+
+def bag_signals(path: Path) -> tuple[str, ...]:
+    """Return the numbers that the first message of each topic has, as TOPIC/FIELD or TOPIC/JOINT/FIELD.
+
+    Raises:
+      ImportError: if rosbags is not installed.
+      Exception: whatever a damaged byte leads the libraries to.
+    """
+    names = list[str]()
+    with _reader(path, []) as reader:
+        for topic in sorted({connection.topic for connection in reader.connections}):
+            connections = [connection for connection in reader.connections if connection.topic == topic]
+            for _, _, content in itertools.islice(reader.messages(connections=connections), 1):
+                names += _numbers(topic, "", reader.deserialize(content, connections[0].msgtype))
+    return tuple(names)
+
+
+def _numbers(topic: str, field: str, value: Any, joints: Sequence[str] = ()) -> Iterator[str]:
+    """Yield the names of the numbers in a message or a field, without those of long arrays, as covariances."""
+    if isinstance(value, int | float | np.number):
+        yield f"{topic}/{field}"
+    elif isinstance(value, np.ndarray | list):
+        if joints and len(joints) == len(value):
+            yield from (f"{topic}/{joint}/{field}" for joint in joints)
+        elif len(value) <= _LISTED:
+            for index, element in enumerate(value):
+                yield from _numbers(topic, f"{field}[{index}]", element)
+    elif hasattr(value, "__msgtype__"):
+        for part in value.__dataclass_fields__:
+            if part not in ("header", "name", "__msgtype__"):
+                path = f"{field}.{part}".removeprefix(".")
+                yield from _numbers(topic, path, getattr(value, part), getattr(value, "name", ()))
+
+
+@contextmanager
+def _reader(path: Path, findings: list[Finding]) -> Iterator[Any]:
+    """Open a bag; what was left out of its files is added to the findings."""
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
-    findings: list[Finding] = []
     with TemporaryDirectory() as folder:
         indexed = (path / "metadata.yaml").is_file()
-        files = [path] if indexed else [_whole(each, folder, findings) for each in bag_files(path)]
+        files = [path] if indexed else [_whole(file, folder, findings) for file in bag_files(path)]
         with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             if not reader.connections:
                 raise ValueError("it has no topics")
-            of = {signal: _topic(path, reader, signal) for signal in signals}
-            order = sorted(set(of.values()), key=of[signals[-1]].__eq__)
-            series = [_series(path, reader, topic, of, findings) for topic in order]
-    return _one_table(path, series, signals, findings)
+            yield reader
 
 
 def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:

@@ -1,16 +1,18 @@
 """One function for logs of all formats: the content of a file shows what it is."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 from archerfish2.errors import InputError, file_error
-from archerfish2.logs.arrays import read_array_file
-from archerfish2.logs.bags import BAGS, RECOVER, bag_files, read_bag
+from archerfish2.logs.arrays import array_names, read_array_file
+from archerfish2.logs.bags import BAGS, RECOVER, bag_files, bag_signals, read_bag
 from archerfish2.logs.recording import Log, LogTable, Recording, log_fault, opened
 from archerfish2.logs.signals import examined, fresh_rows, undo_wraps
 from archerfish2.logs.stamps import at_equal_intervals, uninterrupted, usable_rows
-from archerfish2.logs.text import read_text
+from archerfish2.logs.text import column_names, read_text
 
 _UNREAD = (
     ((b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"\xfd7zXZ\0", b"BZh"), "is compressed", "unpack it first"),
@@ -18,6 +20,7 @@ _UNREAD = (
     ((b"\x93NUMPY",), "is a single NumPy array", "store the signals by name with numpy.savez"),
 )
 """How files begin that can't be read, what they are, and what to do."""
+_Format = Literal["bag", "npz", "mat", "text"]
 
 
 def read_log(
@@ -51,15 +54,12 @@ def read_log(
     if stamps is None and not 0 < (sample_period_s or 0) < float("inf"):
         problem = f"sample_period_s is {sample_period_s}, expected a number above 0 s"
         raise InputError(f"read_log: {problem}; pass it, or the name of the stamps", "sample-period")
-    if not (files := bag_files(path)):
-        raise file_error(path, "is a folder, and no bag's", "pass a log, or the folder of a bag", "unknown-format")
-    begin, digest, source = b"", hashlib.sha256(), str(path)
-    for each in files:
-        with opened(each) as file:
-            begin = begin or file.peek()
+    kind, digest, source = _format(path), hashlib.sha256(), str(path)
+    for part in bag_files(path):
+        with opened(part) as file:
             hashlib.file_digest(file, lambda: digest)
-    bag, wanted = path.is_dir() or begin.startswith(tuple(BAGS)) or path.suffix in BAGS.values(), (*inputs, *outputs)
-    table = _table(path, begin, list(dict.fromkeys((stamps, *wanted) if stamps and not bag else wanted)), bag)
+    bag, wanted = kind == "bag", (*inputs, *outputs)
+    table = _table(path, kind, list(dict.fromkeys((stamps, *wanted) if stamps and not bag else wanted)))
     rows, repairs = usable_rows(table, signals, "time_s" if bag else stamps, sample_period_s or 1.0)
     turns = list(undo_wraps([rows._replace(outputs=rows.outputs[:, :0])], (inputs, ()), source))
     fresh, repeats = fresh_rows(rows, source)
@@ -75,22 +75,59 @@ def read_log(
     return Log(recordings, findings, samples, source, digest.hexdigest())
 
 
-def _table(path: Path, begin: bytes, wanted: list[str], bag: bool) -> LogTable:
-    archive, matlab = begin.startswith(b"PK\x03\x04"), begin.startswith(b"MATLAB") or path.suffix == ".mat"
-    try:
-        if bag:
+def signals_in(path: str | Path) -> tuple[str, ...]:
+    """Return the names of what a file holds: columns of a table, arrays, or fields of a bag's topics as TOPIC/FIELD.
+
+    Raises:
+      InputError: if there is no such file, or it can't be read.
+    """
+    kind = _format(path := Path(path))
+    with _damage_named(path, kind):
+        if kind == "bag":
+            return bag_signals(path)
+        return column_names(path) if kind == "text" else array_names(path, matlab=kind == "mat")
+
+
+def _format(path: Path) -> _Format:
+    """Return what the content of a file shows it to be, or else its ending."""
+    if not (files := bag_files(path)):
+        raise file_error(path, "is a folder, and no bag's", "pass a log, or the folder of a bag", "unknown-format")
+    with opened(files[0]) as file:
+        begin = file.peek()
+    if path.is_dir() or begin.startswith(tuple(BAGS)) or path.suffix in BAGS.values():
+        return "bag"
+    for unread, problem, remedy in _UNREAD:
+        if begin.startswith(unread):
+            raise file_error(path, problem, remedy, "unknown-format")
+    if begin.startswith(b"PK\x03\x04"):
+        return "npz"
+    if begin.startswith(b"MATLAB") or path.suffix == ".mat":
+        return "mat"
+    return "npz" if path.suffix == ".npz" else "text"
+
+
+def _table(path: Path, kind: _Format, wanted: list[str]) -> LogTable:
+    with _damage_named(path, kind):
+        if kind == "bag":
             return read_bag(path, wanted)
-        for unread, problem, remedy in _UNREAD:
-            if begin.startswith(unread):
-                raise file_error(path, problem, remedy, "unknown-format")
-        if archive or matlab or path.suffix == ".npz":
-            return read_array_file(path, wanted, matlab=matlab and not archive)
+        if kind == "text":
+            return read_text(path, lambda _: wanted)
+        return read_array_file(path, wanted, matlab=kind == "mat")
+
+
+@contextmanager
+def _damage_named(path: Path, kind: _Format) -> Iterator[None]:
+    """Turn whatever a damaged byte leads the libraries to into an error that says so."""
+    try:
+        yield
     except InputError:
         raise
     except ImportError as error:
         raise log_fault(path, "is a bag: needs rosbags", "pip install archerfish[bags]", "no-library") from error
     except Exception as error:
-        problem = f"is damaged, or {'no bag' if bag else 'has objects'} ({type(error).__name__}: {str(error)[:200]})"
-        remedy = RECOVER if bag else "write the file again, its signals as arrays of numbers"
-        raise log_fault(path, problem, remedy, "not-a-number" if "Object array" in str(error) else "damaged") from error
-    return read_text(path, lambda _: wanted)
+        if kind == "text":
+            raise
+        problem = "is damaged, or " + ("no bag" if kind == "bag" else "has objects")
+        remedy = RECOVER if kind == "bag" else "write the file again, its signals as arrays of numbers"
+        code = "not-a-number" if "Object array" in str(error) else "damaged"
+        raise log_fault(path, f"{problem} ({type(error).__name__}: {str(error)[:200]})", remedy, code) from error

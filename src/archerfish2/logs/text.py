@@ -55,6 +55,15 @@ def read_text(path: Path, choose: Callable[[list[str]], list[str]], *, whole: bo
     return LogTable(columns, list(rows), "line", str(path), findings)
 
 
+def column_names(path: Path) -> tuple[str, ...]:
+    """Return the names of a table's columns: "1", "2", … where its first line has numbers.
+
+    Raises:
+      InputError: if it is no text, or empty.
+    """
+    return tuple(_header(path, _lines(path, whole=True)[0])[0])
+
+
 def _read_at_once(path: Path, choose: Callable[[list[str]], list[str]]) -> LogTable | None:
     """Read a table that has numbers alone below its names; return None of any other: its lines are read one by one."""
     with suppress(ValueError, OSError), opened(path) as file:
