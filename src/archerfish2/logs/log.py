@@ -9,9 +9,17 @@ from typing import Literal
 from archerfish2.errors import InputError, file_error
 from archerfish2.logs.arrays import array_names, read_array_file
 from archerfish2.logs.bags import BAGS, RECOVER, bag_files, bag_signals, read_bag
-from archerfish2.logs.recording import Log, LogTable, Recording, log_fault, opened
-from archerfish2.logs.signals import examined, fresh_rows, undo_wraps
-from archerfish2.logs.stamps import at_equal_intervals, uninterrupted, usable_rows
+from archerfish2.logs.recording import Log, LogTable, Signals, log_fault, opened
+from archerfish2.logs.signals import checked, non_repeated_samples, undo_wraps
+from archerfish2.logs.stamps import (
+    at_equal_intervals,
+    at_outputs,
+    hold_inputs,
+    in_order,
+    stamped_rows,
+    uninterrupted,
+    without_repeats,
+)
 from archerfish2.logs.text import column_names, read_text
 
 _UNREAD = (
@@ -46,33 +54,34 @@ def read_log(
     Raises:
       InputError: naming the file and the line at fault, with a code, if the log can't be used.
     """
-    path, stamps = Path(path), time if sample_period_s is None else None
-    inputs, outputs = ((each,) if isinstance(each, str) else tuple(each) for each in (inputs, outputs))
+    inputs, outputs = ((names,) if isinstance(names, str) else tuple(names) for names in (inputs, outputs))
     if not (inputs and outputs):
         raise InputError("read_log: no input or no output is named; name at least one of each", "no-column")
-    signals = inputs, outputs
-    if stamps is None and not 0 < (sample_period_s or 0) < float("inf"):
+    if (sample_period_s is not None or time is None) and not 0 < (sample_period_s or 0) < float("inf"):
         problem = f"sample_period_s is {sample_period_s}, expected a number above 0 s"
         raise InputError(f"read_log: {problem}; pass it, or the name of the stamps", "sample-period")
-    kind, digest, source = _format(path), hashlib.sha256(), str(path)
+    path, signals = Path(path), Signals(inputs, outputs, time if sample_period_s is None else None)
+    kind, digest = _format(path), hashlib.sha256()
     for part in bag_files(path):
         with opened(part) as file:
             hashlib.file_digest(file, lambda: digest)
-    bag, wanted = kind == "bag", (*inputs, *outputs)
-    table = _table(path, kind, list(dict.fromkeys((stamps, *wanted) if stamps and not bag else wanted)))
-    rows, repairs = usable_rows(table, signals, "time_s" if bag else stamps, sample_period_s or 1.0)
-    turns = list(undo_wraps([rows._replace(outputs=rows.outputs[:, :0])], (inputs, ()), source))
-    fresh, repeats = fresh_rows(rows, source)
-    parts, gaps = uninterrupted(fresh, source)
-    wraps = list(undo_wraps(parts, signals, source))
-    even, period, jitter = at_equal_intervals(parts, source)
-    period_s = sample_period_s or float(f"{period:.12g}")
-    piece = "[{:.3f} s…]" * (len(even) > 1)
-    every = [Recording(u, y, period_s, float(at[0]), *signals, path.name + piece.format(at[0])) for at, u, y in even]
-    recordings, warnings = examined(every, source)
-    samples = len(rows.time) + sum(each.samples for each in (*table.findings, *repairs))
-    findings = (*table.findings, *repairs, *turns, *repeats, *gaps, *wraps, *jitter, *warnings)
-    return Log(recordings, findings, samples, source, digest.hexdigest())
+    if kind == "bag":  # has its own stamps
+        signals = signals._replace(time="time_s")
+    return _log(_table(path, kind, signals), signals, sample_period_s, digest.hexdigest())
+
+
+def _log(table: LogTable, signals: Signals, period_s: float | None, sha256: str) -> Log:
+    """Repair what can be, step by step; each step returns its findings."""
+    rows, findings = stamped_rows(table, signals, period_s or 1.0)
+    for step in (in_order, undo_wraps, hold_inputs, without_repeats, at_outputs, non_repeated_samples):
+        rows, found = step(rows)
+        findings += found
+    samples = len(rows) + sum(finding.samples for finding in (*table.findings, *findings))
+    parts, gaps = uninterrupted(rows)
+    even, jitter = at_equal_intervals(parts, period_s)
+    recordings, warnings = checked(even, table.source)
+    findings = [*table.findings, *findings, *gaps, *jitter, *warnings]
+    return Log(tuple(recordings), tuple(findings), samples, table.source, sha256)
 
 
 def signals_in(path: str | Path) -> tuple[str, ...]:
@@ -106,13 +115,13 @@ def _format(path: Path) -> _Format:
     return "npz" if path.suffix == ".npz" else "text"
 
 
-def _table(path: Path, kind: _Format, wanted: list[str]) -> LogTable:
+def _table(path: Path, kind: _Format, signals: Signals) -> LogTable:
     with _damage_named(path, kind):
         if kind == "bag":
-            return read_bag(path, wanted)
+            return read_bag(path, list(dict.fromkeys((*signals.inputs, *signals.outputs))))
         if kind == "text":
-            return read_text(path, lambda _: wanted)
-        return read_array_file(path, wanted, matlab=kind == "mat")
+            return read_text(path, lambda _: signals.columns())
+        return read_array_file(path, signals.columns(), matlab=kind == "mat")
 
 
 @contextmanager

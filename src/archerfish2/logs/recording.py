@@ -1,4 +1,4 @@
-"""What a log is: columns as its file has them, then recordings at equal intervals, and findings on both."""
+"""What a log is on its way: columns as its file has them, rows of signals, recordings at equal intervals; findings."""
 
 import csv
 import io
@@ -17,6 +17,8 @@ from archerfish2.storage import write_bytes
 Values = NDArray[np.floating[Any]]
 MAX_BYTES = 512 * 2**20
 """Of the largest file, and the largest array unpacked: an hour of two axes at 1 kHz as text."""
+GAP = 3.0
+"""Interval in periods from which a log is interrupted: what happened within can't be known from its ends."""
 _LARGEST_VALUE = 1e30  # its square is finite
 
 
@@ -57,6 +59,42 @@ class LogTable:
     def place(self, index: int) -> str:
         """Return file and place of a sample."""
         return f"{self.source}: {self.place_kind} {self.places[index]}"
+
+
+class Signals(NamedTuple):
+    """Names of the signals that are read from a log."""
+
+    inputs: tuple[str, ...]  # at least one
+    outputs: tuple[str, ...]  # at least one
+    time: str | None  # of the stamps; None of a log without them
+
+    def columns(self) -> list[str]:
+        """Return all names, each once."""
+        return list(dict.fromkeys([*([self.time] if self.time else []), *self.inputs, *self.outputs]))
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of a log on their way to recordings. NaN stands for what a row lacks."""
+
+    time: Values  # stamps [s], (N,)
+    inputs: Values  # (N, m)
+    outputs: Values  # (N, p)
+    table: LogTable  # that they come from
+    numbers: NDArray[np.intp]  # their rows in the table, from 0 on, (N,)
+    signals: Signals
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def select(self, kept: slice | NDArray[Any]) -> Self:
+        """Return some of the rows, by slice, by index or by a mask of shape (N,)."""
+        time, inputs, outputs = self.time[kept], self.inputs[kept], self.outputs[kept]
+        return replace(self, time=time, inputs=inputs, outputs=outputs, numbers=self.numbers[kept])
+
+    def place(self, index: int) -> str:
+        """Return file and place of a row."""
+        return self.table.place(int(self.numbers[index]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +187,35 @@ class Log:
     samples: int  # rows of the source, those included that findings left out
     source: str  # the file
     sha256: str  # of its content
+
+
+def held_mean(time: Values, signals: Values, edges: Values) -> Values:
+    """Average signals that hold each value until the next sample, and the last one further on.
+
+    A plant that is slower than a sampling period responds to the mean of what was in force; the value at one instant
+    would move each change by up to a period.
+
+    Args:
+      time: of the samples, shape (N,).
+      signals: values from these times on, shape (N, m).
+      edges: ends of K intervals, none before the first sample, shape (K + 1,).
+
+    Returns:
+      Means over the intervals, shape (K, m).
+    """
+    time = np.append(time, max(time[-1], edges[-1]))
+    area = np.vstack([np.zeros(signals.shape[1]), np.cumsum(signals * np.diff(time)[:, None], axis=0)])
+    return np.diff(interpolated(time, area, edges), axis=0) / np.diff(edges)[:, None]
+
+
+def interpolated(time: Values, signals: Values, grid: Values) -> Values:
+    """Return signals of shape (N, m) at K times by lines through their samples, shape (K, m)."""
+    return np.column_stack([np.interp(grid, time, signal) for signal in signals.T])
+
+
+def subsampled(values: Values) -> Values:
+    """Return some of N values, shape (N,), equally spaced: enough for their median or last digit."""
+    return values[:: len(values) // 100_000 + 1]
 
 
 def log_fault(path: str | Path, problem: str, remedy: str, code: str) -> InputError:
