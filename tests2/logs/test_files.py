@@ -152,6 +152,11 @@ def test_a_unit_of_time_is_taken_from_a_name_that_states_it():
         assert {time_unit(name) for name in group.split()} == {unit}
 
 
+@pytest.mark.parametrize("name", ["time_min", "t [h]", "hours", "minutes", "timeMin", "t_hrs", "h"])
+def test_stamps_in_minutes_or_hours_are_refused(tmp_path, refused, name):
+    refused("minutes or hours.*seconds", read, tmp_path, text(names=f"{name},u,y"), time=name)
+
+
 T = np.arange(COUNT) / 100
 
 

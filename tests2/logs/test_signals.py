@@ -159,6 +159,15 @@ def test_what_may_spoil_an_estimate_is_warned_of(tmp_path, code, y, message):
     assert re.match(f'"y" {message}', finding.message)
 
 
+def test_one_of_two_inputs_may_rest(tmp_path, refused):
+    columns = np.column_stack([TIME, U, 0 * U, Y])
+    np.savetxt(path := tmp_path / "log.csv", columns, "%.15g", ",", header="time_s,u,v,y", comments="")
+    log = read_log(path, inputs=("u", "v"))
+    assert (log.findings, log.recordings[0].inputs[:, 1].tolist()) == ((), [0] * COUNT)
+    refused('"v" is 0 throughout', read_log, path, inputs="v")
+    refused('"v" is 0 throughout', read_log, path, inputs=("u",), outputs=("y", "v"))
+
+
 def test_a_signal_that_never_moves_is_refused_and_a_part_at_rest_left_out(tmp_path, refused):
     refused('"u" is 2 throughout.*; record a log in which', read, tmp_path, 0 * U + 2, Y)
     refused('"y" is 0 throughout', read, tmp_path, U, 0 * Y)

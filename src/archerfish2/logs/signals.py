@@ -89,7 +89,7 @@ def _is_smooth(signal: Values) -> bool:
 
 
 def checked(recordings: Sequence[Recording], source: str) -> tuple[list[Recording], list[Finding]]:
-    """Leave out recordings in which a signal does not move, and return warnings of what may spoil an estimate.
+    """Leave out recordings in which all inputs or an output rest, and return warnings of what may spoil an estimate.
 
     Args:
       recordings: of one log.
@@ -99,18 +99,22 @@ def checked(recordings: Sequence[Recording], source: str) -> tuple[list[Recordin
       InputError: if none is left.
     """
     kept, findings, remedy = [], list[Finding](), "record a log in which it changes, or name another column"
-    for each in recordings:
-        signals = dict(zip(each.input_names + each.output_names, (*each.inputs.T, *each.outputs.T), strict=True))
-        if still := [name for name, signal in signals.items() if not np.ptp(signal)]:
-            code = "constant-input" if still[0] in each.input_names else "constant-output"
-            message = f'"{still[0]}" is {signals[still[0]][0]:g} throughout {len(each)} samples'
-            findings.append(Finding(code, "repaired", each.source, f"{message}, left out", remedy, len(each)))
+    for recording in recordings:
+        inputs = dict(zip(recording.input_names, recording.inputs.T, strict=True))
+        outputs = dict(zip(recording.output_names, recording.outputs.T, strict=True))
+        signals, code = inputs | outputs, "constant-input"
+        resting = [name for name, signal in signals.items() if not np.ptp(signal)]
+        if not inputs.keys() <= set(resting):  # another input moves the axis
+            resting, code = [name for name in resting if name in outputs], "constant-output"
+        if resting:
+            message = f'"{resting[0]}" is {signals[resting[0]][0]:g} throughout {len(recording)} samples'
+            findings.append(Finding(code, "repaired", recording.source, f"{message}, left out", remedy, len(recording)))
             continue
-        kept.append(each)
+        kept.append(recording)
         for name, signal in signals.items():
-            for code, check, advice in _CHECKS[: None if name in each.output_names else 1]:
-                if found := check(signal, each):
-                    findings.append(Finding(code, "warning", each.source, f'"{name}" {found}', advice))
+            for fault, check, advice in _CHECKS[: None if name in outputs else 1]:
+                if found := check(signal, recording):
+                    findings.append(Finding(fault, "warning", recording.source, f'"{name}" {found}', advice))
     if not kept:
         raise log_fault(source, message, remedy, code)
     return kept, findings

@@ -31,7 +31,9 @@ from archerfish2.logs.recording import (
 
 Mask = NDArray[np.bool_]
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_UNIT = re.compile(r"(?:(?<![^\W\d_])|(?<=[a-z])(?=[A-Z]))(?i:([muµμn]|milli|micro|nano)s(ecs?|econds?)?)[\])}\s]*$")
+_WORD = r"(?:(?<![^\W\d_])|(?<=[a-z])(?=[A-Z]))"  # where a unit begins in a name: not within a word
+_UNIT = re.compile(rf"{_WORD}(?i:([muµμn]|milli|micro|nano)s(ecs?|econds?)?)[\])}}\s]*$")
+_LONG_UNIT = re.compile(rf"{_WORD}(?i:min(ute)?s?|h(ou)?rs?|h)[\])}}\s]*$")
 _PLAUSIBLE_S, _USUAL_S = (1e-5, 0.5), (1e-4, 0.1)
 """Periods that a gimbal is logged at, and those that are usual [s]."""
 _WINDOW = 20  # samples within which late stamps are on time again, and over which an interval is measured
@@ -166,6 +168,9 @@ def _order_fault(rows: Rows, before: int, after: int, code: str, remedy: str) ->
 
 def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
     """Return the stamps in seconds, shape (N,), and what their unit was or may be."""
+    if _LONG_UNIT.search(time):
+        problem = f'stamps "{time}" are in minutes or hours, as the name says, expected s, ms, us or ns'
+        raise log_fault(table.source, problem, 'turn them into seconds, and name the column "time_s"', "time-unit")
     unit, stamps = time_unit(time), table.columns[time]
     if unit != "s":
         message = f'stamps "{time}" are in {unit}, as the name says, and were turned into seconds'

@@ -47,10 +47,11 @@ def read_gimbal_log(path: str | Path, *, degrees: bool = False) -> GimbalLog:
     Raises:
       InputError: if a column or a number is missing or bad, or time does not increase.
     """
-    found = _table(path, ("time_s", "yaw"), ("pitch", "yaw_command")).columns
-    angles = {name: np.unwrap(np.radians(each) if degrees else each) for name, each in found.items()}
+    angles = _table(path, ("time_s", "yaw"), ("pitch", "yaw_command")).columns
+    time = angles.pop("time_s")
+    angles = {name: np.unwrap(np.radians(angle) if degrees else angle) for name, angle in angles.items()}
     pitch = angles.get("pitch", 0.0 * angles["yaw"])
-    return GimbalLog(found["time_s"], angles["yaw"], pitch, angles.get("yaw_command"), str(path))
+    return GimbalLog(time, angles["yaw"], pitch, angles.get("yaw_command"), str(path))
 
 
 def read_detections(path: str | Path, *, frame: Frame = "camera", degrees: bool = False) -> DetectionLog:
