@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 
 from archerfish2.logs.log import read_log
 from archerfish2.logs.recording import Recording, held_mean
+from archerfish2.logs.stamps import period_findings
 
 PERIOD, COUNT = 0.01, 600
 SHARED = next(
@@ -173,8 +174,31 @@ def test_a_recording_is_read_back_and_cut_at_its_times(tmp_path, refused):
 
 def test_signals_that_are_no_recording_are_refused(refused):
     ramp, make = np.arange(3.0), Recording.from_arrays
-    refused(r"^recording: .* shapes \(3, 1\) and \(4, 1\), expected \(3, 1\) and", make, ramp, np.arange(4.0), 0.1)
-    refused(r"shapes \(3, 2\) and \(3, 1\), expected \(3, 1\)", make, np.ones((3, 2)), ramp, 0.1)
+    refused("^recording: u has 4,000 samples and y 3,999, ", make, np.ones(4000), np.ones(3999), 0.1)
+    refused(r'u has shape \(1, 3\), expected \(N, 1\) of "u".*; samples come first', make, ramp[None], ramp[None], 0.1)
+    refused(r"y has shape \(3, 2\), expected \(N, 1\).*each signal has a name", make, ramp, np.ones((3, 2)), 0.1)
     refused("not empty", make, [], [], 0.1)
     refused("not finite; cut the recording", make, ramp, [0, np.nan, 1], 0.1)
     refused("period_s is 0.0, expected above 0 s", make, ramp, ramp, 0.0)
+    for period_s, time in ((None, None), (0.1, ramp), (ramp, None)):
+        refused("expected period_s, a number, or time; pass", lambda p, t: make(ramp, ramp, p, time=t), period_s, time)
+
+
+def test_arrays_with_stamps_are_treated_as_a_file_of_them_is(tmp_path, refused):
+    time, u, y = axis()
+    rows = np.delete(np.arange(COUNT), [100, 250])
+    (expected,) = read(tmp_path, time[rows], u[rows], y[rows]).recordings
+    found = Recording.from_arrays(u[rows], y[rows], time=time[rows], input_names=("cmd",), source="mine")
+    assert_array_equal(np.hstack([found.inputs, found.outputs]), np.hstack([expected.inputs, expected.outputs]))
+    assert repr(found) == "Recording(cmd → y: 600 samples every 0.01 s, 6 s, mine)"
+    refused(r"mine: gaps: 1, .*; read_log\({", Recording.from_arrays, u, y, time=time + (time > 3), source="mine")
+    refused("time 0 s does not come after", Recording.from_arrays, u, y, time=0 * time)
+
+
+def test_a_period_in_milliseconds_is_suspected(tmp_path):
+    _, u, y = axis()
+    (finding,) = period_findings(Recording.from_arrays(u, y, 5))
+    assert finding[:3] == ("time-unit", "warning", "recording")
+    assert finding.message == "has a sample every 5 s, as no gimbal is logged"
+    assert codes(read(tmp_path, u, u, y, sample_period_s=5)) == {"time-unit": "warning"}
+    assert period_findings(Recording.from_arrays(u, y, 0.005)) == ()

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from archerfish2.logs.recording import Finding, LogTable, Values, listed, log_fault
+from archerfish2.errors import InputError
+from archerfish2.logs.recording import Finding, LogTable, Signals, Values, listed, log_fault
 
 BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
 """How files of a bag begin, and the ending of their names, by which rosbags recognises them."""
@@ -28,14 +29,14 @@ def bag_files(path: Path) -> list[Path]:
     return sorted(each for each in path.iterdir() if each.suffix in BAGS.values()) if path.is_dir() else [path]
 
 
-def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
+def read_bag(path: Path, signals: Signals) -> LogTable:
     """Read signals from a bag, each message in a row of its own, and the times of the messages as "time_s".
 
     Time is the sender's (header.stamp) where the messages have it, else that of their receipt.
 
     Args:
       path: .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
-      signals: their names; of messages with equal times those of the last one's topic come last.
+      signals: their names; of messages with equal times those of the last output's topic come last.
 
     Raises:
       ImportError: if rosbags is not installed.
@@ -44,10 +45,10 @@ def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
     """
     findings: list[Finding] = []
     with _reader(path, findings) as reader:
-        of = {signal: _topic(path, reader, signal) for signal in signals}
-        order = sorted(set(of.values()), key=of[signals[-1]].__eq__)
+        of = {signal: _topic(path, reader, signal, signals) for signal in signals.columns()}
+        order = sorted(set(of.values()), key=of[signals.outputs[-1]].__eq__)
         series = [_series(path, reader, topic, of, findings) for topic in order]
-    return _one_table(path, series, signals, findings)
+    return _one_table(path, series, list(of), findings)
 
 
 def bag_signals(path: Path) -> tuple[str, ...]:
@@ -57,12 +58,16 @@ def bag_signals(path: Path) -> tuple[str, ...]:
       ImportError: if rosbags is not installed.
       Exception: whatever a damaged byte leads the libraries to.
     """
-    names = list[str]()
     with _reader(path, []) as reader:
-        for topic in sorted({connection.topic for connection in reader.connections}):
-            connections = [connection for connection in reader.connections if connection.topic == topic]
-            for _, _, content in itertools.islice(reader.messages(connections=connections), 1):
-                names += _numbers(topic, "", reader.deserialize(content, connections[0].msgtype))
+        return _signals(reader)
+
+
+def _signals(reader: Any) -> tuple[str, ...]:
+    names = list[str]()
+    for topic in sorted({connection.topic for connection in reader.connections}):
+        connections = [connection for connection in reader.connections if connection.topic == topic]
+        for _, _, content in itertools.islice(reader.messages(connections=connections), 1):
+            names += _numbers(topic, "", reader.deserialize(content, connections[0].msgtype))
     return tuple(names)
 
 
@@ -115,11 +120,11 @@ def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:
     return copy
 
 
-def _topic(path: Path, reader: Any, signal: str) -> str:
-    topics = sorted({each.topic for each in reader.connections}, key=len)
-    if found := [each for each in topics if signal.startswith(f"{each}/")]:
+def _topic(path: Path, reader: Any, signal: str, signals: Signals) -> str:
+    topics = sorted({connection.topic for connection in reader.connections}, key=len)
+    if found := [topic for topic in topics if signal.startswith(f"{topic}/")]:
         return str(found[-1])
-    remedy = f"name a signal TOPIC/FIELD; the topics are {listed(topics)}"
+    remedy = f"it has {listed(_signals(reader))}; {signals.remedy(())}"
     raise log_fault(path, f'has no topic of signal "{signal}"', remedy, "no-column")
 
 
@@ -139,9 +144,11 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
             message = reader.deserialize(content, kind)
             seen.update(here := message.name if any(joints) else ())
             if not all(joints) or not joints.isdisjoint(here):
-                rows.append([_value(message, *steps[each]) if each in steps else None for each in of])
+                rows.append([_value(path, name, message, *steps[name]) if name in steps else None for name in of])
                 stamp = getattr(getattr(message, "header", None), "stamp", None)
                 times.append((count, received, stamp.sec * 10**9 + stamp.nanosec if stamp else 0))
+        except InputError:
+            raise
         except Exception as error:  # of any kind
             code = "no-column" if isinstance(error, (AttributeError, IndexError, TypeError)) else "damaged"
             problem = f"message {count} of {topic} has no {listed(steps)} ({error!r:.200})"
@@ -160,14 +167,19 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
     return np.array(times, dtype=np.int64).T, np.array(rows, dtype=np.float64)
 
 
-def _value(message: Any, joint: str, steps: Sequence[str]) -> float | None:
+def _value(path: Path, signal: str, message: Any, joint: str, steps: Sequence[str]) -> float | None:
     """Return a number of a message; None where it does not name the joint."""
-    names = list(message.name) if joint else []
+    names, value = list(getattr(message, "name", ())), message
     for step in steps:
-        message = message[int(step)] if step.isdigit() else getattr(message, step)
+        value = value[int(step)] if step.isdigit() else getattr(value, step)
     if joint:
-        return float(message[names.index(joint)]) if joint in names else None
-    return float(message)
+        return float(value[names.index(joint)]) if joint in names else None
+    if np.ndim(value):
+        topic, _, field = signal.rpartition("/")
+        by_joint = f'a joint, "{topic}/{names[0]}/{field}", or ' if names else ""
+        remedy = f'name {by_joint}an element, "{signal}[0]"'
+        raise log_fault(path, f'"{signal}" is an array of {len(value)}', remedy, "no-column")
+    return float(value)
 
 
 def _one_table(

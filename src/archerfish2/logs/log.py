@@ -1,13 +1,15 @@
 """One function for logs of all formats: the content of a file shows what it is."""
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, Protocol
+
+from numpy.typing import ArrayLike
 
 from archerfish2.errors import InputError, file_error
-from archerfish2.logs.arrays import array_names, read_array_file
+from archerfish2.logs.arrays import array_names, read_array_file, table_of
 from archerfish2.logs.bags import BAGS, RECOVER, bag_files, bag_signals, read_bag
 from archerfish2.logs.recording import Log, LogTable, Signals, log_fault, opened
 from archerfish2.logs.signals import checked, non_repeated_samples, undo_wraps
@@ -16,6 +18,7 @@ from archerfish2.logs.stamps import (
     at_outputs,
     hold_inputs,
     in_order,
+    period_findings,
     stamped_rows,
     uninterrupted,
     without_repeats,
@@ -31,21 +34,30 @@ _UNREAD = (
 _Format = Literal["bag", "npz", "mat", "text"]
 
 
+class Frame(Protocol):
+    """A data frame of any library."""
+
+    columns: Iterable[Any]  # their names
+
+    def __getitem__(self, name: Any, /) -> Any:
+        """Return a column."""
+
+
 def read_log(
-    path: str | Path,
+    source: str | Path | Mapping[str, ArrayLike] | Frame,
     *,
     inputs: Sequence[str] = ("u",),
     outputs: Sequence[str] = ("y",),
     time: str | None = "time_s",
     sample_period_s: float | None = None,
 ) -> Log:
-    """Read what went into an axis and what came out: CSV or another text table, .npz, .mat, or a ROS bag.
+    """Read what went into an axis and what came out: CSV or another text table, .npz, .mat, a ROS bag, or arrays.
 
     A signal is the name of a column, in a text table without names its number from "1" on, in an array file the name
     of an array, or "NAME[0]" for the first column of a matrix, in a bag TOPIC/FIELD or TOPIC/JOINT/FIELD.
 
     Args:
-      path: of the file, or the folder of a bag.
+      source: the file, the folder of a bag, arrays by name, each of shape (N,) or (N, m), or a data frame.
       inputs: names of the input signals.
       outputs: names of the output signals.
       time: name of the stamps, in seconds, or in the unit that the name ends with ("time_ms"); a bag has its own.
@@ -60,14 +72,25 @@ def read_log(
     if (sample_period_s is not None or time is None) and not 0 < (sample_period_s or 0) < float("inf"):
         problem = f"sample_period_s is {sample_period_s}, expected a number above 0 s"
         raise InputError(f"read_log: {problem}; pass it, or the name of the stamps", "sample-period")
-    path, signals = Path(path), Signals(inputs, outputs, time if sample_period_s is None else None)
-    kind, digest = _format(path), hashlib.sha256()
+    signals = Signals(inputs, outputs, time if sample_period_s is None else None)
+    if not isinstance(source, str | Path):
+        return _log(_table_in_memory(source, signals), signals, sample_period_s, "")
+    kind, digest = _format(path := Path(source)), hashlib.sha256()
     for part in bag_files(path):
         with opened(part) as file:
             hashlib.file_digest(file, lambda: digest)
-    if kind == "bag":  # has its own stamps
-        signals = signals._replace(time="time_s")
-    return _log(_table(path, kind, signals), signals, sample_period_s, digest.hexdigest())
+    table = _table(path, kind, signals)
+    signals = signals._replace(time="time_s") if kind == "bag" else signals
+    return _log(table, signals, sample_period_s, digest.hexdigest())
+
+
+def _table_in_memory(source: Mapping[str, ArrayLike] | Frame, signals: Signals) -> LogTable:
+    if isinstance(source, Mapping):
+        return table_of(source, signals, "arrays")
+    if hasattr(source, "columns"):
+        return table_of({str(name): source[name] for name in source.columns}, signals, "data frame")
+    problem = f"got a {type(source).__name__}, expected a file, arrays by name, or a data frame"
+    raise InputError(f"read_log: {problem}; pass archerfish.Recording.from_arrays(u, y, period_s)", "unknown-format")
 
 
 def _log(table: LogTable, signals: Signals, period_s: float | None, sha256: str) -> Log:
@@ -81,6 +104,8 @@ def _log(table: LogTable, signals: Signals, period_s: float | None, sha256: str)
     even, jitter = at_equal_intervals(parts, period_s)
     recordings, warnings = checked(even, table.source)
     findings = [*table.findings, *findings, *gaps, *jitter, *warnings]
+    if period_s is not None:
+        findings += period_findings(recordings[0])
     return Log(tuple(recordings), tuple(findings), samples, table.source, sha256)
 
 
@@ -118,10 +143,10 @@ def _format(path: Path) -> _Format:
 def _table(path: Path, kind: _Format, signals: Signals) -> LogTable:
     with _damage_named(path, kind):
         if kind == "bag":
-            return read_bag(path, list(dict.fromkeys((*signals.inputs, *signals.outputs))))
+            return read_bag(path, signals._replace(time=None))
         if kind == "text":
-            return read_text(path, lambda _: signals.columns())
-        return read_array_file(path, signals.columns(), matlab=kind == "mat")
+            return read_text(path, lambda _: signals.columns(), advice=signals.remedy)
+        return read_array_file(path, signals, matlab=kind == "mat")
 
 
 @contextmanager

@@ -72,6 +72,25 @@ class Signals(NamedTuple):
         """Return all names, each once."""
         return list(dict.fromkeys([*([self.time] if self.time else []), *self.inputs, *self.outputs]))
 
+    def remedy(self, there: Sequence[str]) -> str:
+        """Return where to name signals of a log that has other ones, and those that are meant if that is clear."""
+        found = {name: name for name in self.columns() if name in there}
+        for name in self.columns():
+            of_another_unit = [other for other in there if other.startswith(f"{name.removesuffix('_s')}_")]
+            if len(of_another_unit) == 1:
+                found.setdefault(name, of_another_unit[0])
+        lacking = [name for name in self.columns() if name not in found]
+        left = [other for other in there if other not in found.values()]
+        if len(lacking) == len(left):
+            found.update(zip(lacking, left, strict=True))
+        words = {"time": f'"{found.get(self.time, "NAME")}"'} if self.time else {}
+        for role, names in (("input", self.inputs), ("output", self.outputs)):
+            listed_names = ", ".join(f'"{found.get(name, "NAME")}"' for name in names)
+            words[role] = listed_names if len(names) == 1 else f"({listed_names})"
+        call = ", ".join(f"{role}{'s' * (role != 'time')}={word}" for role, word in words.items())
+        lines = ", ".join(f"{role} = {word}" for role, word in words.items())
+        return f"name them: read_log(FILE, {call}), or in logs.toml: {lines}"
+
 
 @dataclass(frozen=True, eq=False)
 class Rows:
@@ -116,11 +135,13 @@ class Recording:
     source: str = "recording"  # where it comes from, for messages and titles
 
     def __post_init__(self) -> None:
-        shapes = (len(self), len(self.input_names)), (len(self), len(self.output_names))
-        found = self.inputs.shape, self.outputs.shape
-        if found != shapes or 0 in (*found[0], *found[1]):
-            problem = f"inputs and outputs have shapes {found[0]} and {found[1]}, expected {shapes[0]} and {shapes[1]}"
-            raise InputError(f"{self.source}: {problem}, not empty; check the arrays and their names")
+        for letter, values, names in (("u", self.inputs, self.input_names), ("y", self.outputs, self.output_names)):
+            if values.ndim != 2 or values.shape[1] != len(names) or not values.size:
+                problem = f"{letter} has shape {values.shape}, expected (N, {len(names)}) of {listed(names)}"
+                raise InputError(f"{self.source}: {problem}, not empty; samples come first, each signal has a name")
+        if len(self) != len(self.outputs):
+            problem = f"u has {len(self):,} samples and y {len(self.outputs):,}, expected as many"
+            raise InputError(f"{self.source}: {problem}; cut both to the same samples")
         if not (np.isfinite(self.inputs).all() and np.isfinite(self.outputs).all() and np.isfinite(self.start_s)):
             raise InputError(f"{self.source}: has a value that is not finite; cut the recording there")
         if not 0 < self.period_s < np.inf:
@@ -129,27 +150,51 @@ class Recording:
     def __len__(self) -> int:
         return len(self.inputs)
 
+    def __repr__(self) -> str:
+        signals = f"{', '.join(self.input_names)} → {', '.join(self.output_names)}"
+        length_s = self.period_s * len(self)
+        return f"Recording({signals}: {len(self):,} samples every {self.period_s:g} s, {length_s:g} s, {self.source})"
+
     @property
     def time(self) -> Values:
         """Time of each sample [s], shape (N,)."""
         return np.asarray(self.start_s + self.period_s * np.arange(len(self)), dtype=np.float64)
 
     @classmethod
-    def from_arrays(cls, u: ArrayLike, y: ArrayLike, period_s: float, **fields: Any) -> Self:
-        """Return a recording of signals in memory.
+    def from_arrays(
+        cls, u: ArrayLike, y: ArrayLike, period_s: float | None = None, *, time: ArrayLike | None = None, **fields: Any
+    ) -> Self:
+        """Return a recording of signals in memory, with a sampling period or with stamps.
+
+        Stamps are treated as those of a file: uneven samples are resampled, and wrapped angles undone. What was
+        repaired is in the findings of `read_log({"time_s": time, "u": u, "y": y})`.
 
         Args:
           u: inputs, shape (N,) or (N, m).
           y: outputs, shape (N,) or (N, p).
           period_s: sampling period [s].
-          **fields: other fields of a recording, as input_names.
+          time: stamps instead of it [s], shape (N,).
+          **fields: other fields of a recording; input_names for several inputs, output_names for several outputs.
 
         Raises:
-          InputError: if shapes disagree, or a value is not finite.
+          InputError: if shapes disagree, a value is not finite, names are lacking, or stamps have gaps.
         """
-        inputs, outputs = (np.array(each, dtype=np.float64) for each in (u, y))
-        inputs, outputs = (each[:, None] if each.ndim == 1 else each for each in (inputs, outputs))
-        return cls(inputs, outputs, float(period_s), **fields)
+        if (period_s is None) == (time is None) or np.ndim(period_s):
+            raise InputError("from_arrays: expected period_s, a number, or time; pass from_arrays(u, y, time=stamps)")
+        inputs, outputs = (np.array(signal, dtype=np.float64) for signal in (u, y))
+        inputs, outputs = (signal[:, None] if signal.ndim == 1 else signal for signal in (inputs, outputs))
+        made = cls(inputs, outputs, 1.0 if period_s is None else float(period_s), **fields)
+        if time is None:
+            return made
+        from archerfish2.logs.log import read_log
+
+        signals = zip((*made.input_names, *made.output_names), (*inputs.T, *outputs.T), strict=True)
+        log = read_log({"time_s": time, **dict(signals)}, inputs=made.input_names, outputs=made.output_names)
+        if len(log.recordings) > 1:
+            problem, remedy = log.findings[0].message, 'read_log({"time_s": time, "u": u, "y": y}) has the recordings'
+            raise InputError(f"{made.source}: {problem}; {remedy}", log.findings[0].code)
+        (even,) = log.recordings
+        return replace(made, inputs=even.inputs, outputs=even.outputs, period_s=even.period_s)
 
     def slice(self, start: int, stop: int) -> Self:
         """Return samples `start` to `stop`, the latter excluded, at their times.

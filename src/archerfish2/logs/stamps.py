@@ -341,3 +341,12 @@ def resampled(recording: Recording, period_s: float) -> Recording:
     edges = period_s * np.arange(int(time[-1] / period_s + 1e-9) + 2)
     inputs, outputs = held_mean(time, recording.inputs, edges), CubicSpline(time, recording.outputs)(edges[:-1])
     return replace(recording, inputs=inputs, outputs=outputs, period_s=period_s)
+
+
+def period_findings(recording: Recording) -> tuple[Finding, ...]:
+    """Return a warning if no gimbal is logged at the sampling period: it may be in milliseconds."""
+    if _PLAUSIBLE_S[0] <= recording.period_s <= _PLAUSIBLE_S[1]:
+        return ()
+    message = f"has a sample every {recording.period_s:g} s, as no gimbal is logged"
+    remedy = "give the period in seconds, 0.005 for 5 ms"
+    return (Finding("time-unit", "warning", recording.source, message, remedy),)
