@@ -34,9 +34,11 @@ def read_array_file(path: Path, signals: Signals, *, matlab: bool) -> LogTable:
         others.
       Exception: whatever a damaged byte leads the libraries to.
     """
-    archive = _archive(path, matlab)
+    archive, wanted = arrays_in(path, matlab=matlab), signals.columns()
     for member in archive.zip.infolist():
         name = member.filename.removesuffix(".npy")
+        if not any(signal == name or signal.startswith(f"{name}[") for signal in wanted):
+            continue
         if archive.files.count(name) > 1:
             raise log_fault(path, f'has 2 arrays "{name}", expected one', "keep one of them", "column-twice")
         if member.file_size > MAX_BYTES:
@@ -59,12 +61,8 @@ def table_of(arrays: Mapping[str, Any], signals: Signals, source: str) -> LogTab
     return LogTable(columns, range(1, max(lengths) + 1), "row", source)
 
 
-def array_names(path: Path, *, matlab: bool) -> tuple[str, ...]:
-    """Return the names of the arrays in such a file."""
-    return tuple(_archive(path, matlab).files)
-
-
-def _archive(path: Path, matlab: bool) -> Any:
+def arrays_in(path: Path, *, matlab: bool) -> Any:
+    """Open such a file: a mapping of names to arrays, with the names in `files` and the archive in `zip`."""
     return np.load(io.BytesIO(_converted(path) if matlab else path.read_bytes()), allow_pickle=False)
 
 

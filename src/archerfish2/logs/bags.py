@@ -21,6 +21,7 @@ BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
 """How files of a bag begin, and the ending of their names, by which rosbags recognises them."""
 _MCAP, _MCAP_FOOTER = b"\x89MCAP0\r\n", b"\x02\x14" + bytes(27)
 _LISTED = 8  # elements of an array, up to which they are listed
+_Series = tuple[Any, Values]
 RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
 
 
@@ -45,7 +46,7 @@ def read_bag(path: Path, signals: Signals) -> LogTable:
     """
     findings: list[Finding] = []
     with _reader(path, findings) as reader:
-        of = {signal: _topic(path, reader, signal, signals) for signal in signals.columns()}
+        of = {signal: _topic(path, reader, signal, signals) for signal in (*signals.inputs, *signals.outputs)}
         order = sorted(set(of.values()), key=of[signals.outputs[-1]].__eq__)
         series = [_series(path, reader, topic, of, findings) for topic in order]
     return _one_table(path, series, list(of), findings)
@@ -58,16 +59,12 @@ def bag_signals(path: Path) -> tuple[str, ...]:
       ImportError: if rosbags is not installed.
       Exception: whatever a damaged byte leads the libraries to.
     """
-    with _reader(path, []) as reader:
-        return _signals(reader)
-
-
-def _signals(reader: Any) -> tuple[str, ...]:
     names = list[str]()
-    for topic in sorted({connection.topic for connection in reader.connections}):
-        connections = [connection for connection in reader.connections if connection.topic == topic]
-        for _, _, content in itertools.islice(reader.messages(connections=connections), 1):
-            names += _numbers(topic, "", reader.deserialize(content, connections[0].msgtype))
+    with _reader(path, []) as reader:
+        for topic in sorted({connection.topic for connection in reader.connections}):
+            connections = [connection for connection in reader.connections if connection.topic == topic]
+            for _, _, content in itertools.islice(reader.messages(connections=connections), 1):
+                names += _numbers(topic, "", reader.deserialize(content, connections[0].msgtype))
     return tuple(names)
 
 
@@ -124,11 +121,11 @@ def _topic(path: Path, reader: Any, signal: str, signals: Signals) -> str:
     topics = sorted({connection.topic for connection in reader.connections}, key=len)
     if found := [topic for topic in topics if signal.startswith(f"{topic}/")]:
         return str(found[-1])
-    remedy = f"it has {listed(_signals(reader))}; {signals.remedy(())}"
+    remedy = f"it has {listed(bag_signals(path))}; {signals._replace(time=None).remedy(())}"
     raise log_fault(path, f'has no topic of signal "{signal}"', remedy, "no-column")
 
 
-def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: list[Finding]) -> tuple[Any, Values]:
+def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: list[Finding]) -> _Series:
     """Read signals of a topic, without the messages that name other joints alone.
 
     Returns:
@@ -182,9 +179,7 @@ def _value(path: Path, signal: str, message: Any, joint: str, steps: Sequence[st
     return float(value)
 
 
-def _one_table(
-    path: Path, series: Sequence[tuple[Any, Values]], signals: Sequence[str], findings: list[Finding]
-) -> LogTable:
+def _one_table(path: Path, series: list[_Series], signals: list[str], findings: list[Finding]) -> LogTable:
     """Return the messages of all topics in order of time, and of the topics where times are equal."""
     if len(stamped := {bool(stamps.any()) for (_, _, stamps), _ in series}) > 1:
         problem = "some topics have header.stamp, and some the time of their receipt alone"

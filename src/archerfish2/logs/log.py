@@ -1,28 +1,16 @@
 """One function for logs of all formats: the content of a file shows what it is."""
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal, Protocol
-
-from numpy.typing import ArrayLike
+from typing import Any, Literal
 
 from archerfish2.errors import InputError, file_error
-from archerfish2.logs.arrays import array_names, read_array_file, table_of
+from archerfish2.logs import signals, stamps
+from archerfish2.logs.arrays import arrays_in, read_array_file, table_of
 from archerfish2.logs.bags import BAGS, RECOVER, bag_files, bag_signals, read_bag
-from archerfish2.logs.recording import Log, LogTable, Signals, log_fault, opened
-from archerfish2.logs.signals import checked, non_repeated_samples, undo_wraps
-from archerfish2.logs.stamps import (
-    at_equal_intervals,
-    at_outputs,
-    hold_inputs,
-    in_order,
-    period_findings,
-    stamped_rows,
-    uninterrupted,
-    without_repeats,
-)
+from archerfish2.logs.recording import Log, LogTable, Rows, Signals, log_fault, opened
 from archerfish2.logs.text import column_names, read_text
 
 _UNREAD = (
@@ -34,17 +22,8 @@ _UNREAD = (
 _Format = Literal["bag", "npz", "mat", "text"]
 
 
-class Frame(Protocol):
-    """A data frame of any library."""
-
-    columns: Iterable[Any]  # their names
-
-    def __getitem__(self, name: Any, /) -> Any:
-        """Return a column."""
-
-
 def read_log(
-    source: str | Path | Mapping[str, ArrayLike] | Frame,
+    source: Any,
     *,
     inputs: Sequence[str] = ("u",),
     outputs: Sequence[str] = ("y",),
@@ -57,7 +36,8 @@ def read_log(
     of an array, or "NAME[0]" for the first column of a matrix, in a bag TOPIC/FIELD or TOPIC/JOINT/FIELD.
 
     Args:
-      source: the file, the folder of a bag, arrays by name, each of shape (N,) or (N, m), or a data frame.
+      source: path of the file, or of the folder of a bag; or a mapping of names to arrays of shape (N,) or (N, m); or a
+        data frame.
       inputs: names of the input signals.
       outputs: names of the output signals.
       time: name of the stamps, in seconds, or in the unit that the name ends with ("time_ms"); a bag has its own.
@@ -72,40 +52,45 @@ def read_log(
     if (sample_period_s is not None or time is None) and not 0 < (sample_period_s or 0) < float("inf"):
         problem = f"sample_period_s is {sample_period_s}, expected a number above 0 s"
         raise InputError(f"read_log: {problem}; pass it, or the name of the stamps", "sample-period")
-    signals = Signals(inputs, outputs, time if sample_period_s is None else None)
+    names, digest = Signals(inputs, outputs, time if sample_period_s is None else None), hashlib.sha256()
     if not isinstance(source, str | Path):
-        return _log(_table_in_memory(source, signals), signals, sample_period_s, "")
-    kind, digest = _format(path := Path(source)), hashlib.sha256()
+        return _log(_table_in_memory(source, names), names, sample_period_s, "")
+    kind = _format(path := Path(source))
     for part in bag_files(path):
         with opened(part) as file:
             hashlib.file_digest(file, lambda: digest)
-    table = _table(path, kind, signals)
-    signals = signals._replace(time="time_s") if kind == "bag" else signals
-    return _log(table, signals, sample_period_s, digest.hexdigest())
+    with _damage_named(path, kind):
+        if kind == "bag":
+            table, names = read_bag(path, names), names._replace(time="time_s")
+        elif kind == "text":
+            table = read_text(path, lambda _: names.columns(), advice=names.remedy)
+        else:
+            table = read_array_file(path, names, matlab=kind == "mat")
+    return _log(table, names, sample_period_s, digest.hexdigest())
 
 
-def _table_in_memory(source: Mapping[str, ArrayLike] | Frame, signals: Signals) -> LogTable:
+def _table_in_memory(source: Any, names: Signals) -> LogTable:
     if isinstance(source, Mapping):
-        return table_of(source, signals, "arrays")
+        return table_of(source, names, "arrays")
     if hasattr(source, "columns"):
-        return table_of({str(name): source[name] for name in source.columns}, signals, "data frame")
+        return table_of({str(name): source[name] for name in source.columns}, names, "data frame")
     problem = f"got a {type(source).__name__}, expected a file, arrays by name, or a data frame"
     raise InputError(f"read_log: {problem}; pass archerfish.Recording.from_arrays(u, y, period_s)", "unknown-format")
 
 
-def _log(table: LogTable, signals: Signals, period_s: float | None, sha256: str) -> Log:
-    """Repair what can be, step by step; each step returns its findings."""
-    rows, findings = stamped_rows(table, signals, period_s or 1.0)
-    for step in (in_order, undo_wraps, hold_inputs, without_repeats, at_outputs, non_repeated_samples):
+def _log(table: LogTable, names: Signals, period_s: float | None, sha256: str) -> Log:
+    """Bring a table to equal intervals, step by step; each step returns its findings."""
+    rows, findings = Rows.of(table, names, period_s or 1.0), [*table.findings]
+    before_averages = stamps.in_seconds, stamps.in_order, signals.undo_wraps
+    to_samples = stamps.hold_inputs, stamps.without_repeats, stamps.at_outputs, signals.non_repeated_samples
+    for step in (*before_averages, *to_samples):
         rows, found = step(rows)
         findings += found
-    samples = len(rows) + sum(finding.samples for finding in (*table.findings, *findings))
-    parts, gaps = uninterrupted(rows)
-    even, jitter = at_equal_intervals(parts, period_s)
-    recordings, warnings = checked(even, table.source)
-    findings = [*table.findings, *findings, *gaps, *jitter, *warnings]
-    if period_s is not None:
-        findings += period_findings(recordings[0])
+    samples = len(rows) + sum(finding.samples for finding in findings)
+    parts, gaps = stamps.uninterrupted(rows)
+    even, jitter = stamps.at_equal_intervals(parts, period_s)
+    recordings, warnings = signals.checked(even, table.source)
+    findings += [*gaps, *jitter, *warnings, *(stamps.period_findings(recordings[0]) if period_s else ())]
     return Log(tuple(recordings), tuple(findings), samples, table.source, sha256)
 
 
@@ -119,7 +104,7 @@ def signals_in(path: str | Path) -> tuple[str, ...]:
     with _damage_named(path, kind):
         if kind == "bag":
             return bag_signals(path)
-        return column_names(path) if kind == "text" else array_names(path, matlab=kind == "mat")
+        return column_names(path) if kind == "text" else tuple(arrays_in(path, matlab=kind == "mat").files)
 
 
 def _format(path: Path) -> _Format:
@@ -135,18 +120,9 @@ def _format(path: Path) -> _Format:
             raise file_error(path, problem, remedy, "unknown-format")
     if begin.startswith(b"PK\x03\x04"):
         return "npz"
-    if begin.startswith(b"MATLAB") or path.suffix == ".mat":
+    if begin.startswith(b"MATLAB"):
         return "mat"
-    return "npz" if path.suffix == ".npz" else "text"
-
-
-def _table(path: Path, kind: _Format, signals: Signals) -> LogTable:
-    with _damage_named(path, kind):
-        if kind == "bag":
-            return read_bag(path, signals._replace(time=None))
-        if kind == "text":
-            return read_text(path, lambda _: signals.columns(), advice=signals.remedy)
-        return read_array_file(path, signals, matlab=kind == "mat")
+    return "npz" if path.suffix == ".npz" else "mat" if path.suffix == ".mat" else "text"
 
 
 @contextmanager

@@ -81,14 +81,11 @@ class Signals(NamedTuple):
                 found.setdefault(name, of_another_unit[0])
         lacking = [name for name in self.columns() if name not in found]
         left = [other for other in there if other not in found.values()]
-        if len(lacking) == len(left):
-            found.update(zip(lacking, left, strict=True))
-        words = {"time": f'"{found.get(self.time, "NAME")}"'} if self.time else {}
-        for role, names in (("input", self.inputs), ("output", self.outputs)):
-            listed_names = ", ".join(f'"{found.get(name, "NAME")}"' for name in names)
-            words[role] = listed_names if len(names) == 1 else f"({listed_names})"
-        call = ", ".join(f"{role}{'s' * (role != 'time')}={word}" for role, word in words.items())
-        lines = ", ".join(f"{role} = {word}" for role, word in words.items())
+        found |= dict(zip(lacking, left, strict=True)) if len(lacking) == len(left) else {}
+        roles = {"time": [self.time] if self.time else [], "inputs": self.inputs, "outputs": self.outputs}
+        words = {role: ", ".join(f'"{found.get(name, "NAME")}"' for name in names) for role, names in roles.items()}
+        call = ", ".join(f"{role}={word}" for role, word in words.items() if word)
+        lines = ", ".join(f"{role.removesuffix('s')} = {word}" for role, word in words.items() if word)
         return f"name them: read_log(FILE, {call}), or in logs.toml: {lines}"
 
 
@@ -102,6 +99,14 @@ class Rows:
     table: LogTable  # that they come from
     numbers: NDArray[np.intp]  # their rows in the table, from 0 on, (N,)
     signals: Signals
+
+    @classmethod
+    def of(cls, table: LogTable, signals: Signals, period_s: float) -> Self:
+        """Return the rows of a table, which are some seconds apart where it has no stamps."""
+        inputs, outputs = (np.column_stack([table.columns[name] for name in names]) for names in signals[:2])
+        numbers = np.arange(len(inputs))
+        time = table.columns[signals.time] if signals.time else period_s * numbers
+        return cls(time, inputs, outputs, table, numbers, signals)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -179,7 +184,7 @@ class Recording:
         Raises:
           InputError: if shapes disagree, a value is not finite, names are lacking, or stamps have gaps.
         """
-        if (period_s is None) == (time is None) or np.ndim(period_s):
+        if (period_s is None) == (time is None) or np.ndim(np.asarray(period_s)):
             raise InputError("from_arrays: expected period_s, a number, or time; pass from_arrays(u, y, time=stamps)")
         inputs, outputs = (np.array(signal, dtype=np.float64) for signal in (u, y))
         inputs, outputs = (signal[:, None] if signal.ndim == 1 else signal for signal in (inputs, outputs))
@@ -250,10 +255,10 @@ def held_mean(time: Values, signals: Values, edges: Values) -> Values:
     """
     time = np.append(time, max(time[-1], edges[-1]))
     area = np.vstack([np.zeros(signals.shape[1]), np.cumsum(signals * np.diff(time)[:, None], axis=0)])
-    return np.diff(interpolated(time, area, edges), axis=0) / np.diff(edges)[:, None]
+    return np.diff(by_lines(time, area, edges), axis=0) / np.diff(edges)[:, None]
 
 
-def interpolated(time: Values, signals: Values, grid: Values) -> Values:
+def by_lines(time: Values, signals: Values, grid: Values) -> Values:
     """Return signals of shape (N, m) at K times by lines through their samples, shape (K, m)."""
     return np.column_stack([np.interp(grid, time, signal) for signal in signals.T])
 

@@ -9,25 +9,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from archerfish2.errors import InputError
-from archerfish2.logs.recording import (
-    GAP,
-    Finding,
-    LogTable,
-    Recording,
-    Rows,
-    Signals,
-    Values,
-    held_mean,
-    interpolated,
-    log_fault,
-    subsampled,
-)
+from archerfish2.logs.recording import GAP, Finding, Recording, Rows, Values, by_lines, held_mean, log_fault, subsampled
 
 Mask = NDArray[np.bool_]
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -46,25 +33,38 @@ _COSTLY, _OSCILLATING = 0.02, 0.1
 _EARLY = 0.3  # of a period that a stamp may come before its place; it may come late by the rest
 
 
-def stamped_rows(table: LogTable, signals: Signals, period_s: float) -> tuple[Rows, list[Finding]]:
-    """Return the rows of a log with their stamps in seconds, and a finding if these were in another unit.
-
-    Args:
-      table: the log.
-      signals: names of its stamps, inputs and outputs.
-      period_s: sampling period of a log without stamps [s].
+def in_seconds(rows: Rows) -> tuple[Rows, list[Finding]]:
+    """Turn stamps into seconds from the unit that their name ends with, or that their intervals suggest.
 
     Raises:
-      InputError: if there is one row alone.
+      InputError: if the unit is minutes or hours.
     """
-    inputs, outputs = (np.column_stack([table.columns[name] for name in names]) for names in signals[:2])
-    numbers, findings = np.arange(len(inputs)), list[Finding]()
-    stamps = period_s * numbers
-    if signals.time is not None:
-        stamps, findings = _seconds(table, signals.time)
-    if len(stamps) < 2:
-        raise _too_few(table.source, len(stamps), "too-short")
-    return Rows(stamps, inputs, outputs, table, numbers, signals), findings
+    time, source = rows.signals.time, rows.table.source
+    if time is None:
+        return rows, []
+    if _LONG_UNIT.search(time):
+        problem = f'stamps "{time}" are in minutes or hours, as the name says, expected s, ms, us or ns'
+        raise log_fault(source, problem, 'turn them into seconds, and name the column "time_s"', "time-unit")
+    unit = time_unit(time)
+    message = f'stamps "{time}" are in {unit}, as the name says, and were turned into seconds'
+    finding = Finding("time-unit", "repaired", source, message, "nothing to do")
+    if unit == "s":
+        steps = subsampled(rows.time[1:]) - subsampled(rows.time[:-1])
+        period = float(np.nanmedian(steps)) if np.any(steps > 0) else 0.0
+        if period <= 0 or _PLAUSIBLE_S[0] <= period <= _PLAUSIBLE_S[1]:
+            return rows, []
+        usual = [unit for unit, scale in _SECONDS.items() if _USUAL_S[0] <= scale * period < _USUAL_S[1]]
+        unit = usual[0] if usual else "s"
+        message = f'stamps "{time}" are {period:.4g} s apart, as no gimbal is logged, and were read as {unit}'
+        remedy = f'if they are in {unit}, name the column "time_{unit}", else in their unit'
+        finding = Finding("time-unit", "warning", source, message, remedy)
+    return replace(rows, time=rows.time * _SECONDS[unit]), [finding]
+
+
+def time_unit(name: str) -> str:
+    """Return the unit that the name of stamps ends with ("TimeUS", "time [ms]", "t_nsec"), s where with no other."""
+    prefix = found[1].lower() if (found := _UNIT.search(name)) else ""
+    return {"milli": "m", "micro": "u", "µ": "u", "μ": "u", "nano": "n"}.get(prefix, prefix) + "s"
 
 
 def in_order(rows: Rows) -> tuple[Rows, list[Finding]]:
@@ -124,9 +124,16 @@ def at_outputs(rows: Rows) -> tuple[Rows, list[Finding]]:
     """Leave out rows without an output; the sample before has the mean of its input and of theirs.
 
     Time is counted from the first sample.
+
+    Raises:
+      InputError: if fewer than two samples are left.
     """
     measured = np.asarray(~np.isnan(rows.outputs).any(axis=1))
     kept, findings = _without(rows, ~measured, "missing-values", "without an output", "log values in every row")
+    if len(kept) < 2:
+        problem, code = f"rows with all signals: {len(kept)}, expected 2 or more", "too-short"
+        complete = len(kept) == len(rows.table.places)
+        raise log_fault(rows.table.source, problem, "log all signals together", code if complete else "missing-values")
     if findings:
         known = np.flatnonzero(~np.isnan(rows.inputs).any(axis=1))
         means = held_mean(rows.time[known], rows.inputs[known], kept.time)
@@ -149,46 +156,13 @@ def _without(rows: Rows, lost: Mask, code: str, message: str, remedy: str) -> tu
     count = int(lost.sum())
     if not count:
         return rows, []
-    if len(rows) - count < 2:
-        few = "too-short" if code == "time-duplicate" else "missing-values"
-        raise _too_few(rows.table.source, len(rows) - count, few)
     message = f"rows {message} left out: {count}"
     return rows.select(~lost), [Finding(code, "repaired", rows.place(int(lost.argmax())), message, remedy, count)]
-
-
-def _too_few(source: str, count: int, code: str) -> InputError:
-    problem = f"rows with all signals: {count}, expected 2 or more"
-    return log_fault(source, problem, "log all signals together", code)
 
 
 def _order_fault(rows: Rows, before: int, after: int, code: str, remedy: str) -> InputError:
     problem = f"time {rows.time[after]:.12g} s does not come after {rows.time[before]:.12g} s"
     return log_fault(rows.place(after), problem, remedy, code)
-
-
-def _seconds(table: LogTable, time: str) -> tuple[Values, list[Finding]]:
-    """Return the stamps in seconds, shape (N,), and what their unit was or may be."""
-    if _LONG_UNIT.search(time):
-        problem = f'stamps "{time}" are in minutes or hours, as the name says, expected s, ms, us or ns'
-        raise log_fault(table.source, problem, 'turn them into seconds, and name the column "time_s"', "time-unit")
-    unit, stamps = time_unit(time), table.columns[time]
-    if unit != "s":
-        message = f'stamps "{time}" are in {unit}, as the name says, and were turned into seconds'
-        return stamps * _SECONDS[unit], [Finding("time-unit", "repaired", table.source, message, "nothing to do")]
-    steps = subsampled(stamps[1:]) - subsampled(stamps[:-1])
-    period = float(np.nanmedian(steps)) if np.any(steps > 0) else 0.0
-    if period <= 0 or _PLAUSIBLE_S[0] <= period <= _PLAUSIBLE_S[1]:
-        return stamps, []
-    unit = next((each for each, scale in _SECONDS.items() if _USUAL_S[0] <= scale * period < _USUAL_S[1]), "s")
-    message = f'stamps "{time}" are {period:.4g} s apart, as no gimbal is logged, and were read as {unit}'
-    remedy = f'if they are in {unit}, name the column "time_{unit}", else in their unit'
-    return stamps * _SECONDS[unit], [Finding("time-unit", "warning", table.source, message, remedy)]
-
-
-def time_unit(name: str) -> str:
-    """Return the unit that the name of stamps ends with ("TimeUS", "time [ms]", "t_nsec"), s where with no other."""
-    prefix = found[1].lower() if (found := _UNIT.search(name)) else ""
-    return {"milli": "m", "micro": "u", "µ": "u", "μ": "u", "nano": "n"}.get(prefix, prefix) + "s"
 
 
 def uninterrupted(rows: Rows) -> tuple[list[Rows], list[Finding]]:
@@ -253,8 +227,8 @@ def at_equal_intervals(parts: Sequence[Rows], period_s: float | None) -> tuple[l
     steps = np.concatenate([np.diff(part.time) for part in parts])
     message = f"intervals are {steps.min():.4g} to {steps.max():.4g} s ({reason}), brought to {period:.4g} s; lines "
     message += f"and curves through the samples differ by {cost:.2%} of an output's standard deviation"
-    severity: Literal["warning", "repaired"] = "warning" if cost > _COSTLY else "repaired"
-    finding = Finding("jitter", severity, parts[0].table.source, message, "log at equal intervals")
+    remedy = "log at equal intervals"
+    finding = Finding("jitter", "warning" if cost > _COSTLY else "repaired", parts[0].table.source, message, remedy)
     return _recordings(parts, zip(inputs, outputs, strict=True), period_s or period), [finding]
 
 
@@ -292,7 +266,7 @@ def _resampled_outputs(pieces: Sequence[tuple[Rows, Values, Values]]) -> tuple[l
     from scipy.interpolate import CubicSpline
 
     curves = [CubicSpline(place, part.outputs)(edge[:-1]) for part, place, edge in pieces]
-    lines = [interpolated(place, part.outputs, edge[:-1]) for part, place, edge in pieces]
+    lines = [by_lines(place, part.outputs, edge[:-1]) for part, place, edge in pieces]
     spread, change = np.concatenate(lines).std(axis=0), np.concatenate(curves) - np.concatenate(lines)
     cost = float((np.sqrt(np.mean(change**2, axis=0)) / np.where(spread > 0, spread, 1)).max())
     # A line moves the response by part of a period; a curve through noisy samples that are close together oscillates.

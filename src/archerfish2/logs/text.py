@@ -24,7 +24,8 @@ _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _HEAD = 2**16  # bytes that have the names and the first sample of a usual table
 _UNPACKED = (".gz", ".bz2", ".xz")  # endings by which NumPy takes a file for a compressed one
-Choice, Advice = Callable[[list[str]], list[str]], Callable[[Sequence[str]], str]
+Choice = Callable[[list[str]], list[str]]
+Advice = Callable[[Sequence[str]], str]
 _SHOWN = 40  # characters of a bad field, and lines in which a name is looked for that is not in the first
 
 
@@ -79,7 +80,7 @@ def _read_at_once(path: Path, choose: Choice) -> LogTable | None:
             parts = iter(lambda: file.read(_HEAD), b"")
             end = head.count(b"\n") + sum(np.count_nonzero(np.frombuffer(each, "u1") == ord("\n")) for each in parts)
             if values.shape == (end - first, len(names)):  # no line is blank, or without its end
-                columns = {name: values[:, names.index(name)] for name in chosen}
+                columns = dict(zip(chosen, values.T[[*map(names.index, chosen)]], strict=True))
                 return LogTable(columns, range(first + 1, end + 1), "line", str(path))
     return None
 
