@@ -284,8 +284,8 @@ def _line(times: Sequence[Values], numbers: Sequence[Values]) -> tuple[float, bo
     period = float(f"{covariance / sum(float(np.sum(number**2)) for number in centred):.12g}")
     even = True
     for time, number in zip(times, numbers, strict=True):
-        late = (time - period * number) / period
-        spread, jitter = np.ptp(late) / 2, np.abs(np.diff(late)).max()
+        late = time - period * number
+        spread, jitter = np.ptp(late) / 2 / period, np.abs(np.diff(late)).max() / period
         even = even and bool(spread <= _EVEN or (jitter <= _EVEN and spread <= _DRIFT))
     return period, even
 
