@@ -176,7 +176,7 @@ def test_signals_that_are_no_recording_are_refused(refused):
     ramp, make = np.arange(3.0), Recording.from_arrays
     refused("^recording: u has 4,000 samples and y 3,999, ", make, np.ones(4000), np.ones(3999), 0.1)
     refused(r'u has shape \(1, 3\), expected \(N, 1\) of "u".*; samples come first', make, ramp[None], ramp[None], 0.1)
-    refused(r"y has shape \(3, 2\), expected \(N, 1\).*each signal has a name", make, ramp, np.ones((3, 2)), 0.1)
+    refused(r"y has shape \(3, 2\), expected \(N, 1\).*all signals are named", make, ramp, np.ones((3, 2)), 0.1)
     refused("not empty", make, [], [], 0.1)
     refused("not finite; cut the recording", make, ramp, [0, np.nan, 1], 0.1)
     refused("period_s is 0.0, expected above 0 s", make, ramp, ramp, 0.0)
@@ -192,6 +192,7 @@ def test_arrays_with_stamps_are_treated_as_a_file_of_them_is(tmp_path, refused):
     assert_array_equal(np.hstack([found.inputs, found.outputs]), np.hstack([expected.inputs, expected.outputs]))
     assert repr(found) == "Recording(cmd → y: 600 samples every 0.01 s, 6 s, mine)"
     refused(r"mine: gaps: 1, .*; read_log\({", Recording.from_arrays, u, y, time=time + (time > 3), source="mine")
+    refused(r"were read as ms; read_log\({", Recording.from_arrays, u, y, time=1e3 * time)
     refused("time 0 s does not come after", Recording.from_arrays, u, y, time=0 * time)
 
 

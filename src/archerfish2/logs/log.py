@@ -10,7 +10,7 @@ from archerfish2.errors import InputError, file_error
 from archerfish2.logs import signals, stamps
 from archerfish2.logs.arrays import arrays_in, read_array_file, table_of
 from archerfish2.logs.bags import BAGS, RECOVER, bag_files, bag_signals, read_bag
-from archerfish2.logs.recording import Log, LogTable, Rows, Signals, log_fault, opened
+from archerfish2.logs.recording import Log, LogTable, Rows, Signals, log_fault, open_log
 from archerfish2.logs.text import column_names, read_text
 
 _UNREAD = (
@@ -57,7 +57,7 @@ def read_log(
         return _log(_table_in_memory(source, names), names, sample_period_s, "")
     kind = _format(path := Path(source))
     for part in bag_files(path):
-        with opened(part) as file:
+        with open_log(part) as file:
             hashlib.file_digest(file, lambda: digest)
     with _damage_named(path, kind):
         if kind == "bag":
@@ -70,12 +70,10 @@ def read_log(
 
 
 def _table_in_memory(source: Any, names: Signals) -> LogTable:
-    if isinstance(source, Mapping):
-        return table_of(source, names, "arrays")
-    if hasattr(source, "columns"):
-        return table_of({str(name): source[name] for name in source.columns}, names, "data frame")
-    problem = f"got a {type(source).__name__}, expected a file, arrays by name, or a data frame"
-    raise InputError(f"read_log: {problem}; pass archerfish.Recording.from_arrays(u, y, period_s)", "unknown-format")
+    if not (isinstance(source, Mapping) or hasattr(source, "columns")):
+        problem = f"read_log: got a {type(source).__name__}, expected a file, arrays by name, or a data frame"
+        raise InputError(f"{problem}; pass archerfish.Recording.from_arrays(u, y, period_s)", "unknown-format")
+    return table_of({str(name): source[name] for name in getattr(source, "columns", source)}, names, "table")
 
 
 def _log(table: LogTable, names: Signals, period_s: float | None, sha256: str) -> Log:
@@ -111,7 +109,7 @@ def _format(path: Path) -> _Format:
     """Return what the content of a file shows it to be, or else its ending."""
     if not (files := bag_files(path)):
         raise file_error(path, "is a folder, and no bag's", "pass a log, or the folder of a bag", "unknown-format")
-    with opened(files[0]) as file:
+    with open_log(files[0]) as file:
         begin = file.peek()
     if path.is_dir() or begin.startswith(tuple(BAGS)) or path.suffix in BAGS.values():
         return "bag"

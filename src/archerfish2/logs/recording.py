@@ -84,6 +84,7 @@ class Signals(NamedTuple):
         found |= dict(zip(lacking, left, strict=True)) if len(lacking) == len(left) else {}
         roles = {"time": [self.time] if self.time else [], "inputs": self.inputs, "outputs": self.outputs}
         words = {role: ", ".join(f'"{found.get(name, "NAME")}"' for name in names) for role, names in roles.items()}
+        words = {role: f"({word})" if len(roles[role]) > 1 else word for role, word in words.items()}
         call = ", ".join(f"{role}={word}" for role, word in words.items() if word)
         lines = ", ".join(f"{role.removesuffix('s')} = {word}" for role, word in words.items() if word)
         return f"name them: read_log(FILE, {call}), or in logs.toml: {lines}"
@@ -143,7 +144,7 @@ class Recording:
         for letter, values, names in (("u", self.inputs, self.input_names), ("y", self.outputs, self.output_names)):
             if values.ndim != 2 or values.shape[1] != len(names) or not values.size:
                 problem = f"{letter} has shape {values.shape}, expected (N, {len(names)}) of {listed(names)}"
-                raise InputError(f"{self.source}: {problem}, not empty; samples come first, each signal has a name")
+                raise InputError(f"{self.source}: {problem}, not empty; samples come first, all signals are named")
         if len(self) != len(self.outputs):
             problem = f"u has {len(self):,} samples and y {len(self.outputs):,}, expected as many"
             raise InputError(f"{self.source}: {problem}; cut both to the same samples")
@@ -182,12 +183,12 @@ class Recording:
           **fields: other fields of a recording; input_names for several inputs, output_names for several outputs.
 
         Raises:
-          InputError: if shapes disagree, a value is not finite, names are lacking, or stamps have gaps.
+          InputError: if shapes disagree, a value is not finite, names are lacking, or stamps have gaps or another
+            unit.
         """
         if (period_s is None) == (time is None) or np.ndim(np.asarray(period_s)):
             raise InputError("from_arrays: expected period_s, a number, or time; pass from_arrays(u, y, time=stamps)")
-        inputs, outputs = (np.array(signal, dtype=np.float64) for signal in (u, y))
-        inputs, outputs = (signal[:, None] if signal.ndim == 1 else signal for signal in (inputs, outputs))
+        inputs, outputs = (np.atleast_2d(np.array(signal, dtype=np.float64).T).T for signal in (u, y))
         made = cls(inputs, outputs, 1.0 if period_s is None else float(period_s), **fields)
         if time is None:
             return made
@@ -195,9 +196,10 @@ class Recording:
 
         signals = zip((*made.input_names, *made.output_names), (*inputs.T, *outputs.T), strict=True)
         log = read_log({"time_s": time, **dict(signals)}, inputs=made.input_names, outputs=made.output_names)
-        if len(log.recordings) > 1:
-            problem, remedy = log.findings[0].message, 'read_log({"time_s": time, "u": u, "y": y}) has the recordings'
-            raise InputError(f"{made.source}: {problem}; {remedy}", log.findings[0].code)
+        for finding in log.findings:
+            if finding.code in ("gap", "time-unit"):
+                remedy = 'read_log({"time_s": time, "u": u, "y": y}) has recordings and findings'
+                raise InputError(f"{made.source}: {finding.message}; {remedy}", finding.code)
         (even,) = log.recordings
         return replace(made, inputs=even.inputs, outputs=even.outputs, period_s=even.period_s)
 
@@ -274,7 +276,7 @@ def log_fault(path: str | Path, problem: str, remedy: str, code: str) -> InputEr
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[io.BufferedReader]:
+def open_log(path: Path) -> Iterator[io.BufferedReader]:
     """Open a log's file.
 
     Raises:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from archerfish2.logs.recording import Finding, LogTable, Values, listed, log_fault, opened
+from archerfish2.logs.recording import Finding, LogTable, Values, listed, log_fault, open_log
 
 _MISSING = {"", "nan", "-nan", "na", "n/a", "null", "none"}
 """How loggers write a value that is missing, in lower case."""
@@ -69,7 +69,7 @@ def column_names(path: Path) -> tuple[str, ...]:
 
 def _read_at_once(path: Path, choose: Choice) -> LogTable | None:
     """Read a table that has numbers alone below its names; return None of any other: its lines are read one by one."""
-    with suppress(ValueError, IndexError, OSError), opened(path) as file:
+    with suppress(ValueError, IndexError, OSError), open_log(path) as file:
         head = file.read(_HEAD)
         lines = head[: head.rfind(b"\n") + 1].decode("utf-8-sig").split("\n")
         names, separator, first = _header(path, lines)
@@ -90,7 +90,7 @@ def _lines(path: Path, whole: bool) -> tuple[list[str], tuple[Finding, ...]]:
 
     A line ends with a line feed, a carriage return or both; a form feed or a Unicode separator may stand in a field.
     """
-    with opened(path) as file:
+    with open_log(path) as file:
         content = file.read()
     encoding = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8"
     decoded = content.decode(encoding, "replace").removeprefix("\ufeff")
