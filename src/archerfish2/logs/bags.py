@@ -27,7 +27,7 @@ RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `ros
 
 def bag_files(path: Path) -> list[Path]:
     """Return the files of a bag: itself, or those in its folder; none where a folder is no bag's."""
-    return sorted(each for each in path.iterdir() if each.suffix in BAGS.values()) if path.is_dir() else [path]
+    return sorted(file for file in path.iterdir() if file.suffix in BAGS.values()) if path.is_dir() else [path]
 
 
 def read_bag(path: Path, signals: Signals) -> LogTable:
@@ -131,9 +131,9 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
     Returns:
       Number in the topic, receipt and stamp [ns] of N messages, (3, N), and signals, (N, m), NaN where not in them.
     """
-    connections = [each for each in reader.connections if each.topic == topic]
+    connections = [connection for connection in reader.connections if connection.topic == topic]
     kind = connections[0].msgtype
-    places = {signal: signal[len(topic) + 1 :].rpartition("/") for signal, each in of.items() if each == topic}
+    places = {signal: signal[len(topic) + 1 :].rpartition("/") for signal, own in of.items() if own == topic}
     steps = {signal: (joint, re.findall(r"[^.\[\]]+", field)) for signal, (joint, _, field) in places.items()}
     joints, times, rows, seen, count = {joint for joint, _ in steps.values()}, [], [], {""}, 0
     for count, (_, received, content) in enumerate(reader.messages(connections=connections), 1):
@@ -153,7 +153,8 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
             remedy = "if you named one of them, copy the bag again; if there are none, record MCAP, which defines them"
             remedy = f"the fields of {kind} are {listed(name for name, _ in fields)}; {remedy}"
             raise log_fault(path, problem, remedy, code) from error
-    if (stated := sum(each.msgcount for each in connections)) > count:  # a reader may end at a damaged record
+    stated = sum(connection.msgcount for connection in connections)
+    if stated > count:  # a reader may end at a damaged record
         raise log_fault(path, f"{count} of {stated} messages of {topic} can be read", RECOVER, "damaged")
     if not rows or joints - seen:
         problem = f"topic {topic} has {count} messages, none with {listed(joints - seen)}"
@@ -187,10 +188,10 @@ def _one_table(path: Path, series: list[_Series], signals: list[str], findings: 
     if stamped == {False}:
         message = "messages have no stamp of their own: the time of their receipt was taken"
         findings.append(Finding("receive-time", "warning", str(path), message, "publish with header.stamp"))
-    every = [times[2 if True in stamped else 1] for times, _ in series]
+    clocks = [times[2 if True in stamped else 1] for times, _ in series]
     # A time that goes back in a topic is to be found, not sorted away.
-    order = np.argsort(np.concatenate([np.maximum.accumulate(each) for each in every]), kind="stable")
-    times, numbers = np.concatenate(every)[order], np.concatenate([each[0] for each, _ in series])[order]
+    order = np.argsort(np.concatenate([np.maximum.accumulate(clock) for clock in clocks]), kind="stable")
+    times, numbers = np.concatenate(clocks)[order], np.concatenate([number for (number, *_), _ in series])[order]
     columns = dict(zip(signals, np.concatenate([values for _, values in series])[order].T, strict=True))
     columns["time_s"] = (times - times.min()) * 1e-9
     return LogTable(columns, numbers.tolist(), "message", str(path), tuple(findings))

@@ -296,4 +296,4 @@ def open_log(path: Path) -> Iterator[io.BufferedReader]:
 
 def listed(names: Iterable[str]) -> str:
     """Return names in quotation marks, for a message; of a long list its beginning."""
-    return (", ".join(f'"{each}"' for each in names if each) or "none")[:300]
+    return (", ".join(f'"{name}"' for name in names if name) or "none")[:300]

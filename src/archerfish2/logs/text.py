@@ -78,7 +78,7 @@ def _read_at_once(path: Path, choose: Choice) -> LogTable | None:
             # NumPy takes a third longer to read an open file.
             values = np.loadtxt(path, float, None, separator, skiprows=first, ndmin=2, encoding="utf-8")
             parts = iter(lambda: file.read(_HEAD), b"")
-            end = head.count(b"\n") + sum(np.count_nonzero(np.frombuffer(each, "u1") == ord("\n")) for each in parts)
+            end = head.count(b"\n") + sum(np.count_nonzero(np.frombuffer(part, "u1") == ord("\n")) for part in parts)
             if values.shape == (end - first, len(names)):  # no line is blank, or without its end
                 columns = dict(zip(chosen, values.T[[*map(names.index, chosen)]], strict=True))
                 return LogTable(columns, range(first + 1, end + 1), "line", str(path))
@@ -121,7 +121,7 @@ def _header(path: Path, lines: list[str]) -> tuple[list[str], str | None, int]:
     if stated := _SEPARATOR_LINE.fullmatch(lines[first]):
         first = next(full, first)
     names, separator = _names(path, first + 1, lines[first], stated[1] if stated else None)
-    values = [each for each in names if each.lower() not in _MISSING]
+    values = [name for name in names if name.lower() not in _MISSING]
     if values and all(map(_NUMBER.fullmatch, values)):
         return [str(index + 1) for index in range(len(names))], separator, first
     return names, separator, first + 1

@@ -69,7 +69,7 @@ def read_detections(path: str | Path, *, frame: Frame = "camera", degrees: bool 
     """
     rotated = ("rotated_yaw",) if frame == "base" else ()
     found = _table(path, ("time_s", "x", "y", "z", *rotated), ("receive_s", "rotated_pitch")).columns
-    x, y, z = (found["z"], -found["x"], -found["y"]) if frame == "optical" else (found[each] for each in "xyz")
+    x, y, z = (found["z"], -found["x"], -found["y"]) if frame == "optical" else (found[axis] for axis in "xyz")
     if rotated:
         unit = np.pi / 180 if degrees else 1.0
         level = (x + 1j * y) * np.exp(-1j * unit * found["rotated_yaw"])
@@ -112,7 +112,7 @@ def read_message_times(path: str | Path) -> MessageTimes:
 
 def _table(path: str | Path, required: Sequence[str], optional: Sequence[str] = ()) -> LogTable:
     """Read a table that lacks no value, and whose first column increases."""
-    table = read_text(Path(path), lambda names: [*required, *(each for each in names if each in optional)])
+    table = read_text(Path(path), lambda names: [*required, *(name for name in names if name in optional)])
     for name, values in table.columns.items():
         for index in np.flatnonzero(np.isnan(values))[:1]:
             raise log_fault(table.place(index), f'"{name}" has no value', "remove the line", "missing-value")
