@@ -1,16 +1,17 @@
 """Logs of one axis from files or arrays, at one sampling period."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from archerfish2.errors import InputError
 from archerfish2.logs.log import read_log
 from archerfish2.logs.recording import Finding, Log, Recording
-from archerfish2.logs.stamps import resampled
+from archerfish2.logs.stamps import period_findings, resampled
 
-Source = str | Path | Log | Recording
-"""A file with the columns time_s, u and y, or what was read or made of another one."""
+Source = str | Path | Log | Recording | Mapping[str, Any]
+"""A file or arrays with the columns time_s, u and y, or what was read or made of other ones."""
+_MOST = 40  # recordings that are fitted
 
 
 class AxisLogs(NamedTuple):
@@ -35,49 +36,86 @@ def read_sources(
     Raises:
       InputError: if one can't be read, none is given, or their signals have other names.
     """
-    groups = ([each] if isinstance(each, Source) else each for each in (logs, validate))
-    read = [[_log(each) for each in group] for group in groups]
-    fitted, held_back = ([each for log in group for each in log.recordings] for group in read)
+    read = [[_log(source) for source in _sources(group)] for group in (logs, validate)]
+    fitted, held_back = ([recording for log in group for recording in log.recordings] for group in read)
     if not fitted:
         raise InputError("identify: expected a log or more, got none; pass a file")
-    for each in (*fitted, *held_back):
-        if (each.input_names, each.output_names) != (fitted[0].input_names, fitted[0].output_names):
+    for log in (*fitted, *held_back):
+        if (log.input_names, log.output_names) != (fitted[0].input_names, fitted[0].output_names):
             names = f"{', '.join(fitted[0].input_names)} and {', '.join(fitted[0].output_names)}"
-            raise InputError(f"{each.source}: expected the signals {names} of {fitted[0].source}; read the same ones")
-    contents, kept = dict[bytes, Recording](), list[Recording]()
-    findings = [each for group in read for log in group for each in log.findings]
-    for each in fitted:
-        first = contents.setdefault(_content(each), each)
-        if first is each:
-            kept.append(each)
-            continue
-        message = f"the same as {first.source}, and left out"
-        findings.append(Finding("repeated-log", "repaired", each.source, message, "name each log once", len(each)))
-    message = "fitted, too, so that it shows nothing of other motions, and not held back"
-    both = (each.source for each in held_back if _content(each) in contents)
-    findings += [Finding("not-held-back", "warning", each, message, "hold another log back") for each in both]
-    held_back = [each for each in held_back if _content(each) not in contents]
-    period_s = max(each.period_s for each in (*fitted, *held_back))
-    if divides_s is not None:
-        if period_s > divides_s * (1 + 1e-6):
-            problem = f"has a sample every {period_s:.4g} s, expected one every {divides_s:g} s at least"
-            raise InputError(f"{fitted[0].source}: {problem}; log faster")
-        period_s = divides_s / max(1, int(divides_s / period_s * (1 + 1e-6)))
+            raise InputError(f"{log.source}: expected the signals {names} of {fitted[0].source}; read the same ones")
+    findings = [finding for group in read for log in group for finding in log.findings]
+    kept, repeated = _without_repeats(fitted)
+    longest, left_out = _longest(kept)
+    others, not_held_back = _not_fitted(held_back, kept)
+    period_s = _period(fitted[0], max(log.period_s for log in (*longest, *others)), divides_s)
     message = f"brought to a sampling period of {1e3 * period_s:.4g} ms"
-    faster = (each.source for each in (*kept, *held_back) if abs(each.period_s / period_s - 1) > 1e-6)
-    findings += [Finding("other-period", "repaired", each, message, "log all at one rate") for each in faster]
+    for log in (*longest, *others):
+        if abs(log.period_s / period_s - 1) > 1e-6:
+            findings.append(Finding("other-period", "repaired", log.source, message, "log all at one rate"))
     hashes: dict[str, str | int | float | None] = {
         log.source: log.sha256 for group in read for log in group if log.sha256
     }
-    kept, held_back = ([resampled(each, period_s) for each in group] for group in (kept, held_back))
-    return AxisLogs(kept, held_back, tuple(findings), hashes)
+    return AxisLogs(
+        [resampled(log, period_s) for log in longest],
+        [resampled(log, period_s) for log in others],
+        (*findings, *repeated, *left_out, *not_held_back),
+        hashes,
+    )
 
 
-def _content(recording: Recording) -> bytes:
-    return str(recording.period_s).encode() + recording.inputs.tobytes() + recording.outputs.tobytes()
+def _sources(group: Any) -> list[Source]:
+    """Return the logs of a group, which may be one; arrays and data frames are one."""
+    one = isinstance(group, str | Path | Log | Recording | Mapping) or hasattr(group, "columns")
+    return [group] if one or hasattr(group, "shape") else list(group)
 
 
 def _log(source: Source) -> Log:
     if isinstance(source, Recording):
-        return Log((source,), (), len(source), source.source, "")
+        return Log((source,), period_findings(source), len(source), source.source, "")
     return source if isinstance(source, Log) else read_log(source)
+
+
+def _without_repeats(fitted: Sequence[Recording]) -> tuple[list[Recording], list[Finding]]:
+    """Leave out recordings that are the same as an earlier one."""
+    first, findings = dict[bytes, Recording](), list[Finding]()
+    for log in fitted:
+        earlier = first.setdefault(_content(log), log)
+        if earlier is not log:
+            message = f"the same as {earlier.source}, and left out"
+            findings.append(Finding("repeated-log", "repaired", log.source, message, "name each log once", len(log)))
+    return list(first.values()), findings
+
+
+def _longest(fitted: list[Recording]) -> tuple[list[Recording], list[Finding]]:
+    """Keep the longest of very many recordings: each costs time, and has a beginning of its own to be estimated."""
+    if len(fitted) <= _MOST:
+        return fitted, []
+    order = sorted(range(len(fitted)), key=lambda place: -len(fitted[place]))
+    kept = [fitted[place] for place in sorted(order[:_MOST])]
+    samples = sum(map(len, fitted)) - sum(map(len, kept))
+    message = f"of {len(fitted)} recordings the {_MOST} longest are fitted"
+    remedy = "log without interruptions"
+    return kept, [Finding("many-pieces", "warning", fitted[0].source, message, remedy, samples)]
+
+
+def _not_fitted(held_back: list[Recording], fitted: Sequence[Recording]) -> tuple[list[Recording], list[Finding]]:
+    """Leave out held-back recordings that are fitted as well."""
+    contents, message = set(map(_content, fitted)), "fitted, too, so that it shows nothing of other motions"
+    both = [log for log in held_back if _content(log) in contents]
+    findings = [Finding("not-held-back", "warning", log.source, message, "hold another log back") for log in both]
+    return [log for log in held_back if log not in both], findings
+
+
+def _period(first: Recording, period_s: float, divides_s: float | None) -> float:
+    """Return the sampling period of all logs: the longest, or the next longer one that divides a time."""
+    if divides_s is None:
+        return period_s
+    if period_s > divides_s * (1 + 1e-6):
+        problem = f"has a sample every {period_s:.4g} s, expected one every {divides_s:g} s at least"
+        raise InputError(f"{first.source}: {problem}; log faster")
+    return divides_s / max(1, int(divides_s / period_s * (1 + 1e-6)))
+
+
+def _content(recording: Recording) -> bytes:
+    return str(recording.period_s).encode() + recording.inputs.tobytes() + recording.outputs.tobytes()

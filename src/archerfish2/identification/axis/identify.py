@@ -49,7 +49,7 @@ class AxisResult(AxisEstimates):
 
 def identify_axis(
     logs: Source | Sequence[Source],
-    *,
+    *arrays: object,
     validate: Source | Sequence[Source] = (),
     axis: str = "axis",
     order: int | None = None,
@@ -65,7 +65,8 @@ def identify_axis(
     held back if there are some; the plant is fitted by output error, its intervals are those of a parametric bootstrap.
 
     Args:
-      logs: files with the columns time_s, u and y, or logs and recordings as `read_log` returns them; one or several.
+      logs: files, mappings or data frames with the columns time_s, u and y, or logs and recordings; one or several.
+      *arrays: none; signals are passed as a recording.
       validate: logs that are held back.
       axis: name of the axis.
       order: number of poles, 1 to 20; chosen up to 8 if not given.
@@ -80,6 +81,9 @@ def identify_axis(
     Raises:
       InputError: if a log can't be read, or does not determine a plant.
     """
+    if arrays:
+        problem = f"identify_axis: got {1 + len(arrays)} arguments, expected logs alone"
+        raise InputError(f"{problem}; pass archerfish.Recording.from_arrays(u, y, period_s)")
     # Matrices are small: more threads cost more than they save.
     with threadpool_limits(1, "blas"):
         logs_of_axis = read_sources(logs, validate, divides_s)
