@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from archerfish2.errors import InputError
-from archerfish2.identification.axis.identify import identify_axis
-from archerfish2.identification.sources import read_sources
+from archerfish2.identification.axis.identify import identify_axis, read_sources
 from archerfish2.logs.recording import Recording
 
 TIME = 0.01 * np.arange(400)
@@ -17,7 +16,7 @@ ARRAYS = {"time_s": TIME, "u": U, "y": Y}
 class Frame:
     """What a data frame has."""
 
-    columns = list(ARRAYS)
+    columns = tuple(ARRAYS)
 
     def __getitem__(self, name):
         return ARRAYS[name]
