@@ -12,7 +12,7 @@ from archerfish2.errors import InputError
 from archerfish2.identification.axis.fit import AxisFit, fit_axis
 from archerfish2.identification.frequency import measured_response
 from archerfish2.identification.simulation import TINY, Array, first_motion, free_run
-from archerfish2.logs.recording import Finding, Recording
+from archerfish2.logs.recording import Finding, Recording, Values
 from archerfish2.records.plant import PlantRecord
 
 _OWN_LAGS, _LAGS, _SAMPLES_A_LAG, _MOST_SAMPLES = 8, 100, 20, 20_000  # of the regression that tests for a response
@@ -141,7 +141,7 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
     percent = float(free_run(plant, log.inputs, log.outputs, drift=drift).fit_percent[0])
     # The inverse of an axis leads, so that a plant of it has no delay, or many poles.
     odd = plant.delay_samples <= plant.D.any() or len(plant.A) >= _MANY
-    moving = [each for each in recordings if np.ptp(each.inputs)]
+    moving = [recording for recording in recordings if np.ptp(recording.inputs)]
     if plant.D.shape != (1, 1) or not (odd or percent < _SUSPECT) or not np.ptp(log.inputs):
         return None
     other, *logs = map(_exchanged, (log, *moving))
@@ -175,8 +175,7 @@ def _responds(log: Recording, channel: int) -> bool:
     if lags <= _OWN_LAGS or (coherence.size and np.median(coherence) > _COHERENT):
         return True  # a log that is too short can't show that there is none
     start = min(max(begins - _LAGS, 0), len(log) - n)  # a log may rest for longer than what is tested
-    signals = (each[start : start + n] for each in (log.outputs[:, 0], log.inputs[:, channel]))
-    y, u = ((each - each.mean()) / max(float(each.std()), TINY) for each in signals)
+    y, u = (_normalised(signal[start : start + n]) for signal in (log.outputs[:, 0], log.inputs[:, channel]))
     own = _past(y, 1, _OWN_LAGS)
     white_y, white_u = _left(y, own), _left(u, _past(u, 1, _OWN_LAGS))
     spectra = np.fft.rfft(white_y, 2 * n) * np.fft.rfft(white_u, 2 * n).conj()
@@ -188,6 +187,10 @@ def _responds(log: Recording, channel: int) -> bool:
         if ratio > fdtri(lags + 1, freedom, 1 - _FALSE_ALARM / searched):
             return True
     return False
+
+
+def _normalised(x: Values) -> Array:
+    return np.asarray((x - x.mean()) / max(float(x.std()), TINY))
 
 
 def _past(x: Array, first: int, count: int) -> Array:
