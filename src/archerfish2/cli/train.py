@@ -61,7 +61,7 @@ class Train:
     """Continue the unfinished training of a folder. No other option is needed, but for code of your own: a --task,
     --observation or --reward that names some is given again, for code that only a file names is not run."""
 
-    def run(self) -> None:
+    def run(self, _: str = "") -> None:
         """Train, print."""
         config = TrainConfig().replace(**self._settings())
         if self.resume is not None:
