@@ -47,7 +47,7 @@ class Batch(NamedTuple):
     takes off a tenth: they cost no pass of their own, forward and back.
     """
 
-    observation: Array  # ones, and below them the normalised observation, (1 + n, B)
+    observation: Array  # ones, then the normalised observation, then what the critic alone sees, (1 + n + h, B)
     action: Array  # as drawn, (B, 2)
     log_probability: Array  # of the action when it was drawn, (B,)
     advantage: Array  # A of eq (9), normalised, (B,)
@@ -110,18 +110,19 @@ def _rollout(
 
     def act(carry: tuple[Any, Array], draws: tuple[Array, Array]) -> tuple[tuple[Any, Array], Any]:
         state, observation = carry
-        normal = normalise(learner.normaliser, observation)
+        inputs = jnp.concatenate([observation, state.hidden], axis=-1)  # of the critic; the actor takes the first ones
+        normal = normalise(learner.normaliser, inputs)
         mean = actor.mean(normal)
         action = mean + std * draws[0].T
         state, step = environment.step(state, action, draws[1].T, fresh)
         chosen = log_probability(action, mean, actor.log_std)
         # Here and not for all steps at once: so little stays in the processor's cache.
         value = forward(critic, normal)[..., 0]
-        next_value = forward(critic, normalise(learner.normaliser, step.final_observation))[..., 0]
+        final = jnp.concatenate([step.final_observation, step.hidden], axis=-1)
+        next_value = forward(critic, normalise(learner.normaliser, final))[..., 0]
         hit = step.shot.fired & (step.shot.margin >= 0.0)
         after = (step.reward, value, next_value, step.terminated, step.truncated)
-        final = magnitude(step.final_observation)
-        return (state, step.observation), (observation, normal, action, chosen, after, hit, final)
+        return (state, step.observation), (inputs, normal, action, chosen, after, hit, magnitude(final))
 
     # Columns: to draw a few numbers in a row, many times, takes several times as long.
     draws = (
@@ -139,7 +140,7 @@ def _rollout(
     normaliser = updated(learner.normaliser, raw)
     acted = learner._replace(environment=state, observation=observation, normaliser=normaliser)
     mean_reward, hit_share = averaged((jnp.mean(rewards), jnp.mean(jnp.float32(hits))))
-    watched = {"observation": magnitude(raw, observation, final), "action": magnitude(action)}
+    watched = {"observation": magnitude(raw, observation, state.hidden, final), "action": magnitude(action)}
     watched["reward"] = magnitude(rewards)
     return acted, table.reshape(-1, table.shape[-1]), {"mean_reward": mean_reward, "hit_share": hit_share}, watched
 
