@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 import matplotlib as mpl
 import pytest
 
-from archerfish2.reports.report import Report
+from archerfish2.reports.report import Report, Reported
 from archerfish2.reports.style import look, new_figure, plot_style, svg_text
 from archerfish2.reports.table import Estimate, Table, entry_texts, number, tables_text
 
@@ -51,6 +51,16 @@ def test_a_table_fits_its_width_with_intervals_beside_or_below():
     beside, below = (tables_text([wide], width).split("\n")[2:] for width in (75, 60))
     assert beside == ["row " + 4 * " 88.4 (87.1–89.6)"]
     assert below == ["row " + 4 * "       88.4", "    " + 4 * "  87.1–89.6"]
+
+
+def test_a_notebook_shows_reports_and_figures_and_text_holds_its_tables(monkeypatch):
+    expected = str(REPORT)
+    monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
+    assert str(REPORT) == expected
+    reported = type("Found", (Reported,), {"report": REPORT})()
+    assert "<h3>Gain &amp; &#34;delay&#34;</h3>" in reported._repr_html_() == REPORT._repr_html_()
+    assert "<style>" not in REPORT._repr_html_()
+    assert figure()._repr_png_().startswith(b"\x89PNG")
 
 
 def test_a_report_prints_all_but_its_figures_and_is_plain_json():

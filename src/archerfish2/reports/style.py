@@ -4,6 +4,7 @@ A plot is made inside `plot_style()` from `new_figure`. It is saved with its own
 `svg_text`; the same figure gives the same bytes on every run. Matplotlib is imported when the first plot is made.
 """
 
+import functools
 import io
 import re
 from collections.abc import Iterator
@@ -89,10 +90,23 @@ def new_figure(
     Returns:
       The figure and its axes, an object array of shape (rows, columns).
     """
+    figure = _figure_class()(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+@functools.cache
+def _figure_class() -> Any:
+    """Return a class of figures that notebooks show; those of Matplotlib they show only if pyplot has made them."""
     from matplotlib import figure as figures
 
-    figure = figures.Figure(figsize=(width, height), layout="constrained")
-    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+    class ShownFigure(figures.Figure):
+        def _repr_png_(self) -> bytes:
+            stream = io.BytesIO()
+            with plot_style():
+                self.savefig(stream, format="png")
+            return stream.getvalue()
+
+    return ShownFigure
 
 
 def look(index: int) -> dict[str, Any]:
