@@ -47,6 +47,8 @@ class Plugin:
     def running(self) -> Iterator[None]:
         """Turn whatever the user's code raises in a block into one line that names its file and the line in it.
 
+        Of what is Archerfish's own, a fault keeps its traceback.
+
         Raises:
           InputError: in the place of any other exception, and before another `InputError` the name of the code.
         """
@@ -56,6 +58,8 @@ class Plugin:
             text = str(error)
             raise (error if text.startswith(self.spec) else InputError(f"{self.spec}: {text}")) from error
         except (Exception, SystemExit) as error:
+            if getattr(self.value, "__module__", "").startswith(f"{__package__}."):
+                raise
             import traceback  # slow to load
 
             frames = traceback.extract_tb(error.__traceback__)
