@@ -14,8 +14,7 @@ def page_html(report: "Report") -> str:
     """Fill the template; every text is escaped."""
     drawn = enumerate(report.figures)
     figures = [(caption, svg_text(draw(), prefix=f"figure{place}", label=caption)) for place, (caption, draw) in drawn]
-    page: str = _template().render(report=report, lists=report.lists(), figures=figures, texts=entry_texts)
-    return page
+    return str(_template().render(report=report, lists=report.lists(), figures=figures, texts=entry_texts))
 
 
 def content_html(report: "Report") -> str:
@@ -28,7 +27,5 @@ def content_html(report: "Report") -> str:
 def _template() -> Any:
     import jinja2
 
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
     return environment.from_string(Path(__file__).with_name("page.html").read_text(encoding="utf-8"))

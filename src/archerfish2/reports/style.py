@@ -90,23 +90,18 @@ def new_figure(
     Returns:
       The figure and its axes, an object array of shape (rows, columns).
     """
-    figure = _figure_class()(figsize=(width, height), layout="constrained")
+    from matplotlib import figure as figures
+
+    figure: Any = figures.Figure(figsize=(width, height), layout="constrained")
+    figure._repr_png_ = functools.partial(_png, figure)  # else notebooks show a figure only if pyplot has made it
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
-@functools.cache
-def _figure_class() -> Any:
-    """Return a class of figures that notebooks show; those of Matplotlib they show only if pyplot has made them."""
-    from matplotlib import figure as figures
-
-    class ShownFigure(figures.Figure):
-        def _repr_png_(self) -> bytes:
-            stream = io.BytesIO()
-            with plot_style():
-                self.savefig(stream, format="png")
-            return stream.getvalue()
-
-    return ShownFigure
+def _png(figure: Figure) -> bytes:
+    stream = io.BytesIO()
+    with plot_style():
+        figure.savefig(stream, format="png")
+    return stream.getvalue()
 
 
 def look(index: int) -> dict[str, Any]:
