@@ -11,7 +11,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from archerfish2 import progress
 from archerfish2.arrays import map_arrays
 from archerfish2.compiled import import_jax
 from archerfish2.controllers.observation import observer_facts
@@ -23,6 +22,7 @@ from archerfish2.learning.run_folder import Begun, RunFolder, new_run, resumed_r
 from archerfish2.plugins import find_plugin, names_code
 from archerfish2.provenance import code_commit, library_versions
 from archerfish2.records.json_files import plain
+from archerfish2.reports import progress
 from archerfish2.robot import Robot
 from archerfish2.storage import file_hash
 from archerfish2.task import DRAWN, EQ_7, Task
