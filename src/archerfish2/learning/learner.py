@@ -192,5 +192,4 @@ def iterate(
         return jax.lax.scan(body, learner, length=count)
 
     run = over_shards(shard, own["shards"], (False, False, SPLIT), (SPLIT, False))
-    done: tuple[Learner, Metrics] = run(environment, settings, learner)
-    return done
+    return run(environment, settings, learner)  # type: ignore[no-any-return]

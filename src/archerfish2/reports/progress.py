@@ -45,7 +45,7 @@ def _bar(what: str, total: float, unit: str, stack: ExitStack) -> Callable[[floa
     if not _display:
         names = ("{task.description}", "{task.fields[rate]}", "{task.fields[note]}")
         describe, rate, note = (TextColumn(name) for name in names)
-        columns = (describe, BarColumn(bar_width=20), MofNCompleteColumn(), rate, TimeRemainingColumn(), note)
+        columns = (describe, BarColumn(bar_width=12), MofNCompleteColumn(), rate, TimeRemainingColumn(), note)
         console = Console(stderr=True, force_terminal=True, force_jupyter=False)
         _display.append(stack.enter_context(Progress(*columns, console=console)))
         stack.callback(_display.clear)
