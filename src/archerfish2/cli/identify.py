@@ -1,6 +1,5 @@
 """`archerfish2 identify`: a robot from the folder of its logs."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -42,11 +41,11 @@ class Identify:
     overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
     """Replace files in that folder that this command did not write."""
 
-    def run(self) -> None:
-        """Identify, write, print."""
+    def run(self, options: str = "") -> None:
+        """Identify, write, print; `options` are as typed, for run.json."""
         out = self.out or Path("runs") / self.logs.resolve().name
         robot_files.check_output(self.logs, out)
-        facts, names = {"options": " ".join(sys.argv[2:])}, ("robot.json", "robot.html")
+        facts, names = {"options": options}, ("robot.json", "robot.html")
         with storage.output_folder(out, "identify", self.logs.glob("*"), self.overwrite, facts, names) as folder:
             found = robot.identify_parts(self.logs, name=self.name or out.resolve().name, seed=self.seed)
             found.save(folder)

@@ -24,11 +24,11 @@ from archerfish2.identification.simulation import FreeRun, simulate
 from archerfish2.identification.statistics import mean_estimate
 from archerfish2.logs.recording import Finding, listed
 from archerfish2.logs.shots import read_shots
-from archerfish2.progress import bar
 from archerfish2.records.json_files import plain, write_json
 from archerfish2.records.limits import LimitsRecord
 from archerfish2.records.muzzle import MuzzleRecord
 from archerfish2.records.plant import PlantRecord
+from archerfish2.reports.progress import bar
 from archerfish2.reports.report import Report
 from archerfish2.reports.table import Entry, Table
 from archerfish2.robot import RECORDS, PartVerdict, Robot
