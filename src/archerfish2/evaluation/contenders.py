@@ -11,6 +11,7 @@ from archerfish2.arrays import map_arrays
 from archerfish2.controllers.policy import Policy
 from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, check_decision, make_controller
 from archerfish2.errors import InputError
+from archerfish2.evaluation.published import conditions, is_paper
 from archerfish2.evaluation.results import Kind, Label
 from archerfish2.evaluation.suites import draw
 from archerfish2.evaluation.tuning import BUDGET, tune
@@ -18,7 +19,8 @@ from archerfish2.plugins import find_plugin
 from archerfish2.protocols import Controller, World
 from archerfish2.reports import progress
 from archerfish2.robot import Robot
-from archerfish2.task import Suite, Task
+from archerfish2.targets.mixture import MIXTURES
+from archerfish2.task import DRAWN, EQ_7, Suite, Task
 
 PERFECT = "perfect"
 """Name of perfect aim, which only dispersion makes miss."""
@@ -32,6 +34,7 @@ class Contender(NamedTuple):
     kind: Kind
     seed: int | None = None  # of a policy's training
     word: str = ""  # by which it was given, of those here
+    is_papers: bool = False  # whether a policy sees what the paper's sees, and was trained as that was
 
 
 def load(robot: Robot | str | Path | None, task: Task | str | Path) -> tuple[Robot, Task]:
@@ -97,12 +100,30 @@ def make_contender(name: str, value: Any, robot: Robot, task: Task, tuning: Mapp
             raise InputError(f"{name} decides every {period:g} s, expected {task.period_s:g} s; train again")
         if value.facts.robot not in ({}, own := robot.record_digests()) and own == Robot.paper().record_digests():
             raise InputError(f"{name} was trained for another robot than {robot.name}; name that robot's folder")
-        return Contender(name, value, "policy", value.facts.seed)
+        facts = value.facts
+        is_papers = facts.observer.observation == ("paper",) and facts.task.motion == "paper"
+        is_papers = is_papers and is_paper(facts.robot, facts.task)
+        return Contender(name, value, "policy", facts.seed, is_papers=is_papers)
     word = value if isinstance(value, str) else ""
     if word == PERFECT:
         return Contender(name, None, "perfect")
     made = make_controller(value, robot, task, tuning.get(word))
     return Contender(name, made, "classical" if word in NAMES else "user", word=word)
+
+
+def unlike_training(name: str, value: Any, robot: Robot, task: Task) -> str:
+    """Say in one line in what the training of a policy was unlike an evaluation, "" if in nothing."""
+    facts = getattr(value, "facts", None)
+    if facts is None:
+        return ""
+    was = {"limit": facts.task.command_limit, **conditions(facts.task)}
+    now = {"limit": task.command_limit, **conditions(task)}
+    covered = {"paper": EQ_7, **dict.fromkeys(MIXTURES, DRAWN)}.get(facts.task.motion, (facts.task.motion,))
+    if task.motion not in covered:
+        was, now = {"targets": facts.task.motion, **was}, {"targets": task.motion, **now}
+    unlike = [f"{field} {was[field]} (here {now[field]})" for field in was if was[field] != now[field]]
+    unlike += ["another robot's records"] if facts.robot not in ({}, robot.record_digests()) else []
+    return f"{name} was trained for {', '.join(unlike)}." if unlike else ""
 
 
 def label(suite: Suite, contender: Contender, world: World, task: Task) -> dict[str, Any]:
