@@ -12,7 +12,8 @@ import archerfish2 as af
 from archerfish2.controllers.network import Layer, Normaliser
 from archerfish2.controllers.observation import make_observer, observer_facts
 from archerfish2.controllers.policy import PolicyFacts
-from archerfish2.controllers.registry import GRIDS, make_controller, tuning_at
+from archerfish2.controllers.registry import make_controller
+from archerfish2.controllers.tuning import GRIDS, tuning_at
 from archerfish2.evaluation import tuning
 from archerfish2.evaluation.rollout import count
 from archerfish2.evaluation.suites import draw
@@ -205,7 +206,8 @@ def test_a_tuning_is_kept_for_its_robot_and_task(searched, tmp_path, monkeypatch
     assert len(searched) == 4
     monkeypatch.setenv("ARCHERFISH_CACHE", "off")
     af.tune("kalman", OTHER, TASK)
-    af.tune("kalman", ROBOT, af.Task.load("paper"))  # comes with Archerfish
+    for lengths in ((), (1.0,)):
+        af.tune("kalman", ROBOT, af.Task.load("paper").replace(lengths_s=lengths))  # comes with Archerfish
     assert len(searched) == 5
 
 

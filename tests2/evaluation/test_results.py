@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import archerfish2 as af
-from archerfish2.controllers.registry import Tuning
+from archerfish2.controllers.tuning import Tuning
 from archerfish2.evaluation.hit_rate import hit_rate, paired_difference
 from archerfish2.evaluation.published import with_bounds
 from archerfish2.evaluation.results import Cell, Comparison, Results, pairs_to_compare

@@ -69,14 +69,18 @@ class Policy:
         """Read a policy.
 
         Args:
-          path: a .safetensors file, or a folder with policy.safetensors.
+          path: a file, or a folder with policy.safetensors, as of a training.
           blocks: of the observation that are a user's own, as `find_plugin` takes them: code that only a file names
             is not run.
 
         Raises:
-          InputError: if the file is no policy, is damaged, or a number is out of its bounds.
+          InputError: if the file is no policy, is damaged, or a number is out of its bounds; if the training in the
+            folder is not finished.
         """
-        path = Path(path) / "policy.safetensors" if Path(path).is_dir() else Path(path)
+        path = Path(path)
+        if not (file := _file(path)).exists() and (path / "checkpoint.safetensors").exists():
+            raise file_error(path, "is a training that is not finished", f"run archerfish2 train --resume {path}")
+        path = file
         text, arrays = read_arrays(path, REMEDY)
         facts = to_struct(parse_json(text, path, REMEDY), path, PolicyFacts, SCHEMA, REMEDY)
         if (own := ", ".join(facts.observer.observation[1:])) and not blocks:
@@ -88,7 +92,7 @@ class Policy:
             raise file_error(path, str(error).removesuffix(f"; {REMEDY}"), REMEDY) from error
 
     def save(self, path: str | Path) -> None:
-        """Write the policy to a .safetensors file.
+        """Write the policy to a .safetensors file, of a folder that is there to policy.safetensors in it.
 
         Raises:
           InputError: if it can't be written, or its facts are missing.
@@ -98,7 +102,11 @@ class Policy:
         arrays = {"mean": self.normaliser.mean, "variance": self.normaliser.variance}
         for index, layer in enumerate(self.actor):
             arrays |= {f"weight.{index}": layer.weight, f"bias.{index}": layer.bias}
-        write_arrays(Path(path), {"schema": SCHEMA, **plain(self.facts)}, arrays)
+        write_arrays(_file(Path(path)), {"schema": SCHEMA, **plain(self.facts)}, arrays)
+
+
+def _file(path: Path) -> Path:
+    return path / "policy.safetensors" if path.is_dir() else path
 
 
 def _network(arrays: dict[str, Array], size: int) -> tuple[Normaliser, tuple[Layer, ...]]:

@@ -7,16 +7,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from archerfish2.arrays import map_arrays
+from archerfish2.arrays import is_tree, map_arrays
+from archerfish2.compiled import has_jax, import_jax
 from archerfish2.controllers.policy import Policy
-from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, check_decision, make_controller
+from archerfish2.controllers.registry import NAMES, is_policy, make_controller
+from archerfish2.controllers.tuning import GRIDS, Tuning, kept
 from archerfish2.errors import InputError
 from archerfish2.evaluation.published import conditions, is_paper
 from archerfish2.evaluation.results import Kind, Label
 from archerfish2.evaluation.suites import draw
 from archerfish2.evaluation.tuning import BUDGET, tune
-from archerfish2.plugins import find_plugin
-from archerfish2.protocols import Controller, World
+from archerfish2.plugins import find_plugin, is_plugin
+from archerfish2.protocols import Command, Controller, Seen, Truth, World
 from archerfish2.reports import progress
 from archerfish2.robot import Robot
 from archerfish2.targets.mixture import MIXTURES
@@ -43,12 +45,6 @@ def load(robot: Robot | str | Path | None, task: Task | str | Path) -> tuple[Rob
     return robot, task if isinstance(task, Task) else Task.load(task)
 
 
-def is_policy(value: Any) -> bool:
-    """Whether a value names a policy: a .safetensors file, or a folder with policy.safetensors."""
-    named = isinstance(value, str | Path) and len(str(value)) < 300
-    return named and (str(value).endswith(".safetensors") or Path(value, "policy.safetensors").is_file())
-
-
 def named_controllers(controllers: Any) -> list[tuple[str, Any]]:
     """Return controllers with the names that results give them; equal names of one seed get -2, -3.
 
@@ -62,9 +58,12 @@ def named_controllers(controllers: Any) -> list[tuple[str, Any]]:
         controllers = (controllers,)
     pairs: Iterable[tuple[str, Any]]
     pairs = controllers.items() if isinstance(controllers, Mapping) else ((_name(each), each) for each in controllers)
-    pairs = [(name, Policy.load(value) if is_policy(value) else value) for name, value in pairs]
     named: dict[tuple[str, int | None], Any] = {}
     for name, value in pairs:
+        if is_policy(value):
+            value = Policy.load(value)
+        elif isinstance(value, str) and is_plugin(value, "controller"):
+            value = find_plugin(value, "controller").value  # once: the file may be edited during the evaluation
         seed = getattr(getattr(value, "facts", None), "seed", None)
         names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
         named[next(each for each in names if (each, seed) not in named), seed] = value
@@ -145,7 +144,7 @@ def check_controllers(named: list[tuple[str, Any]], world: World, robot: Robot, 
     Raises:
       InputError: if one can't be made or shown in results, its code fails, or what it returns is no decision.
     """
-    for part in (task.replace(lengths_s=(length,)) for length in task.lengths_s):
+    for part in (task.replace(lengths_s=(length,)) for length in task.lengths):
         cells = part.cells()
         engagement, normals = draw(cells, 3, 0, "stopping", world.normals, world.plants)
         with find_plugin(world, "world").running():
@@ -159,15 +158,62 @@ def check_controllers(named: list[tuple[str, Any]], world: World, robot: Robot, 
                 check_decision(each.controller, seen, truth)
 
 
+def check_decision(controller: Any, seen: Seen, truth: Truth | None = None) -> None:
+    """Let a controller decide once, in NumPy and, where it is compiled, traced; refuse what is no decision.
+
+    What is refused is said in one line that names the controller's file and line.
+
+    Args:
+      controller: to try; what it does is not judged.
+      seen: at a first decision, of a few engagements; NumPy's arrays, shape (n,).
+      truth: of these engagements, for one that needs it.
+
+    Raises:
+      InputError: if its code fails, it returns anything but a state and a command, the command has other shapes or
+        types, or angles that are not finite, or a compiled controller's state changes its structure.
+    """
+    plugin, code = find_plugin(controller, "controller"), getattr(controller.step, "__code__", None)
+    place = f"line {code.co_firstlineno}: " if code else ""
+    with plugin.running():
+        state = controller.reset(seen, truth)
+        answer = controller.step(state, seen)
+        if not isinstance(answer, tuple) or len(answer) != 2 or not isinstance(answer[1], Command):
+            raise InputError(
+                f"{place}step returns a {type(answer).__name__}, expected (state, Command); see protocols.aim"
+            )
+        after, command = answer
+        for name, shape in Command((2,), (2,), (), ())._asdict().items():
+            value, expected = np.asarray(getattr(command, name)), (*seen.elapsed.shape, *shape)
+            if value.shape != expected:
+                raise InputError(f"{place}step commands {name} of shape {value.shape}, expected {expected}; correct it")
+            if name == "fire" and value.dtype.kind != "b":
+                raise InputError(f"{place}step commands fire of {value.dtype}, expected bool; compare, as in x > 0.5")
+            if name in ("angle", "rate") and not np.all(np.isfinite(value)):
+                raise InputError(f"{place}step commands {name} that are not finite, expected rad; correct it")
+        if getattr(controller, "compiled", is_tree(controller)):
+            if _outline(after) != _outline(state):
+                raise InputError(f"{place}step returns a state unlike that of reset, expected equal shapes; correct it")
+            if has_jax():
+                import_jax().eval_shape(lambda c, now, truth: c.step(c.reset(now, truth), now), controller, seen, truth)
+
+
+def _outline(state: Any) -> str:
+    """Describe structure, shapes and kinds of numbers; not the precision, which a compiled program makes one."""
+    return repr(map_arrays(lambda each: f"{np.asarray(each).dtype.kind}{np.shape(each)}", state))
+
+
 def tune_controllers(named: list[tuple[str, Any]], robot: Robot, task: Task) -> dict[str, Tuning]:
     """Return the settings of all controllers that are tuned, by name; arguments as of `check_controllers`."""
     names = [value for value in dict.fromkeys(each for _, each in named if isinstance(each, str)) if value in GRIDS]
-    tuning: dict[str, Tuning] = {}
-    with progress.bar("tuning", BUDGET * len(names) or 1, "settings") as advance:
-        for name in names:
+    tuning = {name: found for name in names if (found := kept(name, robot, task)) is not None}
+    missing = [name for name in names if name not in tuning]
+    if not missing:
+        return tuning
+    with progress.bar("tuning", BUDGET * len(missing), "settings") as advance:
+        for place, name in enumerate(missing):
 
-            def report(tried: int, best: float, name: str = name) -> None:
-                advance(BUDGET * len(tuning) + tried, f"{name}, best {100 * best:.1f} %" if tried else name)
+            def report(tried: int, best: float, before: int = BUDGET * place, name: str = name) -> None:
+                advance(before + tried, f"{name}, best {100 * best:.1f} %" if tried else name)
 
             report(0, 0.0)
             tuning[name] = tune(name, robot, task, report)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeV
 import msgspec
 from msgspec import Meta
 
-from archerfish2.controllers.registry import Tuning
+from archerfish2.controllers.tuning import Tuning
 from archerfish2.errors import InputError, one_line
 from archerfish2.records.record import Record, Struct
 from archerfish2.task import Task

@@ -71,7 +71,7 @@ def train(
         task = task if isinstance(task, Task) else Task.load(task)
         config = _settings(config or TrainConfig(), trainer, steps, reward).resolved(robot, task)
         # In single precision, as the simulator counts them.
-        settings, shortest = config.settings, round(float(np.float32(min(task.lengths_s)) / np.float32(task.period_s)))
+        settings, shortest = config.settings, round(float(np.float32(min(task.lengths)) / np.float32(task.period_s)))
         if settings.decisions > shortest:  # what replaces the engagements that end is drawn once between two updates
             raise InputError(f"{settings.part} = {settings.decisions} exceeds an engagement of {shortest}; lower it")
         begun = Begun(
