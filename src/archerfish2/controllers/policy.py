@@ -78,7 +78,7 @@ class Policy:
             folder is not finished.
         """
         path = Path(path)
-        if not (file := _file(path)).exists() and (path / "checkpoint.safetensors").exists():
+        if not (file := _file(path)).exists() and is_training(path):
             raise file_error(path, "is a training that is not finished", f"run archerfish2 train --resume {path}")
         path = file
         text, arrays = read_arrays(path, REMEDY)
@@ -103,6 +103,12 @@ class Policy:
         for index, layer in enumerate(self.actor):
             arrays |= {f"weight.{index}": layer.weight, f"bias.{index}": layer.bias}
         write_arrays(_file(Path(path)), {"schema": SCHEMA, **plain(self.facts)}, arrays)
+
+
+def is_training(folder: Path) -> bool:
+    """Whether a folder is that of a training, finished or not."""
+    names = ("policy.safetensors", "checkpoint.safetensors", "log.jsonl")
+    return any((folder / name).is_file() for name in names)
 
 
 def _file(path: Path) -> Path:

@@ -6,16 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from archerfish2.arrays import is_tree, leaves, single_precision
+from archerfish2.arrays import single_precision
 from archerfish2.controllers.kalman import ConstantVelocity, DirectAim, Predictor
 from archerfish2.controllers.manoeuvring import Manoeuvring
 from archerfish2.controllers.oracle import make_oracle
 from archerfish2.controllers.parabola import make_parabola_aware, make_parabola_filter
+from archerfish2.controllers.policy import is_training
 from archerfish2.controllers.preview_aim import Hold, make_preview_aim
 from archerfish2.controllers.tuning import Tuning, tuning_at
 from archerfish2.errors import InputError
 from archerfish2.paper.conditions import assumed_conditions, paper_tuning
-from archerfish2.plugins import FORMS, find_plugin, is_plugin
+from archerfish2.plugins import FORMS, is_plugin
+from archerfish2.protocols import own_controller
 from archerfish2.robot import Robot
 from archerfish2.task import Task
 from archerfish2.tracking.interacting_models import ModelRates
@@ -35,8 +37,7 @@ def is_policy(controller: Any) -> bool:
     if not isinstance(controller, str | Path) or controller in NAMES or len(str(controller)) > 250:
         return False
     path = Path(controller)
-    held = any((path / name).is_file() for name in ("policy.safetensors", "checkpoint.safetensors"))
-    return held or path.suffix == ".safetensors" or (path.is_file() and path.suffix != ".py")
+    return is_training(path) or path.suffix == ".safetensors" or (path.is_file() and path.suffix != ".py")
 
 
 def _build(name: str, robot: Robot, task: Task, tuning: Tuning) -> Any:
@@ -83,16 +84,4 @@ def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | 
         meant = f"perhaps you meant {near[0]}" if near else "name one of these"
         expected = f"{', '.join(NAMES)}, or one of your own ({FORMS})"
         raise InputError(f"controller must be one of {expected}, got {name!r}; {meant}")
-    plugin = find_plugin(controller, "controller")
-    with plugin.running():
-        built = plugin.value
-        if isinstance(built, type) or (callable(built) and not hasattr(built, "step")):
-            built = built(robot, task)
-        kind = f"a {type(built).__name__}"
-        if not all(callable(getattr(built, each, None)) for each in ("reset", "step")):
-            raise InputError(f"is {kind}, expected reset(seen, truth) and step(state, seen); write both")
-        if not getattr(built, "compiled", is_tree(built)):
-            return built
-        if not is_tree(built) or {np.asarray(each).dtype.kind for each in leaves(built)} - set("fiub"):
-            raise InputError(f"is {kind}, expected a tree of arrays; make it one, or write compiled = False in it")
-        return single_precision(built)
+    return own_controller(controller, robot, task)

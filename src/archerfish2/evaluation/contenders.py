@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from archerfish2.arrays import is_tree, map_arrays
-from archerfish2.compiled import has_jax, import_jax
+from archerfish2.arrays import map_arrays
 from archerfish2.controllers.policy import Policy
 from archerfish2.controllers.registry import NAMES, is_policy, make_controller
 from archerfish2.controllers.tuning import GRIDS, Tuning, kept
@@ -18,7 +17,7 @@ from archerfish2.evaluation.results import Kind, Label
 from archerfish2.evaluation.suites import draw
 from archerfish2.evaluation.tuning import BUDGET, tune
 from archerfish2.plugins import find_plugin, is_plugin
-from archerfish2.protocols import Command, Controller, Seen, Truth, World
+from archerfish2.protocols import Controller, World, check_decision
 from archerfish2.reports import progress
 from archerfish2.robot import Robot
 from archerfish2.targets.mixture import MIXTURES
@@ -156,50 +155,6 @@ def check_controllers(named: list[tuple[str, Any]], world: World, robot: Robot, 
             if each.kind in ("user", "policy"):
                 truth = world.truth(engagement) if getattr(each.controller, "needs_truth", False) else None
                 check_decision(each.controller, seen, truth)
-
-
-def check_decision(controller: Any, seen: Seen, truth: Truth | None = None) -> None:
-    """Let a controller decide once, in NumPy and, where it is compiled, traced; refuse what is no decision.
-
-    What is refused is said in one line that names the controller's file and line.
-
-    Args:
-      controller: to try; what it does is not judged.
-      seen: at a first decision, of a few engagements; NumPy's arrays, shape (n,).
-      truth: of these engagements, for one that needs it.
-
-    Raises:
-      InputError: if its code fails, it returns anything but a state and a command, the command has other shapes or
-        types, or angles that are not finite, or a compiled controller's state changes its structure.
-    """
-    plugin, code = find_plugin(controller, "controller"), getattr(controller.step, "__code__", None)
-    place = f"line {code.co_firstlineno}: " if code else ""
-    with plugin.running():
-        state = controller.reset(seen, truth)
-        answer = controller.step(state, seen)
-        if not isinstance(answer, tuple) or len(answer) != 2 or not isinstance(answer[1], Command):
-            raise InputError(
-                f"{place}step returns a {type(answer).__name__}, expected (state, Command); see protocols.aim"
-            )
-        after, command = answer
-        for name, shape in Command((2,), (2,), (), ())._asdict().items():
-            value, expected = np.asarray(getattr(command, name)), (*seen.elapsed.shape, *shape)
-            if value.shape != expected:
-                raise InputError(f"{place}step commands {name} of shape {value.shape}, expected {expected}; correct it")
-            if name == "fire" and value.dtype.kind != "b":
-                raise InputError(f"{place}step commands fire of {value.dtype}, expected bool; compare, as in x > 0.5")
-            if name in ("angle", "rate") and not np.all(np.isfinite(value)):
-                raise InputError(f"{place}step commands {name} that are not finite, expected rad; correct it")
-        if getattr(controller, "compiled", is_tree(controller)):
-            if _outline(after) != _outline(state):
-                raise InputError(f"{place}step returns a state unlike that of reset, expected equal shapes; correct it")
-            if has_jax():
-                import_jax().eval_shape(lambda c, now, truth: c.step(c.reset(now, truth), now), controller, seen, truth)
-
-
-def _outline(state: Any) -> str:
-    """Describe structure, shapes and kinds of numbers; not the precision, which a compiled program makes one."""
-    return repr(map_arrays(lambda each: f"{np.asarray(each).dtype.kind}{np.shape(each)}", state))
 
 
 def tune_controllers(named: list[tuple[str, Any]], robot: Robot, task: Task) -> dict[str, Tuning]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 from archerfish2.evaluation.hit_rate import weighted_mean
 from archerfish2.evaluation.published import conditions
 from archerfish2.evaluation.results import Cell, Comparison
-from archerfish2.reports.table import MISSING, WIDTH, Entry, Estimate, Table, tables_text
+from archerfish2.reports.table import WIDTH, Entry, Estimate, Table, tables_text
 from archerfish2.task import Task
 
 if TYPE_CHECKING:
@@ -231,8 +231,7 @@ def _withheld(own: list[Cell]) -> str:
 
 
 def _printed(own: list[Cell]) -> str:
-    printed = [each.paper for each in own if each.paper is not None]
-    return f"{sum(printed) / len(printed):.2f}" if printed else MISSING
+    return f"{sum(cell.paper or 0.0 for cell in own) / len(own):.2f}"
 
 
 def _bound(own: list[Cell]) -> str:
