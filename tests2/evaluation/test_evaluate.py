@@ -75,6 +75,7 @@ REFUSED = [
     ("controllers", ELSEWHERE, "was trained for another robot than paper; name that robot's folder"),
     ("controllers", (), "there is none; give one"),
     ("controllers", ("kalman", "kalmn"), "got 'kalmn'; perhaps you meant kalman"),
+    ("controllers", Path("nowhere"), "controller must be one of kalman, .*, got 'nowhere'"),
     ("controllers", {"": "no-lead"}, "field controller: expected str of length >= 1, got ''"),
     ("controllers", ("no-lead", short), r"test_evaluate.py:short: line \d+: KeyError"),
     ("robot", OTHER, "kalman-paper has settings of the paper's robot alone, got other"),

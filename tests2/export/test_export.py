@@ -394,7 +394,9 @@ def test_kept_settings_are_those_of_this_version_and_code_in_the_folder_or_the_c
     INFANTRY.save(tmp_path / "robot")
     path, folder = tmp_path / "lq.c", tmp_path / "robot" / "tuning.json"
     for robot in (af.Robot.load(tmp_path / "robot"), INFANTRY.replace(folder=None), PAPER):
-        refused("kalman-lq is not tuned", export, "kalman-lq", path, robot)
+        helps = f"evaluate {robot.folder} --task any" if robot.folder else "call archerfish2.tune"
+        helps = "evaluate --task any" if robot is PAPER else helps
+        refused(f"kalman-lq is not tuned for .*{helps}", export, "kalman-lq", path, robot)
         af.tune("kalman-lq", robot, af.Task())
         export("kalman-lq", path, robot)
     refused("kalman-lq is not tuned", export, "kalman-lq", path, robot, "strafe")

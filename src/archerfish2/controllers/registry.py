@@ -72,7 +72,7 @@ def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | 
     Raises:
       InputError: if it can't be found, is not for this robot or task, its code fails, or what is built is none.
     """
-    name = controller if isinstance(controller, str) else ""
+    name = str(controller) if isinstance(controller, str | Path) else ""
     if name == "kalman-paper":
         if robot.digest() != type(robot).paper().digest():
             raise InputError(f"kalman-paper has settings of the paper's robot alone, got {robot.name}; take kalman")
@@ -84,4 +84,4 @@ def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | 
         meant = f"perhaps you meant {near[0]}" if near else "name one of these"
         expected = f"{', '.join(NAMES)}, or one of your own ({FORMS})"
         raise InputError(f"controller must be one of {expected}, got {name!r}; {meant}")
-    return own_controller(controller, robot, task)
+    return own_controller(name or controller, robot, task)

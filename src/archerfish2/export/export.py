@@ -111,11 +111,13 @@ def _controller(
     if name not in GRIDS or tuning == "start":
         tuning = None
     elif tuning is None and (tuning := kept(name, robot, task)) is None:
-        limit = "" if task.command_limit == "gate" else f" --command-limit {task.command_limit}"
-        words = f"{robot.folder or 'FOLDER'} --task {task.name or 'FILE'}{limit} --controllers {name}"
-        if robot.folder is None and robot.digest() == Robot.paper().digest():
-            words = words.removeprefix("FOLDER ")
-        remedy = f'run archerfish2 evaluate {words}, or take it as it is before tuning: --untuned, tuning="start"'
-        raise InputError(f"{name} is not tuned for {robot.name} and this task; {remedy}")
+        remedy = f'call archerfish2.tune("{name}", robot, task)'
+        if robot.folder or robot.digest() == Robot.paper().digest():
+            limit = "" if task.command_limit == "gate" else f" --command-limit {task.command_limit}"
+            is_usual = task.replace(command_limit="gate", name="") == Task(motion=task.motion)
+            words = f"--task {task.motion if is_usual else 'FILE'}{limit} --controllers {name}"
+            remedy = f"run archerfish2 evaluate {f'{robot.folder} ' if robot.folder else ''}{words}"
+        untuned = 'take it as it is before tuning: --untuned, tuning="start"'
+        raise InputError(f"{name} is not tuned for {robot.name} and this task; {remedy}, or {untuned}")
     made = make_controller(given, robot, task, tuning)
     return name or type(made).__name__, made, task
