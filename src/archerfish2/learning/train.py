@@ -119,7 +119,7 @@ def _begin(robot: Any, task: Any, config: TrainConfig, seed: int | None) -> Begu
     config, seed = config.resolved(robot, task), 0 if seed is None else seed
     _check_number("seed", seed, 0)
     # In single precision, as the simulator counts them.
-    settings, shortest = config.settings, round(float(np.float32(min(task.lengths_s)) / np.float32(task.period_s)))
+    settings, shortest = config.settings, round(float(np.float32(min(task.lengths)) / np.float32(task.period_s)))
     if settings.decisions > shortest:  # what replaces the engagements that end is drawn once between two updates
         raise InputError(f"{settings.part} = {settings.decisions} exceeds an engagement of {shortest}; lower it")
     versions = library_versions()
