@@ -15,7 +15,7 @@ from archerfish2.identification.sensing.alignment import rough_offset, spherical
 from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.identification.sensing.timing import command_delays, frame_timing, step_latency
 from archerfish2.identification.sensing.track import gimbal_track
-from archerfish2.identification.statistics import mean_estimate, scatter_estimate
+from archerfish2.identification.statistics import mean_estimate, sample_mean, scatter_estimate
 from archerfish2.logs.timing import DetectionLog, GimbalLog, read_detections, read_gimbal_log
 from archerfish2.records.sensing import SensingRecord
 
@@ -319,6 +319,20 @@ def test_the_intervals_of_a_latency_have_it_though_messages_depend_on_one_anothe
     least = 262 if correlation else 271  # 271: 1 in 1000 sets; correlated ones may fall a little short
     assert sum(each.low <= 0 <= each.high for each in means) >= least
     assert correlation or sum(each.low <= 1 <= each.high for each in deviations) >= least
+
+
+@pytest.mark.parametrize("count", [5, 10, 20, 100])
+def test_the_interval_of_a_mean_has_it_for_few_values_too(count):
+    samples = np.random.default_rng(0).standard_normal((1000, count))
+    for found in ([mean_estimate(each) for each in samples], [sample_mean(each) for each in samples]):
+        assert sum(each.low <= 0 <= each.high for each in found) >= 928  # of 95 %: all but 1 in 1000 sets
+    assert np.isnan(sample_mean(samples[0, :1]).low)
+
+
+def test_four_steps_of_the_command_are_too_few_for_a_delay(sweep):
+    steps = [steps_log(np.full(count, 0.012), rate=200.0) for count in (4, 5)]
+    four, five = (identify_sensing(sweep.sweep, sweep.plate, steps=[each]).estimates for each in steps)
+    assert ("link.command_delay" in four, np.isfinite(five["link.command_jitter"].high)) == (False, True)
 
 
 def steps_log(delays, **robot):

@@ -61,6 +61,7 @@ class TrackerFacts(Struct, frozen=True, kw_only=True):
     along_share: _Share  # of the distance
     across_angle: _Share  # [rad]
     initial_speed: _Magnitude  # [m/s]
+    height_angle: _Share | None = None  # [rad]; of an older policy `across_angle`
 
 
 class ObserverFacts(Struct, frozen=True, kw_only=True):
@@ -317,7 +318,10 @@ def make_observer(facts: ObserverFacts, blocks: tuple[Any, ...] = ()) -> Observe
         raise InputError(f"observation {kind} has {len(names)} blocks of a user's own, got {len(blocks)}; {remedy}")
     trackers, windows = Trackers(), tuple[tuple[int, float], ...]()
     if facts.tracker is not None:
-        fast = TrackerNoise(*(np.asarray(getattr(facts.tracker, name)) for name in TrackerNoise._fields))
+        noise = {name: np.asarray(getattr(facts.tracker, name)) for name in TrackerNoise._fields}
+        if facts.tracker.height_angle is None:
+            noise["height_angle"] = noise["across_angle"]
+        fast = TrackerNoise(**noise)
         trackers, windows = Trackers(fast), WINDOWS[:1]
     if kind == "multimodel":
         trackers, windows = Trackers(fast, fast._replace(acceleration=np.asarray(SLOW_ACCELERATION)), RATES), WINDOWS

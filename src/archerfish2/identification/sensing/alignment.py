@@ -46,14 +46,16 @@ class Alignment(NamedTuple):
     drift: float  # rate of the camera's clock against the gimbal log's, less 1
 
 
-def rough_offset(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float = 0.0, source: str = "plate") -> float:
+def rough_offset(
+    track: GimbalTrack, time: Array, azimuth: Array, limit_s: float | None = None, source: str = "plate"
+) -> float:
     """Find the offset at which the plate's azimuth best mirrors the yaw, to `STEP_S`.
 
     Args:
       track: the gimbal.
       time: stamps of the detections, on the camera's clock [s], shape (K,).
       azimuth: of the plate in the camera's frame [rad], shape (K,).
-      limit_s: largest offset [s]; if 0 it is `NEAR_S` where the clocks overlap, else any.
+      limit_s: largest offset [s]; `NEAR_S` where the clocks overlap, else any, if None.
       source: name of the detections' log, for messages.
 
     Returns:
@@ -75,11 +77,14 @@ def rough_offset(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float
             misfit[place] = _robust_sd(azimuth[covered] + np.interp((time + offset)[covered], track.time, yaws))
     if np.all(misfit == np.inf):
         problem = f"the gimbal log covers fewer than 20 detections at any offset within ±{limit:g} s"
-        raise InputError(f"{source}: {problem}; log both at once, for longer, or raise max_offset_s", "no-overlap")
+        raise InputError(
+            f"{source}: {problem}; log both at once, for longer, or raise max_offset_s",
+            "no-overlap",
+        )
     best, motion = int(np.argmin(misfit)), _robust_sd(azimuth)
     if misfit[best] > _MIRRORED * motion:
         problem = f"mirrors the yaw at no offset, and moves by {motion / _robust_sd(yaws):.3g} times as much"
-        remedy = "check signs, --frame and --degrees, and that the plate was at rest"
+        remedy = "check signs, frame and degrees ([sensing] in logs.toml), and that the plate was at rest"
         raise InputError(f"{source}: the plate's bearing {problem}; {remedy}", "no-alignment")
     other = np.where(np.abs(offsets - offsets[best]) > _APART_S, misfit, np.inf)
     if other.min() < _AMBIGUOUS * misfit[best]:

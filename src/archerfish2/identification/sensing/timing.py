@@ -139,8 +139,8 @@ def sweep_latency(delay: Array, offset: Estimate, source: str) -> Estimate:
     latency = difference(mean_estimate(delay), offset)
     if not EARLIEST_S <= latency.value <= LONGEST_S:
         problem = f"received {latency.value:.3g} s after exposure, expected {EARLIEST_S:g} to {LONGEST_S:g} s"
-        remedy = "stamp receipts and gimbal log by one clock, or set the gimbal's clock to own"
-        raise InputError(f"{source}: {problem}; {remedy} (--gimbal-clock own)", "two-clocks")
+        remedy = 'stamp receipts and gimbal log by one clock, or write gimbal_clock = "own" to [sensing] in logs.toml'
+        raise InputError(f"{source}: {problem}; {remedy}", "two-clocks")
     return latency
 
 
