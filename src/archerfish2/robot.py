@@ -89,8 +89,8 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         for axis, plant in (("pitch", self.pitch), ("yaw", self.yaw)):
-            is_judged = axis in self.parts and not self.parts[axis].usable
-            if not is_judged and (fault := axis_fault(plant, axis)):
+            has_verdict = axis in self.parts and not self.parts[axis].usable
+            if not has_verdict and (fault := axis_fault(plant, axis)):
                 raise InputError(fault)
 
     @classmethod
@@ -121,8 +121,7 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
             facts = read_struct(folder / "robot.json", _Written, SCHEMA, "identify again")
         files = {part: folder / f"{part}.json" for part in RECORDS}
         found: dict[str, Any] = {part: RECORDS[part].load(path) for part, path in files.items() if path.exists()}
-        identified = facts.parts.keys() - {*facts.assumed}
-        needed = {"pitch", "yaw", *facts.records, *identified, *(("muzzle", "limits") if is_written else ())}
+        needed = {"pitch", "yaw", *facts.records, *(("muzzle", "limits") if is_written else ())}
         if missing := sorted(needed - found.keys()):
             raise file_error(folder, f"expected a folder with {missing[0]}.json", "name that of a robot")
         if not is_written:
@@ -146,15 +145,11 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
           InputError: naming the part, why, and what to do.
         """
         for part, verdict in self.parts.items():
-            if verdict.usable:
-                continue
             fault = axis_fault(getattr(self, part), part) if part in ("pitch", "yaw") else ""
-            if accept_unusable and not fault:
+            if verdict.usable or (accept_unusable and not fault):
                 continue
-            reason = fault if accept_unusable else (verdict.reasons or (verdict.headline,))[0]
-            remedy = verdict.next_step or "identify it again"
-            if not fault:
-                remedy += ", or pass accept_unusable=True"
+            reason = fault if accept_unusable else (*verdict.reasons, verdict.headline)[0]
+            remedy = (verdict.next_step or "identify it again") + ("" if fault else ", or pass accept_unusable=True")
             place = self.folder / f"{part}.json" if self.folder else f"{self.name}: {part}"
             raise file_error(place, one_line(f"is not usable: {reason}"), one_line(remedy))
 
@@ -247,16 +242,15 @@ def axis_fault(plant: PlantRecord, axis: str) -> str:
     if plant.B.shape[1] != 1:
         return f"{axis} has {plant.B.shape[1]} inputs, expected one; identify it with one input"
     if plant.sample_period_s < SHORTEST_PERIOD_S:
-        period = f"{plant.sample_period_s:g} s, expected {SHORTEST_PERIOD_S:g} s or more"
-        return f"{axis} has a sampling period of {period}; resample its log"
+        period_s = plant.sample_period_s
+        return f"{axis} has a sampling period of {period_s:g} s, expected {SHORTEST_PERIOD_S:g} s or more; resample it"
     longest = max([plant.delay_samples, *plant.draw_delays]) * plant.sample_period_s
     if longest > LONGEST_DELAY_S:
         return f"{axis} has a delay of {longest:g} s, expected {LONGEST_DELAY_S:g} s or less; identify again"
     matrices = [plant.A[None], plant.draws["A"]] if plant.draws else [plant.A[None]]
     largest = float(np.max(np.abs(np.linalg.eigvals(np.concatenate(matrices)))))
     if largest >= 1.0:
-        remedy = "close its loop, so that it follows an angle command and comes to rest"
-        return f"{axis} has a pole of magnitude {largest:.4g}, expected less than 1; {remedy}"
+        return f"{axis} has a pole of magnitude {largest:.4g}, expected less than 1; close its loop on an angle command"
     gain = plant.dc_gain[0, 0]
     return (
         "" if gain > 0.0 else f"{axis} has a steady gain of {gain:.4g}, expected more than 0; check the sign of its log"

@@ -171,6 +171,23 @@ def test_degrees_that_are_said_to_be_radians_show_in_commands_of_many_turns(tmp_
     assert identify_robot(folder).report.findings == ()
 
 
+def test_a_length_that_is_not_given_is_assumed_on_the_first_page_which_has_the_offsets(tmp_path):
+    rng, distance = np.random.default_rng(0), np.repeat([1.0, 2.0, 3.0], 20)
+    speed, (up, left) = rng.normal(20.0, 0.3, 60), rng.normal([[0.01], [-0.02]], 0.003, (2, 60))
+    height = distance * up - 9.81 / 2 * (distance / speed) ** 2
+    rows = np.column_stack([0.0 * up, distance, height, left * distance, speed])
+    header = "pitch_deg,plane_distance_m,hit_height_m,lateral_m,speed_m_s"
+    np.savetxt(tmp_path / "shots.csv", rows, "%.4f", delimiter=",", header=header, comments="")
+    report = identify_robot(tmp_path).report
+    assert report.headline == "muzzle; assumed: pitch, yaw, sensing, limits, length of the muzzle (0 m)"
+    assert re.fullmatch(
+        r"muzzle: pellets leave 1\.1\d° right of the barrel, (5\.[89]|6\.[01]) cm at 3 m\.", report.known[1]
+    )
+    assert "length_m in [muzzle] of logs.toml" in report.next_steps[0]
+    (tmp_path / "tape.json").write_text('{"muzzle_length_m": 0.16}')
+    assert identify_robot(tmp_path).report.headline == "muzzle; assumed: pitch, yaw, sensing, limits"
+
+
 def test_python_and_the_command_keep_what_they_did_not_write(tmp_path, refused):
     folder, out = write_axis(tmp_path / "logs" / "yaw_step.csv"), tmp_path / "out"
     out.mkdir()

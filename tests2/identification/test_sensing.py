@@ -11,10 +11,9 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from archerfish2.cli.identify_sensing import IdentifySensing
-from archerfish2.identification.sensing.alignment import rough_offset, spherical
+from archerfish2.identification.sensing.alignment import gimbal_track, rough_offset, spherical
 from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.identification.sensing.timing import command_delays, frame_timing, step_latency
-from archerfish2.identification.sensing.track import gimbal_track
 from archerfish2.identification.statistics import mean_estimate, sample_mean, scatter_estimate
 from archerfish2.logs.timing import DetectionLog, GimbalLog, read_detections, read_gimbal_log
 from archerfish2.records.sensing import SensingRecord
@@ -113,7 +112,7 @@ def test_offset_and_delays_are_found_and_their_intervals_have_the_truth(found):
 
 def test_a_full_set_leaves_only_the_commands_stamps_missing(found, tmp_path):
     _, result = found[0]
-    assert ["--commands" in each for each in result.report.next_steps] == [True, False]
+    assert ["timing_commands.csv" in each for each in result.report.next_steps] == [True, False]
     assert (repr(result), result.report.usable) == (str(result.report), True)
     assert re.search(r"camera 80 Hz, .*\nframes a second +80\.0\d\n", repr(result), re.DOTALL)
     result.save(tmp_path)
@@ -127,10 +126,10 @@ def test_a_sweep_alone_gives_the_latency_less_the_feedbacks_delay(sweep):
     assert (result.record.camera.latency_basis, result.record.link.command_delay) == ("feedback", None)
     assert result.record.camera.latency == pytest.approx(sweep.latency - FEEDBACK_S, abs=1e-3)
     assert ("less the delay of the gimbal's feedback" in result.report.known[0], result.report.doubts) == (True, ())
-    assert [re.findall("--[a-z-]+", each) for each in result.report.next_steps] == [
-        ["--target", "--target-steps"],
-        ["--steps"],
-        ["--commands"],
+    assert [re.findall(r"timing_(\w+)", each) for each in result.report.next_steps] == [
+        ["target", "moments"],
+        ["steps"],
+        ["commands"],
         [],
     ]
     for alone in (

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+from msgspec.structs import asdict
 
 from archerfish2 import storage
 from archerfish2.errors import InputError, file_error
@@ -96,8 +97,8 @@ def _identified(folder: Path, name: str, seed: int) -> RobotResult:
         for part, job in jobs.items():
             advance(len(reports), part)
             try:
-                found[part] = job()
-                reports[part] = _judged(found[part], settings)
+                result = job()
+                reports[part], found[part] = _judged(result, settings), result
             except InputError as error:
                 reports[part] = _failed(part, error)
     if not found:
@@ -170,11 +171,8 @@ def _sensing(timing: dict[str, Path], files: SensingFiles, seed: int) -> Sensing
         target_steps=timing.get("moments"),
         commands=timing.get("commands"),
         feedback=timing.get("reports"),
-        frame=files.frame,
-        degrees=files.degrees,
-        gimbal_clock=files.gimbal_clock,
-        max_offset_s=files.max_offset_s,
         seed=seed,
+        **asdict(files),
     )
 
 

@@ -51,9 +51,9 @@ def variance_components(
         variance = np.maximum(parts @ np.append(theta, 1.0), 1e-9 * scatter + 1e-300)
         root = 1 / np.sqrt(variance)
         left, size, right = np.linalg.svd(columns * root[:, None], full_matrices=False)
-        kept = size > 1e-9 * size.max(initial=0.0)
-        basis = left[:, kept]
-        coefficients = right[kept].T @ (basis.T @ (measured * root) / size[kept])
+        rank = size > 1e-9 * size.max(initial=0.0)
+        basis = left[:, rank]
+        coefficients = right[rank].T @ (basis.T @ (measured * root) / size[rank])
         squares = ((measured - columns @ coefficients) * root) ** 2
         shares = parts / variance[:, None]
         inner = np.einsum("np,nj,nq->jpq", basis, shares, basis)

@@ -45,7 +45,11 @@ class Struct(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
             msgspec.structs.force_setattr(self, name, value)
 
     def replace(self, **changes: Any) -> Self:
-        """Return the same record with some fields changed."""
+        """Return the same record with some fields changed.
+
+        Raises:
+          InputError: if there is no field of a name, or a value is out of range.
+        """
         if unknown := sorted(changes.keys() - {*self.__struct_fields__}):
             fields = ", ".join(self.__struct_fields__)
             raise InputError(f"{type(self).__name__}: there is no field {unknown[0]}; fields are {fields}")
@@ -73,12 +77,20 @@ class Record(Struct, frozen=True, kw_only=True):
         return read_struct(Path(path), cls, cls.schema, cls.remedy)
 
     def save(self, path: str | Path) -> None:
-        """Write the record to a .json file."""
+        """Write the record to a .json file.
+
+        Raises:
+          InputError: if it can't be written.
+        """
         write_json(Path(path), {"schema": self.schema, **plain(self)})
 
 
 def check_intervals(intervals: Intervals, names: Collection[str]) -> None:
-    """Refuse intervals of other fields than those of some names, and those whose ends are swapped."""
+    """Refuse intervals of other fields than those of some names, and those whose ends are swapped.
+
+    Raises:
+      InputError: naming the interval.
+    """
     for name, (low, high) in intervals.items():
         if name not in names:
             raise InputError(f"intervals.{name}: there is no such field; expected {', '.join(names)}")

@@ -44,7 +44,7 @@ def check_shots(shots: Shots, free: list[str]) -> None:
 
 def _faults(shots: Shots, free: list[str]) -> Iterator[tuple[bool, str, str, str]]:
     """Yield whether a fault is there, what it is, what to do, and its code."""
-    # A change of pitch moves all hits alike, so that these need a distance for each parameter.
+    # A change of pitch moves all hits by the same, so that these need a distance for each parameter.
     landed = shots.hit_height is None
     kind, values = ("pitch settings", np.degrees(shots.pitch)) if landed else ("target distances", shots.distance)
     count, settings = len(shots), np.unique(np.round(values, 2)).size

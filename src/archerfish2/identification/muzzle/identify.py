@@ -84,8 +84,8 @@ class MuzzleResult(Result):
         again = "Measure angles [°], distances and height again, or estimate the drag"
         settings = "Shoot twenty times at each of three to five settings, with measured speeds, and give all files"
         steps = (
-            (not muzzle.length, f"{length} (length_m in [muzzle] of logs.toml, or --length-m)."),
             (fit.matters and "drag" not in shown, f"{again} (archerfish2 identify muzzle --drag estimate)."),
+            (not muzzle.length, f"{length} (length_m in [muzzle] of logs.toml, or --length-m)."),
             (more, f"{settings} (shots in [muzzle] of logs.toml, or archerfish2 identify muzzle SHOTS MORE)."),
         )
         rows = tuple((name.replace("_sd", " scatter").replace("_", " "), each) for name, each in shown.items())

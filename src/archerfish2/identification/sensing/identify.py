@@ -15,8 +15,7 @@ from archerfish2.errors import InputError
 from archerfish2.identification import statistics
 from archerfish2.identification.result import Result
 from archerfish2.identification.sensing import timing
-from archerfish2.identification.sensing.alignment import Alignment, align, rough_offset, spherical
-from archerfish2.identification.sensing.track import GimbalTrack, gimbal_track
+from archerfish2.identification.sensing.alignment import Alignment, GimbalTrack, align, gimbal_track, rough_offset
 from archerfish2.logs import timing as logs
 from archerfish2.provenance import provenance
 from archerfish2.records.sensing import SensingRecord
@@ -193,7 +192,7 @@ def identify_sensing(
     start = log.time[0]  # far from it, numbers have no room for microseconds
     track, stamps = gimbal_track(log._replace(time=log.time - start)), plate.time - start
     period, missed = timing.frame_timing(stamps, plate.source)
-    azimuth = spherical(plate.position)[:, 0]
+    azimuth = np.arctan2(plate.position[:, 1], plate.position[:, 0])
     offset = rough_offset(track, stamps, azimuth, max_offset_s, plate.source)
     alignment = align(track, stamps, plate.position, offset)
     found = alignment.estimates | {

@@ -101,8 +101,8 @@ def command_delays(logs: Sequence[GimbalLog]) -> tuple[Array, int]:
             found.append(_onset(log.time[near] - edges[step], log.yaw[near]))
     delays = np.array([each for each in found if each is not None])
     if delays.size:  # less those during which something else moved the axis
-        apart = np.abs(delays - np.median(delays))
-        delays = delays[apart <= 7.4 * np.median(apart) + 1e-3]
+        deviation = np.abs(delays - np.median(delays))
+        delays = delays[deviation <= 7.4 * np.median(deviation) + 1e-3]
     return delays, len(found)
 
 
