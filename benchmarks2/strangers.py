@@ -22,7 +22,7 @@ from pathlib import Path
 
 from archerfish2.errors import InputError
 from archerfish2.identification.axis.identify import identify_axis
-from archerfish2.identification.axis.report import USABLE_FIT, judged, shortfalls
+from archerfish2.identification.axis.report import USABLE_FIT, shortfalls
 from archerfish2.reports.table import Table
 from bars import RESULTS, Bar, finish, run, share
 from stranger_logs import NONE, judge, make_log, write_log
@@ -96,7 +96,7 @@ def identified(seed: int, index: int) -> Row:
         verdict="usable" if report.usable else "unusable",
         right=bool(report.usable) == usable,
         good=usable,
-        fit=judged(result.fits).fit_percent,
+        fit=result.judged.fit_percent,
         held_back=held_back,
         gain_right=gain_right,
         gain=gain.value,

@@ -8,10 +8,9 @@ from numpy.testing import assert_allclose
 from scipy import io, signal
 
 from archerfish2.identification.axis.fit import fit_axis
-from archerfish2.identification.axis.log_start import first_guess
 from archerfish2.identification.axis.output_error import jacobian, leverage, refine, solve
 from archerfish2.identification.axis.sections import free_numbers, response, sections_of, state_matrices
-from archerfish2.identification.axis.spectrum import Experiment, lines_of, local_power, noise_power, thinned
+from archerfish2.identification.axis.spectrum import Experiment, begun_log, lines_of, local_power, noise_power, thinned
 from archerfish2.identification.simulation import free_run, simulate
 from archerfish2.logs.recording import Recording
 from archerfish2.paper.gimbal import printed_plants
@@ -88,9 +87,9 @@ def test_a_clean_log_gives_the_plant_itself(axis, delay):
     true = printed_plants()[axis].replace(delay_samples=delay)
     y = signal.dlsim(true.to_state_space(), SWEEP)[1] + 4
     found = fit_axis([log(SWEEP, y)], 4)
-    assert (found.delay, found.plant.D.item()) == (delay, 0.0)
+    assert (found.structure.delay, found.plant.D.item()) == (delay, 0.0)
     assert max(np.abs(found.poles - pole).min() for pole in np.linalg.eigvals(true.A)) < 1e-7
-    assert_allclose(found.gain, true.dc_gain, rtol=1e-6)
+    assert_allclose(found.plant.dc_gain, true.dc_gain, rtol=1e-6)
     assert_allclose(free_run(found.plant, SWEEP, y).fit_percent, 100, atol=1e-6)
 
 
@@ -158,17 +157,18 @@ def test_a_step_from_rest_and_a_log_cut_in_motion_give_the_gain(seed):
     rest, _ = step_from_rest(seed)
     cut, delay = cut_in_motion(seed)
     found, moving = fit_axis([rest], 2), fit_axis([cut], 2)
-    assert_allclose([found.gain.item(), moving.gain.item()], 1, atol=5e-3)
-    assert (extended(found), extended(moving), moving.delay - moving.plant.D.any()) == ([True], [False], delay)
+    assert_allclose([found.plant.dc_gain.item(), moving.plant.dc_gain.item()], 1, atol=5e-3)
+    assert (extended(found), extended(moving)) == ([True], [False])
+    assert moving.structure.delay - moving.plant.D.any() == delay
 
 
 def test_a_rest_that_is_none_is_not_extended():
     for seed in (0, 3, 5, 12):
         recording = rest_that_is_none(seed)
-        assert first_guess(recording.inputs, recording.outputs, 20).pad == 600
+        assert begun_log(recording.inputs, recording.outputs, 20).pad == 600
         found = fit_axis([recording], 3, 3)
         assert extended(found) == [False]
-        assert_allclose(found.gain, 1, atol=0.02)  # 0.71 to 2.2 with the extension
+        assert_allclose(found.plant.dc_gain, 1, atol=0.02)  # 0.71 to 2.2 with the extension
 
 
 def test_several_logs_of_two_outputs_give_one_plant():
@@ -180,10 +180,10 @@ def test_several_logs_of_two_outputs_give_one_plant():
         rate = 30 * np.diff(angle, prepend=0.0) + 0.3 * angle
         logs.append(log(u, np.stack([noisy(angle, 0.02, rng), 1e3 * noisy(rate, 0.1, rng) + 50], axis=1)))
     found = fit_axis(logs, 2)
-    assert_allclose(found.gain[:, 0], [1, 300], rtol=1e-2)
+    assert_allclose(found.plant.dc_gain[:, 0], [1, 300], rtol=1e-2)
     fits = [free_run(found.plant, each.inputs, each.outputs).fit_percent for each in logs]
     assert_allclose(fits, [[98, 90]] * 3, atol=0.7)
-    assert found.delay in {5, 6}
+    assert found.structure.delay in {5, 6}
 
 
 def test_units_change_nothing_and_a_given_delay_is_kept():
@@ -192,10 +192,10 @@ def test_units_change_nothing_and_a_given_delay_is_kept():
     scaled = fit_axis(
         [log(1e4 * recording.inputs + 7e5, 1e-5 * recording.outputs - 3, 0.01)], 2, delay, feedthrough=False
     )
-    assert (first.delay, first.plant.D.item(), scaled.plant.sample_period_s) == (delay, 0.0, 0.01)
+    assert (first.structure.delay, first.plant.D.item(), scaled.plant.sample_period_s) == (delay, 0.0, 0.01)
     assert_allclose(scaled.poles, first.poles, rtol=1e-6)
-    assert_allclose(scaled.gain, 1e-9 * first.gain, rtol=1e-6)
-    assert fit_axis([recording], 2, 3).delay == 3
+    assert_allclose(scaled.plant.dc_gain, 1e-9 * first.plant.dc_gain, rtol=1e-6)
+    assert fit_axis([recording], 2, 3).structure.delay == 3
 
 
 def test_an_input_that_moves_in_its_first_sample_alone_is_told_from_no_transient():
@@ -206,15 +206,15 @@ def test_an_input_that_moves_in_its_first_sample_alone_is_told_from_no_transient
 def test_a_long_delay_is_found_where_an_even_longer_one_is_allowed():
     u = np.repeat(np.random.default_rng(0).standard_normal(60), 50)
     recording = log(u, noisy(second_order(u, 0.008, 0.5, 120), 0.01, np.random.default_rng(0)))
-    assert abs(fit_axis([recording], 2, max_delay=250).delay - 120) <= 1
+    assert abs(fit_axis([recording], 2, max_delay=250).structure.delay - 120) <= 1
 
 
 def test_a_long_log_a_long_delay_and_a_double_pole():
     time = np.arange(40_000)
     u = np.sin(2 * np.pi * (0.002 * time + 0.048 * time**2 / 2 / len(time)))
     found = fit_axis([log(u, noisy(second_order(u, 0.008, 0.5, 61), 0.05, np.random.default_rng(0)))], 2)
-    assert abs(found.delay - found.plant.D.any() - 61) <= 1
-    assert_allclose(found.gain, 1, atol=5e-3)
+    assert abs(found.structure.delay - found.plant.D.any() - 61) <= 1
+    assert_allclose(found.plant.dc_gain, 1, atol=5e-3)
     double = signal.lfilter([0.0, 0.01], np.poly([0.9, 0.9]), u[:3000])
     assert_allclose(fit_axis([log(u[:3000], double)], 2).poles, 0.9, atol=1e-4)
 

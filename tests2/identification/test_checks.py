@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from archerfish2.identification.axis.checks import exchanged_columns, log_findings, plant_findings
+from archerfish2.errors import InputError
+from archerfish2.identification.axis.checks import check_logs, exchanged_columns, plant_findings, silent_logs
 from archerfish2.identification.axis.fit import fit_axis
-from archerfish2.identification.axis.hammerstein import nonlinearity
+from archerfish2.identification.axis.nonlinearity import nonlinearity
 from archerfish2.identification.simulation import simulate
 from archerfish2.logs.recording import Recording
 from archerfish2.records.plant import PlantRecord
@@ -30,22 +31,30 @@ def codes(findings):
     return [(each.code, each.severity) for each in findings]
 
 
+def refusal(check, *arguments):
+    try:
+        check(*arguments)
+    except InputError as error:
+        return error.code
+    return ""
+
+
 @pytest.mark.parametrize("name", INPUTS)
 def test_a_response_is_found_even_late_or_in_noise_as_large_and_its_absence_too(name):
     late = PLANT.replace(delay_samples=170)  # an eighth of the log is searched
-    assert log_findings([recorded(INPUTS[name], 1.0), recorded(INPUTS[name], plant=late)], 1) == []
+    assert silent_logs([recorded(INPUTS[name], 1.0), recorded(INPUTS[name], plant=late)]) == []
     for seed in range(30):  # logs of noise, coloured as often as white, at a false alarm of 1e-4 each
         noise = signal.lfilter([1], [1, -0.95 * (seed % 2)], np.random.default_rng(9 + seed).normal(size=1500))
         log = Recording.from_arrays(INPUTS[name], noise, 0.01)
-        assert codes(log_findings([log], 1)) == [("no-response", "refused")]
-    assert codes(log_findings([log, recorded(INPUTS[name])], 1)) == [("no-response", "warning")]
+        assert refusal(silent_logs, [log]) == "no-response"
+    assert codes(silent_logs([log, recorded(INPUTS[name])])) == [("no-response", "warning")]
 
 
 def test_a_response_after_a_long_rest_is_found_and_a_still_log_has_none():
     u = np.append(np.zeros(21_000), INPUTS["levels"])
     still = Recording.from_arrays(np.full(1500, 0.1), np.random.default_rng(0).normal(size=1500), 0.01)
-    assert log_findings([recorded(u, 1.0)], 1) == []
-    assert codes(log_findings([still, recorded(INPUTS["noise"])], 1)) == [("no-response", "warning")]
+    assert silent_logs([recorded(u, 1.0)]) == []
+    assert codes(silent_logs([still, recorded(INPUTS["noise"])])) == [("no-response", "warning")]
     found = fit_axis([recorded(INPUTS["noise"], plant=PLANT.replace(delay_samples=0))], 2)
     assert exchanged_columns(found, recorded(INPUTS["noise"]), [recorded(INPUTS["noise"]), still]) is None
     assert exchanged_columns(found, still, [still]) is None
@@ -57,10 +66,9 @@ def test_logs_that_are_too_short_of_one_sine_or_of_inputs_that_are_one_are_found
     three = [np.stack([u, v, w], 1) for w in (1e3 * u - v, INPUTS["levels"])]
     alike, other = (Recording.from_arrays(each, u, 0.01, input_names=("u", "v", "w")) for each in three)
     short, enough = recorded(u[:50]), recorded(u[:150])
-    assert [codes(log_findings(bad, 4)) for bad in ([short], sines[:2], [alike])] == [
-        [(code, "refused")] for code in ("too-short", "single-sine", "dependent-inputs")
-    ]
-    assert [log_findings(good, 4) for good in ([enough], sines[::2], [alike, other])] == [[], [], []]
+    found = [refusal(check_logs, bad, 4) for bad in ([short], sines[:2], [alike])]
+    assert found == ["too-short", "single-sine", "dependent-inputs"]
+    assert [refusal(check_logs, good, 4) for good in ([enough], sines[::2], [alike, other])] == ["", "", ""]
 
 
 def test_units_and_signs_are_seen_in_the_gain():

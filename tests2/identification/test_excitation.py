@@ -86,7 +86,7 @@ def test_the_prediction_is_the_spread_of_real_identifications():
         noisy = [Recording(u, y + noise * rng.standard_normal(u.shape), period_s) for u, y in logs]
         fit = fit_axis(noisy, 2, 3)
         pole = np.log(fit.poles[0]) / period_s
-        found.append([fit.gain.item(), abs(pole) / (2 * np.pi), -pole.real / abs(pole)])
+        found.append([fit.plant.dc_gain.item(), abs(pole) / (2 * np.pi), -pole.real / abs(pole)])
     pole = planned.expected.poles[0]
     expected = planned.expected.dc_gain[0], pole.frequency_hz, pole.damping
     half = [(each.high - each.low) / 2 for each in expected]

@@ -55,7 +55,7 @@ def test_the_axes_of_a_robot_predict_logs_that_were_held_back(axis, lab_folder):
 
     gain, *fits = INFANTRY[axis]
     found = fit_axis([*read("sweep"), *read("step")], 2)
-    assert_allclose(found.gain, gain, rtol=0.01)
+    assert_allclose(found.plant.dc_gain, gain, rtol=0.01)
     for name, fit in zip(("sweep_validation", "step_validation"), fits, strict=True):
         (each,) = read(name)
         assert_allclose(free_run(found.plant, each.inputs, each.outputs).fit_percent, fit, atol=POINTS)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from archerfish2.identification.simulation import Array, Complex, matrices
+from archerfish2.identification.simulation import TINY, Array, Complex, matrices
 from archerfish2.logs.recording import Recording, Values
 from archerfish2.records.plant import PlantRecord
 
@@ -64,7 +64,7 @@ def measured_response(recordings: Sequence[Recording]) -> MeasuredResponse:
     found = among @ cross
     rest = np.maximum(power[:, inputs:] - np.sum(found.conj() * cross, 1).real, 0)[:, None]
     own = np.abs(found) ** 2 / np.diagonal(among, axis1=1, axis2=2).real[..., None]
-    both = found / size[:, None], own / np.maximum(own + rest, 1e-300)
+    both = found / size[:, None], own / np.maximum(own + rest, TINY)
     response, coherence = (np.where(excited[..., None], x, 0)[excited.any(1)].swapaxes(1, 2) for x in both)
     significant = 1 - (_FALSE_ALARM / max(response.size, 1)) ** (1 / max(len(joined) - inputs, 1))
     return MeasuredResponse(hz[excited.any(1)], response, coherence, significant)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.special import ndtri
 
-from archerfish2.identification.simulation import Array
+from archerfish2.identification.simulation import TINY, Array
 from archerfish2.logs.recording import Values
 
 _LAGS = 25  # largest lag [samples]
@@ -28,7 +28,6 @@ _MOST_ROWS = 20_000  # samples that are regressed on inputs; of a longer log eve
 _FEEDBACK = 0.1  # share of the residual's innovations that later ones of an input explain, from which there is feedback
 _UNPREDICTABLE = 3e-4  # share of an input's power that its innovations have at least, to say anything of feedback
 _DEPENDENT = 1e-5  # singular value over the largest, below which inputs of several lags depend on each other
-_TINY = 1e-300
 
 
 class ResidualTests(NamedTuple):
@@ -56,9 +55,9 @@ def residual_tests(residual: Array, inputs: Values) -> ResidualTests | None:
     power, taps = _autoregression(e)
     spectrum = power / np.abs(np.fft.fft(taps, 2 * samples)) ** 2
     variance = np.mean(spectrum * np.abs(np.fft.fft(us, 2 * samples)) ** 2, axis=1)[:, None]  # γ(0)
-    scale = np.sqrt(np.maximum((e @ e) * np.sum(us**2, 1), _TINY))[:, None]
+    scale = np.sqrt(np.maximum((e @ e) * np.sum(us**2, 1), TINY))[:, None]
     correlation = np.array([np.correlate(np.pad(e, _LAGS), u) for u in us]) / scale  # Σₜ e[t] u[t−τ]
-    band = -ndtri(_FALSE_ALARM / 2 / (channels * (_LAGS + 1))) * np.sqrt(np.maximum(variance, _TINY)) / scale
+    band = -ndtri(_FALSE_ALARM / 2 / (channels * (_LAGS + 1))) * np.sqrt(np.maximum(variance, TINY)) / scale
     independent = not np.any((np.abs(correlation) > band)[:, lags >= 0])
     feedback = any(_follows(u, np.convolve(e, taps)[: len(e)]) for u in us)
     return ResidualTests(lags, correlation, band, _explained_share(e, us), independent, feedback)
@@ -67,7 +66,7 @@ def residual_tests(residual: Array, inputs: Values) -> ResidualTests | None:
 def _autoregression(e: Array) -> tuple[float, Array]:
     """Return the innovations' power and the taps 1 + a₁ z + … of an autoregression, by Yule and Walker's equations."""
     covariance = np.correlate(np.pad(e, (0, min(_ORDER, len(e) // 20))), e) / len(e)
-    covariance[0] = covariance[0] * (1 + 1e-9) + _TINY  # regular, where the residual is all but predictable
+    covariance[0] = covariance[0] * (1 + 1e-9) + TINY  # regular, where the residual is all but predictable
     taps = np.append(1, solve_toeplitz(covariance[:-1], -covariance[1:]))
     return float(np.mean(np.convolve(e, taps)[len(taps) : len(e)] ** 2)), taps
 
@@ -79,7 +78,7 @@ def _follows(u: Array, innovations: Array) -> bool:
         return False
     both = np.stack([np.convolve(u, taps)[: len(u)], innovations])[:, _ORDER:]
     own, theirs = both - both.mean(1, keepdims=True)
-    size = np.sqrt(max(float((own @ own) * (theirs @ theirs)), _TINY))
+    size = np.sqrt(max(float((own @ own) * (theirs @ theirs)), TINY))
     correlation = np.correlate(np.pad(theirs, (_LAGS, 0)), own)[:-1] / size
     limit = -ndtri(_FALSE_ALARM / 2 / _LAGS) / np.sqrt(len(own))
     return bool(np.abs(correlation).max() > limit and correlation @ correlation > _FEEDBACK)
@@ -91,5 +90,5 @@ def _explained_share(e: Array, us: Array) -> float:
     columns = np.stack([u[_LAGS - lag : len(e) - lag : stride] for u in us for lag in rows], axis=1)
     columns, target = columns - columns.mean(0), e[_LAGS::stride] - e[_LAGS::stride].mean()
     found, _, rank, _ = np.linalg.lstsq(columns, target, rcond=_DEPENDENT)
-    rest = 1 - np.sum((columns @ found) ** 2) / max(float(target @ target), _TINY)
+    rest = 1 - np.sum((columns @ found) ** 2) / max(float(target @ target), TINY)
     return float(max(0.0, 1 - rest * (len(target) - 1) / (len(target) - rank - 1)))

@@ -13,6 +13,8 @@ Array = NDArray[np.floating[Any]]
 Complex = NDArray[np.complex128]
 Delays = NDArray[np.int64]
 
+TINY = 1e-300
+"""Added to divisors that may be zero: less than the square of any signal."""
 _LEAST_HANKEL_VALUE = 1e-10  # of the largest, below which a plant is not minimal
 
 
@@ -84,11 +86,27 @@ def _square_root(gramian: Array) -> Array:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
+def fit_percent(measured: Values, simulated: Array) -> Array:
+    """Return 100 (1 − |measured − simulated| / |measured less its mean|) of each output, shape (p,).
+
+    Args:
+      measured: outputs, shape (N, p), none of them constant.
+      simulated: of the same shape.
+    """
+    error = np.linalg.norm(measured - simulated, axis=0)
+    return np.asarray(100 * (1 - error / np.linalg.norm(measured - measured.mean(0), axis=0)))
+
+
+def first_motion(inputs: Values) -> int:
+    """Return the first sample at which any input, shape (N, m), differs from its first value; 0 if none does."""
+    return int(np.argmax(np.any(inputs != inputs[0], axis=1)))
+
+
 class FreeRun(NamedTuple):
     """Outputs that a plant gives under the inputs of a log."""
 
     outputs: Array  # simulated, (N, p)
-    fit_percent: Array  # 100 (1 − |error| / |output less its mean|) of each output, (p,)
+    fit_percent: Array  # of each output, (p,)
     offset: Array  # constant of each output, (p,)
 
 
@@ -114,6 +132,6 @@ def free_run(
     error = (outputs - driven).reshape(-1)
     found = np.linalg.lstsq(weight[:, None] * columns, weight * error, rcond=None)[0]
     left = (error - columns @ found).reshape(samples, size)
-    fit = 100 * (1 - np.linalg.norm(left, axis=0) / np.linalg.norm(outputs - outputs.mean(0), axis=0))
     fitted = found[free.shape[1] :][:size] if offset is None else np.asarray(offset)
-    return FreeRun(outputs - left, fit, fitted)
+    simulated = outputs - left
+    return FreeRun(simulated, fit_percent(outputs, simulated), fitted)

@@ -1,18 +1,21 @@
 """Parametric bootstrap: plants that other noise of the same spectrum would have given (Efron and Tibshirani 1993).
 
 Each structure of the chosen order is drawn as often as it is likely, and refitted to its own response plus noise, which
-is drawn for the samples that were measured.
+is drawn for the samples that were measured. A steady gain that is known is drawn from its normal distribution.
 """
 
 from dataclasses import replace
 
 import numpy as np
 from numpy.fft import irfft, rfft
+from scipy.special import ndtri
 
-from archerfish2.identification.axis.fit import AxisFit, plant_of
-from archerfish2.identification.axis.output_error import leverage, refine, residuals_by_log, solve
-from archerfish2.identification.axis.spectrum import Experiment, Indices, local_power, strongest
-from archerfish2.identification.simulation import Array, Complex
+from archerfish2.identification.axis.constraints import steady_gain
+from archerfish2.identification.axis.fit import AxisFit
+from archerfish2.identification.axis.output_error import leverage, plant_of, refine, residuals_by_log, solve
+from archerfish2.identification.axis.sections import Structure
+from archerfish2.identification.axis.spectrum import Experiment, Indices, Lines, local_power, strongest
+from archerfish2.identification.simulation import TINY, Array, Complex
 from archerfish2.records.plant import PlantRecord
 
 _LINES, _STEPS = 1500, 3  # lines of a draw; steps of its refinement
@@ -28,29 +31,59 @@ def draw_plants(found: AxisFit, draws: int, seed: int) -> list[PlantRecord]:
       draws: how many.
       seed: of the noise.
     """
-    rng, chosen, weights = np.random.default_rng(seed), found.structure, found.selection.weights
-    same = {s: w for s, w in weights.items() if s.order == chosen.order and w > _LIKELY and s != chosen}
-    likely = {chosen: max(weights[chosen], _LIKELY), **dict([*same.items()][: _STRUCTURES - 1])}
+    rng = np.random.default_rng(seed)
+    likely = _likely_structures(found)
+    counts = [round(draws * weight / sum(likely.values())) for weight in likely.values()]
+    # Evenly spread probabilities, so that the draws of a gain that is known have its spread.
+    order = np.random.default_rng([seed, 1]).permutation(sum(counts))
+    probabilities = iter((1 + order) / (1 + sum(counts)))
     drawn: list[PlantRecord] = []
-    for structure, weight in likely.items():
-        logs = [replace(e, skip=min(e.skip, structure.delay)) for e in found.experiments]
-        data = [e.at(structure.delay, structure.feedthrough) for e in logs]
-        fit, soft = found.fit, [c._replace(feedthrough=structure.feedthrough) for c in found.constraints]
-        if structure != chosen:
-            fit = refine(found.selection.found[structure][1].sections, data + soft, 10, 1e-6, found.ridge)
-        every = solve(fit.sections, data + soft)
-        residuals = residuals_by_log(every, data + soft)[: len(data)]
-        responses = [lines.outputs - each for lines, each in zip(data, residuals, strict=True)]
-        spectra = [_spectrum(*each) for each in zip(logs, residuals, leverage(every, data + soft), strict=True)]
-        picks = strongest([np.mean(np.abs(each) ** 2, axis=0) for each in responses], _LINES)
-        lines = [d._replace(outputs=y).pick(k) for d, y, k in zip(data, responses, picks, strict=True)]
-        for _ in range(round(draws * weight / sum(likely.values()))):
-            noise = [_noise(e, power, k, rng) for e, power, k in zip(logs, spectra, picks, strict=True)]
-            noisy = [each._replace(outputs=each.outputs + e) for each, e in zip(lines, noise, strict=True)]
-            again = refine(fit.sections, noisy + soft, _STEPS, 1e-4, found.ridge)
-            drawn.append(plant_of(again, structure, found.scale, found.plant.sample_period_s))
+    for structure, count in zip(likely, counts, strict=True):
+        drawn += _draws_of(found, structure, [next(probabilities) for _ in range(count)], rng)
     near = _near(np.array([plant.dc_gain.ravel() for plant in drawn]))
-    return [drawn[each] for each in rng.permutation(np.flatnonzero(near))]
+    return [drawn[place] for place in rng.permutation(np.flatnonzero(near))]
+
+
+def _likely_structures(found: AxisFit) -> dict[Structure, float]:
+    """Return the structures of the chosen order that are drawn, and their weights; the chosen one comes first."""
+    chosen, weights = found.structure, found.selection.weights
+    others = [s for s, weight in weights.items() if s.order == chosen.order and weight > _LIKELY and s != chosen]
+    return {chosen: max(weights[chosen], _LIKELY), **{s: weights[s] for s in others[: _STRUCTURES - 1]}}
+
+
+def _draws_of(
+    found: AxisFit, structure: Structure, probabilities: list[float], rng: np.random.Generator
+) -> list[PlantRecord]:
+    """Draw plants of one structure, one for each probability of the steady gain."""
+    logs = [replace(log, skip=min(log.skip, structure.delay)) for log in found.experiments]
+    data = [log.at(structure.delay, structure.feedthrough) for log in logs]
+    soft = [lines._replace(feedthrough=structure.feedthrough) for lines in found.constraints]
+    known, fit = _known_gain(found, data, 0.5), found.fit
+    if structure != found.structure:
+        fit = refine(found.selection.found[structure][1].sections, data + soft + known, 10, 1e-6, found.ridge)
+    every = solve(fit.sections, data + soft + known)
+    residuals = residuals_by_log(every, data + soft + known)[: len(data)]
+    responses = [lines.outputs - residual for lines, residual in zip(data, residuals, strict=True)]
+    taken = leverage(every, data + soft + known)
+    spectra = [_spectrum(*log) for log in zip(logs, residuals, taken, strict=True)]
+    picks = strongest([np.mean(np.abs(response) ** 2, axis=0) for response in responses], _LINES)
+    lines = [d._replace(outputs=y).pick(k) for d, y, k in zip(data, responses, picks, strict=True)]
+    drawn: list[PlantRecord] = []
+    for probability in probabilities:
+        noise = [_noise(log, power, k, rng) for log, power, k in zip(logs, spectra, picks, strict=True)]
+        noisy = [clean._replace(outputs=clean.outputs + e) for clean, e in zip(lines, noise, strict=True)]
+        known = _known_gain(found, data, probability)
+        again = refine(fit.sections, noisy + soft + known, _STEPS, 1e-4, found.ridge)
+        drawn.append(plant_of(again, structure, found.scale, found.plant.sample_period_s))
+    return drawn
+
+
+def _known_gain(found: AxisFit, data: list[Lines], probability: float) -> list[Lines]:
+    """Return the constraint of a steady gain that is known, at a quantile of its normal distribution."""
+    if found.known_gain is None:
+        return []
+    gain = found.known_gain.gain + found.known_gain.error * ndtri(probability)
+    return [steady_gain(gain / found.scale[:, None], data)]
 
 
 def interval(values: Array) -> Array:
@@ -61,7 +94,7 @@ def interval(values: Array) -> Array:
 def _near(values: Array) -> Array:
     """Which rows are within some robust standard deviations of the median."""
     middle = np.median(values, axis=0)
-    sd = 1.4826 * np.median(np.abs(values - middle), axis=0) + 1e-300
+    sd = 1.4826 * np.median(np.abs(values - middle), axis=0) + TINY
     return np.asarray(np.all(np.abs(values - middle) <= _FAR * sd, axis=1))
 
 

@@ -1,13 +1,17 @@
-"""Findings about the relation of inputs and outputs: whether there is one, in which direction, and in which units."""
+"""Findings about the relation of inputs and outputs: whether there is one, in which direction, and in which units.
 
-from collections.abc import Sequence
+`check_logs` refuses before a fit; all others look at what was fitted, and may fit single logs again.
+"""
+
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.special import fdtri
 
+from archerfish2.errors import InputError
 from archerfish2.identification.axis.fit import AxisFit, fit_axis
 from archerfish2.identification.frequency import measured_response
-from archerfish2.identification.simulation import Array, free_run
+from archerfish2.identification.simulation import TINY, Array, first_motion, free_run
 from archerfish2.logs.recording import Finding, Recording
 from archerfish2.records.plant import PlantRecord
 
@@ -28,37 +32,64 @@ _GAINS = (
     (-1.4, -0.7, "so that it moves the other way", *_SIGN),
 )
 """Steady gains that are suspicious, those of units of either sign."""
+Alone = Callable[[Recording], PlantRecord | None]
+"""Fits a log alone; None where no plant of second order explains it well."""
 
 
-def log_findings(recordings: Sequence[Recording], order: int) -> list[Finding]:
-    """Return why logs can't be identified, before a fit: too short, one frequency, inputs that are one, no response.
-
-    A log without response beside others that have one is a warning.
+def check_logs(recordings: Sequence[Recording], order: int) -> None:
+    """Refuse logs that can't determine a plant: too short, of one frequency, with inputs that are one.
 
     Args:
       recordings: of one axis.
       order: least number of poles that is considered.
+
+    Raises:
+      InputError: naming the first log, with a code.
     """
-    first, samples, inputs = recordings[0], sum(map(len, recordings)), range(recordings[0].inputs.shape[1])
-    needed = _SAMPLES_A_PARAMETER * (order + (order + 1) * (len(inputs) + len(recordings)))
+    first, samples, inputs = recordings[0], sum(map(len, recordings)), recordings[0].inputs.shape[1]
+    needed = _SAMPLES_A_PARAMETER * (order + (order + 1) * (inputs + len(recordings)))
     if samples < needed:
-        message = f"{samples} samples are too few for order {order}, which needs {needed}"
-        return [Finding("too-short", "refused", first.source, message, "record longer or lower the order")]
-    both = np.concatenate([each.inputs - each.inputs.mean(0) for each in recordings])
-    if len(inputs) > 1 and np.linalg.cond(both / (np.linalg.norm(both, axis=0) + 1e-300)) > _DEPENDENT:
-        message = f"of the inputs {', '.join(first.input_names)} one is a copy or a mixture of the others"
-        return [Finding("dependent-inputs", "refused", first.source, message, "leave one out")]
-    sines = [_sine_hz(each.inputs[:, 0], each.period_s) if len(inputs) == 1 else 0.0 for each in recordings]
+        problem = f"{samples} samples are too few for order {order}, which needs {needed}"
+        raise InputError(f"{first.source}: {problem}; record longer or lower the order", "too-short")
+    if inputs > 1:
+        centred = np.concatenate([log.inputs - log.inputs.mean(0) for log in recordings])
+        if np.linalg.cond(centred / (np.linalg.norm(centred, axis=0) + TINY)) > _DEPENDENT:
+            problem = f"of the inputs {', '.join(first.input_names)} one is a copy or a mixture of the others"
+            raise InputError(f"{first.source}: {problem}; leave one out", "dependent-inputs")
+        return
+    sines = [_sine_hz(log.inputs[:, 0], log.period_s) for log in recordings]
     if 0 < max(sines) < 1.05 * min(sines):
-        message = f"the input is a single sine of {sines[0]:.4g} Hz, which gives two numbers: not gain, lag and delay"
-        return [Finding("single-sine", "refused", first.source, message, "record a sweep or a step")]
+        problem = f"the input is a single sine of {sines[0]:.4g} Hz, which gives two numbers: not gain, lag and delay"
+        raise InputError(f"{first.source}: {problem}; record a sweep or a step", "single-sine")
+
+
+def fit_alone(log: Recording) -> PlantRecord | None:
+    """Return the plant of second order of a log alone, if it explains the log well."""
+    if len(log) < _FEWEST or not (np.ptp(log.inputs, axis=0).all() and np.ptp(log.outputs, axis=0).all()):
+        return None
+    plant = fit_axis([log], 2).plant
+    return plant if free_run(plant, log.inputs, log.outputs).fit_percent[0] > _GOOD else None
+
+
+def silent_logs(recordings: Sequence[Recording], alone: Alone = fit_alone) -> list[Finding]:
+    """Return a warning for each log whose output does not respond to its input.
+
+    Args:
+      recordings: of one axis.
+      alone: fits a log alone.
+
+    Raises:
+      InputError: if no log responds.
+    """
+    first, inputs = recordings[0], range(recordings[0].inputs.shape[1])
     # Of one step from rest few samples show that it responds, but a plant follows it.
-    unsure = [each for each in recordings if not any(_responds(each, channel) for channel in inputs)]
-    silent = [each for each in unsure if _alone(each) is None]
+    unsure = [log for log in recordings if not any(_responds(log, channel) for channel in inputs)]
+    silent = [log for log in unsure if alone(log) is None]
     message = f'"{first.output_names[0]}" does not respond to {", ".join(first.input_names)}'
     remedy = "check the columns, and that the axis was powered; command larger motions"
-    every = len(silent) == len(recordings)
-    return [Finding("no-response", "refused" if every else "warning", e.source, message, remedy) for e in silent]
+    if len(silent) == len(recordings):
+        raise InputError(f"{first.source}: {message}; {remedy}", "no-response")
+    return [Finding("no-response", "warning", log.source, message, remedy) for log in silent]
 
 
 def plant_findings(plant: PlantRecord, log: Recording) -> list[Finding]:
@@ -77,31 +108,26 @@ def plant_findings(plant: PlantRecord, log: Recording) -> list[Finding]:
     return found
 
 
-def contradictions(logs: Sequence[tuple[Recording, float]]) -> list[Finding]:
+def contradictions(logs: Sequence[tuple[Recording, float]], alone: Alone = fit_alone) -> list[Finding]:
     """Find logs of another sign or unit than the others, where all together fit badly: each is fitted alone.
 
     Args:
       logs: recordings of one input and one output, and how well they are explained [%].
+      alone: fits a log alone.
     """
-    badly = min(percent for _, percent in logs) < _GOOD
-    plants = {log: _alone(log) for log, _ in logs if badly}
-    gains = {log: plant.dc_gain.item() for log, plant in plants.items() if plant is not None}
-    sign, found = 1 if sum(map(np.sign, gains.values())) >= 0 else -1, list[Finding]()
-    for log, gain in gains.items() if len(gains) > 1 else ():
-        others = sign * float(np.median([abs(each) for other, each in gains.items() if other is not log]))
+    if min(percent for _, percent in logs) >= _GOOD:
+        return []
+    plants = [(log, alone(log)) for log, _ in logs]
+    gains = [(log, plant.dc_gain.item()) for log, plant in plants if plant is not None]
+    sign = 1 if sum(np.sign(gain) for _, gain in gains) >= 0 else -1
+    found = list[Finding]()
+    for log, gain in gains if len(gains) > 1 else ():
+        others = sign * float(np.median([abs(gain) for other, gain in gains if other is not log]))
         if not abs(others) / _OTHER_UNIT < sign * gain < abs(others) * _OTHER_UNIT:
             message = f"this log alone has a steady gain of {gain:.3g}, the others one of {others:.3g}"
             remedy = "bring all logs to one sign and unit, or leave this one out"
             found.append(Finding("contradiction", "warning", log.source, message, remedy))
     return found
-
-
-def _alone(log: Recording) -> PlantRecord | None:
-    """Return the plant of second order of a log alone, if it explains the log well."""
-    if len(log) < _FEWEST or not (np.ptp(log.inputs, axis=0).all() and np.ptp(log.outputs, axis=0).all()):
-        return None
-    plant = fit_axis([log], 2).plant
-    return plant if free_run(plant, log.inputs, log.outputs).fit_percent[0] > _GOOD else None
 
 
 def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recording]) -> Finding | None:
@@ -144,14 +170,14 @@ def _sine_hz(signal: Array, period_s: float) -> float:
 
 def _responds(log: Recording, channel: int) -> bool:
     """Return whether past inputs improve the prediction of the output by its own past, or are coherent with it."""
-    n, begins = min(len(log), _MOST_SAMPLES), int(np.argmax(log.inputs[:, channel] != log.inputs[0, channel]))
+    n, begins = min(len(log), _MOST_SAMPLES), first_motion(log.inputs[:, channel : channel + 1])
     lags, farthest = min(_LAGS, n // _SAMPLES_A_LAG), n // _LONGEST_DELAY
     coherence = measured_response([log]).coherence[:, 0, channel]
     if lags <= _OWN_LAGS or (coherence.size and np.median(coherence) > _COHERENT):
         return True  # a log that is too short can't show that there is none
     start = min(max(begins - _LAGS, 0), len(log) - n)  # a log may rest for longer than what is tested
     signals = (each[start : start + n] for each in (log.outputs[:, 0], log.inputs[:, channel]))
-    y, u = ((each - each.mean()) / max(float(each.std()), 1e-300) for each in signals)
+    y, u = ((each - each.mean()) / max(float(each.std()), TINY) for each in signals)
     own = _past(y, 1, _OWN_LAGS)
     white_y, white_u = _left(y, own), _left(u, _past(u, 1, _OWN_LAGS))
     spectra = np.fft.rfft(white_y, 2 * n) * np.fft.rfft(white_u, 2 * n).conj()
@@ -159,7 +185,7 @@ def _responds(log: Recording, channel: int) -> bool:
     freedom, searched = n - _OWN_LAGS - 2 * lags - 1, 1 + farthest // lags
     for first in {0, max(0, int(peak) - lags // 2)}:
         left = _left(y, np.hstack([own, _past(u, first, lags + 1)]))
-        ratio = (white_y @ white_y - left @ left) / max(float(left @ left), 1e-300) * freedom / (lags + 1)
+        ratio = (white_y @ white_y - left @ left) / max(float(left @ left), TINY) * freedom / (lags + 1)
         if ratio > fdtri(lags + 1, freedom, 1 - _FALSE_ALARM / searched):
             return True
     return False

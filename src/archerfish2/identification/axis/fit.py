@@ -1,4 +1,4 @@
-"""One axis at a given order: from recordings to its plant."""
+"""From recordings of one axis to its plant."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,14 +8,28 @@ import numpy as np
 from scipy.special import chdtri
 
 from archerfish2.errors import InputError
-from archerfish2.identification.axis.log_start import first_guess, guarded, rounding_floor
-from archerfish2.identification.axis.output_error import LinearFit, refine, refine_best, residuals_by_log, solve
-from archerfish2.identification.axis.prior import out_of_band, steady_gain
-from archerfish2.identification.axis.sections import Sections, poles_of, state_matrices
-from archerfish2.identification.axis.selection import Selection, Structure, delay_table, select_structure
-from archerfish2.identification.axis.spectrum import Experiment, Lines, lines_of, strongest, thinned
-from archerfish2.identification.axis.starts import distinct, vector_fits
-from archerfish2.identification.simulation import Array, Complex, free_run
+from archerfish2.identification.axis.constraints import out_of_band, steady_gain
+from archerfish2.identification.axis.output_error import (
+    LinearFit,
+    plant_of,
+    refine,
+    refine_best,
+    residuals_by_log,
+    solve,
+)
+from archerfish2.identification.axis.sections import Sections, Structure, poles_of
+from archerfish2.identification.axis.selection import Selection, Validation, select_structure
+from archerfish2.identification.axis.spectrum import (
+    Experiment,
+    Lines,
+    begun_log,
+    lines_of,
+    rounding_floor,
+    strongest,
+    thinned,
+)
+from archerfish2.identification.axis.vector_fitting import distinct, search_delays, vector_fits
+from archerfish2.identification.simulation import Array, Complex
 from archerfish2.logs.recording import Recording
 from archerfish2.records.plant import PlantRecord
 
@@ -24,9 +38,19 @@ _FEW_LINES = 1000  # for starts
 _RESPONDS = 0.02  # response over noise, in power, from which a line is fitted
 _OTHER_OPTIMUM = 1.15  # cost over the best one's up to which optima on a few lines are in doubt
 _CONTRADICTED = 0.05  # probability at which constraints count as contradicted by the logs
+_OTHER_GAIN, _UNLIKELY = 0.05, 1e-3  # a gain that is given contradicts the logs: difference, and probability
 DELAY = 20  # up to which a delay is searched at first [samples]
-_LARGEST_ORDER, _ORDERS, _PILOT = 20, range(1, 9), 4  # that can be given; from which is chosen; of the first fits
+_LARGEST_ORDER, _ORDERS, _COARSE = 20, range(1, 9), 4  # that can be given; from which is chosen; of coarse fits
 _LEAST_NOISE = 1e-8  # of an output's standard deviation, by which outputs are weighed
+
+
+class KnownGain(NamedTuple):
+    """A steady gain that is known beside the fit, and what the logs say without it."""
+
+    gain: Array  # steady output per steady input, (p, m)
+    error: Array  # its standard error, 0 where it is exact, (p, m)
+    by_logs: Array  # steady gain of the fit without it, (p, m)
+    contradicted: bool  # whether the logs exclude it
 
 
 class AxisFit(NamedTuple):
@@ -38,18 +62,9 @@ class AxisFit(NamedTuple):
     scale: Array  # of the outputs, (p,)
     experiments: list[Experiment]  # as they were fitted
     constraints: list[Lines]  # that were added to them
-    ridge: float  # of the free numbers
+    ridge: float  # weight of the squared unconstrained parameters
     selection: Selection
-
-    @property
-    def delay(self) -> int:
-        """Delay of the inputs [samples]."""
-        return self.structure.delay
-
-    @property
-    def gain(self) -> Array:
-        """Steady output per steady input, shape (p, m)."""
-        return self.plant.dc_gain
+    known_gain: KnownGain | None = None
 
     @property
     def poles(self) -> Complex:
@@ -66,6 +81,7 @@ def fit_axis(
     max_delay: int = DELAY,
     feedthrough: bool = True,
     held_back: Sequence[Recording] = (),
+    gain: tuple[Array, Array] | None = None,
 ) -> AxisFit:
     """Identify the plant of one axis by output error, of one output or of one input.
 
@@ -76,74 +92,53 @@ def fit_axis(
       max_delay: up to which it is searched at first, a tenth of the shortest recording at most [samples].
       feedthrough: whether the plant may have one; it has if the logs say so.
       held_back: recordings by which the order is chosen.
+      gain: steady output per steady input that the plant is to have, and its standard error, shape (p, m) each.
 
     Raises:
       InputError: if arrays don't fit together or aren't finite, inputs or outputs don't move, a recording is too short
         for the order, or there are several inputs with several outputs.
     """
-    longest, orders = max_delay if delay is None else delay, _ORDERS if order is None else range(order, order + 1)
-    every = _checked([*recordings, *held_back], orders[0], longest)
-    logs, kept = every[: len(recordings)], every[len(recordings) :]
-    shortest = min(len(u) for u, _ in logs)
+    orders = _ORDERS if order is None else range(order, order + 1)
+    every = _checked([*recordings, *held_back], orders[0], max_delay if delay is None else delay)
+    logs, others = every[: len(recordings)], every[len(recordings) :]
+    shortest, inputs = min(len(u) for u, _ in logs), logs[0][0].shape[1]
     delays = (0, min(max_delay, shortest // 10)) if delay is None else (delay, delay)
-    orders = orders[: sum(shortest >= _least_samples(each, logs[0][0].shape[1]) for each in orders)]
+    orders = orders[: sum(shortest >= _least_samples(each, inputs) for each in orders)]
     scale = np.sqrt(np.mean(np.concatenate([y for _, y in logs]) ** 2, 0))
-    experiments, period = [first_guess(u, y / scale, delays[1]) for u, y in logs], recordings[0].period_s
-    pilot = orders[min(_PILOT, len(orders)) - 1]
-    experiments, table = guarded(experiments, delays[1], lambda each: delay_table(each, pilot, delays))
-
-    def predicted(structure: Structure, fit: LinearFit) -> float:
-        logs = [replace(e, drift=structure.drift) for e in experiments]
-        data = lines_of(logs, thinned(logs, _FEW_LINES), structure.delay, structure.feedthrough)
-        constraints, ridge = out_of_band(solve(fit.sections, data), data, structure.delay)
-        fit = refine(fit.sections, data + constraints, 15, 1e-5, ridge)
-        plant = plant_of(fit, structure, scale, period)
-        return min(float(free_run(plant, u, y, drift=structure.drift).fit_percent.min()) for u, y in kept)
-
+    period_s = recordings[0].period_s
+    begun = [begun_log(u, y / scale, delays[1]) for u, y in logs]
+    experiments, table = search_delays(begun, orders[min(_COARSE, len(orders)) - 1], delays)
+    validation = Validation(others, scale, period_s) if others else None
     delays = delays[0], max(delays[1], *table)
-    selection = select_structure(experiments, table, orders, delays, feedthrough, predicted if kept else None)
-    structure, starts = selection.structure, selection.starts
-    final = [replace(e, skip=min(e.skip, structure.delay), drift=structure.drift) for e in experiments]
-    fit, constraints, ridge = _settled(final, structure, starts)
+    selection = select_structure(experiments, table, orders, delays, feedthrough, validation)
+    structure = selection.structure
+    final = [replace(log, skip=min(log.skip, structure.delay), drift=structure.drift) for log in experiments]
+    fit, constraints, ridge = _settled(final, structure, selection.starts)
     if len(scale) > 1:  # again, with outputs in units of their noise
-        rows = 2 * sum(len(e.z) for e in final)
+        rows = 2 * sum(len(log.z) for log in final)
         noise = np.maximum(np.sqrt(np.mean(fit.residual[:, :rows] ** 2, 1)), _LEAST_NOISE)
-        scale, final = scale * noise, [replace(e, y=e.y / noise) for e in final]
+        scale, final = scale * noise, [replace(log, y=log.y / noise) for log in final]
         fit, constraints, ridge = _settled(final, structure, [fit.sections])
-    plant = plant_of(fit, structure, scale, period)
-    return AxisFit(plant, structure, fit, scale, final, constraints, ridge, selection)
+    plant = plant_of(fit, structure, scale, period_s)
+    found = AxisFit(plant, structure, fit, scale, final, constraints, ridge, selection)
+    return found if gain is None else _with_gain(found, *gain)
 
 
-def with_gain(found: AxisFit, gain: Array) -> AxisFit:
-    """Return the fit with the constraint that the plant has a steady gain.
-
-    Args:
-      found: without it.
-      gain: steady output per steady input, shape (p, m).
-    """
-    structure, scale = found.structure, found.scale
-    data = [e.at(structure.delay, structure.feedthrough) for e in found.experiments]
+def _with_gain(found: AxisFit, gain: Array, error: Array) -> AxisFit:
+    """Return a fit with the constraint that the plant has a steady gain."""
+    structure, scale, by_logs = found.structure, found.scale, found.plant.dc_gain
+    data = [log.at(structure.delay, structure.feedthrough) for log in found.experiments]
     constraints = [*found.constraints, steady_gain(gain / scale[:, None], data)]
     fit = refine(found.fit.sections, data + constraints, 30, 1e-8, found.ridge)
+    free = solve(found.fit.sections, data)
+    least = rounding_floor(found.experiments)
+    cost = float(np.sum(fit.residual[:, : len(free.residual[0])] ** 2))
+    loss = free.residual.size * np.log(max(cost, least) / max(free.cost, least))
+    unlikely = loss > chdtri(gain.size, _UNLIKELY)
+    different = np.abs(gain - by_logs) > _OTHER_GAIN * np.maximum(np.abs(gain), np.abs(by_logs))
+    known = KnownGain(gain, error, by_logs, bool(unlikely and np.any(different)))
     plant = plant_of(fit, structure, scale, found.plant.sample_period_s)
-    return found._replace(plant=plant, fit=fit, constraints=constraints)
-
-
-def plant_of(fit: LinearFit, structure: Structure, scale: Array, period_s: float) -> PlantRecord:
-    """Return the plant of a fit.
-
-    Args:
-      fit: of outputs over their scale.
-      structure: of it.
-      scale: of the outputs, shape (p,).
-      period_s: sampling period [s].
-    """
-    numerators = fit.numerators * scale
-    inputs = len(numerators) // (structure.order + structure.feedthrough)
-    A, B, C, D = state_matrices(fit.sections, numerators, inputs)
-    # Nearly equal poles have huge numerators of opposite signs, which a record would refuse.
-    size = np.sqrt(max(np.abs(C).max(), 1e-100) / max(np.abs(B).max(), 1e-100))
-    return PlantRecord.from_state_space(A, size * B, C / size, D, period_s, structure.delay)
+    return found._replace(plant=plant, fit=fit, known_gain=known)
 
 
 def _checked(recordings: Sequence[Recording], order: int, delay: int) -> list[tuple[Array, Array]]:
@@ -156,16 +151,14 @@ def _checked(recordings: Sequence[Recording], order: int, delay: int) -> list[tu
         got = f"{inputs} inputs and {outputs} outputs; identify one output at a time"
         raise InputError(f"fit_axis: expected one input or one output, got {got}")
     least, period = _least_samples(order, inputs), recordings[0].period_s
-    for each in recordings:
-        faults = {
-            f"the period of {period} s of the first recording, got {each.period_s} s; resample it": (
-                abs(each.period_s - period) > 1e-9 * period
-            ),
-            f"at least {least} samples, got {len(each)}; record longer": len(each) < least,
-            "outputs that move, got a constant one; leave it out": not np.ptp(each.outputs, axis=0).all(),
-        }
-        for expected in (text for text, wrong in faults.items() if wrong):
-            raise InputError(f"{each.source}: expected {expected}")
+    for log in recordings:
+        if abs(log.period_s - period) > 1e-9 * period:
+            problem = f"expected the period of {period} s of the first recording, got {log.period_s} s"
+            raise InputError(f"{log.source}: {problem}; resample it")
+        if len(log) < least:
+            raise InputError(f"{log.source}: expected at least {least} samples, got {len(log)}; record longer")
+        if not np.ptp(log.outputs, axis=0).all():
+            raise InputError(f"{log.source}: expected outputs that move, got a constant one; leave it out")
     if not np.max([np.ptp(each.inputs, axis=0) for each in recordings], axis=0).all():
         raise InputError("fit_axis: expected inputs that move, got a constant; leave that input out")
     return [(each.inputs - each.inputs.mean(0), each.outputs - each.outputs.mean(0)) for each in recordings]
@@ -179,24 +172,11 @@ def _settled(
     experiments: list[Experiment], structure: Structure, starts: list[Sections]
 ) -> tuple[LinearFit, list[Lines], float]:
     """Fit by the plain sum of squares, with constraints as far as the logs accept them; also these and the ridge."""
-    data = [e.at(structure.delay, structure.feedthrough) for e in experiments]
-    few = lines_of(experiments, thinned(experiments, _FEW_LINES), structure.delay, structure.feedthrough)
-    fresh = [fit.sections for fit in vector_fits(few, structure.order)[:6]]
-    begun = distinct([solve(each, few) for each in [*starts, *fresh]], 8)
-    rough = distinct([refine(fit.sections, few, 25, 1e-4) for fit in begun], 3)
-    best = solve(rough[0].sections, data)
-    informative = _responding(best, data) if best.residual.shape[1] > 2 * _ALL_LINES else data
-    finalists = [starts[0], *(fit.sections for fit in rough[:2])]
-    if len(rough) > 1 and rough[1].cost < _OTHER_OPTIMUM * rough[0].cost:
-        finalists += [fit.sections for fit in vector_fits(informative, structure.order)[:3]]
-    free = refine_best(finalists, informative, 20, 1e-4)
-    if solve(free.sections, data).cost > best.cost:  # a pole between the lines that were left out
-        free, informative = refine_best(finalists, data, 20, 1e-4), data
-    free, data = refine(free.sections, informative, 40, 1e-9), informative
+    free, data = _free_fit(experiments, structure, starts)
     constraints, ridge = out_of_band(free, data, structure.delay)
     rows = 2 * sum(len(lines.z) for lines in data)
     allowed = 1 + chdtri(3 * structure.order + 1, _CONTRADICTED) / (rows * len(free.residual))
-    least = max(np.sum(free.residual[:, :rows] ** 2), rounding_floor(experiments))
+    least = max(free.cost, rounding_floor(experiments))
     for strength in (1.0, 0.1, 0.01):
         soft = [c._replace(inputs=strength * c.inputs, outputs=strength * c.outputs) for c in constraints]
         fit = refine_best([free.sections, starts[0]], data + soft, 8, 1e-4, ridge * strength**2)
@@ -206,11 +186,35 @@ def _settled(
     return free, [], 0.0
 
 
+def _free_fit(
+    experiments: list[Experiment], structure: Structure, starts: list[Sections]
+) -> tuple[LinearFit, list[Lines]]:
+    """Fit without constraints, from the starts and from vector fits; also the lines that were fitted."""
+    data = [log.at(structure.delay, structure.feedthrough) for log in experiments]
+    few = lines_of(experiments, thinned(experiments, _FEW_LINES), structure.delay, structure.feedthrough)
+    fresh = [fit.sections for fit in vector_fits(few, structure.order)[:6]]
+    begun = distinct([solve(sections, few) for sections in [*starts, *fresh]], 8)
+    rough = distinct([refine(fit.sections, few, 25, 1e-4) for fit in begun], 3)
+    best = solve(rough[0].sections, data)
+    informative = _responding(best, data) if best.residual.shape[1] > 2 * _ALL_LINES else data
+    finalists = [starts[0], *(fit.sections for fit in rough[:2])]
+    if len(rough) > 1 and rough[1].cost < _OTHER_OPTIMUM * rough[0].cost:
+        finalists += [fit.sections for fit in vector_fits(informative, structure.order)[:3]]
+    free = refine_best(finalists, informative, 20, 1e-4)
+    if solve(free.sections, data).cost > best.cost:  # a pole between the lines that were left out
+        free, informative = refine_best(finalists, data, 20, 1e-4), data
+    return refine(free.sections, informative, 40, 1e-9), informative
+
+
 def _responding(fit: LinearFit, data: list[Lines]) -> list[Lines]:
-    """Lines at which the fit, or a plant of its mean gain, responds: where a fit is wrongly silent a line shows it."""
-    squares = [np.abs(e.outputs - r) ** 2 for e, r in zip(data, residuals_by_log(fit, data), strict=True)]
-    powers = [np.abs(lines.inputs) ** 2 for lines in data]
-    gain = sum(map(np.sum, squares)) / sum(map(np.sum, powers))
-    responses = [np.maximum(y.mean(0), gain * u.sum(0)) for y, u in zip(squares, powers, strict=True)]
-    picks = strongest(responses, _MOST_LINES, _RESPONDS * 2 * fit.cost / fit.residual.size)
-    return [lines.pick(k) for lines, k in zip(data, picks, strict=True)]
+    """Return the lines at which the fit, or a plant of its mean gain, responds.
+
+    Where a fit is wrongly silent a line shows it.
+    """
+    residuals = residuals_by_log(fit, data)
+    responses = [np.abs(lines.outputs - left) ** 2 for lines, left in zip(data, residuals, strict=True)]
+    inputs = [np.abs(lines.inputs) ** 2 for lines in data]
+    gain = sum(map(np.sum, responses)) / sum(map(np.sum, inputs))
+    powers = [np.maximum(y.mean(0), gain * u.sum(0)) for y, u in zip(responses, inputs, strict=True)]
+    picks = strongest(powers, _MOST_LINES, _RESPONDS * 2 * fit.cost / fit.residual.size)
+    return [lines.pick(kept) for lines, kept in zip(data, picks, strict=True)]

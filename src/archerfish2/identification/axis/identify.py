@@ -2,98 +2,48 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from functools import cache, cached_property
+from typing import Any, Literal
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from archerfish2.errors import InputError
 from archerfish2.identification.axis.bootstrap import draw_plants, interval
-from archerfish2.identification.axis.checks import contradictions, exchanged_columns, log_findings, plant_findings
-from archerfish2.identification.axis.fit import DELAY, AxisFit, fit_axis, with_gain
-from archerfish2.identification.axis.hammerstein import Nonlinearity, nonlinearity
+from archerfish2.identification.axis.checks import (
+    check_logs,
+    contradictions,
+    exchanged_columns,
+    fit_alone,
+    plant_findings,
+    silent_logs,
+)
+from archerfish2.identification.axis.fit import DELAY, AxisFit, fit_axis
+from archerfish2.identification.axis.nonlinearity import nonlinearity
 from archerfish2.identification.axis.plateaus import plateau_gain
-from archerfish2.identification.axis.plots import bode_plot, run_plot
-from archerfish2.identification.axis.report import axis_report, judged
-from archerfish2.identification.axis.selection import Candidate
-from archerfish2.identification.frequency import excited_band, measured_response
-from archerfish2.identification.residuals import ResidualTests, residual_tests
-from archerfish2.identification.result import Result
-from archerfish2.identification.simulation import Array, Complex, FreeRun, balanced, free_run, simulate
-from archerfish2.identification.sources import Source, read_sources
-from archerfish2.logs.recording import Finding, Recording
+from archerfish2.identification.axis.report import GAIN_WIDTH, axis_report
+from archerfish2.identification.axis.result import AxisEstimates, GivenGain, LogFit, Pole, judged
+from archerfish2.identification.frequency import excited_band
+from archerfish2.identification.simulation import TINY, Array, Complex, balanced, free_run
+from archerfish2.identification.sources import AxisLogs, Source, read_sources
+from archerfish2.identification.statistics import Z95
+from archerfish2.logs.recording import Recording
 from archerfish2.provenance import provenance
 from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.report import Report
-from archerfish2.reports.style import Figure
 from archerfish2.reports.table import Estimate
 
 _DRAWS = 100
 _NEAR_BAND, _SCATTER = 1.5, 1 / 3  # of a natural frequency: beyond the band, and of its draws' logarithm
 
 
-class LogFit(NamedTuple):
-    """How a plant explains a recording."""
-
-    recording: Recording  # as it was fitted
-    held_back: bool  # whether it was not fitted
-    run: FreeRun  # with initial state and constant of its own
-    tests: ResidualTests | None  # of the residual of the first output; None of a short recording
-
-    @property
-    def fit_percent(self) -> float:
-        """Fit of the first output, by which a plant is judged [%]."""
-        return float(self.run.fit_percent[0])
-
-
-class Pole(NamedTuple):
-    """A real pole or a pair of poles of the continuous axis."""
-
-    frequency_hz: Estimate  # natural frequency [Hz]
-    damping: Estimate  # 1 and more of real poles
-    determined: bool  # whether the logs show where it is
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class AxisResult(Result):
+class AxisResult(AxisEstimates):
     """An identified axis."""
-
-    record: PlantRecord  # with draws
-    fits: tuple[LogFit, ...]  # of each recording, those held back first
-    dc_gain: tuple[Estimate, ...]  # steady output per steady input, output by output and input by input
-    delay_samples: Estimate  # of the first response; its range is of all structures by their weights
-    poles: tuple[Pole, ...]  # the slowest first
-    candidates: tuple[Candidate, ...]  # the likeliest first
-    excited_hz: tuple[float, float]  # band that the inputs excite
-    nonlinearity: Nonlinearity | None  # that explains the logs better
-    findings: tuple[Finding, ...]  # of the logs
-    free_gain: tuple[Estimate, ...]  # as the logs have it where it was given; else empty
 
     @cached_property
     def report(self) -> Report:
         """What is known, how sure that is, and what to do next."""
         return axis_report(self)
-
-    @property
-    def part(self) -> str:
-        """Name of the part of a robot, and of its files."""
-        return self.record.axis
-
-    def plot(self) -> Figure:
-        """Draw the recording by which the plant is judged, as measured and as simulated."""
-        worst = judged(self.fits)
-        return run_plot(worst.recording, worst.run, title=worst.recording.source)
-
-    def bode(self) -> Figure:
-        """Draw the frequency response with its band, and as measured."""
-        fitted = [each.recording for each in self.fits if not each.held_back]
-        return bode_plot(self.record, measured_response(fitted), self.excited_hz, title=self.record.axis)
-
-    def predict(self, u: Array) -> Array:
-        """Simulate the outputs from rest, shape (N, p), under inputs (N, m)."""
-        rest = np.zeros((self.record.delay_samples, len(self.record.input_names)))
-        return simulate(self.record, np.vstack([rest, np.reshape(u, (len(u), -1))]))[len(rest) :]
 
 
 def identify_axis(
@@ -122,105 +72,126 @@ def identify_axis(
         end [samples].
       feedthrough: whether an input may act within its own sample.
       dc_gain: steady output per steady input that the plant is to have, output by output and input by input, or
-        "plateaus": that of `plateau_gain`, if the logs have such steps; fitted if not given.
+        "plateaus": that of `plateau_gain`, if the logs have steps that give it within 5 %; fitted if not given.
       divides_s: time that the plant's sampling period is to divide [s].
       seed: of the draws.
 
     Raises:
       InputError: if a log can't be read, or does not determine a plant.
     """
-    read = read_sources(logs, validate, divides_s)
-    found_before = log_findings(read.fitted, order or 1)
-    for each in found_before:
-        if each.severity == "refused":
-            raise InputError(f"{each.place}: {each.message}; {each.remedy}", each.code)
-    longest = DELAY if max_delay is None else max_delay
-    found = free = fit_axis(read.fitted, order, max_delay=longest, feedthrough=feedthrough, held_back=read.held_back)
-    given = _given_gain(dc_gain, read.fitted)
-    if given:
-        found = with_gain(free, np.reshape([each.value for each in given], free.gain.shape))
-    names = {"input_names": read.fitted[0].input_names, "output_names": read.fitted[0].output_names}
+    # Matrices are small: more threads cost more than they save.
+    with threadpool_limits(1, "blas"):
+        logs_of_axis = read_sources(logs, validate, divides_s)
+        check_logs(logs_of_axis.fitted, order or 1)
+        gain, source = _known_gain(dc_gain, logs_of_axis.fitted)
+        longest = DELAY if max_delay is None else max_delay
+        found = fit_axis(
+            logs_of_axis.fitted,
+            order,
+            max_delay=longest,
+            feedthrough=feedthrough,
+            held_back=logs_of_axis.held_back,
+            gain=gain,
+        )
+        return _result(found, logs_of_axis, axis, source, seed)
+
+
+def _result(found: AxisFit, logs: AxisLogs, axis: str, gain_source: str, seed: int) -> AxisResult:
+    """Draw plants, run the tests and collect what is known."""
+    first = logs.fitted[0]
     drawn = draw_plants(found, _DRAWS, seed)
-    draws = {name: np.stack([getattr(each, name) for each in drawn]) for name in "ABCD"}
-    facts: Any = provenance(seed) | {"logs": read.hashes}
-    delays = np.array([each.delay_samples for each in drawn])
-    plant = balanced(found.plant.replace(axis=axis, draws=draws, draw_delays=delays, provenance=facts, **names))
-    band = excited_band(read.fitted)
-    fits = [
-        _log_fit(plant, each, held, found.structure.drift)
-        for held, group in ((True, read.held_back), (False, read.fitted))
-        for each in group
-    ]
-    worst = judged(fits).recording
-    swapped = exchanged_columns(found, worst, read.fitted)
-    findings = [*read.findings, *found_before, *plant_findings(plant, read.fitted[0]), *([swapped] if swapped else [])]
+    draws = {name: np.stack([getattr(plant, name) for plant in drawn]) for name in "ABCD"}
+    facts: Any = provenance(seed) | {"logs": logs.hashes}
+    plant = balanced(
+        found.plant.replace(
+            axis=axis,
+            input_names=first.input_names,
+            output_names=first.output_names,
+            draws=draws,
+            draw_delays=np.array([plant.delay_samples for plant in drawn]),
+            provenance=facts,
+        )
+    )
+    drift = found.structure.drift
+    fits = [LogFit(log, True, free_run(plant, log.inputs, log.outputs, drift=drift)) for log in logs.held_back]
+    fits += [LogFit(log, False, free_run(plant, log.inputs, log.outputs, drift=drift)) for log in logs.fitted]
+    alone = cache(fit_alone)
+    findings = [*logs.findings, *silent_logs(logs.fitted, alone), *plant_findings(plant, first)]
+    if swapped := exchanged_columns(found, judged(tuple(fits)).recording, logs.fitted):
+        findings.append(swapped)
     if plant.D.shape == (1, 1):
-        findings += contradictions([(each.recording, each.fit_percent) for each in fits])
+        findings += contradictions([(fit.recording, fit.fit_percent) for fit in fits], alone)
+    known, given = found.known_gain, None
+    if known is not None:
+        given = GivenGain(gain_source, tuple(known.by_logs.ravel().tolist()), known.contradicted)
+    band = excited_band(logs.fitted)
+    drawn_poles = [np.linalg.eigvals(plant.A).astype(complex) for plant in drawn]
     return AxisResult(
-        plant,
-        tuple(fits),
-        given or gains_of(found, drawn),
-        _delay(found),
-        _poles(found.poles, [np.linalg.eigvals(each.A).astype(complex) for each in drawn], plant.sample_period_s, band),
-        found.selection.candidates,
-        band,
-        nonlinearity(found, read.fitted),
-        tuple(findings),
-        gains_of(free, draw_plants(free, _DRAWS, seed)) if given else (),
+        record=plant,
+        fits=tuple(fits),
+        dc_gain=gains_of(found, drawn),
+        given_gain=given,
+        delay_samples=_delay(found),
+        poles=_poles(found.poles, drawn_poles, plant.sample_period_s, band),
+        candidates=found.selection.candidates,
+        excited_hz=band,
+        nonlinearity=nonlinearity(found, logs.fitted),
+        findings=tuple(findings),
     )
 
 
-def _given_gain(dc_gain: Sequence[float] | float | str | None, recordings: Sequence[Recording]) -> tuple[Estimate, ...]:
-    """Return the gains that a plant is to have; none if they are to be fitted."""
-    if dc_gain == "plateaus" and len(recordings[0].input_names) * len(recordings[0].output_names) == 1:
-        found = plateau_gain(recordings)
-        return () if found is None else (found,)
-    expected = len(recordings[0].input_names) * len(recordings[0].output_names)
-    given = [] if dc_gain is None else np.ravel(dc_gain).tolist()
-    numbers = all(isinstance(each, int | float) and np.isfinite(each) for each in given)
-    if given and (len(given) != expected or not numbers):
-        raise InputError(
-            f"dc_gain: expected {expected} finite numbers, got {given}; give one for each input and output"
-        )
-    return tuple(Estimate(each, each, each) for each in given)
-
-
-def _log_fit(plant: PlantRecord, recording: Recording, held_back: bool, drift: bool) -> LogFit:
-    run = free_run(plant, recording.inputs, recording.outputs, drift=drift)
-    residual = np.asarray(recording.outputs[:, 0] - run.outputs[:, 0])
-    return LogFit(recording, held_back, run, residual_tests(residual, recording.inputs))
+def _known_gain(
+    dc_gain: Sequence[float] | float | str | None, recordings: Sequence[Recording]
+) -> tuple[tuple[Array, Array] | None, str]:
+    """Return the gain that a plant is to have and its standard error, shape (p, m) each, and where it comes from."""
+    shape = len(recordings[0].output_names), len(recordings[0].input_names)
+    if dc_gain is None:
+        return None, ""
+    if dc_gain == "plateaus":
+        found = plateau_gain(recordings) if shape == (1, 1) else None
+        # Plateaus that leave the gain open say less than a fit of the whole logs.
+        if found is None or found.high - found.value > GAIN_WIDTH * abs(found.value):
+            return None, ""
+        error = (found.high - found.value) / Z95
+        return (np.array([[found.value]]), np.array([[error]])), "plateaus"
+    given = np.ravel(dc_gain).tolist()
+    numbers = all(isinstance(number, int | float) and np.isfinite(number) for number in given)
+    if len(given) != shape[0] * shape[1] or not numbers:
+        expected = f"expected {shape[0] * shape[1]} finite numbers, got {given}"
+        raise InputError(f"dc_gain: {expected}; give one for each input and output")
+    return (np.reshape(np.array(given, float), shape), np.zeros(shape)), "given"
 
 
 def gains_of(found: AxisFit, drawn: Sequence[PlantRecord]) -> tuple[Estimate, ...]:
     """Return the steady gains with their intervals, output by output and input by input."""
-    low, high = interval(np.array([each.dc_gain.ravel() for each in drawn]))
-    gains = found.gain.ravel()
+    low, high = interval(np.array([plant.dc_gain.ravel() for plant in drawn]))
+    gains = found.plant.dc_gain.ravel()
     return tuple(map(Estimate, gains.tolist(), np.minimum(low, gains).tolist(), np.maximum(high, gains).tolist()))
 
 
 def _delay(found: AxisFit) -> Estimate:
     """Delay of the first response beyond the sample that every input takes; a feedthrough responds a sample earlier."""
     weights: dict[int, float] = defaultdict(float)
-    for each, weight in found.selection.weights.items():
-        weights[max(each.delay - each.feedthrough, 0)] += weight
+    for structure, weight in found.selection.weights.items():
+        weights[max(structure.delay - structure.feedthrough, 0)] += weight
     delays = sorted(weights)
-    cumulative = np.cumsum([weights[each] for each in delays])
+    cumulative = np.cumsum([weights[delay] for delay in delays])
     low, high = (delays[min(int(np.searchsorted(cumulative, level)), len(delays) - 1)] for level in (0.025, 0.975))
-    value = max(found.delay - found.structure.feedthrough, 0)
+    value = max(found.structure.delay - found.structure.feedthrough, 0)
     return Estimate(value, min(low, value), max(high, value), "samples")
 
 
 def _poles(poles: Complex, drawn: Sequence[Complex], period_s: float, band: tuple[float, float]) -> tuple[Pole, ...]:
-    logs = np.log(np.array([_matched(poles, each) for each in drawn]) + 1e-300)
+    logs = np.log(np.array([_matched(poles, others) for others in drawn]) + TINY)
     estimates = []
     for place, pole in enumerate(poles):
         if pole.imag >= 0:
-            rates = np.append(np.log(pole + 1e-300), logs[:, place]) / period_s
+            rates = np.append(np.log(pole + TINY), logs[:, place]) / period_s
             frequency, damping = np.abs(rates) / (2 * np.pi), -rates.real / np.abs(rates)
             known = band[0] / _NEAR_BAND <= frequency[0] <= _NEAR_BAND * band[1]
             known = known and np.std(np.log(frequency[1:])) < _SCATTER
             estimates.append(Pole(_estimate(frequency, "Hz"), _estimate(damping, ""), bool(known)))
-    return tuple(sorted(estimates, key=lambda each: each.frequency_hz.value))
+    return tuple(sorted(estimates, key=lambda pole: pole.frequency_hz.value))
 
 
 def _matched(poles: Complex, others: Complex) -> Complex:

@@ -11,9 +11,18 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import lapack, lstsq
 
-from archerfish2.identification.axis.sections import Sections, free_numbers, section_states, sections_of, theta_slopes
+from archerfish2.identification.axis.sections import (
+    Sections,
+    Structure,
+    free_numbers,
+    section_states,
+    sections_of,
+    state_matrices,
+    theta_slopes,
+)
 from archerfish2.identification.axis.spectrum import Lines
-from archerfish2.identification.simulation import Array, Complex
+from archerfish2.identification.simulation import TINY, Array, Complex
+from archerfish2.records.plant import PlantRecord
 
 _LARGEST = 8.5  # |θ|; its tanh is 1 − 8e−8
 _ROUNDING = 1e-18  # of a driven column's power, up to which what own columns leave of it is rounding
@@ -57,7 +66,7 @@ def solve(sections: Sections, data: list[Lines]) -> LinearFit:
     if _is_regular(triangle):
         numerators, residual = lapack.dtrtrs(triangle, Q.T @ Y.T)[0], Y - (Y @ Q) @ Q.T
     else:  # columns depend on each other, as those of equal poles
-        size = np.maximum(np.sqrt(_squares(X)), 1e-300)
+        size = np.maximum(np.sqrt(_squares(X)), TINY)
         numerators = lstsq(X.T / size, Y.T, lapack_driver="gelsy", cond=1e-11)[0] / size[:, None]
         residual = Y - numerators.T @ X
     return LinearFit(sections, float(np.vdot(residual, residual)), numerators, residual, Q, logs)
@@ -137,7 +146,7 @@ def refine(sections: Sections, data: list[Lines], steps: int, tolerance: float, 
         J = jacobian(fit, data, theta)
         hessian = J @ J.T + ridge * np.eye(len(theta))
         gradient = J @ fit.residual.reshape(-1) + ridge * theta
-        scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+        scale = np.sqrt(np.maximum(np.diag(hessian), TINY))
         hessian, before = hessian / np.outer(scale, scale), fit.cost + ridge * theta @ theta
         for _ in range(8):
             damped = hessian + damping * np.eye(len(theta))
@@ -172,6 +181,36 @@ def residuals_by_log(fit: LinearFit, data: list[Lines]) -> list[Complex]:
     """Return the residual at the lines of each log, shape (p, F) each."""
     ends = 2 * np.cumsum([len(lines.z) for lines in data])
     return [np.ascontiguousarray(each).view(complex) for each in np.split(fit.residual, ends, axis=1)[:-1]]
+
+
+def noise_colour(residual: Complex, response: Complex) -> float:
+    """Return by how much noise is stronger where a plant responds than on the average, at least 1.
+
+    Such noise is worth as much as so many times fewer white samples.
+
+    Args:
+      residual: at the lines of a log, shape (…, F).
+      response: of the plant, of the same shape.
+    """
+    noise, power = np.abs(residual) ** 2, np.abs(response) ** 2
+    return max(1.0, float(np.sum(noise * power) / max(np.mean(noise) * np.sum(power), TINY)))
+
+
+def plant_of(fit: LinearFit, structure: Structure, scale: Array, period_s: float) -> PlantRecord:
+    """Return the plant of a fit.
+
+    Args:
+      fit: of outputs over their scale.
+      structure: of it.
+      scale: of the outputs, shape (p,).
+      period_s: sampling period [s].
+    """
+    numerators = fit.numerators * scale
+    inputs = len(numerators) // (structure.order + structure.feedthrough)
+    A, B, C, D = state_matrices(fit.sections, numerators, inputs)
+    # Nearly equal poles have huge numerators of opposite signs, which a record would refuse.
+    size = np.sqrt(max(np.abs(C).max(), 1e-100) / max(np.abs(B).max(), 1e-100))
+    return PlantRecord.from_state_space(A, size * B, C / size, D, period_s, structure.delay)
 
 
 def _columns(sections: Sections, lines: Lines) -> tuple[Complex, list[Complex], Array, Array]:

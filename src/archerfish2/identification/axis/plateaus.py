@@ -1,55 +1,128 @@
-"""Steady gain by the plateaus of steps, which friction moves to both sides alike.
+"""Steady gain by the levels at which steps come to rest.
 
-Where friction holds an axis short of its aim, a fit of the whole log explains that by a slow pole; the levels at which
-the axis comes to rest, reached from both sides, don't depend on how they were reached.
+Where friction holds an axis short of its aim, a fit of the whole log explains that by a slow pole. At rest
+
+    y = gain · u + friction · direction + constant of the log,
+
+the direction being that of the step into the level. Least squares over the plateaus of all logs give the gain.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import stdtrit
 
 from archerfish2.identification.simulation import Array
+from archerfish2.identification.statistics import Z95
 from archerfish2.logs.recording import Recording
 from archerfish2.reports.table import Estimate
 
 _FEWEST = 3  # plateaus
-_STILL = 2e-3  # of the output's range, by which the means of both halves of a plateau may differ, beside their noise
+_AVERAGED = 5  # the last fifth of a plateau
+_FEW_VALUES = 10
 _HELD = 1e-6  # of an input's range, within which it counts as held
+_STILL, _NOISE = 2e-3, 3.0
+"""What a step may still move within what is averaged: share of the step, or standard errors of that share."""
 
 
-def plateau_gain(recordings: Sequence[Recording], hold_s: float = 1.0) -> Estimate | None:
-    """Return the slope of the resting output over the held input, with Student's interval; None without such steps.
+class Plateaus(NamedTuple):
+    """The times of one log in which the input is held for long."""
+
+    level: Array  # of the input, (K,)
+    step: Array  # of the input into that level, 0 where the log begins, (K,)
+    reached: Array  # mean output of the last fifth, (K,)
+    moved: Array  # mean of that fifth's second half less the first's, (K,)
+    moved_error: Array  # standard error of it, (K,)
+    resolution: Array  # smallest difference of outputs, to which they are rounded, (K,)
+
+
+def plateau_gain(recordings: Sequence[Recording], hold_s: float = 0.5) -> Estimate | None:
+    """Return the steady gain with Student's interval; None without enough steps that come to rest.
 
     Args:
       recordings: of one input and one output, each with a zero of its own.
       hold_s: how long an input must be held to count; the last fifth of that time is averaged [s].
     """
-    found = [each for each in (_plateaus(each, hold_s) for each in recordings) if len(each[0])]
-    levels, reached = (np.concatenate([np.zeros(0), *each]) for each in ([x for x, _ in found], [y for _, y in found]))
-    squares, freedom = float(levels @ levels), len(levels) - len(found) - 1
-    if len(levels) < _FEWEST or squares == 0 or freedom < 1:
+    logs = [_plateaus(recording, hold_s) for recording in recordings]
+    logs = [log for log in logs if log.level.size and _at_rest(log)]
+    if not logs:
         return None
-    gain = float(levels @ reached) / squares
-    scatter = reached - gain * levels
-    half = float(stdtrit(freedom, 0.975)) * float(np.sqrt(scatter @ scatter / freedom / squares))
-    return Estimate(gain, gain - half, gain + half)
+    level, direction, reached = (np.concatenate(columns) for columns in zip(*map(_centred, logs), strict=True))
+    rounding = _rounding(logs)
+    with_friction = _slope(np.column_stack([level, direction]), reached, rounding, len(logs))
+    # A coefficient of friction that is noise would only widen the interval.
+    if with_friction is not None and not with_friction[1].low <= 0 <= with_friction[1].high:
+        return with_friction[0]
+    without = _slope(level[:, None], reached, rounding, len(logs))
+    return None if without is None else without[0]
 
 
-def _plateaus(recording: Recording, hold_s: float) -> tuple[Array, Array]:
-    """Levels of the input and of the output at rest, each less their mean."""
+def _plateaus(recording: Recording, hold_s: float) -> Plateaus:
     u, y = recording.inputs[:, 0], recording.outputs[:, 0]
     ends = np.append(np.flatnonzero(np.abs(np.diff(u)) > _HELD * np.ptp(u)), len(u) - 1)
     begins = np.append(0, ends[:-1] + 1)
+    # A hold of exactly `hold_s` counts, also where the period is not a binary fraction.
     long = ends - begins + 1 >= hold_s / recording.period_s - 1e-6
-    held = [(b + (e - b) * 4 // 5, e) for b, e in zip(begins[long], ends[long], strict=True)]
-    held = [(b, e) for b, e in held if _rests(y[b : e + 1], float(_STILL * np.ptp(y)))]
-    levels, reached = np.array([u[e] for _, e in held]), np.array([y[b : e + 1].mean() for b, e in held])
-    return (levels - levels.mean(), reached - reached.mean()) if held else (levels, reached)
+    values = np.unique(y)
+    # Of few values the smallest difference is none of rounding.
+    resolution = float(np.diff(values).min()) if len(values) > _FEW_VALUES else 0.0
+    rows = [(*_plateau(u, y, begin, end), resolution) for begin, end in zip(begins[long], ends[long], strict=True)]
+    return Plateaus(*np.array(rows).reshape(-1, len(Plateaus._fields)).T)
 
 
-def _rests(y: Array, tolerance: float) -> bool:
-    """Return whether the means of both halves agree, to their noise or a tolerance."""
-    first, second = y[: len(y) // 2], y[len(y) // 2 :]
-    noise = np.std(np.diff(y)) / np.sqrt(2) * np.sqrt(4 / len(y))
-    return bool(abs(second.mean() - first.mean()) <= max(tolerance, 3 * noise))
+def _plateau(u: Array, y: Array, begin: int, end: int) -> tuple[float, float, float, float, float]:
+    """Return level, step, mean output, its movement and the error of that, as in `Plateaus`."""
+    last = y[end - max((end - begin) // _AVERAGED, 1) : end + 1]
+    half = len(last) // 2
+    moved = last[half:].mean() - last[:half].mean()
+    noise = np.std(np.diff(last)) / np.sqrt(2)
+    step = u[begin] - u[begin - 1] if begin else 0.0
+    return float(u[end]), float(step), float(last.mean()), float(moved), float(noise * np.sqrt(4 / len(last)))
+
+
+def _at_rest(log: Plateaus) -> bool:
+    """Return whether the steps of a log have come to rest where outputs are averaged."""
+    squares = float(log.step @ log.step)
+    if squares == 0:
+        return True
+    share = float(log.step @ log.moved) / squares
+    error = float(np.linalg.norm(log.step * log.moved_error)) / squares
+    return abs(share) <= max(_STILL, _NOISE * error)
+
+
+def _centred(log: Plateaus) -> tuple[Array, Array, Array]:
+    """Return level, direction and mean output, each less its mean over the log."""
+    direction = np.sign(log.step)
+    return log.level - log.level.mean(), direction - direction.mean(), log.reached - log.reached.mean()
+
+
+def _rounding(logs: Sequence[Plateaus]) -> Array:
+    """Return the standard deviation of each plateau's output by the rounding at each level, shape (K, levels).
+
+    A level is rounded alike each time, so that its plateaus have one error.
+    """
+    blocks = [(log.level[:, None] == np.unique(log.level)) * log.resolution[0] / np.sqrt(12) for log in logs]
+    return np.asarray(block_diag(*blocks))
+
+
+def _slope(columns: Array, reached: Array, rounding: Array, constants: int) -> list[Estimate] | None:
+    """Return the coefficients of a regression with Student's intervals; None if there are too few plateaus.
+
+    Args:
+      columns: regressors without constants, shape (K, c).
+      reached: what they explain, shape (K,).
+      rounding: standard deviations of its rounding, shape (K, levels).
+      constants: how many were removed from both.
+    """
+    count, coefficients = columns.shape
+    freedom = count - constants - coefficients
+    if count < _FEWEST or freedom < 1 or np.linalg.matrix_rank(columns) < coefficients:
+        return None
+    inverse = np.linalg.pinv(columns)
+    found = inverse @ reached
+    variance = float(np.sum((reached - columns @ found) ** 2)) / freedom
+    scatter = stdtrit(freedom, 0.975) * np.sqrt(variance * np.sum(inverse**2, axis=1))
+    half = np.hypot(scatter, Z95 * np.linalg.norm(inverse @ rounding, axis=1))
+    return [Estimate(float(b), float(b - h), float(b + h)) for b, h in zip(found, half, strict=True)]

@@ -4,32 +4,30 @@ A plant is usable if it explains what was held back and its steady gain is known
 and refuses nothing: a plant may share it between dead time and poles.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from archerfish2.identification.axis.log_start import mostly_held
+from archerfish2.identification.axis.nonlinearity import Nonlinearity
 from archerfish2.identification.axis.plots import correlation_plot, run_plot, step_plot
+from archerfish2.identification.axis.result import AxisEstimates
+from archerfish2.identification.axis.spectrum import mostly_held
 from archerfish2.identification.frequency import frequency_response
 from archerfish2.reports.report import Report
+from archerfish2.reports.style import Figure
 from archerfish2.reports.table import Entry, Estimate, Table, entry_texts
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from archerfish2.identification.axis.hammerstein import Nonlinearity
-    from archerfish2.identification.axis.identify import AxisResult, LogFit
 
 USABLE_FIT = 80.0
 """Fit from which a plant is usable [%]."""
 _NOISY_FIT, _NOISE_SHARE = 55.0, 0.1  # a fit of noise's fault: at least, and share that the inputs explain of the rest
-_GAIN_WIDTH, _GAIN_SHARE = 0.05, 0.85  # draws within this much of the gain; share of them from which it is known
+GAIN_WIDTH = 0.05
+"""Of a steady gain, within which it must be known."""
+_GAIN_SHARE = 0.85  # of the draws within that, from which it is
 _RUNS = 4  # that are drawn
 _DEPENDENT = 0.05  # share of the residual that past inputs explain, from which it is worth a word
 _RUNS_ON = 0.5  # what is left of a state after the longest recording, from which the axis may integrate
-_MOVING = 0.3  # deviation of an output over that of the recording that moves most, from which a recording counts
 _STRONG = 0.7  # share of the residual that a nonlinearity leaves, up to which it may make a plant useless
 
 _LINEAR = {
@@ -47,30 +45,23 @@ class Shortfall(NamedTuple):
     sentence: str  # what it is, and what to do
 
 
-def shortfalls(result: "AxisResult") -> list[Shortfall]:
+def shortfalls(result: AxisEstimates) -> list[Shortfall]:
     """Return what makes a plant useless, the gravest first; nothing if it is usable."""
     wrong = [each for each in result.findings if each.code in ("swapped", "contradiction")]
     if wrong:  # what else is found follows from it
         return [Shortfall(each.code, f"{each.place}: {each.message}: {each.remedy}.") for each in wrong]
-    for given, free in zip(result.dc_gain, result.free_gain, strict=False):
-        slack = _GAIN_WIDTH * abs(given.value)
-        if given.low == given.high and not free.low - slack <= given.value <= free.high + slack:
-            sentence = f"The gain that was given, {given.value:.4g}, contradicts the logs, which have {_words(free)}"
-            return [Shortfall("gain", f"{sentence}: check its unit and sign, or leave it out.")]
+    given = result.given_gain
+    if given is not None and given.source == "given" and given.contradicted:
+        gain = ", ".join(f"{estimate.value:.4g}" for estimate in result.dc_gain)
+        by_logs = ", ".join(f"{value:.4g}" for value in given.by_logs)
+        sentence = f"The gain that was given, {gain}, contradicts the logs, which have {by_logs}"
+        return [Shortfall("gain", f"{sentence}: check its unit and sign, or leave it out.")]
     low_fit = list(_low_fit(result))
     return [*low_fit, *_unknown_gain(result), *(() if low_fit else _nonlinear(result))]
 
 
-def judged(fits: Sequence["LogFit"]) -> "LogFit":
-    """Return the recording by which a plant is judged: the worst that was held back and moves, else that was fitted."""
-    fits = [each for each in fits if each.held_back] or list(fits)
-    spreads = np.array([each.recording.outputs.std(0) for each in fits])
-    moving = np.any(spreads >= _MOVING * spreads.max(0), axis=1)
-    return min((each for each, moves in zip(fits, moving, strict=True) if moves), key=lambda each: each.fit_percent)
-
-
-def _low_fit(result: "AxisResult") -> Iterator[Shortfall]:
-    worst, found = judged(result.fits), result.nonlinearity
+def _low_fit(result: AxisEstimates) -> Iterator[Shortfall]:
+    worst, found = result.judged, result.nonlinearity
     noise = found is None and worst.tests is not None and worst.tests.explained_share < _NOISE_SHARE
     if worst.fit_percent >= (_NOISY_FIT if noise else USABLE_FIT):
         return
@@ -83,12 +74,12 @@ def _low_fit(result: "AxisResult") -> Iterator[Shortfall]:
     yield Shortfall("fit", f"The plant explains {share} of {worst.recording.source}, expected {USABLE_FIT:g} %; {why}.")
 
 
-def _unknown_gain(result: "AxisResult") -> Iterator[Shortfall]:
+def _unknown_gain(result: AxisEstimates) -> Iterator[Shortfall]:
     plant = result.record
     gain, drawn = plant.dc_gain[0], frequency_response(plant, np.zeros(1), draws=True)[:, 0, 0].real
-    known = np.mean(np.abs(drawn - gain) <= _GAIN_WIDTH * np.abs(gain), axis=0) >= _GAIN_SHARE
-    if result.free_gain:  # that of the plateaus, or a number that was given
-        known = np.array([e.high - e.low <= 2 * _GAIN_WIDTH * abs(e.value) for e in result.dc_gain[: len(gain)]])
+    known = np.mean(np.abs(drawn - gain) <= GAIN_WIDTH * np.abs(gain), axis=0) >= _GAIN_SHARE
+    if result.given_gain is not None and result.given_gain.source == "given":
+        return
     slowest = np.abs(np.linalg.eigvals(plant.A)).max() ** max(len(each.recording) for each in result.fits)
     remedy = "The output runs on under a steady input: log its rate as the output, or an input at which it rests."
     if slowest < _RUNS_ON:
@@ -96,17 +87,17 @@ def _unknown_gain(result: "AxisResult") -> Iterator[Shortfall]:
         given = "dc_gain in logs.toml, or archerfish2 identify axis --dc-gain"
         remedy = f"{step}, or give the gain if it is known ({given})."
     for place in np.flatnonzero(~known).tolist():
-        unknown = f"The steady gain {_named(result, place)}is not known within {_GAIN_WIDTH:.0%}"
+        unknown = f"The steady gain {_named(result, place)}is not known within {GAIN_WIDTH:.0%}"
         yield Shortfall("gain", f"{unknown}: {_words(result.dc_gain[place])}. {remedy}")
 
 
-def _nonlinear(result: "AxisResult") -> Iterator[Shortfall]:
+def _nonlinear(result: AxisEstimates) -> Iterator[Shortfall]:
     """Yield a nonlinearity that makes the gain or the response of the linear plant wrong."""
     found = result.nonlinearity
     if found is None or found.residual_share > _STRONG:
         return
     wrong, agreement = [], max(found.agreement_percent, 0)
-    if abs(found.gain_ratio - 1) > _GAIN_WIDTH:
+    if abs(found.gain_ratio - 1) > GAIN_WIDTH:
         wrong.append(f"its steady gain is {found.gain_ratio:.3g} times that of the linear plant")
     if agreement < USABLE_FIT:
         wrong.append(f"on other motions of the same size the linear plant follows to {agreement:.0f} % only")
@@ -115,14 +106,14 @@ def _nonlinear(result: "AxisResult") -> Iterator[Shortfall]:
         yield Shortfall(found.name.replace(" ", "-"), sentence)
 
 
-def _nonlinear_words(found: "Nonlinearity") -> str:
+def _nonlinear_words(found: Nonlinearity) -> str:
     size = f"{found.level:.3g} per second" if found.name == "rate limit" else f"±{found.level:.3g} of the command"
     return f"A {found.name} of {size} explains {1 - found.residual_share:.0%} of what the linear plant leaves"
 
 
-def axis_report(result: "AxisResult") -> Report:
+def axis_report(result: AxisEstimates) -> Report:
     """Report an identified axis."""
-    missing, plant, worst = shortfalls(result), result.record, judged(result.fits)
+    missing, plant, worst = shortfalls(result), result.record, result.judged
     name = f"{worst.recording.source} ({'held back' if worst.held_back else 'fitted, none held back'})"
     value, low, high = (1e3 * plant.sample_period_s * each for each in result.delay_samples[:3])
     delay = Estimate(value, low, high, "ms")
@@ -141,12 +132,13 @@ def axis_report(result: "AxisResult") -> Report:
     )
 
 
-def _known(result: "AxisResult", delay: Estimate) -> Iterator[str]:
+def _known(result: AxisEstimates, delay: Estimate) -> Iterator[str]:
     for place, gain in enumerate(result.dc_gain):
         yield f"The steady gain {_named(result, place)}is {_words(gain)}, 95 % interval."
-        if result.free_gain:
-            source = "was given" if gain.low == gain.high else "is the slope of the levels at which steps come to rest"
-            yield f"It {source}; a fit of the whole logs has {_words(result.free_gain[place])}."
+        if given := result.given_gain:
+            measured = "is the slope of the levels at which steps come to rest"
+            source = "was given" if given.source == "given" else measured
+            yield f"It {source}; a fit of the whole logs has {given.by_logs[place]:.4g}."
     low, high = result.excited_hz
     yield f"The inputs excite {low:.3g} to {high:.3g} Hz; outside, the plant is an extrapolation."
     yield f"The delay is {_words(delay)}; a plant may share it between dead time and poles."
@@ -155,7 +147,7 @@ def _known(result: "AxisResult", delay: Estimate) -> Iterator[str]:
     yield f"The logs determine {share} of its poles, a pair counted as one."
 
 
-def _doubts(result: "AxisResult") -> Iterator[str]:
+def _doubts(result: AxisEstimates) -> Iterator[str]:
     for name, tests in ((each.recording.source, each.tests) for each in result.fits if each.tests is not None):
         if tests.feedback:
             wrong = f"In {name} the input follows the output's disturbances, which biases the plant"
@@ -165,7 +157,7 @@ def _doubts(result: "AxisResult") -> Iterator[str]:
             yield f"Past inputs still explain {share}: look at its plot."
 
 
-def _next_steps(result: "AxisResult") -> Iterator[str]:
+def _next_steps(result: AxisEstimates) -> Iterator[str]:
     if not any(each.held_back for each in result.fits):
         file = f"{result.record.axis}_step_validation.csv"
         yield f"Hold a log back ({file}, or archerfish2 identify axis --validate) to see its fit."
@@ -180,7 +172,7 @@ def _next_steps(result: "AxisResult") -> Iterator[str]:
         yield "Some poles are not determined: excite higher frequencies if the robot uses them."
 
 
-def _tables(result: "AxisResult", delay: Estimate) -> Iterator[Table]:
+def _tables(result: AxisEstimates, delay: Estimate) -> Iterator[Table]:
     rows: list[tuple[Entry, ...]] = [("delay", delay)]
     rows += [(f"steady gain {_named(result, place)}".strip(), each) for place, each in enumerate(result.dc_gain)]
     for each in result.poles:
@@ -201,7 +193,7 @@ def _tables(result: "AxisResult", delay: Estimate) -> Iterator[Table]:
     yield Table("The likeliest structure of each order", columns, tried, f"* chosen: {rule}.")
 
 
-def _figures(result: "AxisResult") -> Iterator[tuple[str, Callable[[], "Figure"]]]:
+def _figures(result: AxisEstimates) -> Iterator[tuple[str, Callable[[], Figure]]]:
     for each in result.fits[:_RUNS]:
         role = "held back: the plant saw its input alone" if each.held_back else "fitted"
         yield f"{each.recording.source}, {role}.", partial(run_plot, each.recording, each.run)
@@ -213,7 +205,7 @@ def _figures(result: "AxisResult") -> Iterator[tuple[str, Callable[[], "Figure"]
         yield caption, partial(correlation_plot, first.tests)
 
 
-def _named(result: "AxisResult", place: int) -> str:
+def _named(result: AxisEstimates, place: int) -> str:
     inputs, outputs = result.record.input_names, result.record.output_names
     named = f"from {inputs[place % len(inputs)]} to {outputs[place // len(inputs)]} "
     return named * (len(inputs) * len(outputs) > 1)

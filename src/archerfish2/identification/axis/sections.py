@@ -7,16 +7,26 @@ linear parameters; free numbers θ, one a pole, are what an optimiser moves: eve
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from archerfish2.identification.simulation import Array, Complex
+from archerfish2.identification.simulation import TINY, Array, Complex
 
 Sections = Sequence[Array]
 
 _NEAREST = 1 - 8e-8  # largest |tanh θ| of free numbers
 _LARGEST_POLE = 0.9995  # of a start; nearer to the unit circle a pole can't be distinguished from a transient
+
+
+class Structure(NamedTuple):
+    """Structure of a plant and of its logs."""
+
+    order: int  # number of poles
+    delay: int  # of the inputs [samples]
+    feedthrough: bool  # whether inputs act, after the delay, within their own sample
+    drift: bool = False  # of the outputs, by a polynomial of third degree
 
 
 def sections_of(theta: Array) -> Sections:
@@ -50,7 +60,7 @@ def sections_from_poles(poles: Complex) -> Sections:
     Args:
       poles: in the z plane, shape (n,), complex ones with their conjugates.
     """
-    size = np.maximum(np.abs(poles), 1e-300)
+    size = np.maximum(np.abs(poles), TINY)
     poles = poles / size * np.minimum(np.where(size > 1, 1 / size, size), _LARGEST_POLE)
     pairs = [np.array([-2 * p.real, abs(p) ** 2]) for p in poles if p.imag > 0]
     real = sorted(p.real for p in poles if p.imag == 0)

@@ -9,71 +9,42 @@ from typing import NamedTuple
 
 import numpy as np
 
-from archerfish2.identification.axis.log_start import ROUNDING, Table, rounding_floor
+from archerfish2.identification.axis.constraints import out_of_band
 from archerfish2.identification.axis.output_error import (
     LinearFit,
     cost_of,
+    plant_of,
     refine,
     refine_best,
     residuals_by_log,
     solve,
 )
-from archerfish2.identification.axis.sections import Sections, order_of, poles_of
+from archerfish2.identification.axis.sections import Sections, Structure, order_of, poles_of
 from archerfish2.identification.axis.spectrum import (
+    ROUNDING,
     Experiment,
     Lines,
     lines_of,
     noise_power,
+    rounding_floor,
     slow_wander,
     strongest,
     thinned,
 )
-from archerfish2.identification.axis.starts import SPREADS, distinct, subsets, vector_fit, vector_fits
-from archerfish2.identification.simulation import Array, Complex
+from archerfish2.identification.axis.vector_fitting import DelayTable, subsets, vector_fits
+from archerfish2.identification.simulation import TINY, Array, Complex, free_run
 
-_GRID = (0, 2, 5, 10, 15, 20)  # delays that are tried first
-_SEARCH_LINES, _WHITTLE_LINES = 400, 1500
+_WHITTLE_LINES, _PLAIN_LINES, _FIT_LINES = 1500, 1000, 8000  # of all logs
 _CLEARLY = 20.0  # difference by which the pilot's optimum must be better, as out of band it may have fitted noise
-
-
-class Structure(NamedTuple):
-    """What is chosen by the criterion."""
-
-    order: int  # number of poles
-    delay: int  # of the inputs [samples]
-    feedthrough: bool  # whether inputs act, after the delay, within their own sample
-    drift: bool = False  # of the outputs, by a polynomial of third degree
-
+_CLOSE = 2.0  # difference of the criterion up to which structures are about as likely
+_FARTHEST = 8  # samples that the delay moves from where its search begins
+_WORSE = 2  # orders in a row that are worse, beyond which none is tried
+_DRIFT_SHARE = 0.35  # of the residual's power that a drift explains at least beside the same poles
+_SLOW, _INSTEAD = 6.0, 20.0  # log over a slow pole's time constant; criterion that a drift may lose to such a pole
+_PER_STATE = 0.2  # points of fit on held-back logs that a state must gain
 
 Found = dict[Structure, tuple[float, LinearFit]]
 """Criterion and weighted fit of structures."""
-
-
-def delay_table(experiments: Sequence[Experiment], order: int, delays: tuple[int, int]) -> Table:
-    """Fit some delays on a few lines: a grid, bisected around the best, doubled while the best lies at its end.
-
-    Args:
-      experiments: logs.
-      order: number of poles.
-      delays: least and largest; the same for a delay that is given.
-    """
-    (lowest, highest), picks, tried = delays, thinned(experiments, _SEARCH_LINES), dict[int, LinearFit]()
-    most = max(highest, min(len(e.u) for e in experiments) // 8) if lowest < highest else highest
-    waiting = [d for d in _GRID if d <= highest] if lowest < highest else [lowest]
-    while waiting:
-        for delay in waiting:
-            data = lines_of(experiments, picks, delay)
-            near = [vector_fit(min(tried.values(), key=cost_of).sections, data, 3)] if tried else []
-            extra, spreads = (0, SPREADS[:2]) if tried else (2, SPREADS)
-            near = distinct([*near, *vector_fits(data, order, 4, extra, spreads)], 2)
-            tried[delay] = refine_best([fit.sections for fit in near], data, 6, 1e-4)
-        here = min(tried, key=lambda each: tried[each].cost)
-        below = max((delay for delay in tried if delay < here), default=here)
-        above = min((delay for delay in tried if delay > here), default=here)
-        waiting = sorted({(below + here) // 2, (here + above + 1) // 2} - tried.keys())
-        if min(highest, _GRID[-1]) <= here == max(tried) < most:
-            waiting.append(min(2 * max(here, 1), most))
-    return tried
 
 
 class Criterion:
@@ -87,24 +58,29 @@ class Criterion:
     """
 
     def __init__(self, experiments: Sequence[Experiment], pilots: Sequence[Sections], delay: int, slow: bool) -> None:
-        self.experiments, self.drifting = experiments, [replace(e, drift=True) for e in experiments]
+        self.experiments = experiments
+        self.drifting = [replace(log, drift=True) for log in experiments]
         self.found: Found = {}
-        data = [e.at(delay) for e in experiments]
-        best = min((solve(each, data) for each in pilots), key=cost_of)
-        both = list(zip(experiments, residuals_by_log(best, data), strict=True))
-        least = ROUNDING * np.mean([np.mean(np.abs(e.outputs) ** 2) for e in experiments]) + 1e-300
-        squares = [_power(residual) / 2 for _, residual in both]
-        smooth = [np.maximum(noise_power(each), slow_wander(each, len(each)) if slow else 0) for each in squares]
-        # A rest put before a log adds lines, not information.
-        noise = [np.maximum(s, least) * e.length / e.measured for s, e in zip(smooth, experiments, strict=True)]
-        responses = [_power(e.outputs - r) / power for (e, r), power in zip(both, noise, strict=True)]
-        self._picks, self._weights = strongest(responses, _WHITTLE_LINES), [1 / np.sqrt(power) for power in noise]
-        self._rows = sum(e.measured for e in experiments) * len(both[0][1])
+        data = [log.at(delay) for log in experiments]
+        best = min((solve(pilot, data) for pilot in pilots), key=cost_of)
+        residuals = residuals_by_log(best, data)
+        least = ROUNDING * np.mean([np.mean(np.abs(log.outputs) ** 2) for log in experiments]) + TINY
+        noise, responses = list[Array](), list[Array]()
+        for log, residual in zip(experiments, residuals, strict=True):
+            squares = _power(residual) / 2
+            smooth = np.maximum(noise_power(squares), slow_wander(squares, len(squares)) if slow else 0)
+            # A rest put before a log adds lines, not information.
+            noise.append(np.maximum(smooth, least) * log.length / log.measured)
+            responses.append(_power(log.outputs - residual) / noise[-1])
+        self._picks = strongest(responses, _WHITTLE_LINES)
+        self._weights = [1 / np.sqrt(power) for power in noise]
+        self._rows = sum(log.measured for log in experiments) * len(residuals[0])
         # On a log without noise plain vector fits miss what is small and out of band; those under the weights find it.
         lines = self._lines(Structure(0, delay, True))
-        fresh = [fit.sections for fit in vector_fits(lines, order_of(pilots[0]))[:2]]
-        fits = [refine(each, lines, 20, 1e-6) for each in (*pilots, *fresh)]
-        own = [fit for fit in fits if order_of(fit.sections) == order_of(pilots[0])]
+        order = order_of(pilots[0])
+        fresh = [fit.sections for fit in vector_fits(lines, order)[:2]]
+        fits = [refine(sections, lines, 20, 1e-6) for sections in (*pilots, *fresh)]
+        own = [fit for fit in fits if order_of(fit.sections) == order]
         self._pilots = [*pilots[1:], min(own, key=cost_of).sections, pilots[0]]
         # What is not linear leaves more between the lines of a comb than on them: an octave's mean is too large there.
         least = min(fit.cost / fit.residual.size for fit in fits)
@@ -119,7 +95,7 @@ class Criterion:
         """
         if structure not in self.found:
             lines = self._lines(structure)
-            same = [each for each in self._pilots if order_of(each) == structure.order]
+            same = [sections for sections in self._pilots if order_of(sections) == structure.order]
             near = near or [*(fit.sections for fit in vector_fits(lines, structure.order)[:2]), *same[1:]]
             fit = refine_best(near, lines, 20, 1e-6)
             if same and (other := refine(same[0], lines, 20, 1e-6)).cost < fit.cost - _CLEARLY * self._unit:
@@ -151,15 +127,6 @@ def _power(x: Complex) -> Array:
     return np.asarray(np.mean(np.abs(x) ** 2, axis=0))
 
 
-_PLAIN_LINES, _FIT_LINES = 1000, 8000
-_CLOSE = 2.0  # difference of the criterion up to which structures are about as likely
-_FARTHEST = 8  # samples that the delay moves from where its search begins
-_WORSE = 2  # orders in a row that are worse, beyond which none is tried
-_DRIFT_SHARE = 0.35  # of the residual's power that a drift explains at least beside the same poles
-_SLOW, _INSTEAD = 6.0, 20.0  # log over a slow pole's time constant; criterion that a drift may lose to such a pole
-_PER_STATE = 0.2  # points of fit on held-back logs that a state must gain
-
-
 class Candidate(NamedTuple):
     """A structure that was evaluated."""
 
@@ -171,6 +138,14 @@ class Candidate(NamedTuple):
     weight: float  # probability among those that were kept; 0 of others
     fit_percent: float | None = None  # of the likeliest structure of each order
     held_back_percent: float | None = None  # of the same, on the held-back log that it predicts worst
+
+
+class Validation(NamedTuple):
+    """Logs that are held back, by which the order is chosen."""
+
+    logs: Sequence[tuple[Array, Array]]  # inputs (N, m) and outputs (N, p), less their means
+    scale: Array  # of the outputs that are fitted, (p,)
+    period_s: float  # sampling period [s]
 
 
 class Selection(NamedTuple):
@@ -185,11 +160,11 @@ class Selection(NamedTuple):
 
 def select_structure(
     experiments: Sequence[Experiment],
-    table: Table,
+    table: DelayTable,
     orders: Sequence[int],
     delays: tuple[int, int],
     feedthrough: bool,
-    held_back: Callable[[Structure, LinearFit], float] | None = None,
+    validation: Validation | None = None,
 ) -> Selection:
     """Select a structure.
 
@@ -199,42 +174,35 @@ def select_structure(
       orders: from which the order is chosen.
       delays: least and largest.
       feedthrough: whether the plant may have one.
-      held_back: fit of a structure on held-back logs [%]; if given the order is chosen by it.
+      validation: logs by whose fit the order is chosen, if there are some.
     """
     coarse = min(table, key=lambda delay: table[delay].cost)
     order = order_of(table[coarse].sections)
     data = lines_of(experiments, thinned(experiments, _PLAIN_LINES), coarse)
-    guesses = [table[coarse], *vector_fits(data, order)[:2]]
-    pilot = refine_best([fit.sections for fit in guesses], data, 10, 1e-4).sections
+    starts = [table[coarse], *vector_fits(data, order)[:2]]
+    pilot = refine_best([fit.sections for fit in starts], data, 10, 1e-4).sections
     larger = refine_best([vector_fits(data, order + 2, extra=0)[0].sections], data, 8, 1e-4).sections
     several = len(orders) > 1
     criterion = Criterion(experiments, [pilot, larger] if several else [pilot], coarse, several)
     # The coarse fits have a feedthrough, so that without one the delay is a sample shorter.
     search = _Search(criterion, max(coarse - 1, delays[0]), delays, feedthrough)
-    worst = _WORSE if held_back is None else len(orders)
-    for side in (-1, 1):
-        each, worse = min(orders, key=lambda each: abs(each - order)), 0
-        while each in orders and worse < worst:
-            before = min((bic for bic, _ in criterion.found.values()), default=np.inf)
-            worse = 0 if search.at_order(each) <= before else worse + 1
-            each += side
-    found, predicted = criterion.found, dict[Structure, float]()
+    search.orders_around(order, orders, len(orders) if validation else _WORSE)
+    found = criterion.found
     every = dict(found)
-    if held_back is not None:
-        predicted = {s: held_back(s, found[s][1]) for s in _best_of_orders(found)}
-        kept = max(predicted, key=lambda s: predicted[s] - _PER_STATE * s.order).order
-        _keep(found, lambda s: s.order == kept)
+    held_back = dict[Structure, float]()
+    if validation is not None:
+        for structure in _best_of_orders(found):
+            held_back[structure] = _validation_fit(experiments, structure, found[structure][1], validation)
+        best = max(held_back, key=lambda structure: held_back[structure] - _PER_STATE * structure.order)
+        _keep(found, lambda structure: structure.order == best.order)
     search.try_drift(orders)
     every |= found
     chosen = _preferred(criterion, table)
-    likely = {s: float(np.exp(-0.5 * (found[s][0] - found[_best(found)][0]))) for s in found}
-    weights = {s: w / sum(likely.values()) for s, w in sorted(likely.items(), key=lambda each: -each[1])}
+    weights = _weights(found)
     same = [table[chosen.delay].sections] if chosen.delay in table and order == chosen.order else []
-    starts = [found[chosen][1].sections, *same, *subsets(larger, chosen.order)]
-    fits = {s: _fit_percent(criterion, s, every[s][1]) for s in _best_of_orders(every)}
-    likeliest = sorted(every, key=lambda s: (-weights.get(s, 0.0), every[s][0]))
-    facts = [(*s, every[s][0], weights.get(s, 0.0), fits.get(s), predicted.get(s)) for s in likeliest]
-    return Selection(chosen, starts, weights, found, tuple(Candidate(*each) for each in facts))
+    candidates = _candidates(criterion, every, weights, held_back)
+    final_starts = [found[chosen][1].sections, *same, *subsets(larger, chosen.order)]
+    return Selection(chosen, final_starts, weights, found, candidates)
 
 
 class _Search:
@@ -243,6 +211,15 @@ class _Search:
     def __init__(self, criterion: Criterion, start: int, delays: tuple[int, int], feedthrough: bool) -> None:
         self.criterion, self.found, self.start = criterion, criterion.found, start
         self.delays, self.feedthrough = delays, feedthrough
+
+    def orders_around(self, order: int, orders: Sequence[int], worst: int) -> None:
+        """Evaluate the orders below and above one, each side until so many in a row are worse."""
+        for side in (-1, 1):
+            tried, worse = min(orders, key=lambda other: abs(other - order)), 0
+            while tried in orders and worse < worst:
+                before = min((bic for bic, _ in self.found.values()), default=np.inf)
+                worse = 0 if self.at_order(tried) <= before else worse + 1
+                tried += side
 
     def at_order(self, order: int, drift: bool = False) -> float:
         """Return the least criterion of an order."""
@@ -265,25 +242,27 @@ class _Search:
 
         A drift is taken instead of slow poles if it is about as likely, with the same poles if it explains much.
         """
-        first, found, logs = _best(self.found), self.found, self.criterion.logs
+        first, found = _best(self.found), self.found
         for order in range(max(first.order - 2, min(orders)), first.order + 1):
             drifting = Structure(order, first.delay, first.feedthrough, True)
             same = [fit.sections for s, (_, fit) in found.items() if (s.order, s.delay) == (order, first.delay)]
             self.criterion.evaluate(drifting, [*same, *self.criterion.fresh_starts(drifting)])
-        best = min((s for s in found if s.drift), key=lambda s: found[s][0])
-        decay = -np.log(np.abs(poles_of(found[first][1].sections)) + 1e-300)
-        slow = np.any(decay * max(e.measured for e in self.criterion.experiments) < _SLOW)
+        best = min((structure for structure in found if structure.drift), key=lambda structure: found[structure][0])
+        decay = -np.log(np.abs(poles_of(found[first][1].sections)) + TINY)
+        slow = np.any(decay * max(log.measured for log in self.criterion.experiments) < _SLOW)
         allowed = _INSTEAD if best.order < first.order and slow else 0.0
-        with_drift, without = (
-            refine(found[s][1].sections, [e.at(s.delay, s.feedthrough) for e in logs(s)], 6, 1e-4).cost
-            for s in (best, first)
-        )
-        little = best.order == first.order and with_drift > (1 - _DRIFT_SHARE) * without
+        little = best.order == first.order and self._cost(best) > (1 - _DRIFT_SHARE) * self._cost(first)
         if not little and found[best][0] <= found[first][0] + allowed:
             self.start = best.delay
             self.at_order(best.order, drift=True)
             first = best
-        _keep(found, lambda s: s.drift == first.drift)
+        _keep(found, lambda structure: structure.drift == first.drift)
+
+    def _cost(self, structure: Structure) -> float:
+        """Return the plain sum of squares of a structure, its poles refitted."""
+        logs = self.criterion.logs(structure)
+        data = [log.at(structure.delay, structure.feedthrough) for log in logs]
+        return refine(self.found[structure][1].sections, data, 6, 1e-4).cost
 
 
 def _best(found: Found) -> Structure:
@@ -300,24 +279,61 @@ def _keep(found: Found, condition: Callable[[Structure], bool]) -> None:
         del found[s]
 
 
-def _fit_percent(criterion: Criterion, s: Structure, fit: LinearFit) -> float:
-    """Fit by given poles, each log's transients, level and drift fitted."""
-    logs = criterion.logs(s)
-    data = lines_of(logs, thinned(logs, _FIT_LINES), s.delay, s.feedthrough)
+def _weights(found: Found) -> dict[Structure, float]:
+    """Return the probabilities of structures by their criterion, the likeliest first."""
+    least = found[_best(found)][0]
+    likelihood = {structure: float(np.exp(-0.5 * (bic - least))) for structure, (bic, _) in found.items()}
+    total = sum(likelihood.values())
+    likeliest = sorted(likelihood, key=lambda structure: -likelihood[structure])
+    return {structure: likelihood[structure] / total for structure in likeliest}
+
+
+def _candidates(
+    criterion: Criterion, found: Found, weights: dict[Structure, float], held_back: dict[Structure, float]
+) -> tuple[Candidate, ...]:
+    """Return all structures that were evaluated, the likeliest first, and the fits of the best of each order."""
+    fits = {structure: _fit_percent(criterion, structure, found[structure][1]) for structure in _best_of_orders(found)}
+    likeliest = sorted(found, key=lambda structure: (-weights.get(structure, 0.0), found[structure][0]))
+    return tuple(Candidate(*s, found[s][0], weights.get(s, 0.0), fits.get(s), held_back.get(s)) for s in likeliest)
+
+
+def _fit_percent(criterion: Criterion, structure: Structure, fit: LinearFit) -> float:
+    """Return the fit by given poles [%], each log's transients, level and drift fitted."""
+    logs = criterion.logs(structure)
+    data = lines_of(logs, thinned(logs, _FIT_LINES), structure.delay, structure.feedthrough)
     power = sum(float(np.sum(np.abs(lines.outputs) ** 2)) for lines in data)
     return float(100 * (1 - np.sqrt(solve(fit.sections, data).cost / power)))
 
 
-def _preferred(criterion: Criterion, table: Table) -> Structure:
+def _validation_fit(
+    experiments: Sequence[Experiment], structure: Structure, fit: LinearFit, validation: Validation
+) -> float:
+    """Return the fit of a structure on the held-back log that it predicts worst [%]."""
+    logs = [replace(log, drift=structure.drift) for log in experiments]
+    data = lines_of(logs, thinned(logs, _PLAIN_LINES), structure.delay, structure.feedthrough)
+    constraints, ridge = out_of_band(solve(fit.sections, data), data, structure.delay)
+    fit = refine(fit.sections, data + constraints, 15, 1e-5, ridge)
+    plant = plant_of(fit, structure, validation.scale, validation.period_s)
+    runs = [free_run(plant, u, y, drift=structure.drift) for u, y in validation.logs]
+    return min(float(run.fit_percent.min()) for run in runs)
+
+
+def _preferred(criterion: Criterion, table: DelayTable) -> Structure:
     """Of structures of an order about as likely as the best one, that of the least BIC of the plain sum of squares."""
     found, experiments = criterion.found, criterion.experiments
     first = _best(found)
-    close = [s for s, (bic, _) in found.items() if s.order == first.order and bic <= found[first][0] + _CLOSE]
-    picks, values, least = thinned(experiments, _PLAIN_LINES), dict[Structure, float](), rounding_floor(experiments)
-    for s in close if len(close) > 1 else ():
-        near = [fit.sections for delay, fit in table.items() if abs(delay - s.delay) < 4]
-        near = [found[s][1].sections, *(each for each in near if order_of(each) == s.order)][:3]
-        fit = refine_best(near, lines_of(criterion.logs(s), picks, s.delay, s.feedthrough), 15, 1e-5)
+    most = found[first][0] + _CLOSE
+    close = [structure for structure, (bic, _) in found.items() if structure.order == first.order and bic <= most]
+    if len(close) < 2:
+        return first
+    picks, least = thinned(experiments, _PLAIN_LINES), rounding_floor(experiments)
+    values = dict[Structure, float]()
+    for structure in close:
+        near = [fit.sections for delay, fit in table.items() if abs(delay - structure.delay) < 4]
+        near = [sections for sections in near if order_of(sections) == structure.order]
+        starts = [found[structure][1].sections, *near][:3]
+        data = lines_of(criterion.logs(structure), picks, structure.delay, structure.feedthrough)
+        fit = refine_best(starts, data, 15, 1e-5)
         rows = fit.residual.size
-        values[s] = rows * np.log(max(fit.cost, least)) + criterion.parameters(s) * np.log(rows)
-    return min(values, key=lambda s: values[s], default=first)
+        values[structure] = rows * np.log(max(fit.cost, least)) + criterion.parameters(structure) * np.log(rows)
+    return min(values, key=lambda structure: values[structure])

@@ -6,6 +6,9 @@ At the lines of the discrete Fourier transform of a log of N samples a linear sy
 
 whose transients (Pintelon and Schoukens, System Identification, 2012, section 6.3.2) stand for all that happened before
 the log and after it. The line of the mean is left out, so levels of inputs and outputs don't matter.
+
+A log that begins at rest is extended backwards by its own length, which more than halves the scatter of the steady gain
+of one step. Of a log that begins in a motion, which its inputs don't show, the first samples are left out.
 """
 
 from collections.abc import Sequence
@@ -18,7 +21,7 @@ import numpy as np
 from numpy.fft import rfft
 from numpy.typing import NDArray
 
-from archerfish2.identification.simulation import Array, Complex
+from archerfish2.identification.simulation import TINY, Array, Complex
 
 _EDGES = (3, 6, 12, 24, 48, 96)  # lines between which the power law of a slow wander is fitted
 _STEEP, _STEEPEST = -0.7, -2.0  # slope of the law from which it is taken, and at most
@@ -36,7 +39,7 @@ def noise_power(squares: Array) -> Array:
     above, means = squares[n // 2 :].mean(), []
     for low, high in zip(edges[-2::-1], edges[:0:-1], strict=True):
         above = (squares[low:high].sum() + 8 * above) / (high - low + 8)
-        means.append(np.log(max(above, 1e-300)))
+        means.append(np.log(max(above, TINY)))
     centres = [np.log(0.5 * (low + high + 1)) for low, high in pairwise(edges)]
     return np.asarray(np.exp(np.interp(np.log(np.arange(1, n + 1)), centres, means[::-1])))
 
@@ -74,6 +77,9 @@ def local_power(squares: Array, left: Array) -> Array:
 
 Indices = NDArray[np.int64]
 Weights = Sequence[Array] | None
+_HELD = 1e-9  # of an input's range, within which it counts as held
+ROUNDING = 1e-16
+"""Of the outputs' power; no residual counts as smaller."""
 
 
 class Lines(NamedTuple):
@@ -142,6 +148,59 @@ class Experiment:
         return Lines(self.z, self.transform(u[self.skip :]), self.outputs, self.size, self._own)
 
 
+def resting_samples(u: Array, y: Array) -> int:
+    """Return for how many samples, from the first, inputs are held and no output changes by more than noise.
+
+    Args:
+      u: inputs, shape (N, m).
+      y: outputs, shape (N, p).
+    """
+    n = int(np.argmax((np.abs(u - u[0]) > _HELD * np.ptp(u, axis=0)).any(1)))
+    if n < 2:
+        return 0
+    third = max(1, n // 3)
+    change = np.abs(y[n - third : n].mean(0) - y[:third].mean(0))
+    noise = np.std(np.diff(y[:n], axis=0), axis=0) / np.sqrt(2) if n > 2 else np.zeros(y.shape[1])
+    still = change <= np.maximum(0.01 * np.ptp(y, axis=0), 6 * noise * np.sqrt(2 / third))
+    return n if np.all(still & (y[:n].std(0) <= 0.3 * y.std(0))) else 0
+
+
+def mostly_held(u: Array) -> bool:
+    """Return whether inputs, shape (N, m), are held for most of a log, as those of steps are."""
+    still = np.abs(np.diff(u, axis=0)) <= _HELD * np.ptp(u, axis=0)
+    return bool(np.mean(np.all(still, axis=1)) > 0.5)
+
+
+def begun_log(u: Array, y: Array, longest: int) -> Experiment:
+    """Return a log, extended by its rest if it has one and its inputs are mostly held.
+
+    Args:
+      u: inputs, shape (N, m).
+      y: outputs, shape (N, p).
+      longest: delay that is considered [samples].
+    """
+    if rest := resting_samples(u, y):
+        return Experiment(u, y, pad=len(y) if mostly_held(u) else 0, rest=rest)
+    return Experiment(u, y, skip=unsettled_samples(u, longest))
+
+
+def unsettled_samples(u: Array, longest: int) -> int:
+    """Return how many samples of a log inputs from before it may act on; 0 where its inputs move most at its beginning.
+
+    Args:
+      u: inputs, shape (N, m).
+      longest: delay that is considered [samples].
+    """
+    moves = np.diff(u, axis=0) ** 2
+    share = moves[:longest].sum(0) / np.maximum(moves.sum(0), TINY)
+    return longest if longest and share.max() <= 2 * longest / len(moves) else 0
+
+
+def rounding_floor(experiments: Sequence[Experiment]) -> float:
+    """Return the sum of squares below which a residual is rounding."""
+    return ROUNDING * sum(float(np.sum(np.abs(log.outputs) ** 2)) for log in experiments) + TINY
+
+
 def lines_of(
     logs: Sequence[Experiment], picks: Sequence[Indices], delay: int, feedthrough: bool = True, weights: Weights = None
 ) -> list[Lines]:
@@ -164,7 +223,7 @@ def thinned(experiments: Sequence[Experiment], count: int) -> list[Indices]:
     for e in experiments:
         n, here = len(e.z), max(50, count * len(e.z) // total)
         power = np.abs(e.at(0).inputs) ** 2
-        power = (power / np.maximum(power.mean(1, keepdims=True), 1e-300)).sum(0)
+        power = (power / np.maximum(power.mean(1, keepdims=True), TINY)).sum(0)
         order = np.argsort(-power, kind="stable")
         rest, step = np.sort(order[here // 2 :]), -(-max(n - here // 2, 1) // (here - here // 2))
         kept.append(np.arange(n) if n <= here else np.sort(np.append(order[: here // 2], rest[::step])))

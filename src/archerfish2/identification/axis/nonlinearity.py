@@ -11,12 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from archerfish2.identification.axis.fit import AxisFit, plant_of
-from archerfish2.identification.axis.log_start import rounding_floor
-from archerfish2.identification.axis.output_error import LinearFit, refine, refine_best
+from archerfish2.identification.axis.fit import AxisFit
+from archerfish2.identification.axis.output_error import LinearFit, noise_colour, plant_of, refine, refine_best
 from archerfish2.identification.axis.sections import poles_of, sections_from_poles
-from archerfish2.identification.axis.spectrum import Experiment, Lines, lines_of, thinned
-from archerfish2.identification.simulation import Array, simulate
+from archerfish2.identification.axis.spectrum import Experiment, Lines, lines_of, rounding_floor, thinned
+from archerfish2.identification.simulation import TINY, Array, simulate
 from archerfish2.logs.recording import Recording
 
 _MOST_SAMPLES, _LINES = 8000, 400  # of all logs
@@ -62,7 +61,7 @@ def nonlinearity(found: AxisFit, recordings: Sequence[Recording]) -> Nonlinearit
     largest, span = (max(float(size(u)) for u in commands) for size in (lambda u: np.abs(u).max(), np.ptp))
     width = max(1, most // 1000)
     moves = [np.abs(y[width:] - y[:-width]) for y in (each.outputs[:, 0] for each in recordings)]
-    speed = max(np.quantile(each, 0.995) for each in moves) / (width * period * np.abs(found.gain.item()))
+    speed = max(np.quantile(each, 0.995) for each in moves) / (width * period * np.abs(found.plant.dc_gain.item()))
     levels = largest * _LIMITS, largest * _SHARES, span / 2 * _SHARES, speed * _SLEWS
     search, names = _Search(found._replace(experiments=cut), commands, period), list(_OPERATORS)[1:]
     fits = [search.best(name, each.tolist()) for name, each in zip(names, levels, strict=True)]
@@ -77,7 +76,7 @@ class _Search:
         self.found, self.commands, self.period_s = found, commands, period_s
         self.linear = self.logs("none", 0.0)
         self.picks = thinned(self.linear, _LINES)
-        self.base = refine(found.fit.sections, self.lines(self.linear, found.delay), *_FINE)
+        self.base = refine(found.fit.sections, self.lines(self.linear, found.structure.delay), *_FINE)
         poles = poles_of(self.base.sections)
         self.starts = [self.base.sections, sections_from_poles(poles * np.abs(poles) ** (_FASTER - 1))]
 
@@ -90,7 +89,7 @@ class _Search:
 
     def best(self, name: str, levels: list[float]) -> Nonlinearity | None:
         """Fit the plant behind an operator at its best level; None if it explains no more than a linear one."""
-        costs, at = dict[float, float](), self.found.delay
+        costs, at = dict[float, float](), self.found.structure.delay
         for factors in (*_NEAR, ()):
             for each in levels:
                 costs[each] = refine_best(self.starts, self.lines(self.logs(name, each), at), *_ROUGH).cost
@@ -109,10 +108,9 @@ class _Search:
         share = max(fits[delay].cost, least) / max(least, min(each.cost for each in (self.base, *other)))
         output = np.concatenate([each.outputs[0] for each in self.lines(logs, delay)])
         residual = fits[delay].residual[0].view(complex)
-        power, response = np.abs(residual) ** 2, np.abs(output - residual) ** 2
-        colour = max(1.0, float(power @ response / max(power.mean() * response.sum(), 1e-300)))
+        colour = noise_colour(residual, output - residual)
         measured = sum(e.measured for e in logs) / sum(e.length for e in logs)  # a rest put before adds nothing
-        gained = -2 * len(power) * measured / colour * float(np.log(share))
+        gained = -2 * len(residual) * measured / colour * float(np.log(share))
         return Nonlinearity(name, level, share, gained, *self.compared(name, level, fits[delay], delay))
 
     def compared(self, name: str, level: float, fit: LinearFit, delay: int) -> tuple[float, float]:
@@ -127,7 +125,7 @@ class _Search:
         given = np.concatenate([[0.0], np.full(settle, largest), levels.repeat(settle // 4)])
         ours = simulate(linear, given[:, None])
         theirs = simulate(behind, _OPERATORS[name](given, level, period_s)[:, None])
-        agreement = 1 - np.linalg.norm(theirs - ours) / max(float(np.linalg.norm(theirs - theirs.mean())), 1e-300)
+        agreement = 1 - np.linalg.norm(theirs - ours) / max(float(np.linalg.norm(theirs - theirs.mean())), TINY)
         return theirs[settle].item() / ours[settle].item(), 100 * float(agreement)
 
 

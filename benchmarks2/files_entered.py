@@ -1,0 +1,91 @@
+"""Through how many files a log passes: from a CSV to the result of `identify_axis`, and to its page.
+
+`python benchmarks2/files_entered.py` counts the files of the package whose functions are called, by `sys.setprofile`,
+and the changes from one file to another, and writes results/files_entered.json.
+"""
+
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+import archerfish2
+from archerfish2.identification.axis.identify import AxisResult, identify_axis
+from archerfish2.identification.simulation import simulate
+from archerfish2.logs.log import read_log
+from archerfish2.logs.recording import Recording
+from archerfish2.records.plant import PlantRecord
+from archerfish2.reports.table import Table
+from bars import Bar, finish
+
+PACKAGE = Path(archerfish2.__file__).parent
+PERIOD_S = 0.005
+IDENTIFYING, PAGE = 24, 29
+
+
+class Entered:
+    """The files whose functions are called while a profile is set."""
+
+    def __init__(self) -> None:
+        self.files: dict[str, int] = {}
+        self.changes = 0
+        self._last = ""
+
+    def __call__(self, frame: FrameType, event: str, _: Any) -> None:
+        """Count a call into another file of the package."""
+        if event != "call" or not frame.f_code.co_filename.startswith(str(PACKAGE)):
+            return
+        file = str(Path(frame.f_code.co_filename).relative_to(PACKAGE))
+        # Executing a module's body on its first import is no call of its functions.
+        if frame.f_code.co_name != "<module>":
+            self.changes += file != self._last
+            self.files[file] = self.files.get(file, 0) + 1
+            self._last = file
+
+
+def entered(action: Callable[[], Any]) -> Entered:
+    """Run something and return the files that it entered."""
+    found = Entered()
+    sys.setprofile(found)
+    try:
+        action()
+    finally:
+        sys.setprofile(None)
+    return found
+
+
+def write_log(path: Path) -> None:
+    """Write the log of an axis of second order."""
+    plant = PlantRecord.second_order(5.0, 0.6, 0.02, PERIOD_S)
+    u = np.random.default_rng(1).normal(size=40).repeat(50)[:, None]
+    y = simulate(plant, u) + 0.01 * np.random.default_rng(2).normal(size=u.shape)
+    Recording.from_arrays(u, y, PERIOD_S).write_csv(path)
+
+
+def main() -> None:
+    """Count, print and write; exit with 1 if a limit is missed."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "yaw.csv")
+        write_log(path)
+        results: list[AxisResult] = []
+        reading = entered(lambda: read_log(path))
+        identifying = entered(lambda: results.append(identify_axis(path, axis="yaw")))
+        page = entered(lambda: results[0].save(folder))
+    every = sorted({*identifying.files, *page.files})
+    legs = {"read_log": reading, "identify_axis": identifying, "save": page}
+    rows = [{"leg": leg, "files": len(found.files), "changes": found.changes} for leg, found in legs.items()]
+    lines = tuple((leg, len(found.files), found.changes) for leg, found in legs.items())
+    table = Table("files that a log enters", ("leg", "files", "changes of file"), lines, ", ".join(every))
+    bars = [
+        Bar("CSV to AxisResult, files", len(identifying.files), most=IDENTIFYING),
+        Bar("CSV to page, files", len(every), most=PAGE),
+    ]
+    finish("files_entered", bars, [table], {"period_s": PERIOD_S}, rows, True, files=every)
+
+
+if __name__ == "__main__":
+    main()
