@@ -129,7 +129,7 @@ def test_a_part_that_can_not_be_used_is_assumed_with_a_verdict_and_the_others_ar
     assert (found.record.assumed, found.record.limits.source) == (("muzzle", "sensing"), "a data sheet")
     steps = "\n".join(found.report.next_steps)
     assert "muzzle: measure speed_m_s of each shot, or shoot at 2 target distances that differ" in steps
-    assert "sensing: record that, too, or take timing_target.csv out" in steps
+    assert "sensing: record timing_moments.csv, too, or take timing_target.csv out" in steps
     assert {each.name for each in out.glob("*.html")} == {f"{part}.html" for part in ("robot", *usable)}
     refused(r"pitch.json: is not usable: The steady gain is -1: .*; Write output", Robot.load, out)
     refused(r"pitch.json: is not usable: pitch has a steady gain of -1", Robot.load, out, accept_unusable=True)
@@ -151,7 +151,7 @@ def test_a_first_line_for_logs_toml_names_the_columns_of_a_log(tmp_path, refused
     (folder / "logs.toml").unlink()
     (folder / "monday.csv").rename(folder / "pitch_step.csv")
     refused(
-        r'no column "time_s".*: pitch = {time = "stamp_s", input = "cmd", output = "angle"}', identify_robot, folder
+        r'no column "time_s".* in logs.toml: time = "stamp_s", input = "cmd", output = "angle"', identify_robot, folder
     )
 
 
@@ -166,7 +166,7 @@ def test_of_two_logs_of_one_name_the_one_that_is_not_fitted_is_named(tmp_path):
 def test_degrees_that_are_said_to_be_radians_show_in_commands_of_many_turns(tmp_path):
     folder = write_axis(tmp_path / "logs" / "pitch_step.csv", lambda u, y: (np.degrees(u), np.degrees(y)))
     limits, *_ = identify_robot(folder).report.findings
-    assert limits.message == "commands of pitch go from -657 to 1.31e+03°, expected -180 to 180°"
+    assert limits.message == "commands of pitch go from -657 to 1.31e+03°, expected -90 to 90°"
     (folder / "logs.toml").write_text('[pitch]\nunit = "deg"\n')
     assert identify_robot(folder).report.findings == ()
 

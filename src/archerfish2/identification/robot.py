@@ -28,7 +28,7 @@ from archerfish2.robot import Part, PartVerdict, Robot, axis_fault
 PARTS: tuple[Part, ...] = get_args(Part)
 _DECISIONS_S = 0.02  # between decisions; the sampling period of a plant divides it
 _BEYOND = 0.1  # of the range between two limits, up to which commands may be beyond them
-_FARTHEST_DEG = {"pitch": 180.0, "yaw": 720.0}  # commands beyond which are hardly in the unit that they are said to be
+_FARTHEST_DEG = {"pitch": 90.0, "yaw": 720.0}  # commands beyond which are hardly in the unit that they are said to be
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -148,8 +148,8 @@ def _jobs(folder: Path, settings: LogFolder, seed: int) -> tuple[dict[Part, Call
 
 def _axis(axis: str, files: AxisFiles, fitted: list[Path], held_back: list[Path], seed: int) -> AxisResult:
     return identify_axis(
-        [robot_files.read_axis(path, axis, files) for path in fitted],
-        validate=[robot_files.read_axis(path, axis, files) for path in held_back],
+        [robot_files.read_axis(path, files) for path in fitted],
+        validate=[robot_files.read_axis(path, files) for path in held_back],
         axis=axis,
         feedthrough=False,  # an axis has inertia: a plant that may jump makes up for states that it lacks
         dc_gain=files.dc_gain,
@@ -161,8 +161,8 @@ def _axis(axis: str, files: AxisFiles, fitted: list[Path], held_back: list[Path]
 def _sensing(timing: dict[str, Path], files: SensingFiles, seed: int) -> SensingResult:
     for name, other in (("target", "moments"), ("moments", "target")):
         if name in timing and other not in timing:
-            problem = f"is there without timing_{other}.csv"
-            raise file_error(timing[name], problem, f"record that, too, or take timing_{name}.csv out")
+            remedy = f"record timing_{other}.csv, too, or take timing_{name}.csv out"
+            raise file_error(timing[name], f"is there without timing_{other}.csv", remedy)
     return identify_sensing(
         timing["sweep"],
         timing["plate"],
@@ -178,9 +178,11 @@ def _sensing(timing: dict[str, Path], files: SensingFiles, seed: int) -> Sensing
 
 def _failed(part: Part, error: InputError) -> Report:
     """Report a part whose logs can't be used."""
-    remedy = str(error).rpartition("; ")[2]
-    title = f"{part}: what the logs say"
-    return Report(title, "could not be identified", usable=False, reasons=(str(error),), next_steps=(remedy,))
+    problem, _, remedy = str(error).rpartition("; ")
+    if error.code == "no-column" and part in ("muzzle", "sensing"):
+        remedy = "rename it in the first line of the file"
+    reasons, title = (f"{problem}; {remedy}",), f"{part}: what the logs say"
+    return Report(title, "could not be used, see why", usable=False, reasons=reasons, next_steps=(remedy,))
 
 
 def _judged(result: Result, settings: LogFolder) -> Report:

@@ -184,23 +184,17 @@ def read_limits(folder: Path, settings: LogFolder) -> LimitsRecord | None:
 
 
 def not_understood(paths: Sequence[Path]) -> tuple[str, str]:
-    """Return what is wrong with files that no part takes, and how logs.toml can name them."""
+    """Return what is wrong with files that no part takes, and a line of logs.toml that names one, to be corrected."""
     problem, remedy = f"expected {EXPECTED}, found {listed(path.name for path in paths)}", "name the logs so"
     for path in paths:
         with suppress(InputError):
-            signals = listed(signals_in(path))
-            return f"{problem}; {path.name} has {signals}", f"{remedy}, or {_example('yaw', path, with_fit=True)}"
+            signals = signals_in(path)
+            keys = ["input", "output"] if path.suffix in BAGS else ["time", "input", "output"]
+            named = [f'{key} = "{signal}"' for key, signal in zip(keys, signals, strict=False)]
+            example = f"yaw = {{{', '.join([f'fit = ["{path.name}"]', *named])}}}"
+            remedy += f", or say which is which in logs.toml, for instance: {example}"
+            return f"{problem}; {path.name} has {listed(signals)}", remedy
     return problem, f"{remedy}, or in logs.toml"
-
-
-def _example(axis: str, path: Path, *, with_fit: bool) -> str:
-    """Return how logs.toml names a log's signals, as a line to be corrected: the first ones, in the log's order."""
-    keys = ["input", "output"] if path.suffix in BAGS else ["time", "input", "output"]
-    signals = signals_in(path)[: len(keys)]
-    lines = [f'fit = ["{path.name}"]'] if with_fit else []
-    lines += [f'{key} = "{signal}"' for key, signal in zip(keys, signals, strict=False)]
-    lines += ['unit = "deg"'] if "deg" in "".join(signals).lower() else []
-    return f"say which is which in logs.toml, for instance: {axis} = {{{', '.join(lines)}}}"
 
 
 def unused(folder: Path, settings: LogFolder, used: Sequence[Path]) -> list[Finding]:
@@ -253,25 +247,13 @@ def axis_logs(folder: Path, axis: str, files: AxisFiles) -> tuple[list[Path], li
     return fitted, held_back
 
 
-def read_axis(path: Path, axis: str, files: AxisFiles) -> Log:
+def read_axis(path: Path, files: AxisFiles) -> Log:
     """Read a log of an axis in radians, with the signs that logs.toml gives.
 
-    Args:
-      path: the log.
-      axis: "pitch" or "yaw".
-      files: section of logs.toml.
-
     Raises:
-      InputError: if it can't be used; of other columns than expected, with a line of logs.toml that names them.
+      InputError: if it can't be used.
     """
-    u, y = files.input.removeprefix("-"), files.output.removeprefix("-")
-    try:
-        log = read_log(path, inputs=u, outputs=y, time=files.time)
-    except InputError as error:
-        if error.code != "no-column":
-            raise
-        problem, _, _ = str(error).rpartition("; ")
-        raise InputError(f"{problem}; {_example(axis, path, with_fit=False)}", error.code) from error
+    log = read_log(path, inputs=files.input.removeprefix("-"), outputs=files.output.removeprefix("-"), time=files.time)
     scale_u = _scale(files.input, files.input_unit or files.unit)
     scale_y = _scale(files.output, files.output_unit or files.unit)
     recordings = (replace(e, inputs=scale_u * e.inputs, outputs=scale_y * e.outputs) for e in log.recordings)

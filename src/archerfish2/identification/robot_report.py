@@ -119,30 +119,28 @@ def compare_unfitted(folder: Path, settings: LogFolder, robot: Robot) -> tuple[l
     Returns:
       Tables, findings of logs that can't be read, and the logs; of parts that are not usable none.
     """
-    tables, findings, rows = list[Table](), list[Finding](), list[tuple[Entry, ...]]()
-    logs = dict[Path, tuple[Part, int]]()  # axis and size of a step, in the order of the page
-    for part, verdict in robot.parts.items():
-        for name, path in logs_there(folder).items():
-            if verdict.usable and (match := re.fullmatch(rf"{part}_step_([1-9]\d*)deg\.csv", name)):
-                logs[path] = part, int(match[1])
-            elif verdict.usable and part == "muzzle" and name == "landings.csv":
-                logs[path] = part, 0
-    for path, (part, size) in sorted(logs.items(), key=lambda item: item[1]):
+    tables, findings, used, rows = list[Table](), list[Finding](), list[Path](), list[tuple[str, int, float]]()
+    usable = [part for part, verdict in robot.parts.items() if verdict.usable]
+    for name, path in logs_there(folder).items():
+        match = re.fullmatch(r"(pitch|yaw)_step_([1-9]\d*)deg\.csv|landings\.csv", name)
+        if match is None or (part := match[1] or "muzzle") not in usable:
+            continue
+        used.append(path)
         try:
             if part == "muzzle":
                 tables.append(landing_errors(path, robot.muzzle))
                 continue
-            log = read_axis(path, part, getattr(settings, part)).recordings[0]
+            log = read_axis(path, getattr(settings, part)).recordings[0]
             fit = free_run(getattr(robot, part), log.inputs, log.outputs).fit_percent
-            rows.append((part, size, float(fit[0])))
+            rows.append((part, int(match[2]), float(fit[0])))
         except InputError as error:
             message, _, remedy = str(error).rpartition("; ")
             findings.append(Finding("unused", "warning", path.name, f"not used: {message}", remedy))
     if rows:
         note = "Large steps reach the motor's limits, which a linear plant lacks; the limits of commands avoid them."
-        title = "Steps of other sizes, which no fit has seen"
-        tables.append(Table(title, ("axis", "size [°]", "fit [%]"), tuple(rows), note))
-    return tables, findings, list(logs)
+        columns = "axis", "size [°]", "fit [%]"
+        tables.append(Table("Steps of other sizes, which no fit has used", columns, tuple(sorted(rows)), note))
+    return tables, findings, used
 
 
 def landing_errors(path: Path, muzzle: MuzzleRecord) -> Table:
@@ -159,4 +157,4 @@ def landing_errors(path: Path, muzzle: MuzzleRecord) -> Table:
         pitch = f"{np.degrees(shots.pitch[here].mean()):.2f}°"
         rows.append((pitch, int(here.sum()), measured, predicted, 100 * (predicted / measured.value - 1)))
     columns = ("pitch", "shots", "measured [m]", "predicted [m]", "error [%]")
-    return Table("Landing points, which no fit has seen", columns, tuple(rows))
+    return Table("Landing points, which no fit has used", columns, tuple(rows))
