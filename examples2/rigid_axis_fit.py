@@ -17,8 +17,8 @@ from scipy import integrate, linalg, optimize, signal, sparse
 
 from archerfish2.dynamics.rigid_axis import RigidAxis, RigidState, dry_friction, rigid_step
 from archerfish2.errors import InputError
+from archerfish2.identification.axis.identify import Source, read_sources
 from archerfish2.identification.simulation import Array
-from archerfish2.identification.sources import Source, read_sources
 from archerfish2.identification.statistics import normal_estimate
 from archerfish2.logs.log import read_log
 from archerfish2.reports.report import Report

@@ -1,5 +1,6 @@
 """A user's controllers, target, plant and world: the files of examples2, by name and as objects, and their mistakes."""
 
+import hashlib
 import re
 from pathlib import Path
 
@@ -56,6 +57,19 @@ def test_a_target_moves_as_its_file_says_beside_those_that_stand():
         begun = np.argmax(each[:, 1] > 0.0)
         assert 0 < begun <= 25
         assert_allclose(each[begun + 1 :], [[0.0, each[-1, 1], 0.0]] * (48 - begun), rtol=1e-3)
+
+
+def test_an_edited_target_is_evaluated_and_tuned_for_as_it_is_now(tmp_path, monkeypatch):
+    monkeypatch.setenv("ARCHERFISH_CACHE", str(tmp_path / "cache"))
+    searched, file, spec = [], tmp_path / "mine.py", f"{tmp_path}/mine.py:departure"
+    monkeypatch.setattr("archerfish2.evaluation.tuning.rates", lambda *_: searched.append(1) or (lambda _: 0.5))
+    text, hits = (EXAMPLES / "departure.py").read_text(), []
+    for content in (text, text.replace("side * speed", "8.0 * side * speed"), text):
+        file.write_text(content)
+        results = af.evaluate("kalman", task=af.Task.load(spec).replace(ranges_m=((2, 3),)), engagements=4)
+        assert results.robots["paper"]["motion departure"] == hashlib.sha256(content.encode()).hexdigest()
+        hits.append(results.cells[-1].hits)
+    assert (hits[0] == hits[2] > hits[1], len(searched)) == (True, 2)
 
 
 def test_a_plant_answers_commands_as_its_differential_equation():

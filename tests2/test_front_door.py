@@ -34,7 +34,7 @@ def test_the_readme_trains_and_evaluates_for_the_paper_s_robot_and_for_a_folder(
     assert (len(blocks), sum(each.count("\n") for each in blocks[:2])) == (3, 10)
     # As small as in the other tests, whose programs it shares.
     small = GradientConfig(environments=32, hidden=16, window=5, steps=640)
-    monkeypatch.setattr("archerfish2.learning.train._settings", lambda config, *_: config.replace(gradient=small))
+    monkeypatch.setattr("archerfish2.learning.train.with_given", lambda config, *_: config.replace(gradient=small))
     exec("".join([*blocks[:robots], blocks[2]]).replace("engagements=100", "engagements=4"), {})
     assert re.search(
         "policy − kalman.*\npolicy −" if robots > 1 else "policy − kalman", capsys.readouterr().out, re.DOTALL

@@ -1,5 +1,6 @@
+import hashlib
 import importlib.metadata
-import pickle
+import json
 import sys
 
 import pytest
@@ -28,15 +29,32 @@ def here(tmp_path, monkeypatch):
 
 def test_a_file_is_run_once_however_it_is_named_and_may_import_what_lies_beside_it(here, monkeypatch):
     first = find_plugin("./mine.py:Aim", "controller")
-    (here / "mine.py").write_text("raise SystemExit")
-    same = (find_plugin(spec, "controller") for spec in ("mine:Aim", f"{here}/mine.py:Aim", first.spec))
-    assert all(each.value is first.value for each in (*same, pickle.loads(pickle.dumps(first))))
+    same = [find_plugin(spec, "controller") for spec in ("mine:Aim", f"{here}/mine.py:Aim", first.spec)]
+    assert all(plugin.value is first.value for plugin in same)
     assert (first.name, first.value.answer, first.file) == ("Aim", 42, str(here / "mine.py"))
     assert first.value.__module__.startswith("archerfish2_plugin_mine_")
     monkeypatch.syspath_prepend(here)
     find_plugin("./other.py:Aim", "controller")
     assert sys.path.pop(0) == str(here)  # a user's own entry stays where it is
     assert (str(here) in sys.path, list(here.glob("__pycache__/mine*"))) == (False, [])
+
+
+def test_an_edited_file_is_other_code_with_a_digest_of_what_was_run(here):
+    first = find_plugin("./mine.py:Aim", "controller")
+    (here / "mine.py").write_text(MINE.replace("beside.ANSWER", "43"))
+    edited = find_plugin("./mine.py:Aim", "controller")
+    assert (first.value.answer, edited.value.answer) == (42, 43)
+    assert edited.digest == hashlib.sha256((here / "mine.py").read_bytes()).hexdigest()
+    assert find_plugin(first.value, "controller").digest == first.digest != edited.digest  # of an object, too
+    (here / "mine.py").write_text(MINE)
+    assert find_plugin("./mine.py:Aim", "controller").value is first.value
+    assert find_plugin(type("Aim", (), {"__module__": "__main__"}), "controller").digest == ""  # of a notebook
+
+
+def test_an_installed_module_comes_before_a_file_of_its_name(here):
+    (here / "json.py").write_text("dumps = 1")
+    assert find_plugin("json:dumps", "controller").value is json.dumps
+    assert find_plugin("./json.py:dumps", "controller").value == 1
 
 
 def test_an_installed_module_and_an_entry_point_are_found(monkeypatch):

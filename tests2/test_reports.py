@@ -1,12 +1,15 @@
 import json
 import math
 import re
+import sys
 import xml.etree.ElementTree as ET
+from types import SimpleNamespace
 
 import matplotlib as mpl
 import pytest
 
-from archerfish2.reports.report import Report
+from archerfish2.reports.progress import bar
+from archerfish2.reports.report import Report, Reported
 from archerfish2.reports.style import look, new_figure, plot_style, svg_text
 from archerfish2.reports.table import Estimate, Table, entry_texts, number, tables_text
 
@@ -53,6 +56,16 @@ def test_a_table_fits_its_width_with_intervals_beside_or_below():
     assert below == ["row " + 4 * "       88.4", "    " + 4 * "  87.1–89.6"]
 
 
+def test_a_notebook_shows_reports_and_figures_and_text_holds_its_tables(monkeypatch):
+    expected = str(REPORT)
+    monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
+    assert str(REPORT) == expected
+    reported = type("Found", (Reported,), {"report": REPORT})()
+    assert "<h3>Gain &amp; &#34;delay&#34;</h3>" in reported._repr_html_() == REPORT._repr_html_()
+    assert "<style>" not in REPORT._repr_html_()
+    assert figure()._repr_png_().startswith(b"\x89PNG")
+
+
 def test_a_report_prints_all_but_its_figures_and_is_plain_json():
     for said in ("Not to be used.", "What to do next", "record a step", "1.031 (1.019 to 1.043)", "a note"):
         assert said in str(REPORT)
@@ -68,6 +81,26 @@ def test_a_page_needs_nothing_but_itself_and_escapes_every_text(tmp_path, refuse
     ids = re.findall(r'\bid="([^"]+)"', page)
     assert (len(set(ids)), page.count("<svg")) == (len(ids), 2)
     refused("can't be written", REPORT.write_page, tmp_path / "new" / "page.html" / "inside.html")
+
+
+@pytest.mark.parametrize("shown", ["lines", "notebook"])
+def test_without_a_terminal_progress_is_a_line_at_once_and_one_a_minute_or_a_line_that_changes(
+    shown, monkeypatch, capsys
+):
+    clock, texts, said = [0.0], [], SimpleNamespace(update=lambda each, raw: texts.append(each["text/plain"]))
+    monkeypatch.setattr("time.monotonic", lambda: clock[0])
+    if shown == "notebook":
+        display = SimpleNamespace(display=lambda *_, **__: said)
+        for name, module in {"ipykernel": said, "IPython": said, "IPython.display": display}.items():
+            monkeypatch.setitem(sys.modules, name, module)
+    with bar("evaluating", 4000, "shots") as advance:
+        for clock[0] in range(0, 200, 10):
+            advance(10 * clock[0], "oracle")
+        advance(4000)
+    found = texts if shown == "notebook" else capsys.readouterr().err.splitlines()
+    assert len(found) == {"notebook": 21, "lines": 5}[shown]
+    assert found[0] == "evaluating: 0 of 4,000 shots, 0.0 min"
+    assert "evaluating: 1,200 of 4,000 shots, 2.0 min, about 4.7 min left; oracle" in found
 
 
 def test_svg_is_the_same_every_time_no_two_curves_look_alike_and_the_global_settings_stay():

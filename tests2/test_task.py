@@ -11,7 +11,7 @@ from archerfish2.task import DRAWN, Task
 FAULTS = {
     "period_s = 0": "field period_s: expected float >= 0.0001, got 0",
     "ranges_m = [[2, 1]]": "ranges_m and lengths_s: expected the smaller one first",
-    "lenghts_s = [1]": "Unexpected keyword argument 'lenghts_s'; fields are name, motion, ranges_m, lengths_s,",
+    "lenghts_s = [1]": "there is no field lenghts_s; fields are name, motion, ranges_m, lengths_s,",
     'motion = "strfe"': "field motion: expected one of paper, static,",
     'motion = "./mine.py:Mine"': "code that only a file names is not run",
     "ranges_m = " + 9999 * "[": "recursion",

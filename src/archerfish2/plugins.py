@@ -1,30 +1,34 @@
-"""Code of a user's own: found once by its name, and passed on as an object.
+"""Code of a user's own: found by its name, and passed on as an object.
 
-A name says where it is: `./file.py:Name`, `module:Name` (a file of that name in the working folder comes first), or an
-entry point of the group `archerfish.controllers`, `archerfish.motions`, `archerfish.plants` or `archerfish.worlds`.
-Names come from the command line or from Python: code that a data file names is never run.
+A name says where it is: `./file.py:Name`, `module:Name` (an installed module, or else a file of that name in the
+working folder), or an entry point of the group `archerfish.controllers`, `archerfish.motions`, `archerfish.plants` or
+`archerfish.worlds`. Names come from the command line or from Python: code that a data file names is never run.
+
+A file is run once for each content that it has: a file that was edited is another module with another digest.
 """
 
 import hashlib
-import importlib
+import importlib.util
 import operator
 import sys
 import types
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from archerfish2.errors import InputError, one_line
+from archerfish2.storage import file_hash
 
 FORMS = "./FILE.py:NAME, MODULE:NAME or the name of an installed entry point"
 _TRACED = ("Tracer", "Concretization", "NonConcrete", "UnexpectedTracer")  # JAX's errors of code that can't be compiled
+_executed: dict[str, str] = {}  # module that was run from a file → SHA-256 of what was run
 
 
 @dataclass(frozen=True, eq=False)
 class Plugin:
-    """Something of a user's own; another process finds it again by its name."""
+    """Something of a user's own."""
 
     spec: str
     """Its name, with the full path of a file."""
@@ -36,13 +40,14 @@ class Plugin:
     """What the name stands for in the user's code."""
     file: str
     """Its source; "" where it has none."""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return find_plugin, (self.spec, self.kind)
+    digest: str = ""
+    """SHA-256 of the file's content that was run; of an object from an imported module, of the file as it is now."""
 
     @contextmanager
     def running(self) -> Iterator[None]:
         """Turn whatever the user's code raises in a block into one line that names its file and the line in it.
+
+        Of what is Archerfish's own, a fault keeps its traceback.
 
         Raises:
           InputError: in the place of any other exception, and before another `InputError` the name of the code.
@@ -53,13 +58,15 @@ class Plugin:
             text = str(error)
             raise (error if text.startswith(self.spec) else InputError(f"{self.spec}: {text}")) from error
         except (Exception, SystemExit) as error:
+            if getattr(self.value, "__module__", "").startswith(f"{__package__}."):
+                raise
             import traceback  # slow to load
 
-            lines = [each.lineno for each in traceback.extract_tb(error.__traceback__) if each.filename == self.file]
+            frames = traceback.extract_tb(error.__traceback__)
+            lines = [frame.lineno for frame in frames if frame.filename == self.file]
             if isinstance(error, SyntaxError) and error.filename == self.file:
                 lines.append(error.lineno)
-            line = lines[-1] if lines else None
-            place, name = f"line {line}: " if line else "", type(error).__name__
+            place, name = f"line {lines[-1]}: " if lines else "", type(error).__name__
             text = one_line(f"{name}: {(str(error).strip().splitlines() or [''])[0]}")[:240]
             compiled = "it runs compiled, for many engagements at once: write xp = namespace(x) and xp.where for if"
             remedy = compiled if name.startswith(_TRACED) else "correct it"
@@ -87,13 +94,14 @@ def find_plugin(spec: Any, kind: str) -> Plugin:
       InputError: if there is no such file, module, name or entry point, or its code fails.
     """
     if not isinstance(spec, str):
-        file = getattr(sys.modules.get(getattr(spec, "__module__", "")), "__file__", None) or ""
-        name = getattr(spec, "__name__", type(spec).__name__)
-        return Plugin(f"{file}:{name}", kind, name, spec, file)
+        module, name = getattr(spec, "__module__", ""), getattr(spec, "__name__", type(spec).__name__)
+        file = getattr(sys.modules.get(module), "__file__", None) or ""
+        digest = _executed.get(module) or (file_hash(Path(file)) if Path(file).is_file() else "")
+        return Plugin(f"{file}:{name}", kind, name, spec, file, digest)
     where, _, name = spec.rpartition(":")
     try:
         path = Path(where if where.endswith(".py") else where.replace(".", "/") + ".py").resolve()
-        is_file, attribute = bool(where) and path.is_file(), name
+        is_file, attribute = bool(where) and path.is_file() and not _is_installed(where, path), name
     except (OSError, ValueError) as error:
         raise InputError(f"{kind} {one_line(spec)[:100]!r} can't be a name of a file; expected {FORMS}") from error
     if is_file:
@@ -112,20 +120,32 @@ def find_plugin(spec: Any, kind: str) -> Plugin:
         if not hasattr(module, attribute.partition(".")[0]):
             own = (each for each, value in vars(module).items() if getattr(value, "__module__", "") == module.__name__)
             raise InputError(f"has no {attribute!r}, but {', '.join(own) or 'nothing'}; name one of these")
-        return replace(plugin, value=operator.attrgetter(attribute)(module))
+        digest = _executed.get(module.__name__, "")
+        return replace(plugin, value=operator.attrgetter(attribute)(module), digest=digest)
+
+
+def _is_installed(where: str, path: Path) -> bool:
+    """Whether a name is that of a module which is not the file."""
+    with suppress(ImportError, ValueError, AttributeError):
+        found = importlib.util.find_spec(where)
+        return found is not None and found.origin is not None and Path(found.origin).resolve() != path
+    return False
 
 
 def _module(path: Path) -> types.ModuleType:
-    """Run a file, once per process; not by the import system, which would leave compiled files beside the user's."""
+    """Run a file, once for each content; not by the import system, which would leave compiled files beside it."""
+    source = path.read_bytes()
+    digest = hashlib.sha256(source).hexdigest()
     # Not by its stem, which another file may have, and under the package's name, which another edition has not.
-    name = f"{__package__}_plugin_{path.stem}_{hashlib.sha256(bytes(path)).hexdigest()[:8]}"
+    name = f"{__package__}_plugin_{path.stem}_{hashlib.sha256(bytes(path) + digest.encode()).hexdigest()[:8]}"
     if name not in sys.modules:
         module = sys.modules[name] = types.ModuleType(name)
         module.__file__ = str(path)
         beside = [str(path.parent)] if str(path.parent) not in sys.path else []
         sys.path += beside  # what is installed comes first
         try:
-            exec(compile(path.read_bytes(), str(path), "exec", dont_inherit=True), module.__dict__)
+            exec(compile(source, str(path), "exec", dont_inherit=True), module.__dict__)
+            _executed[name] = digest
         except BaseException:
             del sys.modules[name]
             raise

@@ -42,6 +42,12 @@ def library_versions() -> dict[str, str]:
     return versions
 
 
+def code_changes(commit: str, versions: dict[str, str]) -> list[str]:
+    """Return what differs between the running code with its libraries and those of an earlier time, a text for each."""
+    before, now = {"commit": commit, **versions}, {"commit": code_commit(), **library_versions()}
+    return [f"{name} {before.get(name)} → {value}" for name, value in now.items() if before.get(name) != value]
+
+
 def provenance(seed: int | None = None, inputs: Iterable[Path] = ()) -> dict[str, Any]:
     """Describe how a record was made.
 

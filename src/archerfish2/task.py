@@ -189,8 +189,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
             return task
         except (OSError, ValueError, TypeError, RecursionError) as error:
             problem = one_line(str(error)).removeprefix(f"{name}: ").removeprefix("Task: ").removesuffix("; correct it")
-            remedy = f"fields are {', '.join(cls.__struct_fields__)}" if isinstance(error, TypeError) else "correct it"
-            raise file_error(path, problem[:400], remedy) from error
+            raise file_error(path, problem[:400], "correct it") from error
 
     def save(self, path: str | Path) -> None:
         """Write the task as a TOML file.

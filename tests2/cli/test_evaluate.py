@@ -33,7 +33,8 @@ def start(engagements, out):
 
 def test_it_writes_and_prints_every_figure(tmp_path):
     printed, faults = start(4, tmp_path).communicate(timeout=120)
-    assert (faults, "Table III, dynamic targets: paper, limit gate" in printed) == ("", True)
+    assert all(line.startswith(("tuning: ", "evaluating: ")) for line in faults.splitlines())
+    assert "Table III, dynamic targets: paper, limit gate" in printed
     assert {each.name for each in tmp_path.iterdir()} == {"results.json", "report.html", "run.json", "run.lock"}
     assert all(f"{100 * each.rate:.1f} (" in printed for each in af.Results.load(tmp_path).cells)
 
@@ -43,7 +44,7 @@ def test_an_interrupt_leaves_nothing(tmp_path):
     while process.poll() is None and not [*tmp_path.glob("out/.unfinished-*")]:
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    assert process.communicate(timeout=60)[1] == "archerfish2: interrupted\n"
+    assert process.communicate(timeout=60)[1].endswith("archerfish2: interrupted\n")
     assert (process.returncode, [*tmp_path.iterdir()]) == (130, [])
 
 

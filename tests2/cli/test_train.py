@@ -14,28 +14,52 @@ FAULTS = {
     "--reward nearest": "reward must be one of eq-8, hit, smooth-hit",
     "--observation six": "observation must be one of paper, history, tracked, multimodel, got 'six'",
     "--observation tracked": "observation tracked needs a robot with sensing.json",
-    "--steps 0": "steps: expected int >= 1, got 0",
+    "--steps 0": "steps must be a whole number of 1 to 2^53, got 0",
     "--resume none": "none: has no training",
-    "--resume none --seed 3": "the training's own settings; leave seed out",
     "--set hidden=3": "there is no field hidden",
     "--set ppo.epochs=2": "--set ppo.epochs=2 is not of the trainer gradient",
 }
 
 
 def test_a_policy_is_trained_for_a_robot_and_evaluated_with_it(tmp_path, capsys, monkeypatch):
-    robot = tmp_path / "mine"
+    robot, policy = tmp_path / "mine", tmp_path / "mine" / "policy"
     af.Robot.paper().save(robot)
-    main(["train", str(robot), *f"--task static --steps 640 --seed 3 --set {SMALL}".split()])
-    assert f"archerfish2 evaluate {robot} --controllers {robot}/policy kalman" in capsys.readouterr().out
-    own = []
-    monkeypatch.setattr(
-        "archerfish2.cli.evaluate.evaluate", lambda controllers, *_, **__: own.extend(controllers) or 1 / 0
-    )
-    with pytest.raises(ZeroDivisionError):
-        main(["evaluate", str(robot)])
-    assert own == [str(robot / "policy"), "kalman", "kalman-lq", "oracle"]
-    (cell, *_) = af.evaluate(own[0], robot, "static", engagements=4).cells
+    with monkeypatch.context() as patch, pytest.raises(ZeroDivisionError):
+        patch.setattr("archerfish2.learning.train._run", lambda *_: 1 / 0)
+        main(["train", str(robot), *f"--task static --command-limit box --steps 640 --seed 3 --set {SMALL}".split()])
+    begun = "training for paper, task static: gradient, observation history, 640 decisions; progress: "
+    assert capsys.readouterr().out == f"{begun}{policy}/log.jsonl\n"
+    main(["train", "--resume", str(policy)])
+    first, *_, last = capsys.readouterr().out.splitlines()
+    words = f"evaluate {robot} --controllers {policy} kalman --task static --command-limit box"
+    assert (first, last) == (f"{begun}{policy}/log.jsonl", f"next: archerfish2 {words}")
+    calls = []
+    monkeypatch.setattr("archerfish2.cli.evaluate.evaluate", lambda *given, **_: calls.append(given) or 1 / 0)
+    for line in (words, f"evaluate {robot}"):
+        with pytest.raises(ZeroDivisionError):
+            main(line.split())
+    assert (calls[0][0], calls[0][1].folder, calls[0][2].command_limit) == ((str(policy), "kalman"), robot, "box")
+    assert calls[1][0] == (str(policy), "kalman", "kalman-lq", "oracle")
+    (cell, *_) = af.evaluate(str(policy), robot, calls[0][2], engagements=4).cells
     assert (cell.controller, cell.kind, cell.seed) == ("policy", "policy", 3)
+
+
+def test_parts_that_are_not_usable_are_trained_for_if_that_is_accepted(tmp_path, capsys, monkeypatch):
+    af.Robot.paper().replace(parts={"yaw": {"usable": False, "headline": "drifts"}}).save(tmp_path)
+    monkeypatch.setattr("archerfish2.cli.train.train", lambda *_, **__: 1 / 0)
+    with pytest.raises(SystemExit, match="2"):
+        main(["train", str(tmp_path)])
+    assert "drifts" in capsys.readouterr().err
+    with pytest.raises(ZeroDivisionError):
+        main(["train", str(tmp_path), "--accept-unusable"])
+
+
+def test_a_task_of_a_file_is_named_by_its_file(tmp_path, capsys, monkeypatch):
+    af.Task.load("static").replace(name="far", ranges_m=((4.0, 5.0),)).save(tmp_path / "far.toml")
+    monkeypatch.chdir(tmp_path)
+    main(["train", *f"--task far.toml --steps 640 --set {SMALL}".split()])
+    line = capsys.readouterr().out.splitlines()[-1]
+    assert line == "next: archerfish2 evaluate --controllers runs/train kalman --task far.toml"
 
 
 @pytest.mark.parametrize("words", FAULTS)

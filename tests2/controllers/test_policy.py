@@ -327,6 +327,13 @@ def with_facts(content, text):
     return struct.pack("<Q", len(made)) + made + rest
 
 
+def test_a_file_that_has_the_command_that_trains_it_again_is_read(tmp_path, policy):
+    policy.save(path := tmp_path / "policy.safetensors")
+    facts = {**json.loads(parts_of(path.read_bytes())[2]), "remake": "archerfish train"}
+    path.write_bytes(with_facts(path.read_bytes(), json.dumps(facts)))
+    assert Policy.load(path).facts.seed == 3
+
+
 FACTS = [
     ("observer.frames", 10**9, "field observer.frames: expected int <= 64"),
     ("observer.frames", -5, "field observer.frames: expected int >= 2"),

@@ -4,6 +4,7 @@ import math
 from itertools import product
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import archerfish2 as af
@@ -93,6 +94,25 @@ def test_a_decision_without_fire_is_a_miss_and_changes_no_other_shot():
     (cell,) = af.evaluate(Held(every=2), task=TASK, engagements=4).cells
     hit = af.rollout(Held(), task=TASK, engagements=4).hit
     assert (cell.hits, cell.shots, cell.withheld, cell.decisions) == (hit[:, ::2].sum(), 100, 100, 200)
+
+
+def test_accelerations_count_from_the_rest_that_an_engagement_begins_with():
+    task = TASK.replace(motion="static", start=(0.0, 0.3))
+    (cell,) = af.evaluate("no-lead", task=task, engagements=4).cells
+    shots = af.rollout("no-lead", task=task, engagements=4)
+    yaw = np.stack([shots.in_force, shots.shot.angle])[..., 1].astype(float)
+    bends = np.diff(np.pad(yaw, ((0, 0), (0, 0), (2, 0)), constant_values=0.3), n=2)
+    assert cell.yaw_rad_s2 == pytest.approx(np.abs(bends).max() / 0.02**2, rel=1e-2)
+
+
+def test_a_fault_of_ours_keeps_its_traceback(monkeypatch):
+    def step(self, state, seen):
+        raise KeyError("ours")
+
+    monkeypatch.setattr("archerfish2.evaluation.rollout.has_jax", lambda: False)
+    monkeypatch.setattr("archerfish2.controllers.kalman.DirectAim.step", step)
+    with pytest.raises(KeyError, match="ours"):
+        af.rollout("kalman-paper", task=TASK, engagements=4)
 
 
 def test_a_search_finds_the_best_setting_and_tries_all_beside_it():

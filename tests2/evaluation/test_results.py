@@ -130,6 +130,11 @@ def test_every_rate_and_its_interval_are_printed_within_110_columns():
     assert empty.report().headline == "No controller was evaluated."
 
 
+def test_a_notebook_shows_every_rate():
+    page = TABLES._repr_html_()
+    assert all(f"{100 * cell.low:.1f}–{100 * cell.high:.1f}" in page for cell in TABLES.cells)
+
+
 def test_many_motions_share_a_table_of_means_and_trainings_a_row_with_their_spread():
     (table,) = rate_tables(MANY.cells)
     rows = {row[0]: row for row in table.rows}

@@ -11,11 +11,10 @@ from scipy import signal
 from archerfish2.errors import InputError
 from archerfish2.identification.axis.bootstrap import draw_plants, interval
 from archerfish2.identification.axis.fit import fit_axis
-from archerfish2.identification.axis.identify import identify_axis
+from archerfish2.identification.axis.identify import identify_axis, read_sources
 from archerfish2.identification.axis.plateaus import plateau_gain
 from archerfish2.identification.axis.report import shortfalls
 from archerfish2.identification.simulation import simulate
-from archerfish2.identification.sources import read_sources
 from archerfish2.logs.recording import Recording
 from archerfish2.records.json_files import plain
 from archerfish2.records.plant import PlantRecord

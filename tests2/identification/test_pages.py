@@ -36,7 +36,7 @@ def test_the_blocks_on_an_axis_and_its_excitation_run_in_their_order(tmp_path, m
     assert names["angle"].shape == (700, 1)
     assert names["step"][-1, 0] == pytest.approx(1.0, abs=0.01)
     assert names["again"].dc_gain.item() == pytest.approx(names["axis"].record.dc_gain.item())
-    exec(PYTHON[5], names)
+    exec("".join(PYTHON[5:7]), names)
     wanted = {"bode.png", "yaw.json", "yaw.html", "yaw_sweep.csv", "yaw_step_validation.csv"}
     assert wanted <= {each.name for each in tmp_path.iterdir()}
 

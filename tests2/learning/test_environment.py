@@ -102,10 +102,23 @@ def test_a_users_reward_gets_shot_command_and_what_is_seen_after_it(refused):
 def test_only_a_critic_sees_where_the_target_really_is(trainer, hidden):
     robot, task = af.Robot.load("tests2/infantry"), af.Task.load("dynamic")
     environment = af.make_environment(robot, task, TrainConfig(trainer=trainer, observation="tracked"))
-    state, observation = environment.begin(*draws(environment, 4))
-    assert (environment.hidden, observation.shape[-1]) == (hidden, 55 + hidden)
+    state, _ = environment.begin(*draws(environment, 4))
+    _, given = environment.step(state, np.zeros((4, 2), np.float32), draws(environment, 4)[0], (state, None))
+    assert state.hidden.shape == given.hidden.shape == (4, hidden)
     if hidden:
         target = map_arrays(np.asarray, state.world.engagement.target)
         now, later = (target.at(np.full(4, each)).position[:, 0] for each in (0.0, 0.4))
-        assert_allclose(observation[:, 55:57], now[:, :2], rtol=1e-5)
-        assert_allclose(observation[:, -2:], 5.0 * (later - now)[:, :2], atol=1e-3)
+        assert_allclose(state.hidden[:, :2], now[:, :2], rtol=1e-5)
+        assert_allclose(state.hidden[:, -2:], 5.0 * (later - now)[:, :2], atol=1e-3)
+        assert_allclose(given.hidden[:, :2], target.at(np.full(4, 0.02)).position[:, 0, :2], rtol=1e-5)
+
+
+KINDS_OF = {None: ("paper", "history", "multimodel"), "tests2/infantry": ("paper", "history", "tracked", "multimodel")}
+
+
+@pytest.mark.parametrize("trainer", ["gradient", "ppo"])
+@pytest.mark.parametrize(("robot", "kind"), [(robot, kind) for robot, kinds in KINDS_OF.items() for kind in kinds])
+def test_an_observation_has_the_numbers_of_its_layout_and_no_others(robot, kind, trainer):
+    environment = af.make_environment(robot, "dynamic", TrainConfig(observation=kind, trainer=trainer))
+    _, observation = environment.fresh(*draws(environment, 2))
+    assert observation.shape == (2, sum(size for _, size in environment.observer.layout()))

@@ -157,7 +157,7 @@ def test_actions_beyond_the_bound_are_clipped_and_what_is_no_action_is_refused(e
 
 
 def test_what_can_not_be_made_or_reset_is_named(environment, refused):
-    refused("options robot, task, .*; got plant", ShootingEnv, plant="x")
+    refused("options robot, task, .* staggered; got plant", ShootingEnv, plant="x")
     refused("got render_mode 'human'", ShootingEnv, "human")
     refused("an environment is given, so task", ShootingEnv, environment=environment, task="paper")
     refused("environment must be from make_environment, got 3", ShootingEnv, environment=3)
@@ -181,6 +181,28 @@ def test_a_picture_shows_gimbal_target_and_pellets(environment):
     rows, columns = np.nonzero(np.all(drawn[:, : picture.FIELD_WIDTH] == picture.GIMBAL, axis=-1))
     assert rows.mean() < picture.HEIGHT / 2  # muzzle up
     assert columns.mean() < picture.FIELD_WIDTH / 2  # to the left
+
+
+def test_between_frames_a_picture_shows_the_plate_where_it_is(monkeypatch):
+    robot, plates = af.Robot.load("tests2/infantry"), []
+    sensing = robot.sensing.replace(camera=robot.sensing.camera.replace(rate_hz=30.0))
+    monkeypatch.setattr("archerfish2.learning.gymnasium.draw_picture", lambda _, __, plate, *___: plates.append(plate))
+    env = ShootingEnv("rgb_array", robot=robot.replace(sensing=sensing), task="static")
+    env.reset(seed=0)
+    for _ in range(6):
+        env.step(np.zeros(2, np.float32))
+        env.render()
+    assert_array_equal(plates, plates[:1] * 6)
+
+
+def test_numbers_are_float32_in_numpy_too(environment, monkeypatch):
+    monkeypatch.setattr("archerfish2.learning.gymnasium.forked", [True])
+    env, envs = ShootingEnv(environment=environment), ShootingVectorEnv(2, environment=environment)
+    env.reset(seed=0)
+    envs.reset(seed=0)
+    observation, *_, info = env.step(np.zeros(2, np.float32))
+    observations, rewards, *_ = envs.step(np.zeros((2, 2), np.float32))
+    assert {each.dtype for each in (observation, info["miss"], observations, rewards)} == {np.dtype(np.float32)}
 
 
 @pytest.mark.parametrize(("code", "printed"), [(FORKED, "(2, 35) (2,)\n"), (HANDED_OVER, "(35,)\n")])
@@ -213,7 +235,7 @@ def test_the_page_runs(package, monkeypatch, tmp_path):
     monkeypatch.setenv("ARCHERFISH_CACHE", "off")
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs2" / "gymnasium.md").read_text(), re.DOTALL)
-    assert ["stable_baselines3" in each for each in blocks] == [False, False, True]
+    assert ["stable_baselines3" in each for each in blocks] == [False, False, False, True]
     code = "".join(each for each in blocks if ("stable_baselines3" in each) is (package != "gymnasium"))
     for usual, small in SMALL.items():
         code = code.replace(usual, small)

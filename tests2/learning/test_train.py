@@ -1,10 +1,14 @@
 """Trainings: their folders, how they end, and how they continue."""
 
+import hashlib
+import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +19,7 @@ from archerfish2.arrays import leaves
 from archerfish2.learning import learner as learners
 from archerfish2.learning import run_folder, train
 from archerfish2.learning.config import GradientConfig, PpoConfig, TrainConfig
+from archerfish2.reports import progress
 
 pytest.importorskip("jax")
 ROOT = Path(__file__).parents[2]
@@ -74,6 +79,14 @@ def stopped(monkeypatch):
     return after
 
 
+def begin(stopped, monkeypatch, out, **given):
+    """Leave an unfinished training."""
+    stopped(1)
+    with pytest.raises(KeyboardInterrupt):
+        af.train(**{"task": "paper", "config": CONFIG, **given}, out=out)
+    monkeypatch.undo()
+
+
 @pytest.mark.parametrize("trainer", ["gradient", "ppo"])
 def test_a_training_that_was_stopped_continues_to_the_same_weights(tmp_path, trainer, stopped, expected, monkeypatch):
     whole, out = expected(trainer), tmp_path / "out"
@@ -95,6 +108,37 @@ def test_a_training_that_was_stopped_continues_to_the_same_weights(tmp_path, tra
     assert [row["iteration"] for row in rows] == list(range(1, 13))
     assert {"mean_reward", "hit_share", "gradient_norm"} <= rows[0].keys()
     assert ("value_error" in rows[0]) == (trainer == "ppo")
+
+
+def test_nothing_that_a_training_would_ignore_is_given_beside_resume(tmp_path, stopped, monkeypatch, refused):
+    begin(stopped, monkeypatch, tmp_path)
+    given = {"robot": "none", "task": "static", "trainer": "ppo", "seed": 0, "steps": 10, "out": "no"}
+    given |= {"reward": "hit", "config": TrainConfig(frames=5)}
+    for name, value in given.items():
+        refused(f"the training's own settings; leave {name} out", af.train, resume=tmp_path, **{name: value})
+    assert not (tmp_path / run_folder.POLICY).exists()
+
+
+def test_a_training_that_continues_with_other_libraries_or_code_says_so(tmp_path, stopped, monkeypatch):
+    begin(stopped, monkeypatch, tmp_path)
+    run = json.loads((tmp_path / "run.json").read_text())
+    run["train"] |= {"commit": "0" * 40, "versions": run["train"]["versions"] | {"jax": "0.0.1"}}
+    (tmp_path / "run.json").write_text(json.dumps(run))
+    with pytest.warns(
+        UserWarning, match="continued with commit 0+ → .*, jax 0.0.1 → .*may not be those of an unbroken"
+    ):
+        policy = af.train(resume=tmp_path)
+    (later,) = run_folder.read_run(tmp_path).resumed
+    assert policy.facts.training["commits"] == ["0" * 40, policy.facts.commit]
+    assert (later.commit, later.iterations) == (policy.facts.commit, 4)
+
+
+def test_a_training_is_in_single_precision_whatever_jax_is_set_to(expected):
+    import jax
+
+    whole = expected("gradient")
+    with jax.enable_x64(True):
+        assert weights(af.train(task="paper", config=CONFIG)) == whole
 
 
 def test_a_damaged_checkpoint_gives_way_to_the_one_before(tmp_path, stopped, expected, monkeypatch, refused):
@@ -119,10 +163,9 @@ def test_a_signal_checkpoints_and_ends_and_a_kill_loses_nothing(tmp_path, expect
     out = tmp_path / "out"
     raised = "r = t._rows\nt._rows = lambda *a: (t.signal.raise_signal({}), r(*a))[1]\n"
     process = start(f"{WORDS} {out}", raised.format(int(signal.SIGTERM)))
-    assert (process.communicate(timeout=120)[1], process.returncode) == (
-        f"continue with --resume {out}\narcherfish2: terminated\n",
-        143,
-    )
+    begun, *said = process.communicate(timeout=120)[1].splitlines()
+    assert begun.startswith("training: 0 of ")
+    assert (said[-2:], process.returncode) == ([f"continue with --resume {out}", "archerfish2: terminated"], 143)
     assert (out / run_folder.CHECKPOINT).exists()
     process = start(f"train --resume {out}", raised.format(int(signal.SIGKILL)))
     process.communicate(timeout=120)
@@ -162,6 +205,10 @@ def test_a_folder_has_one_writer_and_an_earlier_training_stays_until_the_end(tmp
     assert not before.exists()
     (out / "mine.txt").touch()
     refused("has files of something else, as mine.txt", af.train, task="paper", out=out)
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "mine.txt").touch()
+    refused("has files of something else, as mine.txt", af.train, task="paper", out=tmp_path / "other")
+    assert [each.name for each in (tmp_path / "other").iterdir()] == ["mine.txt"]
     refused("has no training", af.train, resume=tmp_path / "none")
 
 
@@ -196,8 +243,45 @@ def test_a_reward_of_a_users_own_is_checked_and_does_not_hold_the_folder(tmp_pat
                   "step": "has no gradient; smooth it, or take trainer ppo"}  # fmt: skip
     for name, complaint in complaints.items():
         refused(complaint, af.train, task="paper", config=CONFIG, reward=f"./mine.py:{name}", out="out")
-    refused("field seed: expected int >= 0", af.train, task="paper", config=CONFIG, seed=-1, out="out")
+    for name, wrong in (("seed", -1), ("seed", 2.0), ("steps", 0)):
+        refused(
+            f"^{name} must be a whole number of .*, got {wrong}", af.train, task="paper", **{name: wrong}, out="out"
+        )
     assert af.train(task="paper", config=CONFIG, trainer="ppo", reward="./mine.py:step", out="out").facts.seed == 0
+
+
+def test_a_reward_that_was_edited_is_another_reward(tmp_path, monkeypatch, stopped, refused):
+    file, runs = tmp_path / "mine.py", []
+    for number in (0.0, 1.0):
+        file.write_text(f"def one(shot, command, seen): return {number} + 0.1 * shot.margin\n")
+        policy = af.train(task="paper", config=CONFIG, reward=f"{file}:one", out=tmp_path / str(number))
+        (digest,) = run_folder.read_run(tmp_path / str(number)).code.values()
+        assert digest == hashlib.sha256(file.read_bytes()).hexdigest()
+        runs.append(policy.facts.training["mean_reward"])
+    assert runs[1] == pytest.approx(runs[0] + 1.0, abs=0.1)
+    begin(stopped, monkeypatch, tmp_path / "out", reward=f"{file}:one")
+    file.write_text(file.read_text() + "\n")
+    refused("one has changed since the training was begun", af.train, resume=tmp_path / "out", reward=f"{file}:one")
+
+
+def test_progress_is_shown_up_to_the_total(monkeypatch):
+    calls = []
+    monkeypatch.setattr(
+        progress, "bar", lambda what, total, unit: nullcontext(lambda done, note="": calls.append((total, done, note)))
+    )
+    af.train(task="paper", config=CONFIG)
+    assert [done for _, done, _ in calls] == [640, 1280, 1920]
+    assert calls[-1][0] == 1920
+
+
+def test_count_and_time_left_fit_into_80_columns(monkeypatch):
+    terminal = io.StringIO()
+    terminal.isatty = lambda: True
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr("sys.stderr", terminal)
+    with progress.bar("training", 20_004_864, "decisions") as advance:
+        advance(5_734_400, "85.2% hit")
+    assert re.search(r"5734400/20004864.*decisions/s.*-:--:--.*85.2% hit", terminal.getvalue())
 
 
 def test_a_training_that_diverges_keeps_the_last_good_learner(tmp_path, refused):

@@ -222,7 +222,8 @@ FAULTS = [
     (PpoConfig, {"minibatches": 7}, "environments × rollout = 12800 must divide into 14 parts"),
     (PpoConfig, {"log_std": -5.0}, "log_std of at least log_std_floor"),
     (PpoConfig, {"clip": math.nan}, "clip: expected"),
-    (TrainConfig, {"trainer": "sac"}, "trainer: invalid enum value"),
+    (TrainConfig, {"trainer": "sac"}, "trainer: invalid enum value 'sac', expected one of gradient, ppo;"),
+    (GradientConfig, {"lr": 1}, "GradientConfig: there is no field lr; fields are steps, environments, window"),
     (TrainConfig, {"ppo": {"epoch": 3}}, "unknown field epoch"),
 ]
 

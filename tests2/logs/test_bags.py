@@ -59,6 +59,12 @@ def apart(early=0, late=0):
     return {"/command": commands, "/angle": [(origin + t, number(y)) for t, y in zip(AT, Y, strict=True)]}
 
 
+def numbers():
+    """Messages that are arrays of three numbers."""
+    layout = ROS2.types["std_msgs/msg/MultiArrayLayout"]([], 0)
+    return {"/n": [(1, ROS2.types["std_msgs/msg/Float64MultiArray"](layout, np.arange(3.0)))]}
+
+
 def found(log):
     return {each.code: each.samples for each in log.findings}
 
@@ -94,13 +100,13 @@ def test_joints_are_found_by_name_and_messages_of_other_joints_left_out(tmp_path
     log = read_log(path, inputs="/command/yaw/position", outputs="/axis/yaw/position")
     assert_allclose(log.recordings[0].inputs[:, 0], U, rtol=1e-12)
     assert_array_equal(log.recordings[0].outputs[:, 0], Y)
-    assert (log.samples, found(log)) == (COUNT, {"other-joints": 0, "held-input": 0})
+    assert (log.samples, found(log)) == (COUNT, {"other-joints": 0})
     assert "left out: 20" in log.findings[0].message
 
 
 def test_commands_are_averaged_between_the_angles_and_angles_before_them_counted(tmp_path):
     log = read_log(write(tmp_path, apart(early=2_500_000, late=20)), **APART)
-    assert found(log) == {"receive-time": 0, "held-input": 0, "late-input": 20}
+    assert found(log) == {"receive-time": 0, "late-input": 20}
     assert_allclose(log.recordings[0].inputs[:-1, 0], 0.75 * U[20:-1] + 0.25 * U[21:], rtol=1e-9)
     assert_array_equal(log.recordings[0].outputs[:, 0], Y[20:])
 
@@ -118,9 +124,11 @@ def test_what_a_stopped_recorder_has_written_is_read_and_a_hole_refused(tmp_path
 
 BACK, YAW, ONE = [*axis(10**9)["/axis"], (2**62, joints(1, (0, 0), (0, 0)))], "/axis/yaw/position", "/axis/effort[1]"
 REFUSED = {
-    "no topic": ("/imu/x", YAW, axis(), "no-column", 'no topic of signal "/imu/x"; name .* the topics are "/axis"'),
+    "no topic": ("/imu/x", YAW, axis(), "no-column", 'no topic of signal "/imu/x"; it has .*"/axis/yaw/effort"; name'),
     "no joint": (ONE, "/axis/roll/position", axis(), "no-column", 'none with "roll"; it has .*"yaw"'),
     "no field": ("/axis/torque", YAW, axis(), "no-column", 'message 1 of .*; the fields of .* "name", "position"'),
+    "an array": ("/axis/position", YAW, axis(), "no-column", 'of 2; name a joint, "/axis/pitch/position", or an el'),
+    "an array without joints": (*["/n/data"] * 2, numbers(), "no-column", r'of 3; name an element, "/n/data\[0]"'),
     "no element": ("/axis/effort[2]", YAW, axis(), "no-column", "has no .*IndexError"),
     "from the end": ("/axis/effort[-1]", YAW, axis(), "no-column", "has no .*AttributeError"),
     "a method": ("/axis/effort.__len__", YAW, axis(), "no-column", "has no .*TypeError"),

@@ -152,7 +152,56 @@ def test_a_unit_of_time_is_taken_from_a_name_that_states_it():
         assert {time_unit(name) for name in group.split()} == {unit}
 
 
+@pytest.mark.parametrize("name", ["time_min", "t [h]", "hours", "minutes", "timeMin", "t_hrs", "h"])
+def test_stamps_in_minutes_or_hours_are_refused(tmp_path, refused, name):
+    refused("minutes or hours.*seconds", read, tmp_path, text(names=f"{name},u,y"), time=name)
+
+
 T = np.arange(COUNT) / 100
+
+
+NAMED = {
+    "stamp,cmd,angle": ("stamp", "cmd", "angle"),
+    "time_ms,u_deg,y_deg": ("time_ms", "u_deg", "y_deg"),
+    "time_ms,u,y_deg,y_rate": ("time_ms", "u", "NAME"),
+}
+
+
+@pytest.mark.parametrize(("header", "names"), NAMED.items(), ids=NAMED)
+@pytest.mark.parametrize("form", ["text", "npz"])
+def test_a_missing_signal_is_named_where_it_can_be_with_those_that_are_there(tmp_path, header, names, form):
+    arrays = dict.fromkeys(header.split(","), U)
+    content = text(names=header) if form == "text" else npz(**arrays)
+    with pytest.raises(InputError) as error:
+        read(tmp_path, content)
+    call = 'name them: read_log(FILE, time="{}", inputs="{}", outputs="{}"), or in logs.toml: '
+    assert (call + 'time = "{}", input = "{}", output = "{}"').format(*names, *names) in str(error.value)
+
+
+def test_arrays_and_frames_are_read_as_a_file_of_them_is(tmp_path, refused):
+    stamps, lost = np.delete(T, [7, 20]), np.delete(np.column_stack([U, Y]), [7, 20], axis=0)
+    arrays = {"time_ms": 1e3 * stamps, "u": lost[:, 0], "y": list(lost[:, 1]), "x": lost}
+    expected = read(tmp_path, npz(**arrays), time="time_ms")
+    for source in (arrays, Frame(arrays)):
+        for names in ({}, {"inputs": "x[0]", "outputs": "x[1]"}):
+            log = read_log(source, time="time_ms", **names)
+            assert [finding.code for finding in log.findings] == ["time-unit", "jitter"]
+            assert_array_equal(log.recordings[0].outputs, expected.recordings[0].outputs)
+    assert (log.samples, log.recordings[0].period_s) == (38, expected.recordings[0].period_s)
+    refused('table: has no array "time_s"; .*time="time_ms"', read_log, arrays)
+    refused("table: signals have 38 and 40", read_log, arrays | {"u": U}, time="time_ms")
+    for bare in (lost, lost.tolist()):
+        refused(r"archerfish.Recording.from_arrays\(u, y, period_s\)", read_log, bare)
+
+
+class Frame:
+    """What data frames of all libraries have."""
+
+    def __init__(self, arrays):
+        self.arrays, self.columns = arrays, list(arrays)
+
+    def __getitem__(self, name):
+        return self.arrays[name]
 
 
 def test_the_signals_of_a_file_are_listed_by_the_names_that_read_log_takes(tmp_path, refused):
@@ -207,7 +256,7 @@ REFUSED |= {
     "a large array": (appended(npz(u=U, y=Y), "time_s", b"", 2**30), "too-large", "1024 MB, expected at most 512"),
     "a claim": (appended(npz(u=U, y=Y), "time_s", CLAIM), "damaged", "damaged.*(allocate|EOF)"),
     "another length": (npz(time_s=T, u=U[1:], y=Y), "length", "39 and 40 samples"),
-    "no such array": (npz(time_s=T, u=U), "no-column", 'no arrays "y", .*are "time_s", "u"; name one'),
+    "no such array": (npz(time_s=T, u=U), "no-column", 'no array "y"; .*are "time_s", "u"; name them'),
     "a matrix": (npz(time_s=T, u=SIGNALS, y=Y), "no-column", r'shape \(40, 2\), expected one column; .*"u\[0\]"'),
     "an infinite element": (npz(time_s=T, u=U, y=np.where(T == 0.05, np.inf, Y)), "infinite", 'row 6: "y" is inf'),
     "half of MATLAB": (mat(time_s=T, u=U, y=Y)[:-200], "damaged", "is damaged"),

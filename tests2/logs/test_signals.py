@@ -52,8 +52,8 @@ CASE = [  # names of signals; natural frequency [Hz], steady gain, delay and its
     ("encoder_wrap.csv", ("command_deg", "ecd"), (6, 68.27, 5, 0), {"angle-wrap"}),
     ("sep_line.csv", ("u", "y"), (6, 1, 0, 0), set()),
     ("sparse_command.csv", ("u", "y"), (6, 1, 0, 0), {"held-input"}),
-    ("two_publishers.mcap", JOINTS, (4, 1, 0, 0), {"other-joints", "held-input"}),
-    ("recorder_died.mcap", ("/command/data", "/angle/data"), (6, 1, 0, 0), {"truncated", "receive-time", "held-input"}),
+    ("two_publishers.mcap", JOINTS, (4, 1, 0, 0), {"other-joints"}),
+    ("recorder_died.mcap", ("/command/data", "/angle/data"), (6, 1, 0, 0), {"truncated", "receive-time"}),
     ("time_us.csv", ("u", "y"), (6, 1, 0, 0), {"time-unit"}),
 ]
 
@@ -113,6 +113,25 @@ def test_angles_and_counters_are_unwrapped_at_usual_turns(tmp_path, turn, gain, 
     assert_allclose(change, change[0], atol=1e-9 * turn)
 
 
+@pytest.mark.parametrize("apart", [False, True])
+def test_a_wrapped_input_is_averaged_as_its_unwrapped_twin(tmp_path, apart):
+    """Its angle is refreshed in every second row, or is on a clock of its own."""
+    yaw, time = 3 * np.sin(2 * TIME) + 4 * TIME, TIME / 5  # goes round within 8 s; 1 kHz
+    angle, refreshed, logs = response(yaw)[np.arange(COUNT) // 2 * 2], np.arange(COUNT) % 2 == 0, []
+    for signal in (yaw, (yaw + np.pi) % (2 * np.pi) - np.pi):
+        u, y = np.where(apart & refreshed, np.nan, signal), np.where(apart & ~refreshed, np.nan, angle)
+        logs.append(read(tmp_path, u, y, time))
+    assert codes(logs[1]) - codes(logs[0]) == {"angle-wrap"}
+    assert_allclose(logs[1].recordings[0].inputs, logs[0].recordings[0].inputs, atol=1e-9)
+
+
+def test_a_wrapped_angle_is_unwrapped_although_the_log_has_gaps(tmp_path):
+    yaw, time = 5 * np.sin(2 * TIME), TIME + (TIME > 2) + 3 * (TIME > 5)
+    log = read(tmp_path, U, (response(yaw) + np.pi) % (2 * np.pi) - np.pi, time)
+    assert (codes(log), len(log.recordings)) == ({"gap", "angle-wrap"}, 3)
+    assert_allclose(np.concatenate([part.outputs[:, 0] for part in log.recordings]), response(yaw), atol=1e-9)
+
+
 def test_steps_and_random_levels_are_not_unwrapped(tmp_path):
     levels = np.where(RNG.random(COUNT // 5) < 0.5, -128, 128).repeat(5)
     for y in (levels / 256, levels, response(levels, 70), np.arange(COUNT) % 7 + 0.5):
@@ -138,6 +157,15 @@ def test_what_may_spoil_an_estimate_is_warned_of(tmp_path, code, y, message):
     (finding,) = read(tmp_path, SWEEP, y).findings
     assert finding[:2] == (code, "warning")
     assert re.match(f'"y" {message}', finding.message)
+
+
+def test_one_of_two_inputs_may_rest(tmp_path, refused):
+    columns = np.column_stack([TIME, U, 0 * U, Y])
+    np.savetxt(path := tmp_path / "log.csv", columns, "%.15g", ",", header="time_s,u,v,y", comments="")
+    log = read_log(path, inputs=("u", "v"))
+    assert (log.findings, log.recordings[0].inputs[:, 1].tolist()) == ((), [0] * COUNT)
+    refused('"v" is 0 throughout', read_log, path, inputs="v")
+    refused('"v" is 0 throughout', read_log, path, inputs=("u",), outputs=("y", "v"))
 
 
 def test_a_signal_that_never_moves_is_refused_and_a_part_at_rest_left_out(tmp_path, refused):

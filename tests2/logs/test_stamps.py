@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.signal import lfilter
 
 from archerfish2.logs.log import read_log
-from archerfish2.logs.recording import Recording
-from archerfish2.logs.stamps import held_mean
+from archerfish2.logs.recording import Recording, held_mean
+from archerfish2.logs.stamps import period_findings
 
 PERIOD, COUNT = 0.01, 600
 SHARED = next(
@@ -82,6 +82,14 @@ def test_samples_that_were_taken_unevenly_are_resampled_with_a_warning_where_tha
     assert_allclose(recording.inputs[:, 0], np.sin(5 * (recording.time + at[0])), atol=0.06)  # held up to a period
 
 
+def test_a_rate_that_drifts_is_not_even(tmp_path):
+    at = np.cumsum(np.linspace(0.92e-3, 1.08e-3, 4000))
+    log = read(tmp_path, at, np.sin(5 * at), np.sin(5 * at))
+    (recording,) = log.recordings
+    assert codes(log) == {"jitter": "repaired"}
+    assert_allclose(recording.outputs[:, 0], np.sin(5 * (recording.time + at[0])), atol=1e-6)
+
+
 def test_a_log_is_cut_at_gaps_and_short_parts_are_left_out(tmp_path):
     time, u, y = axis()
     for first in (200, 500, 590):
@@ -109,7 +117,7 @@ def test_an_input_with_stamps_of_its_own_is_averaged_between_the_outputs(tmp_pat
     rows = np.hstack([[time, lacking[:COUNT], y], [at, np.sin(at), lacking]])
     log = read(tmp_path, *rows[:, np.argsort(rows[0], kind="stable")])
     (recording,) = log.recordings
-    assert codes(log).keys() == {"late-input", "held-input"}
+    assert codes(log).keys() == {"late-input"}  # an input of its own clock is held, as it always is
     expected = np.sin(time[COUNT - len(recording) :] + PERIOD / 2)
     assert_allclose(recording.inputs[:-1, 0], expected[:-1], atol=0.01)
 
@@ -166,8 +174,32 @@ def test_a_recording_is_read_back_and_cut_at_its_times(tmp_path, refused):
 
 def test_signals_that_are_no_recording_are_refused(refused):
     ramp, make = np.arange(3.0), Recording.from_arrays
-    refused(r"^recording: .* shapes \(3, 1\) and \(4, 1\), expected \(3, 1\) and", make, ramp, np.arange(4.0), 0.1)
-    refused(r"shapes \(3, 2\) and \(3, 1\), expected \(3, 1\)", make, np.ones((3, 2)), ramp, 0.1)
+    refused("^recording: u has 4,000 samples and y 3,999, ", make, np.ones(4000), np.ones(3999), 0.1)
+    refused(r'u has shape \(1, 3\), expected \(N, 1\) of "u".*; samples come first', make, ramp[None], ramp[None], 0.1)
+    refused(r"y has shape \(3, 2\), expected \(N, 1\).*all signals are named", make, ramp, np.ones((3, 2)), 0.1)
     refused("not empty", make, [], [], 0.1)
     refused("not finite; cut the recording", make, ramp, [0, np.nan, 1], 0.1)
     refused("period_s is 0.0, expected above 0 s", make, ramp, ramp, 0.0)
+    for period_s, time in ((None, None), (0.1, ramp), (ramp, None)):
+        refused("expected period_s, a number, or time; pass", lambda p, t: make(ramp, ramp, p, time=t), period_s, time)
+
+
+def test_arrays_with_even_stamps_are_a_recording_and_others_are_read_as_a_file_is(tmp_path, refused):
+    time, u, y = axis()
+    found = Recording.from_arrays(u, y, time=time, input_names=("cmd",), source="mine")
+    assert repr(found) == "Recording(cmd → y: 600 samples every 0.01 s, 6 s, mine)"
+    rows = np.delete(np.arange(COUNT), [100, 250])
+    refused(r"stamps are uneven, .* s off .*; read_log\({", Recording.from_arrays, u[rows], y[rows], time=time[rows])
+    (even,) = read_log({"time_s": time[rows], "u": u[rows], "y": y[rows]}).recordings
+    (expected,) = read(tmp_path, time[rows], u[rows], y[rows]).recordings
+    assert_array_equal(np.hstack([even.inputs, even.outputs]), np.hstack([expected.inputs, expected.outputs]))
+    refused("stamps are uneven", Recording.from_arrays, u, y, time=0 * time)
+
+
+def test_a_period_in_milliseconds_is_suspected(tmp_path):
+    _, u, y = axis()
+    (finding,) = period_findings(Recording.from_arrays(u, y, 5))
+    assert finding[:3] == ("time-unit", "warning", "recording")
+    assert finding.message == "has a sample every 5 s, as no gimbal is logged"
+    assert codes(read(tmp_path, u, u, y, sample_period_s=5)) == {"time-unit": "warning"}
+    assert period_findings(Recording.from_arrays(u, y, 0.005)) == ()

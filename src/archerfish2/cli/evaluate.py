@@ -1,6 +1,5 @@
 """`archerfish2 evaluate`: hit rates of controllers on the same engagements."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -77,8 +76,8 @@ class Evaluate:
     overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
     """Replace files in that folder that this command did not write."""
 
-    def run(self) -> None:
-        """Evaluate, write, print."""
+    def run(self, options: str = "") -> None:
+        """Evaluate, write, print; `options` are as typed, for run.json."""
         given = self.robot and Robot.load(self.robot, accept_unusable=self.accept_unusable)
         robot, task = load(given, self.task)
         if self.command_limit is not None:
@@ -89,7 +88,7 @@ class Evaluate:
         controllers: Any = self.controllers or (*own, "kalman", "kalman-lq", "oracle")
         if self.blocks:
             controllers = [Policy.load(each, self.blocks) if is_policy(each) else each for each in controllers]
-        names, facts = ("results.json", "report.html"), {"options": " ".join(sys.argv[2:])}
+        names, facts = ("results.json", "report.html"), {"options": options}
         with storage.output_folder(out, "evaluate", inputs, self.overwrite, facts, names) as folder:
             results: Results = evaluate(
                 controllers,

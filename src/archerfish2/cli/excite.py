@@ -1,7 +1,6 @@
 """`archerfish2 excite`: the commands that identify an axis, and what their logs would give."""
 
 import math
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -85,8 +84,8 @@ class Excite:
     overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
     """Replace files in that folder that this command did not write."""
 
-    def run(self) -> None:
-        """Plan, predict, write, print."""
+    def run(self, options: str = "") -> None:
+        """Plan, predict, write, print; `options` are as typed, for run.json."""
         limits = getattr(LimitsRecord.load(self.limits) if self.limits else gate_limits(), self.axis)
         low, high = self.range_deg or (None, None)
         travel = {"low": low, "high": high}
@@ -102,7 +101,7 @@ class Excite:
             noise_sd=math.radians(self.noise_deg),
             settings=ExcitationSettings(**{name: getattr(self, name) for name in names} | _radians(angles)),
         )
-        facts, inputs = {"options": " ".join(sys.argv[2:])}, [each for each in (self.limits, self.plant) if each]
+        facts, inputs = {"options": options}, [each for each in (self.limits, self.plant) if each]
         with storage.output_folder(self.out, f"excite {self.axis}", inputs, self.overwrite, facts) as folder:
             found.save(folder)
             found.report.write_page(folder / f"{self.axis}_excitation.html")

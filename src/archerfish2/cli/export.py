@@ -36,7 +36,7 @@ class Export:
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """What to write, NAME.c or NAME.onnx; policy.c, or the controller's name, in ROBOT, or here."""
 
-    def run(self) -> None:
+    def run(self, _: str = "") -> None:
         """Export, print."""
         controller = self.controller or str(self.robot / "policy" if self.robot else Path("runs/train"))
         if not self.controller and not Path(controller).exists():

@@ -40,7 +40,7 @@ class Identify:
     overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
     """Replace files in that folder that this command did not write."""
 
-    def run(self) -> None:
+    def run(self, _: str = "") -> None:
         """Identify, write, print."""
         out = self.out or Path("runs") / self.logs.resolve().name
         found = identify_robot(self.logs, out=out, name=self.name, seed=self.seed, overwrite=self.overwrite)

@@ -1,6 +1,5 @@
 """`archerfish2 identify axis`: the plant of one axis from its logs."""
 
-import sys
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -58,14 +57,14 @@ class IdentifyAxis:
     overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
     """Replace files in that folder that this command did not write."""
 
-    def run(self) -> None:
-        """Read, identify, write, print."""
+    def run(self, options: str = "") -> None:
+        """Read, identify, write, print; `options` are as typed, for run.json."""
         read = partial(
             read_log, inputs=self.input, outputs=self.output, time=self.time, sample_period_s=self.sample_period_s
         )
         logs, held_back = ([read(each) for each in group] for group in (self.logs, self.validate))
         names = (f"{self.axis}.json", f"{self.axis}.html", f"{self.axis}_report.json")
-        facts, inputs = {"options": " ".join(sys.argv[2:])}, [*self.logs, *self.validate]
+        facts, inputs = {"options": options}, [*self.logs, *self.validate]
         with storage.output_folder(
             self.out, f"identify axis {self.axis}", inputs, self.overwrite, facts, names
         ) as folder:

@@ -1,6 +1,5 @@
 """`archerfish2 identify muzzle`: from shots to the muzzle record."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -46,9 +45,9 @@ class IdentifyMuzzle:
     overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
     """Replace files in that folder that this command did not write."""
 
-    def run(self) -> None:
-        """Identify, write, print."""
-        facts, names = {"options": " ".join(sys.argv[2:])}, ("muzzle.json", "muzzle.html")
+    def run(self, options: str = "") -> None:
+        """Identify, write, print; `options` are as typed, for run.json."""
+        facts, names = {"options": options}, ("muzzle.json", "muzzle.html")
         shots = read_shots(*self.files, columns=self.columns)
         with storage.output_folder(self.out, "identify muzzle", self.files, self.overwrite, facts, names) as folder:
             result = identify_muzzle(

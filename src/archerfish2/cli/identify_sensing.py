@@ -1,6 +1,5 @@
 """`archerfish2 identify sensing`: camera and link of a robot, from two short recordings."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -59,11 +58,11 @@ class IdentifySensing:
     overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
     """Replace files in that folder that this command did not write."""
 
-    def run(self) -> None:
-        """Identify, write, print."""
+    def run(self, options: str = "") -> None:
+        """Identify, write, print; `options` are as typed, for run.json."""
         logs = {name: each for name, each in vars(self).items() if name not in ("out", "overwrite")}
         given = (self.sweep, self.detections, *self.steps, self.target, self.target_steps, self.commands, self.feedback)
-        inputs, facts = [each for each in given if each], {"options": " ".join(sys.argv[3:])}
+        inputs, facts = [each for each in given if each], {"options": options}
         names = ("sensing.json", "sensing.html")
         with storage.output_folder(self.out, "identify sensing", inputs, self.overwrite, facts, names) as folder:
             result = identify_sensing(**logs)

@@ -7,6 +7,7 @@ import inspect
 import io
 import itertools
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
@@ -76,7 +77,8 @@ def main(arguments: Sequence[str]) -> None:
             meant = f"perhaps you meant {near[0]}" if near else "archerfish2 --help lists them"
             raise InputError(f"there is no command {name!r}, expected one of {', '.join(COMMANDS)}; {meant}")
         else:
-            _options(name, arguments[words:]).run()
+            options = arguments[words:]
+            _options(name, options).run(shlex.join(options))
     except InputError as error:
         print(f"archerfish2: {one_line(str(error))}", file=sys.stderr)  # noqa: T201
         sys.exit(INPUT_ERROR)

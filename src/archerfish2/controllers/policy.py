@@ -19,7 +19,6 @@ from archerfish2.task import Task
 SCHEMA, REMEDY = "archerfish.policy/2", "train again"
 _LARGEST_NUMBER = 1e6
 """In a policy's arrays: far beyond any that a training leaves."""
-_Text = Annotated[str, Meta(max_length=1000)]
 
 
 class PolicyFacts(Struct, frozen=True, kw_only=True):
@@ -33,12 +32,10 @@ class PolicyFacts(Struct, frozen=True, kw_only=True):
     """SHA-256 of each record that it was trained in, by part."""
     seed: Annotated[int, Meta(ge=0, le=2**53)] = 0
     """Of its training."""
-    commit: _Text = ""
-    """Of the code that trained it."""
+    commit: Annotated[str, Meta(max_length=1000)] = ""
+    """Of the code that ended its training."""
     training: dict[str, Any] = field(default_factory=dict)
     """Configuration and outcome of the training."""
-    remake: _Text = ""
-    """The command that trains it again."""
 
 
 @tree(left_out=("facts",))
@@ -78,7 +75,9 @@ class Policy:
         """
         path = Path(path) / "policy.safetensors" if Path(path).is_dir() else Path(path)
         text, arrays = read_arrays(path, REMEDY)
-        facts = to_struct(parse_json(text, path, REMEDY), path, PolicyFacts, SCHEMA, REMEDY)
+        if isinstance(content := parse_json(text, path, REMEDY), dict):
+            content.pop("remake", None)  # of older files
+        facts = to_struct(content, path, PolicyFacts, SCHEMA, REMEDY)
         if (own := ", ".join(facts.observer.observation[1:])) and not blocks:
             raise file_error(path, f"has blocks of a user's own ({own})", "give them: Policy.load(path, blocks=(…))")
         try:

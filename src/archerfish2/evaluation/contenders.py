@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from archerfish2 import progress
 from archerfish2.arrays import map_arrays
 from archerfish2.controllers.policy import Policy
 from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, check_decision, make_controller
@@ -17,6 +16,7 @@ from archerfish2.evaluation.suites import draw
 from archerfish2.evaluation.tuning import BUDGET, tune
 from archerfish2.plugins import find_plugin
 from archerfish2.protocols import Controller, World
+from archerfish2.reports import progress
 from archerfish2.robot import Robot
 from archerfish2.task import Suite, Task
 

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish2 import progress, provenance
+from archerfish2 import provenance
 from archerfish2.controllers.registry import Tuning
 from archerfish2.evaluation import contenders
 from archerfish2.evaluation.hit_rate import hit_rate, paired_difference
@@ -21,6 +21,7 @@ from archerfish2.evaluation.tuning import code_hash
 from archerfish2.paper.tables import printed_rate
 from archerfish2.protocols import World
 from archerfish2.records.json_files import plain
+from archerfish2.reports import progress
 from archerfish2.robot import Robot
 from archerfish2.simulation.user_world import find_world
 from archerfish2.task import Suite, Task

@@ -5,7 +5,6 @@ independent trial is too narrow. Here the engagement is the unit of sampling. Ev
 a miss.
 """
 
-import functools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -125,21 +124,11 @@ def _wilson(rate: float, trials: float, quantile: float) -> tuple[float, float]:
     return max(0.0, min(centre - half_width, rate)), min(1.0, max(centre + half_width, rate))
 
 
-@functools.cache
 def _quantile(engagements: int) -> float:
-    """Student's quantile for a two-sided interval: Newton's method on the integral of the density from 0.
+    """Return Student's quantile for a two-sided interval."""
+    from scipy.special import stdtrit  # slow to load
 
-    SciPy has it, but takes longer to import than a small evaluation.
-    """
-    nu = engagements - 1
-    scale = math.exp(math.lgamma((nu + 1) / 2) - math.lgamma(nu / 2)) / math.sqrt(nu * math.pi)
-    nodes, weights = np.polynomial.legendre.leggauss(64)
-    quantile = 1.96
-    for _ in range(20):  # from the left without overshoot, since the integral is concave
-        points = np.append((nodes + 1) / 2, 1.0) * quantile
-        density = scale * (1 + points**2 / nu) ** (-(nu + 1) / 2)
-        quantile += float((CONFIDENCE / 2 - quantile / 2 * (weights @ density[:-1])) / density[-1])
-    return quantile
+    return float(stdtrit(engagements - 1, (1 + CONFIDENCE) / 2))
 
 
 def _checked(name: str, hit: ArrayLike) -> NDArray[np.bool_]:

@@ -262,6 +262,9 @@ class Results(Record, frozen=True, kw_only=True):
 
         return results_text(self)
 
+    def _repr_html_(self) -> str:
+        return self.report()._repr_html_()
+
 
 def pairs_to_compare(contenders: Sequence[tuple[str, Kind]]) -> list[tuple[int, int]]:
     """Return which contenders an evaluation compares, by their places: (one, the other).

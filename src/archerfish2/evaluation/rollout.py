@@ -81,8 +81,9 @@ def count(
     shots = run_engagements(world, controller, engagement, normals)
     _check_finite(type(controller).__name__, shots.in_force)
     fired, hit = shots.shot.fired, shots.shot.fired & (shots.shot.margin >= 0.0)
-    yaw = np.stack([shots.in_force[..., 1], shots.shot.angle[..., 1]])
-    return Counted(fired, hit, float(_largest_bend(np.moveaxis(yaw, -1, 0))) / world.period_s**2)
+    yaw = np.stack([shots.in_force[..., 1].T, shots.shot.angle[..., 1].T], axis=1)
+    bend = _largest_bend(yaw, map_arrays(lambda values: values[:, 0], shots.seen))
+    return Counted(fired, hit, float(bend) / world.period_s**2)
 
 
 def run_engagements(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Rollout:
@@ -107,12 +108,13 @@ def run_engagements(world: World, controller: Controller, engagement: Engagement
     truth = world.truth(engagement) if getattr(controller, "needs_truth", False) else None
     seen = map_arrays(np.array, see(state))  # copies: PyTorch takes no arrays that are read-only, as JAX's are
     memory, decisions = reset(seen, truth), []
+    deciding, shooting = find_plugin(controller, "controller"), find_plugin(world, "world")
     for place in range(normals.shape[axis]):
-        with find_plugin(controller, "controller").running():
+        with deciding.running():
             memory, command = decide(memory, seen)
             command = map_arrays(np.asarray, command)
         _check_finite(type(controller).__name__, command.angle.reshape(-1, 1, 2), place)
-        with find_plugin(world, "world").running():
+        with shooting.running():
             state, shot = step(state, command, normals[..., place, :])
             after = map_arrays(np.array, see(state))
         decisions.append(Rollout(seen, command, after.command, map_arrays(np.asarray, shot)))
@@ -202,13 +204,15 @@ def _count(world: World, controller: Controller, engagement: Engagement, normals
         return shot.fired, shot.fired & (shot.margin >= 0.0), shot.angle[..., 1]
 
     in_force, (fired, hit, yaw) = _scan(world, controller, engagement, normals, keep)
-    return fired, hit, _largest_bend(xp.stack([in_force[..., 1], yaw], axis=1)), xp.isfinite(in_force).all()
+    bend = _largest_bend(xp.stack([in_force[..., 1], yaw], axis=1), world.see(world.begin(engagement, normals)))
+    return fired, hit, bend, xp.isfinite(in_force).all()
 
 
-def _largest_bend(angles: Array) -> Array:
-    """Return the largest second difference over the first axis [rad], from rest at zero; angles (T, ...)."""
-    xp = namespace(angles)
-    from_rest = xp.concat([xp.zeros_like(angles[:1])] * 2 + [angles], axis=0)
+def _largest_bend(yaw: Array, first: Seen) -> Array:
+    """Return the largest second difference of yaw command and yaw, (T, 2, N), from the rest seen first [rad]."""
+    xp = namespace(yaw)
+    rest = xp.stack([first.command[..., 1], first.gimbal.angle[..., 1]])[None]
+    from_rest = xp.concat([rest, rest, yaw], axis=0)
     return xp.max(xp.abs(xp.diff(from_rest, n=2, axis=0)))
 
 

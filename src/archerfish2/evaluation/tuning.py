@@ -27,7 +27,7 @@ from archerfish2.records.json_files import plain, read_struct, write_json
 from archerfish2.records.record import Struct
 from archerfish2.robot import Robot
 from archerfish2.simulation.world import make_world
-from archerfish2.storage import file_hash, locked
+from archerfish2.storage import locked
 from archerfish2.task import DRAWN, EQ_7, Task
 
 BUDGET = 60
@@ -121,8 +121,7 @@ def tune(name: str, robot: Robot, task: Task, progress: Progress = lambda *_: No
 
 def code_hash(task: Task) -> str:
     """Return the SHA-256 of the file of a user's motion, whose name may be that of another file tomorrow, else ""."""
-    file = "" if task.motion in (*EQ_7, *DRAWN) else find_plugin(task.motion, "motion").file
-    return file and file_hash(Path(file))
+    return "" if task.motion in (*EQ_7, *DRAWN) else find_plugin(task.motion, "motion").digest
 
 
 def _place(robot: Robot) -> Path | None:

@@ -18,9 +18,9 @@ from archerfish2.identification.result import Result
 from archerfish2.identification.robot_files import AxisFiles, LogFolder, SensingFiles
 from archerfish2.identification.sensing.identify import SensingResult, identify_sensing
 from archerfish2.logs.recording import Finding
-from archerfish2.progress import bar
 from archerfish2.records.json_files import plain, write_json
 from archerfish2.records.limits import LimitsRecord
+from archerfish2.reports.progress import bar
 from archerfish2.reports.report import Report, Reported
 from archerfish2.reports.style import Figure
 from archerfish2.robot import Part, PartVerdict, Robot, axis_fault

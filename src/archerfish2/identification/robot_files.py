@@ -190,9 +190,9 @@ def not_understood(paths: Sequence[Path]) -> tuple[str, str]:
         with suppress(InputError):
             signals = signals_in(path)
             keys = ["input", "output"] if path.suffix in BAGS else ["time", "input", "output"]
-            named = [f'{key} = "{signal}"' for key, signal in zip(keys, signals, strict=False)]
-            example = f"yaw = {{{', '.join([f'fit = ["{path.name}"]', *named])}}}"
-            remedy += f", or say which is which in logs.toml, for instance: {example}"
+            fields = [f'fit = ["{path.name}"]']
+            fields += [f'{key} = "{signal}"' for key, signal in zip(keys, signals, strict=False)]
+            remedy += f", or say which is which in logs.toml, for instance: yaw = {{{', '.join(fields)}}}"
             return f"{problem}; {path.name} has {listed(signals)}", remedy
     return problem, f"{remedy}, or in logs.toml"
 

@@ -17,19 +17,9 @@ import optax
 from jax import Array
 
 from archerfish2.controllers.network import normalise
+from archerfish2.learning import learner as learners
 from archerfish2.learning.config import GradientConfig
-from archerfish2.learning.learner import (
-    Actor,
-    Learner,
-    Metrics,
-    Trainer,
-    adam_step,
-    begin_learner,
-    fresh_engagements,
-    iterate,
-    magnitude,
-    updated,
-)
+from archerfish2.learning.learner import Actor, Learner, Metrics, Trainer, adam_step, magnitude, updated
 from archerfish2.learning.shards import averaged, own_key
 from archerfish2.simulation.environment import Environment
 
@@ -39,7 +29,7 @@ LAST_RATE = 0.05
 
 def _begin(environment: Environment, config: GradientConfig, key: Array) -> Learner:
     """Begin a training, without a critic, of an actor that always acts as its mean."""
-    learner: Learner = begin_learner(environment, key, jnp.zeros(0), config.environments, config.widths, False)
+    learner: Learner = learners.begin_learner(environment, key, jnp.zeros(0), config.environments, config.widths, False)
     return learner
 
 
@@ -49,8 +39,7 @@ def _advance(environment: Environment, config: GradientConfig, learner: Learner,
     settings = {name: jnp.float32(getattr(config, name)) for name in names}
     settings["anneal_over"] = jnp.float32(config.iterations if config.anneal else 1e9)
     sizes = tuple((name, getattr(config, name)) for name in ("environments", "window", "shards"))
-    done: tuple[Learner, Metrics] = iterate(_iteration, environment, settings, learner, sizes, count)
-    return done
+    return learners.iterate(_iteration, environment, settings, learner, sizes, count)  # type: ignore[no-any-return]
 
 
 def _iteration(
@@ -60,7 +49,7 @@ def _iteration(
     keys = jax.random.split(own_key(noise))
     # Columns: to draw a few numbers in a row, many times, takes several times as long.
     normals = jax.random.normal(keys[0], (sizes["window"], environment.normals, sizes["environments"]))
-    fresh = fresh_engagements(environment, keys[1], sizes["environments"])
+    fresh = learners.fresh_engagements(environment, keys[1], sizes["environments"])
     slope = jax.grad(window_loss, has_aux=True)
     gradient, (state, observation, observations, actions, rewards, hits) = slope(
         learner.actor, environment, learner, normals, fresh, settings["engagement_norm"]

@@ -26,7 +26,7 @@ from archerfish2.simulation.environment import Environment
 from archerfish2.simulation.picture import REMEMBERED, Picture, draw_picture
 
 _OPTIONS = ("robot", "task", "config", "reward")  # of `make_environment`
-_OTHERS = ', environment, action_bound, and render_mode "rgb_array" or None'
+_OTHERS = ', environment, action_bound, render_mode "rgb_array" or None, and of many environments staggered'
 OBSERVATION_BOUND = 1e6
 """Far beyond any number of an observation; Gymnasium advises against spaces without bounds."""
 Floats = NDArray[np.float32]
@@ -91,10 +91,10 @@ class _Engagements:
         """Draw an engagement of a batch."""
         world = self.plain.world
         seen = world.see(map_arrays(np.asarray, state.world))
-        plate = world.hardware.frames(map_arrays(np.asarray, state.world.hardware), np.asarray(state.world.time))
-        place = plate.position[member, -1, 0] if plate.found[member, -1, 0] else np.array([3.0, 0.0, 0.0])
+        target = map_arrays(np.asarray, state.world.engagement.target)
+        plate = target.at(np.asarray(state.world.time)).position[member, 0]
         angle, command = seen.gimbal.angle[member], seen.command[member]
-        return draw_picture(angle, command, place, misses, float(world.hit_radius))
+        return draw_picture(angle, command, plate, misses, float(world.hit_radius))
 
 
 def _batch(rows: list[tuple[Floats, Floats]]) -> tuple[Floats, ...]:
@@ -106,8 +106,9 @@ def _step(environment: Environment, state: Any, action: Any, normals: Any, fresh
     """Return state, observations, last observations, and by row: reward, whether time is up, whether it hit, miss."""
     state, step = environment.step(state, action, normals, fresh)
     xp = namespace(step.reward)
-    hit = step.shot.fired & (step.shot.margin >= 0.0)
-    rows = xp.stack([step.reward, 1.0 * step.truncated, 1.0 * hit, *(step.shot.miss[..., each] for each in (0, 1))])
+    hit, miss = step.shot.fired & (step.shot.margin >= 0.0), step.shot.miss
+    columns = step.reward, step.truncated, hit, miss[..., 0], miss[..., 1]
+    rows = xp.stack([xp.asarray(column, dtype=xp.float32) for column in columns])
     return state, step.observation, step.final_observation, rows
 
 

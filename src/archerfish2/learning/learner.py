@@ -82,8 +82,8 @@ def begin_learner(
     keys = jax.random.split(key, 5)
     normals = jax.random.normal(keys[0], (batch, environment.normals))
     state, observation = environment.begin(normals, jax.random.uniform(keys[1], (batch, environment.uniforms)))
-    size = observation.shape[-1]
-    actor = Actor(_orthogonal(keys[2], (size - environment.hidden, *hidden, 2), 0.01), log_std)
+    actor = Actor(_orthogonal(keys[2], (observation.shape[-1], *hidden, 2), 0.01), log_std)
+    size = observation.shape[-1] + state.hidden.shape[-1]
     value = _orthogonal(keys[3], (size, *hidden, 1), 1.0) if critic else ()
     nothing = Normaliser(jnp.zeros(size), jnp.ones(size), jnp.float32(0))
     moments = (ADAM.init(actor), ADAM.init(value))
@@ -192,5 +192,4 @@ def iterate(
         return jax.lax.scan(body, learner, length=count)
 
     run = over_shards(shard, own["shards"], (False, False, SPLIT), (SPLIT, False))
-    done: tuple[Learner, Metrics] = run(environment, settings, learner)
-    return done
+    return run(environment, settings, learner)  # type: ignore[no-any-return]

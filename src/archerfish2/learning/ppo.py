@@ -14,19 +14,9 @@ from jax import Array
 
 from archerfish2.arrays import lift
 from archerfish2.controllers.network import Layer, forward, normalise
+from archerfish2.learning import learner as learners
 from archerfish2.learning.config import PpoConfig
-from archerfish2.learning.learner import (
-    Actor,
-    Learner,
-    Metrics,
-    Trainer,
-    adam_step,
-    begin_learner,
-    fresh_engagements,
-    iterate,
-    magnitude,
-    updated,
-)
+from archerfish2.learning.learner import Actor, Learner, Metrics, Trainer, adam_step, magnitude, updated
 from archerfish2.learning.shards import averaged, own_key
 from archerfish2.simulation.environment import Environment
 
@@ -47,7 +37,7 @@ class Batch(NamedTuple):
     takes off a tenth: they cost no pass of their own, forward and back.
     """
 
-    observation: Array  # ones, and below them the normalised observation, (1 + n, B)
+    observation: Array  # ones, then the normalised observation, then what the critic alone sees, (1 + n + h, B)
     action: Array  # as drawn, (B, 2)
     log_probability: Array  # of the action when it was drawn, (B,)
     advantage: Array  # A of eq (9), normalised, (B,)
@@ -57,7 +47,7 @@ class Batch(NamedTuple):
 def _begin(environment: Environment, config: PpoConfig, key: Array) -> Learner:
     """Begin a training."""
     log_std = jnp.full(2, jnp.float32(config.log_std))
-    learner: Learner = begin_learner(environment, key, log_std, config.environments, (config.hidden,), True)
+    learner: Learner = learners.begin_learner(environment, key, log_std, config.environments, (config.hidden,), True)
     return learner
 
 
@@ -66,8 +56,7 @@ def _advance(environment: Environment, config: PpoConfig, learner: Learner, coun
     settings = {name: jnp.float32(getattr(config, name)) for name in _SETTINGS}
     settings["anneal_over"] = jnp.float32(config.iterations if config.anneal else 1e9)
     sizes = tuple((name, getattr(config, name)) for name in _SIZES)
-    done: tuple[Learner, Metrics] = iterate(_iteration, environment, settings, learner, sizes, count)
-    return done
+    return learners.iterate(_iteration, environment, settings, learner, sizes, count)  # type: ignore[no-any-return]
 
 
 def _iteration(
@@ -110,25 +99,26 @@ def _rollout(
 
     def act(carry: tuple[Any, Array], draws: tuple[Array, Array]) -> tuple[tuple[Any, Array], Any]:
         state, observation = carry
-        normal = normalise(learner.normaliser, observation)
+        inputs = jnp.concatenate([observation, state.hidden], axis=-1)  # of the critic; the actor takes the first ones
+        normal = normalise(learner.normaliser, inputs)
         mean = actor.mean(normal)
         action = mean + std * draws[0].T
         state, step = environment.step(state, action, draws[1].T, fresh)
         chosen = log_probability(action, mean, actor.log_std)
         # Here and not for all steps at once: so little stays in the processor's cache.
         value = forward(critic, normal)[..., 0]
-        next_value = forward(critic, normalise(learner.normaliser, step.final_observation))[..., 0]
+        final = jnp.concatenate([step.final_observation, step.hidden], axis=-1)
+        next_value = forward(critic, normalise(learner.normaliser, final))[..., 0]
         hit = step.shot.fired & (step.shot.margin >= 0.0)
         after = (step.reward, value, next_value, step.terminated, step.truncated)
-        final = magnitude(step.final_observation)
-        return (state, step.observation), (observation, normal, action, chosen, after, hit, final)
+        return (state, step.observation), (inputs, normal, action, chosen, after, hit, magnitude(final))
 
     # Columns: to draw a few numbers in a row, many times, takes several times as long.
     draws = (
         jax.random.normal(keys[0], (sizes["rollout"], std.size, batch)),
         jax.random.normal(keys[1], (sizes["rollout"], environment.normals, batch)),
     )
-    fresh = fresh_engagements(environment, keys[2], batch)
+    fresh = learners.fresh_engagements(environment, keys[2], batch)
     (state, observation), played = jax.lax.scan(act, (learner.environment, learner.observation), draws)
     raw, normal, action, chosen, kept, hits, final = played
     rewards, values, *rest = kept
@@ -139,7 +129,10 @@ def _rollout(
     normaliser = updated(learner.normaliser, raw)
     acted = learner._replace(environment=state, observation=observation, normaliser=normaliser)
     mean_reward, hit_share = averaged((jnp.mean(rewards), jnp.mean(jnp.float32(hits))))
-    watched = {"observation": magnitude(raw, observation, final), "action": magnitude(action)}
+    watched = {
+        "observation": magnitude(raw, observation, state.hidden, final),
+        "action": magnitude(action),
+    }
     watched["reward"] = magnitude(rewards)
     return acted, table.reshape(-1, table.shape[-1]), {"mean_reward": mean_reward, "hit_share": hit_share}, watched
 

@@ -20,6 +20,7 @@ import numpy as np
 from archerfish2 import storage
 from archerfish2.errors import InputError, file_error
 from archerfish2.learning.config import TrainConfig
+from archerfish2.provenance import code_changes, code_commit, library_versions
 from archerfish2.records.json_files import parse_json, plain, read_json, to_struct, write_json
 from archerfish2.records.record import Struct
 from archerfish2.reports.style import new_figure, plot_style, svg_text
@@ -32,6 +33,17 @@ if TYPE_CHECKING:
 LOG, POLICY, CURVE, FAULT = "log.jsonl", "policy.safetensors", "curve.svg", "fault.json"
 CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
 REMEDY = "begin the training again"
+
+
+class Resumed(Struct, frozen=True, kw_only=True):
+    """From where on a training has run with other code or libraries."""
+
+    iterations: int
+    """Done before."""
+    commit: str
+    """Of the code."""
+    versions: dict[str, str]
+    """Of the libraries."""
 
 
 class Begun(Struct, frozen=True, kw_only=True):
@@ -52,7 +64,9 @@ class Begun(Struct, frozen=True, kw_only=True):
     versions: dict[str, str] = msgspec.field(default_factory=dict)
     """Of the libraries."""
     code: dict[str, str] = msgspec.field(default_factory=dict)
-    """A user's code, name → SHA-256 of its file."""
+    """A user's code, name → SHA-256 of the file that was run."""
+    resumed: tuple[Resumed, ...] = ()
+    """With other code or libraries than before."""
     files: tuple[str, ...] = ()
     """In the folder, that belong to the training."""
 
@@ -102,6 +116,7 @@ class RunFolder:
                 warnings.warn(f"{faults[0]}: continuing from the checkpoint before", stacklevel=2)
                 (self.path / CHECKPOINT).unlink()  # so that it never takes the place of the one before
             self._cut(count)
+            self._compare_code()
             return restored
         if faults:
             raise InputError(f"{self.path}: no checkpoint is whole ({'; '.join(faults)})")
@@ -115,6 +130,16 @@ class RunFolder:
         if len(self.rows) < count:
             raise file_error(path, f"has {len(self.rows)} iterations, expected {count}", REMEDY)
         storage.write_bytes(path, "".join(f"{line}\n" for line in lines).encode())
+
+    def _compare_code(self) -> None:
+        """Say, and write down, where code and libraries are not those that the training has run with so far."""
+        last: Any = (self.begun, *self.begun.resumed)[-1]
+        if changes := code_changes(last.commit, last.versions):
+            later = Resumed(iterations=len(self.rows), commit=code_commit(), versions=library_versions())
+            self.begun = self.begun.replace(resumed=(*self.begun.resumed, later))
+            _write(self.path, self.begun)
+            text = f"continued with {', '.join(changes)}, so the weights may not be those of an unbroken training"
+            warnings.warn(f"{self.path}: {text}", stacklevel=2)
 
     def finish(self, policy: Any) -> None:
         """Write the results, and remove the checkpoints and what an earlier training left."""
@@ -138,17 +163,9 @@ def new_run(path: Path, begun: Begun) -> Iterator[RunFolder]:
     Raises:
       InputError: if the folder is in use, has an unfinished training, or something that is no training's.
     """
-    if path.exists() and not path.is_dir():
-        raise file_error(path, "is no folder", "name another one")
+    _earlier(path)  # a folder that is refused gets no lock
     with storage.locked(path):
-        names = {each.name for each in path.iterdir() if not each.match(".unfinished-*")} - {storage.LOCK}
-        if names and not (path / storage.RUN).exists():
-            raise file_error(path, f"has files of something else, as {min(names)}", "choose another folder")
-        if {CHECKPOINT, PREVIOUS} & names and not {POLICY, FAULT} & names:
-            raise file_error(path, "has an unfinished training", f"continue it: --resume {path}")
-        own = {storage.RUN, LOG, CHECKPOINT, PREVIOUS, FAULT, *(read_run(path).files if names else ())}
-        if others := sorted(names - own):
-            raise file_error(path, f"has files of something else, as {others[0]}", "choose another folder")
+        names = _earlier(path)
         if {POLICY, CHECKPOINT, PREVIOUS} & names:
             before = path.with_name(f"{path.name}.before")
             if before.exists():
@@ -161,6 +178,23 @@ def new_run(path: Path, begun: Begun) -> Iterator[RunFolder]:
         yield RunFolder(path, begun)
 
 
+def _earlier(path: Path) -> set[str]:
+    """Return the files of an earlier training that can't continue; refuse any others."""
+    if not path.exists():
+        return set()
+    if not path.is_dir():
+        raise file_error(path, "is no folder", "name another one")
+    names = {each.name for each in path.iterdir() if not each.match(".unfinished-*")} - {storage.LOCK}
+    if names and not (path / storage.RUN).exists():
+        raise file_error(path, f"has files of something else, as {min(names)}", "choose another folder")
+    if {CHECKPOINT, PREVIOUS} & names and not {POLICY, FAULT} & names:
+        raise file_error(path, "has an unfinished training", f"continue it: --resume {path}")
+    own = {storage.RUN, LOG, CHECKPOINT, PREVIOUS, FAULT, *(read_run(path).files if names else ())}
+    if others := sorted(names - own):
+        raise file_error(path, f"has files of something else, as {others[0]}", "choose another folder")
+    return names
+
+
 @contextmanager
 def resumed_run(path: Path) -> Iterator[RunFolder]:
     """Open the folder of an unfinished training and hold its lock.
@@ -168,8 +202,7 @@ def resumed_run(path: Path) -> Iterator[RunFolder]:
     Raises:
       InputError: if it is in use, has no training or a finished one, or is damaged.
     """
-    if not (path / storage.RUN).is_file():
-        raise file_error(path, "has no training", "name the folder of an unfinished one")
+    read_run(path)  # a folder that is refused gets no lock
     with storage.locked(path):
         if (path / POLICY).exists():
             raise file_error(path, "has a finished training", "begin another one")
@@ -180,9 +213,11 @@ def read_run(path: Path) -> Begun:
     """Return what the training of a folder was begun with.
 
     Raises:
-      InputError: if its run.json is damaged, or of another command.
+      InputError: if there is none, or its run.json is damaged, or of another command.
     """
     file = path / storage.RUN
+    if not file.is_file():
+        raise file_error(path, "has no training", "name the folder of an unfinished one")
     content = read_json(file, REMEDY)
     if not isinstance(content, dict) or not isinstance(content.get("train"), dict):
         raise file_error(file, "is not that of a training", "choose another folder")
@@ -199,13 +234,10 @@ def learning_curve(rows: list[dict[str, Any]], *, title: str = "Training") -> "F
     decisions = np.array([row["decisions"] for row in rows]) / 1e6
     with plot_style():
         figure, axes = new_figure(2, 1, height=4.6, sharex=True)
-        for place, (name, label, scale) in enumerate(
-            (("hit_share", "hits [%]", 100.0), ("mean_reward", "reward [m]", 1.0))
-        ):
-            axes[place, 0].plot(decisions, scale * np.array([row[name] for row in rows], float))
-            axes[place, 0].set_ylabel(label)
-        axes[0, 0].set_title(title)
-        axes[1, 0].set_xlabel("decisions [million]")
+        axes[0, 0].plot(decisions, [100.0 * row["hit_share"] for row in rows])
+        axes[0, 0].set(title=title, ylabel="hits [%]")
+        axes[1, 0].plot(decisions, [row["mean_reward"] for row in rows])
+        axes[1, 0].set(xlabel="decisions [million]", ylabel="reward [m]")
     return figure
 
 
@@ -213,24 +245,12 @@ def _write(path: Path, begun: Begun) -> None:
     write_json(path / storage.RUN, {"schema": storage.RUN_SCHEMA, "train": plain(begun)})
 
 
-def _named(learner: Any) -> list[tuple[str, Any]]:
-    import jax
-
-    leaves = jax.tree_util.tree_leaves_with_path(learner)
-    return [(jax.tree_util.keystr(path), leaf) for path, leaf in leaves]
-
-
-def _is_key(leaf: Any) -> bool:
-    import jax
-
-    return bool(jax.numpy.issubdtype(leaf.dtype, jax.dtypes.prng_key))
-
-
 def _arrays(learner: Any) -> dict[str, Any]:
-    """Return the arrays of a learner by their places; PRNG keys as the numbers that they are made of."""
+    """Return the arrays of a learner by their places; the PRNG key as the numbers that it is made of."""
     import jax
 
-    return {name: np.asarray(jax.random.key_data(leaf) if _is_key(leaf) else leaf) for name, leaf in _named(learner)}
+    leaves = jax.tree_util.tree_leaves_with_path(learner._replace(key=jax.random.key_data(learner.key)))
+    return {jax.tree_util.keystr(path): np.asarray(leaf) for path, leaf in leaves}
 
 
 def _learner(path: Path, arrays: dict[str, Any], like: Any) -> Any:
@@ -241,8 +261,6 @@ def _learner(path: Path, arrays: dict[str, Any], like: Any) -> Any:
         found = arrays.get(name)
         if found is None or found.shape != array.shape or found.dtype != array.dtype:
             raise file_error(path, f"array {name}: expected {array.dtype} of shape {array.shape}", REMEDY)
-    leaves = []
-    for name, leaf in _named(like):
-        array = jax.numpy.asarray(arrays[name])
-        leaves.append(jax.random.wrap_key_data(array) if _is_key(leaf) else array)
-    return jax.tree.unflatten(jax.tree.structure(like), leaves)
+    leaves = [jax.numpy.asarray(arrays[name]) for name in expected]
+    learner = jax.tree.unflatten(jax.tree.structure(like), leaves)
+    return learner._replace(key=jax.random.wrap_key_data(learner.key))

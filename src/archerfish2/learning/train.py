@@ -5,13 +5,12 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from archerfish2 import progress
 from archerfish2.arrays import map_arrays
 from archerfish2.compiled import import_jax
 from archerfish2.controllers.observation import observer_facts
@@ -20,11 +19,11 @@ from archerfish2.errors import InputError
 from archerfish2.learning.config import TrainConfig
 from archerfish2.learning.environments import make_environment
 from archerfish2.learning.run_folder import Begun, RunFolder, new_run, resumed_run
-from archerfish2.plugins import find_plugin, names_code
+from archerfish2.plugins import Plugin, find_plugin, names_code
 from archerfish2.provenance import code_commit, library_versions
 from archerfish2.records.json_files import plain
+from archerfish2.reports import progress
 from archerfish2.robot import Robot
-from archerfish2.storage import file_hash
 from archerfish2.task import DRAWN, EQ_7, Task
 
 CHUNK = 4
@@ -39,7 +38,7 @@ def train(
     *,
     config: TrainConfig | None = None,
     trainer: Literal["gradient", "ppo"] | None = None,
-    seed: int = 0,
+    seed: int | None = None,
     steps: int | None = None,
     out: str | Path | None = None,
     resume: str | Path | None = None,
@@ -54,10 +53,11 @@ def train(
       task: a task, its name or its file.
       config: settings; what it leaves open follows robot and task.
       trainer: "gradient" or "ppo", in the place of the settings'.
-      seed: of everything random.
+      seed: of everything random; 0 if not given.
       steps: decisions to train for, in the place of the settings'.
       out: folder for the policy and everything about its training; nothing is written if not given.
-      resume: folder of an unfinished training to continue; then all but a user's own code is there.
+      resume: folder of an unfinished training to continue. Nothing else is given then, but code of a user's own again,
+        which only a file names: as task, as reward, and as `TrainConfig(observation=…)` in config.
       reward: "eq-8", "hit", "smooth-hit", or one of a user's own, a name as `find_plugin` takes it or the function.
 
     Raises:
@@ -66,83 +66,91 @@ def train(
     jax = import_jax()
     from archerfish2.learning import shards
 
-    if resume is None:
-        robot = Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
-        task = task if isinstance(task, Task) else Task.load(task)
-        config = _settings(config or TrainConfig(), trainer, steps, reward).resolved(robot, task)
-        # In single precision, as the simulator counts them.
-        settings, shortest = config.settings, round(float(np.float32(min(task.lengths_s)) / np.float32(task.period_s)))
-        if settings.decisions > shortest:  # what replaces the engagements that end is drawn once between two updates
-            raise InputError(f"{settings.part} = {settings.decisions} exceeds an engagement of {shortest}; lower it")
-        begun = Begun(
-            robot=robot.replace(folder=None),
-            task=task,
-            config=config,
-            seed=seed,
-            devices=shards.claim_devices(config.settings.shards),
-            commit=code_commit(),
-            versions=library_versions(),
-            code=_code(task, config, reward),
-        )
-        environment = make_environment(robot, task, config, reward)
-        opened: Any = nullcontext(None) if out is None else new_run(Path(out), begun)
-    else:
-        opened = resumed_run(Path(resume))
-    with opened as folder:
-        if resume is not None:
-            begun = folder.begun
-            if (devices := shards.claim_devices(begun.config.settings.shards)) != begun.devices:
-                flag = f"XLA_FLAGS=--xla_force_host_platform_device_count={begun.devices}"
-                raise InputError(f"begun on {begun.devices} devices, got {devices}; in a new process set {flag}")
-            environment = make_environment(begun.robot, begun.task, begun.config, _given(begun, task, config, reward))
+    with jax.enable_x64(False), ExitStack() as stack:
+        folder = stack.enter_context(resumed_run(Path(resume))) if resume is not None else None
+        if folder is None:
+            begun = _begin(robot, task, with_given(config, trainer, steps, reward), seed)
+        else:
+            begun, others = folder.begun, {"robot": robot, "trainer": trainer, "seed": seed, "steps": steps, "out": out}
+            _check_given(folder, task, with_given(config, None, None, reward), others)
+        own, devices = _own(begun, reward), shards.claim_devices(begun.config.settings.shards)
+        code = {name: plugin.digest for name, plugin in own.items()}
+        if folder is None:
+            begun = begun.replace(devices=devices, code=code)
+        elif changed := [name for name, digest in code.items() if digest != begun.code[name]]:
+            remedy = "put it back, or begin another training"
+            raise InputError(f"{changed[0]} has changed since the training was begun; {remedy}")
+        elif devices != begun.devices:
+            flag = f"XLA_FLAGS=--xla_force_host_platform_device_count={begun.devices}"
+            raise InputError(f"begun on {begun.devices} devices, got {devices}; in a new process set {flag}")
+        # The code whose digest that is.
+        given = own[f"reward {begun.config.reward}"].value if names_code(begun.config.reward) else None
+        environment = make_environment(begun.robot, begun.task, begun.config, given)
+        if out is not None:
+            folder = stack.enter_context(new_run(Path(out), begun))
         learner, rows = _run(jax, environment, begun, folder)
-        policy = _policy(environment, learner, begun, rows)
+        policy = _policy(environment, learner, folder.begun if folder else begun, rows)
         if folder is not None:
             folder.finish(policy)
     return policy
 
 
-def _settings(config: TrainConfig, trainer: Any, steps: int | None, reward: Any) -> TrainConfig:
-    """Return settings with what is given beside them in their place."""
+def with_given(config: TrainConfig | None, trainer: Any, steps: int | None, reward: Any) -> TrainConfig:
+    """Return settings with what is given beside them, as to `train`, in their place."""
+    config = config or TrainConfig()
     config = config.replace(trainer=trainer) if trainer else config
     if reward is not None:
         config = config.replace(reward=reward if isinstance(reward, str) else find_plugin(reward, "reward").spec)
     if steps is not None:
+        _check_number("steps", steps, 1)
         config = config.replace(gradient=config.gradient.replace(steps=steps), ppo=config.ppo.replace(steps=steps))
     return config
 
 
-def _own(task: Task, config: TrainConfig, reward: Any) -> dict[str, Any]:
-    """Return a user's code by kind and name: the motion, the reward, the blocks of the observation."""
-    own = {f"block {name}": name for name in config.names[1:]}
+def _check_number(name: str, number: Any, least: int) -> None:
+    if not (isinstance(number, int) and least <= number <= 2**53):
+        raise InputError(f"{name} must be a whole number of {least} to 2^53, got {number!r}; give another one")
+
+
+def _begin(robot: Any, task: Any, config: TrainConfig, seed: int | None) -> Begun:
+    """Return a new training."""
+    robot = Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
+    task = task if isinstance(task, Task) else Task.load(task)
+    config, seed = config.resolved(robot, task), 0 if seed is None else seed
+    _check_number("seed", seed, 0)
+    # In single precision, as the simulator counts them.
+    settings, shortest = config.settings, round(float(np.float32(min(task.lengths_s)) / np.float32(task.period_s)))
+    if settings.decisions > shortest:  # what replaces the engagements that end is drawn once between two updates
+        raise InputError(f"{settings.part} = {settings.decisions} exceeds an engagement of {shortest}; lower it")
+    versions = library_versions()
+    return Begun(robot=robot, task=task, config=config, seed=seed, commit=code_commit(), versions=versions)
+
+
+def _own(begun: Begun, reward: Any) -> dict[str, Plugin]:
+    """Return a user's own code by kind and name: the blocks of the observation, the motion, the reward."""
+    task, config = begun.task, begun.config
+    own = {f"block {name}": find_plugin(name, "block") for name in config.names[1:]}
     if task.motion not in (*EQ_7, *DRAWN):
-        own[f"motion {task.motion}"] = task.motion
+        own[f"motion {task.motion}"] = find_plugin(task.motion, "motion")
     if names_code(config.reward):
-        own[f"reward {config.reward}"] = reward or config.reward
+        own[f"reward {config.reward}"] = find_plugin(reward or config.reward, "reward")
     return own
 
 
-def _code(task: Task, config: TrainConfig, reward: Any) -> dict[str, str]:
-    """Return the SHA-256 of each file of a user's code; of what is no file nothing is known."""
-    found = {name: find_plugin(each, name.partition(" ")[0]).file for name, each in _own(task, config, reward).items()}
-    return {name: file_hash(Path(file)) if file else "" for name, file in found.items()}
-
-
-def _given(begun: Begun, task: Task | str | Path, config: TrainConfig | None, reward: Any) -> Any:
-    """Return the reward to continue with, once all of a user's code is known to be given, and as it was.
-
-    Code that only a file names is not run.
-    """
-    motion = task.motion if isinstance(task, Task) else str(task)
-    reward = reward if reward is not None or config is None or config.reward == "auto" else config.reward
-    named = reward if isinstance(reward, str) or reward is None else find_plugin(reward, "reward").spec
-    now = {f"block {each}" for each in (config.names[1:] if config else ())} | {f"motion {motion}", f"reward {named}"}
-    if missing := sorted(begun.code.keys() - now):
+def _check_given(folder: RunFolder, task: Any, config: TrainConfig, others: dict[str, Any]) -> None:
+    """Refuse what a training that continues would ignore, and that a user's own code is missing: no file runs any."""
+    begun, motion = folder.begun, task.motion if isinstance(task, Task) else str(task)
+    named = {f"block {name}" for name in config.names[1:]} | {f"motion {motion}", f"reward {config.reward}"}
+    usual = TrainConfig(observation=config.observation and begun.config.observation)
+    ignored = [name for name, value in others.items() if value is not None]
+    ignored += ["task"] * (task not in ("any", begun.task, begun.task.motion))
+    ignored += ["reward"] * (config.reward not in ("auto", begun.config.reward))
+    ignored += ["config"] * (plain(config.replace(reward="auto")) != plain(usual))
+    if missing := sorted(begun.code.keys() - named):
         raise InputError(f"this training has a {missing[0]} of your own; give it again, as the training was begun")
-    for name, digest in _code(begun.task, begun.config, reward).items():
-        if digest != begun.code.get(name, ""):
-            raise InputError(f"{name} has changed since the training was begun; put it back, or begin another training")
-    return reward if names_code(begun.config.reward) else None
+    if ignored:
+        remedy = f"leave {', '.join(ignored)} out, or begin another training"
+        raise InputError(f"{folder.path}: is continued with the training's own settings; {remedy}")
 
 
 def _run(jax: Any, environment: Any, begun: Begun, folder: RunFolder | None) -> tuple[Any, list[dict[str, Any]]]:
@@ -161,14 +169,14 @@ def _run(jax: Any, environment: Any, begun: Begun, folder: RunFolder | None) -> 
     total, stored = -(-config.iterations // CHUNK) * CHUNK, time.monotonic()
     with progress.bar("training", total * config.batch, "decisions") as advance, _stop_requests() as stop:
         while len(rows) < total:
-            if rows:
-                advance(len(rows) * config.batch, f"of the latest shots {rows[-1]['hit_share']:.1%} hit")
             state, metrics = trainer.advance(environment, config, state, CHUNK)
             new, fault = _rows({name: np.asarray(each) for name, each in metrics.items()}, len(rows), config.batch)
             if folder is None:
                 rows += new
             else:
                 folder.log(new)
+            if rows:
+                advance(len(rows) * config.batch, f"{rows[-1]['hit_share']:.1%} hit")
             if not any(row.get("gradient_norm", 1.0) for row in new) and not fault:
                 raise InputError(f"{begun.config.reward}: this reward has no gradient; smooth it, or take trainer ppo")
             if fault:
@@ -240,14 +248,14 @@ def _policy(environment: Any, learner: Any, begun: Begun, rows: list[dict[str, A
     """Return the policy of a learner, in NumPy: its mean action."""
     layers, seen = learner.actor.layers, learner.actor.layers[0].weight.shape[0]
     config, task = begun.config, begun.task
+    commits = [begun.commit, *(resumed.commit for resumed in begun.resumed)]
     facts = PolicyFacts(
         observer=observer_facts(config.names, begun.robot, task, config.frames),
         task=task,
         robot=begun.robot.record_digests(),
         seed=begun.seed,
-        commit=begun.commit,
-        training={"config": plain(config), **(rows[-1] if rows else {})},
-        remake=f"archerfish2 train --task {task.name} --seed {begun.seed}",
+        commit=commits[-1],
+        training={"config": plain(config), "commits": commits, **(rows[-1] if rows else {})},
     )
     normaliser = learner.normaliser._replace(
         mean=learner.normaliser.mean[:seen], variance=learner.normaliser.variance[:seen]

@@ -1,17 +1,17 @@
-"""Logs in array files: NumPy's .npz and MATLAB's .mat; nothing in them is ever executed."""
+"""Logs as arrays by name: in memory, in NumPy's .npz and MATLAB's .mat; nothing in files is ever executed."""
 
 import io
 import re
 import subprocess
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from archerfish2.logs.recording import MAX_BYTES, LogTable, Values, listed, log_fault
+from archerfish2.logs.recording import MAX_BYTES, LogTable, Signals, Values, listed, log_fault
 
 _COLUMN = re.compile(r"(.+)\[(\d{1,9})\]")
 _CONVERT = """import sys, warnings, numpy, scipy.io
@@ -21,12 +21,12 @@ numpy.savez(sys.stdout.buffer, **{name: each for name, each in arrays.items() if
 """Program that turns a MATLAB file into an .npz file."""
 
 
-def read_array_file(path: Path, wanted: Sequence[str], *, matlab: bool) -> LogTable:
+def read_array_file(path: Path, signals: Signals, *, matlab: bool) -> LogTable:
     """Read signals from .npz or MATLAB files of version 4 to 7: vectors by name, columns of matrices as NAME[0].
 
     Args:
       path: of the file.
-      wanted: names of the signals.
+      signals: their names.
       matlab: whether it is a MATLAB file.
 
     Raises:
@@ -34,21 +34,35 @@ def read_array_file(path: Path, wanted: Sequence[str], *, matlab: bool) -> LogTa
         others.
       Exception: whatever a damaged byte leads the libraries to.
     """
-    archive = _archive(path, matlab)
+    archive, wanted = arrays_in(path, matlab=matlab), signals.columns()
+    for member in archive.zip.infolist():
+        name = member.filename.removesuffix(".npy")
+        if not any(signal == name or signal.startswith(f"{name}[") for signal in wanted):
+            continue
+        if archive.files.count(name) > 1:
+            raise log_fault(path, f'has 2 arrays "{name}", expected one', "keep one of them", "column-twice")
+        if member.file_size > MAX_BYTES:
+            problem = f'array "{name}" unpacks to {member.file_size >> 20} MB, expected at most {MAX_BYTES >> 20} MB'
+            raise log_fault(path, problem, "cut the log into shorter ones", "too-large")
     with warnings.catch_warnings(action="ignore"):  # of headers that Python 2 wrote
-        columns = {signal: _column(path, archive, signal) for signal in wanted}
+        return table_of(archive, signals, str(path))
+
+
+def table_of(arrays: Mapping[str, Any], signals: Signals, source: str) -> LogTable:
+    """Take signals from arrays by name, N samples each: vectors, or columns of matrices as NAME[0].
+
+    Raises:
+      InputError: if an array is missing, not of real numbers, or of another length than the others.
+    """
+    columns = {name: _column(arrays, name, signals, source) for name in signals.columns()}
     if len(lengths := {len(values) for values in columns.values()}) > 1:
         problem = f"signals have {' and '.join(map(str, sorted(lengths)))} samples, expected one number"
-        raise log_fault(path, problem, "store the signals of one log with one length", "length")
-    return LogTable(columns, range(1, max(lengths) + 1), "row", str(path))
+        raise log_fault(source, problem, "store the signals of one log with one length", "length")
+    return LogTable(columns, range(1, max(lengths) + 1), "row", source)
 
 
-def array_names(path: Path, *, matlab: bool) -> tuple[str, ...]:
-    """Return the names of the arrays in such a file."""
-    return tuple(_archive(path, matlab).files)
-
-
-def _archive(path: Path, matlab: bool) -> Any:
+def arrays_in(path: Path, *, matlab: bool) -> Any:
+    """Open such a file: a mapping of names to arrays, with the names in `files` and the archive in `zip`."""
     return np.load(io.BytesIO(_converted(path) if matlab else path.read_bytes()), allow_pickle=False)
 
 
@@ -60,25 +74,20 @@ def _converted(path: Path) -> bytes:
     return done.stdout
 
 
-def _column(path: Path, archive: Any, signal: str) -> Values:
-    """Return an array, or a column of a matrix, which must be there once and fit into the memory."""
-    match = None if signal in archive.files else _COLUMN.fullmatch(signal)
+def _column(arrays: Mapping[str, Any], signal: str, signals: Signals, source: str) -> Values:
+    """Return a vector, or a column of a matrix."""
+    match = None if signal in arrays else _COLUMN.fullmatch(signal)
     name, column = (match[1], int(match[2])) if match else (signal, None)
-    sizes = [each.file_size for each in archive.zip.infolist() if each.filename.removesuffix(".npy") == name]
-    if len(sizes) != 1:
-        remedy = "keep one of them" if sizes else f"the arrays are {listed(archive.files)}; name one"
-        problem = f'has {len(sizes) or "no"} arrays "{name}", expected one'
-        raise log_fault(path, problem, remedy, "column-twice" if sizes else "no-column")
-    if sizes[0] > MAX_BYTES:
-        problem = f'array "{name}" unpacks to {sizes[0] >> 20} MB, expected at most {MAX_BYTES >> 20} MB'
-        raise log_fault(path, problem, "cut the log into shorter ones", "too-large")
-    values = archive[name]
+    if name not in arrays:
+        remedy = f"the arrays are {listed(arrays)}; {signals.remedy(list(arrays))}"
+        raise log_fault(source, f'has no array "{name}"', remedy, "no-column")
+    values = np.asarray(arrays[name])
     if values.dtype.kind not in "fiub":
-        raise log_fault(path, f'array "{name}" is of type {values.dtype}', "store real numbers", "not-a-number")
+        raise log_fault(source, f'array "{name}" is of type {values.dtype}', "store real numbers", "not-a-number")
     if column is None and values.size == max(values.shape, default=0):  # MATLAB's vectors are matrices
         return np.asarray(values.reshape(-1), np.float64)
     matrix = values.T if values.ndim == 2 and values.shape[0] < values.shape[1] else values  # more samples than signals
     if column is None or matrix.ndim != 2 or column >= matrix.shape[1]:
         problem = f'array "{name}" has shape {values.shape}, expected ' + ("one column" if column is None else "more")
-        raise log_fault(path, problem, f'name one of its columns, the first as "{name}[0]"', "no-column")
+        raise log_fault(source, problem, f'name one of its columns, the first as "{name}[0]"', "no-column")
     return np.asarray(matrix[:, column], np.float64)

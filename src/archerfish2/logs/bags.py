@@ -14,28 +14,30 @@ from typing import Any
 
 import numpy as np
 
-from archerfish2.logs.recording import Finding, LogTable, Values, listed, log_fault
+from archerfish2.errors import InputError
+from archerfish2.logs.recording import Finding, LogTable, Signals, Values, listed, log_fault
 
 BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
 """How files of a bag begin, and the ending of their names, by which rosbags recognises them."""
 _MCAP, _MCAP_FOOTER = b"\x89MCAP0\r\n", b"\x02\x14" + bytes(27)
 _LISTED = 8  # elements of an array, up to which they are listed
+_Series = tuple[Any, Values]
 RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
 
 
 def bag_files(path: Path) -> list[Path]:
     """Return the files of a bag: itself, or those in its folder; none where a folder is no bag's."""
-    return sorted(each for each in path.iterdir() if each.suffix in BAGS.values()) if path.is_dir() else [path]
+    return sorted(file for file in path.iterdir() if file.suffix in BAGS.values()) if path.is_dir() else [path]
 
 
-def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
+def read_bag(path: Path, signals: Signals) -> LogTable:
     """Read signals from a bag, each message in a row of its own, and the times of the messages as "time_s".
 
     Time is the sender's (header.stamp) where the messages have it, else that of their receipt.
 
     Args:
       path: .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
-      signals: their names; of messages with equal times those of the last one's topic come last.
+      signals: their names; of messages with equal times those of the last output's topic come last.
 
     Raises:
       ImportError: if rosbags is not installed.
@@ -44,10 +46,10 @@ def read_bag(path: Path, signals: Sequence[str]) -> LogTable:
     """
     findings: list[Finding] = []
     with _reader(path, findings) as reader:
-        of = {signal: _topic(path, reader, signal) for signal in signals}
-        order = sorted(set(of.values()), key=of[signals[-1]].__eq__)
+        of = {signal: _topic(path, reader, signal, signals) for signal in (*signals.inputs, *signals.outputs)}
+        order = sorted(set(of.values()), key=of[signals.outputs[-1]].__eq__)
         series = [_series(path, reader, topic, of, findings) for topic in order]
-    return _one_table(path, series, signals, findings)
+    return _one_table(path, series, list(of), findings)
 
 
 def bag_signals(path: Path) -> tuple[str, ...]:
@@ -115,23 +117,23 @@ def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:
     return copy
 
 
-def _topic(path: Path, reader: Any, signal: str) -> str:
-    topics = sorted({each.topic for each in reader.connections}, key=len)
-    if found := [each for each in topics if signal.startswith(f"{each}/")]:
+def _topic(path: Path, reader: Any, signal: str, signals: Signals) -> str:
+    topics = sorted({connection.topic for connection in reader.connections}, key=len)
+    if found := [topic for topic in topics if signal.startswith(f"{topic}/")]:
         return str(found[-1])
-    remedy = f"name a signal TOPIC/FIELD; the topics are {listed(topics)}"
+    remedy = f"it has {listed(bag_signals(path))}; {signals._replace(time=None).remedy(())}"
     raise log_fault(path, f'has no topic of signal "{signal}"', remedy, "no-column")
 
 
-def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: list[Finding]) -> tuple[Any, Values]:
+def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: list[Finding]) -> _Series:
     """Read signals of a topic, without the messages that name other joints alone.
 
     Returns:
       Number in the topic, receipt and stamp [ns] of N messages, (3, N), and signals, (N, m), NaN where not in them.
     """
-    connections = [each for each in reader.connections if each.topic == topic]
+    connections = [connection for connection in reader.connections if connection.topic == topic]
     kind = connections[0].msgtype
-    places = {signal: signal[len(topic) + 1 :].rpartition("/") for signal, each in of.items() if each == topic}
+    places = {signal: signal[len(topic) + 1 :].rpartition("/") for signal, own in of.items() if own == topic}
     steps = {signal: (joint, re.findall(r"[^.\[\]]+", field)) for signal, (joint, _, field) in places.items()}
     joints, times, rows, seen, count = {joint for joint, _ in steps.values()}, [], [], {""}, 0
     for count, (_, received, content) in enumerate(reader.messages(connections=connections), 1):
@@ -139,9 +141,11 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
             message = reader.deserialize(content, kind)
             seen.update(here := message.name if any(joints) else ())
             if not all(joints) or not joints.isdisjoint(here):
-                rows.append([_value(message, *steps[each]) if each in steps else None for each in of])
+                rows.append([_value(path, name, message, *steps[name]) if name in steps else None for name in of])
                 stamp = getattr(getattr(message, "header", None), "stamp", None)
                 times.append((count, received, stamp.sec * 10**9 + stamp.nanosec if stamp else 0))
+        except InputError:
+            raise
         except Exception as error:  # of any kind
             code = "no-column" if isinstance(error, (AttributeError, IndexError, TypeError)) else "damaged"
             problem = f"message {count} of {topic} has no {listed(steps)} ({error!r:.200})"
@@ -149,7 +153,8 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
             remedy = "if you named one of them, copy the bag again; if there are none, record MCAP, which defines them"
             remedy = f"the fields of {kind} are {listed(name for name, _ in fields)}; {remedy}"
             raise log_fault(path, problem, remedy, code) from error
-    if (stated := sum(each.msgcount for each in connections)) > count:  # a reader may end at a damaged record
+    stated = sum(connection.msgcount for connection in connections)
+    if stated > count:  # a reader may end at a damaged record
         raise log_fault(path, f"{count} of {stated} messages of {topic} can be read", RECOVER, "damaged")
     if not rows or joints - seen:
         problem = f"topic {topic} has {count} messages, none with {listed(joints - seen)}"
@@ -160,19 +165,22 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
     return np.array(times, dtype=np.int64).T, np.array(rows, dtype=np.float64)
 
 
-def _value(message: Any, joint: str, steps: Sequence[str]) -> float | None:
+def _value(path: Path, signal: str, message: Any, joint: str, steps: Sequence[str]) -> float | None:
     """Return a number of a message; None where it does not name the joint."""
-    names = list(message.name) if joint else []
+    names, value = list(getattr(message, "name", ())), message
     for step in steps:
-        message = message[int(step)] if step.isdigit() else getattr(message, step)
+        value = value[int(step)] if step.isdigit() else getattr(value, step)
     if joint:
-        return float(message[names.index(joint)]) if joint in names else None
-    return float(message)
+        return float(value[names.index(joint)]) if joint in names else None
+    if np.ndim(value):
+        topic, _, field = signal.rpartition("/")
+        by_joint = f'a joint, "{topic}/{names[0]}/{field}", or ' if names else ""
+        remedy = f'name {by_joint}an element, "{signal}[0]"'
+        raise log_fault(path, f'"{signal}" is an array of {len(value)}', remedy, "no-column")
+    return float(value)
 
 
-def _one_table(
-    path: Path, series: Sequence[tuple[Any, Values]], signals: Sequence[str], findings: list[Finding]
-) -> LogTable:
+def _one_table(path: Path, series: list[_Series], signals: list[str], findings: list[Finding]) -> LogTable:
     """Return the messages of all topics in order of time, and of the topics where times are equal."""
     if len(stamped := {bool(stamps.any()) for (_, _, stamps), _ in series}) > 1:
         problem = "some topics have header.stamp, and some the time of their receipt alone"
@@ -180,10 +188,10 @@ def _one_table(
     if stamped == {False}:
         message = "messages have no stamp of their own: the time of their receipt was taken"
         findings.append(Finding("receive-time", "warning", str(path), message, "publish with header.stamp"))
-    every = [times[2 if True in stamped else 1] for times, _ in series]
+    clocks = [times[2 if True in stamped else 1] for times, _ in series]
     # A time that goes back in a topic is to be found, not sorted away.
-    order = np.argsort(np.concatenate([np.maximum.accumulate(each) for each in every]), kind="stable")
-    times, numbers = np.concatenate(every)[order], np.concatenate([each[0] for each, _ in series])[order]
+    order = np.argsort(np.concatenate([np.maximum.accumulate(clock) for clock in clocks]), kind="stable")
+    times, numbers = np.concatenate(clocks)[order], np.concatenate([number for (number, *_), _ in series])[order]
     columns = dict(zip(signals, np.concatenate([values for _, values in series])[order].T, strict=True))
     columns["time_s"] = (times - times.min()) * 1e-9
     return LogTable(columns, numbers.tolist(), "message", str(path), tuple(findings))

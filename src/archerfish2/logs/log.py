@@ -1,17 +1,16 @@
 """One function for logs of all formats: the content of a file shows what it is."""
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from archerfish2.errors import InputError, file_error
-from archerfish2.logs.arrays import array_names, read_array_file
+from archerfish2.logs import signals, stamps
+from archerfish2.logs.arrays import arrays_in, read_array_file, table_of
 from archerfish2.logs.bags import BAGS, RECOVER, bag_files, bag_signals, read_bag
-from archerfish2.logs.recording import Log, LogTable, Recording, log_fault, opened
-from archerfish2.logs.signals import examined, fresh_rows, undo_wraps
-from archerfish2.logs.stamps import at_equal_intervals, uninterrupted, usable_rows
+from archerfish2.logs.recording import Log, LogTable, Rows, Signals, log_fault, open_log
 from archerfish2.logs.text import column_names, read_text
 
 _UNREAD = (
@@ -24,20 +23,21 @@ _Format = Literal["bag", "npz", "mat", "text"]
 
 
 def read_log(
-    path: str | Path,
+    source: Any,
     *,
     inputs: Sequence[str] = ("u",),
     outputs: Sequence[str] = ("y",),
     time: str | None = "time_s",
     sample_period_s: float | None = None,
 ) -> Log:
-    """Read what went into an axis and what came out: CSV or another text table, .npz, .mat, or a ROS bag.
+    """Read what went into an axis and what came out: CSV or another text table, .npz, .mat, a ROS bag, or arrays.
 
     A signal is the name of a column, in a text table without names its number from "1" on, in an array file the name
     of an array, or "NAME[0]" for the first column of a matrix, in a bag TOPIC/FIELD or TOPIC/JOINT/FIELD.
 
     Args:
-      path: of the file, or the folder of a bag.
+      source: path of the file, or of the folder of a bag; or a mapping of names to arrays of shape (N,) or (N, m); or a
+        data frame.
       inputs: names of the input signals.
       outputs: names of the output signals.
       time: name of the stamps, in seconds, or in the unit that the name ends with ("time_ms"); a bag has its own.
@@ -46,33 +46,50 @@ def read_log(
     Raises:
       InputError: naming the file and the line at fault, with a code, if the log can't be used.
     """
-    path, stamps = Path(path), time if sample_period_s is None else None
-    inputs, outputs = ((each,) if isinstance(each, str) else tuple(each) for each in (inputs, outputs))
+    inputs, outputs = ((names,) if isinstance(names, str) else tuple(names) for names in (inputs, outputs))
     if not (inputs and outputs):
         raise InputError("read_log: no input or no output is named; name at least one of each", "no-column")
-    signals = inputs, outputs
-    if stamps is None and not 0 < (sample_period_s or 0) < float("inf"):
+    if (sample_period_s is not None or time is None) and not 0 < (sample_period_s or 0) < float("inf"):
         problem = f"sample_period_s is {sample_period_s}, expected a number above 0 s"
         raise InputError(f"read_log: {problem}; pass it, or the name of the stamps", "sample-period")
-    kind, digest, source = _format(path), hashlib.sha256(), str(path)
+    names, digest = Signals(inputs, outputs, time if sample_period_s is None else None), hashlib.sha256()
+    if not isinstance(source, str | Path):
+        return _log(_table_in_memory(source, names), names, sample_period_s, "")
+    kind = _format(path := Path(source))
     for part in bag_files(path):
-        with opened(part) as file:
+        with open_log(part) as file:
             hashlib.file_digest(file, lambda: digest)
-    bag, wanted = kind == "bag", (*inputs, *outputs)
-    table = _table(path, kind, list(dict.fromkeys((stamps, *wanted) if stamps and not bag else wanted)))
-    rows, repairs = usable_rows(table, signals, "time_s" if bag else stamps, sample_period_s or 1.0)
-    turns = list(undo_wraps([rows._replace(outputs=rows.outputs[:, :0])], (inputs, ()), source))
-    fresh, repeats = fresh_rows(rows, source)
-    parts, gaps = uninterrupted(fresh, source)
-    wraps = list(undo_wraps(parts, signals, source))
-    even, period, jitter = at_equal_intervals(parts, source)
-    period_s = sample_period_s or float(f"{period:.12g}")
-    piece = "[{:.3f} s…]" * (len(even) > 1)
-    every = [Recording(u, y, period_s, float(at[0]), *signals, path.name + piece.format(at[0])) for at, u, y in even]
-    recordings, warnings = examined(every, source)
-    samples = len(rows.time) + sum(each.samples for each in (*table.findings, *repairs))
-    findings = (*table.findings, *repairs, *turns, *repeats, *gaps, *wraps, *jitter, *warnings)
-    return Log(recordings, findings, samples, source, digest.hexdigest())
+    with _damage_named(path, kind):
+        if kind == "bag":
+            table, names = read_bag(path, names), names._replace(time="time_s")
+        elif kind == "text":
+            table = read_text(path, lambda _: names.columns(), advice=names.remedy)
+        else:
+            table = read_array_file(path, names, matlab=kind == "mat")
+    return _log(table, names, sample_period_s, digest.hexdigest())
+
+
+def _table_in_memory(source: Any, names: Signals) -> LogTable:
+    if not (isinstance(source, Mapping) or hasattr(source, "columns")):
+        problem = f"read_log: got a {type(source).__name__}, expected a file, arrays by name, or a data frame"
+        raise InputError(f"{problem}; pass archerfish.Recording.from_arrays(u, y, period_s)", "unknown-format")
+    return table_of({str(name): source[name] for name in getattr(source, "columns", source)}, names, "table")
+
+
+def _log(table: LogTable, names: Signals, period_s: float | None, sha256: str) -> Log:
+    """Bring a table to equal intervals, step by step; each step returns its findings."""
+    rows, findings = Rows.of(table, names, period_s or 1.0), [*table.findings]
+    before_averages = stamps.in_seconds, stamps.in_order, signals.undo_wraps
+    to_samples = stamps.hold_inputs, stamps.without_repeats, stamps.at_outputs, signals.non_repeated_samples
+    for step in (*before_averages, *to_samples):
+        rows, found = step(rows)
+        findings += found
+    samples = len(rows) + sum(finding.samples for finding in findings)
+    parts, gaps = stamps.uninterrupted(rows)
+    even, jitter = stamps.at_equal_intervals(parts, period_s)
+    recordings, warnings = signals.checked(even, table.source)
+    findings += [*gaps, *jitter, *warnings, *(stamps.period_findings(recordings[0]) if period_s else ())]
+    return Log(tuple(recordings), tuple(findings), samples, table.source, sha256)
 
 
 def signals_in(path: str | Path) -> tuple[str, ...]:
@@ -85,14 +102,14 @@ def signals_in(path: str | Path) -> tuple[str, ...]:
     with _damage_named(path, kind):
         if kind == "bag":
             return bag_signals(path)
-        return column_names(path) if kind == "text" else array_names(path, matlab=kind == "mat")
+        return column_names(path) if kind == "text" else tuple(arrays_in(path, matlab=kind == "mat").files)
 
 
 def _format(path: Path) -> _Format:
     """Return what the content of a file shows it to be, or else its ending."""
     if not (files := bag_files(path)):
         raise file_error(path, "is a folder, and no bag's", "pass a log, or the folder of a bag", "unknown-format")
-    with opened(files[0]) as file:
+    with open_log(files[0]) as file:
         begin = file.peek()
     if path.is_dir() or begin.startswith(tuple(BAGS)) or path.suffix in BAGS.values():
         return "bag"
@@ -101,18 +118,9 @@ def _format(path: Path) -> _Format:
             raise file_error(path, problem, remedy, "unknown-format")
     if begin.startswith(b"PK\x03\x04"):
         return "npz"
-    if begin.startswith(b"MATLAB") or path.suffix == ".mat":
+    if begin.startswith(b"MATLAB"):
         return "mat"
-    return "npz" if path.suffix == ".npz" else "text"
-
-
-def _table(path: Path, kind: _Format, wanted: list[str]) -> LogTable:
-    with _damage_named(path, kind):
-        if kind == "bag":
-            return read_bag(path, wanted)
-        if kind == "text":
-            return read_text(path, lambda _: wanted)
-        return read_array_file(path, wanted, matlab=kind == "mat")
+    return "npz" if path.suffix == ".npz" else "mat" if path.suffix == ".mat" else "text"
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""What a log is: columns as its file has them, then recordings at equal intervals, and findings on both."""
+"""What a log is on its way: columns as its file has them, rows of signals, recordings at equal intervals; findings."""
 
 import csv
 import io
@@ -17,6 +17,9 @@ from archerfish2.storage import write_bytes
 Values = NDArray[np.floating[Any]]
 MAX_BYTES = 512 * 2**20
 """Of the largest file, and the largest array unpacked: an hour of two axes at 1 kHz as text."""
+GAP = 3.0
+"""Interval in periods from which a log is interrupted: what happened within can't be known from its ends."""
+_EVEN = 0.1  # of a period, within which stamps are those of equal intervals
 _LARGEST_VALUE = 1e30  # its square is finite
 
 
@@ -59,6 +62,67 @@ class LogTable:
         return f"{self.source}: {self.place_kind} {self.places[index]}"
 
 
+class Signals(NamedTuple):
+    """Names of the signals that are read from a log."""
+
+    inputs: tuple[str, ...]  # at least one
+    outputs: tuple[str, ...]  # at least one
+    time: str | None  # of the stamps; None of a log without them
+
+    def columns(self) -> list[str]:
+        """Return all names, each once."""
+        return list(dict.fromkeys([*([self.time] if self.time else []), *self.inputs, *self.outputs]))
+
+    def remedy(self, there: Sequence[str]) -> str:
+        """Return where to name signals of a log that has other ones, and those that are meant if that is clear."""
+        found = {name: name for name in self.columns() if name in there}
+        for name in self.columns():
+            of_another_unit = [other for other in there if other.startswith(f"{name.removesuffix('_s')}_")]
+            if len(of_another_unit) == 1:
+                found.setdefault(name, of_another_unit[0])
+        lacking = [name for name in self.columns() if name not in found]
+        left = [other for other in there if other not in found.values()]
+        found |= dict(zip(lacking, left, strict=True)) if len(lacking) == len(left) else {}
+        roles = {"time": [self.time] if self.time else [], "inputs": self.inputs, "outputs": self.outputs}
+        words = {role: ", ".join(f'"{found.get(name, "NAME")}"' for name in names) for role, names in roles.items()}
+        words = {role: f"({word})" if len(roles[role]) > 1 else word for role, word in words.items()}
+        call = ", ".join(f"{role}={word}" for role, word in words.items() if word)
+        lines = ", ".join(f"{role.removesuffix('s')} = {word}" for role, word in words.items() if word)
+        return f"name them: read_log(FILE, {call}), or in logs.toml: {lines}"
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of a log on their way to recordings. NaN stands for what a row lacks."""
+
+    time: Values  # stamps [s], (N,)
+    inputs: Values  # (N, m)
+    outputs: Values  # (N, p)
+    table: LogTable  # that they come from
+    numbers: NDArray[np.intp]  # their rows in the table, from 0 on, (N,)
+    signals: Signals
+
+    @classmethod
+    def of(cls, table: LogTable, signals: Signals, period_s: float) -> Self:
+        """Return the rows of a table, which are some seconds apart where it has no stamps."""
+        inputs, outputs = (np.column_stack([table.columns[name] for name in names]) for names in signals[:2])
+        numbers = np.arange(len(inputs))
+        time = table.columns[signals.time] if signals.time else period_s * numbers
+        return cls(time, inputs, outputs, table, numbers, signals)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def select(self, kept: slice | NDArray[Any]) -> Self:
+        """Return some of the rows, by slice, by index or by a mask of shape (N,)."""
+        time, inputs, outputs = self.time[kept], self.inputs[kept], self.outputs[kept]
+        return replace(self, time=time, inputs=inputs, outputs=outputs, numbers=self.numbers[kept])
+
+    def place(self, index: int) -> str:
+        """Return file and place of a row."""
+        return self.table.place(int(self.numbers[index]))
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """What went into an axis and what came out, sampled at equal intervals without interruption.
@@ -78,11 +142,13 @@ class Recording:
     source: str = "recording"  # where it comes from, for messages and titles
 
     def __post_init__(self) -> None:
-        shapes = (len(self), len(self.input_names)), (len(self), len(self.output_names))
-        found = self.inputs.shape, self.outputs.shape
-        if found != shapes or 0 in (*found[0], *found[1]):
-            problem = f"inputs and outputs have shapes {found[0]} and {found[1]}, expected {shapes[0]} and {shapes[1]}"
-            raise InputError(f"{self.source}: {problem}, not empty; check the arrays and their names")
+        for letter, values, names in (("u", self.inputs, self.input_names), ("y", self.outputs, self.output_names)):
+            if values.ndim != 2 or values.shape[1] != len(names) or not values.size:
+                problem = f"{letter} has shape {values.shape}, expected (N, {len(names)}) of {listed(names)}"
+                raise InputError(f"{self.source}: {problem}, not empty; samples come first, all signals are named")
+        if len(self) != len(self.outputs):
+            problem = f"u has {len(self):,} samples and y {len(self.outputs):,}, expected as many"
+            raise InputError(f"{self.source}: {problem}; cut both to the same samples")
         if not (np.isfinite(self.inputs).all() and np.isfinite(self.outputs).all() and np.isfinite(self.start_s)):
             raise InputError(f"{self.source}: has a value that is not finite; cut the recording there")
         if not 0 < self.period_s < np.inf:
@@ -91,27 +157,46 @@ class Recording:
     def __len__(self) -> int:
         return len(self.inputs)
 
+    def __repr__(self) -> str:
+        signals = f"{', '.join(self.input_names)} → {', '.join(self.output_names)}"
+        length_s = self.period_s * len(self)
+        return f"Recording({signals}: {len(self):,} samples every {self.period_s:g} s, {length_s:g} s, {self.source})"
+
     @property
     def time(self) -> Values:
         """Time of each sample [s], shape (N,)."""
         return np.asarray(self.start_s + self.period_s * np.arange(len(self)), dtype=np.float64)
 
     @classmethod
-    def from_arrays(cls, u: ArrayLike, y: ArrayLike, period_s: float, **fields: Any) -> Self:
-        """Return a recording of signals in memory.
+    def from_arrays(
+        cls, u: ArrayLike, y: ArrayLike, period_s: float | None = None, *, time: ArrayLike | None = None, **fields: Any
+    ) -> Self:
+        """Return a recording of signals in memory, with a sampling period or with even stamps.
 
         Args:
           u: inputs, shape (N,) or (N, m).
           y: outputs, shape (N,) or (N, p).
           period_s: sampling period [s].
-          **fields: other fields of a recording, as input_names.
+          time: stamps instead of it [s], shape (N,); `read_log({"time_s": time, "u": u, "y": y})` takes uneven ones.
+          **fields: other fields of a recording; input_names for several inputs, output_names for several outputs.
 
         Raises:
-          InputError: if shapes disagree, or a value is not finite.
+          InputError: if shapes disagree, a value is not finite, names are lacking, or stamps are uneven.
         """
-        inputs, outputs = (np.array(each, dtype=np.float64) for each in (u, y))
-        inputs, outputs = (each[:, None] if each.ndim == 1 else each for each in (inputs, outputs))
-        return cls(inputs, outputs, float(period_s), **fields)
+        if (period_s is None) == (time is None) or np.ndim(np.asarray(period_s)):
+            raise InputError("from_arrays: expected period_s, a number, or time; pass from_arrays(u, y, time=stamps)")
+        inputs, outputs = (np.atleast_2d(np.array(signal, dtype=np.float64).T).T for signal in (u, y))
+        if time is None:
+            return cls(inputs, outputs, float(period_s or 0), **fields)
+        stamps = np.array(time, dtype=np.float64)
+        if stamps.shape != (len(inputs),) or len(stamps) < 2:
+            raise InputError(f"from_arrays: time has shape {stamps.shape}, expected ({len(inputs)},), 2 or more")
+        even = (stamps[-1] - stamps[0]) / (len(stamps) - 1)
+        late = np.abs(stamps - stamps[0] - even * np.arange(len(stamps))).max()
+        if not 0 <= late < _EVEN * even:
+            remedy = 'read_log({"time_s": time, "u": u, "y": y}) resamples them'
+            raise InputError(f"from_arrays: stamps are uneven, {late:.3g} s off at most; {remedy}")
+        return cls(inputs, outputs, float(f"{even:.12g}"), **fields)
 
     def slice(self, start: int, stop: int) -> Self:
         """Return samples `start` to `stop`, the latter excluded, at their times.
@@ -151,13 +236,42 @@ class Log:
     sha256: str  # of its content
 
 
+def held_mean(time: Values, signals: Values, edges: Values) -> Values:
+    """Average signals that hold each value until the next sample, and the last one further on.
+
+    A plant that is slower than a sampling period responds to the mean of what was in force; the value at one instant
+    would move each change by up to a period.
+
+    Args:
+      time: of the samples, shape (N,).
+      signals: values from these times on, shape (N, m).
+      edges: ends of K intervals, none before the first sample, shape (K + 1,).
+
+    Returns:
+      Means over the intervals, shape (K, m).
+    """
+    time = np.append(time, max(time[-1], edges[-1]))
+    area = np.vstack([np.zeros(signals.shape[1]), np.cumsum(signals * np.diff(time)[:, None], axis=0)])
+    return np.diff(by_lines(time, area, edges), axis=0) / np.diff(edges)[:, None]
+
+
+def by_lines(time: Values, signals: Values, grid: Values) -> Values:
+    """Return signals of shape (N, m) at K times by lines through their samples, shape (K, m)."""
+    return np.column_stack([np.interp(grid, time, signal) for signal in signals.T])
+
+
+def subsampled(values: Values) -> Values:
+    """Return some of N values, shape (N,), equally spaced: enough for their median or last digit."""
+    return values[:: len(values) // 100_000 + 1]
+
+
 def log_fault(path: str | Path, problem: str, remedy: str, code: str) -> InputError:
     """Return the error of a file, in one line whatever the file puts into the message; see `file_error`."""
     return file_error(path, one_line(problem), one_line(remedy), code)
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[io.BufferedReader]:
+def open_log(path: Path) -> Iterator[io.BufferedReader]:
     """Open a log's file.
 
     Raises:
@@ -177,4 +291,4 @@ def opened(path: Path) -> Iterator[io.BufferedReader]:
 
 def listed(names: Iterable[str]) -> str:
     """Return names in quotation marks, for a message; of a long list its beginning."""
-    return (", ".join(f'"{each}"' for each in names if each) or "none")[:300]
+    return (", ".join(f'"{name}"' for name in names if name) or "none")[:300]

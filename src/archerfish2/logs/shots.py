@@ -38,7 +38,7 @@ class Shots:
     @property
     def source(self) -> str:
         """The files, for messages."""
-        return ", ".join(each.name for each in self.files) or "shots"
+        return ", ".join(file.name for file in self.files) or "shots"
 
     def settings(self) -> tuple[NDArray[np.intp], list[str]]:
         """Return the number of each shot's setting, from 0, shape (N,), and their names, as "3.0°" or "3.0°, 4.00 m".
@@ -55,7 +55,7 @@ class Shots:
 
     def select(self, kept: NDArray[np.bool_]) -> Self:
         """Return some of the shots: those that are kept, shape (N,)."""
-        arrays: dict[str, Any] = {name: each[kept] for name, each in vars(self).items() if isinstance(each, np.ndarray)}
+        arrays: dict[str, Any] = {name: v[kept] for name, v in vars(self).items() if isinstance(v, np.ndarray)}
         return replace(self, **arrays, places=tuple(self.place(index) for index in np.flatnonzero(kept).tolist()))
 
 
@@ -92,7 +92,7 @@ def read_shots(*paths: str | Path, columns: ShotColumns = COLUMNS) -> Shots:
     found, places, findings = zip(*(_read(path, columns) for path in files), strict=True)
     if differing := set.union(*map(set, found)) - set.intersection(*map(set, found)):
         raise log_fault(files[-1], f"{min(differing)} is not in all files", "give the same columns", "mixed-columns")
-    joined = {name: np.concatenate([each[name] for each in found], dtype=np.float64) for name in found[0]}
+    joined = {name: np.concatenate([arrays[name] for arrays in found], dtype=np.float64) for name in found[0]}
     height, speed, lateral = map(joined.get, ("hit_height_m", "speed_m_s", "lateral_m"))
     pitch, yaw = joined["pitch_deg"], joined.get("yaw_deg", 0.0 * joined["pitch_deg"])
     distance, rest = joined[_LANDING if height is None else _PLANE[0]], (files, sum(places, ()), sum(findings, ()))
@@ -125,7 +125,7 @@ def _wanted(path: Path, there: list[str], columns: ShotColumns) -> list[str]:
     """Return the columns to read; refuse another unit than the expected one, and two kinds of shots in one file."""
     for field in (field for field, name in vars(columns).items() if name not in there):
         pattern = re.sub("_(deg|m_s|m)$", r"_\\w+", field)
-        for other in (each for each in there if re.fullmatch(pattern, each) and each not in vars(COLUMNS)):
+        for other in (name for name in there if re.fullmatch(pattern, name) and name not in vars(COLUMNS)):
             raise log_fault(path, f'"{other}" has another unit than {field}', f"convert it to {field}", "unknown-unit")
     wanted = {field for field, name in vars(columns).items() if name in there or name != field} | {"pitch_deg"}
     kind = {_LANDING} if wanted.isdisjoint(_PLANE) else {*_PLANE}

@@ -1,12 +1,12 @@
 """What the signals of a log show by themselves: wrapped angles and counters, repeated feedback, faults of a sensor."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from archerfish2.logs.recording import Finding, Recording, Values, log_fault
-from archerfish2.logs.stamps import Rows, Signals, held_mean, subsampled
+from archerfish2.logs.recording import GAP, Finding, Recording, Rows, Values, held_mean, log_fault, subsampled
 
 _ANGLES = (2 * np.pi, 360.0, 400.0)
 _COUNTERS = (*_ANGLES, 1.0, 3600.0, 36_000.0, *(2.0**bits for bits in range(8, 33)))
@@ -16,15 +16,54 @@ _SATURATED, _QUANTISED, _FROZEN, _SPIKE = 0.05, 0.02, 0.1, 30.0
 """Shares of samples at an extreme, of noise in an output, and of samples at rest; step of a spike over the usual."""
 
 
-def fresh_rows(rows: Rows, source: str) -> tuple[Rows, list[Finding]]:
+def undo_wraps(rows: Rows) -> tuple[Rows, list[Finding]]:
+    """Undo, in place, the jumps of angles that were logged within a turn, and of outputs that are counters."""
+    findings = []
+    inputs, outputs, _ = rows.signals
+    turns = [*[_ANGLES] * len(inputs), *[_COUNTERS] * len(outputs)]
+    columns = [*rows.inputs.T, *rows.outputs.T]
+    for name, column, usual in zip((*inputs, *outputs), columns, turns, strict=True):
+        known = ~np.isnan(column)
+        signal, time = (column, rows.time) if known.all() else (column[known], rows.time[known])
+        if signal.size < 2:
+            continue
+        steps = np.diff(signal)
+        most, least = np.ptp(steps) / 0.75, np.ptp(signal) / 1.02
+        for turn in usual:
+            if least <= turn < most and _wraps_at(signal, time, turn):
+                jumps = np.count_nonzero(np.abs(steps) > 0.75 * turn)
+                column[known] = np.unwrap(signal, period=turn)
+                message = f'"{name}" jumps by a whole turn of {turn:.6g} {jumps} times and was unwrapped'
+                findings.append(Finding("angle-wrap", "repaired", rows.table.source, message, "log it over many turns"))
+                break
+    return rows, findings
+
+
+def _wraps_at(signal: Values, time: Values, turn: float) -> bool:
+    """Return whether a signal moves smoothly but for jumps by a whole turn; it may be a counter of whole numbers.
+
+    Its values may be repeated, and it may have any step across a gap.
+    """
+    moved = np.append(0, np.flatnonzero(np.diff(signal)) + 1)
+    values, intervals = signal[moved], np.diff(time)
+    part = np.append(0, np.cumsum(intervals > GAP * np.median(subsampled(intervals))))[moved]
+    steps, within = np.abs(np.diff(values)), part[1:] == part[:-1]
+    jump, smooth = within & (steps > 0.75 * turn), within & (steps <= 0.75 * turn)
+    if steps.size <= _STEPS or not jump.any() or steps[smooth].max(initial=0.0) > turn / 4:
+        return False
+    from_zero = values.min() > -0.02 * turn or values.max() < 0.52 * turn  # or from minus half a turn
+    counter = turn in _ANGLES or (from_zero and (turn == 1 or not np.any(values % 1)))
+    bends = np.abs(np.diff(np.unwrap(values, period=turn), 2))
+    near, far = jump[1:] & within[:-1] | jump[:-1] & within[1:], smooth[1:] & smooth[:-1]
+    often = np.count_nonzero(smooth) >= 0.2 * np.count_nonzero(within)
+    return bool(counter and often and bends[near].max(initial=0.0) <= 2 * bends[far].max(initial=0.0))
+
+
+def non_repeated_samples(rows: Rows) -> tuple[Rows, list[Finding]]:
     """Leave out rows that repeat the outputs of the one before, where a link refreshes them only in every k-th row.
 
-    A held input is lawful, a held output would be fitted by a delay of up to k rows. Inputs are averaged from one
-    fresh row to the next.
-
-    Args:
-      rows: samples of a log.
-      source: the file, for messages.
+    A held input is one that acts so, a held output would be fitted by a delay of up to k rows. Inputs are averaged from
+    one sample that is kept to the next.
     """
     changes = np.flatnonzero((rows.outputs[1:] != rows.outputs[:-1]).any(axis=1)) + 1
     gaps = np.diff(changes)
@@ -32,13 +71,15 @@ def fresh_rows(rows: Rows, source: str) -> tuple[Rows, list[Finding]]:
     regular = every > 1 and (np.mean(gaps % every == 0) > 0.9 or np.quantile(gaps, 0.9) <= 2 * every)
     if not (regular and any(map(_is_smooth, rows.outputs.T))):
         return rows, []
-    bounds = [changes[0] % every, *changes, len(rows.time)]
-    kept = np.unique(np.concatenate([np.arange(a, max(b - every // 2, a + 1), every) for a, b in pairwise(bounds)]))
-    edges = np.append(rows.time[kept], rows.time[-1] + np.median(np.diff(rows.time)))
-    rate_hz, lost = 1 / np.median(np.diff(rows.time[kept])), len(rows.time) - kept.size
-    message = f"outputs are fresh in one row of {every} only ({rate_hz:.4g} Hz), the others were left out"
-    finding = Finding("held-output", "repaired", source, message, "log each measurement once", lost)
-    return Rows(rows.time[kept], held_mean(rows.time, rows.inputs, edges), rows.outputs[kept]), [finding]
+    bounds = [changes[0] % every, *changes, len(rows)]
+    runs = [np.arange(start, max(stop - every // 2, start + 1), every) for start, stop in pairwise(bounds)]
+    kept = rows.select(np.unique(np.concatenate(runs)))
+    edges = np.append(kept.time, rows.time[-1] + np.median(np.diff(rows.time)))
+    rate_hz, lost = 1 / np.median(np.diff(kept.time)), len(rows) - len(kept)
+    message = f"outputs change in one row of {every} only ({rate_hz:.4g} Hz), the others were left out"
+    source, remedy = rows.table.source, "log each measurement once"
+    finding = Finding("held-output", "repaired", source, message, remedy, lost)
+    return replace(kept, inputs=held_mean(rows.time, rows.inputs, edges)), [finding]
 
 
 def _is_smooth(signal: Values) -> bool:
@@ -47,40 +88,8 @@ def _is_smooth(signal: Values) -> bool:
     return bool(changes.size and np.median(changes) > 1.5 * changes.min() and np.mean(changes**2) < signal.var())
 
 
-def undo_wraps(parts: Sequence[Rows], names: Signals, source: str) -> Iterator[Finding]:
-    """Undo, in place, the jumps of angles that were logged within a turn, and of outputs that are counters.
-
-    Args:
-      parts: samples without gaps.
-      names: of inputs and outputs.
-      source: the file, for messages.
-    """
-    turns = dict.fromkeys(names[0], _ANGLES) | dict.fromkeys(names[1], _COUNTERS)
-    for _, u, y in parts:
-        for name, signal in zip((*names[0], *names[1]), (*u.T, *y.T), strict=True):
-            steps = np.diff(signal)
-            most, least = np.ptp(steps) / 0.75, np.ptp(signal) / 1.02
-            for turn in [each for each in turns[name] if least <= each < most and _wraps_at(signal, each)][:1]:
-                jumps = np.count_nonzero(np.abs(steps) > 0.75 * turn)
-                signal[:] = np.unwrap(signal, period=turn)
-                message = f'"{name}" jumps by a whole turn of {turn:.6g} {jumps} times and was unwrapped'
-                yield Finding("angle-wrap", "repaired", source, message, "log it over many turns")
-
-
-def _wraps_at(signal: Values, turn: float) -> bool:
-    """Return whether a signal moves smoothly but for jumps by a whole turn; it may be a counter of whole numbers."""
-    steps = np.abs(np.diff(signal))
-    jump = steps > 0.75 * turn
-    if not jump.any() or steps[~jump].max(initial=0.0) > turn / 4 or np.mean(~jump & (steps > 0)) < 0.2:
-        return False
-    from_zero = signal.min() > -0.02 * turn or signal.max() < 0.52 * turn  # or from minus half a turn
-    counter = turn in _ANGLES or (from_zero and (turn == 1 or not np.any(signal % 1)))
-    bends, near = np.abs(np.diff(np.unwrap(signal, period=turn), 2)), jump[1:] | jump[:-1]
-    return bool(counter and bends[near].max() <= 2 * bends[~near].max(initial=0.0))
-
-
-def examined(recordings: Sequence[Recording], source: str) -> tuple[tuple[Recording, ...], list[Finding]]:
-    """Leave out recordings in which a signal does not move, and return warnings of what may spoil an estimate.
+def checked(recordings: Sequence[Recording], source: str) -> tuple[list[Recording], list[Finding]]:
+    """Leave out recordings in which all inputs or an output rest, and return warnings of what may spoil an estimate.
 
     Args:
       recordings: of one log.
@@ -90,21 +99,25 @@ def examined(recordings: Sequence[Recording], source: str) -> tuple[tuple[Record
       InputError: if none is left.
     """
     kept, findings, remedy = [], list[Finding](), "record a log in which it changes, or name another column"
-    for each in recordings:
-        signals = dict(zip(each.input_names + each.output_names, (*each.inputs.T, *each.outputs.T), strict=True))
-        if still := [name for name, signal in signals.items() if not np.ptp(signal)]:
-            code = "constant-input" if still[0] in each.input_names else "constant-output"
-            message = f'"{still[0]}" is {signals[still[0]][0]:g} throughout {len(each)} samples'
-            findings.append(Finding(code, "repaired", each.source, f"{message}, left out", remedy, len(each)))
+    for recording in recordings:
+        inputs = dict(zip(recording.input_names, recording.inputs.T, strict=True))
+        outputs = dict(zip(recording.output_names, recording.outputs.T, strict=True))
+        signals, code = inputs | outputs, "constant-input"
+        resting = [name for name, signal in signals.items() if not np.ptp(signal)]
+        if not inputs.keys() <= set(resting):  # another input moves the axis
+            resting, code = [name for name in resting if name in outputs], "constant-output"
+        if resting:
+            message = f'"{resting[0]}" is {signals[resting[0]][0]:g} throughout {len(recording)} samples'
+            findings.append(Finding(code, "repaired", recording.source, f"{message}, left out", remedy, len(recording)))
             continue
-        kept.append(each)
+        kept.append(recording)
         for name, signal in signals.items():
-            for code, check, advice in _CHECKS[: None if name in each.output_names else 1]:
-                if found := check(signal, each):
-                    findings.append(Finding(code, "warning", each.source, f'"{name}" {found}', advice))
+            for fault, check, advice in _CHECKS[: None if name in outputs else 1]:
+                if found := check(signal, recording):
+                    findings.append(Finding(fault, "warning", recording.source, f'"{name}" {found}', advice))
     if not kept:
         raise log_fault(source, message, remedy, code)
-    return tuple(kept), findings
+    return kept, findings
 
 
 def _saturation(signal: Values, _: Recording) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from archerfish2.logs.recording import Finding, LogTable, Values, listed, log_fault, opened
+from archerfish2.logs.recording import Finding, LogTable, Values, listed, log_fault, open_log
 
 _MISSING = {"", "nan", "-nan", "na", "n/a", "null", "none"}
 """How loggers write a value that is missing, in lower case."""
@@ -24,15 +24,18 @@ _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _HEAD = 2**16  # bytes that have the names and the first sample of a usual table
 _UNPACKED = (".gz", ".bz2", ".xz")  # endings by which NumPy takes a file for a compressed one
+Choice = Callable[[list[str]], list[str]]
+Advice = Callable[[Sequence[str]], str]
 _SHOWN = 40  # characters of a bad field, and lines in which a name is looked for that is not in the first
 
 
-def read_text(path: Path, choose: Callable[[list[str]], list[str]], *, whole: bool = False) -> LogTable:
+def read_text(path: Path, choose: Choice, *, advice: Advice | None = None, whole: bool = False) -> LogTable:
     """Read columns of numbers from a text table; a missing value becomes NaN, in a line of separators alone all.
 
     Args:
       path: of the file, in UTF-8, or in UTF-16 with its byte order mark.
       choose: which of the columns are read, by name; where the first line has numbers they are "1", "2", ….
+      advice: what to do where a column is not there, from the names of those that are.
       whole: whether a last line is read although no line break ends it.
 
     Raises:
@@ -43,7 +46,7 @@ def read_text(path: Path, choose: Callable[[list[str]], list[str]], *, whole: bo
         return table
     lines, findings = _lines(path, whole)
     names, separator, first = _header(path, lines)
-    positions = {name: _position(path, lines, first, names, name) for name in choose(names)}
+    positions = {name: _position(path, lines, first, names, name, advice) for name in choose(names)}
     body = enumerate(lines[first:], first + 1)
     rows = {number: _row(path, number, line, separator, len(names)) for number, line in body if line.strip()}
     texts = {name: [row[at].strip() for row in rows.values()] for name, at in positions.items()}
@@ -64,20 +67,20 @@ def column_names(path: Path) -> tuple[str, ...]:
     return tuple(_header(path, _lines(path, whole=True)[0])[0])
 
 
-def _read_at_once(path: Path, choose: Callable[[list[str]], list[str]]) -> LogTable | None:
+def _read_at_once(path: Path, choose: Choice) -> LogTable | None:
     """Read a table that has numbers alone below its names; return None of any other: its lines are read one by one."""
-    with suppress(ValueError, OSError), opened(path) as file:
+    with suppress(ValueError, IndexError, OSError), open_log(path) as file:
         head = file.read(_HEAD)
         lines = head[: head.rfind(b"\n") + 1].decode("utf-8-sig").split("\n")
         names, separator, first = _header(path, lines)
-        positions = {name: _position(path, lines, first, names, name) for name in choose(names)}
-        if lines[first].strip() and path.suffix not in _UNPACKED:
+        chosen = choose(names)
+        if lines[first].strip() and path.suffix not in _UNPACKED and all(names.count(name) == 1 for name in chosen):
             # NumPy takes a third longer to read an open file.
             values = np.loadtxt(path, float, None, separator, skiprows=first, ndmin=2, encoding="utf-8")
             parts = iter(lambda: file.read(_HEAD), b"")
-            end = head.count(b"\n") + sum(np.count_nonzero(np.frombuffer(each, "u1") == ord("\n")) for each in parts)
+            end = head.count(b"\n") + sum(np.count_nonzero(np.frombuffer(part, "u1") == ord("\n")) for part in parts)
             if values.shape == (end - first, len(names)):  # no line is blank, or without its end
-                columns = dict(zip(positions, values.T[[*positions.values()]], strict=True))
+                columns = dict(zip(chosen, values.T[[*map(names.index, chosen)]], strict=True))
                 return LogTable(columns, range(first + 1, end + 1), "line", str(path))
     return None
 
@@ -87,7 +90,7 @@ def _lines(path: Path, whole: bool) -> tuple[list[str], tuple[Finding, ...]]:
 
     A line ends with a line feed, a carriage return or both; a form feed or a Unicode separator may stand in a field.
     """
-    with opened(path) as file:
+    with open_log(path) as file:
         content = file.read()
     encoding = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8"
     decoded = content.decode(encoding, "replace").removeprefix("\ufeff")
@@ -118,7 +121,7 @@ def _header(path: Path, lines: list[str]) -> tuple[list[str], str | None, int]:
     if stated := _SEPARATOR_LINE.fullmatch(lines[first]):
         first = next(full, first)
     names, separator = _names(path, first + 1, lines[first], stated[1] if stated else None)
-    values = [each for each in names if each.lower() not in _MISSING]
+    values = [name for name in names if name.lower() not in _MISSING]
     if values and all(map(_NUMBER.fullmatch, values)):
         return [str(index + 1) for index in range(len(names))], separator, first
     return names, separator, first + 1
@@ -145,13 +148,13 @@ def _fields(path: Path, number: int, line: str, separator: str | None) -> list[s
         raise log_fault(path, problem, remedy, "row-length") from error
 
 
-def _position(path: Path, lines: list[str], first: int, names: list[str], name: str) -> int:
+def _position(path: Path, lines: list[str], first: int, names: list[str], name: str, advice: Advice | None) -> int:
     place = f"{path}: line {max(first, 1)}"
     if (count := names.count(name)) == 1:
         return names.index(name)
     if count:
         raise log_fault(place, f'{count} columns are named "{name}"', "rename all but one", "column-twice")
-    remedy = f"the columns are {listed(names)}; name one of them"
+    remedy = f"the columns are {listed(names)}; {advice(names) if advice else 'name one of them'}"
     for index, line in enumerate(() if _NUMBER.fullmatch(name) else lines[:_SHOWN]):
         if '"' not in line and name in _names(path, index + 1, line)[0]:
             remedy = f"it is in line {index + 1}: remove the lines above"

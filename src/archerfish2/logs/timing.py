@@ -47,10 +47,11 @@ def read_gimbal_log(path: str | Path, *, degrees: bool = False) -> GimbalLog:
     Raises:
       InputError: if a column or a number is missing or bad, or time does not increase.
     """
-    found = _table(path, ("time_s", "yaw"), ("pitch", "yaw_command")).columns
-    angles = {name: np.unwrap(np.radians(each) if degrees else each) for name, each in found.items()}
+    angles = _table(path, ("time_s", "yaw"), ("pitch", "yaw_command")).columns
+    time = angles.pop("time_s")
+    angles = {name: np.unwrap(np.radians(angle) if degrees else angle) for name, angle in angles.items()}
     pitch = angles.get("pitch", 0.0 * angles["yaw"])
-    return GimbalLog(found["time_s"], angles["yaw"], pitch, angles.get("yaw_command"), str(path))
+    return GimbalLog(time, angles["yaw"], pitch, angles.get("yaw_command"), str(path))
 
 
 def read_detections(path: str | Path, *, frame: Frame = "camera", degrees: bool = False) -> DetectionLog:
@@ -68,7 +69,7 @@ def read_detections(path: str | Path, *, frame: Frame = "camera", degrees: bool 
     """
     rotated = ("rotated_yaw",) if frame == "base" else ()
     found = _table(path, ("time_s", "x", "y", "z", *rotated), ("receive_s", "rotated_pitch")).columns
-    x, y, z = (found["z"], -found["x"], -found["y"]) if frame == "optical" else (found[each] for each in "xyz")
+    x, y, z = (found["z"], -found["x"], -found["y"]) if frame == "optical" else (found[axis] for axis in "xyz")
     if rotated:
         unit = np.pi / 180 if degrees else 1.0
         level = (x + 1j * y) * np.exp(-1j * unit * found["rotated_yaw"])
@@ -111,7 +112,7 @@ def read_message_times(path: str | Path) -> MessageTimes:
 
 def _table(path: str | Path, required: Sequence[str], optional: Sequence[str] = ()) -> LogTable:
     """Read a table that lacks no value, and whose first column increases."""
-    table = read_text(Path(path), lambda names: [*required, *(each for each in names if each in optional)])
+    table = read_text(Path(path), lambda names: [*required, *(name for name in names if name in optional)])
     for name, values in table.columns.items():
         for index in np.flatnonzero(np.isnan(values))[:1]:
             raise log_fault(table.place(index), f'"{name}" has no value', "remove the line", "missing-value")

@@ -40,11 +40,9 @@ def read_json(path: Path, remedy: str = "write the file again") -> Any:
         if (size := path.stat().st_size) > LARGEST:
             raise file_error(path, f"has {size} bytes, expected at most {LARGEST}", remedy)
         text = path.read_bytes().decode("utf-8-sig")
-    except InputError:
-        raise
     except OSError as error:
         raise file_error(path, f"can't be read ({error.strerror})", "check the path") from error
-    except ValueError as error:
+    except UnicodeDecodeError as error:
         raise file_error(path, f"is not JSON ({one_line(str(error))[:200]})", remedy) from error
     return parse_json(text, path, remedy)
 

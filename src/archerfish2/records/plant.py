@@ -100,10 +100,8 @@ class PlantRecord(Record, frozen=True, kw_only=True):
                 raise InputError(f"PlantRecord.second_order: {name} must be > 0 and < 1e6, got {value}; correct it")
         samples = delay_s / sample_period_s
         if not (0.0 <= samples <= 1e6 and abs(samples - round(samples)) < 1e-6 * max(samples, 1.0)):
-            raise InputError(
-                f"PlantRecord.second_order: delay_s must be a multiple of the sampling period {sample_period_s} s, "
-                f"got {delay_s}; choose a shorter sample_period_s"
-            )
+            expected = f"delay_s must be a multiple of the sampling period {sample_period_s} s, got {delay_s}"
+            raise InputError(f"PlantRecord.second_order: {expected}; choose a shorter sample_period_s")
         w = 2.0 * np.pi * natural_hz * sample_period_s  # time in sampling periods, so that both states are angles
         held = expm(np.array([[0.0, w, 0.0], [-w, -2.0 * damping * w, gain * w], [0.0, 0.0, 0.0]]))
         A, B, C = held[:2, :2], held[:2, 2:], np.eye(1, 2)
@@ -139,10 +137,8 @@ class PlantRecord(Record, frozen=True, kw_only=True):
         if late == 0:
             return self.A, self.B, self.C, self.D, self.sample_period_s
         if (size := n + m * late) > _LARGEST_EXPANDED:
-            raise InputError(
-                f"the plant with its delay of {late} samples has {size} states, expected at most {_LARGEST_EXPANDED}; "
-                "use its matrices and delay_samples"
-            )
+            found = f"the plant with its delay of {late} samples has {size} states"
+            raise InputError(f"{found}, expected at most {_LARGEST_EXPANDED}; use its matrices and delay_samples")
         # After x come the inputs of the last periods, the newest first; the oldest m drive the plant.
         A, B = np.eye(size, k=-m), np.eye(size, m, k=-n)
         A[: n + m] = 0.0

@@ -3,7 +3,7 @@
 import functools
 from collections.abc import Collection
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
 import msgspec
 from msgspec import Meta
@@ -27,7 +27,17 @@ Provenance = dict[str, str | int | Number | list[str] | dict[str, str | int | Nu
 """Seed, commit, library versions and input hashes of the making."""
 
 
-class Struct(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, eq=False):
+class _Checked(msgspec.StructMeta):
+    """The type of records, so that an unknown field is named as in a file, with those that there are."""
+
+    def __call__(self, *values: Any, **fields: Any) -> Any:
+        if unknown := sorted(fields.keys() - {*self.__struct_fields__}):
+            known = ", ".join(self.__struct_fields__)
+            raise InputError(f"{self.__name__}: there is no field {unknown[0]}; fields are {known}")
+        return super().__call__(*values, **fields)
+
+
+class Struct(msgspec.Struct, metaclass=_Checked, frozen=True, kw_only=True, forbid_unknown_fields=True, eq=False):
     """A record whose fields are checked against their types and bounds, whether a file or a program makes it.
 
     Raises:
@@ -41,7 +51,10 @@ class Struct(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
             try:
                 value = msgspec.convert(value, kind, dec_hook=decode)
             except msgspec.ValidationError as error:
-                raise InputError(f"{type(self).__name__}: {fault(error, value, f'.{name}')}; correct it") from error
+                text, parts = fault(error, value, f".{name}"), (kind, *get_args(kind))
+                if choices := [str(word) for part in parts if get_origin(part) is Literal for word in get_args(part)]:
+                    text += f", expected one of {', '.join(choices)}"
+                raise InputError(f"{type(self).__name__}: {text}; correct it") from error
             msgspec.structs.force_setattr(self, name, value)
 
     def replace(self, **changes: Any) -> Self:
@@ -50,9 +63,6 @@ class Struct(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         Raises:
           InputError: if there is no field of a name, or a value is out of range.
         """
-        if unknown := sorted(changes.keys() - {*self.__struct_fields__}):
-            fields = ", ".join(self.__struct_fields__)
-            raise InputError(f"{type(self).__name__}: there is no field {unknown[0]}; fields are {fields}")
         return type(self)(**{name: getattr(self, name) for name in self.__struct_fields__} | changes)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from archerfish2.errors import one_line
-from archerfish2.reports.page import page_html
+from archerfish2.reports.page import content_html, page_html
 from archerfish2.reports.style import Figure
 from archerfish2.reports.table import Table, table_dict, tables_text
 from archerfish2.storage import write_bytes
@@ -64,6 +64,9 @@ class Report:
         """
         write_bytes(Path(path), page_html(self).encode())
 
+    def _repr_html_(self) -> str:
+        return content_html(self)
+
 
 class Reported:
     """Base of what has a report: it is printed as that report."""
@@ -73,3 +76,6 @@ class Reported:
 
     def __repr__(self) -> str:
         return str(self.report)
+
+    def _repr_html_(self) -> str:
+        return content_html(self.report)

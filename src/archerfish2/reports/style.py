@@ -4,6 +4,7 @@ A plot is made inside `plot_style()` from `new_figure`. It is saved with its own
 `svg_text`; the same figure gives the same bytes on every run. Matplotlib is imported when the first plot is made.
 """
 
+import functools
 import io
 import re
 from collections.abc import Iterator
@@ -91,8 +92,16 @@ def new_figure(
     """
     from matplotlib import figure as figures
 
-    figure = figures.Figure(figsize=(width, height), layout="constrained")
+    figure: Any = figures.Figure(figsize=(width, height), layout="constrained")
+    figure._repr_png_ = functools.partial(_png, figure)  # else notebooks show a figure only if pyplot has made it
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def _png(figure: Figure) -> bytes:
+    stream = io.BytesIO()
+    with plot_style():
+        figure.savefig(stream, format="png")
+    return stream.getvalue()
 
 
 def look(index: int) -> dict[str, Any]:

@@ -109,7 +109,9 @@ def _table_text(table: Table, width: int) -> str:
         if sum(widest) + gap * (len(widest) - 1) <= width:
             break
     stream = io.StringIO()
-    console = Console(file=stream, width=width, markup=False, emoji=False, highlight=False, color_system=None)
+    # In a notebook rich would display what it prints, instead of writing it to the stream.
+    plain: Any = {"markup": False, "emoji": False, "highlight": False, "color_system": None, "force_jupyter": False}
+    console = Console(file=stream, width=width, **plain)
     console.print(one_line(table.title)) if table.title else None
     for number, places in enumerate(_parts([each + gap for each in widest], width + gap)):
         drawn = RichTable(box=None, pad_edge=False, padding=(0, gap, 0, 0))

@@ -80,6 +80,7 @@ class EnvironmentState(NamedTuple):
     world: Any  # of the world
     memory: Any  # of the observer
     left: Array  # decisions until the engagement ends, int32, B
+    hidden: Array  # for a critic alone, B + (HIDDEN,), or B + (0,)
 
 
 class Step(NamedTuple):
@@ -87,6 +88,7 @@ class Step(NamedTuple):
 
     observation: Array  # for the next decision, of the next engagement where this one ended, B + (n,)
     final_observation: Array  # after this step, of this engagement, B + (n,)
+    hidden: Array  # for a critic alone, after this step, of this engagement, B + (HIDDEN,), or B + (0,)
     reward: Array  # [m], B
     terminated: Array  # whether nothing can follow: never so, bool, B
     truncated: Array  # whether the engagement's time is up, bool, B
@@ -101,12 +103,7 @@ class Environment:
     scenario: Scenario
     observer: Observer
     reward: Any  # Reward or UserReward
-    sees_truth: bool  # whether an observation ends with `HIDDEN` numbers for the critic alone
-
-    @property
-    def hidden(self) -> int:
-        """How many of an observation's numbers, the last ones, are for the critic alone."""
-        return HIDDEN if self.sees_truth else 0
+    sees_truth: bool  # whether states and steps have `HIDDEN` numbers for a critic alone, never in an observation
 
     @property
     def normals(self) -> int:
@@ -140,7 +137,8 @@ class Environment:
         world = self.world.begin(engagement, normals[..., None, :])
         memory = self.observer.begin(self.world.see(world))
         left = xp.astype(xp.round(engagement.duration / self.world.period), xp.int32)
-        return EnvironmentState(world, memory, left), self._observation(world, memory)
+        observation = self._observation(memory)
+        return EnvironmentState(world, memory, left, self._hidden(world, observation)), observation
 
     def step(
         self, state: EnvironmentState, action: Array, normals: Array, fresh: tuple[EnvironmentState, Array]
@@ -157,21 +155,20 @@ class Environment:
         world, shot = self.world.step(state.world, command, normals)
         seen = self.world.see(world)
         memory = self.observer.remember(state.memory, seen)
-        observation, left = self._observation(world, memory), state.left - 1
-        ended = left <= 0
-        after = when_any(
-            ended, lambda new, old: select(ended, new, old), fresh, (EnvironmentState(world, memory, left), observation)
-        )
-        return after[0], Step(after[1], observation, self.reward(shot, command, seen), ended & False, ended, shot)
+        observation, left = self._observation(memory), state.left - 1
+        hidden, ended = self._hidden(world, observation), left <= 0
+        running = EnvironmentState(world, memory, left, hidden), observation
+        after = when_any(ended, lambda new, old: select(ended, new, old), fresh, running)
+        reward = self.reward(shot, command, seen)
+        return after[0], Step(after[1], observation, hidden, reward, ended & False, ended, shot)
 
-    def _observation(self, world: Any, memory: Any) -> Array:
-        observation = self.observer.observe(self.observer.view(memory))
+    def _observation(self, memory: Any) -> Array:
+        return self.observer.observe(self.observer.view(memory))
+
+    def _hidden(self, world: Any, observation: Array) -> Array:
+        """Return where the target really is and will be, which no robot can see, shape B + (HIDDEN,), or B + (0,)."""
         if not self.sees_truth:
-            return observation
-        return namespace(observation).concat([observation, self._hidden(world)], axis=-1)
-
-    def _hidden(self, world: Any) -> Array:
-        """Return where the target really is and will be, what no robot can see, shape B + (HIDDEN,)."""
+            return observation[..., :0]
         xp, target, time, period = namespace(world.time), world.engagement.target, world.time, self.world.period
         now, soon, later = (
             target.at(time + ahead).position[..., 0, :2] for ahead in (0.0 * period, period, 20.0 * period)

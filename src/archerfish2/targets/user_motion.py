@@ -12,7 +12,7 @@ from archerfish2.targets.motion import disc
 
 UNIFORMS = 4
 """Uniform draws that a user's motion gets."""
-_checked: dict[tuple[str, int], Plugin] = {}  # by name and identity of the user's code
+_checked: dict[tuple[str, int], Plugin] = {}  # by name and identity of the user's code, of which an edit makes another
 _FEW = 5  # unlike the number of coordinates, so that no shape is taken for another
 
 

@@ -12,7 +12,7 @@ from archerfish2.errors import InputError
 from archerfish2.identification.axis.fit import AxisFit, fit_axis
 from archerfish2.identification.frequency import measured_response
 from archerfish2.identification.simulation import TINY, Array, first_motion, free_run
-from archerfish2.logs.recording import Finding, Recording
+from archerfish2.logs.recording import Finding, Recording, Values
 from archerfish2.records.plant import PlantRecord
 
 _OWN_LAGS, _LAGS, _SAMPLES_A_LAG, _MOST_SAMPLES = 8, 100, 20, 20_000  # of the regression that tests for a response
@@ -22,7 +22,9 @@ _FEWEST, _OTHER_UNIT = 100, 20.0
 """Samples of a log that is fitted alone; ratio of gains that one axis does not have."""
 _SINE_SHARE, _FEWEST_PERIODS = 0.98, 3  # of the power near one line, from which an input is a single sine; in the log
 _SAMPLES_A_PARAMETER, _DEPENDENT = 10, 1e6  # condition number from which inputs depend on each other
-_SUSPECT, _GOOD = 60.0, 80.0  # fit below which columns may be exchanged; of exchanged ones, or a log alone, at least
+_SUSPECT = 60.0  # fit below which columns may be exchanged [%]
+GOOD = 80.0
+"""Fit from which a plant explains a log [%]."""
 _WORTH, _LEAST = 2.0, 0.01  # points that an exchange gains at least, or half of the rest if that is not too little
 _MANY = 6  # poles
 _UNITS, _SIGN = ("degrees-radians", "log both in radians"), ("sign-flip", "change the sign of one of them")
@@ -68,7 +70,7 @@ def fit_alone(log: Recording) -> PlantRecord | None:
     if len(log) < _FEWEST or not (np.ptp(log.inputs, axis=0).all() and np.ptp(log.outputs, axis=0).all()):
         return None
     plant = fit_axis([log], 2).plant
-    return plant if free_run(plant, log.inputs, log.outputs).fit_percent[0] > _GOOD else None
+    return plant if free_run(plant, log.inputs, log.outputs).fit_percent[0] > GOOD else None
 
 
 def silent_logs(recordings: Sequence[Recording], alone: Alone = fit_alone) -> list[Finding]:
@@ -77,19 +79,16 @@ def silent_logs(recordings: Sequence[Recording], alone: Alone = fit_alone) -> li
     Args:
       recordings: of one axis.
       alone: fits a log alone.
-
-    Raises:
-      InputError: if no log responds.
     """
-    first, inputs = recordings[0], range(recordings[0].inputs.shape[1])
-    # Of one step from rest few samples show that it responds, but a plant follows it.
-    unsure = [log for log in recordings if not any(_responds(log, channel) for channel in inputs)]
-    silent = [log for log in unsure if alone(log) is None]
-    message = f'"{first.output_names[0]}" does not respond to {", ".join(first.input_names)}'
-    remedy = "check the columns, and that the axis was powered; command larger motions"
-    if len(silent) == len(recordings):
-        raise InputError(f"{first.source}: {message}; {remedy}", "no-response")
-    return [Finding("no-response", "warning", log.source, message, remedy) for log in silent]
+    silent = list[Finding]()
+    for log in recordings:
+        # Of one step from rest few samples show that it responds, but a plant follows it.
+        if any(_responds(log, channel) for channel in range(log.inputs.shape[1])) or alone(log) is not None:
+            continue
+        message = f'"{log.output_names[0]}" does not respond to {", ".join(log.input_names)}'
+        remedy = "check the columns, and that the axis was powered; command larger motions"
+        silent.append(Finding("no-response", "warning", log.source, message, remedy))
+    return silent
 
 
 def plant_findings(plant: PlantRecord, log: Recording) -> list[Finding]:
@@ -115,7 +114,7 @@ def contradictions(logs: Sequence[tuple[Recording, float]], alone: Alone = fit_a
       logs: recordings of one input and one output, and how well they are explained [%].
       alone: fits a log alone.
     """
-    if min(percent for _, percent in logs) >= _GOOD:
+    if min(percent for _, percent in logs) >= GOOD:
         return []
     plants = [(log, alone(log)) for log, _ in logs]
     gains = [(log, plant.dc_gain.item()) for log, plant in plants if plant is not None]
@@ -142,13 +141,13 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
     percent = float(free_run(plant, log.inputs, log.outputs, drift=drift).fit_percent[0])
     # The inverse of an axis leads, so that a plant of it has no delay, or many poles.
     odd = plant.delay_samples <= plant.D.any() or len(plant.A) >= _MANY
-    moving = [each for each in recordings if np.ptp(each.inputs)]
+    moving = [recording for recording in recordings if np.ptp(recording.inputs)]
     if plant.D.shape != (1, 1) or not (odd or percent < _SUSPECT) or not np.ptp(log.inputs):
         return None
     other, *logs = map(_exchanged, (log, *moving))
     plants = [fit_axis(logs, order).plant for order in (1, 2, 3)]
     best = max(float(free_run(p, other.inputs, other.outputs, drift=drift).fit_percent[0]) for p in plants)
-    if best < max(_GOOD, percent + max(_LEAST, min(_WORTH, (100 - percent) / 2))):
+    if best < max(GOOD, percent + max(_LEAST, min(_WORTH, (100 - percent) / 2))):
         return None
     message = f"the output comes before the input: exchanged, the fit is {best:.1f} % instead of {percent:.1f} %"
     remedy = f'take "{log.output_names[0]}" as the input and "{log.input_names[0]}" as the output'
@@ -176,8 +175,7 @@ def _responds(log: Recording, channel: int) -> bool:
     if lags <= _OWN_LAGS or (coherence.size and np.median(coherence) > _COHERENT):
         return True  # a log that is too short can't show that there is none
     start = min(max(begins - _LAGS, 0), len(log) - n)  # a log may rest for longer than what is tested
-    signals = (each[start : start + n] for each in (log.outputs[:, 0], log.inputs[:, channel]))
-    y, u = ((each - each.mean()) / max(float(each.std()), TINY) for each in signals)
+    y, u = (_normalised(signal[start : start + n]) for signal in (log.outputs[:, 0], log.inputs[:, channel]))
     own = _past(y, 1, _OWN_LAGS)
     white_y, white_u = _left(y, own), _left(u, _past(u, 1, _OWN_LAGS))
     spectra = np.fft.rfft(white_y, 2 * n) * np.fft.rfft(white_u, 2 * n).conj()
@@ -189,6 +187,10 @@ def _responds(log: Recording, channel: int) -> bool:
         if ratio > fdtri(lags + 1, freedom, 1 - _FALSE_ALARM / searched):
             return True
     return False
+
+
+def _normalised(x: Values) -> Array:
+    return np.asarray((x - x.mean()) / max(float(x.std()), TINY))
 
 
 def _past(x: Array, first: int, count: int) -> Array:

@@ -1,16 +1,17 @@
 """From logs of one axis to its plant, how certain it is, and whether it is usable."""
 
-from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache, cached_property
-from typing import Any, Literal
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from archerfish2.errors import InputError
-from archerfish2.identification.axis.bootstrap import draw_plants, interval
+from archerfish2.identification.axis.bootstrap import draw_plants
 from archerfish2.identification.axis.checks import (
+    GOOD,
     check_logs,
     contradictions,
     exchanged_columns,
@@ -22,19 +23,37 @@ from archerfish2.identification.axis.fit import DELAY, AxisFit, fit_axis
 from archerfish2.identification.axis.nonlinearity import nonlinearity
 from archerfish2.identification.axis.plateaus import plateau_gain
 from archerfish2.identification.axis.report import GAIN_WIDTH, axis_report
-from archerfish2.identification.axis.result import AxisEstimates, GivenGain, LogFit, Pole, judged
+from archerfish2.identification.axis.result import (
+    AxisEstimates,
+    GivenGain,
+    LogFit,
+    delay_estimate,
+    gain_estimates,
+    judged,
+    pole_estimates,
+)
 from archerfish2.identification.frequency import excited_band
-from archerfish2.identification.simulation import TINY, Array, Complex, balanced, free_run
-from archerfish2.identification.sources import AxisLogs, Source, read_sources
+from archerfish2.identification.simulation import Array, balanced, free_run
 from archerfish2.identification.statistics import Z95
-from archerfish2.logs.recording import Recording
+from archerfish2.logs.log import read_log
+from archerfish2.logs.recording import Finding, Log, Recording
+from archerfish2.logs.stamps import period_findings, resampled
 from archerfish2.provenance import provenance
-from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.report import Report
-from archerfish2.reports.table import Estimate
 
+Source = str | Path | Log | Recording | Mapping[str, Any]
+"""A file or arrays with the columns time_s, u and y, or what was read or made of other ones."""
 _DRAWS = 100
-_NEAR_BAND, _SCATTER = 1.5, 1 / 3  # of a natural frequency: beyond the band, and of its draws' logarithm
+_MOST = 40  # recordings that are fitted
+
+
+class AxisLogs(NamedTuple):
+    """Recordings of one sampling period."""
+
+    fitted: list[Recording]  # to which a plant is fitted
+    held_back: list[Recording]  # by which it is judged
+    findings: tuple[Finding, ...]  # of all logs
+    hashes: dict[str, str | int | float | None]  # SHA-256 by file
 
 
 class AxisResult(AxisEstimates):
@@ -48,7 +67,7 @@ class AxisResult(AxisEstimates):
 
 def identify_axis(
     logs: Source | Sequence[Source],
-    *,
+    *arrays: object,
     validate: Source | Sequence[Source] = (),
     axis: str = "axis",
     order: int | None = None,
@@ -64,7 +83,8 @@ def identify_axis(
     held back if there are some; the plant is fitted by output error, its intervals are those of a parametric bootstrap.
 
     Args:
-      logs: files with the columns time_s, u and y, or logs and recordings as `read_log` returns them; one or several.
+      logs: files, mappings or data frames with the columns time_s, u and y, or logs and recordings; one or several.
+      *arrays: none; signals are passed as a recording.
       validate: logs that are held back.
       axis: name of the axis.
       order: number of poles, 1 to 20; chosen up to 8 if not given.
@@ -79,6 +99,9 @@ def identify_axis(
     Raises:
       InputError: if a log can't be read, or does not determine a plant.
     """
+    if arrays:
+        problem = f"identify_axis: got {1 + len(arrays)} arguments, expected logs alone"
+        raise InputError(f"{problem}; pass archerfish.Recording.from_arrays(u, y, period_s)")
     # Matrices are small: more threads cost more than they save.
     with threadpool_limits(1, "blas"):
         logs_of_axis = read_sources(logs, validate, divides_s)
@@ -116,7 +139,10 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, gain_source: str, seed: i
     fits = [LogFit(log, True, free_run(plant, log.inputs, log.outputs, drift=drift)) for log in logs.held_back]
     fits += [LogFit(log, False, free_run(plant, log.inputs, log.outputs, drift=drift)) for log in logs.fitted]
     alone = cache(fit_alone)
-    findings = [*logs.findings, *silent_logs(logs.fitted, alone), *plant_findings(plant, first)]
+    silent = silent_logs([fit.recording for fit in fits if not fit.held_back and fit.fit_percent < GOOD], alone)
+    if len(silent) == len(logs.fitted):
+        raise InputError(f"{silent[0].place}: {silent[0].message}; {silent[0].remedy}", silent[0].code)
+    findings = [*logs.findings, *silent, *plant_findings(plant, first)]
     if swapped := exchanged_columns(found, judged(tuple(fits)).recording, logs.fitted):
         findings.append(swapped)
     if plant.D.shape == (1, 1):
@@ -125,14 +151,13 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, gain_source: str, seed: i
     if known is not None:
         given = GivenGain(gain_source, tuple(known.by_logs.ravel().tolist()), known.contradicted)
     band = excited_band(logs.fitted)
-    drawn_poles = [np.linalg.eigvals(plant.A).astype(complex) for plant in drawn]
     return AxisResult(
         record=plant,
         fits=tuple(fits),
-        dc_gain=gains_of(found, drawn),
+        dc_gain=gain_estimates(found, drawn),
         given_gain=given,
-        delay_samples=_delay(found),
-        poles=_poles(found.poles, drawn_poles, plant.sample_period_s, band),
+        delay_samples=delay_estimate(found),
+        poles=pole_estimates(found, drawn, band),
         candidates=found.selection.candidates,
         excited_hz=band,
         nonlinearity=nonlinearity(found, logs.fitted),
@@ -162,49 +187,99 @@ def _known_gain(
     return (np.reshape(np.array(given, float), shape), np.zeros(shape)), "given"
 
 
-def gains_of(found: AxisFit, drawn: Sequence[PlantRecord]) -> tuple[Estimate, ...]:
-    """Return the steady gains with their intervals, output by output and input by input."""
-    low, high = interval(np.array([plant.dc_gain.ravel() for plant in drawn]))
-    gains = found.plant.dc_gain.ravel()
-    return tuple(map(Estimate, gains.tolist(), np.minimum(low, gains).tolist(), np.maximum(high, gains).tolist()))
+def read_sources(
+    logs: Source | Sequence[Source], validate: Source | Sequence[Source] = (), divides_s: float | None = None
+) -> AxisLogs:
+    """Read logs and bring them to one sampling period: the longest, or the next longer one that divides a time.
+
+    Args:
+      logs: to be fitted.
+      validate: to be held back.
+      divides_s: the time [s].
+
+    Raises:
+      InputError: if one can't be read, none is given, or their signals have other names.
+    """
+    read = [[_log(source) for source in _sources(group)] for group in (logs, validate)]
+    fitted, held_back = ([recording for log in group for recording in log.recordings] for group in read)
+    if not fitted:
+        raise InputError("identify: expected a log or more, got none; pass a file")
+    for log in (*fitted, *held_back):
+        if (log.input_names, log.output_names) != (fitted[0].input_names, fitted[0].output_names):
+            names = f"{', '.join(fitted[0].input_names)} and {', '.join(fitted[0].output_names)}"
+            raise InputError(f"{log.source}: expected the signals {names} of {fitted[0].source}; read the same ones")
+    findings = [finding for group in read for log in group for finding in log.findings]
+    kept, repeated = _without_repeats(fitted)
+    longest, left_out = _longest(kept)
+    others, not_held_back = _not_fitted(held_back, kept)
+    period_s = _period(fitted[0], max(log.period_s for log in (*longest, *others)), divides_s)
+    message = f"brought to a sampling period of {1e3 * period_s:.4g} ms"
+    for log in (*longest, *others):
+        if abs(log.period_s / period_s - 1) > 1e-6:
+            findings.append(Finding("other-period", "repaired", log.source, message, "log all at one rate"))
+    hashes: dict[str, str | int | float | None] = {
+        log.source: log.sha256 for group in read for log in group if log.sha256
+    }
+    return AxisLogs(
+        [resampled(log, period_s) for log in longest],
+        [resampled(log, period_s) for log in others],
+        (*findings, *repeated, *left_out, *not_held_back),
+        hashes,
+    )
 
 
-def _delay(found: AxisFit) -> Estimate:
-    """Delay of the first response beyond the sample that every input takes; a feedthrough responds a sample earlier."""
-    weights: dict[int, float] = defaultdict(float)
-    for structure, weight in found.selection.weights.items():
-        weights[max(structure.delay - structure.feedthrough, 0)] += weight
-    delays = sorted(weights)
-    cumulative = np.cumsum([weights[delay] for delay in delays])
-    low, high = (delays[min(int(np.searchsorted(cumulative, level)), len(delays) - 1)] for level in (0.025, 0.975))
-    value = max(found.structure.delay - found.structure.feedthrough, 0)
-    return Estimate(value, min(low, value), max(high, value), "samples")
+def _sources(group: Any) -> list[Source]:
+    """Return the logs of a group, which may be one; arrays and data frames are one."""
+    one = isinstance(group, str | Path | Log | Recording | Mapping) or hasattr(group, "columns")
+    return [group] if one or hasattr(group, "shape") else list(group)
 
 
-def _poles(poles: Complex, drawn: Sequence[Complex], period_s: float, band: tuple[float, float]) -> tuple[Pole, ...]:
-    logs = np.log(np.array([_matched(poles, others) for others in drawn]) + TINY)
-    estimates = []
-    for place, pole in enumerate(poles):
-        if pole.imag >= 0:
-            rates = np.append(np.log(pole + TINY), logs[:, place]) / period_s
-            frequency, damping = np.abs(rates) / (2 * np.pi), -rates.real / np.abs(rates)
-            known = band[0] / _NEAR_BAND <= frequency[0] <= _NEAR_BAND * band[1]
-            known = known and np.std(np.log(frequency[1:])) < _SCATTER
-            estimates.append(Pole(_estimate(frequency, "Hz"), _estimate(damping, ""), bool(known)))
-    return tuple(sorted(estimates, key=lambda pole: pole.frequency_hz.value))
+def _log(source: Source) -> Log:
+    if isinstance(source, Recording):
+        return Log((source,), period_findings(source), len(source), source.source, "")
+    return source if isinstance(source, Log) else read_log(source)
 
 
-def _matched(poles: Complex, others: Complex) -> Complex:
-    """Return other poles in the order of those that they are nearest to."""
-    distance, found = np.abs(poles[:, None] - others), others.copy()
-    for _ in poles:
-        one, other = np.unravel_index(np.argmin(distance), distance.shape)
-        found[one] = others[other]
-        distance[one], distance[:, other] = np.inf, np.inf
-    return found
+def _without_repeats(fitted: Sequence[Recording]) -> tuple[list[Recording], list[Finding]]:
+    """Leave out recordings that are the same as an earlier one."""
+    first, findings = dict[bytes, Recording](), list[Finding]()
+    for log in fitted:
+        earlier = first.setdefault(_content(log), log)
+        if earlier is not log:
+            message = f"the same as {earlier.source}, and left out"
+            findings.append(Finding("repeated-log", "repaired", log.source, message, "name each log once", len(log)))
+    return list(first.values()), findings
 
 
-def _estimate(values: Array, unit: str) -> Estimate:
-    """Return the first value with the interval of the others."""
-    low, high = interval(values[1:])
-    return Estimate(float(values[0]), float(low), float(high), unit)
+def _longest(fitted: list[Recording]) -> tuple[list[Recording], list[Finding]]:
+    """Keep the longest of very many recordings: each costs time, and has a beginning of its own to be estimated."""
+    if len(fitted) <= _MOST:
+        return fitted, []
+    order = sorted(range(len(fitted)), key=lambda place: -len(fitted[place]))
+    kept = [fitted[place] for place in sorted(order[:_MOST])]
+    samples = sum(map(len, fitted)) - sum(map(len, kept))
+    message = f"of {len(fitted)} recordings the {_MOST} longest are fitted"
+    remedy = "log without interruptions"
+    return kept, [Finding("many-pieces", "warning", fitted[0].source, message, remedy, samples)]
+
+
+def _not_fitted(held_back: list[Recording], fitted: Sequence[Recording]) -> tuple[list[Recording], list[Finding]]:
+    """Leave out held-back recordings that are fitted as well."""
+    contents, message = set(map(_content, fitted)), "fitted, too, so that it shows nothing of other motions"
+    both = [log for log in held_back if _content(log) in contents]
+    findings = [Finding("not-held-back", "warning", log.source, message, "hold another log back") for log in both]
+    return [log for log in held_back if log not in both], findings
+
+
+def _period(first: Recording, period_s: float, divides_s: float | None) -> float:
+    """Return the sampling period of all logs: the longest, or the next longer one that divides a time."""
+    if divides_s is None:
+        return period_s
+    if period_s > divides_s * (1 + 1e-6):
+        problem = f"has a sample every {period_s:.4g} s, expected one every {divides_s:g} s at least"
+        raise InputError(f"{first.source}: {problem}; log faster")
+    return divides_s / max(1, int(divides_s / period_s * (1 + 1e-6)))
+
+
+def _content(recording: Recording) -> bytes:
+    return str(recording.period_s).encode() + recording.inputs.tobytes() + recording.outputs.tobytes()

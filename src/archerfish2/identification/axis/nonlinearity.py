@@ -15,7 +15,7 @@ from archerfish2.identification.axis.fit import AxisFit
 from archerfish2.identification.axis.output_error import LinearFit, noise_colour, plant_of, refine, refine_best
 from archerfish2.identification.axis.sections import poles_of, sections_from_poles
 from archerfish2.identification.axis.spectrum import Experiment, Lines, lines_of, rounding_floor, thinned
-from archerfish2.identification.simulation import TINY, Array, simulate
+from archerfish2.identification.simulation import TINY, Array, first_motion, simulate
 from archerfish2.logs.recording import Recording
 
 _MOST_SAMPLES, _LINES = 8000, 400  # of all logs
@@ -49,23 +49,25 @@ def nonlinearity(found: AxisFit, recordings: Sequence[Recording]) -> Nonlinearit
     """
     if found.plant.D.shape != (1, 1):
         return None
-    most, period = _MOST_SAMPLES // len(recordings), recordings[0].period_s
-    # A log may rest for longer than that before it moves.
-    first = (int(np.argmax(each.inputs[:, 0] != each.inputs[0, 0])) for each in recordings)
-    begins = [max(0, at - most // 2) for at in first]
-    commands = [np.asarray(log.inputs[at : at + most, 0]) for log, at in zip(recordings, begins, strict=True)]
-    cut = [
-        replace(e, y=e.y[at : at + most], pad=min(e.pad, most), rest=max(e.rest - at, 1), skip=max(e.skip - at, 0))
-        for e, at in zip(found.experiments, begins, strict=True)
-    ]
-    largest, span = (max(float(size(u)) for u in commands) for size in (lambda u: np.abs(u).max(), np.ptp))
+    most, period_s = _MOST_SAMPLES // len(recordings), recordings[0].period_s
+    commands, cut = list[Array](), list[Experiment]()
+    for log, spectrum in zip(recordings, found.experiments, strict=True):
+        # A log may rest for longer than that before it moves.
+        at = max(0, first_motion(log.inputs) - most // 2)
+        commands.append(np.asarray(log.inputs[at : at + most, 0]))
+        pad, rest, skip = min(spectrum.pad, most), max(spectrum.rest - at, 1), max(spectrum.skip - at, 0)
+        cut.append(replace(spectrum, y=spectrum.y[at : at + most], pad=pad, rest=rest, skip=skip))
+    largest = max(float(np.abs(u).max()) for u in commands)
+    span = max(float(np.ptp(u)) for u in commands)
     width = max(1, most // 1000)
-    moves = [np.abs(y[width:] - y[:-width]) for y in (each.outputs[:, 0] for each in recordings)]
-    speed = max(np.quantile(each, 0.995) for each in moves) / (width * period * np.abs(found.plant.dc_gain.item()))
+    moves = [np.abs(log.outputs[width:, 0] - log.outputs[:-width, 0]) for log in recordings]
+    fastest = max(float(np.quantile(move, 0.995)) for move in moves) / (width * period_s)
+    speed = fastest / np.abs(found.plant.dc_gain.item())
     levels = largest * _LIMITS, largest * _SHARES, span / 2 * _SHARES, speed * _SLEWS
-    search, names = _Search(found._replace(experiments=cut), commands, period), list(_OPERATORS)[1:]
-    fits = [search.best(name, each.tolist()) for name, each in zip(names, levels, strict=True)]
-    best = min(filter(None, fits), key=lambda each: each.residual_share, default=None)
+    search = _Search(found._replace(experiments=cut), commands, period_s)
+    names = [name for name in _OPERATORS if name != "none"]
+    fits = [search.best(name, tried.tolist()) for name, tried in zip(names, levels, strict=True)]
+    best = min(filter(None, fits), key=lambda fit: fit.residual_share, default=None)
     return best if best and best.gained > _CLEAR and best.residual_share < _SHARE else None
 
 
@@ -91,8 +93,8 @@ class _Search:
         """Fit the plant behind an operator at its best level; None if it explains no more than a linear one."""
         costs, at = dict[float, float](), self.found.structure.delay
         for factors in (*_NEAR, ()):
-            for each in levels:
-                costs[each] = refine_best(self.starts, self.lines(self.logs(name, each), at), *_ROUGH).cost
+            for tried in levels:
+                costs[tried] = refine_best(self.starts, self.lines(self.logs(name, tried), at), *_ROUGH).cost
             level = min(costs, key=costs.__getitem__)
             levels = [level * factor for factor in factors]
         logs = self.logs(name, level)
@@ -101,12 +103,12 @@ class _Search:
             return None
         for delay in (at + step for step in _DELAYS if at + step >= 0):
             fits[delay] = refine(fits[at].sections, self.lines(logs, delay), *_FINE)
-        delay = min(fits, key=lambda each: fits[each].cost)
+        delay = min(fits, key=lambda tried: fits[tried].cost)
         # The poles or the delay may be what is better, and not the operator.
-        other = [refine(fits[delay].sections, self.lines(self.linear, each), *_FINE) for each in (at, delay)]
+        other = [refine(fits[delay].sections, self.lines(self.linear, tried), *_FINE) for tried in (at, delay)]
         least = rounding_floor(logs)
-        share = max(fits[delay].cost, least) / max(least, min(each.cost for each in (self.base, *other)))
-        output = np.concatenate([each.outputs[0] for each in self.lines(logs, delay)])
+        share = max(fits[delay].cost, least) / max(least, min(fit.cost for fit in (self.base, *other)))
+        output = np.concatenate([lines.outputs[0] for lines in self.lines(logs, delay)])
         residual = fits[delay].residual[0].view(complex)
         colour = noise_colour(residual, output - residual)
         measured = sum(e.measured for e in logs) / sum(e.length for e in logs)  # a rest put before adds nothing

@@ -1,7 +1,8 @@
 """Output error by variable projection (Golub and Pereyra 1973) with Kaufman's Jacobian (1975).
 
-For given poles a log is linear in the numerators and in what is its own: transients and levels. Own columns are
-projected out log by log, one factorisation serves all outputs, and Levenberg and Marquardt's method moves the poles.
+For given poles the outputs are linear in the numerators and in what is specific to a log: transients and levels. These
+log-specific regressors are projected out log by log, one factorisation serves all outputs, and Levenberg and
+Marquardt's method moves the poles.
 """
 
 from collections.abc import Sequence
@@ -25,33 +26,33 @@ from archerfish2.identification.simulation import TINY, Array, Complex
 from archerfish2.records.plant import PlantRecord
 
 _LARGEST = 8.5  # |θ|; its tanh is 1 − 8e−8
-_ROUNDING = 1e-18  # of a driven column's power, up to which what own columns leave of it is rounding
+_ROUNDING = 1e-18  # of a input regressor's power, up to which what log-specific regressors leave of it is rounding
 
 
 class LogFactors(NamedTuple):
-    """Of one log: its sections' states, and the QR factorisation of its k own columns."""
+    """Of one log: its sections' states, and the QR factorisation of its k log-specific regressors."""
 
     states: Complex  # (n, F)
     inverses: list[Complex]  # of the sections' denominators, (F,) each
     basis: Array  # (R, k)
     triangle: Array  # (k, k)
     outputs: Array  # coefficients of the outputs in the basis, (p, k)
-    driven: Array  # of the driven columns, (c, k)
+    driven: Array  # of the input regressors, (c, k)
 
 
 class LinearFit(NamedTuple):
-    """Linear least squares for given poles, c driven columns, and R real rows of all logs together."""
+    """Linear least squares for given poles, c input regressors, and R real rows of all logs together."""
 
     sections: Sections
     cost: float  # sum of the squared residual
     numerators: Array  # as of `sections.response`, (c, p)
     residual: Array  # (p, R)
-    basis: Array  # of the driven columns, (R, c)
+    basis: Array  # of the input regressors, (R, c)
     logs: list[LogFactors]  # one each
 
 
 def solve(sections: Sections, data: list[Lines]) -> LinearFit:
-    """Fit the numerators and each log's own columns to all outputs for given poles."""
+    """Fit the numerators and each log's log-specific regressors to all outputs for given poles."""
     columns, outputs, logs = [], [], []
     for lines in data:
         states, inverses, x, own = _columns(sections, lines)
@@ -73,27 +74,27 @@ def solve(sections: Sections, data: list[Lines]) -> LinearFit:
 
 
 def project(fit: LinearFit, columns: Sequence[Complex]) -> Array:
-    """Return columns less what own and driven columns explain, shape (k, R).
+    """Return columns less what both kinds of regressors explain, shape (k, R).
 
     Args:
       fit: whose columns are projected out.
       columns: of each log, shape (k, F).
     """
-    rows = [_real(each) for each in columns]
+    rows = [_real(column) for column in columns]
     own_removed = [x - (x @ log.basis) @ log.basis.T for x, log in zip(rows, fit.logs, strict=True)]
     every = np.concatenate(own_removed, 1)
     return np.asarray(every - (every @ fit.basis) @ fit.basis.T)
 
 
 def jacobian(fit: LinearFit, data: list[Lines], theta: Array) -> Array:
-    """Return Kaufman's Jacobian of the residual by the free numbers of the poles, shape (n, p R).
+    """Return Kaufman's Jacobian of the residual by the unconstrained parameters of the poles, shape (n, p R).
 
     It is minus the projected derivative of each section's part ŷ of the fit: ∂ŷ/∂a_i = −zⁱ ŷ / (1 + a₁ z + a₂ z²).
 
     Args:
       fit: at theta.
       data: that was fitted.
-      theta: free numbers, shape (n,).
+      theta: unconstrained parameters, shape (n,).
     """
     slopes = []
     for lines, log in zip(data, fit.logs, strict=True):
@@ -126,8 +127,8 @@ def leverage(fit: LinearFit, data: list[Lines]) -> list[Array]:
     driven = np.sum(slopes**2, axis=1).reshape(len(fit.residual), -1) + np.sum(fit.basis**2, axis=1)
     ends = np.cumsum([2 * len(lines.z) for lines in data if lines.impulse.size])
     logs = zip(np.split(driven, ends, axis=1)[:-1], fit.logs, strict=False)
-    rows = [each + np.sum(log.basis**2, axis=1) for each, log in logs]
-    return [each.reshape(len(each), -1, 2).mean(axis=2) for each in rows]
+    rows = [shares + np.sum(log.basis**2, axis=1) for shares, log in logs]
+    return [shares.reshape(len(shares), -1, 2).mean(axis=2) for shares in rows]
 
 
 def refine(sections: Sections, data: list[Lines], steps: int, tolerance: float, ridge: float = 0) -> LinearFit:
@@ -138,7 +139,7 @@ def refine(sections: Sections, data: list[Lines], steps: int, tolerance: float, 
       data: lines of all logs, and soft constraints.
       steps: at most.
       tolerance: relative fall of the sum of squares below which it ends.
-      ridge: weight of the squared free numbers in the sum of squares.
+      ridge: weight of the squared unconstrained parameters in the sum of squares.
     """
     theta, damping = free_numbers(sections), 1e-3
     fit = solve(sections_of(theta), data)
@@ -169,7 +170,7 @@ def refine_best(
     starts: Sequence[Sections], data: list[Lines], steps: int, tolerance: float, ridge: float = 0
 ) -> LinearFit:
     """Return the best of the fits from several starts; arguments as of `refine`."""
-    return min((refine(each, data, steps, tolerance, ridge) for each in starts), key=cost_of)
+    return min((refine(start, data, steps, tolerance, ridge) for start in starts), key=cost_of)
 
 
 def cost_of(fit: LinearFit) -> float:
@@ -180,7 +181,7 @@ def cost_of(fit: LinearFit) -> float:
 def residuals_by_log(fit: LinearFit, data: list[Lines]) -> list[Complex]:
     """Return the residual at the lines of each log, shape (p, F) each."""
     ends = 2 * np.cumsum([len(lines.z) for lines in data])
-    return [np.ascontiguousarray(each).view(complex) for each in np.split(fit.residual, ends, axis=1)[:-1]]
+    return [np.ascontiguousarray(rows).view(complex) for rows in np.split(fit.residual, ends, axis=1)[:-1]]
 
 
 def noise_colour(residual: Complex, response: Complex) -> float:
@@ -214,7 +215,7 @@ def plant_of(fit: LinearFit, structure: Structure, scale: Array, period_s: float
 
 
 def _columns(sections: Sections, lines: Lines) -> tuple[Complex, list[Complex], Array, Array]:
-    """Return states and inverses of the sections, and the driven and own columns as real rows."""
+    """Return states and inverses of the sections, and input and log-specific regressors as real rows."""
     states, inverses = section_states(sections, lines.z)
     driven = ((states * lines.z)[:, None] * lines.inputs).reshape(-1, len(lines.z))
     x = _real(np.concatenate([driven, lines.inputs]) if lines.feedthrough else driven)

@@ -38,7 +38,7 @@ class Plateaus(NamedTuple):
     resolution: Array  # smallest difference of outputs, to which they are rounded, (K,)
 
 
-def plateau_gain(recordings: Sequence[Recording], hold_s: float = 0.5) -> Estimate | None:
+def plateau_gain(recordings: Sequence[Recording], hold_s: float = 0.4) -> Estimate | None:
     """Return the steady gain with Student's interval; None without enough steps that come to rest.
 
     Args:

@@ -47,9 +47,9 @@ class Shortfall(NamedTuple):
 
 def shortfalls(result: AxisEstimates) -> list[Shortfall]:
     """Return what makes a plant useless, the gravest first; nothing if it is usable."""
-    wrong = [each for each in result.findings if each.code in ("swapped", "contradiction")]
+    wrong = [finding for finding in result.findings if finding.code in ("swapped", "contradiction")]
     if wrong:  # what else is found follows from it
-        return [Shortfall(each.code, f"{each.place}: {each.message}: {each.remedy}.") for each in wrong]
+        return [Shortfall(found.code, f"{found.place}: {found.message}: {found.remedy}.") for found in wrong]
     given = result.given_gain
     if given is not None and given.source == "given" and given.contradicted:
         gain = ", ".join(f"{estimate.value:.4g}" for estimate in result.dc_gain)
@@ -80,7 +80,7 @@ def _unknown_gain(result: AxisEstimates) -> Iterator[Shortfall]:
     known = np.mean(np.abs(drawn - gain) <= GAIN_WIDTH * np.abs(gain), axis=0) >= _GAIN_SHARE
     if result.given_gain is not None and result.given_gain.source == "given":
         return
-    slowest = np.abs(np.linalg.eigvals(plant.A)).max() ** max(len(each.recording) for each in result.fits)
+    slowest = np.abs(np.linalg.eigvals(plant.A)).max() ** max(len(fit.recording) for fit in result.fits)
     remedy = "The output runs on under a steady input: log its rate as the output, or an input at which it rests."
     if slowest < _RUNS_ON:
         step = f"Record a step from rest that is held until it rests (archerfish2 excite {plant.axis} --kinds step)"
@@ -115,16 +115,16 @@ def axis_report(result: AxisEstimates) -> Report:
     """Report an identified axis."""
     missing, plant, worst = shortfalls(result), result.record, result.judged
     name = f"{worst.recording.source} ({'held back' if worst.held_back else 'fitted, none held back'})"
-    value, low, high = (1e3 * plant.sample_period_s * each for each in result.delay_samples[:3])
+    value, low, high = (1e3 * plant.sample_period_s * samples for samples in result.delay_samples[:3])
     delay = Estimate(value, low, high, "ms")
     return Report(
         title=f"{plant.axis}: what the logs say",
         headline=f"order {len(plant.A)}, delay {_words(delay)}, fit {worst.fit_percent:.1f} % of {name}",
         usable=not missing,
-        reasons=tuple(each.sentence for each in missing),
+        reasons=tuple(shortfall.sentence for shortfall in missing),
         known=tuple(_known(result, delay)),
         doubts=tuple(_doubts(result)),
-        next_steps=(*["Mend what the reasons name, and identify again."] * bool(missing), *_next_steps(result)),
+        next_steps=(*["Do what the reasons above say, and identify again."] * bool(missing), *_next_steps(result)),
         tables=tuple(_tables(result, delay)),
         figures=tuple(_figures(result)),
         findings=result.findings,
@@ -142,13 +142,16 @@ def _known(result: AxisEstimates, delay: Estimate) -> Iterator[str]:
     low, high = result.excited_hz
     yield f"The inputs excite {low:.3g} to {high:.3g} Hz; outside, the plant is an extrapolation."
     yield f"The delay is {_words(delay)}; a plant may share it between dead time and poles."
-    determined, count = sum(each.determined for each in result.poles), len(result.poles)
+    determined, count = sum(pole.determined for pole in result.poles), len(result.poles)
     share = f"{determined} of {count}" if determined < count else "all"
     yield f"The logs determine {share} of its poles, a pair counted as one."
 
 
 def _doubts(result: AxisEstimates) -> Iterator[str]:
-    for name, tests in ((each.recording.source, each.tests) for each in result.fits if each.tests is not None):
+    for fit in result.fits:
+        name, tests = fit.recording.source, fit.tests
+        if tests is None:
+            continue
         if tests.feedback:
             wrong = f"In {name} the input follows the output's disturbances, which biases the plant"
             yield f"{wrong}: log the set point of the loop as the input."
@@ -158,33 +161,32 @@ def _doubts(result: AxisEstimates) -> Iterator[str]:
 
 
 def _next_steps(result: AxisEstimates) -> Iterator[str]:
-    if not any(each.held_back for each in result.fits):
+    if not any(fit.held_back for fit in result.fits):
         file = f"{result.record.axis}_step_validation.csv"
         yield f"Hold a log back ({file}, or archerfish2 identify axis --validate) to see its fit."
     low, high = result.delay_samples.low, result.delay_samples.high
     if high - low > 2:
         remedy = f"add a log with sharp edges (archerfish2 excite {result.record.axis} --kinds step)"
         yield f"The delay may be {low:g} to {high:g} samples: {remedy}."
-    if not any(mostly_held(np.asarray(each.recording.inputs)) for each in result.fits if not each.held_back):
+    fitted = [fit.recording for fit in result.fits if not fit.held_back]
+    if not any(mostly_held(np.asarray(recording.inputs)) for recording in fitted):
         remedy = f"record a step from rest that is held (archerfish2 excite {result.record.axis} --kinds step)"
         yield f"No log holds its input, so the steady gain is that of slow motions: {remedy}."
-    if any(not each.determined and each.frequency_hz.value > result.excited_hz[1] for each in result.poles):
+    if any(not pole.determined and pole.frequency_hz.value > result.excited_hz[1] for pole in result.poles):
         yield "Some poles are not determined: excite higher frequencies if the robot uses them."
 
 
 def _tables(result: AxisEstimates, delay: Estimate) -> Iterator[Table]:
     rows: list[tuple[Entry, ...]] = [("delay", delay)]
-    rows += [(f"steady gain {_named(result, place)}".strip(), each) for place, each in enumerate(result.dc_gain)]
-    for each in result.poles:
-        kind = "pole" if each.determined else "pole, not determined"
-        rows += [(f"{kind}: natural frequency", each.frequency_hz), ("    its damping", each.damping)]
+    rows += [(f"steady gain {_named(result, place)}".strip(), gain) for place, gain in enumerate(result.dc_gain)]
+    for pole in result.poles:
+        kind = "pole" if pole.determined else "pole, not determined"
+        rows += [(f"{kind}: natural frequency", pole.frequency_hz), ("    its damping", pole.damping)]
     yield Table("The plant", ("quantity", "estimate (95 % interval)"), tuple(rows))
-    fits = (
-        (each.recording.source, "held back" if each.held_back else "fitted", each.fit_percent) for each in result.fits
-    )
+    fits = [(fit.recording.source, "held back" if fit.held_back else "fitted", fit.fit_percent) for fit in result.fits]
     yield Table("Fit of a free run [%]", ("recording", "", "fit"), tuple(fits), "100 is all of the output's deviation.")
-    orders = [each for each in sorted(result.candidates) if each.fit_percent is not None]
-    least = min(each.bic for each in result.candidates)
+    orders = [candidate for candidate in sorted(result.candidates) if candidate.fit_percent is not None]
+    least = min(candidate.bic for candidate in result.candidates)
     names = (f"{c.order} *" if c.order == len(result.record.A) else str(c.order) for c in orders)
     figures = [(max(c.delay - c.feedthrough, 0), c.bic - least, c.fit_percent, c.held_back_percent) for c in orders]
     tried = tuple((name, *row) for name, row in zip(names, figures, strict=True))
@@ -194,9 +196,9 @@ def _tables(result: AxisEstimates, delay: Estimate) -> Iterator[Table]:
 
 
 def _figures(result: AxisEstimates) -> Iterator[tuple[str, Callable[[], Figure]]]:
-    for each in result.fits[:_RUNS]:
-        role = "held back: the plant saw its input alone" if each.held_back else "fitted"
-        yield f"{each.recording.source}, {role}.", partial(run_plot, each.recording, each.run)
+    for fit in result.fits[:_RUNS]:
+        role = "held back: simulated from its input alone" if fit.held_back else "fitted"
+        yield f"{fit.recording.source}, {role}.", partial(run_plot, fit.recording, fit.run)
     yield "Frequency response, with the 95 % band of the draws.", result.bode
     yield "Response to a unit step.", partial(step_plot, result.record)
     first = result.fits[0]

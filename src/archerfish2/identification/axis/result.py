@@ -1,23 +1,28 @@
 """What is known of an identified axis."""
 
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from archerfish2.identification.axis.bootstrap import interval
+from archerfish2.identification.axis.fit import AxisFit
 from archerfish2.identification.axis.nonlinearity import Nonlinearity
 from archerfish2.identification.axis.plots import bode_plot, run_plot
 from archerfish2.identification.axis.selection import Candidate
 from archerfish2.identification.frequency import measured_response
 from archerfish2.identification.residuals import ResidualTests, residual_tests
 from archerfish2.identification.result import Result
-from archerfish2.identification.simulation import Array, FreeRun, simulate
+from archerfish2.identification.simulation import TINY, Array, Complex, FreeRun, simulate
 from archerfish2.logs.recording import Finding, Recording
 from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.style import Figure
 from archerfish2.reports.table import Estimate
 
+_NEAR_BAND, _SCATTER = 1.5, 1 / 3  # of a natural frequency: beyond the band, and of its draws' logarithm
 _MOVING = 0.3  # deviation of an output over that of the recording that moves most, from which a recording counts
 
 
@@ -105,3 +110,62 @@ def judged(fits: tuple[LogFit, ...]) -> LogFit:
     largest_spread = np.max([fit.recording.outputs.std(0) for fit in validation], axis=0)
     moving = [fit for fit in validation if np.any(fit.recording.outputs.std(0) >= _MOVING * largest_spread)]
     return min(moving, key=lambda fit: fit.fit_percent)
+
+
+def gain_estimates(found: AxisFit, drawn: Sequence[PlantRecord]) -> tuple[Estimate, ...]:
+    """Return the steady gains with their intervals, output by output and input by input."""
+    low, high = interval(np.array([plant.dc_gain.ravel() for plant in drawn]))
+    gains = found.plant.dc_gain.ravel()
+    return tuple(map(Estimate, gains.tolist(), np.minimum(low, gains).tolist(), np.maximum(high, gains).tolist()))
+
+
+def delay_estimate(found: AxisFit) -> Estimate:
+    """Return the delay of the first response beyond the sample that every input takes, its range by all structures.
+
+    A feedthrough responds a sample earlier.
+    """
+    weights: dict[int, float] = defaultdict(float)
+    for structure, weight in found.selection.weights.items():
+        weights[max(structure.delay - structure.feedthrough, 0)] += weight
+    delays = sorted(weights)
+    cumulative = np.cumsum([weights[delay] for delay in delays])
+    low, high = (delays[min(int(np.searchsorted(cumulative, level)), len(delays) - 1)] for level in (0.025, 0.975))
+    value = max(found.structure.delay - found.structure.feedthrough, 0)
+    return Estimate(value, min(low, value), max(high, value), "samples")
+
+
+def pole_estimates(found: AxisFit, drawn: Sequence[PlantRecord], band: tuple[float, float]) -> tuple[Pole, ...]:
+    """Return frequency and damping of each pole or pair, the slowest first.
+
+    Args:
+      found: the fit.
+      drawn: plants of the bootstrap.
+      band: that the inputs excite [Hz].
+    """
+    poles, period_s, estimates = found.poles, found.plant.sample_period_s, list[Pole]()
+    matched = [_matched(poles, np.linalg.eigvals(plant.A).astype(complex)) for plant in drawn]
+    logarithms = np.log(np.array(matched) + TINY)
+    for place, pole in enumerate(poles):
+        if pole.imag >= 0:
+            rates = np.append(np.log(pole + TINY), logarithms[:, place]) / period_s
+            frequency, damping = np.abs(rates) / (2 * np.pi), -rates.real / np.abs(rates)
+            known = band[0] / _NEAR_BAND <= frequency[0] <= _NEAR_BAND * band[1]
+            known = known and np.std(np.log(frequency[1:])) < _SCATTER
+            estimates.append(Pole(_estimate(frequency, "Hz"), _estimate(damping, ""), bool(known)))
+    return tuple(sorted(estimates, key=lambda pole: pole.frequency_hz.value))
+
+
+def _matched(poles: Complex, others: Complex) -> Complex:
+    """Return other poles in the order of those that they are nearest to."""
+    distance, found = np.abs(poles[:, None] - others), others.copy()
+    for _ in poles:
+        one, other = np.unravel_index(np.argmin(distance), distance.shape)
+        found[one] = others[other]
+        distance[one], distance[:, other] = np.inf, np.inf
+    return found
+
+
+def _estimate(values: Array, unit: str) -> Estimate:
+    """Return the first value with the interval of the others."""
+    low, high = interval(values[1:])
+    return Estimate(float(values[0]), float(low), float(high), unit)

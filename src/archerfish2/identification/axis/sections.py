@@ -3,7 +3,7 @@
     G(z) = Σ (b₁ z + b₂ z²) / (1 + a₁ z + a₂ z²) + D,    z = e^{−iω}, the delay of one sample
 
 A section is the array [a₁, a₂], or [a₁] for a single real pole; single ones come last in a list. The numerators b are
-linear parameters; free numbers θ, one a pole, are what an optimiser moves: every θ gives stable poles.
+linear parameters; unconstrained parameters θ, one a pole, are what an optimiser moves: every θ gives stable poles.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from archerfish2.identification.simulation import TINY, Array, Complex
 
 Sections = Sequence[Array]
 
-_NEAREST = 1 - 8e-8  # largest |tanh θ| of free numbers
+_NEAREST = 1 - 8e-8  # largest |tanh θ| of unconstrained parameters
 _LARGEST_POLE = 0.9995  # of a start; nearer to the unit circle a pole can't be distinguished from a transient
 
 
@@ -30,7 +30,7 @@ class Structure(NamedTuple):
 
 
 def sections_of(theta: Array) -> Sections:
-    """Return the sections of free numbers: a₁ = t₁ (1 + t₂), a₂ = t₂ with t = tanh θ, the triangle of stability.
+    """Return the sections of unconstrained parameters: a₁ = t₁ (1 + t₂), a₂ = t₂, t = tanh θ, which are stable.
 
     Args:
       theta: shape (n,), two by two; a last single one is a real pole.
@@ -41,13 +41,13 @@ def sections_of(theta: Array) -> Sections:
 
 
 def free_numbers(sections: Sections) -> Array:
-    """Return the free numbers of sections, shape (n,)."""
+    """Return the unconstrained parameters of sections, shape (n,)."""
     t = np.concatenate([[s[0] / (1 + s[1]), s[1]] if len(s) == 2 else s for s in sections])
     return np.asarray(np.arctanh(np.clip(t, -_NEAREST, _NEAREST)))
 
 
 def theta_slopes(theta: Array) -> Array:
-    """Return the derivatives of the coefficients a (columns) by the free numbers (rows), shape (n, n)."""
+    """Return the derivatives of the coefficients a (columns) by the unconstrained parameters (rows), shape (n, n)."""
     t, turn = np.tanh(theta), np.eye(len(theta))
     for i in range(0, len(t) - 1, 2):
         turn[i, i], turn[i + 1, i] = 1 + t[i + 1], t[i]

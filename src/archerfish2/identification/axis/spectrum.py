@@ -78,6 +78,7 @@ def local_power(squares: Array, left: Array) -> Array:
 Indices = NDArray[np.int64]
 Weights = Sequence[Array] | None
 _HELD = 1e-9  # of an input's range, within which it counts as held
+_LINES_A_LOG, _FEWEST_LINES = 60, 6  # that each log keeps, of up to ten logs and of very many
 ROUNDING = 1e-16
 """Of the outputs' power; no residual counts as smaller."""
 
@@ -217,12 +218,17 @@ def lines_of(
     return [e.at(delay, feedthrough).pick(k, w) for e, k, w in zip(logs, picks, every, strict=True)]
 
 
+def _lines_of_each(logs: int) -> int:
+    """Return how many lines each log keeps at least, fewer where there are more than ten logs."""
+    return max(_FEWEST_LINES, min(_LINES_A_LOG, 10 * _LINES_A_LOG // logs))
+
+
 def thinned(experiments: Sequence[Experiment], count: int) -> list[Indices]:
     """Return indices of about `count` lines: half those of the strongest input, the others spread over the rest."""
-    total, kept = sum(len(e.z) for e in experiments), []
-    for e in experiments:
-        n, here = len(e.z), max(50, count * len(e.z) // total)
-        power = np.abs(e.at(0).inputs) ** 2
+    total, kept = sum(len(log.z) for log in experiments), []
+    for log in experiments:
+        n, here = len(log.z), max(_lines_of_each(len(experiments)), count * len(log.z) // total)
+        power = np.abs(log.at(0).inputs) ** 2
         power = (power / np.maximum(power.mean(1, keepdims=True), TINY)).sum(0)
         order = np.argsort(-power, kind="stable")
         rest, step = np.sort(order[here // 2 :]), -(-max(n - here // 2, 1) // (here - here // 2))
@@ -231,7 +237,7 @@ def thinned(experiments: Sequence[Experiment], count: int) -> list[Indices]:
 
 
 def strongest(powers: Sequence[Array], count: float, least: float = 0.0) -> list[Indices]:
-    """Return indices of the lines of the largest power, at least 60 and a fiftieth of each log.
+    """Return indices of the lines of the largest power, some of each log and at least a fiftieth.
 
     Args:
       powers: of the lines of each log, shape (F,) each.
@@ -240,7 +246,7 @@ def strongest(powers: Sequence[Array], count: float, least: float = 0.0) -> list
     """
     total, kept = sum(map(len, powers)), []
     for power in powers:
-        fewest = max(min(len(power), 60), len(power) // 50)
+        fewest = max(min(len(power), _lines_of_each(len(powers))), len(power) // 50)
         n = int(np.clip(min(float(np.sum(power >= least)), count * len(power) / total), fewest, len(power)))
         kept.append(np.sort(np.argsort(-power, kind="stable")[:n]))
     return kept

@@ -1,0 +1,78 @@
+"""Progress of long work on standard error: a bar in a terminal, one line in a notebook, elsewhere a line a minute."""
+
+import functools
+import importlib
+import multiprocessing
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+_display: list[Any] = []  # rich's, while a bar is on; a bar inside another gets a line of it
+
+
+@contextmanager
+def bar(what: str, total: float, unit: str) -> Iterator[Callable[..., None]]:
+    """Show how far a block is, and about how long it will take.
+
+    Args:
+      what: is being done.
+      total: when it is done.
+      unit: of the total, in the plural.
+
+    Yields:
+      A function advance(done, note="") of how much is done by now, and of what is being done.
+    """
+    if multiprocessing.parent_process() is not None:
+        yield lambda *_, **__: None
+        return
+    with ExitStack() as stack:
+        is_bar = sys.stderr.isatty() and "ipykernel" not in sys.modules
+        show, start = _bar(what, total, unit, stack) if is_bar else _lines(what, total, unit), time.monotonic()
+
+        def advance(done: float, note: str = "") -> None:
+            show(min(done, total), max(time.monotonic() - start, 1e-3), note)
+
+        yield advance
+
+
+def _bar(what: str, total: float, unit: str, stack: ExitStack) -> Callable[[float, float, str], None]:
+    """Return what shows in a terminal how much is done, after how many seconds, and of what."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    if not _display:
+        names = ("{task.description}", "{task.fields[rate]}", "{task.fields[note]}")
+        describe, rate, note = (TextColumn(name) for name in names)
+        columns = (describe, BarColumn(bar_width=12), MofNCompleteColumn(), rate, TimeRemainingColumn(), note)
+        console = Console(stderr=True, force_terminal=True, force_jupyter=False)
+        _display.append(stack.enter_context(Progress(*columns, console=console)))
+        stack.callback(_display.clear)
+    # The first progress of a compiled program comes after its compilation.
+    display, first = _display[0], "compiling" if "jax" in sys.modules else ""
+    task = display.add_task(what, total=total, rate="", note=first)
+    if len(display.tasks) > 1:
+        stack.callback(display.remove_task, task)
+    rate_text = f"{{:,.3g}} {unit}/s".format
+    return lambda done, s, note: display.update(task, completed=done, rate=rate_text(done / s), note=note)
+
+
+def _lines(what: str, total: float, unit: str) -> Callable[[float, float, str], None]:
+    """Return what shows the same in lines: at once, at the end, and between at most one a minute."""
+    write: Any = functools.partial(print, file=sys.stderr, flush=True)
+    every_s, due = 60.0, 0.0
+    if "ipykernel" in sys.modules:
+        display = importlib.import_module("IPython.display").display
+        if shown := display({"text/plain": ""}, raw=True, display_id=True):  # None without a notebook
+            write, every_s = lambda text: shown.update({"text/plain": text}, raw=True), 0.5
+
+    def show(done: float, seconds: float, note: str) -> None:
+        nonlocal due
+        if seconds >= due or done >= total:
+            due = seconds + every_s
+            left = f", about {seconds / 60 * (total - done) / done:.1f} min left" if 0 < done < total else ""
+            write(f"{what}: {done:,.0f} of {total:,.0f} {unit}, {seconds / 60:.1f} min{left}{note and f'; {note}'}")
+
+    show(0.0, 0.0, "")
+    return show
