@@ -19,7 +19,7 @@ from archerfish2.records.json_files import plain, read_struct, write_json
 from archerfish2.records.limits import LimitsRecord
 from archerfish2.records.muzzle import MuzzleRecord
 from archerfish2.records.plant import PlantRecord
-from archerfish2.records.record import Record, Struct
+from archerfish2.records.record import Struct
 from archerfish2.records.sensing import SensingRecord
 
 SCHEMA = "archerfish.robot/1"
@@ -27,8 +27,7 @@ SHORTEST_PERIOD_S, LONGEST_DELAY_S = 1e-5, 1.0
 """Of the plants of a gimbal [s]: what lies beyond is no gimbal, and would make its model huge."""
 Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f\ud800-\udfff]{1,100}\Z")]
 Part = Literal["pitch", "yaw", "muzzle", "sensing", "limits"]
-_KINDS: tuple[type[Record], ...] = (PlantRecord, PlantRecord, MuzzleRecord, SensingRecord, LimitsRecord)
-RECORDS = dict(zip(get_args(Part), _KINDS, strict=True))
+RECORDS = dict(zip(get_args(Part), (PlantRecord, PlantRecord, MuzzleRecord, SensingRecord, LimitsRecord), strict=True))
 """The parts of a robot; each has a file of its own."""
 
 
@@ -156,13 +155,12 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
     def save(self, folder: str | Path) -> None:
         """Write all records and robot.json, which comes last, into a folder; what is there of a robot is replaced."""
         folder = Path(folder)
+        records = [part for part in RECORDS if getattr(self, part) is not None]
         for part in RECORDS:
-            record = getattr(self, part)
-            if record is not None:
-                record.save(folder / f"{part}.json")
+            if part in records:
+                getattr(self, part).save(folder / f"{part}.json")
             else:
                 (folder / f"{part}.json").unlink(missing_ok=True)
-        records = [part for part in RECORDS if getattr(self, part) is not None]
         facts = {"name": self.name, "assumed": self.assumed, "parts": self.parts, "records": records}
         write_json(folder / "robot.json", {"schema": SCHEMA, **plain(facts)})
 
