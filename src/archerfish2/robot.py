@@ -156,11 +156,10 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         """Write all records and robot.json, which comes last, into a folder; what is there of a robot is replaced."""
         folder = Path(folder)
         records = [part for part in RECORDS if getattr(self, part) is not None]
-        for part in RECORDS:
-            if part in records:
-                getattr(self, part).save(folder / f"{part}.json")
-            else:
-                (folder / f"{part}.json").unlink(missing_ok=True)
+        for part in records:
+            getattr(self, part).save(folder / f"{part}.json")
+        if self.sensing is None:  # nothing else may be missing
+            (folder / "sensing.json").unlink(missing_ok=True)
         facts = {"name": self.name, "assumed": self.assumed, "parts": self.parts, "records": records}
         write_json(folder / "robot.json", {"schema": SCHEMA, **plain(facts)})
 
