@@ -64,15 +64,13 @@ def fit_means(
       shift: added to the expected measurements [m], shape (N,).
       loss: of SciPy's `least_squares`.
     """
-    low, high = np.array([flight.RANGES[name] for name in free]).T
+    (low, high), measured = np.array([flight.RANGES[name] for name in free]).T, flight.measured_vertical(shots) - shift
 
     def moved(point: Array) -> Parameters:
         return {**values, **dict(zip(free, point.tolist(), strict=True))}
 
     def ratio(point: Array) -> Array:
-        return np.asarray(
-            (flight.measured_vertical(shots) - shift - flight.expected_vertical(shots, moved(point))) / sd
-        )
+        return np.asarray((measured - flight.expected_vertical(shots, moved(point))) / sd)
 
     start = np.clip([values[name] for name in free], low + 1e-9, high - 1e-9)
     return moved(optimize.least_squares(ratio, start, bounds=(low, high), loss=loss, x_scale=0.1 * (high - low)).x)
@@ -96,11 +94,8 @@ def robust_fit(shots: Shots, free: list[str], known: Parameters) -> tuple[Parame
 
 def fit_muzzle(shots: Shots, free: list[str], values: Parameters) -> MuzzleFit:
     """Estimate the free parameters, from values nearby, and the spreads."""
-    typical, number, measured = (
-        _TYPICAL[shots.speed is not None :],
-        shots.settings()[0],
-        flight.measured_vertical(shots),
-    )
+    typical, measured = _TYPICAL[shots.speed is not None :], flight.measured_vertical(shots)
+    number, _ = shots.settings()
     groups = (number[:, None] == np.arange(number.max() + 1)).astype(float)
     pure = len(shots) - groups.shape[1] >= max(4, (len(shots) - len(free)) / 2)
     step, speed_step, variances = rounding_step(measured), rounding_step(shots.speed), typical
