@@ -46,6 +46,9 @@ def test_a_controller_hits_where_it_hit_in_the_first_edition(name, controller, m
     pytest.importorskip("jax")
     monkeypatch.setattr(rollout, "LARGEST", 300)  # engagements of several parts
     robot, task, world, drawn = engagements(name)
+    if robot.sensing:  # the first edition's trackers took the azimuth's noise for the elevation, too
+        camera = robot.sensing.camera.replace(elevation_sd=robot.sensing.camera.bearing_sd)
+        robot = robot.replace(sensing=robot.sensing.replace(camera=camera))
     stored, (cells, _, _) = STORED[name][controller], STORED[name]["setting"]["shape"]
     if controller == "perfect":
         hit = rollout.count_perfect_aim(world, *drawn).hit

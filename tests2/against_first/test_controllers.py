@@ -85,8 +85,9 @@ def test_commands_and_plans_are_those_of_the_first_edition(name, setting, refere
 
     robot, task = Robot.paper(), Task.load("paper").replace(command_limit=limit, lengths_s=(1.0,))
     if sensing:
-        facts = [vars(each) for each in (sensing.camera, sensing.link)]
-        robot = robot.replace(sensing=SensingRecord(camera=CameraRecord(**facts[0]), link=LinkRecord(**facts[1])))
+        camera = CameraRecord(**vars(sensing.camera))  # whose elevation the first edition gives the azimuth's noise
+        camera = camera.replace(elevation_sd=camera.bearing_sd)
+        robot = robot.replace(sensing=SensingRecord(camera=camera, link=LinkRecord(**vars(sensing.link))))
     second = make_controller(name, robot, task, tuning)
 
     truth = world.truth(engagement)
