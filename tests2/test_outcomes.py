@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from archerfish2.controllers.registry import Tuning, make_controller
+from archerfish2.controllers.registry import make_controller
+from archerfish2.controllers.tuning import Tuning
 from archerfish2.evaluation import rollout
 from archerfish2.evaluation.suites import draw
 from archerfish2.records.json_files import read_json

@@ -17,7 +17,8 @@ from archerfish.sensing.kalman_filter import noise_from_record
 from archerfish.simulation.scenario import UNIFORMS, draw_engagement
 from archerfish.simulation.setting import make_scenario, make_world, paper_muzzle
 from archerfish2.arrays import map_arrays, register, single_precision
-from archerfish2.controllers.registry import Tuning, make_controller, tuning_at
+from archerfish2.controllers.registry import make_controller
+from archerfish2.controllers.tuning import Tuning, tuning_at
 from archerfish2.protocols import Barrel, Base, Frames, GimbalFeedback, Seen, Truth
 from archerfish2.records.sensing import CameraRecord, LinkRecord, SensingRecord
 from archerfish2.robot import Robot

@@ -14,7 +14,8 @@ from scipy.stats import multivariate_normal
 from archerfish2.arrays import leaves, map_arrays
 from archerfish2.controllers import kalman, manoeuvring, parabola, preview_aim
 from archerfish2.controllers.preview import make_preview
-from archerfish2.controllers.registry import NAMES, make_controller, tuning_at
+from archerfish2.controllers.registry import NAMES, make_controller
+from archerfish2.controllers.tuning import tuning_at
 from archerfish2.dynamics.command_limits import CommandLimits
 from archerfish2.dynamics.linear_axis import advance, gimbal_angle, rest_state
 from archerfish2.protocols import Barrel, Base, Frames, GimbalFeedback, Seen, Truth
