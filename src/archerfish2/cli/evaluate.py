@@ -1,5 +1,6 @@
 """`archerfish2 evaluate`: hit rates of controllers on the same engagements."""
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
