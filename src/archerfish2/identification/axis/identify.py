@@ -212,6 +212,7 @@ def read_sources(
     kept, repeated = _without_repeats(fitted)
     longest, left_out = _longest(kept)
     others, not_held_back = _not_fitted(held_back, kept)
+    findings += [*repeated, *left_out, *not_held_back]
     period_s = _period(fitted[0], max(log.period_s for log in (*longest, *others)), divides_s)
     message = f"brought to a sampling period of {1e3 * period_s:.4g} ms"
     for log in (*longest, *others):
@@ -223,7 +224,7 @@ def read_sources(
     return AxisLogs(
         [resampled(log, period_s) for log in longest],
         [resampled(log, period_s) for log in others],
-        (*findings, *repeated, *left_out, *not_held_back),
+        tuple(findings),
         hashes,
     )
 
