@@ -40,11 +40,9 @@ class Entered:
         if event != "call" or not frame.f_code.co_filename.startswith(str(PACKAGE)):
             return
         file = str(Path(frame.f_code.co_filename).relative_to(PACKAGE))
-        # Executing a module's body on its first import is no call of its functions.
-        if frame.f_code.co_name != "<module>":
-            self.changes += file != self._last
-            self.files[file] = self.files.get(file, 0) + 1
-            self._last = file
+        self.changes += file != self._last
+        self.files[file] = self.files.get(file, 0) + 1
+        self._last = file
 
 
 def entered(action: Callable[[], Any]) -> Entered:
@@ -72,6 +70,7 @@ def main() -> None:
         path = Path(folder, "yaw.csv")
         write_log(path)
         results: list[AxisResult] = []
+        identify_axis(path, axis="yaw").save(folder)  # what is imported when it is first used is loaded then
         reading = entered(lambda: read_log(path))
         identifying = entered(lambda: results.append(identify_axis(path, axis="yaw")))
         page = entered(lambda: results[0].save(folder))

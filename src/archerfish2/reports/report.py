@@ -1,4 +1,7 @@
-"""What a command reports, once for terminal, JSON and page."""
+"""What a command reports, once for terminal, JSON and page.
+
+A page is one self-contained HTML file: figures inside as SVG, no script, readable in dark and on paper.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -6,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from archerfish2.errors import one_line
-from archerfish2.reports.page import content_html, page_html
-from archerfish2.reports.style import Figure
-from archerfish2.reports.table import Table, table_dict, tables_text
+from archerfish2.reports.style import Figure, svg_text
+from archerfish2.reports.table import Table, entry_texts, table_dict, tables_text
 from archerfish2.storage import write_bytes
 
 
@@ -62,10 +64,25 @@ class Report:
         Raises:
           InputError: if the file can't be written.
         """
-        write_bytes(Path(path), page_html(self).encode())
+        figures = list[tuple[str, str]]()
+        for place, (caption, draw) in enumerate(self.figures):
+            figures.append((caption, svg_text(draw(), prefix=f"figure{place}", label=caption)))
+        page = _template().render(report=self, lists=self.lists(), figures=figures, texts=entry_texts)
+        write_bytes(Path(path), page.encode())
 
     def _repr_html_(self) -> str:
-        return content_html(self)
+        """Return the lists and tables of the page alone: what a notebook shows, in its own style."""
+        template = _template()
+        facts = {"report": self, "lists": self.lists(), "figures": [], "texts": entry_texts}
+        return "".join(template.blocks["content"](template.new_context(facts)))
+
+
+def _template() -> Any:
+    """Return the template of a page; every text is escaped."""
+    import jinja2
+
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    return environment.from_string(Path(__file__).with_name("page.html").read_text(encoding="utf-8"))
 
 
 class Reported:
@@ -78,4 +95,4 @@ class Reported:
         return str(self.report)
 
     def _repr_html_(self) -> str:
-        return content_html(self.report)
+        return str(self.report._repr_html_())
