@@ -314,3 +314,10 @@ def test_code_of_a_users_own_is_given_again_and_may_not_change(tmp_path, stopped
     loaded = af.Policy.load("out", blocks=("./mine.py:clock",))
     assert loaded.observer.layout()[-1] == ("clock", 1)
     assert np.isfinite(af.rollout(loaded, task=af.Task.load("static"), engagements=4).in_force).all()
+
+
+def test_a_robot_in_memory_of_which_a_part_is_not_usable_is_refused():
+    verdict = {"usable": False, "headline": "fit 40 %", "reasons": ("It explains 40 %.",), "next_step": "Record it"}
+    robot = af.Robot.paper().replace(parts={"yaw": verdict})
+    with pytest.raises(af.InputError, match=r"paper: yaw: is not usable: It explains 40 %\.; Record it"):
+        af.train(robot, "paper", steps=1000)
