@@ -128,7 +128,7 @@ def measure(case: Case, sets: int) -> dict[str, Any]:
         "sets": sets,
         "held": held,
         "median": {name: float(np.median([each.estimates[name].value for each in results])) for name in names},
-        "left_out_percent": round(100 * float(np.mean([~each.kept for each in results])), 2),
+        "left_out_percent": round(100 * float(np.mean([~each.used for each in results])), 2),
         "lack_of_fit_shown": sum(bool(each.lack_of_fit.p_value < 0.05) for each in results),
         "median_cpu_s": round(float(np.median(times)), 3),
     }

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from archerfish2.controllers.registry import Tuning, make_controller
+from archerfish2.controllers.registry import make_controller
+from archerfish2.controllers.tuning import Tuning
 from archerfish2.evaluation import rollout
 from archerfish2.evaluation.suites import draw
 from archerfish2.records.json_files import read_json
@@ -45,6 +46,9 @@ def test_a_controller_hits_where_it_hit_in_the_first_edition(name, controller, m
     pytest.importorskip("jax")
     monkeypatch.setattr(rollout, "LARGEST", 300)  # engagements of several parts
     robot, task, world, drawn = engagements(name)
+    if robot.sensing:  # the first edition's trackers took the azimuth's noise for the elevation, too
+        camera = robot.sensing.camera.replace(elevation_sd=robot.sensing.camera.bearing_sd)
+        robot = robot.replace(sensing=robot.sensing.replace(camera=camera))
     stored, (cells, _, _) = STORED[name][controller], STORED[name]["setting"]["shape"]
     if controller == "perfect":
         hit = rollout.count_perfect_aim(world, *drawn).hit

@@ -37,6 +37,10 @@ def test_a_file_keeps_a_task(tmp_path):
 def test_what_a_motion_gives_a_task_changes_with_it_and_a_range_keeps_its_engagements(refused):
     assert Task().replace(motion="paper") == Task.load("paper")
     assert Task.load("paper").replace(motion="any", lengths_s=(1.0,)) == Task(lengths_s=(1.0,))
+    assert Task(motion="paper", lengths_s=(1.0,)).replace(motion="any") == Task(
+        lengths_s=(1.0,)
+    )  # given, as it happens
+    assert (Task().lengths, Task.load("paper").lengths, Task(lengths_s=(2.0,)).lengths) == ((1.0, 3.0), (1.0,), (2.0,))
     refused("Task: there is no field lenght; fields are name, motion", Task().replace, lenght=2)
     whole, near, own = (Task(motion="static", **each).cells() for each in RANGES)
     assert [each.stream for each in (whole[1], near[0], *own)] == [1, 1, 1004, 1]

@@ -32,8 +32,6 @@ class Plugin:
 
     spec: str
     """Its name, with the full path of a file."""
-    kind: str
-    """What it is: "controller", "motion", "plant", "world" …"""
     name: str
     """By which results call it."""
     value: Any
@@ -52,14 +50,15 @@ class Plugin:
         Raises:
           InputError: in the place of any other exception, and before another `InputError` the name of the code.
         """
+        if getattr(self.value, "__module__", "").startswith(f"{__package__}."):
+            yield
+            return
         try:
             yield
         except InputError as error:
             text = str(error)
             raise (error if text.startswith(self.spec) else InputError(f"{self.spec}: {text}")) from error
         except (Exception, SystemExit) as error:
-            if getattr(self.value, "__module__", "").startswith(f"{__package__}."):
-                raise
             import traceback  # slow to load
 
             frames = traceback.extract_tb(error.__traceback__)
@@ -97,7 +96,7 @@ def find_plugin(spec: Any, kind: str) -> Plugin:
         module, name = getattr(spec, "__module__", ""), getattr(spec, "__name__", type(spec).__name__)
         file = getattr(sys.modules.get(module), "__file__", None) or ""
         digest = _executed.get(module) or (file_hash(Path(file)) if Path(file).is_file() else "")
-        return Plugin(f"{file}:{name}", kind, name, spec, file, digest)
+        return Plugin(f"{file}:{name}", name, spec, file, digest)
     where, _, name = spec.rpartition(":")
     try:
         path = Path(where if where.endswith(".py") else where.replace(".", "/") + ".py").resolve()
@@ -114,7 +113,7 @@ def find_plugin(spec: Any, kind: str) -> Plugin:
             state = f"is in several packages, as {' and '.join(sorted(found))}" if found else "is not installed"
             raise InputError(f"{kind} {spec!r} {state}; expected {FORMS}")
         where, _, attribute = found.pop().partition(":")
-    plugin = Plugin(spec, kind, name, None, str(path) if is_file else "")
+    plugin = Plugin(spec, name, None, str(path) if is_file else "")
     with plugin.running():
         module = _module(path) if is_file else importlib.import_module(where)
         if not hasattr(module, attribute.partition(".")[0]):

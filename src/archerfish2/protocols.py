@@ -11,9 +11,12 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from archerfish2.arrays import Array
+from archerfish2.arrays import Array, is_tree, leaves, map_arrays, single_precision
+from archerfish2.compiled import has_jax, import_jax
 from archerfish2.dynamics.linear_axis import GimbalModel
 from archerfish2.dynamics.muzzle import Muzzle
+from archerfish2.errors import InputError
+from archerfish2.plugins import find_plugin
 
 
 class Frames(NamedTuple):
@@ -203,3 +206,69 @@ class World(Protocol):
 
     def truth(self, engagement: Engagement) -> Truth:
         """Return what the oracle may have."""
+
+
+def own_controller(controller: Any, robot: Any, task: Any) -> Controller:
+    """Find a controller of a user's own, or build it by a function of robot and task, in float32 if it is compiled.
+
+    Raises:
+      InputError: if it can't be found, its code fails, or it is no controller.
+    """
+    plugin = find_plugin(controller, "controller")
+    with plugin.running():
+        built: Any = plugin.value
+        if isinstance(built, type) or (callable(built) and not hasattr(built, "step")):
+            built = built(robot, task)
+        kind = f"a {type(built).__name__}"
+        if not all(callable(getattr(built, name, None)) for name in ("reset", "step")):
+            raise InputError(f"is {kind}, expected reset(seen, truth) and step(state, seen); write both")
+        if getattr(built, "compiled", is_tree(built)):
+            if not is_tree(built) or {np.asarray(leaf).dtype.kind for leaf in leaves(built)} - set("fiub"):
+                raise InputError(f"is {kind}, expected a tree of arrays; make it one, or write compiled = False in it")
+            built = single_precision(built)
+        made: Controller = built
+        return made
+
+
+def check_decision(controller: Any, seen: Seen, truth: Truth | None = None) -> None:
+    """Let a controller decide once, in NumPy and, where it is compiled, traced; refuse what is no decision.
+
+    What is refused is said in one line that names the controller's file and line.
+
+    Args:
+      controller: to try; what it does is not judged.
+      seen: at a first decision, of a few engagements; NumPy's arrays, shape (n,).
+      truth: of these engagements, for one that needs it.
+
+    Raises:
+      InputError: if its code fails, it returns anything but a state and a command, the command has other shapes or
+        types, or angles that are not finite, or a compiled controller's state changes its structure.
+    """
+    plugin, code = find_plugin(controller, "controller"), getattr(controller.step, "__code__", None)
+    place = f"line {code.co_firstlineno}: " if code else ""
+    with plugin.running():
+        state = controller.reset(seen, truth)
+        answer = controller.step(state, seen)
+        if not isinstance(answer, tuple) or len(answer) != 2 or not isinstance(answer[1], Command):
+            raise InputError(
+                f"{place}step returns a {type(answer).__name__}, expected (state, Command); see protocols.aim"
+            )
+        after, command = answer
+        for name, shape in Command((2,), (2,), (), ())._asdict().items():
+            value, expected = np.asarray(getattr(command, name)), (*seen.elapsed.shape, *shape)
+            if value.shape != expected:
+                raise InputError(f"{place}step commands {name} of shape {value.shape}, expected {expected}; correct it")
+            if name == "fire" and value.dtype.kind != "b":
+                raise InputError(f"{place}step commands fire of {value.dtype}, expected bool; compare, as in x > 0.5")
+            if name in ("angle", "rate") and not np.all(np.isfinite(value)):
+                raise InputError(f"{place}step commands {name} that are not finite, expected rad; correct it")
+        if getattr(controller, "compiled", is_tree(controller)):
+            if _outline(after) != _outline(state):
+                raise InputError(f"{place}step returns a state unlike that of reset, expected equal shapes; correct it")
+            if has_jax():
+                import_jax().eval_shape(lambda c, now, truth: c.step(c.reset(now, truth), now), controller, seen, truth)
+
+
+def _outline(state: Any) -> str:
+    """Describe structure, shapes and kinds of numbers; not the precision, which a compiled program makes one."""
+    return repr(map_arrays(lambda each: f"{np.asarray(each).dtype.kind}{np.shape(each)}", state))

@@ -19,7 +19,7 @@ from archerfish2.records.json_files import plain, read_struct, write_json
 from archerfish2.records.limits import LimitsRecord
 from archerfish2.records.muzzle import MuzzleRecord
 from archerfish2.records.plant import PlantRecord
-from archerfish2.records.record import Record, Struct
+from archerfish2.records.record import Struct
 from archerfish2.records.sensing import SensingRecord
 
 SCHEMA = "archerfish.robot/1"
@@ -27,8 +27,7 @@ SHORTEST_PERIOD_S, LONGEST_DELAY_S = 1e-5, 1.0
 """Of the plants of a gimbal [s]: what lies beyond is no gimbal, and would make its model huge."""
 Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f\ud800-\udfff]{1,100}\Z")]
 Part = Literal["pitch", "yaw", "muzzle", "sensing", "limits"]
-_KINDS: tuple[type[Record], ...] = (PlantRecord, PlantRecord, MuzzleRecord, SensingRecord, LimitsRecord)
-RECORDS = dict(zip(get_args(Part), _KINDS, strict=True))
+RECORDS = dict(zip(get_args(Part), (PlantRecord, PlantRecord, MuzzleRecord, SensingRecord, LimitsRecord), strict=True))
 """The parts of a robot; each has a file of its own."""
 
 
@@ -69,7 +68,8 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
     """A robot, as far as it has been identified; the rest is assumed, and named.
 
     Raises:
-      InputError: if a plant can't be that of a gimbal's axis: swapped, of several inputs, not stable, of no gain.
+      InputError: if a plant can't be that of a gimbal's axis (swapped, of several inputs, not stable, of no gain) and
+        has no verdict that says so.
     """
 
     pitch: PlantRecord
@@ -87,8 +87,10 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_axis(self.pitch, "pitch")
-        _check_axis(self.yaw, "yaw")
+        for axis, plant in (("pitch", self.pitch), ("yaw", self.yaw)):
+            has_verdict = axis in self.parts and not self.parts[axis].usable
+            if not has_verdict and (fault := axis_fault(plant, axis)):
+                raise InputError(fault)
 
     @classmethod
     def paper(cls) -> Self:
@@ -105,7 +107,8 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
 
         Args:
           folder: with pitch.json, yaw.json and the others.
-          accept_unusable: whether parts are taken that their identification found not usable.
+          accept_unusable: whether parts are taken that their identification found not usable; plants that can't be
+            simulated never are.
 
         Raises:
           InputError: if a record is missing or damaged, or a part is not usable.
@@ -116,33 +119,47 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         if is_written:
             facts = read_struct(folder / "robot.json", _Written, SCHEMA, "identify again")
         files = {part: folder / f"{part}.json" for part in RECORDS}
-        for part, verdict in facts.parts.items():
-            if not (verdict.usable or accept_unusable):
-                problem = f"is not usable: {(verdict.reasons or (verdict.headline,))[0]}"
-                remedy = verdict.next_step or "identify it again"
-                raise file_error(files[part], one_line(problem), one_line(f"{remedy}, or pass accept_unusable=True"))
         found: dict[str, Any] = {part: RECORDS[part].load(path) for part, path in files.items() if path.exists()}
-        needed = {"pitch", "yaw", *facts.records, *facts.parts, *(("muzzle", "limits") if is_written else ())}
+        needed = {"pitch", "yaw", *facts.records, *(("muzzle", "limits") if is_written else ())}
         if missing := sorted(needed - found.keys()):
             raise file_error(folder, f"expected a folder with {missing[0]}.json", "name that of a robot")
         if not is_written:
             facts = facts.replace(assumed=tuple(part for part in RECORDS if part not in found))
             found = {"muzzle": paper_muzzle(), "limits": gate_limits()} | found
         try:
-            return cls(name=facts.name, assumed=facts.assumed, parts=facts.parts, folder=folder, **found)
+            robot = cls(name=facts.name, assumed=facts.assumed, parts=facts.parts, folder=folder, **found)
         except InputError as error:
             raise InputError(f"{folder}: {error}") from error
+        robot.check_usable(accept_unusable=accept_unusable)
+        return robot
+
+    def check_usable(self, *, accept_unusable: bool = False) -> None:
+        """Refuse a robot of which a part is not usable.
+
+        Args:
+          accept_unusable: whether parts are taken that their identification found not usable; plants that can't be
+            simulated never are.
+
+        Raises:
+          InputError: naming the part, why, and what to do.
+        """
+        for part, verdict in self.parts.items():
+            fault = axis_fault(getattr(self, part), part) if part in ("pitch", "yaw") else ""
+            if verdict.usable or (accept_unusable and not fault):
+                continue
+            reason = fault if accept_unusable else (*verdict.reasons, verdict.headline)[0]
+            remedy = (verdict.next_step or "identify it again") + ("" if fault else ", or pass accept_unusable=True")
+            place = self.folder / f"{part}.json" if self.folder else f"{self.name}: {part}"
+            raise file_error(place, one_line(f"is not usable: {reason}"), one_line(remedy))
 
     def save(self, folder: str | Path) -> None:
         """Write all records and robot.json, which comes last, into a folder; what is there of a robot is replaced."""
         folder = Path(folder)
-        for part in RECORDS:
-            record = getattr(self, part)
-            if record is not None:
-                record.save(folder / f"{part}.json")
-            else:
-                (folder / f"{part}.json").unlink(missing_ok=True)
         records = [part for part in RECORDS if getattr(self, part) is not None]
+        for part in records:
+            getattr(self, part).save(folder / f"{part}.json")
+        if self.sensing is None:  # nothing else may be missing
+            (folder / "sensing.json").unlink(missing_ok=True)
         facts = {"name": self.name, "assumed": self.assumed, "parts": self.parts, "records": records}
         write_json(folder / "robot.json", {"schema": SCHEMA, **plain(facts)})
 
@@ -210,26 +227,28 @@ def _own_plant(spec: str, axis: str) -> PlantRecord:
         plant = found.value(axis) if callable(found.value) else found.value
         if not isinstance(plant, PlantRecord):
             raise InputError(f"gives a {type(plant).__name__} for {axis}, expected a PlantRecord; return one")
-        _check_axis(plant, axis)
+        if fault := axis_fault(plant, axis):
+            raise InputError(fault)
     return plant.replace(axis=axis)
 
 
-def _check_axis(plant: PlantRecord, axis: str) -> None:
+def axis_fault(plant: PlantRecord, axis: str) -> str:
+    """Return why a plant can't be that of a gimbal's axis, and what to do; "" if it can."""
     if plant.axis in {"pitch", "yaw"} - {axis}:
-        raise InputError(f"{axis} is the plant of the {plant.axis} axis, expected that of {axis}; swap the two")
+        return f"{axis} is the plant of the {plant.axis} axis, expected that of {axis}; swap the two"
     if plant.B.shape[1] != 1:
-        raise InputError(f"{axis} has {plant.B.shape[1]} inputs, expected one; identify it with one input")
+        return f"{axis} has {plant.B.shape[1]} inputs, expected one; identify it with one input"
     if plant.sample_period_s < SHORTEST_PERIOD_S:
-        period = f"{plant.sample_period_s:g} s, expected {SHORTEST_PERIOD_S:g} s or more"
-        raise InputError(f"{axis} has a sampling period of {period}; resample its log")
+        period_s = plant.sample_period_s
+        return f"{axis} has a sampling period of {period_s:g} s, expected {SHORTEST_PERIOD_S:g} s or more; resample it"
     longest = max([plant.delay_samples, *plant.draw_delays]) * plant.sample_period_s
     if longest > LONGEST_DELAY_S:
-        raise InputError(f"{axis} has a delay of {longest:g} s, expected {LONGEST_DELAY_S:g} s or less; identify again")
+        return f"{axis} has a delay of {longest:g} s, expected {LONGEST_DELAY_S:g} s or less; identify again"
     matrices = [plant.A[None], plant.draws["A"]] if plant.draws else [plant.A[None]]
     largest = float(np.max(np.abs(np.linalg.eigvals(np.concatenate(matrices)))))
     if largest >= 1.0:
-        remedy = "close its loop, so that it follows an angle command and comes to rest"
-        raise InputError(f"{axis} has a pole of magnitude {largest:.4g}, expected less than 1; {remedy}")
+        return f"{axis} has a pole of magnitude {largest:.4g}, expected less than 1; close its loop on an angle command"
     gain = plant.dc_gain[0, 0]
-    if not gain > 0.0:
-        raise InputError(f"{axis} has a steady gain of {gain:.4g}, expected more than 0; check the sign of its log")
+    return (
+        "" if gain > 0.0 else f"{axis} has a steady gain of {gain:.4g}, expected more than 0; check the sign of its log"
+    )

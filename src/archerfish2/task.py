@@ -119,8 +119,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
     ranges_m: Annotated[tuple[tuple[_Positive, _Positive], ...], Meta(min_length=1, max_length=100)] = _RANGES
     """Distances of the targets' places [m], cells each; training draws from the nearest to the farthest."""
     lengths_s: Annotated[tuple[_Positive, ...], Meta(max_length=100)] = ()
-    """Lengths of engagements [s], cells each; training draws the first and the last. If empty: 1 and 3 s where
-    parameters are drawn, else 1 s."""
+    """Lengths of engagements [s], cells each; training draws the first and the last. If empty: `lengths`."""
     short_share: _Share = 0.75
     """Share of a training's engagements of the first length, 0…1: so both lengths have as many decisions."""
     period_s: _Positive = 0.02
@@ -146,21 +145,24 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        lengths, longest = ((1.0, 3.0), LONGEST_S) if self.motion in DRAWN else ((1.0,), np.inf)
         structs.force_setattr(self, "name", self.name or self.motion.rpartition(":")[2])
-        structs.force_setattr(self, "lengths_s", self.lengths_s or lengths)
-        rising = all(low < high for low, high in (*self.ranges_m, *itertools.pairwise(self.lengths_s)))
-        if not rising or self.lengths_s[0] < self.period_s or self.lengths_s[-1] > longest:
+        lengths, longest = self.lengths, LONGEST_S if self.motion in DRAWN else np.inf
+        rising = all(low < high for low, high in (*self.ranges_m, *itertools.pairwise(lengths)))
+        if not rising or lengths[0] < self.period_s or lengths[-1] > longest:
             expected = f"the smaller one first, and lengths of {self.period_s:g}…{longest:g} s"
-            found = f"{self.ranges_m} and {self.lengths_s}"
+            found = f"{self.ranges_m} and {lengths}"
             raise InputError(f"Task: fields ranges_m and lengths_s: expected {expected}, got {found}; correct it")
 
     def replace(self, **changes: Any) -> Self:
-        """Return the same task with some fields changed; name and lengths that a motion gave change with it."""
-        if changes.get("motion", self.motion) != self.motion:
-            usual, given = type(self)(motion=self.motion), {"name": self.name, "lengths_s": self.lengths_s}
-            changes = {f: type(v)() for f, v in given.items() if v == getattr(usual, f)} | changes
+        """Return the same task with some fields changed; the name that a motion gave changes with it."""
+        if "motion" in changes and self.name == type(self)(motion=self.motion).name:
+            changes = {"name": "", **changes}
         return super().replace(**changes)
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """Lengths of engagements [s]; if none are given 1 and 3 s where parameters are drawn, else 1 s."""
+        return self.lengths_s or ((1.0, 3.0) if self.motion in DRAWN else (1.0,))
 
     @classmethod
     def load(cls, name: str | Path, motion: str | None = None) -> Self:
@@ -210,7 +212,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
           InputError: if a user's motion can't be used.
         """
         share = {"static": 1.0, "dynamic": 0.0}.get(self.motion, self.still_share * (self.motion not in DRAWN))
-        made: Scenario = self._scenario(self._motion(), self.ranges_m, self.lengths_s, share, plants)
+        made: Scenario = self._scenario(self._motion(), self.ranges_m, self.lengths, share, plants)
         made.draw(np.random.default_rng(0).random((100, made.uniforms), np.float32))  # a user's targets are checked
         return made
 
@@ -230,10 +232,9 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         # A range of the default ones has the random numbers of its place among them, whichever are beside it.
         places = {range_m: place for place, range_m in enumerate(dict.fromkeys((*_RANGES, *self.ranges_m)))}
         suites = []
-        for length, kind, range_m in itertools.product(self.lengths_s, kinds, self.ranges_m):
-            table, name, motion, share, block = kind
+        for length, (table, name, motion, share, row), range_m in itertools.product(self.lengths, kinds, self.ranges_m):
             place = places[range_m]
-            stream = place + (4 * block if place < len(_RANGES) else 1000 * (block + 1))
+            stream = place + (4 * row if place < len(_RANGES) else 1000 * (row + 1))
             cell = table if length == 1.0 else None, name, range_m, length, stream
             scenario = self._scenario(motion, [range_m], [length], share)
             suites.append(Suite(*cell, round(length / self.period_s), scenario))

@@ -17,7 +17,8 @@ from archerfish.sensing.kalman_filter import noise_from_record
 from archerfish.simulation.scenario import UNIFORMS, draw_engagement
 from archerfish.simulation.setting import make_scenario, make_world, paper_muzzle
 from archerfish2.arrays import map_arrays, register, single_precision
-from archerfish2.controllers.registry import Tuning, make_controller, tuning_at
+from archerfish2.controllers.registry import make_controller
+from archerfish2.controllers.tuning import Tuning, tuning_at
 from archerfish2.protocols import Barrel, Base, Frames, GimbalFeedback, Seen, Truth
 from archerfish2.records.sensing import CameraRecord, LinkRecord, SensingRecord
 from archerfish2.robot import Robot
@@ -84,8 +85,9 @@ def test_commands_and_plans_are_those_of_the_first_edition(name, setting, refere
 
     robot, task = Robot.paper(), Task.load("paper").replace(command_limit=limit, lengths_s=(1.0,))
     if sensing:
-        facts = [vars(each) for each in (sensing.camera, sensing.link)]
-        robot = robot.replace(sensing=SensingRecord(camera=CameraRecord(**facts[0]), link=LinkRecord(**facts[1])))
+        camera = CameraRecord(**vars(sensing.camera))  # whose elevation the first edition gives the azimuth's noise
+        camera = camera.replace(elevation_sd=camera.bearing_sd)
+        robot = robot.replace(sensing=SensingRecord(camera=camera, link=LinkRecord(**vars(sensing.link))))
     second = make_controller(name, robot, task, tuning)
 
     truth = world.truth(engagement)

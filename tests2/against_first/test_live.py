@@ -10,7 +10,8 @@ import pytest
 pytestmark = pytest.mark.against_first
 pytest.importorskip("archerfish.evaluation.suites")
 
-from archerfish2.controllers.registry import Tuning, make_controller  # noqa: E402
+from archerfish2.controllers.registry import make_controller  # noqa: E402
+from archerfish2.controllers.tuning import Tuning  # noqa: E402
 from archerfish2.evaluation.rollout import count, count_perfect_aim  # noqa: E402
 from archerfish2.evaluation.suites import draw  # noqa: E402
 from archerfish2.evaluation.tuning import rates, search  # noqa: E402

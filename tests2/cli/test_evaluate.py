@@ -80,6 +80,21 @@ def test_every_option_reaches_the_evaluation(tmp_path, monkeypatch):
     assert more == {"world": "./w.py:W", "engagements": 7, "seed": 3, "tuned": False}
 
 
+def test_an_unfinished_policy_of_the_robot_is_named(tmp_path, monkeypatch, capsys):
+    evaluate = Mock(side_effect=af.InputError("it was called"))
+    monkeypatch.setattr("archerfish2.cli.evaluate.evaluate", evaluate)
+    af.Robot.paper().save(tmp_path)
+    (tmp_path / "policy").mkdir()
+    (tmp_path / "policy" / "checkpoint.safetensors").write_text("")
+    with pytest.raises(SystemExit, match="2"):
+        main(["evaluate", str(tmp_path)])
+    assert evaluate.call_args[0][0] == ("kalman", "kalman-lq", "oracle")
+    assert (
+        f"not finished and left out; continue it: archerfish2 train --resume {tmp_path}/policy\n"
+        in capsys.readouterr().err
+    )
+
+
 def test_help_names_every_controller_and_task(capsys):
     with pytest.raises(SystemExit, match="0"):
         main(["evaluate", "--help"])

@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from scipy.stats import multivariate_normal
 from archerfish2.arrays import leaves, map_arrays
 from archerfish2.controllers import kalman, manoeuvring, parabola, preview_aim
 from archerfish2.controllers.preview import make_preview
-from archerfish2.controllers.registry import NAMES, make_controller, tuning_at
+from archerfish2.controllers.registry import NAMES, make_controller
+from archerfish2.controllers.tuning import tuning_at
 from archerfish2.dynamics.command_limits import CommandLimits
 from archerfish2.dynamics.linear_axis import advance, gimbal_angle, rest_state
 from archerfish2.protocols import Barrel, Base, Frames, GimbalFeedback, Seen, Truth
@@ -72,6 +74,13 @@ def driving(count, speed):
     """Detections of a target at 3 m that drives left through y = 0 when the last decision is made."""
     lateral = speed * (DT * (np.arange(count) - count + 1) - AGE)
     return np.stack([np.full(count, 3.0), lateral, np.full(count, 0.1)], axis=-1)
+
+
+def test_a_height_has_the_noise_of_the_camera_s_elevation():
+    record = Robot.load(Path(__file__).parents[1] / "infantry").sensing
+    record = record.replace(camera=record.camera.replace(elevation_sd=0.01))
+    track = kalman_filter.begin_track(kalman_filter.noise_from_record(record, 1.0), np.array([3.0, 4.0, 0.1]))
+    assert track.height_variance == pytest.approx(1e-6 + 0.05**2)
 
 
 def test_the_filter_is_that_of_any_textbook():

@@ -2,19 +2,24 @@
 
 import math
 from itertools import product
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import archerfish2 as af
-from archerfish2.controllers.registry import GRIDS, make_controller, tuning_at
+from archerfish2.controllers.network import Layer, Normaliser
+from archerfish2.controllers.observation import make_observer, observer_facts
+from archerfish2.controllers.policy import PolicyFacts
+from archerfish2.controllers.registry import make_controller
+from archerfish2.controllers.tuning import GRIDS, tuning_at
 from archerfish2.evaluation import tuning
 from archerfish2.evaluation.rollout import count
 from archerfish2.evaluation.suites import draw
 from archerfish2.protocols import aim
 
-ROBOT, TASK = af.Robot.paper(), af.Task.load("dynamic").replace(ranges_m=((2, 3),))
+ROBOT, TASK, PAPER = af.Robot.paper(), af.Task.load("dynamic").replace(ranges_m=((2, 3),)), af.Task.load("paper")
 OTHER = ROBOT.replace(name="other", muzzle=ROBOT.muzzle.replace(speed=15.0))
 RATES = tuning.rates
 BEST = (3, -1, 0, 2)  # on the grids of kalman
@@ -44,6 +49,17 @@ class Held:
         return (state[0] + 1, inner), aim(command.angle + self.added.get(state[0], 0.0))._replace(fire=fire)
 
 
+def policy(kind="history", robot=ROBOT, task=PAPER, seed=0):
+    """A policy that aims where its observer does."""
+    facts = observer_facts(kind, robot, task)
+    observer = make_observer(facts)
+    size = sum(each for _, each in observer.layout())
+    zeros, ones = np.zeros(size, np.float32), np.ones(size, np.float32)
+    actor = (Layer(np.zeros((size, 2), np.float32), np.zeros(2, np.float32)),)
+    facts = PolicyFacts(observer=facts, task=task, robot=robot.record_digests(), seed=seed)
+    return af.Policy(observer, Normaliser(zeros, ones, np.float32(0.0)), actor, facts=facts)
+
+
 def short(robot, task):
     """A controller for engagements of half a second alone."""
     return {(0.5,): Held()}[task.lengths_s]
@@ -59,6 +75,7 @@ REFUSED = [
     ("controllers", ELSEWHERE, "was trained for another robot than paper; name that robot's folder"),
     ("controllers", (), "there is none; give one"),
     ("controllers", ("kalman", "kalmn"), "got 'kalmn'; perhaps you meant kalman"),
+    ("controllers", Path("nowhere"), "controller must be one of kalman, .*, got 'nowhere'"),
     ("controllers", {"": "no-lead"}, "field controller: expected str of length >= 1, got ''"),
     ("controllers", ("no-lead", short), r"test_evaluate.py:short: line \d+: KeyError"),
     ("robot", OTHER, "kalman-paper has settings of the paper's robot alone, got other"),
@@ -94,6 +111,38 @@ def test_a_decision_without_fire_is_a_miss_and_changes_no_other_shot():
     (cell,) = af.evaluate(Held(every=2), task=TASK, engagements=4).cells
     hit = af.rollout(Held(), task=TASK, engagements=4).hit
     assert (cell.hits, cell.shots, cell.withheld, cell.decisions) == (hit[:, ::2].sum(), 100, 100, 200)
+
+
+def test_the_papers_figures_stand_beside_what_is_the_papers_alone():
+    both, paper = PAPER.replace(ranges_m=((2, 3),)), policy("paper")
+    others = {
+        "again": policy("paper", seed=1),
+        "history": policy(),
+        "strafe": policy("paper", task=PAPER.replace(motion="strafe")),
+    }
+    given = {"ours": paper, **others, "kalman": "kalman-paper"}
+    results = af.evaluate(given, ROBOT, both, engagements=2)
+    assert {cell.table for cell in results.cells} == {"II", "III"}
+    assert {cell.controller for cell in results.cells if cell.paper} == {"ours", "again", "kalman"}
+    assert [repr(results).count(f"paper: {name} (printed)") for name in ("PPO", "Kalman")] == [2, 2]
+    departure = Path(__file__).parents[2] / "examples2" / "departure.py"
+    wide, fast, own = ({"hit_radius_m": 0.3}, {"max_speed_m_s": 1.0}, {"motion": f"{departure}:departure"})
+    for robot, changes in ((ROBOT, wide), (ROBOT, fast), (ROBOT, own), (OTHER, {})):
+        unlike = af.evaluate({"ours": paper}, robot, both.replace(**changes), engagements=2)
+        assert {(cell.table, cell.paper) for cell in unlike.cells} == {(None, None)}
+    assert "static targets: paper, limit gate, engagements of 1 s; hit_radius_m 0.3\n" in repr(
+        af.evaluate("no-lead", ROBOT, both.replace(**wide), engagements=2)
+    )
+
+
+def test_what_is_unlike_the_training_of_a_policy_is_said():
+    ours = {"ours": policy(), "kalman": "no-lead"}
+    assert af.evaluate(ours, ROBOT, TASK, engagements=2).remarks == ()
+    results = af.evaluate(ours, OTHER, TASK.replace(motion="pass", command_limit="box", lateral_m=0.1), engagements=2)
+    unlike = "targets paper (here pass), limit gate (here box), lateral_m 0.7 (here 0.1), another robot's records"
+    assert results.remarks == (f"ours was trained for {unlike}.",)
+    assert f"{results.remarks[0]}" in repr(results).replace("\n", " ")
+    assert results.remarks[0] in results.report().doubts
 
 
 def test_accelerations_count_from_the_rest_that_an_engagement_begins_with():
@@ -158,7 +207,8 @@ def test_a_tuning_is_kept_for_its_robot_and_task(searched, tmp_path, monkeypatch
     assert len(searched) == 4
     monkeypatch.setenv("ARCHERFISH_CACHE", "off")
     af.tune("kalman", OTHER, TASK)
-    af.tune("kalman", ROBOT, af.Task.load("paper"))  # comes with Archerfish
+    for lengths in ((), (1.0,)):
+        af.tune("kalman", ROBOT, af.Task.load("paper").replace(lengths_s=lengths))  # comes with Archerfish
     assert len(searched) == 5
 
 

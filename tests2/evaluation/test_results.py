@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import archerfish2 as af
-from archerfish2.controllers.registry import Tuning
+from archerfish2.controllers.tuning import Tuning
 from archerfish2.evaluation.hit_rate import hit_rate, paired_difference
 from archerfish2.evaluation.published import with_bounds
 from archerfish2.evaluation.results import Cell, Comparison, Results, pairs_to_compare
@@ -119,7 +119,7 @@ def test_every_rate_and_its_interval_are_printed_within_110_columns():
         assert f"{100 * cell.rate:.1f} ({100 * cell.low:.1f}–{100 * cell.high:.1f})" in text
     assert {f"{100 * cell.low:.1f}–{100 * cell.high:.1f}" for cell in wide.cells} < {*repr(wide).split()}
     assert all(f" {near}–{near + 1} m" in repr(wide) for near in range(1, 31))
-    for said in ("Table II, static targets", "policy (printed)", "83.80", "mine (no fire)", "the 95 %", "Bound: "):
+    for said in ("Table II, static targets", "paper: PPO (printed)", "83.80", "mine (no fire)", "the 95 %", "Bound: "):
         assert said in text
     bound = next(line for line in text.split("\n") if line.startswith("bound "))
     assert bound.split() == ["bound", "87.8", "90.5", "91.1", "91.9", "90.3"]

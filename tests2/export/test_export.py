@@ -1,7 +1,9 @@
 """Printed decisions against NumPy's, in C and ONNX; the programs of the page; what can't be exported."""
 
 import ctypes
+import functools
 import itertools
+import json
 import re
 import shutil
 import subprocess
@@ -19,7 +21,8 @@ from archerfish2.cli.main import main
 from archerfish2.controllers.network import Layer, Normaliser
 from archerfish2.controllers.observation import make_observer, observer_facts
 from archerfish2.controllers.policy import PolicyFacts
-from archerfish2.controllers.registry import make_controller, tuning_at
+from archerfish2.controllers.registry import make_controller
+from archerfish2.controllers.tuning import tuning_at
 from archerfish2.export import check, trace
 from archerfish2.export.c99 import print_c
 from archerfish2.export.decision import Decision, Gated, example_decisions, seen_of, trace_decision
@@ -27,10 +30,12 @@ from archerfish2.export.export import export
 from archerfish2.export.onnx import print_onnx
 from archerfish2.export.trace import Trace, scalars_of, schedule
 from archerfish2.protocols import aim
+from archerfish2.records.json_files import plain
 
 PAPER, INFANTRY = af.Robot.paper(), af.Robot.load(Path(__file__).parents[1] / "infantry")
 TASK = af.Task.load("paper")
 PAGE = (Path(__file__).parents[2] / "docs2" / "export.md").read_text()
+COMPILE, MORE = "cc -O2 -ffp-contract=off -c", "(docs2/export.md)"
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-O0", "-shared", "-fPIC")
 POLICIES = {"paper": PAPER, "history": PAPER, "tracked": INFANTRY, "multimodel": INFANTRY}
 CONTROLLERS = ("kalman", "kalman-lq", "imm-lq", "no-lead")
@@ -332,7 +337,7 @@ def test_what_can_not_be_exported_is_refused_and_nothing_is_written(tmp_path, re
     )
     refused("oracle knows the target's path", export, "oracle", tmp_path / "a.c")
     refused(
-        "kalman-lq is not tuned for paper and this task; run archerfish2 evaluate FOLDER --task any",
+        "not tuned for paper and this task; run archerfish2 evaluate --task any --controllers kalman-lq, .*--untuned",
         export,
         "kalman-lq",
         tmp_path / "a.c",
@@ -352,7 +357,7 @@ def test_without_compiler_or_onnx_it_is_said_what_was_not_checked(tmp_path, refu
     for end in (".c", ".onnx"):
         report = af.export("kalman", tmp_path / f"lq{end}", task="paper")
         assert report.headline == f"lq{end} is written, but was not compared with NumPy."
-        assert "install a C compiler or ONNX Runtime" in report.next_steps[0]
+        assert "install a C compiler or ONNX Runtime" in report.next_steps[-1]
     monkeypatch.setitem(sys.modules, "onnx", None)
     refused("the package onnx is not installed", export, "kalman", tmp_path / "x.onnx", task="paper")
 
@@ -379,7 +384,53 @@ def test_the_command_exports_with_the_settings_that_the_folder_holds(tmp_path, m
     assert "runs/train: no such policy; train it" in capsys.readouterr().err
     assert {each.name for each in tmp_path.glob("policy.*")} == {"policy.c", "policy.h"}
     (tmp_path / "tuning.json").write_text('{"tunings": [{"controller": "kalman-lq"}]}')
-    refused("tuning.json: is not as evaluate leaves it", export, "kalman-lq", tmp_path / "lq.c", robot, TASK)
+    refused("tuning.json: .*remove it, and it is made again", export, "kalman-lq", tmp_path / "lq.c", robot, TASK)
+
+
+def test_kept_settings_are_those_of_this_version_and_code_in_the_folder_or_the_cache(tmp_path, monkeypatch, refused):
+    monkeypatch.setenv("ARCHERFISH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("archerfish2.evaluation.tuning.rates", lambda *_: lambda each: 0.5 - each.smoothing)
+    monkeypatch.setattr("archerfish2.export.export.c_decision", lambda *_: None)
+    INFANTRY.save(tmp_path / "robot")
+    path, folder = tmp_path / "lq.c", tmp_path / "robot" / "tuning.json"
+    for robot in (af.Robot.load(tmp_path / "robot"), INFANTRY.replace(folder=None), PAPER):
+        helps = f"evaluate {robot.folder} --task any" if robot.folder else "call archerfish2.tune"
+        helps = "evaluate --task any" if robot is PAPER else helps
+        refused(f"kalman-lq is not tuned for .*{helps}", export, "kalman-lq", path, robot)
+        af.tune("kalman-lq", robot, af.Task())
+        export("kalman-lq", path, robot)
+    refused("kalman-lq is not tuned", export, "kalman-lq", path, robot, "strafe")
+    export("kalman-lq", path, robot, "strafe", "start")
+    for field in ("version", "grids"):
+        content = json.loads(folder.read_text())
+        content["tunings"][0][field] = "another"
+        folder.write_text(json.dumps(content))
+        refused("kalman-lq is not tuned for infantry", export, "kalman-lq", path, tmp_path / "robot")
+
+
+def test_the_command_ends_with_the_files_and_what_to_do_with_them(tmp_path, capsys):
+    main(["export", "--controller", "kalman", "--task", "strafe", "--untuned", "--out", str(tmp_path / "mine.c")])
+    printed = capsys.readouterr().out.splitlines()
+    path = tmp_path / "mine"
+    assert printed[-2:] == [f"wrote {path}.c and {path}.h", f"next: {COMPILE} {path}.c {MORE}"]
+    assert all((tmp_path / name).is_file() for name in ("mine.c", "mine.h"))
+
+
+def test_a_policy_is_given_by_any_file_or_its_folder_everywhere(tmp_path, monkeypatch, refused):
+    monkeypatch.chdir(tmp_path)
+    trained, short = policy("history", PAPER), TASK.replace(ranges_m=((2, 3),))
+    Path("folder").mkdir()
+    for name in ("pol", "pol.safetensors", "folder"):
+        trained.save(name)
+        assert plain(af.Policy.load(name).facts) == plain(trained.facts)
+        assert export(name, "policy.c").title == "Export of policy"
+        assert {cell.kind for cell in af.evaluate(name, task=short, engagements=2).cells} == {"policy"}
+    Path("begun").mkdir()
+    for file in ("run.json", "checkpoint.safetensors"):
+        (tmp_path / "begun" / file).write_text("{}")
+    complaint = "begun: is a training that is not finished; run archerfish2 train --resume begun"
+    for call in (af.Policy.load, af.evaluate, functools.partial(export, path="policy.c")):
+        refused(complaint, call, "begun")
 
 
 def test_commands_that_are_no_numbers_are_found_by_the_comparison(refused, tmp_path):

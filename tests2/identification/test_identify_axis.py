@@ -192,7 +192,7 @@ def test_logs_of_one_name_in_two_folders_are_two_in_the_provenance(tmp_path):
     for seed, path in enumerate(paths):
         path.parent.mkdir()
         recorded(SWEEP, seed=seed).write_csv(path)
-    hashes = identify_axis(paths, order=2).record.provenance["logs"]
+    hashes = identify_axis(paths, order=2).record.provenance["inputs"]
     assert set(hashes) == {str(path) for path in paths}
     assert len(set(hashes.values())) == 2
 

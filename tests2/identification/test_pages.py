@@ -52,7 +52,7 @@ def test_the_blocks_on_muzzle_and_sensing_run_on_a_robot_s_logs(lab_folder, tmp_
 def test_logs_toml_of_the_page_is_read_as_it_says(tmp_path):
     text = re.search(r"```toml\n(.*?)```", PAGES["your_robot"], re.DOTALL)[1]
     (tmp_path / "logs.toml").write_text(text)
-    content, (settings, *_) = tomllib.loads(text), read_folder(tmp_path)
+    content, settings = tomllib.loads(text), read_folder(tmp_path)
     for axis in AXES:
         fitted, held_back = axis_logs(tmp_path, axis, getattr(settings, axis))
         assert [each.name for each in fitted] == content[axis]["fit"]

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from archerfish2.cli.main import main
-from archerfish2.identification.robot import identify_parts, identify_robot
+from archerfish2.errors import InputError
+from archerfish2.identification.robot import identify_robot
 from archerfish2.identification.simulation import simulate
 from archerfish2.logs.log import read_log
 from archerfish2.logs.recording import Recording
+from archerfish2.paper.gimbal import gate_limits
 from archerfish2.records.plant import PlantRecord
 from archerfish2.robot import Robot
 
@@ -53,13 +55,13 @@ def test_a_team_names_its_own_files_columns_and_units(lab_folder, tmp_path, refu
         '[yaw]\nfit=["a.csv"]\nvalidate=["b.csv"]\ninput="cmd"\noutput="enc"\ntime="t_s"\nunit="deg"\n'
         "[limits]\npitch_deg=[-20,12]\nyaw_deg=[-60,60]\nmax_rate_deg_s=600\nmax_acceleration_deg_s2=[5000,3000]\n"
     )
-    robot = identify_robot(tmp_path)
+    robot = identify_robot(tmp_path).record
     assert robot.assumed == ("pitch", "muzzle", "sensing")
     assert robot.yaw.dc_gain.item() == pytest.approx(1.0, abs=0.05)
     assert robot.limits.pitch.low == pytest.approx(np.radians(-20))
     assert robot.limits.yaw.max_acceleration == pytest.approx(np.radians(3000))
     settings.write_text(settings.read_text().replace("[-60,60]", "[-0.5,0.5]"))
-    limits, *_ = identify_parts(tmp_path).report.findings
+    limits, *_ = identify_robot(tmp_path).report.findings
     assert (limits.code, limits.place) == ("limits", "logs.toml")
     assert re.fullmatch(r"commands of yaw go from -.* to .*°, its limits are -0.5 to 0.5°", limits.message)
     for text, complaint in (
@@ -77,9 +79,125 @@ def test_a_team_names_its_own_files_columns_and_units(lab_folder, tmp_path, refu
     ):
         settings.write_text(text)
         refused(complaint, identify_robot, tmp_path)
-    (tmp_path / "limits.json").write_text('{"schema": "archerfish.limits/1"}')
-    remedy = r"write its figures to \[limits\] in logs.toml, then: archerfish2 identify"
-    refused(f"limits.json: field schema: .*; {remedy}", identify_robot, tmp_path)
+
+
+def write_axis(path, change=lambda u, y: (u, y), names=("u", "y"), time="time_s"):
+    """Write a log of steps of an axis, changed, and return its folder."""
+    plant, noise = PlantRecord.second_order(4.0, 0.6, 0.01, 2e-3), np.random.default_rng(0)
+    u = np.repeat([0.0, 0.4, -0.2, 0.3, 0.0, 0.2], 200)
+    y = simulate(plant, u[:, None])[:, 0] + 1e-4 * noise.standard_normal(len(u))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    u, y = change(u, y)
+    Recording.from_arrays(u, y, 2e-3, input_names=names[:1], output_names=names[1:]).write_csv(path, time)
+    return path.parent
+
+
+WRONG = {
+    'output = "-y"': lambda u, y: (u, -y),
+    'input = "y" and output = "u"': lambda u, y: (y, u),
+    'input_unit = "deg"': lambda u, y: (np.degrees(u), y),
+    'output = "-y" and output_unit = "deg"': lambda u, y: (u, -np.degrees(y)),
+}
+
+
+@pytest.mark.parametrize("remedy", WRONG)
+def test_wrong_columns_signs_and_units_are_a_verdict_whose_remedy_helps(remedy, tmp_path, refused):
+    folder = write_axis(tmp_path / "logs" / "yaw_step.csv", WRONG[remedy])
+    found = identify_robot(folder, out=tmp_path / "robot")
+    assert found.report.next_steps[0] == f"yaw: Write {remedy} to [yaw] in logs.toml."
+    assert "Not usable" in (tmp_path / "robot" / "yaw.html").read_text()
+    refused(r"robot.yaw.json: is not usable: .*; Write .* to \[yaw\] in logs.toml", Robot.load, tmp_path / "robot")
+    (folder / "logs.toml").write_text("[yaw]\n" + remedy.replace(" and ", "\n"))
+    again = identify_robot(folder, out=tmp_path / "robot").record
+    assert (again.parts["yaw"].usable, again.yaw.dc_gain.item()) == (True, pytest.approx(1.0, abs=0.01))
+
+
+def test_a_part_that_can_not_be_used_is_assumed_with_a_verdict_and_the_others_are_kept(tmp_path, refused):
+    logs, out = write_axis(tmp_path / "logs" / "yaw_step.csv"), tmp_path / "robot"
+    write_axis(logs / "pitch_step.csv", lambda u, y: (u, -y))
+    rows = [f"0,3,{height}" for height in (0.01, -0.02, 0.0, 0.02, -0.01, 0.015)]
+    (logs / "shots.csv").write_text("\n".join(["pitch_deg,plane_distance_m,hit_height_m", *rows]))
+    for name in ("sweep", "plate", "target"):
+        (logs / f"timing_{name}.csv").write_text("time_s\n0\n")
+    limits = gate_limits().replace(source="a data sheet")
+    limits.save(logs / "limits.json")  # the first edition wrote the same under its own version
+    text = (logs / "limits.json").read_text().replace("limits/2", "limits/1")
+    (logs / "limits.json").write_text(text)
+    found = identify_robot(logs, out=out)
+    usable = {part: verdict.usable for part, verdict in found.record.parts.items()}
+    assert usable == {"pitch": False, "yaw": True, "muzzle": False, "sensing": False}
+    assert (found.record.assumed, found.record.limits.source) == (("muzzle", "sensing"), "a data sheet")
+    steps = "\n".join(found.report.next_steps)
+    assert "muzzle: measure speed_m_s of each shot, or shoot at 2 target distances that differ" in steps
+    assert "sensing: record timing_moments.csv, too, or take timing_target.csv out" in steps
+    assert {each.name for each in out.glob("*.html")} == {f"{part}.html" for part in ("robot", *usable)}
+    refused(r"pitch.json: is not usable: The steady gain is -1: .*; Write output", Robot.load, out)
+    refused(r"pitch.json: is not usable: pitch has a steady gain of -1", Robot.load, out, accept_unusable=True)
+    write_axis(logs / "pitch_step.csv")
+    (logs / "limits.json").write_text(text.replace("max_rate", "rate"))
+    again = identify_robot(logs, out=out)
+    refused(r"muzzle.json: is not usable: .*; measure speed_m_s .*, or pass accept_unusable=True", Robot.load, out)
+    assert Robot.load(out, accept_unusable=True).assumed == ("muzzle", "sensing", "limits")
+    assert "limits: take it out, or begin logs.toml with your figures: limits = {" in repr(again)
+
+
+def test_a_first_line_for_logs_toml_names_the_columns_of_a_log(tmp_path, refused):
+    folder = write_axis(tmp_path / "logs" / "monday.csv", names=("cmd", "angle"), time="stamp_s")
+    complaint = r'expected .*, found "monday.csv"; monday.csv has "stamp_s", "cmd", "angle"; name the logs so, or say'
+    with pytest.raises(InputError, match=complaint) as error:
+        identify_robot(folder)
+    (folder / "logs.toml").write_text(str(error.value).partition("for instance: ")[2])
+    assert identify_robot(folder).record.parts["yaw"].usable
+    (folder / "logs.toml").unlink()
+    (folder / "monday.csv").rename(folder / "pitch_step.csv")
+    refused(
+        r'no column "time_s".* in logs.toml: time = "stamp_s", input = "cmd", output = "angle"', identify_robot, folder
+    )
+
+
+def test_of_two_logs_of_one_name_the_one_that_is_not_fitted_is_named(tmp_path):
+    write_axis(tmp_path / "logs" / "run" / "yaw_step.csv")
+    folder = write_axis(tmp_path / "logs" / "yaw_step.csv", lambda u, y: (0.5 * u, 0.5 * y))
+    (folder / "logs.toml").write_text('[yaw]\nfit = ["run/yaw_step.csv"]\n')
+    unused, *_ = identify_robot(folder).report.findings
+    assert unused.message == 'not used: "yaw_step.csv"'
+
+
+def test_degrees_that_are_said_to_be_radians_show_in_commands_of_many_turns(tmp_path):
+    folder = write_axis(tmp_path / "logs" / "pitch_step.csv", lambda u, y: (np.degrees(u), np.degrees(y)))
+    limits, *_ = identify_robot(folder).report.findings
+    assert limits.message == "commands of pitch go from -657 to 1.31e+03°, expected -90 to 90°"
+    (folder / "logs.toml").write_text('[pitch]\nunit = "deg"\n')
+    assert identify_robot(folder).report.findings == ()
+
+
+def test_a_length_that_is_not_given_is_assumed_on_the_first_page_which_has_the_offsets(tmp_path):
+    rng, distance = np.random.default_rng(0), np.repeat([1.0, 2.0, 3.0], 20)
+    speed, (up, left) = rng.normal(20.0, 0.3, 60), rng.normal([[0.01], [-0.02]], 0.003, (2, 60))
+    height = distance * up - 9.81 / 2 * (distance / speed) ** 2
+    rows = np.column_stack([0.0 * up, distance, height, left * distance, speed])
+    header = "pitch_deg,plane_distance_m,hit_height_m,lateral_m,speed_m_s"
+    np.savetxt(tmp_path / "shots.csv", rows, "%.4f", delimiter=",", header=header, comments="")
+    report = identify_robot(tmp_path).report
+    assert report.headline == "muzzle; assumed: pitch, yaw, sensing, limits, length of the muzzle (0 m)"
+    assert re.fullmatch(
+        r"muzzle: pellets leave 1\.1\d° right of the barrel, (5\.[89]|6\.[01]) cm at 3 m\.", report.known[1]
+    )
+    assert "length_m in [muzzle] of logs.toml" in report.next_steps[0]
+    (tmp_path / "tape.json").write_text('{"muzzle_length_m": 0.16}')
+    assert identify_robot(tmp_path).report.headline == "muzzle; assumed: pitch, yaw, sensing, limits"
+
+
+def test_python_and_the_command_keep_what_they_did_not_write(tmp_path, refused):
+    folder, out = write_axis(tmp_path / "logs" / "yaw_step.csv"), tmp_path / "out"
+    out.mkdir()
+    (out / "robot.html").write_text("mine")
+    refused("robot.html: was not written by this command; .* --overwrite", identify_robot, folder, out=out)
+    assert (out / "robot.html").read_text() == "mine"
+    found = identify_robot(folder, out=out, overwrite=True)
+    assert Robot.load(out).digest() == found.record.digest()
+    assert found.report.headline == "yaw; none held back: yaw; assumed: pitch, muzzle, sensing, limits"
+    assert len(found.plot().axes[0].lines) == 2
 
 
 @pytest.fixture(scope="module")
@@ -101,10 +219,10 @@ def one_table(tmp_path_factory):
 
 
 def test_signs_gain_and_name_are_given_and_what_is_to_be_done_is_said(one_table):
-    found = identify_parts(one_table, name="mine")
-    assert (found.robot.name, found.robot.assumed) == ("mine", ("muzzle", "sensing", "limits"))
-    assert found.robot.pitch.dc_gain.item() == pytest.approx(1.0, abs=0.01)
-    assert found.robot.yaw.dc_gain.item() == pytest.approx(1.0, abs=1e-9)
+    found = identify_robot(one_table, name="mine")
+    assert (found.record.name, found.record.assumed) == ("mine", ("muzzle", "sensing", "limits"))
+    assert found.record.pitch.dc_gain.item() == pytest.approx(1.0, abs=0.01)
+    assert found.record.yaw.dc_gain.item() == pytest.approx(1.0, abs=1e-9)
     unused, *others = found.report.findings
     assert unused.message == 'not used: "Gier.CSV", "timing_sweep.csv"'
     assert "expected names are {pitch,yaw}_{sweep,step}" in unused.remedy
@@ -123,7 +241,7 @@ def test_timing_logs_may_be_in_degrees_and_in_the_optical_frame(lab_folder, robo
     for name, first, table in zip(FILES, (header, names), (np.hstack([stamps, np.degrees(angles)]), rows), strict=True):
         np.savetxt(tmp_path / f"TIMING_{name}.CSV", table, delimiter=",", header=first, comments="", fmt="%.12g")
     (tmp_path / "logs.toml").write_text('[sensing]\nframe = "optical"\ndegrees = true\n')
-    known, found = (Robot.load(robot_folder).sensing.camera, identify_robot(tmp_path).sensing.camera)
+    known, found = (Robot.load(robot_folder).sensing.camera, identify_robot(tmp_path).record.sensing.camera)
     assert found.time_offset == pytest.approx(known.time_offset, abs=1e-6)
     assert found.bearing_sd == pytest.approx(known.bearing_sd, rel=1e-3)
 
@@ -139,9 +257,9 @@ def test_a_robot_is_not_written_among_its_logs(one_table, capsys, refused):
 
 
 def test_folders_without_logs_are_refused(tmp_path, refused):
-    refused("gone: there is no such folder", identify_parts, tmp_path / "gone")
+    refused("gone: there is no such folder", identify_robot, tmp_path / "gone")
     (tmp_path / "Gier.CSV").touch()
-    refused('expected .*shots.csv.*, found "Gier.CSV"; name the logs so, or in logs.toml', identify_parts, tmp_path)
+    refused('expected .*shots.csv.*, found "Gier.CSV"; name the logs so, or in logs.toml', identify_robot, tmp_path)
 
 
 def test_an_axis_is_identified_by_a_command_next_to_another(tmp_path, capsys):

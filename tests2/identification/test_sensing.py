@@ -11,11 +11,10 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from archerfish2.cli.identify_sensing import IdentifySensing
-from archerfish2.identification.sensing.alignment import rough_offset, spherical
+from archerfish2.identification.sensing.alignment import gimbal_track, rough_offset, spherical
 from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.identification.sensing.timing import command_delays, frame_timing, step_latency
-from archerfish2.identification.sensing.track import gimbal_track
-from archerfish2.identification.statistics import mean_estimate, scatter_estimate
+from archerfish2.identification.statistics import mean_estimate, sample_mean, scatter_estimate
 from archerfish2.logs.timing import DetectionLog, GimbalLog, read_detections, read_gimbal_log
 from archerfish2.records.sensing import SensingRecord
 
@@ -113,7 +112,7 @@ def test_offset_and_delays_are_found_and_their_intervals_have_the_truth(found):
 
 def test_a_full_set_leaves_only_the_commands_stamps_missing(found, tmp_path):
     _, result = found[0]
-    assert ["--commands" in each for each in result.report.next_steps] == [True, False]
+    assert ["timing_commands.csv" in each for each in result.report.next_steps] == [True, False]
     assert (repr(result), result.report.usable) == (str(result.report), True)
     assert re.search(r"camera 80 Hz, .*\nframes a second +80\.0\d\n", repr(result), re.DOTALL)
     result.save(tmp_path)
@@ -127,10 +126,10 @@ def test_a_sweep_alone_gives_the_latency_less_the_feedbacks_delay(sweep):
     assert (result.record.camera.latency_basis, result.record.link.command_delay) == ("feedback", None)
     assert result.record.camera.latency == pytest.approx(sweep.latency - FEEDBACK_S, abs=1e-3)
     assert ("less the delay of the gimbal's feedback" in result.report.known[0], result.report.doubts) == (True, ())
-    assert [re.findall("--[a-z-]+", each) for each in result.report.next_steps] == [
-        ["--target", "--target-steps"],
-        ["--steps"],
-        ["--commands"],
+    assert [re.findall(r"timing_(\w+)", each) for each in result.report.next_steps] == [
+        ["target", "moments"],
+        ["steps"],
+        ["commands"],
         [],
     ]
     for alone in (
@@ -319,6 +318,20 @@ def test_the_intervals_of_a_latency_have_it_though_messages_depend_on_one_anothe
     least = 262 if correlation else 271  # 271: 1 in 1000 sets; correlated ones may fall a little short
     assert sum(each.low <= 0 <= each.high for each in means) >= least
     assert correlation or sum(each.low <= 1 <= each.high for each in deviations) >= least
+
+
+@pytest.mark.parametrize("count", [5, 10, 20, 100])
+def test_the_interval_of_a_mean_has_it_for_few_values_too(count):
+    samples = np.random.default_rng(0).standard_normal((1000, count))
+    for found in ([mean_estimate(each) for each in samples], [sample_mean(each) for each in samples]):
+        assert sum(each.low <= 0 <= each.high for each in found) >= 928  # of 95 %: all but 1 in 1000 sets
+    assert np.isnan(sample_mean(samples[0, :1]).low)
+
+
+def test_four_steps_of_the_command_are_too_few_for_a_delay(sweep):
+    steps = [steps_log(np.full(count, 0.012), rate=200.0) for count in (4, 5)]
+    four, five = (identify_sensing(sweep.sweep, sweep.plate, steps=[each]).estimates for each in steps)
+    assert ("link.command_delay" in four, np.isfinite(five["link.command_jitter"].high)) == (False, True)
 
 
 def steps_log(delays, **robot):

@@ -102,6 +102,7 @@ REPAIRED = {
     "no input at first": (text({2: "0.00,,0.000", 3: "0.01,,0.125"}), {"late-input": 2}, {}),
     "a first line without a value": (text({2: "0.00,nan,0"}).partition("\n")[2], {"late-input": 1}, NUMBERED),
     "no output at last": (text({41: "0.39,1,"}), {"missing-values": 1}, {}),
+    "no stamp at last": (text({41: ",1,2"}), {"missing-values": 1}, {}),
 }
 
 

@@ -1,5 +1,6 @@
 """`archerfish2 evaluate`: hit rates of controllers on the same engagements."""
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -8,7 +9,8 @@ import tyro
 
 from archerfish2 import storage
 from archerfish2.controllers.policy import Policy
-from archerfish2.evaluation.contenders import is_policy, load
+from archerfish2.controllers.registry import is_policy
+from archerfish2.evaluation.contenders import load
 from archerfish2.evaluation.evaluate import evaluate
 from archerfish2.evaluation.results import Results
 from archerfish2.robot import Robot
@@ -84,8 +86,7 @@ class Evaluate:
             task = task.replace(command_limit=self.command_limit)
         out = self.out or (self.robot / "evaluation" if self.robot else Path("runs/evaluate"))
         inputs = [Path(each) for each in (self.task, *(each.rpartition(":")[0] for each in self.controllers))]
-        own = [str(self.robot / "policy")] if self.robot and is_policy(self.robot / "policy") else []
-        controllers: Any = self.controllers or (*own, "kalman", "kalman-lq", "oracle")
+        controllers: Any = self.controllers or (*self._own_policy(), "kalman", "kalman-lq", "oracle")
         if self.blocks:
             controllers = [Policy.load(each, self.blocks) if is_policy(each) else each for each in controllers]
         names, facts = ("results.json", "report.html"), {"options": options}
@@ -103,3 +104,14 @@ class Evaluate:
             results.report().write_page(folder / "report.html")
         took = ", ".join(f"{stage} {seconds:.0f} s" for stage, seconds in results.durations.items())
         print(f"{results}\n\n{took}\nopen {out / 'report.html'}; every count is in {out / 'results.json'}")  # noqa: T201
+
+    def _own_policy(self) -> list[str]:
+        """Return the policy of the robot's folder, none without; say so of one that is not finished."""
+        folder = self.robot and self.robot / "policy"
+        if folder is None or not is_policy(folder):
+            return []
+        if (folder / "policy.safetensors").is_file():
+            return [str(folder)]
+        left_out = f"{folder} is not finished and left out; continue it: archerfish2 train --resume {folder}"
+        print(left_out, file=sys.stderr)  # noqa: T201
+        return []

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -36,6 +36,9 @@ class Export:
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """What to write, NAME.c or NAME.onnx; policy.c, or the controller's name, in ROBOT, or here."""
 
+    untuned: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
+    """Take a classical controller as it is before tuning."""
+
     def run(self, _: str = "") -> None:
         """Export, print."""
         controller = self.controller or str(self.robot / "policy" if self.robot else Path("runs/train"))
@@ -43,4 +46,9 @@ class Export:
             raise InputError(f"{controller}: no such policy; train it, or name --controller")
         stem = controller.replace("-", "_") if controller in NAMES else "policy"
         out = self.out or (self.robot or Path()) / f"{stem}.c"
-        print(export(controller, out, robot=self.robot, task=self.task))  # noqa: T201
+        tuning: Any = "start" if self.untuned else None
+        report = export(controller, out, robot=self.robot, task=self.task, tuning=tuning)
+        written, step = f"{out}", "docs2/export.md runs it in Python and C++"
+        if out.suffix == ".c":
+            written, step = f"{out} and {out.with_suffix('.h')}", f"cc -O2 -ffp-contract=off -c {out} (docs2/export.md)"
+        print(f"{report}\n\nwrote {written}\nnext: {step}")  # noqa: T201

@@ -6,8 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from archerfish2 import storage
-from archerfish2.identification import robot, robot_files
+from archerfish2.identification.robot import identify_robot
 
 
 @dataclass(frozen=True)
@@ -21,7 +20,7 @@ class Identify:
     Logs (docs2/your_robot.md has their columns; logs.toml in the folder can name others):
       {pitch,yaw}_{sweep,step}[_validation].csv   command and angle of an axis
       {pitch,yaw}_step_{N}deg.csv                 steps of other sizes, for the report
-      shots.csv, landings.csv, tape.json          hits on a plate, landing points, tape measures
+      shots.csv, landings.csv, tape.json          hits on a plate, landing points, lengths
       timing_{sweep,plate,steps,target,moments,commands,reports}.csv   camera and link
       limits.json                                 what may be commanded
 
@@ -41,13 +40,9 @@ class Identify:
     overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
     """Replace files in that folder that this command did not write."""
 
-    def run(self, options: str = "") -> None:
-        """Identify, write, print; `options` are as typed, for run.json."""
+    def run(self, _: str = "") -> None:
+        """Identify, write, print."""
         out = self.out or Path("runs") / self.logs.resolve().name
-        robot_files.check_output(self.logs, out)
-        facts, names = {"options": options}, ("robot.json", "robot.html")
-        with storage.output_folder(out, "identify", self.logs.glob("*"), self.overwrite, facts, names) as folder:
-            found = robot.identify_parts(self.logs, name=self.name or out.resolve().name, seed=self.seed)
-            found.save(folder)
+        found = identify_robot(self.logs, out=out, name=self.name, seed=self.seed, overwrite=self.overwrite)
         then = f"; next: archerfish2 train {out}" if found.report.usable else ""
-        print(f"{found.report}\n\nopen {out / 'robot.html'}{then}")  # noqa: T201
+        print(f"{found}\n\nopen {out / 'robot.html'}{then}")  # noqa: T201

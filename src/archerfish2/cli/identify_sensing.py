@@ -51,8 +51,8 @@ class IdentifySensing:
     """Angles are in degrees, not radians."""
     gimbal_clock: Literal["receipt", "own"] = "receipt"
     """Who stamped the gimbal's logs: the program on receipt, or the gimbal by a clock of its own."""
-    max_offset_s: Annotated[float, tyro.conf.arg(metavar="SECONDS", help_behavior_hint="")] = 0.0
-    """Largest time offset; if 0 it is 1 s where the clocks overlap, else any."""
+    max_offset_s: Annotated[float | None, tyro.conf.arg(metavar="SECONDS", help_behavior_hint="")] = None
+    """Largest time offset that is searched; 1 s where the clocks overlap, else any, if not given."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/identify")
     """Folder for the record and its page."""
     overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False

@@ -54,8 +54,8 @@ class Train:
     reward: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
     """What a shot is worth; ./FILE.py:NAME is your own."""
     steps: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
-    """Decisions to train for; 20 million, about ten minutes of two processor cores, or for the paper's targets 2 to 8.
-    A million is enough for a first look."""
+    """Decisions to train for; 20 million, in about ten minutes on two idle processor cores, or for the paper's targets
+    2 to 8. A million is enough for a first look."""
     set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE…", help_behavior_hint="")] = ()
     """Any other setting, such as ppo.epochs=2 or checkpoint_every_s=10 (docs2/training.md lists them)."""
     seed: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="(default: 0)")] = None

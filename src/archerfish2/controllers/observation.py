@@ -61,6 +61,7 @@ class TrackerFacts(Struct, frozen=True, kw_only=True):
     along_share: _Share  # of the distance
     across_angle: _Share  # [rad]
     initial_speed: _Magnitude  # [m/s]
+    height_angle: _Share | None = None  # [rad]; of an older policy `across_angle`
 
 
 class ObserverFacts(Struct, frozen=True, kw_only=True):
@@ -200,8 +201,7 @@ class Observer:
         samples = detection and zip(self.windows, memory.histories, (*detection, detection.azimuth), strict=False)
         histories = tuple(with_sample(*each) for each in samples or ())
         new = (*map_arrays(pushed, old[:2], (decision, detection)), histories)
-        clock = memory.clock + seen.elapsed
-        return Memory._make((tracks, *select(later, new, old), seen.gimbal.age, seen.base, clock))
+        return Memory._make((tracks, *select(later, new, old), seen.gimbal.age, seen.base, memory.clock + seen.elapsed))
 
     def view(self, memory: Memory) -> View:
         """Return the decision as the blocks need it; shape B."""
@@ -317,7 +317,8 @@ def make_observer(facts: ObserverFacts, blocks: tuple[Any, ...] = ()) -> Observe
         raise InputError(f"observation {kind} has {len(names)} blocks of a user's own, got {len(blocks)}; {remedy}")
     trackers, windows = Trackers(), tuple[tuple[int, float], ...]()
     if facts.tracker is not None:
-        fast = TrackerNoise(*(np.asarray(getattr(facts.tracker, name)) for name in TrackerNoise._fields))
+        values = (getattr(facts.tracker, name) for name in TrackerNoise._fields)
+        fast = TrackerNoise(*(np.asarray(facts.tracker.across_angle if value is None else value) for value in values))
         trackers, windows = Trackers(fast), WINDOWS[:1]
     if kind == "multimodel":
         trackers, windows = Trackers(fast, fast._replace(acceleration=np.asarray(SLOW_ACCELERATION)), RATES), WINDOWS

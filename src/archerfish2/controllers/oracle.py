@@ -193,10 +193,10 @@ def make_oracle(robot: Robot, task: Task) -> Oracle:
     Raises:
       InputError: if the task has several lengths.
     """
-    if len(task.lengths_s) != 1:
-        raise InputError(f"the oracle plans for one length, got lengths_s = {[*task.lengths_s]}; make one for each")
+    if len(task.lengths) != 1:
+        raise InputError(f"the oracle plans for one length, got lengths_s = {[*task.lengths]}; make one for each")
     period, limits, model = task.period_s, robot.command_limits(task), robot.gimbal(task.period_s)
-    decisions = round(task.lengths_s[0] / period)
+    decisions = round(task.lengths[0] / period)
     planned = limits._replace(max_acceleration=limits.max_acceleration * MARGIN)
     preview = make_preview(model, planned, period, decisions, smoothing=1e-6)
     preview = replace(preview, iterations=LEAST_SQUARES_ITERATIONS, relaxation=RELAXATION, along=-1)

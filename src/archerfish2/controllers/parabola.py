@@ -101,8 +101,7 @@ class ParabolaAware(Predictor):
     def _vertex_lateral(self, state: ParabolaTrack) -> Array:
         slope = state.products / (state.squares + 1e-12)
         bound = 2.0 * self.curvature * self.half_width
-        slope = namespace(slope).clip(slope, -bound, bound)
-        return state.first[..., 1] - slope / (2.0 * self.curvature)
+        return state.first[..., 1] - namespace(slope).clip(slope, -bound, bound) / (2.0 * self.curvature)
 
 
 class Hypotheses(NamedTuple):

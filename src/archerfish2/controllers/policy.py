@@ -66,14 +66,18 @@ class Policy:
         """Read a policy.
 
         Args:
-          path: a .safetensors file, or a folder with policy.safetensors.
+          path: a file, or a folder with policy.safetensors, as of a training.
           blocks: of the observation that are a user's own, as `find_plugin` takes them: code that only a file names
             is not run.
 
         Raises:
-          InputError: if the file is no policy, is damaged, or a number is out of its bounds.
+          InputError: if the file is no policy, is damaged, or a number is out of its bounds; if the training in the
+            folder is not finished.
         """
-        path = Path(path) / "policy.safetensors" if Path(path).is_dir() else Path(path)
+        path = Path(path)
+        if not (file := _file(path)).exists() and is_training(path):
+            raise file_error(path, "is a training that is not finished", f"run archerfish2 train --resume {path}")
+        path = file
         text, arrays = read_arrays(path, REMEDY)
         if isinstance(content := parse_json(text, path, REMEDY), dict):
             content.pop("remake", None)  # of older files
@@ -87,7 +91,7 @@ class Policy:
             raise file_error(path, str(error).removesuffix(f"; {REMEDY}"), REMEDY) from error
 
     def save(self, path: str | Path) -> None:
-        """Write the policy to a .safetensors file.
+        """Write the policy to a .safetensors file, of a folder that is there to policy.safetensors in it.
 
         Raises:
           InputError: if it can't be written, or its facts are missing.
@@ -97,7 +101,17 @@ class Policy:
         arrays = {"mean": self.normaliser.mean, "variance": self.normaliser.variance}
         for index, layer in enumerate(self.actor):
             arrays |= {f"weight.{index}": layer.weight, f"bias.{index}": layer.bias}
-        write_arrays(Path(path), {"schema": SCHEMA, **plain(self.facts)}, arrays)
+        write_arrays(_file(Path(path)), {"schema": SCHEMA, **plain(self.facts)}, arrays)
+
+
+def is_training(folder: Path) -> bool:
+    """Whether a folder is that of a training, finished or not."""
+    names = ("policy.safetensors", "checkpoint.safetensors", "log.jsonl")
+    return any((folder / name).is_file() for name in names)
+
+
+def _file(path: Path) -> Path:
+    return path / "policy.safetensors" if path.is_dir() else path
 
 
 def _network(arrays: dict[str, Array], size: int) -> tuple[Normaliser, tuple[Layer, ...]]:

@@ -9,16 +9,19 @@ import numpy as np
 
 from archerfish2.arrays import map_arrays
 from archerfish2.controllers.policy import Policy
-from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, check_decision, make_controller
+from archerfish2.controllers.registry import NAMES, is_policy, make_controller
+from archerfish2.controllers.tuning import GRIDS, Tuning, kept
 from archerfish2.errors import InputError
+from archerfish2.evaluation.published import conditions, is_paper
 from archerfish2.evaluation.results import Kind, Label
 from archerfish2.evaluation.suites import draw
 from archerfish2.evaluation.tuning import BUDGET, tune
-from archerfish2.plugins import find_plugin
-from archerfish2.protocols import Controller, World
+from archerfish2.plugins import find_plugin, is_plugin
+from archerfish2.protocols import Controller, World, check_decision
 from archerfish2.reports import progress
 from archerfish2.robot import Robot
-from archerfish2.task import Suite, Task
+from archerfish2.targets.mixture import MIXTURES
+from archerfish2.task import DRAWN, EQ_7, Suite, Task
 
 PERFECT = "perfect"
 """Name of perfect aim, which only dispersion makes miss."""
@@ -32,18 +35,13 @@ class Contender(NamedTuple):
     kind: Kind
     seed: int | None = None  # of a policy's training
     word: str = ""  # by which it was given, of those here
+    is_papers: bool = False  # whether a policy sees what the paper's sees, and was trained as that was
 
 
 def load(robot: Robot | str | Path | None, task: Task | str | Path) -> tuple[Robot, Task]:
     """Return a robot, or that of a folder, or the paper's; and a task, or that of a name or TOML file."""
     robot = Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
     return robot, task if isinstance(task, Task) else Task.load(task)
-
-
-def is_policy(value: Any) -> bool:
-    """Whether a value names a policy: a .safetensors file, or a folder with policy.safetensors."""
-    named = isinstance(value, str | Path) and len(str(value)) < 300
-    return named and (str(value).endswith(".safetensors") or Path(value, "policy.safetensors").is_file())
 
 
 def named_controllers(controllers: Any) -> list[tuple[str, Any]]:
@@ -59,9 +57,12 @@ def named_controllers(controllers: Any) -> list[tuple[str, Any]]:
         controllers = (controllers,)
     pairs: Iterable[tuple[str, Any]]
     pairs = controllers.items() if isinstance(controllers, Mapping) else ((_name(each), each) for each in controllers)
-    pairs = [(name, Policy.load(value) if is_policy(value) else value) for name, value in pairs]
     named: dict[tuple[str, int | None], Any] = {}
     for name, value in pairs:
+        if is_policy(value):
+            value = Policy.load(value)
+        elif isinstance(value, str) and is_plugin(value, "controller"):
+            value = find_plugin(value, "controller").value  # once: the file may be edited during the evaluation
         seed = getattr(getattr(value, "facts", None), "seed", None)
         names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
         named[next(each for each in names if (each, seed) not in named), seed] = value
@@ -97,12 +98,30 @@ def make_contender(name: str, value: Any, robot: Robot, task: Task, tuning: Mapp
             raise InputError(f"{name} decides every {period:g} s, expected {task.period_s:g} s; train again")
         if value.facts.robot not in ({}, own := robot.record_digests()) and own == Robot.paper().record_digests():
             raise InputError(f"{name} was trained for another robot than {robot.name}; name that robot's folder")
-        return Contender(name, value, "policy", value.facts.seed)
+        facts = value.facts
+        is_papers = facts.observer.observation == ("paper",) and facts.task.motion == "paper"
+        is_papers = is_papers and is_paper(facts.robot, facts.task)
+        return Contender(name, value, "policy", facts.seed, is_papers=is_papers)
     word = value if isinstance(value, str) else ""
     if word == PERFECT:
         return Contender(name, None, "perfect")
     made = make_controller(value, robot, task, tuning.get(word))
     return Contender(name, made, "classical" if word in NAMES else "user", word=word)
+
+
+def unlike_training(name: str, value: Any, robot: Robot, task: Task) -> str:
+    """Say in one line in what the training of a policy was unlike an evaluation, "" if in nothing."""
+    facts = getattr(value, "facts", None)
+    if facts is None:
+        return ""
+    was = {"limit": facts.task.command_limit, **conditions(facts.task)}
+    now = {"limit": task.command_limit, **conditions(task)}
+    covered = {"paper": EQ_7, **dict.fromkeys(MIXTURES, DRAWN)}.get(facts.task.motion, (facts.task.motion,))
+    if task.motion not in covered:
+        was, now = {"targets": facts.task.motion, **was}, {"targets": task.motion, **now}
+    unlike = [f"{field} {was[field]} (here {now[field]})" for field in was if was[field] != now[field]]
+    unlike += ["another robot's records"] if facts.robot not in ({}, robot.record_digests()) else []
+    return f"{name} was trained for {', '.join(unlike)}." if unlike else ""
 
 
 def label(suite: Suite, contender: Contender, world: World, task: Task) -> dict[str, Any]:
@@ -124,7 +143,7 @@ def check_controllers(named: list[tuple[str, Any]], world: World, robot: Robot, 
     Raises:
       InputError: if one can't be made or shown in results, its code fails, or what it returns is no decision.
     """
-    for part in (task.replace(lengths_s=(length,)) for length in task.lengths_s):
+    for part in (task.replace(lengths_s=(length,)) for length in task.lengths):
         cells = part.cells()
         engagement, normals = draw(cells, 3, 0, "stopping", world.normals, world.plants)
         with find_plugin(world, "world").running():
@@ -141,12 +160,15 @@ def check_controllers(named: list[tuple[str, Any]], world: World, robot: Robot, 
 def tune_controllers(named: list[tuple[str, Any]], robot: Robot, task: Task) -> dict[str, Tuning]:
     """Return the settings of all controllers that are tuned, by name; arguments as of `check_controllers`."""
     names = [value for value in dict.fromkeys(each for _, each in named if isinstance(each, str)) if value in GRIDS]
-    tuning: dict[str, Tuning] = {}
-    with progress.bar("tuning", BUDGET * len(names) or 1, "settings") as advance:
-        for name in names:
+    tuning = {name: found for name in names if (found := kept(name, robot, task)) is not None}
+    missing = [name for name in names if name not in tuning]
+    if not missing:
+        return tuning
+    with progress.bar("tuning", BUDGET * len(missing), "settings") as advance:
+        for place, name in enumerate(missing):
 
-            def report(tried: int, best: float, name: str = name) -> None:
-                advance(BUDGET * len(tuning) + tried, f"{name}, best {100 * best:.1f} %" if tried else name)
+            def report(tried: int, best: float, before: int = BUDGET * place, name: str = name) -> None:
+                advance(before + tried, f"{name}, best {100 * best:.1f} %" if tried else name)
 
             report(0, 0.0)
             tuning[name] = tune(name, robot, task, report)

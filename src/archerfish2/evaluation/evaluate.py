@@ -10,24 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish2 import provenance
-from archerfish2.controllers.registry import Tuning
+from archerfish2.controllers.tuning import Tuning
 from archerfish2.evaluation import contenders
 from archerfish2.evaluation.hit_rate import hit_rate, paired_difference
-from archerfish2.evaluation.published import with_bounds
+from archerfish2.evaluation.published import conditions, is_paper, with_bounds
 from archerfish2.evaluation.results import Cell, Comparison, Results, pairs_to_compare
 from archerfish2.evaluation.rollout import Counted, count, count_perfect_aim
 from archerfish2.evaluation.suites import check_counts, draw
-from archerfish2.evaluation.tuning import code_hash
 from archerfish2.paper.tables import printed_rate
 from archerfish2.protocols import World
-from archerfish2.records.json_files import plain
 from archerfish2.reports import progress
 from archerfish2.robot import Robot
 from archerfish2.simulation.user_world import find_world
 from archerfish2.task import Suite, Task
-
-_LABELLED = ("name", "motion", "ranges_m", "lengths_s", "command_limit", "short_share", "still_share")
-"""Fields of a task that the labels of its cells say, or that training alone uses."""
 
 
 class _Shots(NamedTuple):
@@ -60,8 +55,8 @@ def evaluate(
         one, "./FILE.py:NAME" of either, or anything with `world(robot, task)`.
       engagements: per cell, at least 2; at most as many as 4 GB have room for.
       seed: of engagements and dispersion.
-      tuned: whether classical controllers are tuned for robot and task first, on draws that no evaluation has; what
-        was tuned before is kept.
+      tuned: whether classical controllers are tuned for robot and task first, on draws that no evaluation has; what is
+        found is written to tuning.json in the robot's folder, or for a robot without one in the user's cache.
 
     Raises:
       InputError: if something that was given can't be used, or a user's code fails.
@@ -69,15 +64,18 @@ def evaluate(
     robot, task = contenders.load(robot, task)
     moments = [time.monotonic()]
     found, named = find_world(world, robot, task), contenders.named_controllers(controllers)
-    check_counts(engagements, seed, 2, task.replace(lengths_s=task.lengths_s[-1:]).cells(), found.normals)
+    check_counts(engagements, seed, 2, task.replace(lengths_s=task.lengths[-1:]).cells(), found.normals)
     contenders.check_controllers(named, found, robot, task)
     moments.append(time.monotonic())
     tuning = contenders.tune_controllers(named, robot, task) if tuned else {}
     moments.append(time.monotonic())
     cells: list[Cell] = []
+    tabled = world is None and is_paper(robot.record_digests(), task)
     comparisons, informed = list[Comparison](), set[str]()
     for suites, outcomes in _shoot(named, tuning, found, robot, task, (engagements, seed)):
-        cells += [_cell(suite, index, shots, found, task) for shots in outcomes for index, suite in enumerate(suites)]
+        for shots, (index, suite) in itertools.product(outcomes, enumerate(suites)):
+            table = suite.table if tabled and suite.range_m in Task().ranges_m else None
+            cells.append(_cell(suite, index, shots, found, task, table))
         comparisons += _comparisons(suites, outcomes, found, task)
         informed |= {e.contender.name for e in outcomes if getattr(e.contender.controller, "needs_truth", False)}
     moments.append(time.monotonic())
@@ -87,19 +85,20 @@ def evaluate(
         commit=provenance.code_commit(),
         versions=provenance.library_versions(),
         tasks=(task,),
-        robots={found.name: _conditions(robot, task)},
+        robots={found.name: _conditions(robot, task, suites[-1])},
         tuning={f"{found.name}/{task.command_limit}": tuning} if tuning else {},
         cells=with_bounds(cells, robot, task, seed, informed=informed) if world is None else tuple(cells),
         comparisons=tuple(comparisons),
+        remarks=tuple(filter(None, (contenders.unlike_training(*each, robot, task) for each in named))),
         durations={stage: round(end - begin, 2) for stage, (begin, end) in stages},
     )
 
 
-def _conditions(robot: Robot, task: Task) -> dict[str, str]:
+def _conditions(robot: Robot, task: Task, suite: Suite) -> dict[str, str]:
     """Return what the cells of a world have in common, and their labels don't have."""
     facts = {"robot": robot.name, "digest": robot.digest(), "assumed": ", ".join(robot.assumed)}
-    facts |= {name: str(value) for name, value in plain(task).items() if name not in _LABELLED}
-    return facts | {f"motion {task.cells()[-1].motion}": code_hash(task) or "built in"}
+    digest = getattr(suite.scenario.motion, "digest", "")  # of a user's motion, as it was run
+    return facts | conditions(task) | {f"motion {suite.motion}": digest or "built in"}
 
 
 def _shoot(
@@ -111,7 +110,7 @@ def _shoot(
     draws: tuple[int, int],
 ) -> Iterator[tuple[tuple[Suite, ...], list[_Shots]]]:
     """Let all controllers shoot in the cells of each length; `draws`: engagements per cell, and their seed."""
-    parts = [task.replace(lengths_s=(length,)) for length in task.lengths_s]
+    parts = [task.replace(lengths_s=(length,)) for length in task.lengths]
     cells = [part.cells() for part in parts]
     done, total = 0, len(named) * draws[0] * sum(suite.decisions for suites in cells for suite in suites)
     with progress.bar("evaluating", total, "shots") as advance:
@@ -136,17 +135,16 @@ def _shoot(
             yield suites, outcomes
 
 
-def _cell(suite: Suite, index: int, shots: _Shots, world: World, task: Task) -> Cell:
+def _cell(suite: Suite, index: int, shots: _Shots, world: World, task: Task, table: str | None) -> Cell:
     hit, fired, contender = shots.hit[index], shots.fired[index], shots.contender
-    rate, table = hit_rate(hit), cast(Literal["II", "III"] | None, suite.table)
-    policy, counts = contender.kind == "policy", ("hits", "engagements", "low", "high")
+    rate, counts = hit_rate(hit), ("hits", "engagements", "low", "high")
     return Cell(
         **contenders.label(suite, contender, world, task),
-        table=table,
+        table=cast(Literal["II", "III"] | None, table),
         kind=contender.kind,
         shots=int(fired.sum()),
         withheld=int((~fired).sum()),
-        paper=printed_rate(table, suite.range_m, contender.word, is_policy=policy) if table else None,
+        paper=printed_rate(table, suite.range_m, contender.word, is_policy=contender.is_papers) if table else None,
         yaw_rad_s2=shots.counted.yaw_acceleration,
         **{name: getattr(rate, name) for name in counts},
     )

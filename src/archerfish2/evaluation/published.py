@@ -1,4 +1,4 @@
-"""Proven bounds on hit rates, published for the engagements in which they were computed (docs2/evaluation.md).
+"""What holds in the paper's conditions alone, and proven bounds on hit rates, each for certain engagements.
 
 published.json has an entry for each robot (by digest, or "paper"), command limit, seed and number of engagements a
 cell, and in it for static and dynamic targets a row per range: the range, the bound with its standard error of
@@ -14,7 +14,21 @@ from typing import Any
 from archerfish2.evaluation.results import Cell
 from archerfish2.records.json_files import plain, read_json
 from archerfish2.robot import Robot
-from archerfish2.task import Task
+from archerfish2.task import EQ_7, Task
+
+_LABELLED = ("name", "motion", "ranges_m", "lengths_s", "command_limit", "short_share", "still_share")
+"""Fields of a task that the labels of its cells say, or that training alone uses."""
+
+
+def conditions(task: Task) -> dict[str, str]:
+    """Return what the cells of a task have in common, and their labels don't say; the defaults are the paper's."""
+    return {name: str(value) for name, value in plain(task).items() if name not in _LABELLED}
+
+
+def is_paper(robot: dict[str, str], task: Task) -> bool:
+    """Whether robot, by the digests of its records, targets and shots are those of the paper's Tables II and III."""
+    same = task.motion in EQ_7 and conditions(task) == conditions(Task())
+    return same and robot == Robot.paper().record_digests()
 
 
 def with_bounds(
@@ -29,8 +43,7 @@ def with_bounds(
       seed: of the evaluation.
       informed: names of the controllers that are given the target's path.
     """
-    paper = Task.load("paper")
-    own = plain(task.replace(name=paper.name, motion=paper.motion, command_limit=paper.command_limit)) == plain(paper)
+    own = task.motion in EQ_7 and conditions(task) == conditions(Task())
     names = {robot.digest(), *(["paper"] if robot.digest() == Robot.paper().digest() else [])}
     found: dict[Any, Any] = {
         (each["command_limit"], each["engagements"], motion, tuple(row[0])): row[1:]
@@ -42,7 +55,7 @@ def with_bounds(
 
     def bounded(cell: Cell) -> Cell:
         row = found.get((cell.command_limit, cell.engagements, cell.motion, cell.range_m))
-        if row is None or cell.table is None or cell.kind == "perfect":
+        if row is None or cell.length_s != 1.0 or cell.kind == "perfect":
             return cell
         bound, error = row[cell.controller in informed]
         return cell.replace(bound=bound, bound_error=error)

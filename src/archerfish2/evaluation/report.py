@@ -30,9 +30,9 @@ def evaluation_report(results: Results) -> Report:
         title="Hit rates: " + ", ".join(dict.fromkeys(each.world for each in cells)),
         headline=_headline(results),
         known=tuple(tables.notes(results)),
-        doubts=(*(text for limit, text in _LIMITS.items() if limit in limits), *_single_trainings(cells)),
+        doubts=(*results.remarks, *(_LIMITS[limit] for limit in _LIMITS if limit in limits), *_single_trainings(cells)),
         tables=(
-            *tables.rate_tables(cells),
+            *tables.rate_tables(cells, results.robots),
             *tables.mean_difference_tables(pairs),
             *tables.difference_tables(pairs),
             *_by_place("Distance to the paper's figures, root mean square [points]", cells, _to_paper),

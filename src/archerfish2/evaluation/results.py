@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeV
 import msgspec
 from msgspec import Meta
 
-from archerfish2.controllers.registry import Tuning
+from archerfish2.controllers.tuning import Tuning
 from archerfish2.errors import InputError, one_line
 from archerfish2.records.record import Record, Struct
 from archerfish2.task import Task
@@ -166,6 +166,8 @@ class Results(Record, frozen=True, kw_only=True):
     """The pairs of `pairs_to_compare`."""
     durations: dict[str, _Positive]
     """Stage → seconds."""
+    remarks: tuple[str, ...] = ()
+    """What was unlike the training of a policy."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -216,6 +218,7 @@ class Results(Record, frozen=True, kw_only=True):
             tuning=_joined("tuning", [each.tuning for each in parts]),
             cells=_unique(cell for each in parts for cell in each.cells),
             comparisons=_unique(pair for each in parts for pair in each.comparisons),
+            remarks=_unique(remark for each in parts for remark in each.remarks),
             durations={stage: sum(each.durations.get(stage, 0.0) for each in parts) for stage in stages},
         )
 

@@ -2,12 +2,14 @@
 
 import math
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from archerfish2.evaluation.hit_rate import weighted_mean
+from archerfish2.evaluation.published import conditions
 from archerfish2.evaluation.results import Cell, Comparison
-from archerfish2.reports.table import MISSING, WIDTH, Entry, Estimate, Table, tables_text
+from archerfish2.reports.table import WIDTH, Entry, Estimate, Table, tables_text
+from archerfish2.task import Task
 
 if TYPE_CHECKING:
     from archerfish2.evaluation.results import Results
@@ -21,7 +23,7 @@ Show: TypeAlias = Callable[[list[Any]], Entry]
 INTERVAL = "In parentheses or below: the 95 % interval, over engagements; all: the mean."
 RATES = f"Rates are hits of all decisions in %; a decision without fire is a miss. {INTERVAL}"
 SEEDS = "Of several seeds the mean of the trainings, in the row (seeds) the lowest and the highest."
-PRINTED = "(printed): the paper's figure."
+PRINTED = "(printed): the paper's figure; the paper names no limit of commands."
 DIFFERENCES = (
     "Differences are paired: same engagements, same dispersion draws. A cell is better or worse where the whole "
     "interval is above or below zero."
@@ -63,13 +65,22 @@ def _weighted(each: Cell | Comparison) -> tuple[Estimate, float]:
     return Estimate(100 * each.difference, 100 * each.low, 100 * each.high, "points"), 1.0
 
 
-def rate_tables(cells: Iterable[Cell]) -> tuple[Table, ...]:
+def rate_tables(cells: Iterable[Cell], robots: Mapping[str, Mapping[str, str]] | None = None) -> tuple[Table, ...]:
     """Return a table per world, command limit and length, and where motions are few per motion: rows are controllers.
 
-    Below a controller are the spread of its trainings, its share of decisions without fire and the paper's figure,
-    where there are such; below all the bounds.
+    Below a controller are the spread of its trainings and its share of decisions without fire, where there are such;
+    below all the paper's figures and the bounds.
+
+    Args:
+      cells: of any worlds.
+      robots: of `Results`: conditions unlike the paper's stand in the heading.
     """
-    return tuple(_rate_table(title, part) for title, part in _parts(cells))
+    usual, tables = conditions(Task()), []
+    for title, part in _parts(cells):
+        facts = usual | dict((robots or {}).get(part[0].world, {}))
+        changed = [f"{name} {facts[name]}" for name in usual if facts[name] != usual[name]]
+        tables.append(_rate_table(f"{title}; {', '.join(changed)}" if changed else title, part))
+    return tuple(tables)
 
 
 def _rate_table(title: str, cells: list[Cell]) -> Table:
@@ -79,7 +90,9 @@ def _rate_table(title: str, cells: list[Cell]) -> Table:
         rows.append(row(controller_text(own), own, mean))
         rows += [row(f"{name} (seeds)", own, _seeds)] if len({each.seed for each in own}) > 1 else []
         rows += [row(f"{name} (no fire)", own, _withheld)] if any(each.withheld for each in own) else []
-        rows += [row(f"{name} (printed)", own, _printed)] if any(each.paper is not None for each in own) else []
+    for method, kind in (("PPO", "policy"), ("Kalman", "classical")):
+        own = [cell for cell in cells if cell.kind == kind and cell.paper is not None]
+        rows += [row(f"paper: {method} (printed)", own, _printed)] if own else []
     rows += [row(name, found, _bound) for name, found in bounds(cells).items()]
     engagements = sorted({each.engagements for each in cells})
     counted = " to ".join(f"{count:,}" for count in dict.fromkeys((engagements[0], engagements[-1])))
@@ -128,9 +141,10 @@ def results_text(results: "Results") -> str:
     learned = {each.controller for each in results.cells if each.kind in ("policy", "user")}
     pairs = [each for each in results.comparisons if not learned or each.controller in learned]
     head = f"Results: seed {results.seed}, commit {results.commit}, {len(results.cells)} cells"
-    tables = tables_text((*rate_tables(results.cells), *mean_difference_tables(pairs)))
+    tables = tables_text((*rate_tables(results.cells, results.robots), *mean_difference_tables(pairs)))
     last = [*notes(results), *(["results.compare(a, b) has the differences by cell."] if pairs else [])]
-    return "\n\n".join(part for part in (head, tables, textwrap.fill(" ".join(last), WIDTH)) if part)
+    remarks = (textwrap.fill(remark, WIDTH) for remark in results.remarks)
+    return "\n\n".join(part for part in (head, tables, *remarks, textwrap.fill(" ".join(last), WIDTH)) if part)
 
 
 def notes(results: "Results") -> list[str]:
@@ -170,8 +184,9 @@ def _parts(items: Iterable[Item]) -> list[tuple[str, list[Item]]]:
         if len(motions) > FEW:
             motions = {f"{len(motions)} motions, each the mean of its ranges": found}
         for name, own in motions.items():
-            table = next((f"Table {each.table}, " for each in own if isinstance(each, Cell) and each.table), "")
-            parts.append((f"{table}{name}: {place_text(*place)}", own))
+            tables = {each.table if isinstance(each, Cell) else None for each in own}
+            table = tables.pop() if len(tables) == 1 else None
+            parts.append((f"{f'Table {table}, ' if table else ''}{name}: {place_text(*place)}", own))
     return parts
 
 
@@ -216,8 +231,7 @@ def _withheld(own: list[Cell]) -> str:
 
 
 def _printed(own: list[Cell]) -> str:
-    printed = [each.paper for each in own if each.paper is not None]
-    return f"{sum(printed) / len(printed):.2f}" if printed else MISSING
+    return f"{sum(cell.paper or 0.0 for cell in own) / len(own):.2f}"
 
 
 def _bound(own: list[Cell]) -> str:

@@ -9,26 +9,16 @@ been tried, and none is at an edge of what was.
 """
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
-from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import NamedTuple
 
-from msgspec import Meta
-
-from archerfish2 import __version__
-from archerfish2.compiled import cache_folder
-from archerfish2.controllers.registry import GRIDS, Grid, Tuning, make_controller, tuning_at
+from archerfish2.controllers.registry import make_controller
+from archerfish2.controllers.tuning import GRIDS, Grid, Tuning, entry, keep, kept, tuning_at
 from archerfish2.errors import InputError, one_line
 from archerfish2.evaluation.rollout import count
 from archerfish2.evaluation.suites import draw
-from archerfish2.paper.conditions import paper_tuning
-from archerfish2.plugins import find_plugin
-from archerfish2.records.json_files import plain, read_struct, write_json
-from archerfish2.records.record import Struct
 from archerfish2.robot import Robot
 from archerfish2.simulation.world import make_world
-from archerfish2.storage import locked
-from archerfish2.task import DRAWN, EQ_7, Task
+from archerfish2.task import Task
 
 BUDGET = 60
 """Settings that are tried at most, per controller."""
@@ -38,7 +28,6 @@ LONGEST_STEP = 4
 """Of the search, in steps of the grid."""
 ENGAGEMENTS = 512
 """Of all cells of one length together: 64 in each of the paper's eight."""
-SCHEMA = "archerfish.tuning/1"
 
 Place = tuple[int, ...]  # indices on the grids of all settings
 Progress = Callable[[int, float], None]  # settings tried, best hit rate
@@ -53,34 +42,6 @@ class Tuned(NamedTuple):
     """Hits per decision with them, over all cells of the tuning draws, 0…1."""
     tried: tuple[tuple[Tuning, float], ...]
     """Settings tried and their hit rates, in their order."""
-
-
-class Entry(Struct, frozen=True, kw_only=True, eq=True):
-    """A tuning that is kept, with all that it depends on."""
-
-    controller: str
-    """One of `GRIDS`."""
-    robot: str
-    """Digest of the records."""
-    task: Task
-    """Without its name."""
-    grids: str
-    """What was searched."""
-    version: str
-    """Of Archerfish."""
-    tuning: Tuning
-    """The best settings."""
-    hit_rate: Annotated[float, Meta(ge=0.0, le=1.0)]
-    """On the tuning draws."""
-    tried: Annotated[int, Meta(ge=1, le=10_000)]
-    """Settings tried."""
-
-
-class Kept(Struct, frozen=True, kw_only=True):
-    """The content of tuning.json."""
-
-    tunings: tuple[Entry, ...] = ()
-    """In the order of their making."""
 
 
 def tune(name: str, robot: Robot, task: Task, progress: Progress = lambda *_: None) -> Tuning:
@@ -101,47 +62,19 @@ def tune(name: str, robot: Robot, task: Task, progress: Progress = lambda *_: No
     if not isinstance(name, str) or name not in GRIDS:
         given = one_line(repr(name))[:100]
         raise InputError(f"tune: name must be one of {', '.join(GRIDS)}, got {given}; other controllers are not tuned")
-    shipped = task.replace(command_limit="gate", name="") == Task.load("paper")
-    if shipped and robot.digest() == Robot.paper().digest():
-        return Tuning(**paper_tuning(task.command_limit)[name])
-    facts: dict[str, Any] = {"controller": name, "robot": robot.digest(), "grids": f"{GRIDS[name]!r} {code_hash(task)}"}
-    task, start = task.replace(name=""), tuning_at(name)
-    key = Entry(**facts, task=task, version=__version__, tuning=start, hit_rate=0.0, tried=1)
-    path = _place(robot)
-    for each in _read(path):
-        if each.replace(tuning=key.tuning, hit_rate=0.0, tried=1) == key:
-            return each.tuning
-    tuned = search(name, rates(name, robot, task), progress)
-    if path is not None:
-        with suppress(InputError), locked(path.parent, 10.0, "tuning.lock"):  # a read-only folder: it works without
-            made = key.replace(tuning=tuned.tuning, hit_rate=tuned.hit_rate, tried=len(tuned.tried))
-            write_json(path, {"schema": SCHEMA, **plain(Kept(tunings=(*_read(path), made)))})
-    return tuned.tuning
-
-
-def code_hash(task: Task) -> str:
-    """Return the SHA-256 of the file of a user's motion, whose name may be that of another file tomorrow, else ""."""
-    return "" if task.motion in (*EQ_7, *DRAWN) else find_plugin(task.motion, "motion").digest
-
-
-def _place(robot: Robot) -> Path | None:
-    """Return where the tunings of a robot are kept; None where the user's cache is off."""
-    if robot.folder is not None:
-        return robot.folder / "tuning.json"
-    folder = cache_folder("tuning")
-    return folder and folder / f"{robot.digest()[:16]}.json"
-
-
-def _read(path: Path | None) -> tuple[Entry, ...]:
-    if path is None or not path.exists():
-        return ()
-    return read_struct(path, Kept, SCHEMA, "remove it, and it is made again").tunings
+    tuning = kept(name, robot, task)
+    if tuning is None:
+        begun = entry(name, robot, task)
+        found = search(name, rates(name, robot, task), progress)
+        tuning = found.tuning
+        keep(begun.replace(tuning=tuning, hit_rate=found.hit_rate, tried=len(found.tried)), robot)
+    return tuning
 
 
 def rates(name: str, robot: Robot, task: Task) -> Callable[[Tuning], float]:
     """Return the hit rate of a controller as a function of its settings, 0…1, always on the same draws."""
     world, parts = make_world(robot, task), []
-    for length in task.lengths_s:
+    for length in task.lengths:
         part = task.replace(lengths_s=(length,))
         cells = part.cells()
         engagements = max(1, ENGAGEMENTS // max(len(cells), 8))

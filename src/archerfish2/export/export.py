@@ -2,20 +2,17 @@
 
 import tempfile
 from pathlib import Path
-from typing import Any
-
-from msgspec import ValidationError, convert
+from typing import Any, Literal
 
 from archerfish2.controllers.policy import Policy
-from archerfish2.controllers.registry import GRIDS, NAMES, Tuning, make_controller
+from archerfish2.controllers.registry import is_policy, make_controller
+from archerfish2.controllers.tuning import GRIDS, Tuning, kept
 from archerfish2.errors import InputError, file_error
 from archerfish2.export.c99 import print_c
 from archerfish2.export.check import DIFFERENCE, SHARE, c_decision, compared, onnx_decision
 from archerfish2.export.decision import Gated, example_decisions, trace_decision
 from archerfish2.export.onnx import print_onnx
-from archerfish2.paper.conditions import paper_tuning
 from archerfish2.provenance import code_commit
-from archerfish2.records.json_files import decode, read_json
 from archerfish2.reports.report import Report
 from archerfish2.reports.table import Table
 from archerfish2.robot import Robot
@@ -35,7 +32,7 @@ def export(
     path: str | Path,
     robot: Robot | str | Path | None = None,
     task: Task | str = "any",
-    tuning: Tuning | None = None,
+    tuning: Tuning | Literal["start"] | None = None,
 ) -> Report:
     """Write a controller as a C file with its header, or as an ONNX model, and compare it with NumPy.
 
@@ -48,7 +45,7 @@ def export(
       path: ends with .c or .onnx; a file in its place is replaced if this made it.
       robot: for whose plant and limits; not given, the paper's, or that a policy was trained for if it is the paper's.
       task: decision period and command limit; a policy has those of its own.
-      tuning: of a controller with a name; not given, what the robot's folder holds.
+      tuning: of a controller with a name; not given, what `tune` or `evaluate` has kept; "start": as before tuning.
 
     Returns:
       What was written, how near it is to NumPy, and what was not checked.
@@ -99,11 +96,11 @@ def export(
     return Report(f"Export of {name}", f"{path.name} {found}.", next_steps=steps, tables=tables)
 
 
-def _controller(given: Any, robot: Robot, task: Task | str, tuning: Tuning | None) -> tuple[str, Any, Task]:
+def _controller(
+    given: Any, robot: Robot, task: Task | str, tuning: Tuning | Literal["start"] | None
+) -> tuple[str, Any, Task]:
     """Return a name, the controller and its task."""
-    given = str(given) if isinstance(given, Path) else given
-    if isinstance(given, str) and given not in NAMES and not given.endswith(".py") and Path(given).exists():
-        given = Policy.load(given)
+    given = Policy.load(given) if is_policy(given) else given
     if isinstance(given, Policy) and given.facts is not None:
         if given.facts.robot != robot.record_digests():
             raise InputError(f"the policy was trained in other records than {robot.name}'s; name its folder, or train")
@@ -111,21 +108,16 @@ def _controller(given: Any, robot: Robot, task: Task | str, tuning: Tuning | Non
     task, name = task if isinstance(task, Task) else Task.load(task), given if isinstance(given, str) else ""
     if name == "oracle":
         raise InputError("oracle knows the target's path, as no robot does; export another controller")
-    made = make_controller(given, robot, task, (tuning or _kept_tuning(name, robot, task)) if name in GRIDS else None)
+    if name not in GRIDS or tuning == "start":
+        tuning = None
+    elif tuning is None and (tuning := kept(name, robot, task)) is None:
+        remedy = f'call archerfish2.tune("{name}", robot, task)'
+        if robot.folder or robot.digest() == Robot.paper().digest():
+            limit = "" if task.command_limit == "gate" else f" --command-limit {task.command_limit}"
+            is_usual = task.replace(command_limit="gate", name="") == Task(motion=task.motion)
+            words = f"--task {task.motion if is_usual else 'FILE'}{limit} --controllers {name}"
+            remedy = f"run archerfish2 evaluate {f'{robot.folder} ' if robot.folder else ''}{words}"
+        untuned = 'take it as it is before tuning: --untuned, tuning="start"'
+        raise InputError(f"{name} is not tuned for {robot.name} and this task; {remedy}, or {untuned}")
+    made = make_controller(given, robot, task, tuning)
     return name or type(made).__name__, made, task
-
-
-def _kept_tuning(name: str, robot: Robot, task: Task) -> Tuning:
-    """Return the settings that come with Archerfish, or that an evaluation left in the robot's folder."""
-    if robot.digest() == Robot.paper().digest() and task.replace(command_limit="gate", name="") == Task.load("paper"):
-        return Tuning(**paper_tuning(task.command_limit)[name])
-    path = Path(robot.folder or "") / "tuning.json"
-    try:
-        for each in reversed(read_json(path)["tunings"]) if robot.folder and path.is_file() else ():
-            known = each["controller"], each["robot"], convert(each["task"], Task, dec_hook=decode)
-            if known == (name, robot.digest(), task.replace(name="")):
-                return convert(each["tuning"], Tuning)
-    except (KeyError, TypeError, ValidationError) as error:
-        raise file_error(path, f"is not as evaluate leaves it ({error})", "remove it and evaluate again") from error
-    words = f"archerfish2 evaluate {robot.folder or 'FOLDER'} --task {task.name or 'FILE'} --controllers {name}"
-    raise InputError(f"{name} is not tuned for {robot.name} and this task; run {words}, or give tuning")

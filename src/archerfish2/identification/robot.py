@@ -1,140 +1,43 @@
 """A robot from its logs: a folder in, every part that it has logs of identified, the rest assumed and named."""
 
-import re
-from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, get_args
 
-import msgspec
 import numpy as np
 from msgspec.structs import asdict
 
-from archerfish2.errors import file_error
-from archerfish2.identification import robot_files
+from archerfish2 import storage
+from archerfish2.errors import InputError, file_error
+from archerfish2.identification import robot_files, robot_report
 from archerfish2.identification.axis.identify import AxisResult, identify_axis
-from archerfish2.identification.axis.plots import run_plot
-from archerfish2.identification.muzzle.flight import flown, vertical
-from archerfish2.identification.muzzle.identify import MuzzleResult, identify_muzzle
-from archerfish2.identification.robot_files import AXES, AxisFiles, LogFolder, read_axis
+from archerfish2.identification.muzzle.identify import identify_muzzle
+from archerfish2.identification.result import Result
+from archerfish2.identification.robot_files import AxisFiles, LogFolder, SensingFiles
 from archerfish2.identification.sensing.identify import SensingResult, identify_sensing
-from archerfish2.identification.simulation import FreeRun, simulate
-from archerfish2.identification.statistics import mean_estimate
-from archerfish2.logs.recording import Finding, listed
-from archerfish2.logs.shots import read_shots
+from archerfish2.logs.recording import Finding
 from archerfish2.records.json_files import plain, write_json
 from archerfish2.records.limits import LimitsRecord
-from archerfish2.records.muzzle import MuzzleRecord
-from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.progress import bar
-from archerfish2.reports.report import Report
-from archerfish2.reports.table import Entry, Table
-from archerfish2.robot import RECORDS, PartVerdict, Robot
+from archerfish2.reports.report import Report, Reported
+from archerfish2.reports.style import Figure
+from archerfish2.robot import Part, PartVerdict, Robot, axis_fault
 
-Figures: TypeAlias = tuple[tuple[str, Callable[[], Any]], ...]
-_RECORD = {
-    "muzzle": "shots.csv: hits on a plate, with speeds",
-    "sensing": "timing_sweep.csv and timing_plate.csv",
-    "limits": "limits.json, or [limits] in logs.toml",
-}
-
-
-def robot_report(
-    robot: Robot, reports: dict[str, Report], tables: list[Table], figures: Figures, findings: list[Finding]
-) -> Report:
-    """Report an identified robot.
-
-    Args:
-      robot: with its verdicts.
-      reports: of the parts.
-      tables: of what no fit has seen.
-      figures: of the same.
-      findings: of the folder.
-    """
-    bad = [part for part, each in robot.parts.items() if not each.usable]
-
-    def of_parts(name: str, most: int | None = None) -> list[str]:
-        return [f"{part}: {each}" for part, report in reports.items() for each in getattr(report, name)[:most]]
-
-    record = {part: f"{part}_sweep.csv and {part}_step.csv (archerfish2 excite {part})" for part in AXES} | _RECORD
-    steps = [*of_parts("next_steps", 2), *(f"{part}: record {record[part]}." for part in robot.assumed)]
-    steps += [] if bad else ["Train a policy (archerfish2 train ROBOT), and compare it (archerfish2 evaluate ROBOT)."]
-    rows = [(f"{part}: {e.headline}", ("not usable", "usable")[e.usable]) for part, e in robot.parts.items()]
-    absent = {"sensing": "sensing: immediate and perfect"}
-    rows += [(absent.get(part, f"{part}: the paper's"), "assumed") for part in robot.assumed]
-    pages = f"Their pages: {', '.join(each.page for each in robot.parts.values())}."
-    alike = defaultdict[Finding, dict[str, int]](dict)  # samples by place
-    for each in (*findings, *(each for report in reports.values() for each in report.findings)):
-        alike[each._replace(place="", samples=0)][each.place] = each.samples
-    places = {each: ", ".join([*at][:3]) + f" and {len(at) - 3} more" * (len(at) > 3) for each, at in alike.items()}
-    every = (each._replace(place=places[each], samples=sum(at.values())) for each, at in alike.items())
-    return Report(
-        title=f"{robot.name}: what the logs say",
-        headline=", ".join(bad or robot.parts) + (f"; assumed: {', '.join(robot.assumed)}" if robot.assumed else ""),
-        usable=not bad,
-        reasons=tuple(f"{part}: {reason}" for part in bad for reason in robot.parts[part].reasons),
-        known=tuple(f"{part}: {each.headline}" for part, each in reports.items()),
-        doubts=tuple(of_parts("doubts")),
-        next_steps=tuple(steps),
-        tables=(Table("Parts", ("part", ""), tuple(rows), pages), *tables),
-        figures=figures,
-        findings=tuple(every),
-    )
-
-
-def landing_errors(path: Path, muzzle: MuzzleRecord) -> Table:
-    """Compare the mean landing distance of each setting with that of pellets of mean speed."""
-    shots, rows = replace(read_shots(path), speed=None), list[tuple[Entry, ...]]()
-    (number, names), flights = shots.settings(), flown(shots, msgspec.structs.asdict(muzzle))
-    for mine in (number == each for each in range(len(names))):
-        pitch, measured = np.degrees(shots.pitch[mine].mean()), mean_estimate(vertical(shots)[mine])._replace(unit="")
-        predicted = float(flights[mine].mean())
-        error = 100 * (predicted / measured.value - 1)
-        rows.append((f"{pitch:.2f}°", int(mine.sum()), measured, predicted, error))
-    columns = ("pitch", "shots", "measured [m]", "predicted [m]", "error [%]")
-    return Table("Landing points, which no fit has seen", columns, tuple(rows))
-
-
-def large_steps(folder: Path, settings: LogFolder, plants: dict[str, PlantRecord]) -> tuple[list[Table], Figures]:
-    """Simulate steps of other sizes; nothing is fitted, so that what a saturated motor lacks shows.
-
-    Returns:
-      A table of all, if there are some, and a figure of each axis' largest.
-    """
-    rows, figures = list[tuple[Entry, ...]](), dict[str, Any]()
-    for axis, plant in plants.items():
-        names = (re.fullmatch(rf"(?i){axis}_step_([1-9]\d*)deg\.csv", each.name) for each in folder.iterdir())
-        for size, name in sorted((int(match[1]), match[0]) for match in names if match):
-            log = read_axis(folder / name, getattr(settings, axis)).recordings[0]
-            begin = int(np.argmax(log.inputs[:, 0] != log.inputs[0, 0]))
-            offset = log.outputs[: max(begin, 1)].mean(0)
-            simulated = simulate(plant, np.asarray(log.inputs - log.inputs[0])) + offset
-            measured, left = log.outputs[begin:], (log.outputs - simulated)[begin:]
-            fit = 100 * (1 - np.linalg.norm(left, axis=0) / np.linalg.norm(measured - measured.mean(0), axis=0))
-            rows.append((axis, size, float(fit[0])))
-            figures[axis] = f"{name}, not fitted.", partial(run_plot, log, FreeRun(simulated, fit, offset))
-    note = "Large steps reach the motor's limits, which a linear plant lacks; the limits of commands avoid them."
-    title = "Steps of other sizes, which no fit has seen"
-    return [Table(title, ("axis", "size [°]", "fit [%]"), tuple(rows), note)] * bool(rows), tuple(figures.values())
-
-
-_AXIS: Any = {"feedthrough": False, "divides_s": 0.02}
-"""Of `identify_axis`. An axis has inertia, so that its angle never jumps: a plant that may jump makes up for states
-that it lacks. Its sampling period divides the time between decisions [s]."""
-_TIMING = {"target": "target", "target_steps": "moments", "commands": "commands", "feedback": "reports"}
-"""Arguments of `identify_sensing`, and which timing_….csv they are."""
+PARTS: tuple[Part, ...] = get_args(Part)
+_DECISIONS_S = 0.02  # between decisions; the sampling period of a plant divides it
 _BEYOND = 0.1  # of the range between two limits, up to which commands may be beyond them
-Result: TypeAlias = AxisResult | MuzzleResult | SensingResult
+_FARTHEST_DEG = {"pitch": 90.0, "yaw": 720.0}  # commands beyond which are hardly in the unit that they are said to be
 
 
-@dataclass(frozen=True, eq=False)
-class IdentifiedRobot:
+@dataclass(frozen=True, eq=False, repr=False)
+class RobotResult(Reported):
     """A robot, and what was found of each part that there were logs of."""
 
-    robot: Robot
-    parts: dict[str, Result]  # that were identified
+    record: Robot
+    parts: dict[Part, Result]  # that were identified
+    reports: dict[Part, Report]  # of all that there were logs of, judged as parts of a robot
     report: Report  # the parts in one table, and what to do next
 
     def save(self, folder: str | Path) -> None:
@@ -143,104 +46,200 @@ class IdentifiedRobot:
         Raises:
           InputError: if a file can't be written.
         """
-        for each in (*self.parts.values(), self.robot):
-            each.save(folder)
-        self.report.write_page(Path(folder) / "robot.html")
-        write_json(Path(folder) / "report.json", plain(self.report.to_dict()))
+        folder = Path(folder)
+        for part, report in self.reports.items():
+            report.write_page(folder / f"{part}.html")
+        self.record.save(folder)
+        self.report.write_page(folder / "robot.html")
+        write_json(folder / "report.json", plain(self.report.to_dict()))
+
+    def plot(self) -> Figure:
+        """Draw the step responses of the axes."""
+        return robot_report.step_responses(self.record)
 
 
-def identify_robot(folder: str | Path, *, out: str | Path | None = None, name: str = "", seed: int = 0) -> Robot:
+def identify_robot(
+    folder: str | Path, *, out: str | Path | None = None, name: str = "", seed: int = 0, overwrite: bool = False
+) -> RobotResult:
     """Identify everything of a robot that a folder has logs of; what it has none of is the paper's, and is named.
+
+    A part whose logs can't be used is assumed, too, with a verdict that says why; the others are identified.
 
     Args:
       folder: of the logs, with the names that docs2/your_robot.md lists, or a logs.toml that says which is which.
       out: another folder, for the records and their pages; nothing is written if not given.
       name: of the robot; that of the folder `out`, or of the logs, if not given.
       seed: of the draws.
+      overwrite: whether files in `out` that no identification wrote may be replaced.
 
     Raises:
-      InputError: if a log can't be used, or there is none.
+      InputError: if no part can be identified, logs.toml or tape.json is wrong, or `out` can't be written.
     """
-    if out is None:
-        return identify_parts(folder, name=name, seed=seed).robot
-    robot_files.check_output(Path(folder), Path(out))
-    found = identify_parts(folder, name=name or Path(out).resolve().name, seed=seed)
-    found.save(out)
-    return found.robot
-
-
-def identify_parts(folder: str | Path, *, name: str = "", seed: int = 0) -> IdentifiedRobot:
-    """Identify the parts of a robot; see `identify_robot`."""
     folder = Path(folder)
-    settings, tape, limits = robot_files.read_folder(folder)
-    there = robot_files.logs_there(folder)
-    jobs = dict[str, Callable[[], Result]]()
-    for axis in robot_files.AXES:
-        fitted, held_back = robot_files.axis_logs(folder, axis, getattr(settings, axis))
-        if fitted:
-            jobs[axis] = partial(_axis, axis, getattr(settings, axis), fitted, held_back, seed)
-    if shots := robot_files.files_there(folder, settings.muzzle.shots, "shots.csv"):
-        length_m = settings.muzzle.length_m or tape.muzzle_length_m or 0.0
-        height_m = settings.muzzle.height_m or tape.muzzle_height_m
-        jobs["muzzle"] = partial(identify_muzzle, shots, length_m=length_m, height_m=height_m, seed=seed)
-    if {"timing_sweep.csv", "timing_plate.csv"} <= there.keys():
-        jobs["sensing"] = partial(_sensing, there, asdict(settings.sensing), seed)
+    name = (name or Path(out or folder).resolve().name or "robot")[:100]
+    if out is None:
+        return _identified(folder, name, seed)
+    robot_files.check_output(folder, Path(out))
+    facts, names = {"logs": str(folder), "name": name, "seed": seed}, ("robot.json", "robot.html")
+    with storage.output_folder(Path(out), "identify", folder.glob("*"), overwrite, facts, names) as written:
+        found = _identified(folder, name, seed)
+        found.save(written)
+    return found
+
+
+def _identified(folder: Path, name: str, seed: int) -> RobotResult:
+    settings, there = robot_files.read_folder(folder), robot_files.logs_there(folder)
+    jobs, used = _jobs(folder, settings, seed)
     if not jobs:
-        problem = f"expected {robot_files.EXPECTED}, found {listed(each.name for each in there.values())}"
-        raise file_error(folder, problem, "name the logs so, or in logs.toml")
-    found = dict[str, Any]()
+        raise file_error(folder, *robot_files.not_understood(list(there.values())))
+    found, reports = dict[Part, Any](), dict[Part, Report]()
     with bar("identifying", len(jobs), "parts") as advance:
         for part, job in jobs.items():
-            advance(len(found), part)
-            found[part] = job()
-    records = {part: each.record for part, each in found.items()}
-    records |= {"limits": limits} if limits else {}
-    name = (name or folder.resolve().name or "robot")[:100]
-    assumed = tuple(part for part in RECORDS if part not in records)
-    verdicts = {part: _verdict(part, each.report) for part, each in found.items()}
+            advance(len(reports), part)
+            try:
+                result = job()
+                reports[part], found[part] = _judged(result, settings), result
+            except InputError as error:
+                reports[part] = _failed(part, error)
+    if not found:
+        raise InputError("; ".join(f"{part}: {report.reasons[0]}" for part, report in reports.items()))
+    limits = None
+    try:
+        limits = robot_files.read_limits(folder, settings)
+    except InputError as error:
+        reports["limits"] = _failed("limits", error)
+    records = {part: result.record for part, result in found.items()} | ({"limits": limits} if limits else {})
+    assumed = tuple(part for part in PARTS if part not in records)
+    verdicts = {part: _verdict(part, report) for part, report in reports.items()}
     robot = Robot.paper().replace(name=name, assumed=assumed, parts=verdicts, **records)
-    axes = [axis for axis in robot_files.AXES if axis in found]
-    tables, figures = large_steps(folder, settings, {axis: records[axis] for axis in axes})
-    used = [f"{axis}_step_{size}deg.csv" for table in tables for axis, size, _ in table.rows]
-    if "muzzle" in found and "landings.csv" in there:
-        tables.insert(0, landing_errors(there["landings.csv"], robot.muzzle))
-        used.append("landings.csv")
-    for facts in (each.provenance for each in records.values()):
-        used += [Path(file).name for file in (*facts.get("inputs", ()), *facts.get("logs", ()))]
-    findings = [each for axis in axes if limits for each in _beyond(limits, axis, found[axis])]
-    if left := there.keys() - map(str.lower, used):
-        remedy = f"rename them, or name them in logs.toml; expected names are {robot_files.EXPECTED}"
-        message = f"not used: {listed(there[each].name for each in sorted(left))}"
-        findings.append(Finding("unused", "warning", str(folder), message, remedy))
-    reports = {part: each.report for part, each in found.items()}
-    return IdentifiedRobot(robot, found, robot_report(robot, reports, tables, figures, findings))
+
+    axes = [result for result in found.values() if isinstance(result, AxisResult)]
+    tables, unread, compared = robot_report.compare_unfitted(folder, settings, robot)
+    findings = [finding for axis in axes for finding in _beyond(limits, axis)]
+    findings += [*unread, *robot_files.unused(folder, settings, [*used, *compared])]
+    not_validated = [axis.part for axis in axes if not any(log.held_back for log in axis.fits)]
+    remarks = [f"none held back: {', '.join(not_validated)}"] if not_validated else []
+    no_length = ["length of the muzzle (0 m)"] if "muzzle" in found and settings.muzzle.length_m is None else []
+    remarks += [f"assumed: {', '.join([*assumed, *no_length])}"] if assumed or no_length else []
+    report = robot_report.robot_report(robot, reports, remarks, tables, findings)
+    return RobotResult(robot, found, reports, report)
 
 
-def _axis(axis: str, files: AxisFiles, fitted: list[Path], held_back: list[Path], seed: int) -> Result:
-    logs, validate = ([robot_files.read_axis(each, files) for each in group] for group in (fitted, held_back))
-    return identify_axis(logs, validate=validate, axis=axis, dc_gain=files.dc_gain, seed=seed, **_AXIS)
+def _jobs(folder: Path, settings: LogFolder, seed: int) -> tuple[dict[Part, Callable[[], Result]], list[Path]]:
+    """Return what identifies each part that there are logs of, and these logs."""
+    jobs, used, there = dict[Part, Callable[[], Result]](), list[Path](), robot_files.logs_there(folder)
+    axes: tuple[tuple[Part, AxisFiles], ...] = ("pitch", settings.pitch), ("yaw", settings.yaw)
+    for axis, files in axes:
+        fitted, held_back = robot_files.axis_logs(folder, axis, files)
+        if fitted:
+            jobs[axis] = partial(_axis, axis, files, fitted, held_back, seed)
+            used += [*fitted, *held_back]
+    muzzle = settings.muzzle
+    if shots := robot_files.files_there(folder, muzzle.shots, "shots.csv"):
+        lengths: Any = {"length_m": muzzle.length_m or 0.0, "height_m": muzzle.height_m}
+        jobs["muzzle"] = partial(identify_muzzle, shots, **lengths, seed=seed)
+        used += shots
+    timing = {name: there[f"timing_{name}.csv"] for name in robot_files.TIMING if f"timing_{name}.csv" in there}
+    if {"sweep", "plate"} <= timing.keys():
+        jobs["sensing"] = partial(_sensing, timing, settings.sensing, seed)
+        used += timing.values()
+    return jobs, used
 
 
-def _sensing(there: dict[str, Path], how: dict[str, Any], seed: int) -> Result:
-    sweep, plate, steps = (there.get(f"timing_{name}.csv") for name in ("sweep", "plate", "steps"))
-    others: Any = {argument: there.get(f"timing_{name}.csv") for argument, name in _TIMING.items()}
-    return identify_sensing(sweep or "", plate or "", steps=[steps] if steps else [], seed=seed, **how, **others)
+def _axis(axis: str, files: AxisFiles, fitted: list[Path], held_back: list[Path], seed: int) -> AxisResult:
+    return identify_axis(
+        [robot_files.read_axis(path, files) for path in fitted],
+        validate=[robot_files.read_axis(path, files) for path in held_back],
+        axis=axis,
+        feedthrough=False,  # an axis has inertia: a plant that may jump makes up for states that it lacks
+        dc_gain=files.dc_gain,
+        divides_s=_DECISIONS_S,
+        seed=seed,
+    )
 
 
-def _beyond(limits: LimitsRecord, axis: str, result: AxisResult) -> list[Finding]:
-    """Warn of commands far beyond an axis' limits, of which units or signs of either are the likely cause."""
-    u, most = np.concatenate([each.recording.inputs for each in result.fits]), getattr(limits, axis)
-    low, high, slack = u.min(), u.max(), _BEYOND * (most.high - most.low)
-    if most.low - slack <= low and high <= most.high + slack:
+def _sensing(timing: dict[str, Path], files: SensingFiles, seed: int) -> SensingResult:
+    for name, other in (("target", "moments"), ("moments", "target")):
+        if name in timing and other not in timing:
+            remedy = f"record timing_{other}.csv, too, or take timing_{name}.csv out"
+            raise file_error(timing[name], f"is there without timing_{other}.csv", remedy)
+    return identify_sensing(
+        timing["sweep"],
+        timing["plate"],
+        steps=[timing["steps"]] if "steps" in timing else [],
+        target=timing.get("target"),
+        target_steps=timing.get("moments"),
+        commands=timing.get("commands"),
+        feedback=timing.get("reports"),
+        seed=seed,
+        **asdict(files),
+    )
+
+
+def _failed(part: Part, error: InputError) -> Report:
+    """Report a part whose logs can't be used."""
+    problem, _, remedy = str(error).rpartition("; ")
+    if error.code == "no-column" and part in ("muzzle", "sensing"):
+        remedy = "rename it in the first line of the file"
+    reasons, title = (f"{problem}; {remedy}",), f"{part}: what the logs say"
+    return Report(title, "could not be used, see why", usable=False, reasons=reasons, next_steps=(remedy,))
+
+
+def _judged(result: Result, settings: LogFolder) -> Report:
+    """Return the report of a part, judged as that of a robot: an axis follows its command, in the same unit."""
+    report: Report = result.report
+    if not isinstance(result, AxisResult):
+        return report
+    files = settings.pitch if result.part == "pitch" else settings.yaw
+    reasons, changes = _corrections(result, files)
+    if changes:
+        step = f"Write {' and '.join(changes)} to [{result.part}] in logs.toml."
+        return replace(report, usable=False, reasons=(*reasons, *report.reasons), next_steps=(step, *report.next_steps))
+    fault = axis_fault(result.record, result.part)
+    return replace(report, usable=False, reasons=(f"{fault}.",)) if report.usable and fault else report
+
+
+def _corrections(result: AxisResult, files: AxisFiles) -> tuple[list[str], list[str]]:
+    """Return what is wrong with columns, sign and units of an axis, and what logs.toml has to say instead."""
+    messages = {finding.code: finding.message for finding in result.findings}
+    if "swapped" in messages:  # which the report names, and of which all else follows
+        return [], [f'input = "{files.output}"', f'output = "{files.input}"']
+    reasons, changes, gain = list[str](), list[str](), result.record.dc_gain.item()
+    if gain < 0 and (result.report.usable or not {"sign-flip", "degrees-radians"}.isdisjoint(messages)):
+        reasons.append(f"The steady gain is {gain:.3g}: the angle moves against the command.")
+        output = files.output
+        changes.append(f'output = "{output[1:] if output.startswith("-") else "-" + output}"')
+    if "degrees-radians" in messages:
+        reasons.append(f"{messages['degrees-radians']}.")
+        unit = "deg" if (files.output_unit or files.unit) == "rad" else "rad"
+        signal = "output" if (abs(gain) > 1) == (unit == "deg") else "input"
+        changes.append(f'{signal}_unit = "{unit}"')
+    return reasons, changes
+
+
+def _beyond(limits: LimitsRecord | None, axis: AxisResult) -> list[Finding]:
+    """Warn of commands far beyond an axis' limits, or of many turns: units or signs are the likely cause."""
+    u = np.degrees(np.concatenate([fit.recording.inputs for fit in axis.fits]))
+    low, high = float(u.min()), float(u.max())
+    if limits:
+        most = limits.pitch if axis.part == "pitch" else limits.yaw
+        lowest, highest = np.degrees([most.low, most.high]).tolist()
+        slack, place, expected = _BEYOND * (highest - lowest), limits.source or "limits.json", "its limits are"
+    else:
+        lowest, highest = -_FARTHEST_DEG[axis.part], _FARTHEST_DEG[axis.part]
+        slack, place, expected = 0.0, axis.part, "expected"
+    if lowest - slack <= low and high <= highest + slack:
         return []
-    angles = np.degrees([low, high, most.low, most.high])
-    message = "commands of {} go from {:.3g} to {:.3g}°, its limits are {:.3g} to {:.3g}°".format(axis, *angles)
-    return [Finding("limits", "warning", limits.source or "limits.json", message, "check units and signs of both")]
+    message = f"commands of {axis.part} go from {low:.3g} to {high:.3g}°, {expected} {lowest:.3g} to {highest:.3g}°"
+    remedy = f'check signs and units; of a log in degrees, write unit = "deg" to [{axis.part}] in logs.toml'
+    return [Finding("limits", "warning", place, message, remedy)]
 
 
-def _verdict(part: str, report: Report) -> PartVerdict:
-    # A robot's commands and angles are in radians both.
-    units = tuple(f"{each.message}: {each.remedy}" for each in report.findings if each.code == "degrees-radians")
-    usable, reasons = report.usable is not False and not units, (*units, *report.reasons)
-    step, page = next(iter(report.next_steps), ""), f"{part}.html"
-    return PartVerdict(usable=usable, headline=report.headline, reasons=reasons, next_step=step, page=page)
+def _verdict(part: Part, report: Report) -> PartVerdict:
+    return PartVerdict(
+        usable=report.usable is not False,
+        headline=report.headline,
+        reasons=report.reasons,
+        next_step=next(iter(report.next_steps), ""),
+        page=f"{part}.html",
+    )

@@ -1,7 +1,8 @@
-"""The folder of a robot's logs: what its files are called, and what logs.toml and tape.json say of them."""
+"""The folder of a robot's logs: what its files are called, and what logs.toml, tape.json and limits.json hold."""
 
 import tomllib
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,21 +11,29 @@ import numpy as np
 from msgspec import Meta
 
 from archerfish2.errors import InputError, file_error
-from archerfish2.logs.log import read_log
-from archerfish2.logs.recording import Log
+from archerfish2.logs.log import read_log, signals_in
+from archerfish2.logs.recording import Finding, Log, listed
 from archerfish2.logs.timing import Frame
-from archerfish2.records.json_files import read_json, read_struct, to_struct
+from archerfish2.records.json_files import read_json, to_struct
 from archerfish2.records.limits import AxisLimits, LimitsRecord
 from archerfish2.records.record import Struct
 
 AXES = ("pitch", "yaw")
 EXPECTED = "{pitch,yaw}_{sweep,step}[_validation].csv, {pitch,yaw}_step_{N}deg.csv, shots.csv, timing_{sweep,plate}.csv"
 """What logs are called."""
-LOGS = (".csv", ".txt", ".tsv", ".npz", ".mat", ".bag", ".db3", ".mcap")
+TIMING = ("sweep", "plate", "steps", "target", "moments", "commands", "reports")
+"""Logs of camera and link: timing_….csv."""
+BAGS = (".bag", ".db3", ".mcap")
+LOGS = (".csv", ".txt", ".tsv", ".npz", ".mat", *BAGS)
 """Endings of files that somebody means to be read."""
+Unit = Literal["rad", "deg"]
 Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 Both = Positive | Annotated[tuple[Positive, ...], Meta(min_length=2, max_length=2)]
 """One figure for both axes, or [pitch, yaw]; a tuple of fixed length beside a number crashes msgspec 0.22."""
+_LIMITS_LINE = (
+    "limits = {pitch_deg = [-25, 10], yaw_deg = [-75, 75], "
+    "max_rate_deg_s = 690, max_acceleration_deg_s2 = [5700, 3400]}"
+)
 
 
 class AxisFiles(Struct, frozen=True, kw_only=True):
@@ -40,8 +49,12 @@ class AxisFiles(Struct, frozen=True, kw_only=True):
     """Signal of the angle; after a minus, with its sign changed."""
     time: str = "time_s"
     """Stamps."""
-    unit: Literal["rad", "deg"] = "rad"
+    unit: Unit = "rad"
     """Of both signals."""
+    input_unit: Unit | None = None
+    """Of the command, if it is another one."""
+    output_unit: Unit | None = None
+    """Of the angle, if it is another one."""
     dc_gain: float | Literal["plateaus"] = "plateaus"
     """Steady angle per steady command, if it is known."""
 
@@ -66,6 +79,8 @@ class SensingFiles(Struct, frozen=True, kw_only=True):
     """Whether angles are in degrees."""
     gimbal_clock: Literal["receipt", "own"] = "receipt"
     """Who stamped the gimbal's logs."""
+    max_offset_s: Positive | None = None
+    """Largest time offset that is searched [s]."""
 
 
 class LimitsFigures(Struct, frozen=True, kw_only=True):
@@ -102,15 +117,15 @@ class LogFolder(Struct, frozen=True, kw_only=True):
     yaw: AxisFiles = AxisFiles()
     """Yaw axis."""
     muzzle: MuzzleFiles = MuzzleFiles()
-    """Shots and tape measures."""
+    """Shots and lengths."""
     sensing: SensingFiles = SensingFiles()
     """Frame, unit and clock of the timing logs."""
     limits: LimitsFigures | None = None
     """Limits of the commands; limits.json if not given."""
 
 
-class Tape(Struct, frozen=True, kw_only=True):
-    """Content of tape.json: what a tape measure says."""
+class Lengths(Struct, frozen=True, kw_only=True):
+    """Content of tape.json: measured lengths."""
 
     muzzle_length_m: Positive | None = None
     """From the pivot to the muzzle [m]."""
@@ -128,28 +143,78 @@ def check_output(folder: Path, out: Path) -> None:
         raise file_error(out, "is the folder of the logs, which are only read", "choose another folder for the robot")
 
 
-def read_folder(folder: Path) -> tuple[LogFolder, Tape, LimitsRecord | None]:
-    """Read logs.toml, tape.json and the limits of logs.toml or limits.json, all of which may be missing.
+def read_folder(folder: Path) -> LogFolder:
+    """Read logs.toml, with the lengths of tape.json where it has none; both may be missing.
 
     Raises:
       InputError: if the folder is missing, or a file is damaged or has an unknown field.
     """
     if not folder.is_dir():
         raise file_error(folder, "there is no such folder", "name the folder of the logs")
-    path, tape, limits = (folder / each for each in ("logs.toml", "tape.json", "limits.json"))
+    path, lengths = folder / "logs.toml", folder / "tape.json"
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     except (OSError, ValueError) as error:
         raise file_error(path, f"is not TOML ({error})", "correct it") from error
-    keys = [", ".join(each.__struct_fields__) for each in (AxisFiles, MuzzleFiles, SensingFiles, LimitsFigures, Tape)]
+    keys = [", ".join(kind.__struct_fields__) for kind in (AxisFiles, MuzzleFiles, SensingFiles, LimitsFigures)]
     remedy = "correct it; [pitch] and [yaw] may have {}, [muzzle] {}, [sensing] {}, [limits] {}".format(*keys)
     settings = to_struct(content, path, LogFolder, None, remedy)
-    lengths = read_json(tape) if tape.exists() else {}
-    measured = to_struct(lengths, tape, Tape, None, f"correct it; it may have {keys[4]}")
-    if settings.limits or not limits.exists():
-        return settings, measured, settings.limits.record() if settings.limits else None
-    remedy = f"write its figures to [limits] in logs.toml, then: archerfish2 identify {folder}"
-    return settings, measured, read_struct(limits, LimitsRecord, LimitsRecord.schema, remedy)
+    if not lengths.exists():
+        return settings
+    remedy = f"correct it; it may have {', '.join(Lengths.__struct_fields__)}"
+    measured, muzzle = to_struct(read_json(lengths), lengths, Lengths, None, remedy), settings.muzzle
+    length_m, height_m = muzzle.length_m or measured.muzzle_length_m, muzzle.height_m or measured.muzzle_height_m
+    return settings.replace(muzzle=muzzle.replace(length_m=length_m, height_m=height_m))
+
+
+def read_limits(folder: Path, settings: LogFolder) -> LimitsRecord | None:
+    """Return the limits of logs.toml, else those of limits.json, also of the first edition; None without either.
+
+    Raises:
+      InputError: if limits.json is damaged, with the line of logs.toml that can take its place.
+    """
+    path = folder / "limits.json"
+    if settings.limits or not path.exists():
+        return settings.limits.record() if settings.limits else None
+    remedy = f"take it out, or begin logs.toml with your figures: {_LIMITS_LINE}"
+    content = read_json(path, remedy)
+    if isinstance(content, dict) and content.get("schema") == "archerfish.limits/1":
+        content["schema"] = LimitsRecord.schema  # whose fields are the same
+    return to_struct(content, path, LimitsRecord, LimitsRecord.schema, remedy)
+
+
+def not_understood(paths: Sequence[Path]) -> tuple[str, str]:
+    """Return what is wrong with files that no part takes, and a line of logs.toml that names one, to be corrected."""
+    problem, remedy = f"expected {EXPECTED}, found {listed(path.name for path in paths)}", "name the logs so"
+    for path in paths:
+        with suppress(InputError):
+            signals = signals_in(path)
+            keys = ["input", "output"] if path.suffix in BAGS else ["time", "input", "output"]
+            fields = [f'fit = ["{path.name}"]']
+            fields += [f'{key} = "{signal}"' for key, signal in zip(keys, signals, strict=False)]
+            remedy += f", or say which is which in logs.toml, for instance: yaw = {{{', '.join(fields)}}}"
+            return f"{problem}; {path.name} has {listed(signals)}", remedy
+    return problem, f"{remedy}, or in logs.toml"
+
+
+def unused(folder: Path, settings: LogFolder, used: Sequence[Path]) -> list[Finding]:
+    """Return findings of files in a folder that no part uses.
+
+    Args:
+      folder: of the logs.
+      settings: of logs.toml.
+      used: logs that are used.
+    """
+    findings, taken = list[Finding](), {path.resolve() for path in used}
+    left = [path for path in logs_there(folder).values() if path.resolve() not in taken]
+    if left:
+        message = f"not used: {listed(path.name for path in left)}"
+        remedy = f"rename them, or name them in logs.toml; expected names are {EXPECTED}"
+        findings.append(Finding("unused", "warning", str(folder), message, remedy))
+    if settings.limits and (folder / "limits.json").exists():
+        message = "not used: limits.json, since logs.toml has [limits]"
+        findings.append(Finding("unused", "warning", str(folder), message, "take one of the two out"))
+    return findings
 
 
 def logs_there(folder: Path) -> dict[str, Path]:
@@ -188,8 +253,13 @@ def read_axis(path: Path, files: AxisFiles) -> Log:
     Raises:
       InputError: if it can't be used.
     """
-    u, y = (each.removeprefix("-") for each in (files.input, files.output))
-    log, unit = read_log(path, inputs=u, outputs=y, time=files.time), np.radians(1.0) if files.unit == "deg" else 1.0
-    scale_u, scale_y = (-unit if each.startswith("-") else unit for each in (files.input, files.output))
+    log = read_log(path, inputs=files.input.removeprefix("-"), outputs=files.output.removeprefix("-"), time=files.time)
+    scale_u = _scale(files.input, files.input_unit or files.unit)
+    scale_y = _scale(files.output, files.output_unit or files.unit)
     recordings = (replace(e, inputs=scale_u * e.inputs, outputs=scale_y * e.outputs) for e in log.recordings)
     return replace(log, recordings=tuple(recordings))
+
+
+def _scale(signal: str, unit: Unit) -> float:
+    size = float(np.radians(1.0)) if unit == "deg" else 1.0
+    return -size if signal.startswith("-") else size

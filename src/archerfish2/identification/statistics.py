@@ -51,9 +51,9 @@ def variance_components(
         variance = np.maximum(parts @ np.append(theta, 1.0), 1e-9 * scatter + 1e-300)
         root = 1 / np.sqrt(variance)
         left, size, right = np.linalg.svd(columns * root[:, None], full_matrices=False)
-        kept = size > 1e-9 * size.max(initial=0.0)
-        basis = left[:, kept]
-        coefficients = right[kept].T @ (basis.T @ (measured * root) / size[kept])
+        rank = size > 1e-9 * size.max(initial=0.0)
+        basis = left[:, rank]
+        coefficients = right[rank].T @ (basis.T @ (measured * root) / size[rank])
         squares = ((measured - columns @ coefficients) * root) ** 2
         shares = parts / variance[:, None]
         inner = np.einsum("np,nj,nq->jpq", basis, shares, basis)
@@ -74,9 +74,16 @@ def variance_components(
 
 
 def sample_mean(sample: Array, unit: str = "s") -> Estimate:
-    """Return the mean of a normal sample, shape (N,) [s], with Student's interval."""
+    """Return the mean of a normal sample, shape (N,) [s], with Student's interval; a single value has none."""
+    if sample.size < 2:
+        return Estimate(float(sample.mean()), np.nan, np.nan, unit)
     error = stdtrit(sample.size - 1, 0.975) / Z95 * sample.std(ddof=1) / np.sqrt(sample.size)
     return normal_estimate(sample.mean(), error, unit)
+
+
+def _lags(count: int) -> int:
+    """Return up to which lag the correlation of a series counts: four more than Newey and West (1994), within it."""
+    return min(int(np.ceil(4 * (count / 100) ** (2 / 9))) + 4, count // 4)
 
 
 def long_run_covariance(scores: Array) -> Array:
@@ -88,16 +95,21 @@ def long_run_covariance(scores: Array) -> Array:
     Returns:
       Shape (q, q).
     """
-    count = len(scores)
-    lags = min(int(np.ceil(4 * (count / 100) ** (2 / 9))) + 4, count - 1)
+    count, lags = len(scores), _lags(len(scores))
     crosses = [(1 - lag / (lags + 1)) * scores[lag:].T @ scores[: count - lag] for lag in range(1, lags + 1)]
     one_sided = sum(crosses, scores.T @ scores / 2)
     return np.asarray(one_sided + one_sided.T) / count
 
 
 def standard_error(series: Array) -> float:
-    """Return the standard error of the mean of a series with serial correlation, shape (n,)."""
-    return float(np.sqrt(max(long_run_covariance((series - series.mean())[:, None]).item(), 0.0) / series.size))
+    """Return the standard error of the mean of a series with serial correlation, shape (n,).
+
+    The variance is divided by its expectation for independent values, which the estimated mean makes less than one.
+    """
+    count, lag = series.size, np.arange(1, _lags(series.size) + 1)
+    expected = 1 - 1 / count - 2 / count**2 * np.sum((1 - lag / (lag.size + 1)) * (count - lag))
+    variance = long_run_covariance((series - series.mean())[:, None]).item() / expected
+    return float(np.sqrt(max(variance, 0.0) / count))
 
 
 def normal_estimate(value: float, error: float, unit: str = "s") -> Estimate:
@@ -106,8 +118,13 @@ def normal_estimate(value: float, error: float, unit: str = "s") -> Estimate:
 
 
 def mean_estimate(series: Array) -> Estimate:
-    """Return the mean of a series with serial correlation, shape (n,) [s]."""
-    return normal_estimate(series.mean(), standard_error(series))
+    """Return the mean of a series with serial correlation, shape (n,) [s].
+
+    The interval is Student's, with the 3 n / (2 (lags + 1)) degrees of freedom of Bartlett's weights (Priestley 1981),
+    less one for the mean.
+    """
+    freedom = max(1.5 * series.size / (_lags(series.size) + 1) - 1, 1.0)
+    return normal_estimate(series.mean(), stdtrit(freedom, 0.975) / Z95 * standard_error(series))
 
 
 def share_estimate(count: int, total: int) -> Estimate:

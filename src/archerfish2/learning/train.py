@@ -69,10 +69,10 @@ def train(
     with jax.enable_x64(False), ExitStack() as stack:
         folder = stack.enter_context(resumed_run(Path(resume))) if resume is not None else None
         if folder is None:
-            begun = _begin(robot, task, with_given(config, trainer, steps, reward), seed)
+            begun = _begin(robot, task, with_given(config or TrainConfig(), trainer, steps, reward), seed)
         else:
             begun, others = folder.begun, {"robot": robot, "trainer": trainer, "seed": seed, "steps": steps, "out": out}
-            _check_given(folder, task, with_given(config, None, None, reward), others)
+            _check_given(folder, task, with_given(config or TrainConfig(), None, None, reward), others)
         own, devices = _own(begun, reward), shards.claim_devices(begun.config.settings.shards)
         code = {name: plugin.digest for name, plugin in own.items()}
         if folder is None:
@@ -95,9 +95,8 @@ def train(
     return policy
 
 
-def with_given(config: TrainConfig | None, trainer: Any, steps: int | None, reward: Any) -> TrainConfig:
+def with_given(config: TrainConfig, trainer: Any, steps: int | None, reward: Any) -> TrainConfig:
     """Return settings with what is given beside them, as to `train`, in their place."""
-    config = config or TrainConfig()
     config = config.replace(trainer=trainer) if trainer else config
     if reward is not None:
         config = config.replace(reward=reward if isinstance(reward, str) else find_plugin(reward, "reward").spec)
@@ -119,7 +118,7 @@ def _begin(robot: Any, task: Any, config: TrainConfig, seed: int | None) -> Begu
     config, seed = config.resolved(robot, task), 0 if seed is None else seed
     _check_number("seed", seed, 0)
     # In single precision, as the simulator counts them.
-    settings, shortest = config.settings, round(float(np.float32(min(task.lengths_s)) / np.float32(task.period_s)))
+    settings, shortest = config.settings, round(float(np.float32(min(task.lengths)) / np.float32(task.period_s)))
     if settings.decisions > shortest:  # what replaces the engagements that end is drawn once between two updates
         raise InputError(f"{settings.part} = {settings.decisions} exceeds an engagement of {shortest}; lower it")
     versions = library_versions()

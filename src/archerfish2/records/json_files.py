@@ -48,7 +48,11 @@ def read_json(path: Path, remedy: str = "write the file again") -> Any:
 
 
 def parse_json(text: str, path: Path, remedy: str) -> Any:
-    """Return the content of JSON text in a file; see `read_json`."""
+    """Return the content of JSON text in a file; see `read_json`.
+
+    Raises:
+      InputError: if it is not JSON, or has NaN, infinity or a field twice.
+    """
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         fields = dict(pairs)
@@ -81,7 +85,11 @@ def read_struct(path: Path, kind: type[T], schema: str, remedy: str) -> T:
 
 
 def to_struct(content: Any, path: Path, kind: type[T], schema: str | None, remedy: str) -> T:
-    """Return the content of a file as a struct; see `read_struct`. One without a schema has None."""
+    """Return the content of a file as a struct; see `read_struct`. One without a schema has None.
+
+    Raises:
+      InputError: naming the field, what it is and what was expected.
+    """
     found = content.pop("schema", None) if isinstance(content, dict) else type(content).__name__
     if found != schema:
         raise file_error(path, f'field schema: expected "{schema}", got {reprlib.repr(found)}', remedy)
@@ -92,7 +100,11 @@ def to_struct(content: Any, path: Path, kind: type[T], schema: str | None, remed
 
 
 def decode(kind: Any, value: Any) -> Any:
-    """Decode paths, and arrays as nested lists of numbers, as a hook of msgspec."""
+    """Decode paths, and arrays as nested lists of numbers, as a hook of msgspec.
+
+    Raises:
+      ValueError: if a value is no such list, which msgspec turns into a `ValidationError`.
+    """
     if kind is Path:
         return Path(value)
     number: Any = Count if kind == Counts else Number

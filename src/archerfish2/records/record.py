@@ -58,7 +58,11 @@ class Struct(msgspec.Struct, metaclass=_Checked, frozen=True, kw_only=True, forb
             msgspec.structs.force_setattr(self, name, value)
 
     def replace(self, **changes: Any) -> Self:
-        """Return the same record with some fields changed."""
+        """Return the same record with some fields changed.
+
+        Raises:
+          InputError: if there is no field of a name, or a value is out of range.
+        """
         return type(self)(**{name: getattr(self, name) for name in self.__struct_fields__} | changes)
 
 
@@ -83,12 +87,20 @@ class Record(Struct, frozen=True, kw_only=True):
         return read_struct(Path(path), cls, cls.schema, cls.remedy)
 
     def save(self, path: str | Path) -> None:
-        """Write the record to a .json file."""
+        """Write the record to a .json file.
+
+        Raises:
+          InputError: if it can't be written.
+        """
         write_json(Path(path), {"schema": self.schema, **plain(self)})
 
 
 def check_intervals(intervals: Intervals, names: Collection[str]) -> None:
-    """Refuse intervals of other fields than those of some names, and those whose ends are swapped."""
+    """Refuse intervals of other fields than those of some names, and those whose ends are swapped.
+
+    Raises:
+      InputError: naming the interval.
+    """
     for name, (low, high) in intervals.items():
         if name not in names:
             raise InputError(f"intervals.{name}: there is no such field; expected {', '.join(names)}")

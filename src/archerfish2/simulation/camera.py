@@ -231,7 +231,7 @@ def with_open_nearness(world: Any) -> Any:
     return replace(world, hardware=replace(world.hardware, sensing=sensing))
 
 
-def sensing_from_record(record: SensingRecord, draws: int, seed: int = 0) -> Sensing:
+def sensing_from_record(record: SensingRecord, draws: int) -> Sensing:
     """Build camera and link from a record, and draw what it leaves open within its intervals.
 
     Bearing noise is taken to be the same angle at every distance, range noise the same share of it, for the record has
@@ -240,11 +240,10 @@ def sensing_from_record(record: SensingRecord, draws: int, seed: int = 0) -> Sen
     Args:
       record: camera and link.
       draws: k; a single one is the best estimate.
-      seed: of the draws.
     """
     from scipy.special import ndtri
 
-    generator = np.random.default_rng([seed, 57])
+    generator = np.random.default_rng([0, 57])
     camera, link = record.camera, record.link
 
     def drawn(name: str, value: float | None, low: float = 0.0) -> Array:

@@ -294,18 +294,17 @@ def _periods_back(sensing: Sensing, period: float) -> int:
     return max(2, int(np.ceil(oldest / period - 1e-6)))
 
 
-def muzzle_draws(record: MuzzleRecord, count: int, seed: int = 0) -> Muzzle:
+def muzzle_draws(record: MuzzleRecord, count: int) -> Muzzle:
     """Draw muzzles from the intervals of a record; the best estimate where it has none.
 
     Args:
       record: the muzzle.
       count: k draws; a single one is the best estimate.
-      seed: of the draws.
 
     Returns:
       Fields of shape (k,) and (k, 2).
     """
-    generator = np.random.default_rng([seed, 58])
+    generator = np.random.default_rng([0, 58])
 
     def drawn(name: str) -> Array:
         low, high = record.intervals.get(name, (0.0, 0.0))

@@ -16,6 +16,8 @@ from archerfish2.records.sensing import SensingRecord
 
 INITIAL_SPEED = 1.0
 """Default standard deviation of the speed at the first detection [m/s]."""
+_LEAST_M = 1e-3
+"""Of a measurement by an identified camera, however near the target is [m]."""
 
 
 class TrackerNoise(NamedTuple):
@@ -25,8 +27,9 @@ class TrackerNoise(NamedTuple):
     along: Array  # standard deviation of the measurement along the line of sight [m]
     across: Array  # standard deviation across it [m]
     along_share: Array = 0.0  # what is added to `along` in proportion to the distance (their squares add)
-    across_angle: Array = 0.0  # what is added to `across` as an angle [rad] (the squares add)
+    across_angle: Array = 0.0  # what is added to `across` as an azimuth [rad] (the squares add)
     initial_speed: Array = INITIAL_SPEED  # standard deviation of the speed at first, in x and y each [m/s]
+    height_angle: Array = 0.0  # what is added to `across` of the height as an elevation [rad] (the squares add)
 
 
 def noise_from_record(record: SensingRecord, acceleration: float) -> TrackerNoise:
@@ -37,8 +40,14 @@ def noise_from_record(record: SensingRecord, acceleration: float) -> TrackerNois
       acceleration: standard deviation of the target's acceleration [m/s²].
     """
     camera = record.camera
-    share = camera.range_sd / camera.noise_range
-    return TrackerNoise(*(np.asarray(each) for each in (acceleration, 1e-3, 1e-3, share, camera.bearing_sd)))
+    return TrackerNoise(
+        acceleration=np.asarray(acceleration),
+        along=np.asarray(_LEAST_M),
+        across=np.asarray(_LEAST_M),
+        along_share=np.asarray(camera.range_sd / camera.noise_range),
+        across_angle=np.asarray(camera.bearing_sd),
+        height_angle=np.asarray(camera.elevation_sd),
+    )
 
 
 class Track(NamedTuple):
@@ -174,7 +183,7 @@ def inverse_and_determinant(spread: Array) -> tuple[Array, Array]:
 def height_noise(noise: TrackerNoise, plate: Array) -> Array:
     """Return the variance of a measured height [m²], shape B."""
     level = namespace(plate).sum(plate[..., :2] ** 2, axis=-1)
-    return noise.across**2 + noise.across_angle**2 * level
+    return noise.across**2 + noise.height_angle**2 * level
 
 
 def measurement_covariance(noise: TrackerNoise, plate: Array) -> Array:

@@ -124,7 +124,7 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, gain_source: str, seed: i
     first = logs.fitted[0]
     drawn = draw_plants(found, _DRAWS, seed)
     draws = {name: np.stack([getattr(plant, name) for plant in drawn]) for name in "ABCD"}
-    facts: Any = provenance(seed) | {"logs": logs.hashes}
+    facts: Any = provenance(seed) | {"inputs": logs.hashes}
     plant = balanced(
         found.plant.replace(
             axis=axis,

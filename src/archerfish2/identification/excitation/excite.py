@@ -124,11 +124,11 @@ def excite(
         found = f"a plant of shape {plant.D.shape} and noise_sd {noise_sd:g}"
         raise InputError(f"excite: {found}, expected shape (1, 1) and noise_sd ≥ 0; change --plant, --noise-deg")
     logs: tuple[list[Recording], list[Recording]] = [], []
-    for held_back, kept in enumerate(logs[: 1 + validation]):
+    for held_back, group in enumerate(logs[: 1 + validation]):
         for kind in kinds:
             u = plan_command(kind, limits, settings, period_s, bool(held_back))[:, None]
             y = u[0] @ plant.dc_gain.T + simulate(plant, u - u[0]) + noise_sd * rng.standard_normal(u.shape)
             source = f"{axis}_{kind}{'_validation' * held_back}.csv"
-            kept.append(Recording.from_arrays(u, y, period_s, output_names=("expected",), source=source))
+            group.append(Recording.from_arrays(u, y, period_s, output_names=("expected",), source=source))
     expected = identify_axis(logs[False], validate=logs[True], axis=axis, order=len(plant.A), seed=seed)
     return Excitation(limits, {each.source: each for each in (*logs[False], *logs[True])}, expected)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize, stats
 
-from archerfish2.identification.muzzle.flight import RANGES, SHAPING, SPREADS, Response, flown, linearised, vertical
+from archerfish2.identification.muzzle import flight
 from archerfish2.identification.statistics import Array, VarianceComponents, variance_components
 from archerfish2.logs.shots import Shots
 from archerfish2.reports.table import Estimate
@@ -36,7 +36,7 @@ class MuzzleFit(NamedTuple):
 
     free: list[str]  # names of the parameters that shape the mean and are estimated
     values: Parameters  # parameters that shape the mean, given or estimated
-    response: Response  # there
+    response: flight.Response  # there
     design: Array  # derivatives by the free parameters, (N, q)
     within: Array  # columns that are no scatter: the settings' means, or the design, (N, p)
     residual: Array  # measured less expected [m], (N,)
@@ -64,13 +64,13 @@ def fit_means(
       shift: added to the expected measurements [m], shape (N,).
       loss: of SciPy's `least_squares`.
     """
-    low, high = np.array([RANGES[name] for name in free]).T
+    (low, high), measured = np.array([flight.RANGES[name] for name in free]).T, flight.measured_vertical(shots) - shift
 
     def moved(point: Array) -> Parameters:
         return {**values, **dict(zip(free, point.tolist(), strict=True))}
 
     def ratio(point: Array) -> Array:
-        return np.asarray((vertical(shots) - shift - flown(shots, moved(point))) / sd)
+        return np.asarray((measured - flight.expected_vertical(shots, moved(point))) / sd)
 
     start = np.clip([values[name] for name in free], low + 1e-9, high - 1e-9)
     return moved(optimize.least_squares(ratio, start, bounds=(low, high), loss=loss, x_scale=0.1 * (high - low)).x)
@@ -82,26 +82,27 @@ def robust_fit(shots: Shots, free: list[str], known: Parameters) -> tuple[Parame
     Returns:
       All parameters, and the residuals in robust standard deviations, shape (N,).
     """
-    measured, typical = vertical(shots), _TYPICAL[shots.speed is not None :]
+    measured, typical = flight.measured_vertical(shots), _TYPICAL[shots.speed is not None :]
     values: Parameters = {**_START, **known}
     for loss in ("soft_l1", "cauchy", "cauchy"):
-        sd = np.sqrt(linearised(shots, values).scales @ typical)
+        sd = np.sqrt(flight.linearised(shots, values).scales @ typical)
         values = fit_means(shots, free, values, sd, loss=loss)
-    deviation = (measured - flown(shots, values)) / sd
+    deviation = (measured - flight.expected_vertical(shots, values)) / sd
     scale = max(1.4826 * np.median(np.abs(deviation)), rounding_step(measured) / np.median(sd) / 3.5)
     return values, deviation / scale
 
 
 def fit_muzzle(shots: Shots, free: list[str], values: Parameters) -> MuzzleFit:
     """Estimate the free parameters, from values nearby, and the spreads."""
-    typical, number, measured = _TYPICAL[shots.speed is not None :], shots.settings()[0], vertical(shots)
+    typical, measured = _TYPICAL[shots.speed is not None :], flight.measured_vertical(shots)
+    number, _ = shots.settings()
     groups = (number[:, None] == np.arange(number.max() + 1)).astype(float)
     pure = len(shots) - groups.shape[1] >= max(4, (len(shots) - len(free)) / 2)
     step, speed_step, variances = rounding_step(measured), rounding_step(shots.speed), typical
     for _ in range(_ROUNDS):
-        there = linearised(shots, values)
+        there = flight.linearised(shots, values)
         rounding = (step**2 + (speed_step * there.slopes[:, 0]) ** 2) / 12
-        design = there.slopes[:, list(map(SHAPING.index, free))]
+        design = there.slopes[:, list(map(flight.SHAPING.index, free))]
         shift, within = 0.5 * there.curvatures @ variances, groups if pure else design
         residual = measured - there.mean - shift
         spreads = variance_components(residual, within, there.scales, rounding)
@@ -136,10 +137,10 @@ def vertical_estimates(
     inverse = np.linalg.pinv(fit.design / fit.sd[:, None], rcond=1e-9)
     half = stats.t.ppf(0.975, freedom) * np.sqrt(misfit) * longer[0] * np.linalg.norm(inverse, axis=1)
     half += rounded * np.abs(inverse @ (fit.response.slopes[:, 0] / fit.sd))
-    means, names = np.array([fit.values[name] for name in fit.free]), [*fit.free, *SPREADS[-scales.shape[1] :]]
+    means, names = np.array([fit.values[name] for name in fit.free]), [*fit.free, *flight.SPREADS[-scales.shape[1] :]]
     ends = np.hstack([[means - half, means + half], np.sqrt(np.maximum(squares, 0.0))])
     found = np.vstack([[*means, *np.sqrt(fit.variances)], ends])
-    found = np.clip(found, *np.array([RANGES[name] for name in names]).T)
+    found = np.clip(found, *np.array([flight.RANGES[name] for name in names]).T)
     rows = zip(names, *np.stack([found[0], found.min(axis=0), found.max(axis=0)]).tolist(), strict=True)
     return {name: Estimate(value, low, high, _UNITS.get(name, "rad")) for name, value, low, high in rows}
 

@@ -45,7 +45,7 @@ def linearised(shots: Shots, values: Mapping[str, float]) -> Response:
     """Return the expected measurements of N shots at given parameters, differentiated by central differences."""
     moves = np.vstack([0 * _STEPS, np.diag(_STEPS), np.diag(-_STEPS)])
     moved = {name: values[name] + moves[:, [column]] for column, name in enumerate(SHAPING)}
-    mean, above, below = np.split(flown(shots, {**values, **moved}), [1, 5])
+    mean, above, below = np.split(expected_vertical(shots, {**values, **moved}), [1, 5])
     slopes, curvatures = (above - below) / (2 * _STEPS[:, None]), (above - 2 * mean + below) / _STEPS[:, None] ** 2
     spreads = slice(shots.speed is not None, 2)
     scales = slopes[spreads].T ** 2
@@ -53,7 +53,7 @@ def linearised(shots: Shots, values: Mapping[str, float]) -> Response:
     return Response(mean[0], slopes.T, np.maximum(scales, 1e-6 * scales.mean(0) + 1e-12), curvatures[spreads].T)
 
 
-def flown(shots: Shots, values: Mapping[str, Any]) -> Array:
+def expected_vertical(shots: Shots, values: Mapping[str, Any]) -> Array:
     """Return the vertical measurements without dispersion [m], shape (N,), or (R, N).
 
     Args:
@@ -100,7 +100,7 @@ def landing_distance(speed: Array, angle: Array, height: Array, drag: Array) -> 
     return np.asarray(flat_fire_position(velocity, drag, time)[..., 0])
 
 
-def vertical(shots: Shots) -> Array:
+def measured_vertical(shots: Shots) -> Array:
     """Return what the elevation of departure decides: landing distance or height of the hit [m], shape (N,)."""
     return np.asarray(shots.distance if shots.hit_height is None else shots.hit_height)
 

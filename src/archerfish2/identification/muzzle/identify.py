@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -10,7 +11,7 @@ import numpy as np
 from archerfish2.errors import InputError
 from archerfish2.identification.muzzle import checks, estimate
 from archerfish2.identification.muzzle.checks import Flags, LackOfFit
-from archerfish2.identification.muzzle.flight import RANGES, SHAPING, azimuth, linearised, vertical
+from archerfish2.identification.muzzle.flight import RANGES, SHAPING, azimuth, linearised, measured_vertical
 from archerfish2.identification.result import Result
 from archerfish2.identification.statistics import Array, converted
 from archerfish2.logs.recording import Finding
@@ -34,7 +35,7 @@ class MuzzleResult(Result):
     record: MuzzleRecord
     estimates: dict[str, Estimate]  # by field of the record, in SI units; the other fields were given
     shots: Shots
-    kept: Flags  # which shots were used, (N,)
+    used: Flags  # which shots were used, (N,)
     expected: Array  # landing distance, or height of the hit, of each shot by the model [m], (N,)
     expected_sd: Array  # standard deviation of each by the model [m], (N,)
     lack_of_fit: LackOfFit  # of the flight model
@@ -49,8 +50,9 @@ class MuzzleResult(Result):
         """Draw measured less expected distances or heights, a setting after the other, each in the order of fire."""
         number, names = self.shots.settings()
         order, place = np.argsort(number, kind="stable"), np.arange(len(self.shots))
-        left, band = (100 * each[order] for each in (vertical(self.shots) - self.expected, 1.96 * self.expected_sd))
-        used = self.kept[order]
+        left = 100 * (measured_vertical(self.shots) - self.expected)[order]
+        band = 196 * self.expected_sd[order]
+        used = self.used[order]
         with plot_style():
             figure, [[axes]] = new_figure()
             axes.fill_between(place, -band, band, step="mid", color=MUTED, alpha=0.25, lw=0, label="95 % by the model")
@@ -61,35 +63,30 @@ class MuzzleResult(Result):
             figure.legend(loc="outside lower center", ncols=3)
         return figure
 
-    @property
+    @cached_property
     def report(self) -> Report:
         """Judge the muzzle: usable is one that neither a lack of fit nor the shots put in question."""
         fit, muzzle, shots, landed = self.lack_of_fit, self.record, self.shots, self.shots.hit_height is None
         shown = {name: _in_degrees(each) for name, each in self.estimates.items()}
         text = {name: entry_texts(each) for name, each in shown.items()}
         scatter = " and ".join(f"{text[name][0]} in {name[:-3]}" for name in ("pitch_sd", "yaw_sd") if name in text)
-        used = f"{np.count_nonzero(self.kept)} of {len(shots)} shots used"
+        used = f"{np.count_nonzero(self.used)} of {len(shots)} shots used"
         doubts = [each.message for each in self.findings if each.code == "too-many-outliers"] + [str(fit)] * fit.matters
         ends = (name for name in shown if name in SHAPING and self.estimates[name].value in RANGES[name])
         doubts += [f"The {name.replace('_', ' ')} ran to an end of its range: shoot at more settings." for name in ends]
         units = {"drag": "1/m", "length": "m"} | ({"height": "m"} if landed else {})
         given = {name: getattr(muzzle, name) for name in units if name not in shown}
         known = ", ".join(f"{name} {value:g} {units[name]}" for name, value in given.items())
-        sizes = np.bincount(shots.settings()[0][self.kept])
+        sizes = np.bincount(shots.settings()[0][self.used])
         more = sizes.size < 3 or sizes.min() < 10 or shots.speed is None
         doubtful = [name for name in ("pitch_offset", "yaw_offset") if abs(getattr(muzzle, name)) > _LARGE_OFFSET]
-        rises = landed and not muzzle.length and np.ptp(shots.pitch) > np.radians(1)
-        given_so = "".join(f" --{name}-m {given[name]:g}" for name in ("height", "length") if given.get(name))
-        again = f"archerfish2 identify muzzle {' '.join(map(str, shots.files))}"
-        rise = "The muzzle rises with the pitch: measure how far it is from the pivot"
-        settings = "Shoot twenty times at each of three to five settings, with measured speeds"
+        length = "The length from the pivot to the muzzle is taken as 0: measure it"
+        again = "Measure angles [°], distances and height again, or estimate the drag"
+        settings = "Shoot twenty times at each of three to five settings, with measured speeds, and give all files"
         steps = (
-            (rises, f"{rise}: {again}{given_so} --length-m METRES"),
-            (
-                fit.matters and "drag" not in shown,
-                f"Measure angles [°], distances and height again; then: {again}{given_so} --drag estimate",
-            ),
-            (more, f"{settings}: {again} MORE.csv{given_so}"),
+            (fit.matters and "drag" not in shown, f"{again} (archerfish2 identify muzzle --drag estimate)."),
+            (not muzzle.length, f"{length} (length_m in [muzzle] of logs.toml, or --length-m)."),
+            (more, f"{settings} (shots in [muzzle] of logs.toml, or archerfish2 identify muzzle SHOTS MORE)."),
         )
         rows = tuple((name.replace("_sd", " scatter").replace("_", " "), each) for name, each in shown.items())
         return Report(
@@ -98,7 +95,10 @@ class MuzzleResult(Result):
             usable=not doubts,
             reasons=tuple(doubts),
             known=(str(fit), f"Taken as given: {known}."),
-            doubts=tuple(f"The {each.replace('_', ' ')} is large: check signs and the zero." for each in doubtful),
+            doubts=(
+                *([str(fit)] if fit.significant and not fit.matters else []),
+                *(f"The {name.replace('_', ' ')} is large: check signs and the zero." for name in doubtful),
+            ),
             next_steps=tuple(step for is_due, step in steps if is_due),
             tables=(Table("Parameters", ("parameter", "estimate, 95 %"), rows, _NOTE),),
             figures=(("Measured less modelled, shot by shot", self.plot),),
@@ -151,42 +151,44 @@ def identify_muzzle(
     known = {name: 0.0 for name, measured in zeros if measured is not None} | known
     free = [name for name in SHAPING if name not in known]
     checks.check_shots(shots, free)
-    kept, fit, too_many = checks.without_outliers(shots, free, known)
-    used = shots.select(kept)
+    is_used, fit, too_many = checks.without_outliers(shots, free, known)
+    used = shots.select(is_used)
     rounded = estimate.mean_error(used.speed)
     misfit = checks.lack_of_fit(used, fit, is_test=not rounded)
     vertical = checks.within_settings(used, fit.residual / fit.sd)
     series = {"vertical": vertical, "speed": used.speed, "yaw_offset": azimuth(used)}
-    longer = {name: estimate.dependence(each) for name, each in series.items() if each is not None}
-    ratio = misfit.variance_ratio if misfit.p_value < 0.05 else 1.0
-    estimates = estimate.vertical_estimates(fit, ratio, rounded, longer["vertical"], seed)
+    widened = {name: estimate.dependence(sample) for name, sample in series.items() if sample is not None}
+    ratio = misfit.variance_ratio if misfit.significant else 1.0
+    estimates = estimate.vertical_estimates(fit, ratio, rounded, widened["vertical"], seed)
     for mean, scatter, unit in (("speed", "speed_sd", "m/s"), ("yaw_offset", "yaw_sd", "rad")):
         if (sample := series[mean]) is not None:
-            estimates[mean], estimates[scatter] = estimate.sample_intervals(sample, longer[mean], unit)
+            estimates[mean], estimates[scatter] = estimate.sample_intervals(sample, widened[mean], unit)
     found = {**fit.values, "yaw_sd": 0.0} | {name: each.value for name, each in estimates.items()}
     intervals = {name: (each.low, each.high) for name, each in estimates.items()}
     muzzle = MuzzleRecord(**found, intervals=intervals, provenance=provenance(seed, shots.files))
-    lost = ", ".join(map(shots.place, np.flatnonzero(~kept).tolist()))
-    alike = ", ".join(name for name, each in longer.items() if each[0] > 1)
-    opened = ", ".join(name for name, each in estimates.items() if np.isin(each[1:3], RANGES[name]).any())
-    doubts = _doubts(shots, lost, alike, opened, too_many, rounded)
+    outliers = ", ".join(map(shots.place, np.flatnonzero(~is_used).tolist()))
+    dependent = ", ".join(name for name, (mean, _) in widened.items() if mean > 1)
+    unbounded = ", ".join(name for name, each in estimates.items() if np.isin(each[1:3], RANGES[name]).any())
+    doubts = _doubts(shots, outliers, dependent, unbounded, too_many, rounded)
     findings = [Finding(code, "warning", shots.source, text, remedy) for there, code, text, remedy in doubts if there]
     there = linearised(shots, fit.values)
     expected, sd = there.mean + 0.5 * there.curvatures @ fit.variances, np.sqrt(there.scales @ fit.variances)
-    return MuzzleResult(muzzle, estimates, shots, kept, expected, sd, misfit, (*shots.findings, *findings))
+    return MuzzleResult(muzzle, estimates, shots, is_used, expected, sd, misfit, (*shots.findings, *findings))
 
 
-def _doubts(shots: Shots, lost: str, alike: str, opened: str, too_many: int, rounded: float) -> tuple[Doubt, ...]:
+def _doubts(
+    shots: Shots, outliers: str, dependent: str, unbounded: str, too_many: int, rounded: float
+) -> tuple[Doubt, ...]:
     """Return what may spoil an estimate."""
     columns = [each for each in vars(shots).values() if isinstance(each, np.ndarray)]
     copies = len(shots) - np.unique(columns, axis=1).shape[1]
     copies *= shots.speed is not None or shots.lateral is not None  # equal values of one measurement are no copies
     return (
-        (lost, "outliers", f"ricochets or flyers were left out: {lost}", "check these lines"),
+        (outliers, "outliers", f"ricochets or flyers were left out: {outliers}", "check these lines"),
         (too_many, "too-many-outliers", f"{too_many} shots disagree; all were used", "check whole settings"),
         (copies, "repeated-shots", f"{copies} shots repeat an earlier one exactly", "remove what was written twice"),
         (rounded, "rounded-speeds", f"speeds in steps of {2 * rounded:g} m/s hide their scatter", "record more digits"),
-        (alike, "dependent-shots", f"successive shots are correlated: {alike}", "pause between shots"),
-        (opened, "open-interval", f"not bounded on both sides: {opened}", "shoot at more settings"),
+        (dependent, "dependent-shots", f"successive shots are correlated: {dependent}", "pause between shots"),
+        (unbounded, "open-interval", f"not bounded on both sides: {unbounded}", "shoot at more settings"),
         (shots.lateral is None, "no-lateral", "yaw offset and scatter are unknown: taken as 0", "record lateral_m"),
     )

@@ -1,20 +1,27 @@
 """Time offset, geometry and detection noise from a plate at rest while the gimbal sweeps, by restricted likelihood.
 
+A gimbal log is interpolated, so that it gives angles at the moments of the detections.
+
 Detections scatter in azimuth, elevation and range. A jitter of the stamps moves them along the plate's apparent motion,
 which separates it from the noise of the detection: it acts only where the gimbal turns.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
+from scipy.signal import savgol_filter
 
 from archerfish2.errors import InputError
 from archerfish2.identification import statistics
-from archerfish2.identification.sensing.track import GimbalTrack
 from archerfish2.identification.statistics import Array
+from archerfish2.logs.timing import GimbalLog
 from archerfish2.reports.table import Estimate
 
+_SMOOTHED_S = 0.025  # span of the local cubics: a gimbal moves at some 10 Hz and below, where they are exact to 0.1 %
+_HELD_SHARE = 0.2  # of repeated angles during motion, from which the feedback is slower than the log
+_GAP_S, _GAP = 0.05, 3.0  # longest intervals that are no gap: in seconds, and in median intervals
 STEP_S, NEAR_S = 0.005, 1.0
 """Step of the search for the offset, and the largest offset where the clocks of both logs overlap [s]."""
 _MIRRORED, _AMBIGUOUS, _APART_S = 0.4, 1.5, 0.05
@@ -35,6 +42,61 @@ _PRIOR_SD = np.array([np.inf, np.inf, 0.3, 0.3, np.inf, 0.2, 0.2, np.inf])
 without it the fit would explain noise by a camera metres away."""
 
 
+class GimbalTrack(NamedTuple):
+    """A gimbal's angles between samples."""
+
+    time: Array  # moments of the nodes [s], (N,)
+    angles: Any  # spline, moments (...) → yaw and pitch (..., 2) [rad]
+    stamps: Array  # of the log's samples [s], (M,)
+    rate_hz: float  # at which the logged yaw is refreshed [Hz]
+    quantum: float | None  # step of the logged yaw [rad], where it is visible
+
+    def covers(self, moments: Array) -> Any:
+        """Return at which moments, shape (K,), the log has angles: neither outside it nor in a gap; shape (K,)."""
+        longest = max(_GAP_S, _GAP * float(np.median(np.diff(self.stamps))))
+        intervals = np.diff(self.stamps, prepend=-np.inf, append=np.inf)
+        return intervals[np.searchsorted(self.stamps, moments)] <= longest
+
+
+def gimbal_track(log: GimbalLog) -> GimbalTrack:
+    """Interpolate a log's fresh angles by cubics; where they are dense, smooth the encoder's steps first.
+
+    Raises:
+      InputError: if the log has fewer than 20 samples or its yaw never changes.
+    """
+    time, yaw = np.asarray(log.time, float), np.asarray(log.yaw, float)
+    if time.size < 20 or np.ptp(yaw) == 0:
+        problem = f"the yaw has {np.unique(yaw).size} values in {time.size} samples"
+        raise InputError(f"{log.source}: {problem}; log at least 20, in which it moves", "no-motion")
+    quantum, fresh, changed = _quantum(yaw), np.ones(time.size, dtype=bool), np.diff(yaw) != 0
+    # Neighbouring samples may agree only because an angle is rounded; not while it crosses several steps per sample.
+    period = float(np.median(np.diff(time)))
+    reach = max(int(_SMOOTHED_S / period), 2)
+    speed = np.abs(yaw[2 * reach :] - yaw[: -2 * reach]) / (2 * reach)
+    moving = np.pad(speed > 2 * (quantum or 1e-9), reach)[1:]
+    repeated = float(np.mean(~changed[moving])) if moving.sum() >= 20 else 0.0
+    rate = (time.size - 1) / float(time[-1] - time[0])
+    if repeated > _HELD_SHARE:
+        fresh[1:], rate = changed | ~moving, (1 - repeated) / period
+    nodes, angles = time[fresh], np.column_stack([yaw, log.pitch])[fresh]
+    count = int(_SMOOTHED_S / float(np.median(np.diff(nodes)))) // 2 * 2 + 1
+    if 7 <= count < nodes.size:
+        even = np.linspace(nodes[0], nodes[-1], nodes.size)
+        nodes, angles = even, savgol_filter([np.interp(even, nodes, each) for each in angles.T], count, 3).T
+    return GimbalTrack(nodes, CubicSpline(nodes, angles), time, rate, quantum)
+
+
+def _quantum(angles: Array) -> float | None:
+    """Return the step of which all differences are multiples; None where levels are too many to say."""
+    gaps = np.diff(np.unique(angles))
+    gaps = gaps[gaps > 1e-9]
+    if gaps.size < 2:
+        return None
+    quantum = float(np.mean(gaps[gaps < 1.5 * gaps.min()]))  # printing rounds: the smallest gaps scatter about the step
+    steps = gaps / quantum
+    return quantum if np.mean(np.abs(steps - np.round(steps)) < 0.2) > 0.95 else None
+
+
 class Alignment(NamedTuple):
     """Detections of a plate at rest aligned with the gimbal's log, which covers K of them."""
 
@@ -46,14 +108,16 @@ class Alignment(NamedTuple):
     drift: float  # rate of the camera's clock against the gimbal log's, less 1
 
 
-def rough_offset(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float = 0.0, source: str = "plate") -> float:
+def rough_offset(
+    track: GimbalTrack, time: Array, azimuth: Array, limit_s: float | None = None, source: str = "plate"
+) -> float:
     """Find the offset at which the plate's azimuth best mirrors the yaw, to `STEP_S`.
 
     Args:
       track: the gimbal.
       time: stamps of the detections, on the camera's clock [s], shape (K,).
       azimuth: of the plate in the camera's frame [rad], shape (K,).
-      limit_s: largest offset [s]; if 0 it is `NEAR_S` where the clocks overlap, else any.
+      limit_s: largest offset [s]; `NEAR_S` where the clocks overlap, else any, if None.
       source: name of the detections' log, for messages.
 
     Returns:
@@ -75,11 +139,14 @@ def rough_offset(track: GimbalTrack, time: Array, azimuth: Array, limit_s: float
             misfit[place] = _robust_sd(azimuth[covered] + np.interp((time + offset)[covered], track.time, yaws))
     if np.all(misfit == np.inf):
         problem = f"the gimbal log covers fewer than 20 detections at any offset within ±{limit:g} s"
-        raise InputError(f"{source}: {problem}; log both at once, for longer, or raise max_offset_s", "no-overlap")
+        raise InputError(
+            f"{source}: {problem}; log both at once, for longer, or raise max_offset_s",
+            "no-overlap",
+        )
     best, motion = int(np.argmin(misfit)), _robust_sd(azimuth)
     if misfit[best] > _MIRRORED * motion:
         problem = f"mirrors the yaw at no offset, and moves by {motion / _robust_sd(yaws):.3g} times as much"
-        remedy = "check signs, --frame and --degrees, and that the plate was at rest"
+        remedy = "check signs, frame and degrees ([sensing] in logs.toml), and that the plate was at rest"
         raise InputError(f"{source}: the plate's bearing {problem}; {remedy}", "no-alignment")
     other = np.where(np.abs(offsets - offsets[best]) > _APART_S, misfit, np.inf)
     if other.min() < _AMBIGUOUS * misfit[best]:
@@ -128,8 +195,8 @@ def align(track: GimbalTrack, time: Array, position: Array, start: float) -> Ali
       position: of the plate in the camera's frame [m], shape (N, 3).
       start: rough offset [s].
     """
-    kept = track.covers(time + start)
-    moments, measured = time[kept] + start, spherical(position[kept])
+    covered = track.covers(time + start)
+    moments, measured = time[covered] + start, spherical(position[covered])
 
     def residual(x: Array) -> Array:
         angles = track.angles(moments + x[-1])

@@ -5,7 +5,7 @@ What these can't separate is reported as a sum, or left out with the measurement
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -15,8 +15,7 @@ from archerfish2.errors import InputError
 from archerfish2.identification import statistics
 from archerfish2.identification.result import Result
 from archerfish2.identification.sensing import timing
-from archerfish2.identification.sensing.alignment import Alignment, align, rough_offset, spherical
-from archerfish2.identification.sensing.track import GimbalTrack, gimbal_track
+from archerfish2.identification.sensing.alignment import Alignment, GimbalTrack, align, gimbal_track, rough_offset
 from archerfish2.logs import timing as logs
 from archerfish2.provenance import provenance
 from archerfish2.records.sensing import SensingRecord
@@ -72,7 +71,7 @@ class SensingResult(Result):
             axes.set(xlabel="time since the gimbal log began [s]", ylabel="yaw [°]")
         return figure
 
-    @property
+    @cached_property
     def report(self) -> Report:
         """Verdict, what is known, what is in doubt, and what to record next."""
         camera, link, shown = self.record.camera, self.record.link, dict[str, Entry]()
@@ -111,14 +110,15 @@ class SensingResult(Result):
         missing = {
             "Mend what is wrong or in doubt, and sweep again (archerfish2 excite yaw --kinds sweep).": reasons + doubts,
             "For the latency from exposure, record 20 jumps of a target by 0.3 m, a second apart, and when it jumps: "
-            "--target timing_target.csv --target-steps timing_moments.csv": camera.latency_basis != "exposure",
-            "For the delay of commands, record 20 steps of the yaw by 5 to 10°, held for half a second: --steps "
-            "timing_steps.csv": link.command_delay is None,
-            "For the latency of commands, log when the gimbal receives them, if it stamps: --commands "
-            "timing_commands.csv": link.command_latency is None,
+            "timing_target.csv and timing_moments.csv.": camera.latency_basis != "exposure",
+            "For the delay of commands, record 20 steps of the yaw by 5 to 10°, held for half a second: "
+            "timing_steps.csv.": link.command_delay is None,
+            "For the latency of commands, log when the gimbal receives them, if it stamps: "
+            "timing_commands.csv.": link.command_latency is None,
         }
-        again = "Then give the same command with these options; archerfish2 identify LOGS finds files of these names."
-        done = "Nothing more to record: archerfish2 train FOLDER takes sensing.json with pitch.json and yaw.json there."
+        again = (
+            "archerfish2 identify LOGS finds files of these names, archerfish2 identify sensing has options for them."
+        )
         rows = tuple((label, *(shown.get(name) if name else "" for name in names)) for label, *names in _ROWS)
         care = "with care, see what is in doubt; " if doubts and not reasons else ""
         return Report(
@@ -128,7 +128,7 @@ class SensingResult(Result):
             reasons=reasons,
             known=_those(known),
             doubts=doubts,
-            next_steps=(*_those(missing), again if any(missing.values()) else done),
+            next_steps=(*_those(missing), *([again] if any(missing.values()) else [])),
             tables=(Table("Camera and link", ("quantity", "mean (95 % interval)", "standard deviation"), rows),),
             figures=(("Yaw by gimbal (line) and camera (dots), which should lie on the line.", self.plot),),
             provenance=dict(self.record.provenance),
@@ -154,7 +154,7 @@ def identify_sensing(
     frame: logs.Frame = "camera",
     degrees: bool = False,
     gimbal_clock: Literal["receipt", "own"] = "receipt",
-    max_offset_s: float = 0.0,
+    max_offset_s: float | None = None,
     seed: int = 0,
 ) -> SensingResult:
     """Identify camera and link from a plate at rest under a yaw sweep, and from command and target steps.
@@ -170,7 +170,7 @@ def identify_sensing(
       frame: of the positions in files, see `read_detections`.
       degrees: whether angles in files are in degrees instead of radians.
       gimbal_clock: who stamped the gimbal logs: the program on receipt, or the gimbal by a clock of its own.
-      max_offset_s: largest time offset of the search [s]; if 0 it is 1 s where the clocks overlap, else any.
+      max_offset_s: largest time offset that is searched [s]; 1 s where the clocks overlap, else any, if None.
       seed: written into the record; nothing here is random.
 
     Raises:
@@ -192,7 +192,7 @@ def identify_sensing(
     start = log.time[0]  # far from it, numbers have no room for microseconds
     track, stamps = gimbal_track(log._replace(time=log.time - start)), plate.time - start
     period, missed = timing.frame_timing(stamps, plate.source)
-    azimuth = spherical(plate.position)[:, 0]
+    azimuth = np.arctan2(plate.position[:, 1], plate.position[:, 0])
     offset = rough_offset(track, stamps, azimuth, max_offset_s, plate.source)
     alignment = align(track, stamps, plate.position, offset)
     found = alignment.estimates | {
@@ -223,7 +223,7 @@ def identify_sensing(
     for name, times in (("link.command_latency", commands), ("link.feedback_latency", feedback)):
         if times is not None:
             sent, received = _read(logs.read_message_times, times)
-            found[name] = statistics.mean_estimate(received - sent)
+            found[name] = statistics.sample_mean(received - sent)
             found[f"{name}_jitter"] = statistics.scatter_estimate(received - sent)
     given = (sweep, detections, *steps, target, target_steps, commands, feedback)
     sources = [getattr(each, "source", each) for each in given]

@@ -101,8 +101,8 @@ def command_delays(logs: Sequence[GimbalLog]) -> tuple[Array, int]:
             found.append(_onset(log.time[near] - edges[step], log.yaw[near]))
     delays = np.array([each for each in found if each is not None])
     if delays.size:  # less those during which something else moved the axis
-        apart = np.abs(delays - np.median(delays))
-        delays = delays[apart <= 7.4 * np.median(apart) + 1e-3]
+        deviation = np.abs(delays - np.median(delays))
+        delays = delays[deviation <= 7.4 * np.median(deviation) + 1e-3]
     return delays, len(found)
 
 
@@ -139,8 +139,8 @@ def sweep_latency(delay: Array, offset: Estimate, source: str) -> Estimate:
     latency = difference(mean_estimate(delay), offset)
     if not EARLIEST_S <= latency.value <= LONGEST_S:
         problem = f"received {latency.value:.3g} s after exposure, expected {EARLIEST_S:g} to {LONGEST_S:g} s"
-        remedy = "stamp receipts and gimbal log by one clock, or set the gimbal's clock to own"
-        raise InputError(f"{source}: {problem}; {remedy} (--gimbal-clock own)", "two-clocks")
+        remedy = 'stamp receipts and gimbal log by one clock, or write gimbal_clock = "own" to [sensing] in logs.toml'
+        raise InputError(f"{source}: {problem}; {remedy}", "two-clocks")
     return latency
 
 
