@@ -14,7 +14,6 @@ from archerfish2.identification.axis.output_error import (
     plant_of,
     refine,
     refine_best,
-    residuals_by_log,
     solve,
 )
 from archerfish2.identification.axis.sections import Sections, Structure, poles_of
@@ -25,7 +24,6 @@ from archerfish2.identification.axis.spectrum import (
     begun_log,
     lines_of,
     rounding_floor,
-    strongest,
     thinned,
 )
 from archerfish2.identification.axis.vector_fitting import distinct, search_delays, vector_fits
@@ -33,9 +31,8 @@ from archerfish2.identification.simulation import Array, Complex
 from archerfish2.logs.recording import Recording
 from archerfish2.records.plant import PlantRecord
 
-_ALL_LINES, _MOST_LINES = 8000, 12_000  # up to which all lines are fitted; beyond, so many of those that respond
+_MOST_LINES = 12_000  # of a fit
 _FEW_LINES = 1000  # for starts
-_RESPONDS = 0.02  # response over noise, in power, from which a line is fitted
 _OTHER_OPTIMUM = 1.15  # cost over the best one's up to which optima on a few lines are in doubt
 _CONTRADICTED = 0.05  # probability at which constraints count as contradicted by the logs
 _OTHER_GAIN, _UNLIKELY = 0.05, 1e-3  # a gain that is given contradicts the logs: difference, and probability
@@ -190,31 +187,12 @@ def _free_fit(
     experiments: list[Experiment], structure: Structure, starts: list[Sections]
 ) -> tuple[LinearFit, list[Lines]]:
     """Fit without constraints, from the starts and from vector fits; also the lines that were fitted."""
-    data = [log.at(structure.delay, structure.feedthrough) for log in experiments]
+    data = lines_of(experiments, thinned(experiments, _MOST_LINES), structure.delay, structure.feedthrough)
     few = lines_of(experiments, thinned(experiments, _FEW_LINES), structure.delay, structure.feedthrough)
     fresh = [fit.sections for fit in vector_fits(few, structure.order)[:6]]
     begun = distinct([solve(sections, few) for sections in [*starts, *fresh]], 8)
     rough = distinct([refine(fit.sections, few, 25, 1e-4) for fit in begun], 3)
-    best = solve(rough[0].sections, data)
-    informative = _responding(best, data) if best.residual.shape[1] > 2 * _ALL_LINES else data
     finalists = [starts[0], *(fit.sections for fit in rough[:2])]
     if len(rough) > 1 and rough[1].cost < _OTHER_OPTIMUM * rough[0].cost:
-        finalists += [fit.sections for fit in vector_fits(informative, structure.order)[:3]]
-    free = refine_best(finalists, informative, 20, 1e-4)
-    if solve(free.sections, data).cost > best.cost:  # a pole between the lines that were left out
-        free, informative = refine_best(finalists, data, 20, 1e-4), data
-    return refine(free.sections, informative, 40, 1e-9), informative
-
-
-def _responding(fit: LinearFit, data: list[Lines]) -> list[Lines]:
-    """Return the lines at which the fit, or a plant of its mean gain, responds.
-
-    Where a fit is wrongly silent a line shows it.
-    """
-    residuals = residuals_by_log(fit, data)
-    responses = [np.abs(lines.outputs - left) ** 2 for lines, left in zip(data, residuals, strict=True)]
-    inputs = [np.abs(lines.inputs) ** 2 for lines in data]
-    gain = sum(map(np.sum, responses)) / sum(map(np.sum, inputs))
-    powers = [np.maximum(y.mean(0), gain * u.sum(0)) for y, u in zip(responses, inputs, strict=True)]
-    picks = strongest(powers, _MOST_LINES, _RESPONDS * 2 * fit.cost / fit.residual.size)
-    return [lines.pick(kept) for lines, kept in zip(data, picks, strict=True)]
+        finalists += [fit.sections for fit in vector_fits(data, structure.order)[:3]]
+    return refine(refine_best(finalists, data, 20, 1e-4).sections, data, 40, 1e-9), data

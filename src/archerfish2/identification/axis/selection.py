@@ -1,7 +1,4 @@
-"""Selection of order, delay, feedthrough and drift by one criterion; of the order by held-back logs, if there are some.
-
-Of structures that are about as likely the one of the least plain sum of squares is preferred.
-"""
+"""Selection of order, delay, feedthrough and drift by one criterion; of the order by held-back logs, if there are some."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -26,7 +23,6 @@ from archerfish2.identification.axis.spectrum import (
     Lines,
     lines_of,
     noise_power,
-    rounding_floor,
     slow_wander,
     strongest,
     thinned,
@@ -197,7 +193,7 @@ def select_structure(
         _keep(found, lambda structure: structure.order == best.order)
     search.try_drift(orders)
     every |= found
-    chosen = _preferred(criterion, table)
+    chosen = _best(found)
     weights = _weights(found)
     same = [table[chosen.delay].sections] if chosen.delay in table and order == chosen.order else []
     candidates = _candidates(criterion, every, weights, held_back)
@@ -316,24 +312,3 @@ def _validation_fit(
     plant = plant_of(fit, structure, validation.scale, validation.period_s)
     runs = [free_run(plant, u, y, drift=structure.drift) for u, y in validation.logs]
     return min(float(run.fit_percent.min()) for run in runs)
-
-
-def _preferred(criterion: Criterion, table: DelayTable) -> Structure:
-    """Of structures of an order about as likely as the best one, that of the least BIC of the plain sum of squares."""
-    found, experiments = criterion.found, criterion.experiments
-    first = _best(found)
-    most = found[first][0] + _CLOSE
-    close = [structure for structure, (bic, _) in found.items() if structure.order == first.order and bic <= most]
-    if len(close) < 2:
-        return first
-    picks, least = thinned(experiments, _PLAIN_LINES), rounding_floor(experiments)
-    values = dict[Structure, float]()
-    for structure in close:
-        near = [fit.sections for delay, fit in table.items() if abs(delay - structure.delay) < 4]
-        near = [sections for sections in near if order_of(sections) == structure.order]
-        starts = [found[structure][1].sections, *near][:3]
-        data = lines_of(criterion.logs(structure), picks, structure.delay, structure.feedthrough)
-        fit = refine_best(starts, data, 15, 1e-5)
-        rows = fit.residual.size
-        values[structure] = rows * np.log(max(fit.cost, least)) + criterion.parameters(structure) * np.log(rows)
-    return min(values, key=lambda structure: values[structure])

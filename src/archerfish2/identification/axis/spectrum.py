@@ -236,17 +236,16 @@ def thinned(experiments: Sequence[Experiment], count: int) -> list[Indices]:
     return kept
 
 
-def strongest(powers: Sequence[Array], count: float, least: float = 0.0) -> list[Indices]:
+def strongest(powers: Sequence[Array], count: float) -> list[Indices]:
     """Return indices of the lines of the largest power, some of each log and at least a fiftieth.
 
     Args:
       powers: of the lines of each log, shape (F,) each.
       count: of lines, in all.
-      least: power of a line that is kept.
     """
     total, kept = sum(map(len, powers)), []
     for power in powers:
         fewest = max(min(len(power), _lines_of_each(len(powers))), len(power) // 50)
-        n = int(np.clip(min(float(np.sum(power >= least)), count * len(power) / total), fewest, len(power)))
+        n = int(np.clip(count * len(power) / total, fewest, len(power)))
         kept.append(np.sort(np.argsort(-power, kind="stable")[:n]))
     return kept
