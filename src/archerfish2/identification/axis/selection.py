@@ -1,4 +1,4 @@
-"""Selection of order, delay, feedthrough and drift by one criterion; of the order by held-back logs, if there are some."""
+"""Selection of order, delay, feedthrough and drift by one criterion; of the order by held-back logs, if any."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
