@@ -113,9 +113,11 @@ def judged(fits: tuple[LogFit, ...]) -> LogFit:
 
 
 def gain_estimates(found: AxisFit, drawn: Sequence[PlantRecord]) -> tuple[Estimate, ...]:
-    """Return the steady gains with their intervals, output by output and input by input."""
+    """Return the steady gains with their intervals, output by output and input by input; a given one is exact."""
     low, high = interval(np.array([plant.dc_gain.ravel() for plant in drawn]))
     gains = found.plant.dc_gain.ravel()
+    if found.known_gain is not None and not found.known_gain.error.any():
+        low = high = gains = found.known_gain.gain.ravel()
     return tuple(map(Estimate, gains.tolist(), np.minimum(low, gains).tolist(), np.maximum(high, gains).tolist()))
 
 
