@@ -198,17 +198,6 @@ class Recording:
             raise InputError(f"from_arrays: stamps are uneven, {late:.3g} s off at most; {remedy}")
         return cls(inputs, outputs, float(f"{even:.12g}"), **fields)
 
-    def slice(self, start: int, stop: int) -> Self:
-        """Return samples `start` to `stop`, the latter excluded, at their times.
-
-        Raises:
-          InputError: if the range is empty or reaches outside.
-        """
-        if not 0 <= start < stop <= len(self):
-            raise InputError(f"{self.source}: has no samples {start} to {stop}; give a range within 0 to {len(self)}")
-        u, y, begin = self.inputs[start:stop], self.outputs[start:stop], float(self.time[start])
-        return replace(self, inputs=u, outputs=y, start_s=begin, source=f"{self.source}[{start}:{stop}]")
-
     def write_csv(self, path: str | Path, time: str = "time_s") -> None:
         """Write a CSV file, from which `read_log` reads the same values.
 
