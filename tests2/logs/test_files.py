@@ -69,7 +69,7 @@ REFUSED = {
     "another encoding": (text({5: "0.03,3.5,时间"}).encode("gbk"), "encoding", "line 5: is no UTF-8 text"),
     "zero bytes": (text({9: "0.07,\0,0"}), "encoding", "line 9: is no UTF-8 text"),
     "another column": (text(names="time_s,u,angle"), "no-column", 'line 1: .* "y"; .* "time_s", "u", "angle"; name'),
-    "a title": ("Log of Monday,\n" + text(), "no-column", "line 1: .* in line 2: remove the lines above"),
+    "a title": ("Log of Monday,\n" + text(), "no-column", 'line 1: .* the columns are "Log of Monday"; name'),
     "a name twice": (text(names="time_s,u,u"), "column-twice", 'line 1: 2 columns are named "u"; rename'),
     "a word": (text({9: "0.07,0.5,over"}), "not-a-number", 'line 9: column "y" is "over", expected a number'),
     "a digit separator": (text({9: "0.07,1_0,1"}), "not-a-number", 'line 9: column "u" is "1_0"'),
