@@ -2,8 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
@@ -52,8 +51,7 @@ class LogTable:
         if not len(self.places):
             raise log_fault(self.source, "has names but no samples", "pass a log that has some", "no-data")
         for name, values in self.columns.items():
-            if max(np.fmax.reduce(values), -np.fmin.reduce(values)) > _LARGEST_VALUE:  # without a copy
-                row = int(np.argmax(np.abs(values) > _LARGEST_VALUE))
+            for row in np.flatnonzero(np.abs(values) > _LARGEST_VALUE)[:1]:
                 problem = f'"{name}" is {values[row]:g}, expected a number within ±{_LARGEST_VALUE:g}'
                 raise log_fault(self.place(row), problem, "cut the log there into two", "infinite")
 
@@ -74,18 +72,15 @@ class Signals(NamedTuple):
         return list(dict.fromkeys([*([self.time] if self.time else []), *self.inputs, *self.outputs]))
 
     def remedy(self, there: Sequence[str]) -> str:
-        """Return where to name signals of a log that has other ones, and those that are meant if that is clear."""
-        found = {name: name for name in self.columns() if name in there}
-        for name in self.columns():
-            of_another_unit = [other for other in there if other.startswith(f"{name.removesuffix('_s')}_")]
-            if len(of_another_unit) == 1:
-                found.setdefault(name, of_another_unit[0])
-        lacking = [name for name in self.columns() if name not in found]
-        left = [other for other in there if other not in found.values()]
-        found |= dict(zip(lacking, left, strict=True)) if len(lacking) == len(left) else {}
+        """Return where to name signals of a log that has other ones: if as many, in their order."""
+        lacking = [name for name in self.columns() if name not in there]
+        left = [other for other in there if other not in self.columns()]
+        meant = dict(zip(lacking, left if len(left) == len(lacking) else ["NAME"] * len(lacking), strict=True))
         roles = {"time": [self.time] if self.time else [], "inputs": self.inputs, "outputs": self.outputs}
-        words = {role: ", ".join(f'"{found.get(name, "NAME")}"' for name in names) for role, names in roles.items()}
-        words = {role: f"({word})" if len(roles[role]) > 1 else word for role, word in words.items()}
+        words = dict[str, str]()
+        for role, names in roles.items():
+            word = ", ".join(f'"{meant.get(name, name)}"' for name in names)
+            words[role] = f"({word})" if len(names) > 1 else word
         call = ", ".join(f"{role}={word}" for role, word in words.items() if word)
         lines = ", ".join(f"{role.removesuffix('s')} = {word}" for role, word in words.items() if word)
         return f"name them: read_log(FILE, {call}), or in logs.toml: {lines}"
@@ -259,8 +254,7 @@ def log_fault(path: str | Path, problem: str, remedy: str, code: str) -> InputEr
     return file_error(path, one_line(problem), one_line(remedy), code)
 
 
-@contextmanager
-def open_log(path: Path) -> Iterator[io.BufferedReader]:
+def open_log(path: Path) -> io.BufferedReader:
     """Open a log's file.
 
     Raises:
@@ -268,14 +262,13 @@ def open_log(path: Path) -> Iterator[io.BufferedReader]:
     """
     try:
         if not path.is_file():
-            raise file_error(path, "there is no such file", "pass a file that has a log", "no-such-file")
+            raise log_fault(path, "there is no such file", "pass a file that has a log", "no-such-file")
         if (size := path.stat().st_size) > MAX_BYTES:
             problem = f"has {size >> 20} MB, expected at most {MAX_BYTES >> 20} MB"
-            raise file_error(path, problem, "cut the log into shorter ones", "too-large")
-        with path.open("rb") as file:
-            yield file
+            raise log_fault(path, problem, "cut the log into shorter ones", "too-large")
+        return path.open("rb")
     except OSError as error:
-        raise file_error(path, f"can't be read ({error.strerror})", "check its permissions", "unreadable") from error
+        raise log_fault(path, f"can't be read ({error.strerror})", "check its permissions", "unreadable") from error
 
 
 def listed(names: Iterable[str]) -> str:

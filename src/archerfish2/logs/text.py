@@ -78,8 +78,7 @@ def _read_at_once(path: Path, choose: Choice) -> LogTable | None:
         if lines[first].strip() and path.suffix not in _UNPACKED and all(names.count(name) == 1 for name in chosen):
             # NumPy takes a third longer to read an open file.
             values = np.loadtxt(path, float, None, separator, skiprows=first, ndmin=2, encoding="utf-8")
-            parts = iter(lambda: file.read(_HEAD), b"")
-            end = head.count(b"\n") + sum(np.count_nonzero(np.frombuffer(part, "u1") == ord("\n")) for part in parts)
+            end = head.count(b"\n") + file.read().count(b"\n")
             if values.shape == (end - first, len(names)):  # no line is blank, or without its end
                 columns = dict(zip(chosen, values.T[[*map(names.index, chosen)]], strict=True))
                 return LogTable(columns, range(first + 1, end + 1), "line", str(path))
@@ -97,7 +96,7 @@ def _lines(path: Path, whole: bool) -> tuple[list[str], tuple[Finding, ...]]:
     decoded = content.decode(encoding, "replace").removeprefix("\ufeff")
     text = decoded.rstrip("\0\x1a")  # what a loss of power leaves, and the end mark of DOS
     zeros = "\0" in decoded[len(text) :]
-    text = text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
     if damaged := re.search("[\0\ufffd]", text):
         line, remedy = text.count("\n", 0, damaged.start()) + 1, "save the log as UTF-8, or remove the damaged lines"
         raise log_fault(path, f"line {line}: is no {encoding.upper()} text", remedy, "encoding")
