@@ -218,7 +218,7 @@ QUIET = Recording.from_arrays(SWEEP, np.random.default_rng(0).normal(size=len(SW
 REFUSED = {
     "no-response": (lambda: identify_axis([QUIET]), 'quiet.csv: "y" does not respond to u; check the columns'),
     "single-sine": (lambda: identify_axis([recorded(np.sin(9 * TIME))]), "single sine"),
-    "too-short": (lambda: identify_axis([recorded(SWEEP).slice(0, 40)]), "too few"),
+    "too-short": (lambda: identify_axis([recorded(SWEEP[:40])]), "too few"),
     None: (lambda: identify_axis([]), "expected a log or more"),
 }
 

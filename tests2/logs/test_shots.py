@@ -64,8 +64,6 @@ FAULTS = {
     f"{LANDING},speed_m_s\n5,3,\n": ('line 2: "speed_m_s" is nan', "missing-values"),
     f"{LANDING}\n5,inf\n": ('"distance_m" is inf', "infinite"),
     f"{LANDING}\n5,far\n": ('"far"', "not-a-number"),
-    f'{LANDING}\n5,"3\n5,3\n': ("line 2", "row-length"),
-    "": ("empty", "empty"),
     "pitch_deg,distance_mm\n5,3000\n": ('"distance_mm" has another unit than distance_m', "unknown-unit"),
     "pitch_deg,distance_m,hit_height_m\n5,3,0.1\n": ("both landing points and hits", "mixed-columns"),
     "pitch_deg,distance_m,missed\n5,3,0\n5,,1\n": ("1 of 2 shots missed", "censored-misses"),

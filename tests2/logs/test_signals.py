@@ -39,7 +39,7 @@ def plant(log):
     """Return natural frequency [Hz], damping, steady gain and delay [ms] of a second-order fit."""
     fit, period = fit_axis(log.recordings, 2), log.recordings[0].period_s
     pole = np.log(fit.poles[0].astype(complex)) / period
-    return abs(pole) / (2 * np.pi), -pole.real / abs(pole), fit.gain.item(), 1e3 * fit.delay * period
+    return abs(pole) / (2 * np.pi), -pole.real / abs(pole), fit.plant.dc_gain.item(), 1e3 * fit.structure.delay * period
 
 
 def codes(log):

@@ -13,6 +13,8 @@ import numpy as np
 
 from archerfish2.logs.recording import MAX_BYTES, LogTable, Signals, Values, listed, log_fault
 
+ARCHIVE = b"PK\x03\x04"
+"""How .npz files begin; others are read as MATLAB's."""
 _COLUMN = re.compile(r"(.+)\[(\d{1,9})\]")
 _CONVERT = """import sys, warnings, numpy, scipy.io
 warnings.simplefilter("error")  # of a name that is there twice
@@ -21,20 +23,19 @@ numpy.savez(sys.stdout.buffer, **{name: each for name, each in arrays.items() if
 """Program that turns a MATLAB file into an .npz file."""
 
 
-def read_array_file(path: Path, signals: Signals, *, matlab: bool) -> LogTable:
+def read_array_file(path: Path, signals: Signals) -> LogTable:
     """Read signals from .npz or MATLAB files of version 4 to 7: vectors by name, columns of matrices as NAME[0].
 
     Args:
       path: of the file.
       signals: their names.
-      matlab: whether it is a MATLAB file.
 
     Raises:
       InputError: if an array is missing, there twice, too large, not of real numbers, or of another length than the
         others.
       Exception: whatever a damaged byte leads the libraries to.
     """
-    archive, wanted = arrays_in(path, matlab=matlab), signals.columns()
+    archive, wanted = arrays_in(path), signals.columns()
     for member in archive.zip.infolist():
         name = member.filename.removesuffix(".npy")
         if not any(signal == name or signal.startswith(f"{name}[") for signal in wanted):
@@ -61,17 +62,16 @@ def table_of(arrays: Mapping[str, Any], signals: Signals, source: str) -> LogTab
     return LogTable(columns, range(1, max(lengths) + 1), "row", source)
 
 
-def arrays_in(path: Path, *, matlab: bool) -> Any:
+def arrays_in(path: Path) -> Any:
     """Open such a file: a mapping of names to arrays, with the names in `files` and the archive in `zip`."""
-    return np.load(io.BytesIO(_converted(path) if matlab else path.read_bytes()), allow_pickle=False)
-
-
-def _converted(path: Path) -> bytes:
-    """Return .npz content, by a process of its own: a damaged byte can crash SciPy's reader (scipy/scipy#25349)."""
-    done = subprocess.run([sys.executable, "-c", _CONVERT, path], capture_output=True, check=False)
-    if done.returncode:
-        raise ValueError(done.stderr.decode(errors="replace").strip().rpartition("\n")[2] or "the reader crashed")
-    return done.stdout
+    content = path.read_bytes()
+    if not content.startswith(ARCHIVE):
+        # In a process of its own: a damaged byte can crash SciPy's reader (scipy/scipy#25349).
+        done = subprocess.run([sys.executable, "-c", _CONVERT, path], capture_output=True, check=False)
+        if done.returncode:
+            raise ValueError(done.stderr.decode(errors="replace").strip().rpartition("\n")[2] or "the reader crashed")
+        content = done.stdout
+    return np.load(io.BytesIO(content), allow_pickle=False)
 
 
 def _column(arrays: Mapping[str, Any], signal: str, signals: Signals, source: str) -> Values:

@@ -61,10 +61,9 @@ def bag_signals(path: Path) -> tuple[str, ...]:
     """
     names = list[str]()
     with _reader(path, []) as reader:
-        for topic in sorted({connection.topic for connection in reader.connections}):
-            connections = [connection for connection in reader.connections if connection.topic == topic]
-            for _, _, content in itertools.islice(reader.messages(connections=connections), 1):
-                names += _numbers(topic, "", reader.deserialize(content, connections[0].msgtype))
+        for topic, info in sorted(reader.topics.items()):
+            for _, _, content in itertools.islice(reader.messages(connections=info.connections), 1):
+                names += _numbers(topic, "", reader.deserialize(content, info.msgtype))
     return tuple(names)
 
 
@@ -118,9 +117,8 @@ def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:
 
 
 def _topic(path: Path, reader: Any, signal: str, signals: Signals) -> str:
-    topics = sorted({connection.topic for connection in reader.connections}, key=len)
-    if found := [topic for topic in topics if signal.startswith(f"{topic}/")]:
-        return str(found[-1])
+    if found := [topic for topic in reader.topics if signal.startswith(f"{topic}/")]:
+        return str(max(found, key=len))
     remedy = f"it has {listed(bag_signals(path))}; {signals._replace(time=None).remedy(())}"
     raise log_fault(path, f'has no topic of signal "{signal}"', remedy, "no-column")
 
@@ -131,14 +129,13 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
     Returns:
       Number in the topic, receipt and stamp [ns] of N messages, (3, N), and signals, (N, m), NaN where not in them.
     """
-    connections = [connection for connection in reader.connections if connection.topic == topic]
-    kind = connections[0].msgtype
+    info = reader.topics[topic]
     places = {signal: signal[len(topic) + 1 :].rpartition("/") for signal, own in of.items() if own == topic}
     steps = {signal: (joint, re.findall(r"[^.\[\]]+", field)) for signal, (joint, _, field) in places.items()}
     joints, times, rows, seen, count = {joint for joint, _ in steps.values()}, [], [], {""}, 0
-    for count, (_, received, content) in enumerate(reader.messages(connections=connections), 1):
+    for count, (_, received, content) in enumerate(reader.messages(connections=info.connections), 1):
         try:
-            message = reader.deserialize(content, kind)
+            message = reader.deserialize(content, info.msgtype)
             seen.update(here := message.name if any(joints) else ())
             if not all(joints) or not joints.isdisjoint(here):
                 rows.append([_value(path, name, message, *steps[name]) if name in steps else None for name in of])
@@ -149,13 +146,12 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
         except Exception as error:  # of any kind
             code = "no-column" if isinstance(error, (AttributeError, IndexError, TypeError)) else "damaged"
             problem = f"message {count} of {topic} has no {listed(steps)} ({error!r:.200})"
-            _, fields = reader.typestore.fielddefs.get(kind, ((), ()))
+            _, fields = reader.typestore.fielddefs.get(info.msgtype, ((), ()))
             remedy = "if you named one of them, copy the bag again; if there are none, record MCAP, which defines them"
-            remedy = f"the fields of {kind} are {listed(name for name, _ in fields)}; {remedy}"
+            remedy = f"the fields of {info.msgtype} are {listed(name for name, _ in fields)}; {remedy}"
             raise log_fault(path, problem, remedy, code) from error
-    stated = sum(connection.msgcount for connection in connections)
-    if stated > count:  # a reader may end at a damaged record
-        raise log_fault(path, f"{count} of {stated} messages of {topic} can be read", RECOVER, "damaged")
+    if info.msgcount > count:  # a reader may end at a damaged record
+        raise log_fault(path, f"{count} of {info.msgcount} messages of {topic} can be read", RECOVER, "damaged")
     if not rows or joints - seen:
         problem = f"topic {topic} has {count} messages, none with {listed(joints - seen)}"
         raise log_fault(path, problem, f"it has {listed(sorted(seen))}", "no-column" if count else "no-data")
@@ -173,9 +169,7 @@ def _value(path: Path, signal: str, message: Any, joint: str, steps: Sequence[st
     if joint:
         return float(value[names.index(joint)]) if joint in names else None
     if np.ndim(value):
-        topic, _, field = signal.rpartition("/")
-        by_joint = f'a joint, "{topic}/{names[0]}/{field}", or ' if names else ""
-        remedy = f'name {by_joint}an element, "{signal}[0]"'
+        remedy = f'name an element, "{signal}[0]", or a joint, as TOPIC/JOINT/FIELD'
         raise log_fault(path, f'"{signal}" is an array of {len(value)}', remedy, "no-column")
     return float(value)
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from archerfish2.errors import InputError, file_error
 from archerfish2.logs import signals, stamps
-from archerfish2.logs.arrays import arrays_in, read_array_file, table_of
+from archerfish2.logs.arrays import ARCHIVE, arrays_in, read_array_file, table_of
 from archerfish2.logs.bags import BAGS, RECOVER, bag_files, bag_signals, read_bag
 from archerfish2.logs.recording import Log, LogTable, Rows, Signals, log_fault, open_log
 from archerfish2.logs.text import column_names, read_text
@@ -19,7 +19,7 @@ _UNREAD = (
     ((b"\x93NUMPY",), "is a single NumPy array", "store the signals by name with numpy.savez"),
 )
 """How files begin that can't be read, what they are, and what to do."""
-_Format = Literal["bag", "npz", "mat", "text"]
+_Format = Literal["bag", "arrays", "text"]
 
 
 def read_log(
@@ -65,7 +65,7 @@ def read_log(
         elif kind == "text":
             table = read_text(path, lambda _: names.columns(), advice=names.remedy)
         else:
-            table = read_array_file(path, names, matlab=kind == "mat")
+            table = read_array_file(path, names)
     return _log(table, names, sample_period_s, digest.hexdigest())
 
 
@@ -102,7 +102,7 @@ def signals_in(path: str | Path) -> tuple[str, ...]:
     with _damage_named(path, kind):
         if kind == "bag":
             return bag_signals(path)
-        return column_names(path) if kind == "text" else tuple(arrays_in(path, matlab=kind == "mat").files)
+        return column_names(path) if kind == "text" else tuple(arrays_in(path).files)
 
 
 def _format(path: Path) -> _Format:
@@ -116,11 +116,8 @@ def _format(path: Path) -> _Format:
     for unread, problem, remedy in _UNREAD:
         if begin.startswith(unread):
             raise file_error(path, problem, remedy, "unknown-format")
-    if begin.startswith(b"PK\x03\x04"):
-        return "npz"
-    if begin.startswith(b"MATLAB"):
-        return "mat"
-    return "npz" if path.suffix == ".npz" else "mat" if path.suffix == ".mat" else "text"
+    is_arrays = begin.startswith((ARCHIVE, b"MATLAB")) or path.suffix in (".npz", ".mat")
+    return "arrays" if is_arrays else "text"
 
 
 @contextmanager

@@ -2,8 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
@@ -19,7 +18,6 @@ MAX_BYTES = 512 * 2**20
 """Of the largest file, and the largest array unpacked: an hour of two axes at 1 kHz as text."""
 GAP = 3.0
 """Interval in periods from which a log is interrupted: what happened within can't be known from its ends."""
-_EVEN = 0.1  # of a period, within which stamps are those of equal intervals
 _LARGEST_VALUE = 1e30  # its square is finite
 
 
@@ -52,8 +50,7 @@ class LogTable:
         if not len(self.places):
             raise log_fault(self.source, "has names but no samples", "pass a log that has some", "no-data")
         for name, values in self.columns.items():
-            if max(np.fmax.reduce(values), -np.fmin.reduce(values)) > _LARGEST_VALUE:  # without a copy
-                row = int(np.argmax(np.abs(values) > _LARGEST_VALUE))
+            for row in np.flatnonzero(np.abs(values) > _LARGEST_VALUE)[:1]:
                 problem = f'"{name}" is {values[row]:g}, expected a number within ±{_LARGEST_VALUE:g}'
                 raise log_fault(self.place(row), problem, "cut the log there into two", "infinite")
 
@@ -74,18 +71,15 @@ class Signals(NamedTuple):
         return list(dict.fromkeys([*([self.time] if self.time else []), *self.inputs, *self.outputs]))
 
     def remedy(self, there: Sequence[str]) -> str:
-        """Return where to name signals of a log that has other ones, and those that are meant if that is clear."""
-        found = {name: name for name in self.columns() if name in there}
-        for name in self.columns():
-            of_another_unit = [other for other in there if other.startswith(f"{name.removesuffix('_s')}_")]
-            if len(of_another_unit) == 1:
-                found.setdefault(name, of_another_unit[0])
-        lacking = [name for name in self.columns() if name not in found]
-        left = [other for other in there if other not in found.values()]
-        found |= dict(zip(lacking, left, strict=True)) if len(lacking) == len(left) else {}
+        """Return where to name signals of a log that has other ones: if as many, in their order."""
+        lacking = [name for name in self.columns() if name not in there]
+        left = [other for other in there if other not in self.columns()]
+        meant = dict(zip(lacking, left if len(left) == len(lacking) else ["NAME"] * len(lacking), strict=True))
         roles = {"time": [self.time] if self.time else [], "inputs": self.inputs, "outputs": self.outputs}
-        words = {role: ", ".join(f'"{found.get(name, "NAME")}"' for name in names) for role, names in roles.items()}
-        words = {role: f"({word})" if len(roles[role]) > 1 else word for role, word in words.items()}
+        words = dict[str, str]()
+        for role, names in roles.items():
+            word = ", ".join(f'"{meant.get(name, name)}"' for name in names)
+            words[role] = f"({word})" if len(names) > 1 else word
         call = ", ".join(f"{role}={word}" for role, word in words.items() if word)
         lines = ", ".join(f"{role.removesuffix('s')} = {word}" for role, word in words.items() if word)
         return f"name them: read_log(FILE, {call}), or in logs.toml: {lines}"
@@ -168,46 +162,23 @@ class Recording:
         return np.asarray(self.start_s + self.period_s * np.arange(len(self)), dtype=np.float64)
 
     @classmethod
-    def from_arrays(
-        cls, u: ArrayLike, y: ArrayLike, period_s: float | None = None, *, time: ArrayLike | None = None, **fields: Any
-    ) -> Self:
-        """Return a recording of signals in memory, with a sampling period or with even stamps.
+    def from_arrays(cls, u: ArrayLike, y: ArrayLike, period_s: float, **fields: Any) -> Self:
+        """Return a recording of signals in memory; `read_log({"time_s": time, "u": u, "y": y})` takes stamps instead.
 
         Args:
           u: inputs, shape (N,) or (N, m).
           y: outputs, shape (N,) or (N, p).
           period_s: sampling period [s].
-          time: stamps instead of it [s], shape (N,); `read_log({"time_s": time, "u": u, "y": y})` takes uneven ones.
           **fields: other fields of a recording; input_names for several inputs, output_names for several outputs.
 
         Raises:
-          InputError: if shapes disagree, a value is not finite, names are lacking, or stamps are uneven.
+          InputError: if shapes disagree, a value is not finite, names are lacking, or the period is no number.
         """
-        if (period_s is None) == (time is None) or np.ndim(np.asarray(period_s)):
-            raise InputError("from_arrays: expected period_s, a number, or time; pass from_arrays(u, y, time=stamps)")
+        if np.ndim(period_s):
+            remedy = 'read_log({"time_s": time, "u": u, "y": y}) takes stamps'
+            raise InputError(f"from_arrays: period_s has shape {np.shape(period_s)}, expected a number; {remedy}")
         inputs, outputs = (np.atleast_2d(np.array(signal, dtype=np.float64).T).T for signal in (u, y))
-        if time is None:
-            return cls(inputs, outputs, float(period_s or 0), **fields)
-        stamps = np.array(time, dtype=np.float64)
-        if stamps.shape != (len(inputs),) or len(stamps) < 2:
-            raise InputError(f"from_arrays: time has shape {stamps.shape}, expected ({len(inputs)},), 2 or more")
-        even = (stamps[-1] - stamps[0]) / (len(stamps) - 1)
-        late = np.abs(stamps - stamps[0] - even * np.arange(len(stamps))).max()
-        if not 0 <= late < _EVEN * even:
-            remedy = 'read_log({"time_s": time, "u": u, "y": y}) resamples them'
-            raise InputError(f"from_arrays: stamps are uneven, {late:.3g} s off at most; {remedy}")
-        return cls(inputs, outputs, float(f"{even:.12g}"), **fields)
-
-    def slice(self, start: int, stop: int) -> Self:
-        """Return samples `start` to `stop`, the latter excluded, at their times.
-
-        Raises:
-          InputError: if the range is empty or reaches outside.
-        """
-        if not 0 <= start < stop <= len(self):
-            raise InputError(f"{self.source}: has no samples {start} to {stop}; give a range within 0 to {len(self)}")
-        u, y, begin = self.inputs[start:stop], self.outputs[start:stop], float(self.time[start])
-        return replace(self, inputs=u, outputs=y, start_s=begin, source=f"{self.source}[{start}:{stop}]")
+        return cls(inputs, outputs, float(period_s), **fields)
 
     def write_csv(self, path: str | Path, time: str = "time_s") -> None:
         """Write a CSV file, from which `read_log` reads the same values.
@@ -270,8 +241,7 @@ def log_fault(path: str | Path, problem: str, remedy: str, code: str) -> InputEr
     return file_error(path, one_line(problem), one_line(remedy), code)
 
 
-@contextmanager
-def open_log(path: Path) -> Iterator[io.BufferedReader]:
+def open_log(path: Path) -> io.BufferedReader:
     """Open a log's file.
 
     Raises:
@@ -279,14 +249,13 @@ def open_log(path: Path) -> Iterator[io.BufferedReader]:
     """
     try:
         if not path.is_file():
-            raise file_error(path, "there is no such file", "pass a file that has a log", "no-such-file")
+            raise log_fault(path, "there is no such file", "pass a file that has a log", "no-such-file")
         if (size := path.stat().st_size) > MAX_BYTES:
             problem = f"has {size >> 20} MB, expected at most {MAX_BYTES >> 20} MB"
-            raise file_error(path, problem, "cut the log into shorter ones", "too-large")
-        with path.open("rb") as file:
-            yield file
+            raise log_fault(path, problem, "cut the log into shorter ones", "too-large")
+        return path.open("rb")
     except OSError as error:
-        raise file_error(path, f"can't be read ({error.strerror})", "check its permissions", "unreadable") from error
+        raise log_fault(path, f"can't be read ({error.strerror})", "check its permissions", "unreadable") from error
 
 
 def listed(names: Iterable[str]) -> str:

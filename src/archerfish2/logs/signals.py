@@ -20,16 +20,14 @@ def undo_wraps(rows: Rows) -> tuple[Rows, list[Finding]]:
     """Undo, in place, the jumps of angles that were logged within a turn, and of outputs that are counters."""
     findings = []
     inputs, outputs, _ = rows.signals
-    turns = [*[_ANGLES] * len(inputs), *[_COUNTERS] * len(outputs)]
-    columns = [*rows.inputs.T, *rows.outputs.T]
-    for name, column, usual in zip((*inputs, *outputs), columns, turns, strict=True):
+    for name, column in [*zip(inputs, rows.inputs.T, strict=True), *zip(outputs, rows.outputs.T, strict=True)]:
         known = ~np.isnan(column)
-        signal, time = (column, rows.time) if known.all() else (column[known], rows.time[known])
+        signal, time = column[known], rows.time[known]
         if signal.size < 2:
             continue
         steps = np.diff(signal)
         most, least = np.ptp(steps) / 0.75, np.ptp(signal) / 1.02
-        for turn in usual:
+        for turn in _COUNTERS if name in outputs else _ANGLES:
             if least <= turn < most and _wraps_at(signal, time, turn):
                 jumps = np.count_nonzero(np.abs(steps) > 0.75 * turn)
                 column[known] = np.unwrap(signal, period=turn)
@@ -77,8 +75,7 @@ def non_repeated_samples(rows: Rows) -> tuple[Rows, list[Finding]]:
     edges = np.append(kept.time, rows.time[-1] + np.median(np.diff(rows.time)))
     rate_hz, lost = 1 / np.median(np.diff(kept.time)), len(rows) - len(kept)
     message = f"outputs change in one row of {every} only ({rate_hz:.4g} Hz), the others were left out"
-    source, remedy = rows.table.source, "log each measurement once"
-    finding = Finding("held-output", "repaired", source, message, remedy, lost)
+    finding = Finding("held-output", "repaired", rows.table.source, message, "log each measurement once", lost)
     return replace(kept, inputs=held_mean(rows.time, rows.inputs, edges)), [finding]
 
 

@@ -26,7 +26,7 @@ _HEAD = 2**16  # bytes that have the names and the first sample of a usual table
 _UNPACKED = (".gz", ".bz2", ".xz")  # endings by which NumPy takes a file for a compressed one
 Choice = Callable[[list[str]], list[str]]
 Advice = Callable[[Sequence[str]], str]
-_SHOWN = 40  # characters of a bad field, and lines in which a name is looked for that is not in the first
+_SHOWN = 40  # characters of a bad field
 
 
 def read_text(path: Path, choose: Choice, *, advice: Advice | None = None, whole: bool = False) -> LogTable:
@@ -46,7 +46,8 @@ def read_text(path: Path, choose: Choice, *, advice: Advice | None = None, whole
         return table
     lines, findings = _lines(path, whole)
     names, separator, first = _header(path, lines)
-    positions = {name: _position(path, lines, first, names, name, advice) for name in choose(names)}
+    header = f"{path}: line {max(first, 1)}"
+    positions = {name: _position(header, names, name, advice) for name in choose(names)}
     body = enumerate(lines[first:], first + 1)
     rows = {number: _row(path, number, line, separator, len(names)) for number, line in body if line.strip()}
     texts = {name: [row[at].strip() for row in rows.values()] for name, at in positions.items()}
@@ -77,8 +78,7 @@ def _read_at_once(path: Path, choose: Choice) -> LogTable | None:
         if lines[first].strip() and path.suffix not in _UNPACKED and all(names.count(name) == 1 for name in chosen):
             # NumPy takes a third longer to read an open file.
             values = np.loadtxt(path, float, None, separator, skiprows=first, ndmin=2, encoding="utf-8")
-            parts = iter(lambda: file.read(_HEAD), b"")
-            end = head.count(b"\n") + sum(np.count_nonzero(np.frombuffer(part, "u1") == ord("\n")) for part in parts)
+            end = head.count(b"\n") + file.read().count(b"\n")
             if values.shape == (end - first, len(names)):  # no line is blank, or without its end
                 columns = dict(zip(chosen, values.T[[*map(names.index, chosen)]], strict=True))
                 return LogTable(columns, range(first + 1, end + 1), "line", str(path))
@@ -96,7 +96,7 @@ def _lines(path: Path, whole: bool) -> tuple[list[str], tuple[Finding, ...]]:
     decoded = content.decode(encoding, "replace").removeprefix("\ufeff")
     text = decoded.rstrip("\0\x1a")  # what a loss of power leaves, and the end mark of DOS
     zeros = "\0" in decoded[len(text) :]
-    text = text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
     if damaged := re.search("[\0\ufffd]", text):
         line, remedy = text.count("\n", 0, damaged.start()) + 1, "save the log as UTF-8, or remove the damaged lines"
         raise log_fault(path, f"line {line}: is no {encoding.upper()} text", remedy, "encoding")
@@ -118,22 +118,18 @@ def _header(path: Path, lines: list[str]) -> tuple[list[str], str | None, int]:
     """Return the columns' names ("1", "2", … above numbers), their separator (None: blanks), index of the first row."""
     full = (index for index, line in enumerate(lines) if line.strip())
     first = next(full, 0)
-    if stated := _SEPARATOR_LINE.fullmatch(lines[first]):
+    stated = _SEPARATOR_LINE.fullmatch(lines[first])
+    if stated:
         first = next(full, first)
-    names, separator = _names(path, first + 1, lines[first], stated[1] if stated else None)
+    line = lines[first].lstrip("#% ")
+    most = max(",;\t", key=line.count)
+    separator = stated[1] if stated else most if most in line else None
+    line = line.rstrip(f" \r{separator or ''}")  # of separators after the last name
+    names = [field.strip().strip('"') for field in _fields(path, first + 1, line, separator)]
     values = [name for name in names if name.lower() not in _MISSING]
     if values and all(map(_NUMBER.fullmatch, values)):
         return [str(index + 1) for index in range(len(names))], separator, first
     return names, separator, first + 1
-
-
-def _names(path: Path, number: int, line: str, separator: str | None = None) -> tuple[list[str], str | None]:
-    """Return the fields of a first line, without empty ones at the end, and what separates them."""
-    line = line.lstrip("#% ") if line.lstrip().startswith(("#", "%")) else line
-    most = max(",;\t", key=line.count)
-    separator = separator or (most if most in line else None)
-    line = line.rstrip(f" \r{separator or ''}")  # of separators after the last name
-    return [field.strip().strip('"') for field in _fields(path, number, line, separator)], separator
 
 
 def _fields(path: Path, number: int, line: str, separator: str | None) -> list[str]:
@@ -148,16 +144,12 @@ def _fields(path: Path, number: int, line: str, separator: str | None) -> list[s
         raise log_fault(path, problem, remedy, "row-length") from error
 
 
-def _position(path: Path, lines: list[str], first: int, names: list[str], name: str, advice: Advice | None) -> int:
-    place = f"{path}: line {max(first, 1)}"
+def _position(place: str, names: list[str], name: str, advice: Advice | None) -> int:
     if (count := names.count(name)) == 1:
         return names.index(name)
     if count:
         raise log_fault(place, f'{count} columns are named "{name}"', "rename all but one", "column-twice")
     remedy = f"the columns are {listed(names)}; {advice(names) if advice else 'name one of them'}"
-    for index, line in enumerate(() if _NUMBER.fullmatch(name) else lines[:_SHOWN]):
-        if '"' not in line and name in _names(path, index + 1, line)[0]:
-            remedy = f"it is in line {index + 1}: remove the lines above"
     raise log_fault(place, f'there is no column "{name}"', remedy, "no-column")
 
 
