@@ -161,7 +161,6 @@ def test_recorded_logs_are_read(name, u, y, clock, expected):
 def test_a_recording_is_read_back_as_it_was_written(tmp_path):
     rng = np.random.default_rng(1)
     made = Recording.from_arrays(rng.standard_normal((50, 2)), rng.standard_normal(50), 0.004, input_names=("a", "b,"))
-    assert repr(made) == "Recording(a, b, → y: 50 samples every 0.004 s, 0.2 s, recording)"
     made.write_csv(tmp_path / "log.csv")
     (found,) = read_log(tmp_path / "log.csv", inputs=made.input_names).recordings
     for name in ("inputs", "outputs", "time", "period_s", "input_names"):
@@ -176,7 +175,20 @@ def test_signals_that_are_no_recording_are_refused(refused):
     refused("not empty", make, [], [], 0.1)
     refused("not finite; cut the recording", make, ramp, [0, np.nan, 1], 0.1)
     refused("period_s is 0.0, expected above 0 s", make, ramp, ramp, 0.0)
-    refused(r"period_s has shape \(3,\), expected a number; read_log.* takes stamps", make, ramp, ramp, ramp)
+    for period_s, time in ((None, None), (0.1, ramp), (ramp, None)):
+        refused("expected period_s, a number, or time; pass", lambda p, t: make(ramp, ramp, p, time=t), period_s, time)
+
+
+def test_arrays_with_even_stamps_are_a_recording_and_others_are_read_as_a_file_is(tmp_path, refused):
+    time, u, y = axis()
+    found = Recording.from_arrays(u, y, time=time, input_names=("cmd",), source="mine")
+    assert repr(found) == "Recording(cmd → y: 600 samples every 0.01 s, 6 s, mine)"
+    rows = np.delete(np.arange(COUNT), [100, 250])
+    refused(r"stamps are uneven, .* s off .*; read_log\({", Recording.from_arrays, u[rows], y[rows], time=time[rows])
+    (even,) = read_log({"time_s": time[rows], "u": u[rows], "y": y[rows]}).recordings
+    (expected,) = read(tmp_path, time[rows], u[rows], y[rows]).recordings
+    assert_array_equal(np.hstack([even.inputs, even.outputs]), np.hstack([expected.inputs, expected.outputs]))
+    refused("stamps are uneven", Recording.from_arrays, u, y, time=0 * time)
 
 
 def test_a_period_in_milliseconds_is_suspected(tmp_path):

@@ -18,6 +18,7 @@ MAX_BYTES = 512 * 2**20
 """Of the largest file, and the largest array unpacked: an hour of two axes at 1 kHz as text."""
 GAP = 3.0
 """Interval in periods from which a log is interrupted: what happened within can't be known from its ends."""
+_EVEN = 0.1  # of a period, within which stamps are those of equal intervals
 _LARGEST_VALUE = 1e30  # its square is finite
 
 
@@ -162,23 +163,35 @@ class Recording:
         return np.asarray(self.start_s + self.period_s * np.arange(len(self)), dtype=np.float64)
 
     @classmethod
-    def from_arrays(cls, u: ArrayLike, y: ArrayLike, period_s: float, **fields: Any) -> Self:
-        """Return a recording of signals in memory; `read_log({"time_s": time, "u": u, "y": y})` takes stamps instead.
+    def from_arrays(
+        cls, u: ArrayLike, y: ArrayLike, period_s: float | None = None, *, time: ArrayLike | None = None, **fields: Any
+    ) -> Self:
+        """Return a recording of signals in memory, with a sampling period or with even stamps.
 
         Args:
           u: inputs, shape (N,) or (N, m).
           y: outputs, shape (N,) or (N, p).
           period_s: sampling period [s].
+          time: stamps instead of it [s], shape (N,); `read_log({"time_s": time, "u": u, "y": y})` takes uneven ones.
           **fields: other fields of a recording; input_names for several inputs, output_names for several outputs.
 
         Raises:
-          InputError: if shapes disagree, a value is not finite, names are lacking, or the period is no number.
+          InputError: if shapes disagree, a value is not finite, names are lacking, or stamps are uneven.
         """
-        if np.ndim(period_s):
-            remedy = 'read_log({"time_s": time, "u": u, "y": y}) takes stamps'
-            raise InputError(f"from_arrays: period_s has shape {np.shape(period_s)}, expected a number; {remedy}")
+        if (period_s is None) == (time is None) or np.ndim(np.asarray(period_s)):
+            raise InputError("from_arrays: expected period_s, a number, or time; pass from_arrays(u, y, time=stamps)")
         inputs, outputs = (np.atleast_2d(np.array(signal, dtype=np.float64).T).T for signal in (u, y))
-        return cls(inputs, outputs, float(period_s), **fields)
+        if time is None:
+            return cls(inputs, outputs, float(period_s or 0), **fields)
+        stamps = np.array(time, dtype=np.float64)
+        if stamps.shape != (len(inputs),) or len(stamps) < 2:
+            raise InputError(f"from_arrays: time has shape {stamps.shape}, expected ({len(inputs)},), 2 or more")
+        even = (stamps[-1] - stamps[0]) / (len(stamps) - 1)
+        late = np.abs(stamps - stamps[0] - even * np.arange(len(stamps))).max()
+        if not 0 <= late < _EVEN * even:
+            remedy = 'read_log({"time_s": time, "u": u, "y": y}) resamples them'
+            raise InputError(f"from_arrays: stamps are uneven, {late:.3g} s off at most; {remedy}")
+        return cls(inputs, outputs, float(f"{even:.12g}"), **fields)
 
     def write_csv(self, path: str | Path, time: str = "time_s") -> None:
         """Write a CSV file, from which `read_log` reads the same values.
