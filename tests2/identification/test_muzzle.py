@@ -14,8 +14,7 @@ from archerfish2.cli.identify_muzzle import IdentifyMuzzle
 from archerfish2.dynamics.muzzle import direction
 from archerfish2.dynamics.pellet import flat_fire_crossing, quadratic_crossing
 from archerfish2.errors import InputError
-from archerfish2.identification.muzzle.estimate import dependence
-from archerfish2.identification.muzzle.flight import landing_distance, linearised
+from archerfish2.identification.muzzle.estimate import dependence, landing_distance, linearised
 from archerfish2.identification.muzzle.identify import identify_muzzle
 from archerfish2.identification.statistics import long_run_covariance, sample_mean, variance_components
 from archerfish2.logs.shots import ShotColumns, Shots, read_shots

@@ -11,7 +11,7 @@ import numpy as np
 from msgspec.structs import asdict
 
 from archerfish2.errors import InputError
-from archerfish2.identification.muzzle.flight import expected_vertical, measured_vertical
+from archerfish2.identification.muzzle.estimate import expected_vertical, measured_vertical
 from archerfish2.identification.robot_files import AXES, LogFolder, logs_there, read_axis
 from archerfish2.identification.simulation import free_run, simulate
 from archerfish2.identification.statistics import sample_mean

@@ -11,7 +11,7 @@ import numpy as np
 from archerfish2.errors import InputError
 from archerfish2.identification.muzzle import checks, estimate
 from archerfish2.identification.muzzle.checks import Flags, LackOfFit
-from archerfish2.identification.muzzle.flight import RANGES, SHAPING, azimuth, linearised, measured_vertical
+from archerfish2.identification.muzzle.estimate import RANGES, SHAPING, azimuth, linearised, measured_vertical
 from archerfish2.identification.result import Result
 from archerfish2.identification.statistics import Array, converted
 from archerfish2.logs.recording import Finding
