@@ -127,10 +127,8 @@ def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: f
     least_s, most_hz = settings.period_s if kind != "sweep" else 1 / low_hz, 0.5 / period_s
     if not (low_hz < high_hz < most_hz and 1 / (high_hz - low_hz) <= least_s <= settings.duration_s):
         expected = f"low_hz < high_hz < {most_hz:g}, half the sampling rate, and duration_s of {least_s:g} or more"
-        got = f"{low_hz:g}, {high_hz:g} and {settings.duration_s:g}"
-        raise InputError(
-            f"excitation: {kind}: expected {expected}, got {got}; change --low-hz, --high-hz, --duration-s"
-        )
+        problem = f"expected {expected}, got {low_hz:g}, {high_hz:g} and {settings.duration_s:g}"
+        raise InputError(f"excitation: {kind}: {problem}; change --low-hz, --high-hz, --duration-s")
     count, repeat = round(settings.duration_s / period_s), round(least_s / period_s)
     if kind == "sweep":
         frequency = low_hz + (high_hz - low_hz) * np.arange(count) / count

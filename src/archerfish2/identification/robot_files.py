@@ -32,10 +32,7 @@ Unit = Literal["rad", "deg"]
 Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 Both = Positive | Annotated[tuple[Positive, ...], Meta(min_length=2, max_length=2)]
 """One figure for both axes, or [pitch, yaw]; a tuple of fixed length beside a number crashes msgspec 0.22."""
-_LIMITS_LINE = (
-    "limits = {pitch_deg = [-25, 10], yaw_deg = [-75, 75], "
-    "max_rate_deg_s = 690, max_acceleration_deg_s2 = [5700, 3400]}"
-)
+_FIGURES = "pitch_deg = [-25, 10], yaw_deg = [-75, 75], max_rate_deg_s = 690, max_acceleration_deg_s2 = 3400"
 _BEYOND = 0.1  # of the range between two limits, up to which commands may be beyond them
 _FARTHEST_DEG = {"pitch": 90.0, "yaw": 720.0}  # commands beyond which are hardly in the unit that they are said to be
 
@@ -176,7 +173,7 @@ def read_limits(folder: Path, settings: LogFolder) -> dict[Part, LimitsRecord]:
         return {"limits": settings.limits.record()}
     if not path.exists():
         return {}
-    remedy = f"take it out, or begin logs.toml with your figures: {_LIMITS_LINE}"
+    remedy = f"take it out, or begin logs.toml with your figures: limits = {{{_FIGURES}}}"
     content = read_json(path, remedy)
     if isinstance(content, dict) and content.get("schema") == "archerfish.limits/1":
         content["schema"] = LimitsRecord.schema  # whose fields are the same

@@ -41,10 +41,7 @@ class MuzzleResult(Result):
     lack_of_fit: LackOfFit  # of the flight model
     findings: tuple[Finding, ...]  # what was repaired, and what may spoil the estimate
 
-    @property
-    def part(self) -> str:
-        """Name of the part of a robot, and of its files."""
-        return "muzzle"
+    part = "muzzle"
 
     def plot(self) -> Figure:
         """Draw measured less expected distances or heights, a setting after the other, each in the order of fire."""
