@@ -8,8 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from archerfish2.cli.excite import Excite
 from archerfish2.identification.axis.fit import fit_axis
-from archerfish2.identification.excitation.excite import excite
-from archerfish2.identification.excitation.plan import ExcitationSettings, demand, multisine, plan_command, prbs
+from archerfish2.identification.excitation import ExcitationSettings, demand, excite, multisine, plan_command, prbs
 from archerfish2.identification.simulation import simulate
 from archerfish2.logs.recording import Recording
 from archerfish2.paper.gimbal import gate_limits, printed_plants

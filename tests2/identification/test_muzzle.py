@@ -14,8 +14,7 @@ from archerfish2.cli.identify_muzzle import IdentifyMuzzle
 from archerfish2.dynamics.muzzle import direction
 from archerfish2.dynamics.pellet import flat_fire_crossing, quadratic_crossing
 from archerfish2.errors import InputError
-from archerfish2.identification.muzzle.estimate import dependence
-from archerfish2.identification.muzzle.flight import landing_distance, linearised
+from archerfish2.identification.muzzle.estimate import dependence, landing_distance, linearised
 from archerfish2.identification.muzzle.identify import identify_muzzle
 from archerfish2.identification.statistics import long_run_covariance, sample_mean, variance_components
 from archerfish2.logs.shots import ShotColumns, Shots, read_shots
@@ -31,9 +30,8 @@ def fire(pitch_deg, each, planes=(), speeds=True, lateral=True, seed=0):
     """Fire at each pitch, and at each plane if there are any, by the flight of the simulator."""
     rng = np.random.default_rng(seed)
     pitch = np.radians(np.repeat(np.asarray(pitch_deg, float), each * max(len(planes), 1)))
-    speed, angle, aside = (
-        np.array([18.0, 0.007, -0.004]) + rng.standard_normal((pitch.size, 3)) * [0.4, 0.006, 0.005]
-    ).T
+    drawn = [18.0, 0.007, -0.004] + rng.standard_normal((pitch.size, 3)) * [0.4, 0.006, 0.005]
+    speed, angle, aside = drawn.T
     angle, height = pitch + angle, None
     distance = landing_distance(speed, angle, np.asarray(0.4), np.asarray(0.019))
     left = distance * np.sin(aside)

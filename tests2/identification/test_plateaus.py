@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from archerfish2.identification.axis.identify import identify_axis
 from archerfish2.identification.axis.plateaus import plateau_gain
-from archerfish2.identification.excitation.plan import ExcitationSettings, plan_command
+from archerfish2.identification.excitation import ExcitationSettings, plan_command
 from archerfish2.identification.simulation import simulate
 from archerfish2.logs.recording import Recording
 from archerfish2.paper.gimbal import gate_limits

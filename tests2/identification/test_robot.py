@@ -149,9 +149,8 @@ def test_a_first_line_for_logs_toml_names_the_columns_of_a_log(tmp_path, refused
     assert identify_robot(folder).record.parts["yaw"].usable
     (folder / "logs.toml").unlink()
     (folder / "monday.csv").rename(folder / "pitch_step.csv")
-    refused(
-        r'no column "time_s".* in logs.toml: time = "stamp_s", input = "cmd", output = "angle"', identify_robot, folder
-    )
+    complaint = r'no column "time_s".* in logs.toml: time = "stamp_s", input = "cmd", output = "angle"'
+    refused(complaint, identify_robot, folder)
 
 
 def test_of_two_logs_of_one_name_the_one_that_is_not_fitted_is_named(tmp_path):
@@ -179,9 +178,8 @@ def test_a_length_that_is_not_given_is_assumed_on_the_first_page_which_has_the_o
     np.savetxt(tmp_path / "shots.csv", rows, "%.4f", delimiter=",", header=header, comments="")
     report = identify_robot(tmp_path).report
     assert report.headline == "muzzle; assumed: pitch, yaw, sensing, limits, length of the muzzle (0 m)"
-    assert re.fullmatch(
-        r"muzzle: pellets leave 1\.1\d° right of the barrel, (5\.[89]|6\.[01]) cm at 3 m\.", report.known[1]
-    )
+    offset = r"muzzle: pellets leave 1\.1\d° right of the barrel, (5\.[89]|6\.[01]) cm at 3 m\."
+    assert re.fullmatch(offset, report.known[1])
     assert "length_m in [muzzle] of logs.toml" in report.next_steps[0]
     (tmp_path / "tape.json").write_text('{"muzzle_length_m": 0.16}')
     assert identify_robot(tmp_path).report.headline == "muzzle; assumed: pitch, yaw, sensing, limits"

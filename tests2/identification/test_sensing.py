@@ -126,16 +126,10 @@ def test_a_sweep_alone_gives_the_latency_less_the_feedbacks_delay(sweep):
     assert (result.record.camera.latency_basis, result.record.link.command_delay) == ("feedback", None)
     assert result.record.camera.latency == pytest.approx(sweep.latency - FEEDBACK_S, abs=1e-3)
     assert ("less the delay of the gimbal's feedback" in result.report.known[0], result.report.doubts) == (True, ())
-    assert [re.findall(r"timing_(\w+)", each) for each in result.report.next_steps] == [
-        ["target", "moments"],
-        ["steps"],
-        ["commands"],
-        [],
-    ]
-    for alone in (
-        identify_sensing(sweep.sweep, sweep.plate, gimbal_clock="own"),
-        identify_sensing(sweep.sweep, sweep.plate._replace(receive=None)),
-    ):
+    named = [re.findall(r"timing_(\w+)", each) for each in result.report.next_steps]
+    assert named == [["target", "moments"], ["steps"], ["commands"], []]
+    own_clock = identify_sensing(sweep.sweep, sweep.plate, gimbal_clock="own")
+    for alone in (own_clock, identify_sensing(sweep.sweep, sweep.plate._replace(receive=None))):
         assert (alone.record.camera.latency, alone.report.usable) == (None, True)
         assert alone.report.headline.startswith("with care")
         assert "latency is unknown" in alone.report.doubts[0]
@@ -160,11 +154,8 @@ def test_what_moves_with_the_gimbal_is_in_doubt_and_what_is_no_plate_is_not_usab
     assert "lens" in identify_sensing(sweep.sweep, plate._replace(position=position)).report.doubts[0]
     several = plate.position + np.outer(np.arange(len(plate.time)) % 3 - 1, [0, 0, 0.4])
     report = identify_sensing(sweep.sweep, plate._replace(position=several)).report
-    assert (report.usable, "show one plate" in report.reasons[0], "again" in report.next_steps[0]) == (
-        False,
-        True,
-        True,
-    )
+    assert not report.usable
+    assert ("show one plate" in report.reasons[0], "again" in report.next_steps[0]) == (True, True)
 
 
 def test_moments_by_another_clock_make_the_record_not_usable(found):
@@ -216,9 +207,8 @@ def test_the_command_line_writes_what_python_gives(tmp_path, capsys, sweep):
     np.savetxt(tmp_path / "sweep.csv", gimbal, header="time_s,yaw,pitch,yaw_command", **texts)
     seen[:, [2, 3]] *= -1  # into the optical frame
     np.savetxt(tmp_path / "plate.csv", seen, header="time_s,z,x,y,receive_s", **texts)
-    IdentifySensing(
-        tmp_path / "sweep.csv", tmp_path / "plate.csv", frame="optical", degrees=True, out=tmp_path / "out"
-    ).run()
+    files = tmp_path / "sweep.csv", tmp_path / "plate.csv"
+    IdentifySensing(*files, frame="optical", degrees=True, out=tmp_path / "out").run()
     expected = identify_sensing(sweep.sweep, sweep.plate)
     record = SensingRecord.load(tmp_path / "out" / "sensing.json")
     assert record.values() == pytest.approx(expected.record.values(), rel=1e-9)

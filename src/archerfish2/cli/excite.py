@@ -8,8 +8,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from archerfish2 import storage
-from archerfish2.identification.excitation.excite import excite
-from archerfish2.identification.excitation.plan import ExcitationSettings, Kind
+from archerfish2.identification.excitation import ExcitationSettings, Kind, excite
 from archerfish2.paper.gimbal import gate_limits
 from archerfish2.records.json_files import plain, write_json
 from archerfish2.records.limits import LimitsRecord

@@ -1,34 +1,46 @@
 """A robot from its logs: a folder in, every part that it has logs of identified, the rest assumed and named."""
 
-from collections.abc import Callable
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from msgspec.structs import asdict
 
 from archerfish2 import storage
 from archerfish2.errors import InputError, file_error
-from archerfish2.identification import robot_files, robot_report
+from archerfish2.identification import robot_files
 from archerfish2.identification.axis.identify import AxisResult, identify_axis
+from archerfish2.identification.muzzle.estimate import expected_vertical, measured_vertical
 from archerfish2.identification.muzzle.identify import identify_muzzle
 from archerfish2.identification.result import Result
-from archerfish2.identification.robot_files import AxisFiles, LogFolder, SensingFiles
-from archerfish2.identification.sensing.identify import SensingResult, identify_sensing
+from archerfish2.identification.robot_files import AXES, LogFolder
+from archerfish2.identification.sensing.identify import identify_sensing
+from archerfish2.identification.simulation import free_run, simulate
+from archerfish2.identification.statistics import sample_mean
 from archerfish2.logs.recording import Finding
+from archerfish2.logs.shots import read_shots
 from archerfish2.records.json_files import plain, write_json
-from archerfish2.records.limits import LimitsRecord
 from archerfish2.reports.progress import bar
 from archerfish2.reports.report import Report, Reported
-from archerfish2.reports.style import Figure
-from archerfish2.robot import Part, PartVerdict, Robot, axis_fault
+from archerfish2.reports.style import Figure, new_figure, plot_style
+from archerfish2.reports.table import Entry, Table
+from archerfish2.robot import RECORDS, Part, PartVerdict, Robot, axis_fault
 
-PARTS: tuple[Part, ...] = get_args(Part)
 _DECISIONS_S = 0.02  # between decisions; the sampling period of a plant divides it
-_BEYOND = 0.1  # of the range between two limits, up to which commands may be beyond them
-_FARTHEST_DEG = {"pitch": 90.0, "yaw": 720.0}  # commands beyond which are hardly in the unit that they are said to be
+_ARGUMENTS = {"plate": "detections", "moments": "target_steps", "reports": "feedback"}
+"""Of `identify_sensing`, for timing logs of another name."""
+_RECORD: dict[Part, str] = {
+    **{axis: f"{axis}_sweep.csv and {axis}_step.csv (archerfish2 excite {axis})" for axis in AXES},
+    "muzzle": "shots.csv: hits on a plate, with speeds",
+    "sensing": "timing_sweep.csv and timing_plate.csv",
+    "limits": "limits.json, or [limits] in logs.toml",
+}
+_SHOWN_S, _PLATE_M = 0.5, 3.0  # of a step response; distance at which offsets are given as lengths, too
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,7 +67,7 @@ class RobotResult(Reported):
 
     def plot(self) -> Figure:
         """Draw the step responses of the axes."""
-        return robot_report.step_responses(self.record)
+        return _step_responses(self.record)
 
 
 def identify_robot(
@@ -79,7 +91,8 @@ def identify_robot(
     name = (name or Path(out or folder).resolve().name or "robot")[:100]
     if out is None:
         return _identified(folder, name, seed)
-    robot_files.check_output(folder, Path(out))
+    if folder.resolve() in (Path(out).resolve(), *Path(out).resolve().parents):
+        raise file_error(out, "is the folder of the logs, which are only read", "choose another folder for the robot")
     facts, names = {"logs": str(folder), "name": name, "seed": seed}, ("robot.json", "robot.html")
     with storage.output_folder(Path(out), "identify", folder.glob("*"), overwrite, facts, names) as written:
         found = _identified(folder, name, seed)
@@ -88,91 +101,66 @@ def identify_robot(
 
 
 def _identified(folder: Path, name: str, seed: int) -> RobotResult:
-    settings, there = robot_files.read_folder(folder), robot_files.logs_there(folder)
-    jobs, used = _jobs(folder, settings, seed)
-    if not jobs:
-        raise file_error(folder, *robot_files.not_understood(list(there.values())))
-    found, reports = dict[Part, Any](), dict[Part, Report]()
-    with bar("identifying", len(jobs), "parts") as advance:
-        for part, job in jobs.items():
+    settings = robot_files.read_folder(folder)
+    logs = robot_files.logs_of_parts(folder, settings)
+    if not logs:
+        raise robot_files.not_understood(folder)
+    found, reports = dict[Part, Result](), dict[Part, Report]()
+    with bar("identifying", len(logs), "parts") as advance:
+        for part, paths in logs.items():
             advance(len(reports), part)
             try:
-                result = job()
+                result = _identified_part(part, paths, folder, settings, seed)
                 reports[part], found[part] = _judged(result, settings), result
             except InputError as error:
                 reports[part] = _failed(part, error)
     if not found:
         raise InputError("; ".join(f"{part}: {report.reasons[0]}" for part, report in reports.items()))
-    limits = None
+    records = {part: result.record for part, result in found.items()}
     try:
-        limits = robot_files.read_limits(folder, settings)
+        records |= robot_files.read_limits(folder, settings)
     except InputError as error:
         reports["limits"] = _failed("limits", error)
-    records = {part: result.record for part, result in found.items()} | ({"limits": limits} if limits else {})
-    assumed = tuple(part for part in PARTS if part not in records)
+    assumed = tuple(part for part in RECORDS if part not in records)
     verdicts = {part: _verdict(part, report) for part, report in reports.items()}
     robot = Robot.paper().replace(name=name, assumed=assumed, parts=verdicts, **records)
 
     axes = [result for result in found.values() if isinstance(result, AxisResult)]
-    tables, unread, compared = robot_report.compare_unfitted(folder, settings, robot)
-    findings = [finding for axis in axes for finding in _beyond(limits, axis)]
+    tables, unread, compared = _compare_unfitted(folder, settings, robot)
+    used = [path for paths in logs.values() for path in paths]
+    findings = [finding for axis in axes for finding in robot_files.far_commands(axis, records.get("limits"))]
     findings += [*unread, *robot_files.unused(folder, settings, [*used, *compared])]
     not_validated = [axis.part for axis in axes if not any(log.held_back for log in axis.fits)]
     remarks = [f"none held back: {', '.join(not_validated)}"] if not_validated else []
     no_length = ["length of the muzzle (0 m)"] if "muzzle" in found and settings.muzzle.length_m is None else []
     remarks += [f"assumed: {', '.join([*assumed, *no_length])}"] if assumed or no_length else []
-    report = robot_report.robot_report(robot, reports, remarks, tables, findings)
-    return RobotResult(robot, found, reports, report)
+    return RobotResult(robot, found, reports, _report(robot, reports, remarks, tables, findings))
 
 
-def _jobs(folder: Path, settings: LogFolder, seed: int) -> tuple[dict[Part, Callable[[], Result]], list[Path]]:
-    """Return what identifies each part that there are logs of, and these logs."""
-    jobs, used, there = dict[Part, Callable[[], Result]](), list[Path](), robot_files.logs_there(folder)
-    axes: tuple[tuple[Part, AxisFiles], ...] = ("pitch", settings.pitch), ("yaw", settings.yaw)
-    for axis, files in axes:
-        fitted, held_back = robot_files.axis_logs(folder, axis, files)
-        if fitted:
-            jobs[axis] = partial(_axis, axis, files, fitted, held_back, seed)
-            used += [*fitted, *held_back]
-    muzzle = settings.muzzle
-    if shots := robot_files.files_there(folder, muzzle.shots, "shots.csv"):
-        lengths: Any = {"length_m": muzzle.length_m or 0.0, "height_m": muzzle.height_m}
-        jobs["muzzle"] = partial(identify_muzzle, shots, **lengths, seed=seed)
-        used += shots
-    timing = {name: there[f"timing_{name}.csv"] for name in robot_files.TIMING if f"timing_{name}.csv" in there}
-    if {"sweep", "plate"} <= timing.keys():
-        jobs["sensing"] = partial(_sensing, timing, settings.sensing, seed)
-        used += timing.values()
-    return jobs, used
-
-
-def _axis(axis: str, files: AxisFiles, fitted: list[Path], held_back: list[Path], seed: int) -> AxisResult:
+def _identified_part(part: Part, logs: list[Path], folder: Path, settings: LogFolder, seed: int) -> Result:
+    """Identify a part from the logs that a folder has of it."""
+    if part == "muzzle":
+        length_m, height_m = settings.muzzle.length_m or 0.0, settings.muzzle.height_m
+        return identify_muzzle(logs, length_m=length_m, height_m=height_m, seed=seed)
+    if part == "sensing":
+        timing = {log.stem.lower().removeprefix("timing_"): log for log in logs}
+        for name, other in (("target", "moments"), ("moments", "target")):
+            if name in timing and other not in timing:
+                remedy = f"record timing_{other}.csv, too, or take timing_{name}.csv out"
+                raise file_error(timing[name], f"is there without timing_{other}.csv", remedy)
+        arguments: dict[str, Any] = {_ARGUMENTS.get(name, name): path for name, path in timing.items()}
+        arguments["steps"] = [timing["steps"]] if "steps" in timing else []
+        return identify_sensing(**arguments, **asdict(settings.sensing), seed=seed)
+    files = settings.axis(part)
+    fitted, held_back = robot_files.axis_logs(folder, part, files)
     return identify_axis(
         [robot_files.read_axis(path, files) for path in fitted],
         validate=[robot_files.read_axis(path, files) for path in held_back],
-        axis=axis,
+        axis=part,
         feedthrough=False,  # an axis has inertia: a plant that may jump makes up for states that it lacks
         dc_gain=files.dc_gain,
         divides_s=_DECISIONS_S,
         seed=seed,
-    )
-
-
-def _sensing(timing: dict[str, Path], files: SensingFiles, seed: int) -> SensingResult:
-    for name, other in (("target", "moments"), ("moments", "target")):
-        if name in timing and other not in timing:
-            remedy = f"record timing_{other}.csv, too, or take timing_{name}.csv out"
-            raise file_error(timing[name], f"is there without timing_{other}.csv", remedy)
-    return identify_sensing(
-        timing["sweep"],
-        timing["plate"],
-        steps=[timing["steps"]] if "steps" in timing else [],
-        target=timing.get("target"),
-        target_steps=timing.get("moments"),
-        commands=timing.get("commands"),
-        feedback=timing.get("reports"),
-        seed=seed,
-        **asdict(files),
     )
 
 
@@ -190,8 +178,7 @@ def _judged(result: Result, settings: LogFolder) -> Report:
     report: Report = result.report
     if not isinstance(result, AxisResult):
         return report
-    files = settings.pitch if result.part == "pitch" else settings.yaw
-    reasons, changes = _corrections(result, files)
+    reasons, changes = robot_files.corrections(result, settings.axis(result.part))
     if changes:
         step = f"Write {' and '.join(changes)} to [{result.part}] in logs.toml."
         return replace(report, usable=False, reasons=(*reasons, *report.reasons), next_steps=(step, *report.next_steps))
@@ -199,47 +186,119 @@ def _judged(result: Result, settings: LogFolder) -> Report:
     return replace(report, usable=False, reasons=(f"{fault}.",)) if report.usable and fault else report
 
 
-def _corrections(result: AxisResult, files: AxisFiles) -> tuple[list[str], list[str]]:
-    """Return what is wrong with columns, sign and units of an axis, and what logs.toml has to say instead."""
-    messages = {finding.code: finding.message for finding in result.findings}
-    if "swapped" in messages:  # which the report names, and of which all else follows
-        return [], [f'input = "{files.output}"', f'output = "{files.input}"']
-    reasons, changes, gain = list[str](), list[str](), result.record.dc_gain.item()
-    if gain < 0 and (result.report.usable or not {"sign-flip", "degrees-radians"}.isdisjoint(messages)):
-        reasons.append(f"The steady gain is {gain:.3g}: the angle moves against the command.")
-        output = files.output
-        changes.append(f'output = "{output[1:] if output.startswith("-") else "-" + output}"')
-    if "degrees-radians" in messages:
-        reasons.append(f"{messages['degrees-radians']}.")
-        unit = "deg" if (files.output_unit or files.unit) == "rad" else "rad"
-        signal = "output" if (abs(gain) > 1) == (unit == "deg") else "input"
-        changes.append(f'{signal}_unit = "{unit}"')
-    return reasons, changes
-
-
-def _beyond(limits: LimitsRecord | None, axis: AxisResult) -> list[Finding]:
-    """Warn of commands far beyond an axis' limits, or of many turns: units or signs are the likely cause."""
-    u = np.degrees(np.concatenate([fit.recording.inputs for fit in axis.fits]))
-    low, high = float(u.min()), float(u.max())
-    if limits:
-        most = limits.pitch if axis.part == "pitch" else limits.yaw
-        lowest, highest = np.degrees([most.low, most.high]).tolist()
-        slack, place, expected = _BEYOND * (highest - lowest), limits.source or "limits.json", "its limits are"
-    else:
-        lowest, highest = -_FARTHEST_DEG[axis.part], _FARTHEST_DEG[axis.part]
-        slack, place, expected = 0.0, axis.part, "expected"
-    if lowest - slack <= low and high <= highest + slack:
-        return []
-    message = f"commands of {axis.part} go from {low:.3g} to {high:.3g}°, {expected} {lowest:.3g} to {highest:.3g}°"
-    remedy = f'check signs and units; of a log in degrees, write unit = "deg" to [{axis.part}] in logs.toml'
-    return [Finding("limits", "warning", place, message, remedy)]
-
-
 def _verdict(part: Part, report: Report) -> PartVerdict:
+    usable, next_step = report.usable is not False, next(iter(report.next_steps), "")
     return PartVerdict(
-        usable=report.usable is not False,
-        headline=report.headline,
-        reasons=report.reasons,
-        next_step=next(iter(report.next_steps), ""),
-        page=f"{part}.html",
+        usable=usable, headline=report.headline, reasons=report.reasons, next_step=next_step, page=f"{part}.html"
     )
+
+
+def _report(
+    robot: Robot, reports: dict[Part, Report], remarks: list[str], tables: list[Table], findings: list[Finding]
+) -> Report:
+    """Report an identified robot; `remarks` stand beside the parts in the headline, `tables` are of unfitted logs."""
+    verdicts = dict(sorted(robot.parts.items(), key=lambda item: item[1].usable))  # those that are not usable first
+    not_usable = [part for part, verdict in verdicts.items() if not verdict.usable]
+    steps = [f"{part}: {step}" for part in verdicts for step in reports[part].next_steps[:2]]
+    steps += [f"{part}: record {_RECORD[part]}." for part in robot.assumed if part not in reports]
+    if not not_usable:
+        steps.append("Train a policy (archerfish2 train ROBOT), and compare it (archerfish2 evaluate ROBOT).")
+    words = {True: "usable", False: "not usable"}
+    rows = [(f"{part}: {verdict.headline}", words[verdict.usable]) for part, verdict in verdicts.items()]
+    for part in robot.assumed:
+        rows.append((f"{part}: {'immediate and perfect' if part == 'sensing' else 'that of the paper'}", "assumed"))
+    pages = f"Their pages: {', '.join(verdict.page for verdict in robot.parts.values())}."
+    return Report(
+        title=f"{robot.name}: what the logs say",
+        headline="; ".join([", ".join(not_usable or verdicts), *remarks]),
+        usable=not not_usable,
+        reasons=tuple(f"{part}: {reason}" for part in not_usable for reason in verdicts[part].reasons),
+        known=tuple(_corrected_first(robot)),
+        doubts=tuple(f"{part}: {doubt}" for part, report in reports.items() for doubt in report.doubts),
+        next_steps=tuple(steps),
+        tables=(Table("Parts", ("part", "verdict"), tuple(rows), pages), *tables),
+        figures=(("Angles after a step of the command.", partial(_step_responses, robot)),),
+        findings=_merged([*findings, *(each for report in reports.values() for each in report.findings)]),
+    )
+
+
+def _corrected_first(robot: Robot) -> Iterator[str]:
+    """Yield what a team corrects first: where pellets leave, and by how much stamps are off."""
+    if "muzzle" in robot.parts and "muzzle" not in robot.assumed:
+        up, left = robot.muzzle.pitch_offset, robot.muzzle.yaw_offset
+        for offset, side in ((up, "above" if up > 0 else "below"), (left, "left of" if left > 0 else "right of")):
+            angle, length = abs(np.degrees(offset)), 100 * _PLATE_M * abs(offset)
+            yield f"muzzle: pellets leave {angle:.2f}° {side} the barrel, {length:.1f} cm at {_PLATE_M:g} m."
+    if "sensing" in robot.parts and robot.sensing:
+        offset_ms = 1e3 * robot.sensing.camera.time_offset
+        yield f"sensing: a frame is exposed {offset_ms:.4g} ms after its stamp, by the clock of the gimbal's log."
+
+
+def _merged(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Join findings that differ in their place alone."""
+    samples = defaultdict[Finding, dict[str, int]](dict)
+    for finding in findings:
+        samples[finding._replace(place="", samples=0)][finding.place] = finding.samples
+    merged = []
+    for finding, by_place in samples.items():
+        places, others = list(by_place)[:3], len(by_place) - 3
+        place = ", ".join(places) + (f" and {others} more" if others > 0 else "")
+        merged.append(finding._replace(place=place, samples=sum(by_place.values())))
+    return tuple(merged)
+
+
+def _step_responses(robot: Robot) -> Figure:
+    """Draw the angles of a robot's axes after a step of their commands; of plants of no gimbal nothing."""
+    with plot_style():
+        figure, ((panel,),) = new_figure()
+        for axis, plant in (("pitch", robot.pitch), ("yaw", robot.yaw)):
+            if not axis_fault(plant, axis):
+                time = plant.sample_period_s * np.arange(-plant.delay_samples, _SHOWN_S / plant.sample_period_s)
+                angle = simulate(plant, 1.0 * (time >= 0)[:, None])[:, 0]
+                panel.plot(time, angle, label=f"{axis}, assumed" if axis in robot.assumed else axis)
+        panel.set(xlabel="time since the step [s]", ylabel="angle per commanded angle")
+        panel.legend()
+    return figure
+
+
+def _compare_unfitted(folder: Path, settings: LogFolder, robot: Robot) -> tuple[list[Table], list[Finding], list[Path]]:
+    """Compare a robot with logs that no fit uses: landing points, and steps of other sizes.
+
+    Returns:
+      Tables, findings of logs that can't be read, and the logs; of parts that are not usable none.
+    """
+    tables, findings, used, rows = list[Table](), list[Finding](), list[Path](), list[tuple[str, int, float]]()
+    for name, path in robot_files.logs_there(folder).items():
+        match = re.fullmatch(r"(pitch|yaw)_step_([1-9]\d*)deg\.csv|landings\.csv", name)
+        part: Any = match and (match[1] or "muzzle")
+        if match is None or part not in robot.parts or not robot.parts[part].usable:
+            continue
+        used.append(path)
+        try:
+            if part == "muzzle":
+                tables.append(_landing_errors(path, robot))
+            else:
+                log = robot_files.read_axis(path, settings.axis(part)).recordings[0]
+                fit = free_run(getattr(robot, part), log.inputs, log.outputs).fit_percent
+                rows.append((part, int(match[2]), float(fit[0])))
+        except InputError as error:
+            message, _, remedy = str(error).rpartition("; ")
+            findings.append(Finding("unused", "warning", path.name, f"not used: {message}", remedy))
+    if rows:
+        note = "Large steps reach the motor's limits, which a linear plant lacks; the limits of commands avoid them."
+        columns = "axis", "size [°]", "fit [%]"
+        tables.append(Table("Steps of other sizes, which no fit has used", columns, tuple(sorted(rows)), note))
+    return tables, findings, used
+
+
+def _landing_errors(path: Path, robot: Robot) -> Table:
+    """Compare the mean landing distance of each setting with that of pellets of mean speed."""
+    shots, rows = replace(read_shots(path), speed=None), list[tuple[Entry, ...]]()
+    (number, names), expected = shots.settings(), expected_vertical(shots, asdict(robot.muzzle))
+    for setting in range(len(names)):
+        here = number == setting
+        measured, predicted = sample_mean(measured_vertical(shots)[here], ""), float(expected[here].mean())
+        pitch = f"{np.degrees(shots.pitch[here].mean()):.2f}°"
+        rows.append((pitch, int(here.sum()), measured, predicted, 100 * (predicted / measured.value - 1)))
+    columns = ("pitch", "shots", "measured [m]", "predicted [m]", "error [%]")
+    return Table("Landing points, which no fit has used", columns, tuple(rows))

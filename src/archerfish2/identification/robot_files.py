@@ -11,18 +11,20 @@ import numpy as np
 from msgspec import Meta
 
 from archerfish2.errors import InputError, file_error
+from archerfish2.identification.axis.identify import AxisResult
 from archerfish2.logs.log import read_log, signals_in
 from archerfish2.logs.recording import Finding, Log, listed
 from archerfish2.logs.timing import Frame
 from archerfish2.records.json_files import read_json, to_struct
 from archerfish2.records.limits import AxisLimits, LimitsRecord
 from archerfish2.records.record import Struct
+from archerfish2.robot import Part
 
-AXES = ("pitch", "yaw")
+AXES: tuple[Literal["pitch", "yaw"], ...] = ("pitch", "yaw")
 EXPECTED = "{pitch,yaw}_{sweep,step}[_validation].csv, {pitch,yaw}_step_{N}deg.csv, shots.csv, timing_{sweep,plate}.csv"
 """What logs are called."""
-TIMING = ("sweep", "plate", "steps", "target", "moments", "commands", "reports")
-"""Logs of camera and link: timing_….csv."""
+_TIMING = [f"timing_{name}.csv" for name in ("sweep", "plate", "steps", "target", "moments", "commands", "reports")]
+"""Logs of camera and link."""
 BAGS = (".bag", ".db3", ".mcap")
 LOGS = (".csv", ".txt", ".tsv", ".npz", ".mat", *BAGS)
 """Endings of files that somebody means to be read."""
@@ -30,10 +32,9 @@ Unit = Literal["rad", "deg"]
 Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 Both = Positive | Annotated[tuple[Positive, ...], Meta(min_length=2, max_length=2)]
 """One figure for both axes, or [pitch, yaw]; a tuple of fixed length beside a number crashes msgspec 0.22."""
-_LIMITS_LINE = (
-    "limits = {pitch_deg = [-25, 10], yaw_deg = [-75, 75], "
-    "max_rate_deg_s = 690, max_acceleration_deg_s2 = [5700, 3400]}"
-)
+_FIGURES = "pitch_deg = [-25, 10], yaw_deg = [-75, 75], max_rate_deg_s = 690, max_acceleration_deg_s2 = 3400"
+_BEYOND = 0.1  # of the range between two limits, up to which commands may be beyond them
+_FARTHEST_DEG = {"pitch": 90.0, "yaw": 720.0}  # commands beyond which are hardly in the unit that they are said to be
 
 
 class AxisFiles(Struct, frozen=True, kw_only=True):
@@ -123,6 +124,10 @@ class LogFolder(Struct, frozen=True, kw_only=True):
     limits: LimitsFigures | None = None
     """Limits of the commands; limits.json if not given."""
 
+    def axis(self, axis: str) -> AxisFiles:
+        """Return the section of an axis."""
+        return self.pitch if axis == "pitch" else self.yaw
+
 
 class Lengths(Struct, frozen=True, kw_only=True):
     """Content of tape.json: measured lengths."""
@@ -131,16 +136,6 @@ class Lengths(Struct, frozen=True, kw_only=True):
     """From the pivot to the muzzle [m]."""
     muzzle_height_m: Positive | None = None
     """Of the muzzle above the ground with the barrel level [m]."""
-
-
-def check_output(folder: Path, out: Path) -> None:
-    """Refuse to write a robot into the folder of its logs.
-
-    Raises:
-      InputError: if it is that, or in it.
-    """
-    if folder.resolve() in (out.resolve(), *out.resolve().parents):
-        raise file_error(out, "is the folder of the logs, which are only read", "choose another folder for the robot")
 
 
 def read_folder(folder: Path) -> LogFolder:
@@ -167,24 +162,27 @@ def read_folder(folder: Path) -> LogFolder:
     return settings.replace(muzzle=muzzle.replace(length_m=length_m, height_m=height_m))
 
 
-def read_limits(folder: Path, settings: LogFolder) -> LimitsRecord | None:
-    """Return the limits of logs.toml, else those of limits.json, also of the first edition; None without either.
+def read_limits(folder: Path, settings: LogFolder) -> dict[Part, LimitsRecord]:
+    """Return the limits of logs.toml, else those of limits.json, also of the first edition; nothing without either.
 
     Raises:
       InputError: if limits.json is damaged, with the line of logs.toml that can take its place.
     """
     path = folder / "limits.json"
-    if settings.limits or not path.exists():
-        return settings.limits.record() if settings.limits else None
-    remedy = f"take it out, or begin logs.toml with your figures: {_LIMITS_LINE}"
+    if settings.limits:
+        return {"limits": settings.limits.record()}
+    if not path.exists():
+        return {}
+    remedy = f"take it out, or begin logs.toml with your figures: limits = {{{_FIGURES}}}"
     content = read_json(path, remedy)
     if isinstance(content, dict) and content.get("schema") == "archerfish.limits/1":
         content["schema"] = LimitsRecord.schema  # whose fields are the same
-    return to_struct(content, path, LimitsRecord, LimitsRecord.schema, remedy)
+    return {"limits": to_struct(content, path, LimitsRecord, LimitsRecord.schema, remedy)}
 
 
-def not_understood(paths: Sequence[Path]) -> tuple[str, str]:
-    """Return what is wrong with files that no part takes, and a line of logs.toml that names one, to be corrected."""
+def not_understood(folder: Path) -> InputError:
+    """Return the error for a folder of which no part takes a file, with a line of logs.toml that names one."""
+    paths = logs_there(folder).values()
     problem, remedy = f"expected {EXPECTED}, found {listed(path.name for path in paths)}", "name the logs so"
     for path in paths:
         with suppress(InputError):
@@ -193,8 +191,8 @@ def not_understood(paths: Sequence[Path]) -> tuple[str, str]:
             fields = [f'fit = ["{path.name}"]']
             fields += [f'{key} = "{signal}"' for key, signal in zip(keys, signals, strict=False)]
             remedy += f", or say which is which in logs.toml, for instance: yaw = {{{', '.join(fields)}}}"
-            return f"{problem}; {path.name} has {listed(signals)}", remedy
-    return problem, f"{remedy}, or in logs.toml"
+            return file_error(folder, f"{problem}; {path.name} has {listed(signals)}", remedy)
+    return file_error(folder, problem, f"{remedy}, or in logs.toml")
 
 
 def unused(folder: Path, settings: LogFolder, used: Sequence[Path]) -> list[Finding]:
@@ -222,10 +220,25 @@ def logs_there(folder: Path) -> dict[str, Path]:
     return {each.name.lower(): each for each in sorted(folder.iterdir()) if each.suffix.lower() in LOGS}
 
 
-def files_there(folder: Path, named: Sequence[str], *usual: str) -> list[Path]:
+def logs_of_parts(folder: Path, settings: LogFolder) -> dict[Part, list[Path]]:
+    """Return the logs of each part of which a folder has enough to identify it."""
+    logs = dict[Part, list[Path]]()
+    for axis in AXES:
+        fitted, held_back = axis_logs(folder, axis, settings.axis(axis))
+        if fitted:
+            logs[axis] = [*fitted, *held_back]
+    if shots := _files_there(folder, settings.muzzle.shots, "shots.csv"):
+        logs["muzzle"] = shots
+    timing = _files_there(folder, (), *_TIMING)
+    if {"timing_sweep.csv", "timing_plate.csv"} <= {path.name.lower() for path in timing}:
+        logs["sensing"] = timing
+    return logs
+
+
+def _files_there(folder: Path, named: Sequence[str], *usual: str) -> list[Path]:
     """Return the files that are named, else the usual ones that are there."""
     there = logs_there(folder)
-    return [folder / each for each in named] or [there[each] for each in usual if each in there]
+    return [folder / name for name in named] or [there[name] for name in usual if name in there]
 
 
 def axis_logs(folder: Path, axis: str, files: AxisFiles) -> tuple[list[Path], list[Path]]:
@@ -240,7 +253,7 @@ def axis_logs(folder: Path, axis: str, files: AxisFiles) -> tuple[list[Path], li
       InputError: if a log is both.
     """
     usual = [[f"{axis}_{kind}{end}.csv" for kind in ("sweep", "step")] for end in ("", "_validation")]
-    fitted, held_back = files_there(folder, files.fit, *usual[0]), files_there(folder, files.validate, *usual[1])
+    fitted, held_back = _files_there(folder, files.fit, *usual[0]), _files_there(folder, files.validate, *usual[1])
     for both in set(fitted).intersection(held_back):
         problem = f"[{axis}] has {both.name} both fitted and held back, expected one of the two"
         raise file_error(folder / "logs.toml", problem, "take it out of fit, or name other logs in validate")
@@ -263,3 +276,38 @@ def read_axis(path: Path, files: AxisFiles) -> Log:
 def _scale(signal: str, unit: Unit) -> float:
     size = float(np.radians(1.0)) if unit == "deg" else 1.0
     return -size if signal.startswith("-") else size
+
+
+def corrections(result: AxisResult, files: AxisFiles) -> tuple[list[str], list[str]]:
+    """Return what is wrong with columns, sign and units of an axis, and what logs.toml has to say instead."""
+    messages = {finding.code: finding.message for finding in result.findings}
+    if "swapped" in messages:  # which the report names, and of which all else follows
+        return [], [f'input = "{files.output}"', f'output = "{files.input}"']
+    reasons, changes, gain = list[str](), list[str](), result.record.dc_gain.item()
+    if gain < 0 and (result.report.usable or not {"sign-flip", "degrees-radians"}.isdisjoint(messages)):
+        reasons.append(f"The steady gain is {gain:.3g}: the angle moves against the command.")
+        output = files.output
+        changes.append(f'output = "{output[1:] if output.startswith("-") else "-" + output}"')
+    if "degrees-radians" in messages:
+        reasons.append(f"{messages['degrees-radians']}.")
+        unit = "deg" if (files.output_unit or files.unit) == "rad" else "rad"
+        signal = "output" if (abs(gain) > 1) == (unit == "deg") else "input"
+        changes.append(f'{signal}_unit = "{unit}"')
+    return reasons, changes
+
+
+def far_commands(axis: AxisResult, limits: LimitsRecord | None) -> list[Finding]:
+    """Warn of commands far beyond an axis' limits, or of many turns: units or signs are the likely cause."""
+    u = np.degrees(np.concatenate([fit.recording.inputs for fit in axis.fits]))
+    low, high = float(u.min()), float(u.max())
+    lowest, highest = -_FARTHEST_DEG[axis.part], _FARTHEST_DEG[axis.part]
+    slack, place, expected = 0.0, axis.part, "expected"
+    if limits:
+        most = limits.pitch if axis.part == "pitch" else limits.yaw
+        lowest, highest = np.degrees([most.low, most.high]).tolist()
+        slack, place, expected = _BEYOND * (highest - lowest), limits.source or "limits.json", "its limits are"
+    if lowest - slack <= low and high <= highest + slack:
+        return []
+    message = f"commands of {axis.part} go from {low:.3g} to {high:.3g}°, {expected} {lowest:.3g} to {highest:.3g}°"
+    remedy = f'check signs and units; of a log in degrees, write unit = "deg" to [{axis.part}] in logs.toml'
+    return [Finding("limits", "warning", place, message, remedy)]

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy import ndimage, stats
 
 from archerfish2.errors import InputError
-from archerfish2.identification.muzzle.estimate import MuzzleFit, Parameters, fit_muzzle, robust_fit, rounding_step
-from archerfish2.identification.muzzle.flight import azimuth, measured_vertical
+from archerfish2.identification.muzzle import estimate
+from archerfish2.identification.muzzle.estimate import MuzzleFit, Parameters, azimuth, measured_vertical
 from archerfish2.identification.statistics import Array
 from archerfish2.logs.shots import Shots
 
@@ -87,18 +87,18 @@ def without_outliers(shots: Shots, free: list[str], known: Parameters) -> tuple[
     Returns:
       Which shots were used, shape (N,), their fit, and the number of outliers where they were too many, else 0.
     """
-    values, vertical = robust_fit(shots, free, known)
+    values, vertical = estimate.robust_fit(shots, free, known)
     number, sideways, count = shots.settings()[0], azimuth(shots), len(shots)
     # A setting of five shots that is off as a whole is a lack of fit, and none of its shots a ricochet.
     common = ndimage.median(vertical, number, number) * (np.bincount(number)[number] >= 5)
     deviation = np.minimum(np.abs(vertical), np.abs(vertical - common))
     if sideways is not None:
-        spread = max(stats.median_abs_deviation(sideways, scale="normal"), rounding_step(sideways) / 3.5, 1e-9)
+        spread = max(stats.median_abs_deviation(sideways, scale="normal"), estimate.rounding_step(sideways) / 3.5, 1e-9)
         deviation = np.maximum(deviation, np.abs(sideways - np.median(sideways)) / spread)
     used = (deviation <= stats.t.ppf(1 - 0.01 / (4 * count), 0.37 * count)) | (count < 10)
     too_many = int(np.count_nonzero(~used)) * (used.mean() < 0.8)
     used |= too_many > 0
-    return used, fit_muzzle(shots.select(used), free, values), too_many
+    return used, estimate.fit_muzzle(shots.select(used), free, values), too_many
 
 
 class LackOfFit(NamedTuple):

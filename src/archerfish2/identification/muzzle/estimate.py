@@ -1,23 +1,44 @@
-"""Means by weighted least squares (Gauss–Newton), spreads by restricted maximum likelihood, in turns; their intervals.
+"""The muzzle's estimate: what shots are expected to show by eq (6) and the simulator's flight, and the fit to them.
 
-Where settings are repeated the spreads come from the scatter within the settings alone (pure error), so that a flight
-that does not fit can't pass for dispersion; else from the residuals. With measured speeds one spread is left, and the
+With v ~ N(μ_v, σ_v²) and δ ~ N(μ_0, σ_0²) a landing distance, or the height of a hit, f(v, pitch + δ) has by the delta
+method (second order in the mean, first in the variance)
+
+    E = f + (f_vv σ_v² + f_δδ σ_0²)/2,    Var = f_v² σ_v² + f_δ² σ_0²,
+
+with f and its derivatives at (μ_v, pitch + μ_0). Where the speed of a shot was measured, f is taken at that speed, and
+the terms of σ_v vanish.
+
+Means are estimated by weighted least squares (Gauss–Newton), spreads by restricted maximum likelihood, in turns. Where
+settings are repeated the spreads come from the scatter within the settings alone (pure error), so that a flight that
+does not fit can't pass for dispersion; else from the residuals. With measured speeds one spread is left, and the
 intervals are those of a plain sample (t, χ²); without, those of the spreads come from a parametric bootstrap.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import optimize, stats
 
-from archerfish2.identification.muzzle import flight
+from archerfish2.dynamics.muzzle import direction
+from archerfish2.dynamics.pellet import GRAVITY, flat_fire_crossing, flat_fire_position
 from archerfish2.identification.statistics import Array, VarianceComponents, variance_components
 from archerfish2.logs.shots import Shots
 from archerfish2.reports.table import Estimate
 
 Parameters = Mapping[str, float]
 """Parameters by name, in SI units."""
+RANGES = {"speed": (1.0, 35.0), "pitch_offset": (-0.35, 0.35), "height": (0.01, 3.0), "drag": (0.0, 0.3)}
+SHAPING, SPREADS = tuple(RANGES), ("speed_sd", "pitch_sd")
+"""Parameters of the expected measurements, and of their scatter."""
+RANGES |= {"speed_sd": (0.0, 5.0), "pitch_sd": (0.0, 0.35), "length": (0.0, 2.0)}
+RANGES |= {"yaw_offset": (-1.6, 1.6), "yaw_sd": (0.0, 1.6)}
+"""Where each parameter is sought or may be given, in SI units; no referee system allows more than 30 m/s."""
+
+_STEPS = np.array([2e-2, 1e-3, 1e-3, 1e-4])
+"""Of the differences by the parameters in `SHAPING`, in SI units: large enough for second derivatives."""
+_NEWTON_STEPS = 5
+"""Leave less than 1e-6 m of height wherever parameters are sought."""
 _TYPICAL = np.array([0.5, 0.01]) ** 2
 """Variances of speed [(m/s)²] and elevation [rad²] that a search begins with; only their ratio matters."""
 _UNITS = {"speed": "m/s", "speed_sd": "m/s", "height": "m", "drag": "1/m"}
@@ -31,12 +52,92 @@ _LEAST = 1e-8
 """Of the typical variance: a smaller one keeps this value, so that densities exist."""
 
 
+class Response(NamedTuple):
+    """Expected measurements of N shots without dispersion, and their derivatives."""
+
+    mean: Array  # f [m], (N,)
+    slopes: Array  # by the parameters in `SHAPING`, (N, 4)
+    scales: Array  # variance per unit variance of the c spreads, (N, c): f_v² and f_δ², or f_δ² alone
+    curvatures: Array  # second derivatives, f_vv and f_δδ, or f_δδ alone, (N, c)
+
+
+def linearised(shots: Shots, values: Mapping[str, float]) -> Response:
+    """Return the expected measurements of N shots at given parameters, differentiated by central differences."""
+    moves = np.vstack([0 * _STEPS, np.diag(_STEPS), np.diag(-_STEPS)])
+    moved = {name: values[name] + moves[:, [column]] for column, name in enumerate(SHAPING)}
+    mean, above, below = np.split(expected_vertical(shots, {**values, **moved}), [1, 5])
+    slopes, curvatures = (above - below) / (2 * _STEPS[:, None]), (above - 2 * mean + below) / _STEPS[:, None] ** 2
+    spreads = slice(shots.speed is not None, 2)
+    scales = slopes[spreads].T ** 2
+    # Where a measurement hardly depends on the angle (or the speed), the first order vanishes.
+    return Response(mean[0], slopes.T, np.maximum(scales, 1e-6 * scales.mean(0) + 1e-12), curvatures[spreads].T)
+
+
+def expected_vertical(shots: Shots, values: Mapping[str, Any]) -> Array:
+    """Return the vertical measurements without dispersion [m], shape (N,), or (R, N).
+
+    Args:
+      shots: N settings, and measured speeds if there are any.
+      values: parameters in SI units, those of `SHAPING` and the length, shape () or (R, 1); to measured speeds the
+        value of "speed" is added.
+    """
+    speed = values["speed"] + (0.0 if shots.speed is None else shots.speed)
+    angle = shots.pitch + values["pitch_offset"]
+    if shots.hit_height is None:
+        # A muzzle ahead of the pivot rises with the barrel: by 14 mm at 5° and 0.16 m, which would pass for an offset.
+        return landing_distance(speed, angle, values["height"] + values["length"] * np.sin(shots.pitch), values["drag"])
+    sideways = shots.yaw if shots.lateral is None else np.arctan2(shots.lateral, shots.distance)
+    speed, angle, sideways = np.broadcast_arrays(speed, angle, sideways)
+    velocity = speed[..., None] * direction(np.stack([angle, sideways], axis=-1))
+    return np.asarray(flat_fire_crossing(0 * velocity, velocity, shots.distance, values["drag"]).height)
+
+
+def landing_distance(speed: Array, angle: Array, height: Array, drag: Array) -> Array:
+    """Horizontal distance from the muzzle to the landing point on level ground, by the flat-fire flight.
+
+    The time of flight solves h + sin(angle) log1p(k v t)/k − drop(t) = 0, by Newton's method from that without drag,
+    (v_z + √(v_z² + 2 g h))/g. Departs from eq (5), which has no drag in z. Against quadratic drag in three dimensions
+    it is right to 1.3 mm or 0.04 % for slopes within 5°, to 0.7 % at 15° (k = 0.019 1/m, 10–30 m/s, up to 1 m high).
+
+    Args:
+      speed: muzzle speed [m/s], shape B.
+      angle: elevation of departure [rad], shape B.
+      height: of the muzzle above the ground [m], shape B.
+      drag: k [1/m], shape B.
+
+    Returns:
+      Distance [m], shape B.
+    """
+    speed, angle, height, drag = np.broadcast_arrays(speed, angle, height, drag)
+    velocity = speed[..., None] * direction(np.stack([angle, 0 * angle], axis=-1))
+    rise = velocity[..., 2]
+    time = (rise + np.sqrt(rise**2 + 2 * GRAVITY * height)) / GRAVITY
+    for _ in range(_NEWTON_STEPS):
+        slowing = 1 / (1 + drag * speed * time)
+        # The derivative of flat_fire_drop is g t (1 + 1/(1 + k v t))/2.
+        climb = rise * slowing - 0.5 * GRAVITY * time * (1 + slowing)
+        time = time - (height + flat_fire_position(velocity, drag, time)[..., 2]) / climb
+    return np.asarray(flat_fire_position(velocity, drag, time)[..., 0])
+
+
+def measured_vertical(shots: Shots) -> Array:
+    """Return what the elevation of departure decides: landing distance or height of the hit [m], shape (N,)."""
+    return np.asarray(shots.distance if shots.hit_height is None else shots.hit_height)
+
+
+def azimuth(shots: Shots) -> Array | None:
+    """Return the azimuth of each departure against the barrel's [rad], shape (N,); None without lateral distances."""
+    if shots.lateral is None or shots.hit_height is None:
+        return None if shots.lateral is None else np.arcsin(np.clip(shots.lateral / shots.distance, -1.0, 1.0))
+    return np.asarray(np.arctan2(shots.lateral, shots.distance) - shots.yaw)
+
+
 class MuzzleFit(NamedTuple):
     """Estimate from the vertical measurements of N shots, with q free parameters and c spreads."""
 
     free: list[str]  # names of the parameters that shape the mean and are estimated
     values: Parameters  # parameters that shape the mean, given or estimated
-    response: flight.Response  # there
+    response: Response  # there
     design: Array  # derivatives by the free parameters, (N, q)
     within: Array  # columns that are no scatter: the settings' means, or the design, (N, p)
     residual: Array  # measured less expected [m], (N,)
@@ -64,13 +165,13 @@ def fit_means(
       shift: added to the expected measurements [m], shape (N,).
       loss: of SciPy's `least_squares`.
     """
-    (low, high), measured = np.array([flight.RANGES[name] for name in free]).T, flight.measured_vertical(shots) - shift
+    (low, high), measured = np.array([RANGES[name] for name in free]).T, measured_vertical(shots) - shift
 
     def moved(point: Array) -> Parameters:
         return {**values, **dict(zip(free, point.tolist(), strict=True))}
 
     def ratio(point: Array) -> Array:
-        return np.asarray((measured - flight.expected_vertical(shots, moved(point))) / sd)
+        return np.asarray((measured - expected_vertical(shots, moved(point))) / sd)
 
     start = np.clip([values[name] for name in free], low + 1e-9, high - 1e-9)
     return moved(optimize.least_squares(ratio, start, bounds=(low, high), loss=loss, x_scale=0.1 * (high - low)).x)
@@ -82,27 +183,27 @@ def robust_fit(shots: Shots, free: list[str], known: Parameters) -> tuple[Parame
     Returns:
       All parameters, and the residuals in robust standard deviations, shape (N,).
     """
-    measured, typical = flight.measured_vertical(shots), _TYPICAL[shots.speed is not None :]
+    measured, typical = measured_vertical(shots), _TYPICAL[shots.speed is not None :]
     values: Parameters = {**_START, **known}
     for loss in ("soft_l1", "cauchy", "cauchy"):
-        sd = np.sqrt(flight.linearised(shots, values).scales @ typical)
+        sd = np.sqrt(linearised(shots, values).scales @ typical)
         values = fit_means(shots, free, values, sd, loss=loss)
-    deviation = (measured - flight.expected_vertical(shots, values)) / sd
+    deviation = (measured - expected_vertical(shots, values)) / sd
     scale = max(1.4826 * np.median(np.abs(deviation)), rounding_step(measured) / np.median(sd) / 3.5)
     return values, deviation / scale
 
 
 def fit_muzzle(shots: Shots, free: list[str], values: Parameters) -> MuzzleFit:
     """Estimate the free parameters, from values nearby, and the spreads."""
-    typical, measured = _TYPICAL[shots.speed is not None :], flight.measured_vertical(shots)
+    typical, measured = _TYPICAL[shots.speed is not None :], measured_vertical(shots)
     number, _ = shots.settings()
     groups = (number[:, None] == np.arange(number.max() + 1)).astype(float)
     pure = len(shots) - groups.shape[1] >= max(4, (len(shots) - len(free)) / 2)
     step, speed_step, variances = rounding_step(measured), rounding_step(shots.speed), typical
     for _ in range(_ROUNDS):
-        there = flight.linearised(shots, values)
+        there = linearised(shots, values)
         rounding = (step**2 + (speed_step * there.slopes[:, 0]) ** 2) / 12
-        design = there.slopes[:, list(map(flight.SHAPING.index, free))]
+        design = there.slopes[:, list(map(SHAPING.index, free))]
         shift, within = 0.5 * there.curvatures @ variances, groups if pure else design
         residual = measured - there.mean - shift
         spreads = variance_components(residual, within, there.scales, rounding)
@@ -137,10 +238,10 @@ def vertical_estimates(
     inverse = np.linalg.pinv(fit.design / fit.sd[:, None], rcond=1e-9)
     half = stats.t.ppf(0.975, freedom) * np.sqrt(misfit) * longer[0] * np.linalg.norm(inverse, axis=1)
     half += rounded * np.abs(inverse @ (fit.response.slopes[:, 0] / fit.sd))
-    means, names = np.array([fit.values[name] for name in fit.free]), [*fit.free, *flight.SPREADS[-scales.shape[1] :]]
+    means, names = np.array([fit.values[name] for name in fit.free]), [*fit.free, *SPREADS[-scales.shape[1] :]]
     ends = np.hstack([[means - half, means + half], np.sqrt(np.maximum(squares, 0.0))])
     found = np.vstack([[*means, *np.sqrt(fit.variances)], ends])
-    found = np.clip(found, *np.array([flight.RANGES[name] for name in names]).T)
+    found = np.clip(found, *np.array([RANGES[name] for name in names]).T)
     rows = zip(names, *np.stack([found[0], found.min(axis=0), found.max(axis=0)]).tolist(), strict=True)
     return {name: Estimate(value, low, high, _UNITS.get(name, "rad")) for name, value, low, high in rows}
 

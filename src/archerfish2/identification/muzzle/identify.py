@@ -11,7 +11,7 @@ import numpy as np
 from archerfish2.errors import InputError
 from archerfish2.identification.muzzle import checks, estimate
 from archerfish2.identification.muzzle.checks import Flags, LackOfFit
-from archerfish2.identification.muzzle.flight import RANGES, SHAPING, azimuth, linearised, measured_vertical
+from archerfish2.identification.muzzle.estimate import RANGES, SHAPING, azimuth, linearised, measured_vertical
 from archerfish2.identification.result import Result
 from archerfish2.identification.statistics import Array, converted
 from archerfish2.logs.recording import Finding
@@ -41,10 +41,7 @@ class MuzzleResult(Result):
     lack_of_fit: LackOfFit  # of the flight model
     findings: tuple[Finding, ...]  # what was repaired, and what may spoil the estimate
 
-    @property
-    def part(self) -> str:
-        """Name of the part of a robot, and of its files."""
-        return "muzzle"
+    part = "muzzle"
 
     def plot(self) -> Figure:
         """Draw measured less expected distances or heights, a setting after the other, each in the order of fire."""

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 
-from archerfish2.errors import InputError
+from archerfish2.errors import file_error
 from archerfish2.identification import statistics
 from archerfish2.identification.statistics import Array
 from archerfish2.logs.timing import GimbalLog
@@ -67,7 +67,7 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
     time, yaw = np.asarray(log.time, float), np.asarray(log.yaw, float)
     if time.size < 20 or np.ptp(yaw) == 0:
         problem = f"the yaw has {np.unique(yaw).size} values in {time.size} samples"
-        raise InputError(f"{log.source}: {problem}; log at least 20, in which it moves", "no-motion")
+        raise file_error(log.source, problem, "log at least 20, in which it moves", "no-motion")
     quantum, fresh, changed = _quantum(yaw), np.ones(time.size, dtype=bool), np.diff(yaw) != 0
     # Neighbouring samples may agree only because an angle is rounded; not while it crosses several steps per sample.
     period = float(np.median(np.diff(time)))
@@ -139,20 +139,18 @@ def rough_offset(
             misfit[place] = _robust_sd(azimuth[covered] + np.interp((time + offset)[covered], track.time, yaws))
     if np.all(misfit == np.inf):
         problem = f"the gimbal log covers fewer than 20 detections at any offset within ±{limit:g} s"
-        raise InputError(
-            f"{source}: {problem}; log both at once, for longer, or raise max_offset_s",
-            "no-overlap",
-        )
+        raise file_error(source, problem, "log both at once, for longer, or raise max_offset_s", "no-overlap")
     best, motion = int(np.argmin(misfit)), _robust_sd(azimuth)
     if misfit[best] > _MIRRORED * motion:
-        problem = f"mirrors the yaw at no offset, and moves by {motion / _robust_sd(yaws):.3g} times as much"
+        ratio = motion / _robust_sd(yaws)
+        problem = f"the plate's bearing mirrors the yaw at no offset, and moves by {ratio:.3g} times as much"
         remedy = "check signs, frame and degrees ([sensing] in logs.toml), and that the plate was at rest"
-        raise InputError(f"{source}: the plate's bearing {problem}; {remedy}", "no-alignment")
+        raise file_error(source, problem, remedy, "no-alignment")
     other = np.where(np.abs(offsets - offsets[best]) > _APART_S, misfit, np.inf)
     if other.min() < _AMBIGUOUS * misfit[best]:
         problem = f"the sweep repeats itself, {offsets[best]:.3f} s and {offsets[np.argmin(other)]:.3f} s fit alike"
         remedy = "sweep through several frequencies (archerfish2 excite yaw), or narrow max_offset_s"
-        raise InputError(f"{source}: {problem}; {remedy}", "ambiguous-offset")
+        raise file_error(source, problem, remedy, "ambiguous-offset")
     return float(offsets[best])
 
 

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from archerfish2.errors import InputError
+from archerfish2.errors import InputError, file_error
 from archerfish2.identification import statistics
 from archerfish2.identification.result import Result
 from archerfish2.identification.sensing import timing
@@ -54,10 +54,7 @@ class SensingResult(Result):
     track: GimbalTrack
     counts: dict[str, tuple[int, int]]  # of detections and steps: used, logged
 
-    @property
-    def part(self) -> str:
-        """Name of the part of a robot, and of its files."""
-        return "sensing"
+    part = "sensing"
 
     def plot(self) -> Figure:
         """Draw the yaw by gimbal and camera in the second of fastest motion."""
@@ -116,9 +113,8 @@ class SensingResult(Result):
             "For the latency of commands, log when the gimbal receives them, if it stamps: "
             "timing_commands.csv.": link.command_latency is None,
         }
-        again = (
-            "archerfish2 identify LOGS finds files of these names, archerfish2 identify sensing has options for them."
-        )
+        commands = "archerfish2 identify LOGS finds files of these names, archerfish2 identify sensing takes them."
+        missing[commands] = any(missing.values())
         rows = tuple((label, *(shown.get(name) if name else "" for name in names)) for label, *names in _ROWS)
         care = "with care, see what is in doubt; " if doubts and not reasons else ""
         return Report(
@@ -128,7 +124,7 @@ class SensingResult(Result):
             reasons=reasons,
             known=_those(known),
             doubts=doubts,
-            next_steps=(*_those(missing), *([again] if any(missing.values()) else [])),
+            next_steps=_those(missing),
             tables=(Table("Camera and link", ("quantity", "mean (95 % interval)", "standard deviation"), rows),),
             figures=(("Yaw by gimbal (line) and camera (dots), which should lie on the line.", self.plot),),
             provenance=dict(self.record.provenance),
@@ -188,7 +184,7 @@ def identify_sensing(
     log, *more = (_read(read_gimbal, each) for each in (sweep, *steps))
     plate, stepping = (_read(read_detections, each) for each in (detections, target))
     if (far := float(np.median(np.linalg.norm(plate.position, axis=1)))) > _FARTHEST_M:
-        raise InputError(f"{plate.source}: the plate is {far:.4g} m away; give positions in metres", "millimetres")
+        raise file_error(plate.source, f"the plate is {far:.4g} m away", "give positions in metres", "millimetres")
     start = log.time[0]  # far from it, numbers have no room for microseconds
     track, stamps = gimbal_track(log._replace(time=log.time - start)), plate.time - start
     period, missed = timing.frame_timing(stamps, plate.source)

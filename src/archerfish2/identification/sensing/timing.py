@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import ndtr
 
-from archerfish2.errors import InputError
+from archerfish2.errors import file_error
 from archerfish2.identification import statistics
 from archerfish2.identification.statistics import Array, converted, difference, mean_estimate
 from archerfish2.logs.timing import DetectionLog, GimbalLog
@@ -42,7 +42,7 @@ def frame_timing(stamps: Array, source: str = "detections") -> tuple[Estimate, E
     counted = intervals < OUT_OF_VIEW_S
     if stamps.size < 20 or counted.sum() < 10:
         problem = f"has {stamps.size} detections, {counted.sum()} of them within {OUT_OF_VIEW_S} s of the one before"
-        raise InputError(f"{source}: {problem}; record longer, the plate in view", "too-short")
+        raise file_error(source, problem, "record longer, the plate in view", "too-short")
     # Where many frames are missed the median may already be two periods; a quartile is one up to 75 % of misses.
     period = float(np.median(intervals[intervals < 1.5 * np.quantile(intervals[counted], 0.25)]))
     steps, grid = np.empty(intervals.size), float(stamps[0])
@@ -140,7 +140,7 @@ def sweep_latency(delay: Array, offset: Estimate, source: str) -> Estimate:
     if not EARLIEST_S <= latency.value <= LONGEST_S:
         problem = f"received {latency.value:.3g} s after exposure, expected {EARLIEST_S:g} to {LONGEST_S:g} s"
         remedy = 'stamp receipts and gimbal log by one clock, or write gimbal_clock = "own" to [sensing] in logs.toml'
-        raise InputError(f"{source}: {problem}; {remedy}", "two-clocks")
+        raise file_error(source, problem, remedy, "two-clocks")
     return latency
 
 
@@ -163,7 +163,7 @@ def step_latency(detections: DetectionLog, moments: Array, period: float) -> tup
       InputError: if times of receipt are missing, fewer than five steps can be used, or no latency explains the frames.
     """
     if detections.receive is None:
-        raise InputError(f"{detections.source}: target steps take receive_s of each detection; log it", "no-receipts")
+        raise file_error(detections.source, "target steps take receive_s of each detection", "log it", "no-receipts")
     # Stamps jitter less than receipts, so the edge is sought on them; the mean delay after the first is added below.
     since_first, moments = detections.time - detections.time[0], moments - detections.receive[0]
     delay = mean_estimate(detections.receive - detections.receive[0] - since_first)
@@ -177,14 +177,14 @@ def step_latency(detections: DetectionLog, moments: Array, period: float) -> tup
     if used < 5:
         problem = f"{used} of {moments.size} target steps can be used, expected at least 5"
         remedy = "step by more than six times the noise, a second apart, the gimbal still, by the clock of receipts"
-        raise InputError(f"{detections.source}: {problem}; {remedy}", "few-target-steps")
+        raise file_error(detections.source, problem, remedy, "few-target-steps")
     since, sign = np.concatenate(steps).T
     coarse = np.arange(EARLIEST_S, LONGEST_S, period / 8)
     wrong = np.sum(sign * (since - coarse[:, None]) < 0, axis=1)
     rough = float(np.mean(coarse[wrong == wrong.min()]))
     if not EARLIEST_S + period < rough < LONGEST_S - 2 * period:
         problem = f"no latency within {EARLIEST_S:g} to {LONGEST_S:g} s explains which frames show the target steps"
-        raise InputError(f"{detections.source}: {problem}; stamp steps and receipts by one clock", "no-latency")
+        raise file_error(detections.source, problem, "stamp steps and receipts by one clock", "no-latency")
     latencies = rough + np.arange(-2.5, 2.5, 1 / 80) * period
     jitters = np.geomspace(2e-4, max(period, 4e-4), 8)[:, None]
     close = np.abs(since - rough) < 8 * period  # other frames count alike everywhere

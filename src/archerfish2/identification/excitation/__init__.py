@@ -1,1 +1,0 @@
-"""Excitation: what to command to an axis to identify it, and how well its logs will determine it."""
