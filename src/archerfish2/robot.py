@@ -148,9 +148,11 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
             if verdict.usable or (accept_unusable and not fault):
                 continue
             reason = fault if accept_unusable else (*verdict.reasons, verdict.headline)[0]
-            remedy = (verdict.next_step or "identify it again") + ("" if fault else ", or pass accept_unusable=True")
-            place = self.folder / f"{part}.json" if self.folder else f"{self.name}: {part}"
-            raise file_error(place, one_line(f"is not usable: {reason}"), one_line(remedy))
+            remedy = verdict.next_step or "identify it again"
+            problem = f"is not usable: {reason.removesuffix(f'; {remedy}')}"
+            remedy += "" if fault else ", or accept it (--accept-unusable, in Python accept_unusable=True)"
+            place = f"{self.folder or self.name}: {part}"
+            raise file_error(place, one_line(problem), one_line(remedy))
 
     def save(self, folder: str | Path) -> None:
         """Write all records and robot.json, which comes last, into a folder; what is there of a robot is replaced."""

@@ -171,7 +171,7 @@ def test_signals_that_are_no_recording_are_refused(refused):
     ramp, make = np.arange(3.0), Recording.from_arrays
     refused("^recording: u has 4,000 samples and y 3,999, ", make, np.ones(4000), np.ones(3999), 0.1)
     refused(r'u has shape \(1, 3\), expected \(N, 1\) of "u".*; samples come first', make, ramp[None], ramp[None], 0.1)
-    refused(r"y has shape \(3, 2\), expected \(N, 1\).*all signals are named", make, ramp, np.ones((3, 2)), 0.1)
+    refused(r"y has shape \(3, 2\), expected \(N, 1\).*several signals are named", make, ramp, np.ones((3, 2)), 0.1)
     refused("not empty", make, [], [], 0.1)
     refused("not finite; cut the recording", make, ramp, [0, np.nan, 1], 0.1)
     refused("period_s is 0.0, expected above 0 s", make, ramp, ramp, 0.0)

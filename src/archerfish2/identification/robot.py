@@ -24,7 +24,9 @@ from archerfish2.identification.simulation import free_run, simulate
 from archerfish2.identification.statistics import sample_mean
 from archerfish2.logs.recording import Finding
 from archerfish2.logs.shots import read_shots
+from archerfish2.logs.stamps import resampled
 from archerfish2.records.json_files import plain, write_json
+from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.progress import bar
 from archerfish2.reports.report import Report, Reported
 from archerfish2.reports.style import Figure, new_figure, plot_style
@@ -169,6 +171,9 @@ def _failed(part: Part, error: InputError) -> Report:
     problem, _, remedy = str(error).rpartition("; ")
     if error.code == "no-column" and part in ("muzzle", "sensing"):
         remedy = "rename it in the first line of the file"
+    elif error.code == "no-column":
+        _, _, lines = remedy.partition("in logs.toml: ")
+        remedy = f"begin logs.toml with {part} = {{{lines}}}, if all logs of {part} have these, else rename the columns"
     reasons, title = (f"{problem}; {remedy}",), f"{part}: what the logs say"
     return Report(title, "could not be used, see why", usable=False, reasons=reasons, next_steps=(remedy,))
 
@@ -275,11 +280,16 @@ def _compare_unfitted(folder: Path, settings: LogFolder, robot: Robot) -> tuple[
             continue
         used.append(path)
         try:
+            if part == "muzzle" and not robot.muzzle.height:
+                remedy = "write height_m to [muzzle] in logs.toml, or muzzle_height_m to tape.json"
+                raise InputError(f"the muzzle's height above the ground is not known; {remedy}")
             if part == "muzzle":
                 tables.append(_landing_errors(path, robot))
             else:
-                log = robot_files.read_axis(path, settings.axis(part)).recordings[0]
-                fit = free_run(getattr(robot, part), log.inputs, log.outputs).fit_percent
+                plant: PlantRecord = getattr(robot, part)
+                recording = robot_files.read_axis(path, settings.axis(part)).recordings[0]
+                log = resampled(recording, plant.sample_period_s)
+                fit = free_run(plant, log.inputs, log.outputs).fit_percent
                 rows.append((part, int(match[2]), float(fit[0])))
         except InputError as error:
             message, _, remedy = str(error).rpartition("; ")

@@ -1,5 +1,6 @@
 """The folder of a robot's logs: what its files are called, and what logs.toml, tape.json and limits.json hold."""
 
+import re
 import tomllib
 from collections.abc import Sequence
 from contextlib import suppress
@@ -25,6 +26,7 @@ EXPECTED = "{pitch,yaw}_{sweep,step}[_validation].csv, {pitch,yaw}_step_{N}deg.c
 """What logs are called."""
 _TIMING = [f"timing_{name}.csv" for name in ("sweep", "plate", "steps", "target", "moments", "commands", "reports")]
 """Logs of camera and link."""
+_USUAL = re.compile(r"(pitch|yaw)_step_[1-9]\d*deg\.csv|landings\.csv")
 BAGS = (".bag", ".db3", ".mcap")
 LOGS = (".csv", ".txt", ".tsv", ".npz", ".mat", *BAGS)
 """Endings of files that somebody means to be read."""
@@ -50,8 +52,8 @@ class AxisFiles(Struct, frozen=True, kw_only=True):
     """Signal of the angle; after a minus, with its sign changed."""
     time: str = "time_s"
     """Stamps."""
-    unit: Unit = "rad"
-    """Of both signals."""
+    unit: Unit | None = None
+    """Of both signals; degrees of a signal whose name says `deg`, else radians, if not given."""
     input_unit: Unit | None = None
     """Of the command, if it is another one."""
     output_unit: Unit | None = None
@@ -204,7 +206,10 @@ def unused(folder: Path, settings: LogFolder, used: Sequence[Path]) -> list[Find
       used: logs that are used.
     """
     findings, taken = list[Finding](), {path.resolve() for path in used}
-    left = [path for path in logs_there(folder).values() if path.resolve() not in taken]
+    # Logs by the usual names of parts that are absent or not usable need no other name.
+    left = [
+        path for name, path in logs_there(folder).items() if path.resolve() not in taken and not _USUAL.fullmatch(name)
+    ]
     if left:
         message = f"not used: {listed(path.name for path in left)}"
         remedy = f"rename them, or name them in logs.toml; expected names are {EXPECTED}"
@@ -267,10 +272,22 @@ def read_axis(path: Path, files: AxisFiles) -> Log:
       InputError: if it can't be used.
     """
     log = read_log(path, inputs=files.input.removeprefix("-"), outputs=files.output.removeprefix("-"), time=files.time)
-    scale_u = _scale(files.input, files.input_unit or files.unit)
-    scale_y = _scale(files.output, files.output_unit or files.unit)
-    recordings = (replace(e, inputs=scale_u * e.inputs, outputs=scale_y * e.outputs) for e in log.recordings)
+    input_unit, output_unit = units_of(files)
+    scale_u, scale_y = _scale(files.input, input_unit), _scale(files.output, output_unit)
+    recordings = [
+        replace(part, inputs=scale_u * part.inputs, outputs=scale_y * part.outputs) for part in log.recordings
+    ]
     return replace(log, recordings=tuple(recordings))
+
+
+def units_of(files: AxisFiles) -> tuple[Unit, Unit]:
+    """Return the units of command and angle: those that are given, else those that their names say."""
+    input_unit = files.input_unit or files.unit or _named_unit(files.input)
+    return input_unit, files.output_unit or files.unit or _named_unit(files.output)
+
+
+def _named_unit(signal: str) -> Unit:
+    return "deg" if re.search(r"(?i)(^|[^a-z])deg(rees?)?($|[^a-z])", signal) else "rad"
 
 
 def _scale(signal: str, unit: Unit) -> float:
@@ -290,7 +307,7 @@ def corrections(result: AxisResult, files: AxisFiles) -> tuple[list[str], list[s
         changes.append(f'output = "{output[1:] if output.startswith("-") else "-" + output}"')
     if "degrees-radians" in messages:
         reasons.append(f"{messages['degrees-radians']}.")
-        unit = "deg" if (files.output_unit or files.unit) == "rad" else "rad"
+        unit = "deg" if units_of(files)[1] == "rad" else "rad"
         signal = "output" if (abs(gain) > 1) == (unit == "deg") else "input"
         changes.append(f'{signal}_unit = "{unit}"')
     return reasons, changes
@@ -301,13 +318,13 @@ def far_commands(axis: AxisResult, limits: LimitsRecord | None) -> list[Finding]
     u = np.degrees(np.concatenate([fit.recording.inputs for fit in axis.fits]))
     low, high = float(u.min()), float(u.max())
     lowest, highest = -_FARTHEST_DEG[axis.part], _FARTHEST_DEG[axis.part]
-    slack, place, expected = 0.0, axis.part, "expected"
+    slack, expected = 0.0, "expected"
     if limits:
         most = limits.pitch if axis.part == "pitch" else limits.yaw
         lowest, highest = np.degrees([most.low, most.high]).tolist()
-        slack, place, expected = _BEYOND * (highest - lowest), limits.source or "limits.json", "its limits are"
+        slack, expected = _BEYOND * (highest - lowest), "its limits are"
     if lowest - slack <= low and high <= highest + slack:
         return []
     message = f"commands of {axis.part} go from {low:.3g} to {high:.3g}°, {expected} {lowest:.3g} to {highest:.3g}°"
-    remedy = f'check signs and units; of a log in degrees, write unit = "deg" to [{axis.part}] in logs.toml'
-    return [Finding("limits", "warning", place, message, remedy)]
+    remedy = f'check signs, units and limits; of a log in degrees, write unit = "deg" to [{axis.part}] in logs.toml'
+    return [Finding("limits", "warning", axis.part, message, remedy)]

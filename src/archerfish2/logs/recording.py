@@ -140,7 +140,9 @@ class Recording:
         for letter, values, names in (("u", self.inputs, self.input_names), ("y", self.outputs, self.output_names)):
             if values.ndim != 2 or values.shape[1] != len(names) or not values.size:
                 problem = f"{letter} has shape {values.shape}, expected (N, {len(names)}) of {listed(names)}"
-                raise InputError(f"{self.source}: {problem}, not empty; samples come first, all signals are named")
+                raise InputError(
+                    f'{self.source}: {problem}, not empty; samples come first, several are named: input_names=("u", "v")'
+                )
         if len(self) != len(self.outputs):
             problem = f"u has {len(self):,} samples and y {len(self.outputs):,}, expected as many"
             raise InputError(f"{self.source}: {problem}; cut both to the same samples")

@@ -45,6 +45,7 @@ Source = str | Path | Log | Recording | Mapping[str, Any]
 """A file or arrays with the columns time_s, u and y, or what was read or made of other ones."""
 _DRAWS = 100
 _MOST = 40  # recordings that are fitted
+_COARSER = 3.0  # sampling period over that of a log, from which much of the log is lost
 
 
 class AxisLogs(NamedTuple):
@@ -214,10 +215,12 @@ def read_sources(
     others, not_held_back = _not_fitted(held_back, kept)
     findings += [*repeated, *left_out, *not_held_back]
     period_s = _period(fitted[0], max(log.period_s for log in (*longest, *others)), divides_s)
-    message = f"brought to a sampling period of {1e3 * period_s:.4g} ms"
+    slowest = max((*longest, *others), key=lambda log: log.period_s)
+    message = f"brought to a sampling period of {1e3 * period_s:.4g} ms, since {slowest.source} has no shorter one"
     for log in (*longest, *others):
         if abs(log.period_s / period_s - 1) > 1e-6:
-            findings.append(Finding("other-period", "repaired", log.source, message, "log all at one rate"))
+            severity: Any = "warning" if log.period_s < period_s / _COARSER else "repaired"
+            findings.append(Finding("other-period", severity, log.source, message, "log all at one rate"))
     hashes: dict[str, str | int | float | None] = {
         log.source: log.sha256 for group in read for log in group if log.sha256
     }

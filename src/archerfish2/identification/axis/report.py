@@ -81,7 +81,8 @@ def _unknown_gain(result: AxisEstimates) -> Iterator[Shortfall]:
     if result.given_gain is not None and result.given_gain.source == "given":
         return
     slowest = np.abs(np.linalg.eigvals(plant.A)).max() ** max(len(fit.recording) for fit in result.fits)
-    remedy = "The output runs on under a steady input: log its rate as the output, or an input at which it rests."
+    remedy = "The output runs on under a steady input: log its rate as the output, or an input at which it rests"
+    remedy += ', or take the gain of steps that rest (dc_gain="plateaus").'
     if slowest < _RUNS_ON:
         step = f"Record a step from rest that is held until it rests (archerfish2 excite {plant.axis} --kinds step)"
         given = "dc_gain in logs.toml, or archerfish2 identify axis --dc-gain"

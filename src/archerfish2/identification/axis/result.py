@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from archerfish2.errors import InputError
 from archerfish2.identification.axis.bootstrap import interval
 from archerfish2.identification.axis.fit import AxisFit
 from archerfish2.identification.axis.nonlinearity import Nonlinearity
@@ -98,9 +99,16 @@ class AxisEstimates(Result):
         return bode_plot(self.record, measured_response(fitted), self.excited_hz, title=self.record.axis)
 
     def simulate(self, u: Array) -> Array:
-        """Simulate the outputs from rest, shape (N, p), under inputs, shape (N, m) or (N,), that are zero before."""
-        inputs = np.reshape(u, (len(u), -1))
-        rest = np.zeros((self.record.delay_samples, inputs.shape[1]))
+        """Simulate the outputs from rest, shape (N, p), under inputs, shape (N, m) or (N,), that are zero before.
+
+        Raises:
+          InputError: if the inputs have another shape, or aren't finite.
+        """
+        inputs, channels = np.atleast_2d(np.asarray(u, dtype=np.float64).T).T, len(self.record.input_names)
+        if inputs.ndim != 2 or inputs.shape[1] != channels or not np.isfinite(inputs).all():
+            problem = f"simulate: got an array of shape {np.shape(u)}, expected finite inputs of shape (N, {channels})"
+            raise InputError(f"{problem}; samples come first")
+        rest = np.zeros((self.record.delay_samples, channels))
         return simulate(self.record, np.vstack([rest, inputs]))[len(rest) :]
 
 
@@ -114,10 +122,10 @@ def judged(fits: tuple[LogFit, ...]) -> LogFit:
 
 def gain_estimates(found: AxisFit, drawn: Sequence[PlantRecord]) -> tuple[Estimate, ...]:
     """Return the steady gains with their intervals, output by output and input by input; a given one is exact."""
+    if found.known_gain is not None and not found.known_gain.error.any():
+        return tuple(Estimate(gain, gain, gain) for gain in found.known_gain.gain.ravel().tolist())
     low, high = interval(np.array([plant.dc_gain.ravel() for plant in drawn]))
     gains = found.plant.dc_gain.ravel()
-    if found.known_gain is not None and not found.known_gain.error.any():
-        low = high = gains = found.known_gain.gain.ravel()
     return tuple(map(Estimate, gains.tolist(), np.minimum(low, gains).tolist(), np.maximum(high, gains).tolist()))
 
 
