@@ -44,11 +44,27 @@ def test_an_edited_file_is_other_code_with_a_digest_of_what_was_run(here):
     (here / "mine.py").write_text(MINE.replace("beside.ANSWER", "43"))
     edited = find_plugin("./mine.py:Aim", "controller")
     assert (first.value.answer, edited.value.answer) == (42, 43)
-    assert edited.digest == hashlib.sha256((here / "mine.py").read_bytes()).hexdigest()
+    both = (here / "mine.py").read_bytes() + (here / "beside.py").read_bytes()
+    assert edited.digest == hashlib.sha256(both).hexdigest()
     assert find_plugin(first.value, "controller").digest == first.digest != edited.digest  # of an object, too
     (here / "mine.py").write_text(MINE)
     assert find_plugin("./mine.py:Aim", "controller").value is first.value
-    assert find_plugin(type("Aim", (), {"__module__": "__main__"}), "controller").digest == ""  # of a notebook
+    assert find_plugin(type("Aim", (), {"__module__": "none"}), "controller").digest == ""  # without any source
+
+
+def test_an_edited_file_beside_one_that_imports_it_is_other_code_too(here):
+    first = find_plugin("./mine.py:Aim", "controller")
+    (here / "beside.py").write_text("ANSWER = 7_000")
+    edited = find_plugin("./mine.py:Aim", "controller")
+    assert (first.value.answer, edited.value.answer) == (42, 7000)
+    assert first.digest != edited.digest
+
+
+def test_a_module_by_its_name_and_an_object_of_it_have_one_digest(here, monkeypatch):
+    monkeypatch.syspath_prepend(here)
+    (here / "installed_one.py").write_text("def law(robot, task):\n    return None\n")
+    named = find_plugin("installed_one:law", "controller")
+    assert named.digest == find_plugin(named.value, "controller").digest != ""
 
 
 def test_an_installed_module_comes_before_a_file_of_its_name(here):

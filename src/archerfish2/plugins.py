@@ -7,6 +7,7 @@ working folder), or an entry point of the group `archerfish.controllers`, `arche
 A file is run once for each content that it has: a file that was edited is another module with another digest.
 """
 
+import ast
 import hashlib
 import importlib.util
 import operator
@@ -95,8 +96,7 @@ def find_plugin(spec: Any, kind: str) -> Plugin:
     if not isinstance(spec, str):
         module, name = getattr(spec, "__module__", ""), getattr(spec, "__name__", type(spec).__name__)
         file = getattr(sys.modules.get(module), "__file__", None) or ""
-        digest = _executed.get(module) or (file_hash(Path(file)) if Path(file).is_file() else "")
-        return Plugin(f"{file}:{name}", name, spec, file, digest)
+        return Plugin(f"{file}:{name}", name, spec, file, _digest_of(module, file) or _source_digest(spec))
     where, _, name = spec.rpartition(":")
     try:
         path = Path(where if where.endswith(".py") else where.replace(".", "/") + ".py").resolve()
@@ -119,8 +119,23 @@ def find_plugin(spec: Any, kind: str) -> Plugin:
         if not hasattr(module, attribute.partition(".")[0]):
             own = (each for each, value in vars(module).items() if getattr(value, "__module__", "") == module.__name__)
             raise InputError(f"has no {attribute!r}, but {', '.join(own) or 'nothing'}; name one of these")
-        digest = _executed.get(module.__name__, "")
+        digest = _digest_of(module.__name__, module.__file__ or "")
         return replace(plugin, value=operator.attrgetter(attribute)(module), digest=digest)
+
+
+def _digest_of(module: str, file: str) -> str:
+    """Return the SHA-256 of what was run as a module, or of its file as it is now; "" without either."""
+    return _executed.get(module) or (file_hash(Path(file)) if Path(file).is_file() else "")
+
+
+def _source_digest(value: Any) -> str:
+    """Return the SHA-256 of the source of what has no file, as in a notebook; "" where it is not kept."""
+    import inspect
+
+    with suppress(OSError, TypeError):
+        code = value if inspect.isfunction(value) or inspect.isclass(value) else type(value)
+        return hashlib.sha256(inspect.getsource(code).encode()).hexdigest()
+    return ""
 
 
 def _is_installed(where: str, path: Path) -> bool:
@@ -132,18 +147,25 @@ def _is_installed(where: str, path: Path) -> bool:
 
 
 def _module(path: Path) -> types.ModuleType:
-    """Run a file, once for each content; not by the import system, which would leave compiled files beside it."""
-    source = path.read_bytes()
-    digest = hashlib.sha256(source).hexdigest()
+    """Run a file, once for each content; not by the import system, which would leave compiled files beside it.
+
+    Its content is that of the files beside it as well that it imports, which are then imported again.
+    """
+    sources = _sources(path)
+    digest = hashlib.sha256(b"".join(sources.values())).hexdigest()
     # Not by its stem, which another file may have, and under the package's name, which another edition has not.
     name = f"{__package__}_plugin_{path.stem}_{hashlib.sha256(bytes(path) + digest.encode()).hexdigest()[:8]}"
     if name not in sys.modules:
         module = sys.modules[name] = types.ModuleType(name)
         module.__file__ = str(path)
         beside = [str(path.parent)] if str(path.parent) not in sys.path else []
+        for other in sources:
+            earlier = getattr(sys.modules.get(other.stem), "__file__", None)
+            if earlier == str(other) or (earlier and str(Path(earlier).parent) not in sys.path):
+                del sys.modules[other.stem]  # run before, for this or another file of a user's own
         sys.path += beside  # what is installed comes first
         try:
-            exec(compile(source, str(path), "exec", dont_inherit=True), module.__dict__)
+            exec(compile(sources[path], str(path), "exec", dont_inherit=True), module.__dict__)
             _executed[name] = digest
         except BaseException:
             del sys.modules[name]
@@ -152,6 +174,22 @@ def _module(path: Path) -> types.ModuleType:
             for each in beside:
                 sys.path.remove(each)
     return sys.modules[name]
+
+
+def _sources(path: Path) -> dict[Path, bytes]:
+    """Return the content of a file, and of those beside it that it imports, directly or by others."""
+    found, waiting = dict[Path, bytes](), [path]
+    while waiting:
+        file = waiting.pop(0)
+        if file in found or not file.is_file():
+            continue
+        found[file] = file.read_bytes()
+        with suppress(SyntaxError, ValueError):  # which are named when the file is run
+            for node in ast.walk(ast.parse(found[file])):
+                names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+                names += [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
+                waiting += [path.parent / f"{name.partition('.')[0]}.py" for name in names]
+    return found
 
 
 def _entry_points(kind: str) -> Any:

@@ -150,7 +150,8 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
             reason = fault if accept_unusable else (*verdict.reasons, verdict.headline)[0]
             remedy = verdict.next_step or "identify it again"
             problem = f"is not usable: {reason.removesuffix(f'; {remedy}')}"
-            remedy += "" if fault else ", or accept it (--accept-unusable, in Python accept_unusable=True)"
+            what = f"the paper's {part} in its place" if part in self.assumed else "it"
+            remedy += "" if fault else f", or accept {what} (--accept-unusable, in Python accept_unusable=True)"
             place = f"{self.folder or self.name}: {part}"
             raise file_error(place, one_line(problem), one_line(remedy))
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy import signal
+from scipy import signal, stats
 
 from archerfish2.errors import InputError
 from archerfish2.identification.axis.bootstrap import draw_plants, interval
@@ -163,12 +163,15 @@ def test_a_gain_is_held_where_it_is_given_or_from_the_plateaus():
     assert plateau_gain(logs[:1]) is None
 
 
-def test_the_slope_of_plateaus_is_that_of_a_hand_calculation():
-    levels, rest = np.repeat([0.0, 1.0, -1.0], 100), np.repeat([0.0, 1.1, -0.9], 100)
-    found = plateau_gain([Recording.from_arrays(levels, rest, 0.02)])
-    # Slope (1.1 + 0.9) / 2, residuals −1/15, 1/30, 1/30 with one degree of freedom, t = 12.706.
-    assert found.value == pytest.approx(1.0)
-    assert (found.high - found.low) / 2 == pytest.approx(12.7062 * np.sqrt(1 / 150 / 2), rel=1e-4)
+def test_the_slope_of_plateaus_is_that_of_a_regression():
+    levels, rest = np.array([0.0, 1.0, 0.0, -1.0, 0.0, 1.0]), np.array([0.02, 1.01, -0.01, -1.02, 0.01, 0.99])
+    found = plateau_gain([Recording.from_arrays(levels.repeat(100), rest.repeat(100), 0.02)])
+    # Friction is not significant, so the slope is the plain one, and its interval the wider one of both regressions.
+    columns = np.column_stack([np.ones(6), levels, np.sign(np.append(0, np.diff(levels)))])
+    left = rest - columns @ np.linalg.lstsq(columns, rest)[0]
+    error = np.sqrt(left @ left / 3 * np.linalg.inv(columns.T @ columns)[1, 1])
+    assert found.value == pytest.approx(stats.linregress(levels, rest).slope)
+    assert found.high - found.value == pytest.approx(stats.t.ppf(0.975, 3) * error, rel=1e-6)
 
 
 def test_the_first_output_decides_and_a_rate_may_have_no_steady_gain():

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.signal import lfilter
 
+from archerfish2.errors import InputError
 from archerfish2.identification.axis.identify import identify_axis
 from archerfish2.identification.axis.plateaus import plateau_gain
 from archerfish2.identification.excitation import ExcitationSettings, plan_command
@@ -48,14 +50,15 @@ def test_a_lag_that_has_not_settled_gives_the_gain_or_none():
     cases = [(lag_s, hold_s, seed) for lag_s in (0.02, 0.1, 0.25, 0.4) for hold_s in (1, 3) for seed in range(5)]
     gains = {case: plateau_gain([steps(case[0], 5e-3, *case[1:])]) for case in cases}
     assert sum(map(holds, gains.values())) >= 35  # of 40 at 95 %: fewer in 3 of 100 trials
-    assert gains[0.4, 1, 0] is None  # 0.88 of the step is reached on the average
+    unsettled = gains[0.4, 1, 0]  # 0.88 of the step is reached on the average
+    assert unsettled is None or unsettled.high - unsettled.value > 0.1
     assert gains[0.02, 1, 0] is not None
 
 
 def test_friction_that_holds_an_axis_short_costs_no_gain():
     friction = 0.05 * np.sign(np.append(0, np.diff(LEVELS)))
     gain = plateau_gain([resting(LEVELS - friction)])
-    assert_allclose([gain.value, gain.high], 1, atol=5e-4)  # the slope alone has 0.95 and an interval up to 0.98
+    assert_allclose([gain.value, gain.high], 1, atol=2e-3)  # the slope alone has 0.95 and an interval up to 0.98
 
 
 def test_a_level_that_is_rounded_alike_each_time_is_not_known_better_for_it():
@@ -94,10 +97,23 @@ def test_a_gain_of_zero_is_a_gain_like_others():
     assert result.report.usable
 
 
-def test_plateaus_of_several_inputs_give_no_gain_and_stop_nothing():
-    rng = np.random.default_rng(0)
-    u = rng.normal(size=(40, 2)).repeat(50, axis=0)
-    y = u @ [1.0, 0.5] + 0.01 * rng.normal(size=len(u))
-    result = identify_axis([Recording.from_arrays(u, y, 0.01, input_names=("u", "v"))], order=1, dc_gain="plateaus")
-    assert result.given_gain is None
-    assert [gain.value for gain in result.dc_gain] == pytest.approx([1, 0.5], abs=0.01)
+def test_plateaus_of_several_inputs_are_refused():
+    u = np.random.default_rng(0).normal(size=(400, 2))
+    log = Recording.from_arrays(u, u @ [1.0, 0.5], 0.01, input_names=("u", "v"))
+    with pytest.raises(InputError, match="one input and one output, got 2 and 1; give numbers, or leave it out"):
+        identify_axis(log, dc_gain="plateaus")
+
+
+def test_levels_that_are_entered_from_one_side_alone_tell_no_gain():
+    levels = np.array([0.0, 1.0, -1.0, 1.0, -1.0, 1.0])
+    reached = levels - 0.03 * np.sign(np.append(0, np.diff(levels)))  # friction, which a gain of 0.97 explains
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(600)
+    assert plateau_gain([Recording.from_arrays(levels.repeat(100), reached.repeat(100) + noise, 0.01)]) is None
+
+
+def test_a_step_that_still_creeps_in_noise_widens_the_interval():
+    rng, pole = np.random.default_rng(23), np.exp(-0.02 / 0.4)  # a lag of 0.4 s, held for 0.5 s, at 50 Hz
+    command = np.concatenate([np.zeros(25), np.tile([1.0, 0.0, -1.0, 0.0], 2).repeat(25)])
+    output = lfilter([0, 1 - pole], [1, -pole], command) + 0.03 * rng.standard_normal(len(command))
+    gain = plateau_gain([Recording.from_arrays(command, output, 0.02)])
+    assert gain is None or gain.high - gain.value > 0.05  # known within 4 % but for that, and 0.83

@@ -132,6 +132,14 @@ def test_a_wrapped_angle_is_unwrapped_although_the_log_has_gaps(tmp_path):
     assert_allclose(np.concatenate([part.outputs[:, 0] for part in log.recordings]), response(yaw), atol=1e-9)
 
 
+def test_a_wrapped_angle_of_which_every_row_is_there_twice_is_unwrapped(tmp_path):
+    yaw = 5 * np.sin(2 * TIME)
+    rows = np.arange(COUNT).repeat(2)
+    log = read(tmp_path, U[rows], ((response(yaw) + np.pi) % (2 * np.pi) - np.pi)[rows], TIME[rows])
+    assert codes(log) == {"time-duplicate", "angle-wrap"}
+    assert_allclose(log.recordings[0].outputs[:, 0], response(yaw), atol=1e-9)
+
+
 def test_steps_and_random_levels_are_not_unwrapped(tmp_path):
     levels = np.where(RNG.random(COUNT // 5) < 0.5, -128, 128).repeat(5)
     for y in (levels / 256, levels, response(levels, 70), np.arange(COUNT) % 7 + 0.5):

@@ -128,7 +128,8 @@ def kept(name: str, robot: Robot, task: Task) -> Tuning | None:
     begun = entry(name, robot, task)
     shipped = Task.load("paper").replace(lengths_s=(1.0,))
     if begun.task.replace(command_limit="gate") == shipped and begun.robot == Robot.paper().digest():
-        return Tuning(**paper_tuning(task.command_limit)[name])
+        shipped_tunings = paper_tuning(task.command_limit)
+        return Tuning(**shipped_tunings[name]) if name in shipped_tunings else None
     for each in _read(_file(robot)):
         if each.replace(tuning=begun.tuning, hit_rate=0.0, tried=1) == begun:
             return each.tuning

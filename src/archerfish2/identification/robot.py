@@ -188,7 +188,10 @@ def _judged(result: Result, settings: LogFolder) -> Report:
         step = f"Write {' and '.join(changes)} to [{result.part}] in logs.toml."
         return replace(report, usable=False, reasons=(*reasons, *report.reasons), next_steps=(step, *report.next_steps))
     fault = axis_fault(result.record, result.part)
-    return replace(report, usable=False, reasons=(f"{fault}.",)) if report.usable and fault else report
+    if not (report.usable and fault):
+        return report
+    remedy = fault.rpartition("; ")[2]
+    return replace(report, usable=False, reasons=(f"{fault}.",), next_steps=(remedy, *report.next_steps))
 
 
 def _verdict(part: Part, report: Report) -> PartVerdict:
@@ -262,7 +265,8 @@ def _step_responses(robot: Robot) -> Figure:
                 angle = simulate(plant, 1.0 * (time >= 0)[:, None])[:, 0]
                 panel.plot(time, angle, label=f"{axis}, assumed" if axis in robot.assumed else axis)
         panel.set(xlabel="time since the step [s]", ylabel="angle per commanded angle")
-        panel.legend()
+        if panel.lines:
+            panel.legend()
     return figure
 
 

@@ -77,9 +77,9 @@ def train(
         code = {name: plugin.digest for name, plugin in own.items()}
         if folder is None:
             begun = begun.replace(devices=devices, code=code)
-        elif changed := [name for name, digest in code.items() if digest != begun.code[name]]:
+        elif changed := [name for name, digest in code.items() if digest != begun.code[name] or not digest]:
             remedy = "put it back, or begin another training"
-            raise InputError(f"{changed[0]} has changed since the training was begun; {remedy}")
+            raise InputError(f"{changed[0]} has changed since the training was begun, or has no source; {remedy}")
         elif devices != begun.devices:
             flag = f"XLA_FLAGS=--xla_force_host_platform_device_count={begun.devices}"
             raise InputError(f"begun on {begun.devices} devices, got {devices}; in a new process set {flag}")

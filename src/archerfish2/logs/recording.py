@@ -140,9 +140,8 @@ class Recording:
         for letter, values, names in (("u", self.inputs, self.input_names), ("y", self.outputs, self.output_names)):
             if values.ndim != 2 or values.shape[1] != len(names) or not values.size:
                 problem = f"{letter} has shape {values.shape}, expected (N, {len(names)}) of {listed(names)}"
-                raise InputError(
-                    f'{self.source}: {problem}, not empty; samples come first, several are named: input_names=("u", "v")'
-                )
+                remedy = 'samples come first, several signals are named: input_names=("u", "v")'
+                raise InputError(f"{self.source}: {problem}, not empty; {remedy}")
         if len(self) != len(self.outputs):
             problem = f"u has {len(self):,} samples and y {len(self.outputs):,}, expected as many"
             raise InputError(f"{self.source}: {problem}; cut both to the same samples")
@@ -189,6 +188,8 @@ class Recording:
         if stamps.shape != (len(inputs),) or len(stamps) < 2:
             raise InputError(f"from_arrays: time has shape {stamps.shape}, expected ({len(inputs)},), 2 or more")
         even = (stamps[-1] - stamps[0]) / (len(stamps) - 1)
+        if not (stamps[1:] > stamps[:-1]).all():
+            raise InputError("from_arrays: time does not increase from sample to sample; sort the samples by time")
         late = np.abs(stamps - stamps[0] - even * np.arange(len(stamps))).max()
         if not 0 <= late < _EVEN * even:
             remedy = 'read_log({"time_s": time, "u": u, "y": y}) resamples them'

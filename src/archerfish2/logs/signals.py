@@ -44,7 +44,8 @@ def _wraps_at(signal: Values, time: Values, turn: float) -> bool:
     """
     moved = np.append(0, np.flatnonzero(np.diff(signal)) + 1)
     values, intervals = signal[moved], np.diff(time)
-    part = np.append(0, np.cumsum(intervals > GAP * np.median(subsampled(intervals))))[moved]
+    usual = np.median(subsampled(intervals[intervals > 0]))  # rows may be there twice
+    part = np.append(0, np.cumsum(intervals > GAP * usual))[moved]
     steps, within = np.abs(np.diff(values)), part[1:] == part[:-1]
     jump, smooth = within & (steps > 0.75 * turn), within & (steps <= 0.75 * turn)
     if steps.size <= _STEPS or not jump.any() or steps[smooth].max(initial=0.0) > turn / 4:

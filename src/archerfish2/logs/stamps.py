@@ -57,6 +57,7 @@ def in_seconds(rows: Rows) -> tuple[Rows, list[Finding]]:
         unit = usual[0] if usual else "s"
         message = f'stamps "{time}" are {period:.4g} s apart, as no gimbal is logged, and were read as {unit}'
         remedy = f'if they are in {unit}, name the column "time_{unit}", else in their unit'
+        remedy = "check the stamps" if unit == "s" else remedy
         finding = Finding("time-unit", "warning", source, message, remedy)
     return replace(rows, time=rows.time * _SECONDS[unit]), [finding]
 

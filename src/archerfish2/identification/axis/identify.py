@@ -1,6 +1,7 @@
 """From logs of one axis to its plant, how certain it is, and whether it is usable."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -173,8 +174,11 @@ def _known_gain(
     shape = len(recordings[0].output_names), len(recordings[0].input_names)
     if dc_gain is None:
         return None, ""
-    if dc_gain == "plateaus":
-        found = plateau_gain(recordings) if shape == (1, 1) else None
+    if isinstance(dc_gain, str) and dc_gain == "plateaus":
+        if shape != (1, 1):
+            problem = f'dc_gain: "plateaus" give the gain of one input and one output, got {shape[1]} and {shape[0]}'
+            raise InputError(f"{problem}; give numbers, or leave it out")
+        found = plateau_gain(recordings)
         # Plateaus that leave the gain open say less than a fit of the whole logs.
         if found is None or found.high - found.value > GAIN_WIDTH * abs(found.value):
             return None, ""
@@ -203,6 +207,7 @@ def read_sources(
     """
     read = [[_log(source) for source in _sources(group)] for group in (logs, validate)]
     fitted, held_back = ([recording for log in group for recording in log.recordings] for group in read)
+    fitted, held_back = _told_apart(fitted, held_back)
     if not fitted:
         raise InputError("identify: expected a log or more, got none; pass a file")
     for log in (*fitted, *held_back):
@@ -242,6 +247,23 @@ def _log(source: Source) -> Log:
     if isinstance(source, Recording):
         return Log((source,), period_findings(source), len(source), source.source, "")
     return source if isinstance(source, Log) else read_log(source)
+
+
+def _told_apart(*groups: list[Recording]) -> list[list[Recording]]:
+    """Return recordings, numbered where different ones have one name, so that messages tell them apart."""
+    contents = dict[str, list[bytes]]()
+    named = list[list[Recording]]()
+    for log in (log for group in groups for log in group):
+        there = contents.setdefault(log.source, [])
+        if _content(log) not in there:
+            there.append(_content(log))
+    for group in groups:
+        named.append([])
+        for log in group:
+            there = contents[log.source]
+            number = f" ({1 + there.index(_content(log))})" if len(there) > 1 else ""
+            named[-1].append(replace(log, source=log.source + number))
+    return named
 
 
 def _without_repeats(fitted: Sequence[Recording]) -> tuple[list[Recording], list[Finding]]:

@@ -4,7 +4,8 @@ Where friction holds an axis short of its aim, a fit of the whole log explains t
 
     y = gain · u + friction · direction + constant of the log,
 
-the direction being that of the step into the level. Least squares over the plateaus of all logs give the gain.
+the direction being that of the step into the level. Least squares over the plateaus of all logs give the gain. Its
+interval is Student's, with the rounding of the outputs and with what the steps may still move.
 """
 
 from collections.abc import Sequence
@@ -19,12 +20,12 @@ from archerfish2.identification.statistics import Z95
 from archerfish2.logs.recording import Recording
 from archerfish2.reports.table import Estimate
 
-_FEWEST = 3  # plateaus
 _AVERAGED = 5  # the last fifth of a plateau
 _FEW_VALUES = 10
 _HELD = 1e-6  # of an input's range, within which it counts as held
-_STILL, _NOISE = 2e-3, 3.0
-"""What a step may still move within what is averaged: share of the step, or standard errors of that share."""
+_RATES = np.linspace(1.2, 60.0, 1000)
+"""Hold over the time constant of a lag: its step moves e^(-0.85 r) - e^(-0.95 r) of itself from the first half of the
+last fifth to the second, and e^(-0.9 r) is left to move there."""
 
 
 class Plateaus(NamedTuple):
@@ -39,24 +40,29 @@ class Plateaus(NamedTuple):
 
 
 def plateau_gain(recordings: Sequence[Recording], hold_s: float = 0.4) -> Estimate | None:
-    """Return the steady gain with Student's interval; None without enough steps that come to rest.
+    """Return the steady gain with its interval; None without enough steps that come to rest.
 
     Args:
       recordings: of one input and one output, each with a zero of its own.
       hold_s: how long an input must be held to count; the last fifth of that time is averaged [s].
     """
-    logs = [_plateaus(recording, hold_s) for recording in recordings]
-    logs = [log for log in logs if log.level.size and _at_rest(log)]
+    logs = [log for log in (_plateaus(recording, hold_s) for recording in recordings) if log.level.size]
     if not logs:
         return None
     level, direction, reached = (np.concatenate(columns) for columns in zip(*map(_centred, logs), strict=True))
     rounding = _rounding(logs)
+    # Levels that are entered from one side alone don't tell gain from friction.
     with_friction = _slope(np.column_stack([level, direction]), reached, rounding, len(logs))
-    # A coefficient of friction that is noise would only widen the interval.
-    if with_friction is not None and not with_friction[1].low <= 0 <= with_friction[1].high:
-        return with_friction[0]
-    without = _slope(level[:, None], reached, rounding, len(logs))
-    return None if without is None else without[0]
+    without_friction = _slope(level[:, None], reached, rounding, len(logs))
+    if with_friction is None or without_friction is None:
+        return None
+    gain, friction = with_friction
+    half = gain.high - gain.value
+    if friction.low <= 0 <= friction.high:  # friction that is not significant may be there all the same
+        half = max(half, without_friction[0].high - without_friction[0].value)
+        gain = without_friction[0]
+    half += abs(gain.value) * max(map(_left_to_move, logs))
+    return Estimate(gain.value, gain.value - half, gain.value + half) if np.isfinite(half) else None
 
 
 def _plateaus(recording: Recording, hold_s: float) -> Plateaus:
@@ -82,14 +88,15 @@ def _plateau(u: Array, y: Array, begin: int, end: int) -> tuple[float, float, fl
     return float(u[end]), float(step), float(last.mean()), float(moved), float(noise * np.sqrt(4 / len(last)))
 
 
-def _at_rest(log: Plateaus) -> bool:
-    """Return whether the steps of a log have come to rest where outputs are averaged."""
+def _left_to_move(log: Plateaus) -> float:
+    """Return the share of a step that may be left to move where outputs are averaged; infinite if it is large."""
     squares = float(log.step @ log.step)
     if squares == 0:
-        return True
-    share = float(log.step @ log.moved) / squares
-    error = float(np.linalg.norm(log.step * log.moved_error)) / squares
-    return abs(share) <= max(_STILL, _NOISE * error)
+        return 0.0
+    moved = abs(float(log.step @ log.moved)) / squares
+    most = moved + Z95 * float(np.linalg.norm(log.step * log.moved_error)) / squares
+    moves = np.exp(-0.85 * _RATES) - np.exp(-0.95 * _RATES)
+    return float(np.interp(most, moves[::-1], np.exp(-0.9 * _RATES)[::-1], left=0.0, right=np.inf))
 
 
 def _centred(log: Plateaus) -> tuple[Array, Array, Array]:
@@ -118,7 +125,7 @@ def _slope(columns: Array, reached: Array, rounding: Array, constants: int) -> l
     """
     count, coefficients = columns.shape
     freedom = count - constants - coefficients
-    if count < _FEWEST or freedom < 1 or np.linalg.matrix_rank(columns) < coefficients:
+    if freedom < 1 or np.linalg.matrix_rank(columns) < coefficients:
         return None
     inverse = np.linalg.pinv(columns)
     found = inverse @ reached
