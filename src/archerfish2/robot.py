@@ -152,7 +152,9 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
             problem = f"is not usable: {reason.removesuffix(f'; {remedy}')}"
             what = f"the paper's {part} in its place" if part in self.assumed else "it"
             remedy += "" if fault else f", or accept {what} (--accept-unusable, in Python accept_unusable=True)"
-            place = f"{self.folder or self.name}: {part}"
+            place: Any = f"{self.folder or self.name}: {part}"
+            if self.folder and part not in self.assumed:
+                place = self.folder / f"{part}.json"
             raise file_error(place, one_line(problem), one_line(remedy))
 
     def save(self, folder: str | Path) -> None:

@@ -61,7 +61,7 @@ def test_a_team_names_its_own_files_columns_and_units(lab_folder, tmp_path, refu
     assert robot.limits.yaw.max_acceleration == pytest.approx(np.radians(3000))
     settings.write_text(settings.read_text().replace("[-60,60]", "[-0.5,0.5]"))
     limits, *_ = identify_robot(tmp_path).report.findings
-    assert (limits.code, limits.place) == ("limits", "logs.toml")
+    assert (limits.code, limits.place) == ("limits", "yaw")
     assert re.fullmatch(r"commands of yaw go from -.* to .*°, its limits are -0.5 to 0.5°", limits.message)
     for text, complaint in (
         ("[yaw]\nfits=[]", r"logs.toml: field yaw: .* field fits; correct it; .* may have fit, validate, .*\[limits\]"),
@@ -135,7 +135,7 @@ def test_a_part_that_can_not_be_used_is_assumed_with_a_verdict_and_the_others_ar
     write_axis(logs / "pitch_step.csv")
     (logs / "limits.json").write_text(text.replace("max_rate", "rate"))
     again = identify_robot(logs, out=out)
-    refused(r"muzzle.json: is not usable: .*; measure speed_m_s .*, or pass accept_unusable=True", Robot.load, out)
+    refused(r"robot: muzzle: is not usable: .*; measure speed_m_s .*, or accept the paper's muzzle in", Robot.load, out)
     assert Robot.load(out, accept_unusable=True).assumed == ("muzzle", "sensing", "limits")
     assert "limits: take it out, or begin logs.toml with your figures: limits = {" in repr(again)
 
@@ -149,8 +149,30 @@ def test_a_first_line_for_logs_toml_names_the_columns_of_a_log(tmp_path, refused
     assert identify_robot(folder).record.parts["yaw"].usable
     (folder / "logs.toml").unlink()
     (folder / "monday.csv").rename(folder / "pitch_step.csv")
-    complaint = r'no column "time_s".* in logs.toml: time = "stamp_s", input = "cmd", output = "angle"'
-    refused(complaint, identify_robot, folder)
+    with pytest.raises(InputError, match=r'no column "time_s".*begin logs.toml with pitch = ') as error:
+        identify_robot(folder)
+    line = str(error.value).partition("begin logs.toml with ")[2].partition(", if all")[0]
+    (folder / "logs.toml").write_text(line)
+    assert identify_robot(folder).record.parts["pitch"].usable
+
+
+def test_a_signal_whose_name_says_degrees_is_in_degrees(tmp_path):
+    folder = write_axis(tmp_path / "logs" / "yaw_step.csv", lambda u, y: (np.degrees(u), y), names=("u_deg", "angle"))
+    (folder / "logs.toml").write_text('yaw = {input = "u_deg", output = "angle"}')
+    assert identify_robot(folder).record.yaw.dc_gain.item() == pytest.approx(1, abs=0.05)
+
+
+def test_steps_of_other_sizes_are_simulated_at_the_period_of_the_plant(tmp_path):
+    fits = []
+    for every in (1, 4):
+        folder = write_axis(tmp_path / f"logs{every}" / "yaw_step.csv")
+        fine = write_axis(tmp_path / f"fine{every}" / "yaw_step_5deg.csv")
+        rows = (folder / "yaw_step.csv").read_text().splitlines(keepends=True)
+        (folder / "yaw_step.csv").write_text("".join([rows[0], *rows[1::every]]))
+        (fine / "yaw_step_5deg.csv").rename(folder / "yaw_step_5deg.csv")
+        (table,) = [table for table in identify_robot(folder).report.tables if "other sizes" in table.title]
+        fits.append(table.rows[0][2])
+    assert min(fits) > 90  # 20 and less if the samples are taken as those of the plant
 
 
 def test_of_two_logs_of_one_name_the_one_that_is_not_fitted_is_named(tmp_path):

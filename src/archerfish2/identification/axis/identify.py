@@ -23,7 +23,7 @@ from archerfish2.identification.axis.checks import (
 from archerfish2.identification.axis.fit import DELAY, AxisFit, fit_axis
 from archerfish2.identification.axis.nonlinearity import nonlinearity
 from archerfish2.identification.axis.plateaus import plateau_gain
-from archerfish2.identification.axis.report import GAIN_WIDTH, axis_report
+from archerfish2.identification.axis.report import axis_report
 from archerfish2.identification.axis.result import (
     AxisEstimates,
     GivenGain,
@@ -45,6 +45,7 @@ from archerfish2.reports.report import Report
 Source = str | Path | Log | Recording | Mapping[str, Any]
 """A file or arrays with the columns time_s, u and y, or what was read or made of other ones."""
 _DRAWS = 100
+_PLATEAU_WIDTH = 0.015  # of a gain by plateaus, to either side: beyond, the fit of the whole logs knows it better
 _MOST = 40  # recordings that are fitted
 _COARSER = 3.0  # sampling period over that of a log, from which much of the log is lost
 
@@ -94,7 +95,7 @@ def identify_axis(
         end [samples].
       feedthrough: whether an input may act within its own sample.
       dc_gain: steady output per steady input that the plant is to have, output by output and input by input, or
-        "plateaus": that of `plateau_gain`, if the logs have steps that give it within 5 %; fitted if not given.
+        "plateaus": that of `plateau_gain`, if the logs have steps that give it within 1.5 %; fitted if not given.
       divides_s: time that the plant's sampling period is to divide [s].
       seed: of the draws.
 
@@ -180,7 +181,7 @@ def _known_gain(
             raise InputError(f"{problem}; give numbers, or leave it out")
         found = plateau_gain(recordings)
         # Plateaus that leave the gain open say less than a fit of the whole logs.
-        if found is None or found.high - found.value > GAIN_WIDTH * abs(found.value):
+        if found is None or found.high - found.value > _PLATEAU_WIDTH * abs(found.value):
             return None, ""
         error = (found.high - found.value) / Z95
         return (np.array([[found.value]]), np.array([[error]])), "plateaus"
@@ -207,7 +208,7 @@ def read_sources(
     """
     read = [[_log(source) for source in _sources(group)] for group in (logs, validate)]
     fitted, held_back = ([recording for log in group for recording in log.recordings] for group in read)
-    fitted, held_back = _told_apart(fitted, held_back)
+    fitted, held_back = _numbered(fitted, held_back)
     if not fitted:
         raise InputError("identify: expected a log or more, got none; pass a file")
     for log in (*fitted, *held_back):
@@ -249,7 +250,7 @@ def _log(source: Source) -> Log:
     return source if isinstance(source, Log) else read_log(source)
 
 
-def _told_apart(*groups: list[Recording]) -> list[list[Recording]]:
+def _numbered(*groups: list[Recording]) -> list[list[Recording]]:
     """Return recordings, numbered where different ones have one name, so that messages tell them apart."""
     contents = dict[str, list[bytes]]()
     named = list[list[Recording]]()

@@ -22,8 +22,7 @@ from archerfish2.reports.table import Entry, Estimate, Table, entry_texts
 USABLE_FIT = 80.0
 """Fit from which a plant is usable [%]."""
 _NOISY_FIT, _NOISE_SHARE = 55.0, 0.1  # a fit of noise's fault: at least, and share that the inputs explain of the rest
-GAIN_WIDTH = 0.05
-"""Of a steady gain, within which it must be known."""
+_GAIN_WIDTH = 0.05  # of a steady gain, within which it must be known
 _GAIN_SHARE = 0.85  # of the draws within that, from which it is
 _RUNS = 4  # that are drawn
 _DEPENDENT = 0.05  # share of the residual that past inputs explain, from which it is worth a word
@@ -77,7 +76,7 @@ def _low_fit(result: AxisEstimates) -> Iterator[Shortfall]:
 def _unknown_gain(result: AxisEstimates) -> Iterator[Shortfall]:
     plant = result.record
     gain, drawn = plant.dc_gain[0], frequency_response(plant, np.zeros(1), draws=True)[:, 0, 0].real
-    known = np.mean(np.abs(drawn - gain) <= GAIN_WIDTH * np.abs(gain), axis=0) >= _GAIN_SHARE
+    known = np.mean(np.abs(drawn - gain) <= _GAIN_WIDTH * np.abs(gain), axis=0) >= _GAIN_SHARE
     if result.given_gain is not None and result.given_gain.source == "given":
         return
     slowest = np.abs(np.linalg.eigvals(plant.A)).max() ** max(len(fit.recording) for fit in result.fits)
@@ -88,7 +87,7 @@ def _unknown_gain(result: AxisEstimates) -> Iterator[Shortfall]:
         given = "dc_gain in logs.toml, or archerfish2 identify axis --dc-gain"
         remedy = f"{step}, or give the gain if it is known ({given})."
     for place in np.flatnonzero(~known).tolist():
-        unknown = f"The steady gain {_named(result, place)}is not known within {GAIN_WIDTH:.0%}"
+        unknown = f"The steady gain {_named(result, place)}is not known within {_GAIN_WIDTH:.0%}"
         yield Shortfall("gain", f"{unknown}: {_words(result.dc_gain[place])}. {remedy}")
 
 
@@ -98,7 +97,7 @@ def _nonlinear(result: AxisEstimates) -> Iterator[Shortfall]:
     if found is None or found.residual_share > _STRONG:
         return
     wrong, agreement = [], max(found.agreement_percent, 0)
-    if abs(found.gain_ratio - 1) > GAIN_WIDTH:
+    if abs(found.gain_ratio - 1) > _GAIN_WIDTH:
         wrong.append(f"its steady gain is {found.gain_ratio:.3g} times that of the linear plant")
     if agreement < USABLE_FIT:
         wrong.append(f"on other motions of the same size the linear plant follows to {agreement:.0f} % only")
