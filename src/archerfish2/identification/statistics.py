@@ -5,9 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 from scipy.special import ndtri, stdtrit
-from scipy.stats import binomtest, trim_mean
 
 from archerfish2.reports.table import Estimate
 
@@ -43,6 +41,8 @@ def variance_components(
       scales: variance of each measurement per unit of each component, the diagonals of A_j, shape (N, c).
       known: part of the variance that is not estimated, shape (N,) or ().
     """
+    from scipy.optimize import nnls  # slow to load
+
     count, components = scales.shape
     parts = np.column_stack([scales, np.broadcast_to(known, count)])  # the variance of the last one is 1
     scatter = np.mean((measured - columns @ np.linalg.lstsq(columns, measured)[0]) ** 2)
@@ -129,6 +129,8 @@ def mean_estimate(series: Array) -> Estimate:
 
 def share_estimate(count: int, total: int) -> Estimate:
     """Return a share with Wilson's interval."""
+    from scipy.stats import binomtest  # slow to load
+
     low, high = binomtest(count, total).proportion_ci(method="wilson")
     return Estimate(count / total, low, high)
 
@@ -149,6 +151,8 @@ def deviation_estimate(variance: float, error: float, unit: str = "s") -> Estima
 
 def scatter_estimate(sample: Array) -> Estimate:
     """Return a standard deviation without the assumption of normality (Bonett 2006), of a sample of shape (n,) [s]."""
+    from scipy.stats import trim_mean  # slow to load
+
     count, variance, correction = sample.size, float(sample.var(ddof=1)), sample.size / (sample.size - Z95)
     trimmed = trim_mean(sample, 1 / (2 * np.sqrt(max(count - 4, 1))))
     kurtosis = count * float(np.sum((sample - trimmed) ** 4)) / max((variance * (count - 1)) ** 2, 1e-300)
