@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 
 import archerfish2 as af
+from archerfish2.codegen import check
+from archerfish2.codegen.c99 import print_c
+from archerfish2.codegen.decision import FIELDS, Gated, example_decisions, trace_decision
+from archerfish2.codegen.onnx import print_onnx
 from archerfish2.controllers.registry import make_controller
-from archerfish2.export import check
-from archerfish2.export.c99 import print_c
-from archerfish2.export.decision import FIELDS, Gated, example_decisions, trace_decision
-from archerfish2.export.onnx import print_onnx
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT.parent / "shared" / "second_edition" / "reference"

@@ -13,7 +13,7 @@ __version__ = "0.2.0"
 # Name=module.
 _NAMES = """InputError=errors MuzzleRecord=records.muzzle PlantRecord=records.plant Policy=controllers.policy
 Recording=logs.recording Results=evaluation.results Robot=robot Task=task TrainConfig=learning.config
-evaluate=evaluation.evaluate excite=identification.excitation export=export.export
+evaluate=evaluation.evaluate excite=identification.excitation export=codegen.export
 identify_axis=identification.axis.identify identify_muzzle=identification.muzzle.identify
 identify_robot=identification.robot identify_sensing=identification.sensing.identify
 make_environment=learning.environments make_world=simulation.world read_log=logs.log rollout=evaluation.trajectory

@@ -133,6 +133,27 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         robot.check_usable(accept_unusable=accept_unusable)
         return robot
 
+    @classmethod
+    def of(cls, robot: Any = None, *, accept_unusable: bool = False) -> Self:
+        """Return a robot as every verb takes it.
+
+        Args:
+          robot: None or "paper" for the paper's, a folder, a robot, or a result of `identify_robot`.
+          accept_unusable: as of `load`, for a folder.
+
+        Raises:
+          InputError: if it is none of these, or can't be read.
+        """
+        robot = getattr(robot, "record", robot)
+        if isinstance(robot, cls):
+            return robot
+        if robot is None or robot == "paper":
+            return cls.paper()
+        if isinstance(robot, str | Path):
+            return cls.load(robot, accept_unusable=accept_unusable)
+        expected = "a folder, a Robot, what identify_robot returns, or None for the paper's robot"
+        raise InputError(f"robot: expected {expected}, got a {type(robot).__name__}; give one of these")
+
     def check_usable(self, *, accept_unusable: bool = False) -> None:
         """Refuse a robot of which a part is not usable.
 

@@ -193,6 +193,20 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
             problem = one_line(str(error)).removeprefix(f"{name}: ").removeprefix("Task: ").removesuffix("; correct it")
             raise file_error(path, problem[:400], "correct it") from error
 
+    @classmethod
+    def of(cls, task: Any = "any") -> Self:
+        """Return a task as every verb takes it: one that is there, or by its name or TOML file, as `load` takes it.
+
+        Raises:
+          InputError: if it is none of these, or can't be read.
+        """
+        if isinstance(task, cls):
+            return task
+        if isinstance(task, str | Path):
+            return cls.load(task)
+        expected = "a name, a TOML file or a Task"
+        raise InputError(f"task: expected {expected}, got a {type(task).__name__}; give one of these")
+
     def save(self, path: str | Path) -> None:
         """Write the task as a TOML file.
 

@@ -10,10 +10,10 @@ import tyro
 from archerfish2 import storage
 from archerfish2.controllers.policy import Policy
 from archerfish2.controllers.registry import is_policy
-from archerfish2.evaluation.contenders import load
 from archerfish2.evaluation.evaluate import evaluate
 from archerfish2.evaluation.results import Results
 from archerfish2.robot import Robot
+from archerfish2.task import Task
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ class Evaluate:
 
     def run(self, options: str = "") -> None:
         """Evaluate, write, print; `options` are as typed, for run.json."""
-        given = self.robot and Robot.load(self.robot, accept_unusable=self.accept_unusable)
-        robot, task = load(given, self.task)
+        robot = Robot.of(self.robot, accept_unusable=self.accept_unusable)
+        task = Task.of(self.task)
         if self.command_limit is not None:
             task = task.replace(command_limit=self.command_limit)
         out = self.out or (self.robot / "evaluation" if self.robot else Path("runs/evaluate"))

@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 import tyro
 
+from archerfish2.codegen.export import export
 from archerfish2.controllers.registry import NAMES
 from archerfish2.errors import InputError
-from archerfish2.export.export import export
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from archerfish2.errors import InputError
-from archerfish2.evaluation.contenders import load
 from archerfish2.learning.config import TrainConfig
 from archerfish2.learning.run_folder import Begun, read_run
 from archerfish2.learning.train import train, with_given
@@ -81,7 +80,7 @@ class Train:
             _announce(begun.robot, begun.task, begun.config, out)
             policy = train(robot, task, **given, reward=self.reward, out=self.out, resume=out)
         else:
-            robot, task = load(robot, task)
+            robot, task = Robot.of(robot), Task.of(task)
             out = self.out or (self.robot / "policy" if self.robot else Path("runs/train"))
             trainer = self.trainer or config.resolved(robot, task).trainer
             others = "ppo." if trainer == "gradient" else "gradient."

@@ -38,12 +38,6 @@ class Contender(NamedTuple):
     is_papers: bool = False  # whether a policy sees what the paper's sees, and was trained as that was
 
 
-def load(robot: Robot | str | Path | None, task: Task | str | Path) -> tuple[Robot, Task]:
-    """Return a robot, or that of a folder, or the paper's; and a task, or that of a name or TOML file."""
-    robot = Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
-    return robot, task if isinstance(task, Task) else Task.load(task)
-
-
 def named_controllers(controllers: Any) -> list[tuple[str, Any]]:
     """Return controllers with the names that results give them; equal names of one seed get -2, -3.
 

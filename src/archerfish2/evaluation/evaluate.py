@@ -61,7 +61,7 @@ def evaluate(
     Raises:
       InputError: if something that was given can't be used, or a user's code fails.
     """
-    robot, task = contenders.load(robot, task)
+    robot, task = Robot.of(robot), Task.of(task)
     moments = [time.monotonic()]
     found, named = find_world(world, robot, task), contenders.named_controllers(controllers)
     check_counts(engagements, seed, 2, task.replace(lengths_s=task.lengths[-1:]).cells(), found.normals)

@@ -84,7 +84,7 @@ def rollout(
     Raises:
       InputError: if something that was given can't be used, or a user's code fails.
     """
-    robot, task = contenders.load(robot, task)
+    robot, task = Robot.of(robot), Task.of(task)
     part = task.replace(lengths_s=task.lengths[-1:])
     found, cells = find_world(world, robot, part), part.cells()
     check_counts(engagements, seed, 1, cells[:1], found.normals + _KEPT)

@@ -37,8 +37,8 @@ def make_environment(
     Raises:
       InputError: if robot, task and settings don't fit each other, or a user's code fails.
     """
-    robot = Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
-    task = task if isinstance(task, Task) else Task.load(task)
+    robot = Robot.of(robot)
+    task = Task.of(task)
     config = (config or TrainConfig()).resolved(robot, task)
     observer = make_observer(observer_facts(config.names, robot, task, config.frames), config.names[1:])
     observer.layout()

@@ -113,10 +113,10 @@ def _check_number(name: str, number: Any, least: int) -> None:
 
 def _begin(robot: Any, task: Any, config: TrainConfig, seed: int | None) -> Begun:
     """Return a new training."""
-    robot = Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
+    robot = Robot.of(robot)
     if robot.folder is None:  # that of a folder was checked, or accepted, when it was loaded
         robot.check_usable()
-    task = task if isinstance(task, Task) else Task.load(task)
+    task = Task.of(task)
     config, seed = config.resolved(robot, task), 0 if seed is None else seed
     _check_number("seed", seed, 0)
     # In single precision, as the simulator counts them.

@@ -4,14 +4,14 @@ import tempfile
 from pathlib import Path
 from typing import Any, Literal
 
+from archerfish2.codegen.c99 import print_c
+from archerfish2.codegen.check import DIFFERENCE, SHARE, c_decision, compared, onnx_decision
+from archerfish2.codegen.decision import Gated, example_decisions, trace_decision
+from archerfish2.codegen.onnx import print_onnx
 from archerfish2.controllers.policy import Policy
 from archerfish2.controllers.registry import is_policy, make_controller
 from archerfish2.controllers.tuning import GRIDS, Tuning, kept
 from archerfish2.errors import InputError, file_error
-from archerfish2.export.c99 import print_c
-from archerfish2.export.check import DIFFERENCE, SHARE, c_decision, compared, onnx_decision
-from archerfish2.export.decision import Gated, example_decisions, trace_decision
-from archerfish2.export.onnx import print_onnx
 from archerfish2.provenance import code_commit
 from archerfish2.reports.report import Report
 from archerfish2.reports.table import Table
@@ -56,7 +56,7 @@ def export(
     path = Path(path)
     if path.suffix not in (".c", ".onnx") or not path.name.isprintable() or '"' in path.name:
         raise InputError(f"{path}: expected a name that ends with .c or .onnx, without quotes; choose such a name")
-    robot = Robot.paper() if robot is None else robot if isinstance(robot, Robot) else Robot.load(robot)
+    robot = Robot.of(robot)
     name, made, task = _controller(controller, robot, task, tuning)
     if task.command_limit == "los-2deg":
         raise InputError("los-2deg limits commands by where the target really is, as no robot knows; take gate or box")
@@ -105,7 +105,7 @@ def _controller(
         if given.facts.robot != robot.record_digests():
             raise InputError(f"the policy was trained in other records than {robot.name}'s; name its folder, or train")
         return "policy", given, given.facts.task
-    task, name = task if isinstance(task, Task) else Task.load(task), given if isinstance(given, str) else ""
+    task, name = Task.of(task), given if isinstance(given, str) else ""
     if name == "oracle":
         raise InputError("oracle knows the target's path, as no robot does; export another controller")
     if name not in GRIDS or tuning == "start":

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from archerfish2.codegen.decision import Decision
+from archerfish2.codegen.printing import Printer, printed
 from archerfish2.errors import InputError
-from archerfish2.export.decision import Decision
-from archerfish2.export.printing import Printer, printed
 
 
 def print_onnx(decision: Decision, facts: Mapping[str, Any]) -> bytes:

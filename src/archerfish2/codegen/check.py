@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from archerfish2.arrays import Array
+from archerfish2.codegen.c99 import prefix
+from archerfish2.codegen.decision import FIELDS, Gated, example_decisions
 from archerfish2.errors import InputError
-from archerfish2.export.c99 import prefix
-from archerfish2.export.decision import FIELDS, Gated, example_decisions
 
 DECISIONS = 200
 """Decisions that are compared."""

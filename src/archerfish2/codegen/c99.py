@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from archerfish2.export.decision import FIELDS, Decision
-from archerfish2.export.printing import Printer, printed
+from archerfish2.codegen.decision import FIELDS, Decision
+from archerfish2.codegen.printing import Printer, printed
 
 
 def c_number(value: Any) -> str:

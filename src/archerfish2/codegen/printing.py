@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from archerfish2.export.decision import FIELDS, Decision
-from archerfish2.export.trace import Network, Symbol, schedule
+from archerfish2.codegen.decision import FIELDS, Decision
+from archerfish2.codegen.trace import Network, Symbol, schedule
 
 
 class Printer:

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from archerfish2.arrays import Array, namespace, select, single_precision
+from archerfish2.codegen.trace import Trace, scalars_of, symbols_of
 from archerfish2.dynamics.command_limits import CommandLimits, limit_command
-from archerfish2.export.trace import Trace, scalars_of, symbols_of
 from archerfish2.protocols import Barrel, Base, Command, Frames, GimbalFeedback, Seen, Truth
 
 FIELDS = {

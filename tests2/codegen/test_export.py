@@ -18,17 +18,17 @@ from numpy.testing import assert_allclose
 import archerfish2 as af
 from archerfish2.arrays import fold, namespace, repeat
 from archerfish2.cli.main import main
+from archerfish2.codegen import check, trace
+from archerfish2.codegen.c99 import print_c
+from archerfish2.codegen.decision import Decision, Gated, example_decisions, seen_of, trace_decision
+from archerfish2.codegen.export import export
+from archerfish2.codegen.onnx import print_onnx
+from archerfish2.codegen.trace import Trace, scalars_of, schedule
 from archerfish2.controllers.network import Layer, Normaliser
 from archerfish2.controllers.observation import make_observer, observer_facts
 from archerfish2.controllers.policy import PolicyFacts
 from archerfish2.controllers.registry import make_controller
 from archerfish2.controllers.tuning import tuning_at
-from archerfish2.export import check, trace
-from archerfish2.export.c99 import print_c
-from archerfish2.export.decision import Decision, Gated, example_decisions, seen_of, trace_decision
-from archerfish2.export.export import export
-from archerfish2.export.onnx import print_onnx
-from archerfish2.export.trace import Trace, scalars_of, schedule
 from archerfish2.protocols import aim
 from archerfish2.records.json_files import plain
 
@@ -72,7 +72,7 @@ def exported(tmp_path_factory):
             path = folder / f"{name.replace('-', '_')}.c"
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(check, "FLAGS", STRICT)
-                patch.setattr("archerfish2.export.export.c_decision", lambda *_: None)  # compiled once, and kept
+                patch.setattr("archerfish2.codegen.export.c_decision", lambda *_: None)  # compiled once, and kept
                 export(controller if name in POLICIES else name, path, robot, TASK, tuning_at(name))
                 kept[name] = path, check.c_decision(path, 300)
         return kept[name]
@@ -345,7 +345,7 @@ def test_what_can_not_be_exported_is_refused_and_nothing_is_written(tmp_path, re
     refused("perhaps you meant kalman", export, "kalmn", tmp_path / "a.c")
     near = TASK.replace(command_limit="los-2deg")
     refused("as no robot knows; take gate or box", export, "no-lead", tmp_path / "a.c", PAPER, near)
-    monkeypatch.setattr("archerfish2.export.export.MOST", -1.0)
+    monkeypatch.setattr("archerfish2.codegen.export.MOST", -1.0)
     if shutil.which("cc"):
         refused("differs by .* rad from NumPy; nothing is written", export, trained, tmp_path / "a.c")
     assert [each.name for each in tmp_path.iterdir()] == ["mine.h"]
@@ -390,7 +390,7 @@ def test_the_command_exports_with_the_settings_that_the_folder_holds(tmp_path, m
 def test_kept_settings_are_those_of_this_version_and_code_in_the_folder_or_the_cache(tmp_path, monkeypatch, refused):
     monkeypatch.setenv("ARCHERFISH_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr("archerfish2.evaluation.tuning.rates", lambda *_: lambda each: 0.5 - each.smoothing)
-    monkeypatch.setattr("archerfish2.export.export.c_decision", lambda *_: None)
+    monkeypatch.setattr("archerfish2.codegen.export.c_decision", lambda *_: None)
     INFANTRY.save(tmp_path / "robot")
     path, folder = tmp_path / "lq.c", tmp_path / "robot" / "tuning.json"
     for robot in (af.Robot.load(tmp_path / "robot"), INFANTRY.replace(folder=None), PAPER):
