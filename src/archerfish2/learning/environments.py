@@ -9,10 +9,10 @@ from archerfish2.arrays import single_precision
 from archerfish2.controllers.observation import make_observer, observer_facts
 from archerfish2.errors import InputError
 from archerfish2.learning.config import TrainConfig
+from archerfish2.learning.environment import Environment, Reward, UserReward
 from archerfish2.plugins import FORMS, find_plugin, is_plugin
 from archerfish2.robot import Robot
 from archerfish2.simulation.camera import with_open_nearness
-from archerfish2.simulation.environment import Environment, Reward, UserReward
 from archerfish2.simulation.world import make_world
 from archerfish2.task import DRAWN, Task
 

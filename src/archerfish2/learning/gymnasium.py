@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from archerfish2.arrays import map_arrays, namespace
 from archerfish2.compiled import forked, has_jax, import_jax
 from archerfish2.errors import InputError
+from archerfish2.learning.environment import Environment
 from archerfish2.learning.environments import make_environment
-from archerfish2.simulation.environment import Environment
 from archerfish2.simulation.picture import REMEMBERED, Picture, draw_picture
 
 _OPTIONS = ("robot", "task", "config", "reward")  # of `make_environment`
