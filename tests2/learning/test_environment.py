@@ -10,7 +10,8 @@ from archerfish2.controllers.network import Layer, Normaliser
 from archerfish2.controllers.policy import Policy
 from archerfish2.evaluation.rollout import run_engagements
 from archerfish2.learning.config import TrainConfig
-from archerfish2.learning.environment import HIDDEN, Reward
+from archerfish2.learning.environment import HIDDEN
+from archerfish2.learning.reward import Reward
 from archerfish2.protocols import Shot
 
 TASK = af.Task.load("dynamic").replace(lengths_s=(0.1, 0.3), short_share=0.5)
