@@ -127,6 +127,7 @@ class View:
     relative: Array  # that estimate, against the own pivot [m], B + (3,)
     fast: Any  # Track
     slow: Any  # Track
+    seen: Seen | None = None  # of this decision; None where an action alone is decoded
 
     @cached_property
     def distance(self) -> Array:
@@ -203,15 +204,15 @@ class Observer:
         new = (*map_arrays(pushed, old[:2], (decision, detection)), histories)
         return Memory._make((tracks, *select(later, new, old), seen.gimbal.age, seen.base, memory.clock + seen.elapsed))
 
-    def view(self, memory: Memory) -> View:
-        """Return the decision as the blocks need it; shape B."""
+    def view(self, memory: Memory, seen: Seen | None = None) -> View:
+        """Return the decision as the blocks need it, with what is seen at it for blocks of a user's own; shape B."""
         tracks, base = memory.tracks, memory.base
         if tracks.fast is None:
-            return View(memory, memory.decisions.aim[..., -1, :2], tracks.place - base.position, None, None)
+            return View(memory, memory.decisions.aim[..., -1, :2], tracks.place - base.position, None, None, seen)
         fast, slow = (each and against_pivot(each, base, tracks.age) for each in (tracks.fast, tracks.slow))
         relative = position_after(fast, tracks.age)
         angle = unwrapped(aim_at(relative, self.muzzle).angle, memory.decisions.command[..., -1, :])
-        return View(memory, angle, relative, fast, slow)
+        return View(memory, angle, relative, fast, slow, seen)
 
     def observe(self, view: View) -> Array:
         """Return the observation, shape B + (n,)."""
@@ -239,7 +240,7 @@ class Observer:
         for block in self.blocks:
             plugin = find_plugin(block, "block")
             with plugin.running():
-                numbers = np.asarray(block(self, self.view(memory)))
+                numbers = np.asarray(block(self, self.view(memory, seen)))
                 if numbers.shape[:-1] != (2,) or numbers.dtype.kind != "f" or not np.all(np.isfinite(numbers)):
                     found = f"{numbers.dtype} of shape {numbers.shape}"
                     raise InputError(f"returns {found} for a batch (2,), expected finite floats, (2, k); correct it")
