@@ -1,7 +1,11 @@
 """A user's controllers, target, plant and world: the files of examples2, by name and as objects, and their mistakes."""
 
+import ast
 import hashlib
+import linecache
 import re
+import sys
+import types
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy import signal
 
 import archerfish2 as af
+from archerfish2 import authors
 from archerfish2.dynamics.aiming import aim_at
 from archerfish2.plugins import find_plugin
 
@@ -91,6 +96,112 @@ def test_a_world_is_found_by_name_or_given_and_its_camera_is_late():
     for world in (CAMERA, make, make(af.Robot.paper(), TASK)):
         (cell,) = af.evaluate(CONTROLLER, task=TASK, world=world, engagements=4).cells
         assert (cell.world, cell.hits) == ("paper, late camera", late.hit.sum())
+
+
+CELL = "/tmp/ipykernel_7/12.py"
+NOTEBOOK = next(each for each in re.findall("```python\n(.*?)```", PAGE, re.DOTALL) if "class Zigzag" in each)
+PARTS, CALLS = NOTEBOOK.split("\n\nprint(", 1)
+CLOSURE = "def times(factor):\n    return lambda place, speed, _: factor * place\n"
+LQG = """class LQG:
+    compiled = False
+    def reset(self, seen, truth=None):
+        return None
+    def step(self, state, seen):
+        return state, self.undefined
+"""
+
+
+@pytest.fixture
+def notebook(monkeypatch):
+    """Run a cell as IPython does: in a module without a file, its source kept by the name of the cell."""
+
+    def run(code):
+        module = types.ModuleType("notebook")
+        module.af = af
+        monkeypatch.setitem(sys.modules, "notebook", module)
+        monkeypatch.setitem(linecache.cache, CELL, (len(code), None, code.splitlines(keepends=True), CELL))
+        exec(compile(code, CELL, "exec"), vars(module))
+        return module
+
+    return run
+
+
+def test_the_notebook_of_the_page_runs_and_its_target_moves_as_it_says(notebook, capsys):
+    zigzag = notebook(NOTEBOOK).zigzag
+    assert re.search(r"zigzag targets.*\('turning', 2\)", capsys.readouterr().out, re.DOTALL)
+    shots = af.rollout("no-lead", None, af.Task.of(zigzag).replace(ranges_m=((2, 3),)), engagements=4)
+    moved, times = np.diff(shots.target[1::2], axis=1), shots.times + 0.02  # engagements of the cells in turn
+    signs = np.where(times[:-1] % 1.0 < 0.49, -1.0, 1.0)
+    assert_allclose(moved, moved[:, :1] * (signs / signs[0])[:, None], atol=1e-5)
+    assert np.all(np.abs(moved[:, 0, 1]) > 1e-4)
+
+
+def test_a_target_in_numpy_alone_is_drawn_by_compiled_programs_too(notebook, agree, refused):
+    jax, zigzag = pytest.importorskip("jax"), notebook(PARTS).zigzag
+    scenario, drawn = af.Task.of(zigzag).scenario(), np.random.default_rng(0).random((2, 3, 10), np.float32)
+    times = np.full(3, 0.37, np.float32)
+    agree(lambda scenario, uniforms: scenario.draw(uniforms).target.at(times).position, scenario, drawn[0])
+    each = jax.vmap(lambda uniforms: scenario.draw(uniforms).target.at(times).position)(drawn)
+    assert_allclose(each[1], scenario.draw(drawn[1]).target.at(times).position, atol=1e-5)
+    refused("lengths_s: zigzag is sampled, for at most 3 s, got .4.0,.", af.Task(motion=zigzag, lengths_s=(4.0,)).cells)
+
+
+def test_an_object_of_a_notebook_is_known_by_its_content(notebook):
+    scaled, other = (
+        f"SCALE = 1.0\n{PARTS.replace('self.speed * (', 'SCALE * self.speed * (')}",
+        PARTS.replace("0.25", "0.2"),
+    )
+    codes = [PARTS, other, scaled, scaled.replace("SCALE = 1.0", "SCALE = 2.0"), PARTS]
+    motions = [af.Task(motion=notebook(code).zigzag).motion for code in codes]
+    assert (motions[0], len(set(motions))) == (motions[-1], 4)
+    made = [af.Task(motion=notebook(CLOSURE).times(factor)).motion for factor in (1.0, 2.0)]
+    assert made[0] != made[1]  # equal source that refers to other numbers
+
+
+def test_no_file_names_an_object(notebook, tmp_path, refused):
+    task = af.Task.of(notebook(PARTS).zigzag)
+    refused("zigzag is an object of this process, which no file can name", task.save, tmp_path / "task.toml")
+    (tmp_path / "task.toml").write_text(f'motion = "{task.motion}"')
+    refused("code that only a file names is not run", af.Task.load, tmp_path / "task.toml")
+    refused("an object of another process; give the object itself", af.Task(motion="<object 12345678>:zigzag").cells)
+
+
+def test_a_block_has_what_is_seen_at_its_decision(notebook):
+    config = af.TrainConfig(observation=("history", notebook(PARTS).turning))
+    environment, rng = af.make_environment("tests2/infantry", "dynamic", config), np.random.default_rng(0)
+    fresh = environment.fresh(
+        rng.standard_normal((2, 11), np.float32), rng.random((2, environment.uniforms), np.float32)
+    )
+    state, step = environment.step(fresh[0], np.ones((2, 2)), rng.standard_normal((2, 11), np.float32), fresh)
+    assert_allclose(step.observation[:, -2:], 0.1 * environment.world.see(state.world).gimbal.rate, rtol=1e-6)
+
+
+def test_mistakes_in_a_notebook_are_named_with_cell_and_line(notebook, refused):
+    controller = notebook(LQG).LQG()
+    refused(rf"{CELL}:LQG: line 6: AttributeError: 'LQG' object has", af.rollout, controller, task=TASK, engagements=2)
+    model = type("PPO", (), {"predict": None})()
+    refused("is a PPO with predict; wrap it: authors.Player", af.evaluate, model, task=TASK, engagements=2)
+
+
+PROMISED = """Barrel Base Command Controller Detection DirectAim Engagement Frames GimbalFeedback Observer Plates Player
+Predictor RewardFunction Seen Shot Target Truth View World aim aim_at first_detection intercept make_preview_aim
+map_arrays namespace select tree update_with_frames"""
+
+
+def test_what_authors_need_is_one_module_whose_names_stay():
+    assert (sorted(authors.__all__), all(hasattr(authors, name) for name in authors.__all__)) == (
+        PROMISED.split(),
+        True,
+    )
+    assert [name for name in authors.__all__ if f"`{name}" not in authors.__doc__] == []
+    # The fit of a rigid axis takes the identification apart.
+    codes = [path.read_text() for path in EXAMPLES.glob("*.py") if not path.stem.startswith("rigid_axis")]
+    codes += re.findall("```python\n(.*?)```", PAGE, re.DOTALL)
+    imports = [
+        node for code in codes for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
+    modules = {getattr(node, "module", None) or node.names[0].name for node in imports}
+    assert {name for name in modules if name.startswith("archerfish2")} == {"archerfish2", "archerfish2.authors"}
 
 
 def test_the_page_has_the_files_as_they_are():

@@ -52,7 +52,7 @@ def _sampled(motion: Callable[..., Any]) -> Callable[..., Path]:
         if namespace(place) is not np:
             jax = import_jax()
             shape = jax.ShapeDtypeStruct((*speed.shape, len(TIMES), 3), place.dtype)
-            sample = partial(jax.pure_callback, places, shape)
+            sample = partial(jax.pure_callback, places, shape, vmap_method="sequential")
         return Path(sample(place, speed, uniforms), 0.0 * speed + BEGIN_S, 0.0 * speed + STEP_S)
 
     path.__dict__["longest_s"] = LONGEST_S
