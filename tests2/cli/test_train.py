@@ -4,7 +4,7 @@ import pytest
 
 import archerfish2 as af
 from archerfish2.cli.main import main
-from archerfish2.controllers.blocks import KINDS
+from archerfish2.controllers.policy.blocks import KINDS
 
 pytest.importorskip("jax")
 SMALL = "gradient.environments=32 gradient.hidden=16 gradient.window=5"

@@ -13,10 +13,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import expm
 
 from archerfish2.arrays import leaves, map_arrays, single_precision
-from archerfish2.controllers.blocks import KINDS
-from archerfish2.controllers.network import Layer, Normaliser
-from archerfish2.controllers.observation import make_observer, observer_facts
-from archerfish2.controllers.policy import Policy, PolicyFacts
+from archerfish2.controllers.policy.blocks import KINDS
+from archerfish2.controllers.policy.network import Layer, Normaliser
+from archerfish2.controllers.policy.observation import make_observer, observer_facts
+from archerfish2.controllers.policy.policy import Policy, PolicyFacts
 from archerfish2.dynamics.muzzle import pellet_at_muzzle
 from archerfish2.dynamics.pellet import flat_fire_crossing
 from archerfish2.protocols import Barrel, Base, Frames, GimbalFeedback, Seen
@@ -293,7 +293,7 @@ def policy():
 DECIDE = """
 import numpy as np
 from archerfish2.protocols import seen_ahead
-from archerfish2.controllers.policy import Policy
+from archerfish2.controllers.policy.policy import Policy
 policy, seen = Policy.load(PATH), seen_ahead(2)
 print(policy.step(policy.reset(seen), seen)[1].angle.tolist())
 """

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from archerfish2.arrays import single_precision
-from archerfish2.controllers.kalman import ConstantVelocity, DirectAim, Predictor
-from archerfish2.controllers.manoeuvring import Manoeuvring
-from archerfish2.controllers.oracle import make_oracle
-from archerfish2.controllers.parabola import make_parabola_aware, make_parabola_filter
-from archerfish2.controllers.policy import is_training
-from archerfish2.controllers.preview_aim import Hold, make_preview_aim
+from archerfish2.controllers.aiming.direct import ConstantVelocity, DirectAim, Predictor
+from archerfish2.controllers.aiming.oracle import make_oracle
+from archerfish2.controllers.aiming.preview_lq import Hold, make_preview_aim
+from archerfish2.controllers.policy.policy import is_training
+from archerfish2.controllers.predictors.interacting_models import Manoeuvring
+from archerfish2.controllers.predictors.parabola import make_parabola_aware, make_parabola_filter
 from archerfish2.controllers.tuning import Tuning, tuning_at
 from archerfish2.errors import InputError
 from archerfish2.paper.conditions import assumed_conditions, paper_tuning

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 from msgspec import Meta
 
 from archerfish2.compiled import cache_folder
-from archerfish2.controllers.preview_aim import SMOOTHING
+from archerfish2.controllers.aiming.preview_lq import SMOOTHING
 from archerfish2.errors import InputError
 from archerfish2.paper.conditions import paper_tuning
 from archerfish2.plugins import find_plugin

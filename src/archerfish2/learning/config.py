@@ -4,7 +4,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta
 
-from archerfish2.controllers.observation import FRAMES
+from archerfish2.controllers.policy.observation import FRAMES
 from archerfish2.errors import InputError
 from archerfish2.records.record import Struct
 from archerfish2.robot import Robot

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import optax
 from jax import Array
 
-from archerfish2.controllers.network import normalise
+from archerfish2.controllers.policy.network import normalise
 from archerfish2.learning import learner as learners
 from archerfish2.learning.config import GradientConfig
 from archerfish2.learning.learner import Actor, Learner, Metrics, Trainer, adam_step, magnitude, updated

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from archerfish2.arrays import Array, fold, lift, namespace, select, tree
-from archerfish2.controllers.hit_window import LikeliestHit, Places, distribution
-from archerfish2.controllers.kalman import Predictor
+from archerfish2.controllers.aiming.direct import Predictor
+from archerfish2.controllers.predictors.likeliest_hit import LikeliestHit, Places, distribution
 from archerfish2.protocols import Base, Seen
 from archerfish2.targets.motion import triangle_wave
 from archerfish2.task import Task

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from archerfish2.arrays import Array, lift, map_arrays, namespace, over, tree
-from archerfish2.controllers.kalman import AgedTrack, Predictor
-from archerfish2.controllers.preview import Preview, make_preview
+from archerfish2.controllers.aiming.direct import AgedTrack, Predictor
+from archerfish2.controllers.aiming.preview_program import Preview, make_preview
 from archerfish2.dynamics.aiming import intercept
 from archerfish2.dynamics.linear_axis import GimbalModel, advance, gimbal_angle, gimbal_rate, rest_state
 from archerfish2.dynamics.muzzle import Muzzle

@@ -6,7 +6,7 @@ Until the pellet arrives the target may turn back once more, at any moment, so i
 from typing import NamedTuple
 
 from archerfish2.arrays import Array, lift, namespace, tree
-from archerfish2.controllers.hit_window import LikeliestHit, Places
+from archerfish2.controllers.predictors.likeliest_hit import LikeliestHit, Places
 from archerfish2.protocols import Seen
 from archerfish2.tracking.detections import Detection, first_detection
 from archerfish2.tracking.interacting_models import ModelRates, ModelTracks, begin_models, moved_models, step_models

@@ -14,7 +14,7 @@ from archerfish2.tracking.kalman_filter import position_after
 from archerfish2.tracking.legendre_memory import constant_history
 
 if TYPE_CHECKING:
-    from archerfish2.controllers.observation import Observer, View
+    from archerfish2.controllers.policy.observation import Observer, View
 
 Block = Callable[["Observer", "View"], Array]
 _FINE, _METRES, _TYPICAL_AGE_S = 100.0, 20.0, 0.05

@@ -16,7 +16,7 @@ import numpy as np
 from msgspec import Meta
 
 from archerfish2.arrays import Array, lift, map_arrays, namespace, select, single_precision, tree
-from archerfish2.controllers.blocks import KINDS, Block
+from archerfish2.controllers.policy.blocks import KINDS, Block
 from archerfish2.dynamics.aiming import aim_at
 from archerfish2.dynamics.muzzle import Muzzle
 from archerfish2.dynamics.slew import approach
