@@ -8,7 +8,6 @@ from typing import Annotated, NamedTuple
 from msgspec import Meta
 
 from archerfish2.compiled import cache_folder
-from archerfish2.controllers.aiming.preview_lq import SMOOTHING
 from archerfish2.errors import InputError
 from archerfish2.paper.conditions import paper_tuning
 from archerfish2.plugins import find_plugin
@@ -21,6 +20,8 @@ from archerfish2.task import DRAWN, EQ_7, Task
 from archerfish2.tracking.kalman_filter import INITIAL_SPEED
 
 SCHEMA = "archerfish.tuning/1"
+SMOOTHING = 1e-4
+"""Weight of the changes of the command in a preview against squared angle errors, where nothing is tuned."""
 
 
 class Tuning(Struct, frozen=True, kw_only=True, eq=True):
@@ -32,7 +33,7 @@ class Tuning(Struct, frozen=True, kw_only=True, eq=True):
     """Lead beyond what the controller has a model of, as for the lag of a gimbal; negative where targets turn back
     before pellets arrive [s]."""
     smoothing: Annotated[float, Meta(ge=1e-100, le=1e100)] = SMOOTHING
-    """Weight of the changes of the command in a preview, against squared angle errors."""
+    """Weight of the changes of the command in a preview against squared angle errors."""
     initial_speed: Annotated[float, Meta(ge=1e-100, le=1e100)] = INITIAL_SPEED
     """Standard deviation of the target's speed at the first detection that the filter assumes [m/s]."""
     velocity_decay: Annotated[float, Meta(ge=0.0, le=1e100)] = 1.0

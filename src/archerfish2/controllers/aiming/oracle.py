@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from archerfish2.arrays import Array, lift, map_arrays, namespace, repeat, tree
-from archerfish2.controllers.aiming.preview_lq import HORIZON, SMOOTHING
+from archerfish2.controllers.aiming.preview_lq import HORIZON
 from archerfish2.controllers.aiming.preview_program import Preview, Rows, bounding, commands_of, make_preview, rows_of
+from archerfish2.controllers.tuning import SMOOTHING
 from archerfish2.dynamics.aiming import intercept
 from archerfish2.dynamics.command_limits import limit_command
 from archerfish2.dynamics.linear_axis import advance, rest_state

@@ -8,7 +8,8 @@ from msgspec import Meta, field
 
 from archerfish2.arrays import Array, tree
 from archerfish2.controllers.policy.network import Layer, Normaliser, forward, normalise
-from archerfish2.controllers.policy.observation import Memory, Observer, ObserverFacts, make_observer
+from archerfish2.controllers.policy.observation import ObserverFacts, make_observer
+from archerfish2.controllers.policy.observer import Memory, Observer
 from archerfish2.errors import InputError, file_error
 from archerfish2.protocols import Command, Seen, Truth
 from archerfish2.records.json_files import parse_json, plain, to_struct
