@@ -50,7 +50,7 @@ def test_the_table_is_that_of_the_first_edition() -> None:
                 assert mine.unit == first.unit
                 assert_array_equal(mine.draw(uniform), first.draw(uniform))
     assert [*drawn.MIXTURE.values()] == [*mixture.MIXTURES["kinds"].values()]
-    assert mixture.path_uniforms("kinds") == variation.CHANCES + kinds.UNIFORMS + 1
+    assert mixture.path_uniforms("kinds") == variation.CHANCES + kinds.KIND_DRAWS + 1
     assert_array_equal(motion.TIMES, path.TIMES)
 
 

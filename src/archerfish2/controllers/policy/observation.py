@@ -149,8 +149,7 @@ def make_observer(facts: ObserverFacts, blocks: tuple[Any, ...] = ()) -> Observe
     if kind == "multimodel":
         slow = fast._replace(acceleration=SLOW_ACCELERATION)
         trackers, windows = Trackers(fast, slow, ModelRates(TURNS_PER_S)), WINDOWS
-    offset = np.array(facts.offset)
-    muzzle = Muzzle(facts.speed, 0.0, offset, 0.0 * offset, facts.drag, facts.length)
+    muzzle = Muzzle(facts.speed, 0.0, np.array(facts.offset), np.zeros(2), facts.drag, facts.length)
     observer: Observer = Observer(
         blocks=(*OBSERVATIONS[kind], *(find_plugin(each, "block").value for each in blocks)),
         trackers=trackers,

@@ -22,7 +22,7 @@ from archerfish2.tracking.detections import Detection, first_detection, relative
 from archerfish2.tracking.interacting_models import STILL_SHARE
 from archerfish2.tracking.kalman_filter import TrackerNoise
 
-SPEEDS, PHASES, DRAWN = 48, 160, 96
+SPEED_HYPOTHESES, PHASE_HYPOTHESES, HYPOTHESES_DRAWN = 48, 160, 96
 """Hypotheses of either kind, and how many are drawn to predict from. Finer ones change no hit rate by 0.1 points."""
 
 
@@ -249,7 +249,7 @@ def make_parabola_aware(task: Task) -> ParabolaAware:
 
 
 def make_parabola_filter(
-    task: Task, scatter: float, noise: TrackerNoise, speeds: int = SPEEDS, phases: int = PHASES
+    task: Task, scatter: float, noise: TrackerNoise, speeds: int = SPEED_HYPOTHESES, phases: int = PHASE_HYPOTHESES
 ) -> ParabolaFilter:
     """Build the filter.
 
@@ -270,5 +270,5 @@ def make_parabola_filter(
         reach=np.asarray(task.hit_radius_m),
         scatter=np.asarray(scatter),
         noise=noise,
-        draws=DRAWN,
+        draws=HYPOTHESES_DRAWN,
     )
