@@ -8,9 +8,8 @@ from typing import Any
 
 from archerfish2.arrays import Array, tree
 from archerfish2.dynamics.aiming import intercept
-from archerfish2.dynamics.command_limits import CommandLimits
+from archerfish2.dynamics.command_limits import CommandLimits, approach
 from archerfish2.dynamics.muzzle import Muzzle
-from archerfish2.dynamics.slew import approach
 from archerfish2.protocols import Command, Seen, Truth, aim
 from archerfish2.tracking.detections import unwrapped
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from archerfish2.arrays import Array, lift, map_arrays, namespace, select, tree
 from archerfish2.dynamics.aiming import aim_at
+from archerfish2.dynamics.command_limits import approach
 from archerfish2.dynamics.muzzle import Muzzle
-from archerfish2.dynamics.slew import approach
 from archerfish2.errors import InputError
 from archerfish2.plugins import find_plugin
 from archerfish2.protocols import Base, Command, Seen, aim, seen_ahead
