@@ -11,7 +11,7 @@ from archerfish2.simulation.registration import name_environments
 __version__ = "0.2.0"
 
 # Name=module.
-_NAMES = """InputError=errors MuzzleRecord=records.muzzle PlantRecord=records.plant Policy=controllers.policy
+_NAMES = """InputError=errors MuzzleRecord=records.muzzle PlantRecord=records.plant Policy=controllers.policy.policy
 Recording=logs.recording Results=evaluation.results Robot=robot Task=task TrainConfig=learning.config
 evaluate=evaluation.evaluate excite=identification.excitation export=codegen.export
 identify_axis=identification.axis.identify identify_muzzle=identification.muzzle.identify

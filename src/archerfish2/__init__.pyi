@@ -1,7 +1,7 @@
 # Types of the names that load when they are used; see __init__.py.
 
 from archerfish2.codegen.export import export as export
-from archerfish2.controllers.policy import Policy as Policy
+from archerfish2.controllers.policy.policy import Policy as Policy
 from archerfish2.errors import InputError as InputError
 from archerfish2.evaluation.evaluate import evaluate as evaluate
 from archerfish2.evaluation.results import Results as Results

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from archerfish2 import storage
-from archerfish2.identification.excitation import ExcitationSettings, Kind, excite
+from archerfish2.identification.excitation import ExcitationKind, ExcitationSettings, excite
 from archerfish2.paper.gimbal import gate_limits
 from archerfish2.records.json_files import plain, write_json
 from archerfish2.records.limits import LimitsRecord
@@ -46,7 +46,7 @@ class Excite:
 
     axis: Annotated[Literal["pitch", "yaw"], tyro.conf.Positional]
     """Axis that is to be moved: names the files, and chooses its part of the limits."""
-    kinds: tuple[Kind, ...] = ("sweep", "step")
+    kinds: tuple[ExcitationKind, ...] = ("sweep", "step")
     """Signals, each a log of its own."""
     no_validation: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
     """Do without the commands that are held back."""

@@ -11,13 +11,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from archerfish2.arrays import Array, lift, namespace
 from archerfish2.errors import InputError
+from archerfish2.records.json_files import Matrix
 from archerfish2.records.plant import PlantRecord
-
-Matrix = NDArray[np.float64]
 
 LATENCY_TICK_S = 1e-3
 """Latencies are rounded to no more than this where the plant allows it [s]."""

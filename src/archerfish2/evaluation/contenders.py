@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from archerfish2.arrays import map_arrays
-from archerfish2.controllers.policy import Policy
+from archerfish2.controllers.policy.policy import Policy
 from archerfish2.controllers.registry import NAMES, is_policy, make_controller
 from archerfish2.controllers.tuning import GRIDS, Tuning, kept
 from archerfish2.errors import InputError

@@ -4,7 +4,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta
 
-from archerfish2.controllers.observation import FRAMES
+from archerfish2.controllers.policy.observation import FRAMES
 from archerfish2.errors import InputError
 from archerfish2.records.record import Struct
 from archerfish2.robot import Robot
@@ -140,7 +140,7 @@ class TrainConfig(Struct, frozen=True, kw_only=True):
     trainer: Literal["gradient", "ppo"] | None = None
     """Analytic policy gradient, or PPO as the paper has it."""
     observation: str | tuple[str, ...] | None = None
-    """A kind of observation (`controllers.blocks.KINDS`), then blocks of a user's own."""
+    """A kind of observation (`controllers.policy.blocks.OBSERVATIONS`), then blocks of a user's own."""
     frames: Annotated[int, Meta(ge=2, le=64)] = FRAMES
     """Decisions that an observation remembers."""
     reward: str = "auto"

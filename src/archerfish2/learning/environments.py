@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from archerfish2.arrays import single_precision
-from archerfish2.controllers.observation import make_observer, observer_facts
+from archerfish2.controllers.policy.observation import make_observer, observer_facts
 from archerfish2.errors import InputError
 from archerfish2.learning.config import TrainConfig
 from archerfish2.plugins import FORMS, find_plugin, is_plugin

@@ -30,7 +30,7 @@ _OTHERS = ', environment, action_bound, render_mode "rgb_array" or None, and of 
 OBSERVATION_BOUND = 1e6
 """Far beyond any number of an observation; Gymnasium advises against spaces without bounds."""
 Floats = NDArray[np.float32]
-Flags = NDArray[np.bool_]
+BoolArray = NDArray[np.bool_]
 
 
 class _Engagements:
@@ -235,7 +235,7 @@ class ShootingVectorEnv(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]
         self._generators, self._noises = ([np.random.default_rng()] * num_envs for _ in range(2))
         self._state: Any = None
         self._place = 0  # in a block of decisions
-        self._misses = deque[tuple[Floats, Flags]](maxlen=REMEMBERED)
+        self._misses = deque[tuple[Floats, BoolArray]](maxlen=REMEMBERED)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Begin all engagements; the same seeds begin the same sequences of them.
@@ -261,7 +261,7 @@ class ShootingVectorEnv(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]
         self._misses.clear()
         return np.array(observation), {}
 
-    def step(self, actions: Floats) -> tuple[Floats, Floats, Flags, Flags, dict[str, Any]]:
+    def step(self, actions: Floats) -> tuple[Floats, Floats, BoolArray, BoolArray, dict[str, Any]]:
         """Decide and fire in all environments.
 
         Args:

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import optax
 from jax import Array
 
-from archerfish2.controllers.network import Layer, Normaliser, forward
+from archerfish2.controllers.policy.network import Layer, Normaliser, forward
 from archerfish2.learning.config import MAX_LOG_STD
 from archerfish2.learning.shards import AXIS, averaged, largest, over_shards
 from archerfish2.simulation.environment import Environment

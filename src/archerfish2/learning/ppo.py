@@ -13,7 +13,7 @@ import optax
 from jax import Array
 
 from archerfish2.arrays import lift
-from archerfish2.controllers.network import Layer, forward, normalise
+from archerfish2.controllers.policy.network import Layer, forward, normalise
 from archerfish2.learning import learner as learners
 from archerfish2.learning.config import PpoConfig
 from archerfish2.learning.learner import Actor, Learner, Metrics, Trainer, adam_step, magnitude, updated

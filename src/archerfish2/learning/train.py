@@ -13,8 +13,8 @@ import numpy as np
 
 from archerfish2.arrays import map_arrays
 from archerfish2.compiled import import_jax
-from archerfish2.controllers.observation import observer_facts
-from archerfish2.controllers.policy import Policy, PolicyFacts
+from archerfish2.controllers.policy.observation import observer_facts
+from archerfish2.controllers.policy.policy import Policy, PolicyFacts
 from archerfish2.errors import InputError
 from archerfish2.learning.config import TrainConfig
 from archerfish2.learning.environments import make_environment

@@ -7,7 +7,7 @@ after the last step is returned beside the first of the next engagement, for a v
 from typing import Any, NamedTuple
 
 from archerfish2.arrays import Array, namespace, select, tree, when_any
-from archerfish2.controllers.observation import Observer
+from archerfish2.controllers.policy.observer import Observer
 from archerfish2.errors import InputError
 from archerfish2.plugins import Plugin
 from archerfish2.protocols import Command, Seen, Shot
