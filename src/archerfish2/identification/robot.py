@@ -17,7 +17,6 @@ from archerfish2.identification import robot_files
 from archerfish2.identification.axis.identify import AxisResult, identify_axis
 from archerfish2.identification.muzzle.estimate import expected_vertical, measured_vertical
 from archerfish2.identification.muzzle.identify import identify_muzzle
-from archerfish2.identification.result import Result
 from archerfish2.identification.robot_files import AXES, LogFolder
 from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.identification.simulation import free_run, simulate
@@ -28,7 +27,7 @@ from archerfish2.logs.stamps import resampled
 from archerfish2.records.json_files import plain, write_json
 from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.progress import bar
-from archerfish2.reports.report import Report, Reported
+from archerfish2.reports.report import Report, Reported, Result
 from archerfish2.reports.style import Figure, new_figure, plot_style
 from archerfish2.reports.table import Entry, Table
 from archerfish2.robot import RECORDS, Part, PartVerdict, Robot, axis_fault

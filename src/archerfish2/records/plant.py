@@ -34,7 +34,7 @@ class PlantRecord(Record, frozen=True, kw_only=True):
     D: Matrix
     """Feedthrough, shape (p, m)."""
     delay_samples: Count = 0
-    """Input delay [samples]."""
+    """Input delay d of the equations [samples]; `dead_time_samples` is how late the output responds."""
     sample_period_s: Annotated[float, Meta(ge=1e-6, le=1e6)]
     """Sampling period [s]."""
     axis: Text = "axis"
@@ -74,8 +74,8 @@ class PlantRecord(Record, frozen=True, kw_only=True):
 
     def __repr__(self) -> str:
         draws = f", {len(self.draws['A'])} draws" if self.draws else ""
-        delay = 1e3 * self.delay_samples * self.sample_period_s
-        return f"PlantRecord({self.axis}: order {len(self.A)}, delay {delay:.3g} ms{draws})"
+        delay_ms = 1e3 * self.dead_time_samples * self.sample_period_s
+        return f"PlantRecord({self.axis}: order {len(self.A)}, delay {delay_ms:.3g} ms{draws})"
 
     @classmethod
     def second_order(
@@ -145,6 +145,14 @@ class PlantRecord(Record, frozen=True, kw_only=True):
         A[:n, :n], A[:n, -m:] = self.A, self.B
         C = np.hstack([self.C, np.zeros((len(self.C), m * (late - 1))), self.D])
         return A, B, C, np.zeros_like(self.D), self.sample_period_s
+
+    @property
+    def dead_time_samples(self) -> int:
+        """How late the output responds, beyond the sample that a held input takes: the delay that reports state.
+
+        It is `delay_samples`, with a feedthrough, which responds a sample earlier, one less, but at least 0.
+        """
+        return max(self.delay_samples - int(self.D.any()), 0)
 
     @property
     def dc_gain(self) -> Matrix:

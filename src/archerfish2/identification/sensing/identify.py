@@ -13,13 +13,12 @@ import numpy as np
 
 from archerfish2.errors import InputError, file_error
 from archerfish2.identification import statistics
-from archerfish2.identification.result import Result
 from archerfish2.identification.sensing import timing
 from archerfish2.identification.sensing.alignment import Alignment, GimbalTrack, align, gimbal_track, rough_offset
 from archerfish2.logs import timing as logs
 from archerfish2.provenance import provenance
 from archerfish2.records.sensing import SensingRecord
-from archerfish2.reports.report import Report
+from archerfish2.reports.report import Report, Result
 from archerfish2.reports.style import Figure, new_figure, plot_style
 from archerfish2.reports.table import Entry, Estimate, Table, entry_texts, number
 
