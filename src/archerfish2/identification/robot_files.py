@@ -233,9 +233,12 @@ def logs_of_parts(folder: Path, settings: LogFolder) -> dict[Part, list[Path]]:
             logs[axis] = [*fitted, *held_back]
     if shots := _files_there(folder, settings.muzzle.shots, "shots.csv"):
         logs["muzzle"] = shots
-    timing = _files_there(folder, (), *_TIMING)
-    if {"timing_sweep.csv", "timing_plate.csv"} <= {path.name.lower() for path in timing}:
-        logs["sensing"] = timing
+    timing = {path.name.lower(): path for path in _files_there(folder, (), *_TIMING)}
+    target = {"timing_target.csv", "timing_moments.csv"}
+    if not target <= timing.keys():  # neither says anything without the other
+        timing = {name: path for name, path in timing.items() if name not in target}
+    if {"timing_sweep.csv", "timing_plate.csv"} <= timing.keys():
+        logs["sensing"] = list(timing.values())
     return logs
 
 

@@ -164,7 +164,7 @@ def _doubts(result: AxisEstimates) -> Iterator[str]:
 def _next_steps(result: AxisEstimates) -> Iterator[str]:
     if not any(fit.held_back for fit in result.fits):
         file = f"{result.record.axis}_step_validation.csv"
-        yield f"Hold a log back ({file}, or archerfish2 identify axis --validate) to see its fit."
+        yield f"Hold a log back ({file}, in Python validate=, or archerfish2 identify axis --validate) to see its fit."
     low, high = result.dead_time_samples.low, result.dead_time_samples.high
     if high - low > 2:
         remedy = f"add a log with sharp edges (archerfish2 excite {result.record.axis} --kinds step)"
