@@ -131,9 +131,9 @@ def kept(name: str, robot: Robot, task: Task) -> Tuning | None:
     if begun.task.replace(command_limit="gate") == shipped and begun.robot == Robot.paper().digest():
         shipped_tunings = paper_tuning(task.command_limit)
         return Tuning(**shipped_tunings[name]) if name in shipped_tunings else None
-    for each in _read_kept(_tuning_file(robot)):
-        if each.replace(tuning=begun.tuning, hit_rate=0.0, tried=1) == begun:
-            return each.tuning
+    for found in _read_kept(_tuning_file(robot)):
+        if found.replace(tuning=begun.tuning, hit_rate=0.0, tried=1) == begun:
+            return found.tuning
     return None
 
 

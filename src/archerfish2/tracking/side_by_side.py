@@ -88,6 +88,7 @@ def _predicted(tracks: Tracks, age: Array) -> Array:
 
 def _moved(tracks: Tracks, by: Array) -> Tracks:
     """Return the estimates against another origin; `by` is added to places [m], shape B + (3,)."""
-    fast, slow = (each and kalman_filter.moved(each, by) for each in (tracks.fast, tracks.slow))
+    fast = tracks.fast and kalman_filter.moved(tracks.fast, by)
+    slow = tracks.slow and kalman_filter.moved(tracks.slow, by)
     models = tracks.models and moved_models(tracks.models, by)
     return tracks._replace(fast=fast, slow=slow, models=models)
