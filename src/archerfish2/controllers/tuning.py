@@ -25,7 +25,7 @@ SMOOTHING = 1e-4
 
 
 class Tuning(Struct, frozen=True, kw_only=True, eq=True):
-    """What is tuned of a controller; each has a use for some of it."""
+    """The settings of a classical controller that are tuned; a controller uses some of them."""
 
     acceleration_sd: Annotated[float, Meta(ge=0.0, le=1e100)]
     """Process noise of the Kalman filter, as a standard deviation of the target's acceleration [m/s²]."""

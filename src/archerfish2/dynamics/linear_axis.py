@@ -1,4 +1,4 @@
-"""Two linear gimbal axes under commands held for a decision period, eqs (11)–(16).
+"""Two linear gimbal axes, eq (11) and eq (14), under commands held for a decision period.
 
     x[t+1] = A x[t] + B u[t − delay],    y[t] = C x[t] + D u[t − delay]
 

@@ -1,7 +1,7 @@
 """Trackers side by side on the same detections: two Kalman filters, one quick and one slow, and interacting models.
 
-No one tracker fits a target that may stand, drive on, turn back or swing. Any of them may be absent; without the quick
-filter the target is taken to be where it was detected last.
+No one tracker fits a target that may stand, drive on, turn back or swing. Each of them may be absent. Without the quick
+filter, the target is taken to be at its latest detection.
 """
 
 from typing import Any, NamedTuple

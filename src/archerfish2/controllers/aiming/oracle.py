@@ -1,10 +1,14 @@
 """The oracle: has the target's path and the plant, and plans the whole engagement at once.
 
 It is a strong heuristic, and so a lower bound on what a command limit allows. It looks for the commands, within the
-limits, that put the most shots on the armor. A sum of absolute angle errors, that gives up the shots that slewing costs
-anyway, is minimised by ADMM; shots that miss are then weighted down and the rest improved. One of the plans that it
-begins with is what a causal preview controller would command, were it given the path. Of all plans the one with the
-largest expected number of hits is taken.
+limits, that put the most shots on the armor:
+
+- ADMM minimises a weighted sum of absolute angle errors. Absolute errors give up the shots that are lost to slewing
+  anyway, where squared ones would spend every other shot on them.
+- The shots that still miss get smaller weights, and the others are improved. This is repeated.
+- It starts from three plans: least squares, no command at all, and what a preview controller would command if it were
+  given the path.
+- Of all plans that come up, the one with the largest expected number of hits is taken.
 """
 
 from dataclasses import replace
@@ -52,7 +56,7 @@ class OracleState(NamedTuple):
 
 @tree()
 class Oracle:
-    """Has everything but the dispersion draws; where plants differ between engagements, only their best estimate."""
+    """Is given all but the dispersion draws; where plants differ between engagements, it is given the best estimate."""
 
     preview: Preview  # bounds and responses over the whole engagement
     tracking: Preview  # the program of a preview controller, over its horizon

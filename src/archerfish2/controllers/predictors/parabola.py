@@ -1,10 +1,14 @@
-"""Where a target of eq (7) will be: two predictors to which the rule is given, but not speed, phase and middle.
+"""Targets of eq (7): two predictors that are given its rule, but not a target's speed, phase and middle.
 
-The rule: the curve, the width within which the target goes to and fro, its largest speed, where the middles lie. From
-exact detections the rest follows in a few frames. From noisy ones a Bayes filter estimates it: speeds and phases form a
-grid of hypotheses. Given both, where the target is against the middle is fixed at any time, so the middle is Gaussian,
-and one Kalman gain serves all hypotheses. Both coordinates of a detection count: the depth shows how far from the
-middle the target is. Predictions take a systematic draw of the hypotheses, which stands for all of them.
+The rule is the curve, the width within which the target goes to and fro, its largest speed, and where the middles lie.
+
+From exact detections `ParabolaAware` computes the rest within a few frames. From noisy ones `ParabolaFilter` estimates
+it, as a Bayes filter:
+
+- Speeds and phases form a grid of hypotheses. Under each of them the target's place against the middle is known at any
+  time. So the middle is Gaussian, and one Kalman gain serves all hypotheses.
+- Both coordinates of a detection count: the depth shows how far from the middle the target is.
+- A prediction takes a systematic sample of the hypotheses, which stands for all of them.
 """
 
 from typing import Any, NamedTuple
