@@ -6,7 +6,7 @@ Names load when they are used, so importing this imports none of the libraries.
 import importlib
 from typing import Any
 
-from archerfish2.simulation.registration import name_environments
+from archerfish2.learning import register_environments
 
 __version__ = "0.2.0"
 
@@ -16,7 +16,7 @@ Recording=logs.recording Results=evaluation.results Robot=robot Task=task TrainC
 evaluate=evaluation.evaluate excite=identification.excitation export=codegen.export
 identify_axis=identification.axis.identify identify_muzzle=identification.muzzle.identify
 identify_robot=identification.robot identify_sensing=identification.sensing.identify
-make_environment=learning.environments make_world=simulation.world read_log=logs.log rollout=evaluation.trajectory
+make_environment=learning.environment make_world=simulation.world read_log=logs.log rollout=evaluation.trajectory
 train=learning.train tune=evaluation.tuning"""
 _PLACES = dict(each.split("=") for each in _NAMES.split())
 __all__ = [*_PLACES, "__version__"]
@@ -31,4 +31,4 @@ def __getattr__(name: str) -> Any:
 __dir__ = __all__.copy
 
 
-name_environments()
+register_environments()

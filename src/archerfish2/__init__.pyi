@@ -8,7 +8,7 @@ from archerfish2.evaluation.results import Results as Results
 from archerfish2.evaluation.trajectory import rollout as rollout
 from archerfish2.evaluation.tuning import tune as tune
 from archerfish2.learning.config import TrainConfig as TrainConfig
-from archerfish2.learning.environments import make_environment as make_environment
+from archerfish2.learning.environment import make_environment as make_environment
 from archerfish2.learning.train import train as train
 from archerfish2.records.muzzle import MuzzleRecord as MuzzleRecord
 from archerfish2.records.plant import PlantRecord as PlantRecord

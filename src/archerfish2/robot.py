@@ -261,7 +261,8 @@ def _own_plant(spec: str, axis: str) -> PlantRecord:
 def axis_fault(plant: PlantRecord, axis: str) -> str:
     """Return why a plant can't be that of a gimbal's axis, and what to do; "" if it can."""
     if plant.axis in {"pitch", "yaw"} - {axis}:
-        return f"{axis} is the plant of the {plant.axis} axis, expected that of {axis}; swap the two"
+        remedy = f"swap the two, or give plant.replace(axis='{axis}')"
+        return f"{axis} is the plant of the {plant.axis} axis, expected that of {axis}; {remedy}"
     if plant.B.shape[1] != 1:
         return f"{axis} has {plant.B.shape[1]} inputs, expected one; identify it with one input"
     if plant.sample_period_s < SHORTEST_PERIOD_S:

@@ -138,7 +138,7 @@ def ticks_per_period(axis: LinearAxis, period_s: float) -> int:
     if abs(ratio - round(ratio)) > 1e-6 * ratio or round(ratio) < 1:
         raise InputError(
             f"period_s must be a multiple of the plant's sampling period {axis.period_s} s, got {period_s} s; "
-            "choose another period or resample the log before identifying"
+            f"choose another period, or identify the axis with divides_s={period_s:g}"
         )
     return round(ratio)
 

@@ -14,7 +14,7 @@ from msgspec import Meta
 from archerfish2.errors import InputError, file_error
 from archerfish2.identification.axis.identify import AxisResult
 from archerfish2.logs.log import read_log, signals_in
-from archerfish2.logs.recording import Finding, Log, listed
+from archerfish2.logs.recording import BAGS, Finding, Log, listed
 from archerfish2.logs.timing import Frame
 from archerfish2.records.json_files import read_json, to_struct
 from archerfish2.records.limits import AxisLimits, LimitsRecord
@@ -27,8 +27,7 @@ EXPECTED = "{pitch,yaw}_{sweep,step}[_validation].csv, {pitch,yaw}_step_{N}deg.c
 _TIMING = [f"timing_{name}.csv" for name in ("sweep", "plate", "steps", "target", "moments", "commands", "reports")]
 """Logs of camera and link."""
 _USUAL = re.compile(r"(pitch|yaw)_step_[1-9]\d*deg\.csv|landings\.csv")
-BAG_SUFFIXES = (".bag", ".db3", ".mcap")
-LOGS = (".csv", ".txt", ".tsv", ".npz", ".mat", *BAG_SUFFIXES)
+LOGS = (".csv", ".txt", ".tsv", ".npz", ".mat", *BAGS.values())
 """Endings of files that somebody means to be read."""
 Unit = Literal["rad", "deg"]
 _Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
@@ -189,7 +188,7 @@ def not_understood(folder: Path) -> InputError:
     for path in paths:
         with suppress(InputError):
             signals = signals_in(path)
-            keys = ["input", "output"] if path.suffix in BAG_SUFFIXES else ["time", "input", "output"]
+            keys = ["input", "output"] if path.suffix in BAGS.values() else ["time", "input", "output"]
             fields = [f'fit = ["{path.name}"]']
             fields += [f'{key} = "{signal}"' for key, signal in zip(keys, signals, strict=False)]
             remedy += f", or say which is which in logs.toml, for instance: yaw = {{{', '.join(fields)}}}"
@@ -234,9 +233,12 @@ def logs_of_parts(folder: Path, settings: LogFolder) -> dict[Part, list[Path]]:
             logs[axis] = [*fitted, *held_back]
     if shots := _files_there(folder, settings.muzzle.shots, "shots.csv"):
         logs["muzzle"] = shots
-    timing = _files_there(folder, (), *_TIMING)
-    if {"timing_sweep.csv", "timing_plate.csv"} <= {path.name.lower() for path in timing}:
-        logs["sensing"] = timing
+    timing = {path.name.lower(): path for path in _files_there(folder, (), *_TIMING)}
+    target = {"timing_target.csv", "timing_moments.csv"}
+    if not target <= timing.keys():  # neither says anything without the other
+        timing = {name: path for name, path in timing.items() if name not in target}
+    if {"timing_sweep.csv", "timing_plate.csv"} <= timing.keys():
+        logs["sensing"] = list(timing.values())
     return logs
 
 

@@ -19,9 +19,9 @@ from jax import Array
 from archerfish2.controllers.policy.network import normalise
 from archerfish2.learning import learner as learners
 from archerfish2.learning.config import GradientConfig
+from archerfish2.learning.environment import Environment
 from archerfish2.learning.learner import Actor, Learner, Metrics, Trainer, adam_step, magnitude, updated
 from archerfish2.learning.shards import averaged, own_key
-from archerfish2.simulation.environment import Environment
 
 LEAST_RATE = 0.05
 """Share of the learning rate that annealing leaves: less than PPO's, for the last milliradians need small steps."""

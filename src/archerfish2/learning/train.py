@@ -17,7 +17,7 @@ from archerfish2.controllers.policy.observation import observer_facts
 from archerfish2.controllers.policy.policy import Policy, PolicyFacts
 from archerfish2.errors import InputError
 from archerfish2.learning.config import TrainConfig
-from archerfish2.learning.environments import make_environment
+from archerfish2.learning.environment import make_environment
 from archerfish2.learning.run_folder import Begun, RunFolder, new_run, resumed_run
 from archerfish2.plugins import Plugin, find_plugin, names_code
 from archerfish2.provenance import code_commit, library_versions

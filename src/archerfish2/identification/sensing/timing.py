@@ -5,6 +5,7 @@ torque may jump, the angle then starts as a parabola. So an onset is fitted as a
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -74,6 +75,13 @@ def _period(stamps: Array, steps: Array) -> Estimate:
     # grid are hardly ever known better than independent jitter lets them be.
     spread = max(statistics.long_run_covariance(score[:, None]).item(), float(np.mean(score**2)))
     return statistics.normal_estimate(slope, np.sqrt(spread * index.size) / np.sum((index - index.mean()) ** 2))
+
+
+def with_receipts(detections: DetectionLog) -> tuple[Array, Array, Array]:
+    """Return stamps, positions and receipts, (K,), (K, 3) and (K,), of the detections whose receipt was logged."""
+    receive: Any = np.full(detections.time.size, np.nan) if detections.receive is None else detections.receive
+    logged = ~np.isnan(receive)
+    return detections.time[logged], detections.position[logged], receive[logged]
 
 
 def latency_jitter(delay: Array, stamp_jitter: Estimate) -> Estimate:
@@ -162,17 +170,18 @@ def step_latency(detections: DetectionLog, moments: Array, period: float) -> tup
     Raises:
       InputError: if times of receipt are missing, fewer than five steps can be used, or no latency explains the frames.
     """
-    if detections.receive is None:
+    time, position, receive = with_receipts(detections)
+    if not time.size:
         raise file_error(detections.source, "target steps take receive_s of each detection", "log it", "no-receipts")
     # Stamps jitter less than receipts, so the edge is sought on them; the mean delay after the first is added below.
-    since_first, moments = detections.time - detections.time[0], moments - detections.receive[0]
-    delay = mean_estimate(detections.receive - detections.receive[0] - since_first)
+    since_first, moments = time - time[0], moments - receive[0]
+    delay = mean_estimate(receive - receive[0] - since_first)
     steps, edges = [], [-np.inf, *moments, np.inf]
     for before, moment, after in zip(edges[:-2], moments, edges[2:], strict=True):
         # What was received up to the step shows the target before it, what came LATEST_S later the target after it.
         near = since_first > max(before + LATEST_S, moment - LATEST_S)
         near &= since_first < min(after, moment + 2 * LATEST_S)
-        steps.append(_labelled(since_first[near] - moment, detections.position[near]))
+        steps.append(_labelled(since_first[near] - moment, position[near]))
     used = sum(each.size > 0 for each in steps)
     if used < 5:
         problem = f"{used} of {moments.size} target steps can be used, expected at least 5"
