@@ -97,7 +97,7 @@ class ImmediateHardware:
     def _plant(self, engagement: Engagement) -> GimbalModel:
         if self.gimbal.input.ndim == 2:
             return self.gimbal
-        return GimbalModel(*(each[engagement.plant] for each in self.gimbal))
+        return GimbalModel(*(field[engagement.plant] for field in self.gimbal))
 
 
 class WorldState(NamedTuple):
@@ -189,7 +189,7 @@ class SimulatedWorld:
         """
         xp, muzzle = namespace(angle), self.muzzle_of(engagement)
         if muzzle.speed.ndim < time.ndim and muzzle.speed.ndim:
-            muzzle = map_arrays(lambda each: each[(None,) * (time.ndim - muzzle.speed.ndim)], muzzle)
+            muzzle = map_arrays(lambda field: field[(None,) * (time.ndim - muzzle.speed.ndim)], muzzle)
         position, velocity = pellet_at_muzzle(muzzle, angle, rate, normals[..., :PELLET_NORMALS])
         # A pellet that flies backwards crosses no plate. Replaced before any arithmetic, which has no value for it.
         forward = velocity[..., 0] > SLOWEST * muzzle.speed
@@ -206,7 +206,7 @@ class SimulatedWorld:
 
     def muzzle_of(self, engagement: Engagement) -> Muzzle:
         """Return the muzzle of each engagement, shape () or B."""
-        return self.muzzle if self.muzzles is None else Muzzle(*(each[engagement.plant] for each in self.muzzles))
+        return self.muzzle if self.muzzles is None else Muzzle(*(field[engagement.plant] for field in self.muzzles))
 
     def truth(self, engagement: Engagement) -> Truth:
         """Return the target's path and the best estimates of the rest."""
@@ -244,11 +244,12 @@ def make_world(robot: "Robot", task: "Task") -> SimulatedWorld:
         if not ends.low <= angle <= ends.high:
             between = f"{ends.low:.3g}…{ends.high:.3g} rad"
             raise InputError(f"the task begins at a {axis} of {angle:g} rad, expected {between}, as of {robot.name}")
-    low, high = (np.array([getattr(axis, end) for axis in (limits.pitch, limits.yaw)]) for end in ("low", "high"))
+    low = np.array([limits.pitch.low, limits.yaw.low])
+    high = np.array([limits.pitch.high, limits.yaw.high])
     hardware: Any
     if robot.sensing is None:
         draws = gimbal_draws(robot.pitch, robot.yaw, period)
-        draws = draws if len(draws.input) > 1 else GimbalModel(*(each[0] for each in draws))
+        draws = draws if len(draws.input) > 1 else GimbalModel(*(field[0] for field in draws))
         hardware, muzzles = ImmediateHardware(draws, low, high), None
     else:
         gimbal = delayed_gimbal(robot.pitch, robot.yaw, period)
@@ -308,5 +309,6 @@ def muzzle_draws(record: MuzzleRecord, count: int) -> Muzzle:
         values = getattr(record, name) + (high - low) / (2 * 1.96) * normals
         return values if name.endswith("_offset") else np.maximum(values, 0.0)
 
-    pairs = {each: np.stack([drawn(f"{axis}_{each}") for axis in ("pitch", "yaw")], -1) for each in ("offset", "sd")}
-    return Muzzle(**{name: drawn(name) for name in ("speed", "speed_sd", "drag", "length")}, **pairs)
+    offset = np.stack([drawn("pitch_offset"), drawn("yaw_offset")], axis=-1)
+    sd = np.stack([drawn("pitch_sd"), drawn("yaw_sd")], axis=-1)
+    return Muzzle(drawn("speed"), drawn("speed_sd"), offset, sd, drawn("drag"), drawn("length"))
