@@ -5,7 +5,7 @@ if the command says so, and scored where it crosses the plate's plane. A robot w
 and perfect camera, link and feedback, as in the paper; one with it has those of `camera`.
 """
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -35,6 +35,31 @@ OUT = -1e3
 """Margin without pellet or crossing [m]: finite, so that a mean or a reward of margins needs no mask."""
 OLDEST_FEEDBACK_S = 0.25
 """Age beyond which feedback is of no use to any controller [s]."""
+
+
+class Hardware(Protocol):
+    """Axes, camera and link of a world; what is in a state is the hardware's own."""
+
+    normals: int  # standard normals that a decision takes, the pellet's first
+
+    @property
+    def plants(self) -> int:
+        """Number of posterior draws."""
+
+    def begin(self, engagement: Engagement, time: Array, normals: Array) -> Any:
+        """Begin with the gimbal at rest, shape B."""
+
+    def step(self, state: Any, engagement: Engagement, command: Array, time: Array, normals: Array) -> Any:
+        """Let a period pass under a command, until `time`; shape B."""
+
+    def feedback(self, state: Any, engagement: Engagement) -> GimbalFeedback:
+        """Return the latest feedback, shape B."""
+
+    def frames(self, state: Any, time: Array) -> Frames:
+        """Return the frames since the last decision, shape B."""
+
+    def angle_and_rate(self, state: Any, engagement: Engagement) -> tuple[Array, Array]:
+        """Return true pitch and yaw within the stops [rad] and their rates [rad/s], shape B + (2,) each."""
 
 
 class ImmediateState(NamedTuple):
@@ -115,7 +140,7 @@ class SimulatedWorld:
     """The world of a robot and a task: one plate, one camera, a base at rest."""
 
     period: Array  # of decisions [s], ()
-    hardware: Any  # ImmediateHardware or LinkedHardware
+    hardware: Hardware  # immediate or linked
     model: GimbalModel  # best estimate of the axes with the mean latency of commands, (2, ...)
     muzzle: Muzzle  # best estimate, ()
     muzzles: Muzzle | None  # k draws, (k,); None: the best estimate for all
@@ -124,6 +149,10 @@ class SimulatedWorld:
     name: str = ""  # by which results call it
 
     compiled = True
+
+    def __repr__(self) -> str:
+        hardware = type(self.hardware).__name__
+        return f"SimulatedWorld(robot {self.name}, {hardware}, plants {self.plants}, normals {self.normals})"
 
     @property
     def period_s(self) -> float:
@@ -246,7 +275,7 @@ def make_world(robot: "Robot", task: "Task") -> SimulatedWorld:
             raise InputError(f"the task begins at a {axis} of {angle:g} rad, expected {between}, as of {robot.name}")
     low = np.array([limits.pitch.low, limits.yaw.low])
     high = np.array([limits.pitch.high, limits.yaw.high])
-    hardware: Any
+    hardware: Hardware
     if robot.sensing is None:
         draws = gimbal_draws(robot.pitch, robot.yaw, period)
         draws = draws if len(draws.input) > 1 else GimbalModel(*(field[0] for field in draws))

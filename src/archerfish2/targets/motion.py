@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from archerfish2.arrays import Array, lift, map_arrays, namespace, select, tree
+from archerfish2.arrays import Array, lift, map_arrays, namespace, tree
 from archerfish2.protocols import Plates
 
 STEP_S = 0.02
@@ -87,26 +87,6 @@ class Disc:
         motion = map_arrays(lambda array: array.reshape((1,) * extra + array.shape), self.motion)
         zero = 0.0 * time[..., None]
         return Plates(motion.position(time)[..., None, :], lift(self.normal_yaw, zero) + zero)
-
-
-@tree()
-class StillOrMoving:
-    """A target of which some members are as at time zero, with their first plate at their place."""
-
-    place: Array  # [m], B + (3,)
-    moving: Array  # bool, B
-    target: Any  # any target
-
-    @property
-    def plates(self) -> int:
-        """Number of plates."""
-        return int(self.target.plates)
-
-    def at(self, time: Array) -> Plates:
-        """Return the plates at times [s] of shape B or (N,) + B."""
-        moved, still = self.target.at(time), self.target.at(0.0 * time)
-        place = still.position - still.position[..., :1, :] + lift(self.place[..., None, :], still.position)
-        return select(lift(self.moving, time), Plates(*moved), Plates(place, still.normal_yaw))
 
 
 def disc(motion: Any, place: Array) -> Disc:

@@ -64,6 +64,7 @@ class View:
     relative: Array  # that estimate, against the own pivot [m], B + (3,)
     fast: Any  # Track
     slow: Any  # Track
+    seen: Seen | None = None  # of this decision; None where an action alone is decoded
 
     @cached_property
     def distance(self) -> Array:
@@ -146,16 +147,16 @@ class Observer:
         kept = select(later, (decisions, detections, histories), before)
         return Memory(tracks, *kept, seen.gimbal.age, seen.base, memory.clock + seen.elapsed)
 
-    def view(self, memory: Memory) -> View:
-        """Return the decision as the blocks need it; shape B."""
+    def view(self, memory: Memory, seen: Seen | None = None) -> View:
+        """Return the decision as the blocks need it, with what is seen at it for blocks of a user's own; shape B."""
         tracks, base = memory.tracks, memory.base
         if tracks.fast is None:
-            return View(memory, memory.decisions.aim[..., -1, :2], tracks.place - base.position, None, None)
+            return View(memory, memory.decisions.aim[..., -1, :2], tracks.place - base.position, None, None, seen)
         fast = against_pivot(tracks.fast, base, tracks.age)
         slow = tracks.slow and against_pivot(tracks.slow, base, tracks.age)
         relative = position_after(fast, tracks.age)
         angle = unwrapped(aim_at(relative, self.muzzle).angle, memory.decisions.command[..., -1, :])
-        return View(memory, angle, relative, fast, slow)
+        return View(memory, angle, relative, fast, slow, seen)
 
     def observe(self, view: View) -> Array:
         """Return the observation, shape B + (n,)."""
@@ -178,7 +179,7 @@ class Observer:
         memory = self.begin(seen)
         for elapsed in (0.0, *[0.02] * 4):
             memory = self.remember(memory, seen._replace(elapsed=seen.elapsed + np.float32(elapsed)))
-        view = self.view(memory)
+        view = self.view(memory, seen)
         if not np.all(np.isfinite(self.decode(view, 0.0 * seen.command).angle)):
             raise InputError("the observer gives commands that are not finite; train again")
         for block in self.blocks:

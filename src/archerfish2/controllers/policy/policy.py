@@ -56,7 +56,7 @@ class Policy:
     def step(self, state: Memory, seen: Seen) -> tuple[Memory, Command]:
         """Decide."""
         memory = self.observer.remember(state, seen)
-        view = self.observer.view(memory)
+        view = self.observer.view(memory, seen)
         return memory, self.observer.decode(view, self.action(self.observer.observe(view)))
 
     def action(self, observation: Array) -> Array:
