@@ -16,6 +16,7 @@ FAULTS = {
     "--observation tracked": "observation tracked needs a robot with sensing.json",
     "--steps 0": "steps must be a whole number of 1 to 2^53, got 0",
     "--resume none": "none: has no training",
+    "--trainer pp": "invalid choice",
     "--set hidden=3": "there is no field hidden",
     "--set ppo.epochs=2": "--set ppo.epochs=2 is not of the trainer gradient",
 }
@@ -29,6 +30,11 @@ def test_a_policy_is_trained_for_a_robot_and_evaluated_with_it(tmp_path, capsys,
         main(["train", str(robot), *f"--task static --command-limit box --steps 640 --seed 3 --set {SMALL}".split()])
     begun = "training for paper, task static: gradient, observation history, 640 decisions; progress: "
     assert capsys.readouterr().out == f"{begun}{policy}/log.jsonl\n"
+    for option in ("--steps 10", "--seed 0", "--out no", "--set frames=5", "--trainer ppo", str(robot)):
+        with pytest.raises(SystemExit, match="2"):
+            main(["train", "--resume", str(policy), *option.split()])
+        name = option.split()[0] if option.startswith("--") else "--robot"
+        assert f"leave {name} out, or begin another training" in capsys.readouterr().err
     main(["train", "--resume", str(policy)])
     first, *_, last = capsys.readouterr().out.splitlines()
     words = f"evaluate {robot} --controllers {policy} kalman --task static --command-limit box"

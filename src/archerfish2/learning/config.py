@@ -1,5 +1,6 @@
 """Settings of a training; the one place of their defaults, which follow robot and task."""
 
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta
@@ -125,6 +126,11 @@ class PpoConfig(_Sized, frozen=True, kw_only=True):
     log_std_floor: LogStd = -4.0
     """It never falls below this."""
 
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Neurons of each hidden layer."""
+        return (self.hidden,)
+
     def __post_init__(self) -> None:
         super().__post_init__()
         self._check(self.shards, self.environments, "environments")
@@ -153,6 +159,19 @@ class TrainConfig(Struct, frozen=True, kw_only=True):
     """Of PPO."""
     checkpoint_every_s: Annotated[float, Meta(ge=0.0, le=1e6)] = 30.0
     """At most so much is lost when the process is killed [s]."""
+
+    @classmethod
+    def of(cls, config: "ConfigLike" = None) -> "TrainConfig":
+        """Return settings as `train` and `make_environment` take them.
+
+        Raises:
+          InputError: if they are neither settings nor a dictionary of fields, or a field is wrong.
+        """
+        if config is None or isinstance(config, Mapping):
+            return cls(**config or {})
+        if not isinstance(config, cls):
+            raise InputError(f"config: expected a TrainConfig or a dictionary, got a {type(config).__name__}; give one")
+        return config
 
     @property
     def settings(self) -> Any:
@@ -190,3 +209,9 @@ class TrainConfig(Struct, frozen=True, kw_only=True):
             counted = "hit" if made.kind in ("tracked", "multimodel") else "eq-8"
             made = made.replace(reward=smooth if made.trainer == "gradient" else counted)
         return made.replace(gradient=gradient, ppo=ppo)
+
+
+ConfigLike = TrainConfig | Mapping[str, Any] | None
+"""Settings as `train` takes them; see `TrainConfig.of`."""
+RewardLike = str | Callable[..., Any] | None
+"""A reward by its name, or a user's own, (shot, command, seen) → what the shot is worth [m], shape B."""
