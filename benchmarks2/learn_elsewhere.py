@@ -19,6 +19,7 @@ from typing import Any
 import peers
 
 RESULT = Path(__file__).parent / "results" / "learn_elsewhere.json"
+ID = "archerfish2.learning.gymnasium:archerfish/Shooting-v0"
 STEPS, SEEDS, ENGAGEMENTS = 100_000, (0, 1, 2), 200
 
 
@@ -47,7 +48,9 @@ def complaints() -> list[str]:
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
         for task in ("paper", "any"):
-            env = gymnasium.make("archerfish2:archerfish2/Shooting-v0", task=task, render_mode="rgb_array")
+            env = gymnasium.make(
+                "archerfish2.learning.gymnasium:archerfish/Shooting-v0", task=task, render_mode="rgb_array"
+            )
             check_env(env.unwrapped)
             check_for_sb3(env)
             check_for_sb3(env.unwrapped)

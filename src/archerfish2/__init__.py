@@ -7,7 +7,7 @@ importing this imports none of the libraries.
 import importlib
 from typing import Any
 
-from archerfish2.simulation.registration import name_environments
+from archerfish2.learning import register_environments
 
 __version__ = "0.2.0"
 
@@ -26,4 +26,4 @@ def __getattr__(name: str) -> Any:
 __dir__ = __all__.copy
 
 
-name_environments()
+register_environments()

@@ -1,7 +1,7 @@
 # The public names, each in a line of its own: __init__.py reads them here, and loads each when it is used.
 
 from archerfish2.codegen.export import export as export
-from archerfish2.controllers.policy import Policy as Policy
+from archerfish2.controllers.policy.policy import Policy as Policy
 from archerfish2.errors import InputError as InputError
 from archerfish2.evaluation.evaluate import evaluate as evaluate
 from archerfish2.evaluation.results import Results as Results
@@ -13,7 +13,7 @@ from archerfish2.identification.muzzle.identify import identify_muzzle as identi
 from archerfish2.identification.robot import identify_robot as identify_robot
 from archerfish2.identification.sensing.identify import identify_sensing as identify_sensing
 from archerfish2.learning.config import TrainConfig as TrainConfig
-from archerfish2.learning.environments import make_environment as make_environment
+from archerfish2.learning.environment import make_environment as make_environment
 from archerfish2.learning.train import resume as resume
 from archerfish2.learning.train import train as train
 from archerfish2.logs.log import read_log as read_log

@@ -4,7 +4,7 @@ import pytest
 
 import archerfish2 as af
 from archerfish2.cli.main import main
-from archerfish2.controllers.blocks import KINDS
+from archerfish2.controllers.policy.blocks import OBSERVATIONS
 
 pytest.importorskip("jax")
 SMALL = "gradient.environments=32 gradient.hidden=16 gradient.window=5"
@@ -81,4 +81,4 @@ def test_help_names_every_observation_and_reward(capsys):
     with pytest.raises(SystemExit, match="0"):
         main(["train", "--help"])
     words = {*capsys.readouterr().out.replace(",", " ").replace("(", " ").split()}
-    assert {*KINDS, "eq-8", "hit", "smooth-hit", "gradient", "ppo"} <= words
+    assert {*OBSERVATIONS, "eq-8", "hit", "smooth-hit", "gradient", "ppo"} <= words

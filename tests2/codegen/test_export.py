@@ -24,9 +24,9 @@ from archerfish2.codegen.decision import Decision, Gated, example_decisions, see
 from archerfish2.codegen.export import export
 from archerfish2.codegen.onnx import print_onnx
 from archerfish2.codegen.trace import Trace, scalars_of, schedule
-from archerfish2.controllers.network import Layer, Normaliser
-from archerfish2.controllers.observation import make_observer, observer_facts
-from archerfish2.controllers.policy import PolicyFacts
+from archerfish2.controllers.policy.network import Layer, Normaliser
+from archerfish2.controllers.policy.observation import make_observer, observer_facts
+from archerfish2.controllers.policy.policy import PolicyFacts
 from archerfish2.controllers.registry import make_controller
 from archerfish2.controllers.tuning import tuning_at
 from archerfish2.protocols import aim

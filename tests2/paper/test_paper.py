@@ -12,8 +12,9 @@ def test_conditions_are_in_radians_and_agree_with_the_tables_and_the_parabola():
     conditions, muzzle = assumed_conditions(), paper_muzzle()
     assert conditions.range_bins == tuple(row.range_m for row in hit_rate_table("II").rows)
     assert conditions.dispersion == muzzle.pitch_sd == muzzle.yaw_sd == pytest.approx(math.radians(0.2))
-    assert conditions.reversal_half_width == pytest.approx(0.115, abs=5e-4)
-    widest = math.atan2(conditions.max_lateral_offset + conditions.reversal_half_width, conditions.range_bins[0][0])
+    half_width = math.sqrt(conditions.parabola_rise / conditions.parabola_curvature)
+    assert half_width == pytest.approx(0.115, abs=5e-4)
+    widest = math.atan2(conditions.max_lateral_offset + half_width, conditions.range_bins[0][0])
     assert widest < gate_limits().yaw.high == pytest.approx(math.radians(75))
     assert gate_limits().yaw.max_acceleration == round(1.2 / 0.018)  # 1.2 N m over the axis' inertia
     for found in (paper_tuning(each) for each in ("gate", "box", "los-2deg")):

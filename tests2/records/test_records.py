@@ -94,12 +94,21 @@ def test_the_matrices_that_are_given_out_contain_the_delay(delay):
     assert_allclose(signal.dlsim(plant.to_state_space(), u)[1], signal.dlsim((*matrices, 0.01), late)[1], atol=1e-12)
 
 
+def test_a_system_is_a_plant_if_it_is_in_discrete_time(refused):
+    lag = signal.StateSpace([[-2.0]], [[2.0]], [[1.0]], [[0.0]])
+    plant = PlantRecord.from_state_space(lag.to_discrete(0.01), delay_samples=3)
+    assert (plant.A.item(), plant.sample_period_s, plant.delay_samples) == (pytest.approx(np.exp(-0.02)), 0.01, 3)
+    refused(r"dt is None, as of a continuous model.*; discretise it \(.*c2d", PlantRecord.from_state_space, lag)
+    refused("dt is 0, as of a continuous model", PlantRecord.from_state_space, lag.A, lag.B, lag.C, lag.D, 0)
+
+
 def test_what_no_plant_can_be_made_of_is_refused(robot, refused):
     refused("json:dumps: gives a str for yaw, expected a PlantRecord", robot.replace, yaw="json:dumps")
     refused(r"delay_s must be a multiple .* got 0.0123", PlantRecord.second_order, 9.8, 0.4, delay_s=0.0123)
     refused("natural_hz must be > 0", PlantRecord.second_order, -1.0, 0.4)
     integrator = PlantRecord.from_state_space(1.0, 1.0, 1.0, 0.0, 0.01, delay_samples=3000)
     refused("integrates", integrator.with_dc_gain, 1.0)
+    refused("got a dict, .*; of a transfer function give control.ss", PlantRecord.from_state_space, {})
     refused("delay of 3000 samples has 3001 states", integrator.to_state_space)
 
 
@@ -131,7 +140,9 @@ def test_a_folder_of_records_is_a_robot_whose_missing_parts_are_assumed(tmp_path
     assert (found.name, found.assumed) == (tmp_path.name, ("sensing", "limits"))
     assert found.record_digests()["limits"] == Robot.paper().record_digests()["limits"]
     (tmp_path / "pitch.json").write_bytes((tmp_path / "yaw.json").read_bytes())
-    refused(f"{tmp_path}: pitch is the plant of the yaw axis, .*; swap the two", Robot.load, tmp_path)
+    refused(
+        f"{tmp_path}: pitch is the plant of the yaw axis, .*; swap the two, or give plant.replace", Robot.load, tmp_path
+    )
 
 
 @pytest.mark.parametrize(("change", "complaint"), AXIS_FAULTS)

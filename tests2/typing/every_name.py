@@ -49,7 +49,7 @@ for one in (None, "paper", Path("robot"), robot, identified):
 af.rollout(policy, robot, Path("task.toml"))
 af.export("kalman-lq", "lq.c", "robot", "any", tuning=af.tune("kalman-lq", robot, task))
 af.export(policy, Path("policy.onnx"), tuning="start")
-environment = af.make_environment(robot, task, af.TrainConfig(observation="paper"))
+environment = af.make_environment(robot, task, {"observation": "paper"})
 try:
     print(af.read_log("log.csv"), plan, world.name, environment, af.__version__)  # noqa: T201
 except af.InputError as error:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import tyro
 
 from archerfish2.cli.options import Writes, shown
-from archerfish2.identification.excitation import ExcitationSettings, Kind, excite
+from archerfish2.identification.excitation import ExcitationKind, ExcitationSettings, excite
 from archerfish2.paper.gimbal import gate_limits
 from archerfish2.records.json_files import plain, write_json
 from archerfish2.records.limits import LimitsRecord
@@ -41,7 +41,7 @@ class Excite(Writes):
 
     axis: Annotated[Literal["pitch", "yaw"], tyro.conf.Positional]
     """Axis that is to be moved: names the files, and chooses its part of the limits."""
-    kinds: tuple[Kind, ...] = ("sweep", "step")
+    kinds: tuple[ExcitationKind, ...] = ("sweep", "step")
     """Signals, each a log of its own."""
     no_validation: Annotated[bool, shown()] = False
     """Do without the commands that are held back."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from archerfish2.cli.options import ForRobot, shown
-from archerfish2.controllers.policy import Policy
+from archerfish2.controllers.policy.policy import Policy
 from archerfish2.errors import InputError
 from archerfish2.learning.config import TrainConfig
 from archerfish2.learning.run_folder import Begun, read_run

@@ -9,7 +9,7 @@ from archerfish2.codegen.c99 import print_c
 from archerfish2.codegen.check import DIFFERENCE, SHARE, c_decision, compared, onnx_decision
 from archerfish2.codegen.decision import Gated, example_decisions, trace_decision
 from archerfish2.codegen.onnx import print_onnx
-from archerfish2.controllers.policy import Policy
+from archerfish2.controllers.policy.policy import Policy
 from archerfish2.controllers.registry import is_policy, make_controller
 from archerfish2.controllers.tuning import GRIDS, Tuning
 from archerfish2.errors import InputError, file_error

@@ -11,13 +11,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from archerfish2.arrays import Array, lift, namespace
 from archerfish2.errors import InputError
+from archerfish2.records.json_files import Matrix
 from archerfish2.records.plant import PlantRecord
-
-Matrix = NDArray[np.float64]
 
 LATENCY_TICK_S = 1e-3
 """Latencies are rounded to no more than this where the plant allows it [s]."""
@@ -141,7 +139,7 @@ def ticks_per_period(axis: LinearAxis, period_s: float) -> int:
     if abs(ratio - round(ratio)) > 1e-6 * ratio or round(ratio) < 1:
         raise InputError(
             f"period_s must be a multiple of the plant's sampling period {axis.period_s} s, got {period_s} s; "
-            "choose another period or resample the log before identifying"
+            f"choose another period, or identify the axis with divides_s={period_s:g}"
         )
     return round(ratio)
 

@@ -17,7 +17,6 @@ from archerfish2.identification import robot_files
 from archerfish2.identification.axis.identify import AxisResult, identify_axis
 from archerfish2.identification.muzzle.estimate import expected_vertical, measured_vertical
 from archerfish2.identification.muzzle.identify import identify_muzzle
-from archerfish2.identification.result import Result
 from archerfish2.identification.robot_files import AXES, LogFolder
 from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.identification.simulation import free_run, simulate
@@ -28,7 +27,7 @@ from archerfish2.logs.stamps import resampled
 from archerfish2.records.json_files import plain, write_json
 from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.progress import bar
-from archerfish2.reports.report import Report, Reported
+from archerfish2.reports.report import Report, Reported, Result
 from archerfish2.reports.style import Figure, new_figure, plot_style
 from archerfish2.reports.table import Entry, Table
 from archerfish2.robot import RECORDS, Part, PartVerdict, Robot, axis_fault
@@ -78,6 +77,7 @@ def identify_robot(
     """Identify everything of a robot that a folder has logs of; what it has none of is the paper's, and is named.
 
     A part whose logs can't be used is assumed, too, with a verdict that says why; the others are identified.
+    They are written even if a part ends with an error that its logs can't explain, which is raised afterwards.
 
     Args:
       folder: of the logs, with the names that docs2/your_robot.md lists, or a logs.toml that says which is which.
@@ -92,22 +92,31 @@ def identify_robot(
     folder = Path(folder)
     name = (name or Path(out or folder).resolve().name or "robot")[:100]
     if out is None:
-        return _identified(folder, name, seed)
+        found, faults = _identified(folder, name, seed)
+        _raise_first(faults)
+        return found
     if folder.resolve() in (Path(out).resolve(), *Path(out).resolve().parents):
         raise file_error(out, "is the folder of the logs, which are only read", "choose another folder for the robot")
     facts, names = {"logs": str(folder), "name": name, "seed": seed}, ("robot.json", "robot.html")
     with storage.output_folder(Path(out), "identify", folder.glob("*"), overwrite, facts, names) as written:
-        found = _identified(folder, name, seed)
+        found, faults = _identified(folder, name, seed)
         found.save(written)
+    _raise_first(faults)
     return found
 
 
-def _identified(folder: Path, name: str, seed: int) -> RobotResult:
+def _raise_first(faults: list[Exception]) -> None:
+    for fault in faults:
+        raise fault
+
+
+def _identified(folder: Path, name: str, seed: int) -> tuple[RobotResult, list[Exception]]:
+    """Identify a robot; also return the errors that are none of the logs, with their tracebacks."""
     settings = robot_files.read_folder(folder)
     logs = robot_files.logs_of_parts(folder, settings)
     if not logs:
         raise robot_files.not_understood(folder)
-    found, reports = dict[Part, Result](), dict[Part, Report]()
+    found, reports, faults = dict[Part, Result](), dict[Part, Report](), list[Exception]()
     with bar("identifying", len(logs), "parts") as advance:
         for part, paths in logs.items():
             advance(len(reports), part)
@@ -116,7 +125,14 @@ def _identified(folder: Path, name: str, seed: int) -> RobotResult:
                 reports[part], found[part] = _judged(result, settings), result
             except InputError as error:
                 reports[part] = _failed(part, error)
+            except Exception as error:
+                error.add_note(f"while the {part} was identified")
+                faults.append(error)
+                reports[part] = _failed(
+                    part, InputError(f"archerfish failed with {error!r}; report this with its logs")
+                )
     if not found:
+        _raise_first(faults)
         raise InputError("; ".join(f"{part}: {report.reasons[0]}" for part, report in reports.items()))
     records = {part: result.record for part, result in found.items()}
     try:
@@ -136,7 +152,7 @@ def _identified(folder: Path, name: str, seed: int) -> RobotResult:
     remarks = [f"none held back: {', '.join(not_validated)}"] if not_validated else []
     no_length = ["length of the muzzle (0 m)"] if "muzzle" in found and settings.muzzle.length_m is None else []
     remarks += [f"assumed: {', '.join([*assumed, *no_length])}"] if assumed or no_length else []
-    return RobotResult(robot, found, reports, _report(robot, reports, remarks, tables, findings))
+    return RobotResult(robot, found, reports, _report(robot, reports, remarks, tables, findings)), faults
 
 
 def _identified_part(part: Part, logs: list[Path], folder: Path, settings: LogFolder, seed: int) -> Result:
@@ -146,10 +162,6 @@ def _identified_part(part: Part, logs: list[Path], folder: Path, settings: LogFo
         return identify_muzzle(logs, length_m=length_m, height_m=height_m, seed=seed)
     if part == "sensing":
         timing = {log.stem.lower().removeprefix("timing_"): log for log in logs}
-        for name, other in (("target", "moments"), ("moments", "target")):
-            if name in timing and other not in timing:
-                remedy = f"record timing_{other}.csv, too, or take timing_{name}.csv out"
-                raise file_error(timing[name], f"is there without timing_{other}.csv", remedy)
         arguments: dict[str, Any] = {_ARGUMENTS.get(name, name): path for name, path in timing.items()}
         arguments["steps"] = [timing["steps"]] if "steps" in timing else []
         return identify_sensing(**arguments, **asdict(settings.sensing), seed=seed)

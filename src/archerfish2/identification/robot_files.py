@@ -14,7 +14,7 @@ from msgspec import Meta
 from archerfish2.errors import InputError, file_error
 from archerfish2.identification.axis.identify import AxisResult
 from archerfish2.logs.log import read_log, signals_in
-from archerfish2.logs.recording import Finding, Log, listed
+from archerfish2.logs.recording import BAGS, Finding, Log, listed
 from archerfish2.logs.timing import Frame
 from archerfish2.records.json_files import read_json, to_struct
 from archerfish2.records.limits import AxisLimits, LimitsRecord
@@ -27,12 +27,11 @@ EXPECTED = "{pitch,yaw}_{sweep,step}[_validation].csv, {pitch,yaw}_step_{N}deg.c
 _TIMING = [f"timing_{name}.csv" for name in ("sweep", "plate", "steps", "target", "moments", "commands", "reports")]
 """Logs of camera and link."""
 _USUAL = re.compile(r"(pitch|yaw)_step_[1-9]\d*deg\.csv|landings\.csv")
-BAGS = (".bag", ".db3", ".mcap")
-LOGS = (".csv", ".txt", ".tsv", ".npz", ".mat", *BAGS)
+LOGS = (".csv", ".txt", ".tsv", ".npz", ".mat", *BAGS.values())
 """Endings of files that somebody means to be read."""
 Unit = Literal["rad", "deg"]
-Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
-Both = Positive | Annotated[tuple[Positive, ...], Meta(min_length=2, max_length=2)]
+_Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
+Both = _Positive | Annotated[tuple[_Positive, ...], Meta(min_length=2, max_length=2)]
 """One figure for both axes, or [pitch, yaw]; a tuple of fixed length beside a number crashes msgspec 0.22."""
 _FIGURES = "pitch_deg = [-25, 10], yaw_deg = [-75, 75], max_rate_deg_s = 690, max_acceleration_deg_s2 = 3400"
 _BEYOND = 0.1  # of the range between two limits, up to which commands may be beyond them
@@ -67,9 +66,9 @@ class MuzzleFiles(Struct, frozen=True, kw_only=True):
 
     shots: tuple[str, ...] = ()
     """Files of shots; shots.csv if not given."""
-    length_m: Positive | None = None
+    length_m: _Positive | None = None
     """From the pivot to the muzzle [m]; that of tape.json if not given."""
-    height_m: Positive | None = None
+    height_m: _Positive | None = None
     """Of the muzzle above the ground with the barrel level [m]; that of tape.json if not given."""
 
 
@@ -82,7 +81,7 @@ class SensingFiles(Struct, frozen=True, kw_only=True):
     """Whether angles are in degrees."""
     gimbal_clock: Literal["receipt", "own"] = "receipt"
     """Who stamped the gimbal's logs."""
-    max_offset_s: Positive | None = None
+    max_offset_s: _Positive | None = None
     """Largest time offset that is searched [s]."""
 
 
@@ -134,9 +133,9 @@ class LogFolder(Struct, frozen=True, kw_only=True):
 class Lengths(Struct, frozen=True, kw_only=True):
     """Content of tape.json: measured lengths."""
 
-    muzzle_length_m: Positive | None = None
+    muzzle_length_m: _Positive | None = None
     """From the pivot to the muzzle [m]."""
-    muzzle_height_m: Positive | None = None
+    muzzle_height_m: _Positive | None = None
     """Of the muzzle above the ground with the barrel level [m]."""
 
 
@@ -189,7 +188,7 @@ def not_understood(folder: Path) -> InputError:
     for path in paths:
         with suppress(InputError):
             signals = signals_in(path)
-            keys = ["input", "output"] if path.suffix in BAGS else ["time", "input", "output"]
+            keys = ["input", "output"] if path.suffix in BAGS.values() else ["time", "input", "output"]
             fields = [f'fit = ["{path.name}"]']
             fields += [f'{key} = "{signal}"' for key, signal in zip(keys, signals, strict=False)]
             remedy += f", or say which is which in logs.toml, for instance: yaw = {{{', '.join(fields)}}}"
@@ -234,9 +233,12 @@ def logs_of_parts(folder: Path, settings: LogFolder) -> dict[Part, list[Path]]:
             logs[axis] = [*fitted, *held_back]
     if shots := _files_there(folder, settings.muzzle.shots, "shots.csv"):
         logs["muzzle"] = shots
-    timing = _files_there(folder, (), *_TIMING)
-    if {"timing_sweep.csv", "timing_plate.csv"} <= {path.name.lower() for path in timing}:
-        logs["sensing"] = timing
+    timing = {path.name.lower(): path for path in _files_there(folder, (), *_TIMING)}
+    target = {"timing_target.csv", "timing_moments.csv"}
+    if not target <= timing.keys():  # neither says anything without the other
+        timing = {name: path for name, path in timing.items() if name not in target}
+    if {"timing_sweep.csv", "timing_plate.csv"} <= timing.keys():
+        logs["sensing"] = list(timing.values())
     return logs
 
 

@@ -1,11 +1,11 @@
 """Settings of a training; the one place of their defaults, which follow robot and task."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta
 
-from archerfish2.controllers.observation import FRAMES
+from archerfish2.controllers.policy.observation import FRAMES
 from archerfish2.errors import InputError
 from archerfish2.records.record import Struct
 from archerfish2.robot import Robot
@@ -146,7 +146,7 @@ class TrainConfig(Struct, frozen=True, kw_only=True):
     trainer: Literal["gradient", "ppo"] | None = None
     """Analytic policy gradient, or PPO as the paper has it."""
     observation: str | tuple[str, ...] | None = None
-    """A kind of observation (`controllers.blocks.KINDS`), then blocks of a user's own."""
+    """A kind of observation (`controllers.policy.blocks.OBSERVATIONS`), then blocks of a user's own."""
     frames: Annotated[int, Meta(ge=2, le=64)] = FRAMES
     """Decisions that an observation remembers."""
     reward: str = "auto"
@@ -213,5 +213,3 @@ class TrainConfig(Struct, frozen=True, kw_only=True):
 
 ConfigLike = TrainConfig | Mapping[str, Any] | None
 """Settings as `train` takes them; see `TrainConfig.of`."""
-RewardLike = str | Callable[..., Any] | None
-"""A reward by its name, or a user's own, (shot, command, seen) → what the shot is worth [m], shape B."""

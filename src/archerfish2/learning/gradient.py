@@ -16,13 +16,13 @@ import jax.numpy as jnp
 import optax
 from jax import Array
 
-from archerfish2.controllers.network import normalise
+from archerfish2.controllers.policy.network import normalise
 from archerfish2.learning import learner as learners
+from archerfish2.learning.environment import Environment
 from archerfish2.learning.learner import Actor, Learner, Metrics, Trainer, adam_step, magnitude, updated
 from archerfish2.learning.shards import averaged, own_key
-from archerfish2.simulation.environment import Environment
 
-LAST_RATE = 0.05
+LEAST_RATE = 0.05
 """Share of the learning rate that annealing leaves: less than PPO's, for the last milliradians need small steps."""
 
 
@@ -40,7 +40,7 @@ def _iteration(
     )
     gradient, mean_reward, hit_share = averaged((gradient, jnp.mean(rewards), jnp.mean(hits)))
     norm = optax.tree.norm(gradient)
-    rate = settings["learning_rate"] * jnp.maximum(1.0 - learner.iteration / settings["anneal_over"], LAST_RATE)
+    rate = settings["learning_rate"] * jnp.maximum(1.0 - learner.iteration / settings["anneal_over"], LEAST_RATE)
     actor, moments = adam_step(learner.actor, gradient, learner.moments[0], rate, settings["gradient_norm"])
     after = learner._replace(
         actor=actor,

@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import optax
 from jax import Array
 
-from archerfish2.controllers.network import Layer, Normaliser, forward
+from archerfish2.controllers.policy.network import Layer, Normaliser, forward
 from archerfish2.learning.config import MAX_LOG_STD
+from archerfish2.learning.environment import Environment
 from archerfish2.learning.shards import AXIS, averaged, largest, over_shards
-from archerfish2.simulation.environment import Environment
 
 ADAM = optax.scale_by_adam(eps=1e-5)
 """Scales gradients to steps; the learning rates come after it, so that they may change without compiling again."""

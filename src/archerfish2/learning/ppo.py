@@ -13,11 +13,11 @@ import optax
 from jax import Array
 
 from archerfish2.arrays import lift
-from archerfish2.controllers.network import Layer, forward, normalise
+from archerfish2.controllers.policy.network import Layer, forward, normalise
 from archerfish2.learning import learner as learners
+from archerfish2.learning.environment import Environment
 from archerfish2.learning.learner import Actor, Learner, Metrics, Trainer, adam_step, magnitude, updated
 from archerfish2.learning.shards import averaged, own_key
-from archerfish2.simulation.environment import Environment
 
 LAST_RATE = 0.1
 """Share of the learning rates that annealing leaves."""

@@ -13,11 +13,13 @@ import numpy as np
 
 from archerfish2.arrays import map_arrays
 from archerfish2.compiled import import_jax
-from archerfish2.controllers.observation import Observer, observer_facts
-from archerfish2.controllers.policy import Policy, PolicyFacts
+from archerfish2.controllers.policy.observation import observer_facts
+from archerfish2.controllers.policy.observer import Observer
+from archerfish2.controllers.policy.policy import Policy, PolicyFacts
 from archerfish2.errors import InputError
-from archerfish2.learning.config import ConfigLike, RewardLike, TrainConfig
-from archerfish2.learning.environments import make_environment
+from archerfish2.learning.config import ConfigLike, TrainConfig
+from archerfish2.learning.environment import make_environment
+from archerfish2.learning.reward import RewardFunction
 from archerfish2.learning.run_folder import Begun, RunFolder, new_run, resumed_run
 from archerfish2.plugins import Plugin, find_plugin, names_code
 from archerfish2.provenance import code_commit, library_versions
@@ -43,7 +45,7 @@ def train(
     seed: int = 0,
     steps: int | None = None,
     out: str | Path | None = None,
-    reward: RewardLike = None,
+    reward: str | RewardFunction | None = None,
     callback: Callback | None = None,
 ) -> Policy:
     """Train a policy; the same seed gives the same weights, bit for bit, on the same machine and versions.
@@ -81,7 +83,7 @@ def resume(
     folder: str | Path,
     *,
     task: TaskLike | None = None,
-    reward: RewardLike = None,
+    reward: str | RewardFunction | None = None,
     blocks: Sequence[str] = (),
     callback: Callback | None = None,
 ) -> Policy:
@@ -123,7 +125,9 @@ def resume(
         return _run(_environment(begun, own), begun, run, callback or (lambda _: None))
 
 
-def with_given(config: TrainConfig, trainer: Any, steps: int | None, reward: RewardLike) -> TrainConfig:
+def with_given(
+    config: TrainConfig, trainer: Any, steps: int | None, reward: str | RewardFunction | None
+) -> TrainConfig:
     """Return settings with what is given beside them, as to `train`, in their place."""
     config = config.replace(trainer=trainer) if trainer else config
     config = config.replace(reward=_spec(reward)) if reward is not None else config
@@ -133,7 +137,7 @@ def with_given(config: TrainConfig, trainer: Any, steps: int | None, reward: Rew
     return config
 
 
-def _spec(reward: RewardLike) -> str:
+def _spec(reward: str | RewardFunction) -> str:
     return reward if isinstance(reward, str) else find_plugin(reward, "reward").spec
 
 
@@ -157,7 +161,7 @@ def _begin(robot: RobotLike, task: TaskLike, config: TrainConfig, seed: int) -> 
     return Begun(robot=robot, task=task, config=config, seed=seed, commit=code_commit(), versions=versions)
 
 
-def _own(begun: Begun, reward: RewardLike) -> dict[str, Plugin]:
+def _own(begun: Begun, reward: str | RewardFunction | None) -> dict[str, Plugin]:
     """Return a user's own code by kind and name: the blocks of the observation, the motion, the reward."""
     task, config = begun.task, begun.config
     own = {f"block {name}": find_plugin(name, "block") for name in config.names[1:]}
@@ -171,7 +175,7 @@ def _own(begun: Begun, reward: RewardLike) -> dict[str, Plugin]:
 def _environment(begun: Begun, own: Mapping[str, Plugin]) -> Any:
     """Return the environment of a training, with the code whose digest is noted."""
     reward = own.get(f"reward {begun.config.reward}")
-    return make_environment(begun.robot, begun.task, begun.config, reward and reward.value)
+    return make_environment(begun.robot, begun.task, begun.config, reward.value if reward else None)
 
 
 def _run(environment: Any, begun: Begun, folder: RunFolder | None, callback: Callback) -> Policy:

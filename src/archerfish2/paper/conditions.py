@@ -30,8 +30,6 @@ class Conditions:
     """One command and one pellet each [s]."""
     engagement_s: float
     """Length of an engagement [s]."""
-    settled_after_s: float
-    """A miss before this time counts as slewing, after it as settled [s]."""
     start_pitch: float
     """Pitch of the resting gimbal when the engagement begins [rad]."""
     start_yaw: float
@@ -60,11 +58,6 @@ class Conditions:
     """Measurement noise that the baseline's Kalman filter assumes [m]."""
     kalman_extra_lead_s: float
     """By how much the baseline leads beyond the control period and the flight time [s], for the gimbal's lag."""
-
-    @property
-    def reversal_half_width(self) -> float:
-        """Distance |y − Y₀| at which a moving target turns back [m], from eq (7)."""
-        return math.sqrt(self.parabola_rise / self.parabola_curvature)
 
 
 @dataclass(frozen=True)

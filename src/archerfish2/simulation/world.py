@@ -21,7 +21,7 @@ from archerfish2.errors import InputError
 from archerfish2.protocols import Barrel, Base, Command, Engagement, Frames, GimbalFeedback, Seen, Shot, Truth
 from archerfish2.records.muzzle import MuzzleRecord
 from archerfish2.robot import Robot, RobotLike
-from archerfish2.simulation.camera import LinkedHardware, Sensing, jittered, sensing_from_record
+from archerfish2.simulation.camera import LinkedHardware, Sensing, jittered, plate_place, sensing_from_record
 from archerfish2.targets.motion import BEGIN_S
 from archerfish2.task import Task, TaskLike
 
@@ -60,7 +60,7 @@ class ImmediateHardware:
 
     def begin(self, engagement: Engagement, time: Array, normals: Array) -> ImmediateState:  # noqa: ARG002
         """Begin with the gimbal at rest, shape B."""
-        return ImmediateState(rest_state(self._plant(engagement), engagement.start), _place(engagement, time))
+        return ImmediateState(rest_state(self._plant(engagement), engagement.start), plate_place(engagement, time))
 
     def step(
         self,
@@ -71,7 +71,7 @@ class ImmediateHardware:
         normals: Array,  # noqa: ARG002
     ) -> ImmediateState:
         """Let a period pass under a command, until `time`; shape B."""
-        return ImmediateState(advance(self._plant(engagement), state.axes, command), _place(engagement, time))
+        return ImmediateState(advance(self._plant(engagement), state.axes, command), plate_place(engagement, time))
 
     def feedback(self, state: ImmediateState, engagement: Engagement) -> GimbalFeedback:
         """Return the angles and rates of now, shape B."""
@@ -96,10 +96,6 @@ class ImmediateHardware:
         if self.gimbal.input.ndim == 2:
             return self.gimbal
         return GimbalModel(*(each[engagement.plant] for each in self.gimbal))
-
-
-def _place(engagement: Engagement, time: Array) -> Array:
-    return engagement.target.at(time).position[..., 0, :]
 
 
 class WorldState(NamedTuple):
@@ -196,10 +192,10 @@ class SimulatedWorld:
         # A pellet that flies backwards crosses no plate. Replaced before any arithmetic, which has no value for it.
         forward = velocity[..., 0] > SLOWEST * muzzle.speed
         velocity = xp.where(forward[..., None], velocity, xp.abs(velocity) + lift(muzzle.speed[..., None], velocity))
-        plate = _place(engagement, time)
+        plate = plate_place(engagement, time)
         crossing = flat_fire_crossing(position, velocity, plate[..., 0], muzzle.drag)
         for _ in range(CROSSING_ROUNDS):
-            plate = _place(engagement, time + crossing.time)
+            plate = plate_place(engagement, time + crossing.time)
             crossing = flat_fire_crossing(position, velocity, plate[..., 0], muzzle.drag)
         miss = xp.stack([crossing.lateral - plate[..., 1], crossing.height - plate[..., 2]], axis=-1)
         # A square root has no gradient at zero: the guard is below a float32's last place of any miss that matters.

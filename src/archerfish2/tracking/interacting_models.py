@@ -22,6 +22,8 @@ from archerfish2.tracking.kalman_filter import (
 
 STILL, ONWARD, TURNED = range(3)
 """Models, by index."""
+STILL_SHARE = 0.5
+"""Probability that a target stands still at first, where nothing else is known."""
 KEPT = ((1.0, 0.0, 0.0), (0.0, 1.0, -1.0), (0.0, -1.0, 1.0))
 """Share of the velocity that is left when a target changes from one model (rows) to another (columns)."""
 STARTS = ((0.0, 1.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -32,8 +34,8 @@ class ModelRates(NamedTuple):
     """How often a target changes its mode, and how it begins; shape () each."""
 
     turn: Array  # turns back, of a target that moves [1/s]
-    stop: Array  # stops of a moving target and starts of one that stands [1/s]
-    still: Array  # probability that a target stands at first, 0…1
+    stop: Array = 0.1  # stops of a moving target and starts of one that stands [1/s]
+    still: Array = STILL_SHARE  # probability that a target stands at first, 0…1
 
 
 class ModelTracks(NamedTuple):

@@ -140,7 +140,7 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
     plant, drift = found.plant, found.structure.drift
     percent = float(free_run(plant, log.inputs, log.outputs, drift=drift).fit_percent[0])
     # The inverse of an axis leads, so that a plant of it has no delay, or many poles.
-    odd = plant.delay_samples <= plant.D.any() or len(plant.A) >= _MANY
+    odd = plant.dead_time_samples == 0 or len(plant.A) >= _MANY
     moving = [recording for recording in recordings if np.ptp(recording.inputs)]
     if plant.D.shape != (1, 1) or not (odd or percent < _SUSPECT) or not np.ptp(log.inputs):
         return None

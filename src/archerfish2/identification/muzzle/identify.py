@@ -12,7 +12,6 @@ from archerfish2.errors import InputError
 from archerfish2.identification.muzzle import checks, estimate
 from archerfish2.identification.muzzle.checks import Flags, LackOfFit
 from archerfish2.identification.muzzle.estimate import RANGES, SHAPING, azimuth, linearised, measured_vertical
-from archerfish2.identification.result import Result
 from archerfish2.identification.statistics import Array, converted
 from archerfish2.logs.recording import Finding
 from archerfish2.logs.shots import Shots, read_shots
@@ -20,7 +19,7 @@ from archerfish2.paper.conditions import assumed_conditions
 from archerfish2.provenance import provenance
 from archerfish2.records.json_files import plain
 from archerfish2.records.muzzle import MuzzleRecord
-from archerfish2.reports.report import Report
+from archerfish2.reports.report import Report, Result
 from archerfish2.reports.style import MUTED, Figure, new_figure, plot_style
 from archerfish2.reports.table import Estimate, Table, entry_texts
 

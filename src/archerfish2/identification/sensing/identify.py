@@ -13,13 +13,13 @@ import numpy as np
 
 from archerfish2.errors import InputError, file_error
 from archerfish2.identification import statistics
-from archerfish2.identification.result import Result
 from archerfish2.identification.sensing import timing
 from archerfish2.identification.sensing.alignment import Alignment, GimbalTrack, align, gimbal_track, rough_offset
 from archerfish2.logs import timing as logs
+from archerfish2.logs.recording import Finding
 from archerfish2.provenance import provenance
 from archerfish2.records.sensing import SensingRecord
-from archerfish2.reports.report import Report
+from archerfish2.reports.report import Report, Result
 from archerfish2.reports.style import Figure, new_figure, plot_style
 from archerfish2.reports.table import Entry, Estimate, Table, entry_texts, number
 
@@ -53,6 +53,7 @@ class SensingResult(Result):
     alignment: Alignment
     track: GimbalTrack
     counts: dict[str, tuple[int, int]]  # of detections and steps: used, logged
+    findings: tuple[Finding, ...]  # what was left out of files
 
     part = "sensing"
 
@@ -127,6 +128,7 @@ class SensingResult(Result):
             next_steps=_those(missing),
             tables=(Table("Camera and link", ("quantity", "mean (95 % interval)", "standard deviation"), rows),),
             figures=(("Yaw by gimbal (line) and camera (dots), which should lie on the line.", self.plot),),
+            findings=self.findings,
             provenance=dict(self.record.provenance),
         )
 
@@ -136,6 +138,7 @@ def _those(sentences: Mapping[str, object]) -> tuple[str, ...]:
 
 
 _FARTHEST_M = 100.0  # that a plate is seen
+_FEWEST_RECEIPTS = 20  # from which a latency is estimated
 
 
 def identify_sensing(
@@ -179,8 +182,11 @@ def identify_sensing(
     for name, (value, values) in allowed.items():
         if value not in values:
             raise InputError(f"{name}: expected {' or '.join(values)}, got {value}; correct it")
-    read_gimbal = partial(logs.read_gimbal_log, degrees=degrees)
-    read_detections = partial(logs.read_detections, frame=frame, degrees=degrees)
+    findings = list[Finding]()
+    read_gimbal = partial(logs.read_gimbal_log, degrees=degrees, findings=findings)
+    read_detections = partial(logs.read_detections, frame=frame, degrees=degrees, findings=findings)
+    read_moments = partial(logs.read_moments, findings=findings)
+    read_message_times = partial(logs.read_message_times, findings=findings)
     log, *more = (_read(read_gimbal, each) for each in (sweep, *steps))
     plate, stepping = (_read(read_detections, each) for each in (detections, target))
     if (far := float(np.median(np.linalg.norm(plate.position, axis=1)))) > _FARTHEST_M:
@@ -199,14 +205,15 @@ def identify_sensing(
     if track.quantum is not None:
         found["link.feedback_quantum"] = Estimate(track.quantum, np.nan, np.nan, "rad")
     counts, basis = {"detections": (int(alignment.inlier.sum()), stamps.size)}, ""
-    if plate.receive is not None:
-        delay = plate.receive - plate.time
+    stamped, _, received = timing.with_receipts(plate)
+    delay = received - stamped
+    if delay.size >= _FEWEST_RECEIPTS:
         found["camera.latency_jitter"] = timing.latency_jitter(delay, found["camera.stamp_jitter"])
         if gimbal_clock == "receipt":
             found["camera.latency"] = timing.sweep_latency(delay, found["camera.time_offset"], plate.source)
             basis = "feedback"
     if stepping is not None:
-        moments = np.asarray(_read(logs.read_moments, target_steps))
+        moments = np.asarray(_read(read_moments, target_steps))
         exposed, used = timing.step_latency(stepping, moments, period.value)
         if basis:  # a log stamped on receipt is late by the feedback's delay, and so are exposures aligned to it
             found["link.feedback_delay"] = statistics.difference(exposed, found["camera.latency"])
@@ -218,7 +225,7 @@ def identify_sensing(
         found["link.command_jitter"] = statistics.scatter_estimate(delays)
     for name, times in (("link.command_latency", commands), ("link.feedback_latency", feedback)):
         if times is not None:
-            sent, received = _read(logs.read_message_times, times)
+            sent, received = _read(read_message_times, times)
             found[name] = statistics.sample_mean(received - sent)
             found[f"{name}_jitter"] = statistics.scatter_estimate(received - sent)
     given = (sweep, detections, *steps, target, target_steps, commands, feedback)
@@ -230,7 +237,7 @@ def identify_sensing(
         parts[part][field] = float(each.value)
     intervals = {name: (each.low, each.high) for name, each in found.items() if np.isfinite(each.low)}
     record = SensingRecord(**parts, intervals=intervals, provenance=provenance(seed, files))
-    return SensingResult(record, found, alignment, track, counts)
+    return SensingResult(record, found, alignment, track, counts, tuple(findings))
 
 
 def _read(reader: Callable[[str | Path], Any], given: Any) -> Any:

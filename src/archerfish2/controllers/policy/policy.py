@@ -7,8 +7,9 @@ import numpy as np
 from msgspec import Meta, field
 
 from archerfish2.arrays import Array, tree
-from archerfish2.controllers.network import Layer, Normaliser, forward, normalise
-from archerfish2.controllers.observation import Memory, Observer, ObserverFacts, make_observer
+from archerfish2.controllers.policy.network import Layer, Normaliser, forward, normalise
+from archerfish2.controllers.policy.observation import ObserverFacts, make_observer
+from archerfish2.controllers.policy.observer import Memory, Observer
 from archerfish2.errors import InputError, file_error
 from archerfish2.protocols import Command, Seen, Truth
 from archerfish2.records.json_files import parse_json, plain, to_struct
@@ -16,7 +17,7 @@ from archerfish2.records.record import Struct
 from archerfish2.storage import read_arrays, write_arrays
 from archerfish2.task import Task
 
-SCHEMA, REMEDY = "archerfish.policy/2", "train again"
+POLICY_SCHEMA, _REMEDY = "archerfish.policy/2", "train again"
 _LARGEST_NUMBER = 1e6
 """In a policy's arrays: far beyond any that a training leaves."""
 
@@ -84,20 +85,20 @@ class Policy:
             folder is not finished.
         """
         path = Path(path)
-        if not (file := _file(path)).exists() and is_training(path):
+        if not (file := _policy_file(path)).exists() and is_training(path):
             raise file_error(path, "is a training that is not finished", f"run archerfish2 train --resume {path}")
         path = file
-        text, arrays = read_arrays(path, REMEDY)
-        if isinstance(content := parse_json(text, path, REMEDY), dict):
+        text, arrays = read_arrays(path, _REMEDY)
+        if isinstance(content := parse_json(text, path, _REMEDY), dict):
             content.pop("remake", None)  # of older files
-        facts = to_struct(content, path, PolicyFacts, SCHEMA, REMEDY)
+        facts = to_struct(content, path, PolicyFacts, POLICY_SCHEMA, _REMEDY)
         if (own := ", ".join(facts.observer.observation[1:])) and not blocks:
             raise file_error(path, f"has blocks of a user's own ({own})", "give them: Policy.load(path, blocks=(…))")
         try:
             observer = make_observer(facts.observer, tuple(blocks))
             return cls(observer, *_network(arrays, sum(size for _, size in observer.layout())), facts=facts)
         except InputError as error:
-            raise file_error(path, str(error).removesuffix(f"; {REMEDY}"), REMEDY) from error
+            raise file_error(path, str(error).removesuffix(f"; {_REMEDY}"), _REMEDY) from error
 
     def save(self, path: str | Path) -> None:
         """Write the policy to a .safetensors file, of a folder that is there to policy.safetensors in it.
@@ -110,7 +111,7 @@ class Policy:
         arrays = {"mean": self.normaliser.mean, "variance": self.normaliser.variance}
         for index, layer in enumerate(self.actor):
             arrays |= {f"weight.{index}": layer.weight, f"bias.{index}": layer.bias}
-        write_arrays(_file(Path(path)), {"schema": SCHEMA, **plain(self.facts)}, arrays)
+        write_arrays(_policy_file(Path(path)), {"schema": POLICY_SCHEMA, **plain(self.facts)}, arrays)
 
 
 def is_training(folder: Path) -> bool:
@@ -119,7 +120,7 @@ def is_training(folder: Path) -> bool:
     return any((folder / name).is_file() for name in names)
 
 
-def _file(path: Path) -> Path:
+def _policy_file(path: Path) -> Path:
     return path / "policy.safetensors" if path.is_dir() else path
 
 

@@ -15,7 +15,7 @@ from archerfish2.dynamics.command_limits import NEVER, CommandLimits
 from archerfish2.dynamics.linear_axis import GimbalModel
 from archerfish2.protocols import Base
 
-Rows = tuple[Array, ...]
+RowsOfL = tuple[Array, ...]
 """Of L u: u, Δu and Δ²u."""
 
 
@@ -63,7 +63,7 @@ class Preview:
             penalty = tuple(self.penalty[axis])
             turned, unbounded = (xp.moveaxis(each, -1, along) for each in (right, right @ self.optimum[axis]))
 
-            def improve(variables: tuple[Array, Rows]) -> tuple[Array, Rows]:
+            def improve(variables: tuple[Array, RowsOfL]) -> tuple[Array, RowsOfL]:
                 _, rows = variables  # with their duals, which are what the bounds cut off
                 kept = tuple(xp.clip(*each) for each in zip(rows, low, high, strict=True))
                 pulls = (share * (2.0 * inside - row) for share, inside, row in zip(penalty, kept, rows, strict=True))
@@ -77,7 +77,7 @@ class Preview:
 
         return xp.stack([solve(0), solve(1)], axis=-1)
 
-    def bounds(self, axis: int, command: Array, command_rate: Array, base_yaw: Array) -> tuple[Rows, Rows]:
+    def bounds(self, axis: int, command: Array, command_rate: Array, base_yaw: Array) -> tuple[RowsOfL, RowsOfL]:
         """Return the bounds of the rows L u of one axis, B + (N,) each; the first count from the command in force.
 
         Args:
@@ -152,7 +152,7 @@ def _responses(model: GimbalModel, axis: int, horizon: int) -> tuple[Array, Arra
     return np.where(lag >= 0, impulse[np.maximum(lag, 0)], 0.0), np.array(rows[1:])
 
 
-def rows_of(commands: Array, along: int = -1) -> Rows:
+def rows_of(commands: Array, along: int = -1) -> RowsOfL:
     """Return L u: commands, shape (..., N, ...), their differences and second differences, zero before the first.
 
     Args:

@@ -13,8 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 from archerfish2.arrays import Array, lift, map_arrays, namespace, repeat, tree
-from archerfish2.controllers.preview import Preview, Rows, bounding, commands_of, make_preview, rows_of
-from archerfish2.controllers.preview_aim import HORIZON, SMOOTHING
+from archerfish2.controllers.aiming.preview_lq import HORIZON
+from archerfish2.controllers.aiming.preview_program import (
+    Preview,
+    RowsOfL,
+    bounding,
+    commands_of,
+    make_preview,
+    rows_of,
+)
+from archerfish2.controllers.tuning import SMOOTHING
 from archerfish2.dynamics.aiming import intercept
 from archerfish2.dynamics.command_limits import limit_command
 from archerfish2.dynamics.linear_axis import advance, rest_state
@@ -25,7 +33,7 @@ from archerfish2.robot import Robot
 from archerfish2.task import Task
 from archerfish2.tracking.detections import relative_place, unwrapped
 
-ROUNDS, ITERATIONS, LEAST_SQUARES_ITERATIONS = 3, 150, 1500
+REWEIGHTINGS, ADMM_ITERATIONS, LEAST_SQUARES_ITERATIONS = 3, 150, 1500
 """Times that the weights are set again, iterations of ADMM for each, and for the plan to begin with."""
 RELAXATION = 1.8
 """Over-relaxation of ADMM, between 1 (none) and 2: far slews need about half the iterations."""
@@ -88,7 +96,7 @@ class Oracle:
                 error, rows = commands @ self.preview.response[axis].T - wanted, rows_of(commands)
                 none = tuple(0.0 * each for each in rows)
                 plans.append(_AxisPlan(wanted, low, high, commands, error, 0.0 * error, rows, none))
-            for again in range(ROUNDS + 1):
+            for again in range(REWEIGHTINGS + 1):
                 if again:
                     plans = [self._improve(axis, plan, weight) for axis, plan in enumerate(plans)]
                 commands, hits, weight = self._judge(plans, distance)
@@ -167,20 +175,20 @@ class Oracle:
             rows_dual = tuple(new - row for new, row in zip(asked, rows, strict=True))
             return _AxisPlan(*plan[:3], commands, error, residual - error, rows, rows_dual)
 
-        return _AxisPlan(*repeat(iterate, ITERATIONS, begun))
+        return _AxisPlan(*repeat(iterate, ADMM_ITERATIONS, begun))
 
 
 class _AxisPlan(NamedTuple):
     """ADMM variables of one axis; N is the number of decisions."""
 
     wanted: Array  # path less free response, B + (N,)
-    low: Rows  # bounds of the rows L u, B + (N,) each
-    high: Rows
+    low: RowsOfL  # bounds of the rows L u, B + (N,) each
+    high: RowsOfL
     commands: Array  # B + (N,)
     error: Array  # M u − wanted after the shrinkage, B + (N,)
     error_dual: Array
-    rows: Rows  # L u after the clipping, B + (N,) each
-    rows_dual: Rows
+    rows: RowsOfL  # L u after the clipping, B + (N,) each
+    rows_dual: RowsOfL
 
 
 def make_oracle(robot: Robot, task: Task) -> Oracle:

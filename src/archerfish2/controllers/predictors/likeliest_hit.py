@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 from archerfish2.arrays import Array, lift, namespace
-from archerfish2.controllers.kalman import Predictor
+from archerfish2.controllers.predictors.predictor import Predictor
 from archerfish2.tracking.detections import relative_place
 
 PLACES = 17

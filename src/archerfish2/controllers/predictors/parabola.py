@@ -12,19 +12,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from archerfish2.arrays import Array, fold, lift, namespace, select, tree
-from archerfish2.controllers.hit_window import LikeliestHit, Places, distribution
-from archerfish2.controllers.kalman import Predictor
+from archerfish2.controllers.predictors.likeliest_hit import LikeliestHit, Places, distribution
+from archerfish2.controllers.predictors.predictor import Predictor
 from archerfish2.protocols import Base, Seen
 from archerfish2.targets.motion import triangle_wave
 from archerfish2.task import Task
 from archerfish2.tracking import kalman_filter
 from archerfish2.tracking.detections import Detection, first_detection, relative_place
+from archerfish2.tracking.interacting_models import STILL_SHARE
 from archerfish2.tracking.kalman_filter import TrackerNoise
 
-SPEEDS, PHASES, DRAWN = 48, 160, 96
+SPEED_HYPOTHESES, PHASE_HYPOTHESES, HYPOTHESES_DRAWN = 48, 160, 96
 """Hypotheses of either kind, and how many are drawn to predict from. Finer ones change no hit rate by 0.1 points."""
-STILL = 0.5
-"""Probability that a target stands still, which the tables' targets do half of the time."""
 
 
 class ParabolaTrack(NamedTuple):
@@ -250,7 +249,7 @@ def make_parabola_aware(task: Task) -> ParabolaAware:
 
 
 def make_parabola_filter(
-    task: Task, scatter: float, noise: TrackerNoise, speeds: int = SPEEDS, phases: int = PHASES
+    task: Task, scatter: float, noise: TrackerNoise, speeds: int = SPEED_HYPOTHESES, phases: int = PHASE_HYPOTHESES
 ) -> ParabolaFilter:
     """Build the filter.
 
@@ -264,12 +263,12 @@ def make_parabola_filter(
     return ParabolaFilter(
         speed=task.max_speed_m_s * np.arange(speeds) / (speeds - 1),
         phase=np.arange(phases) / phases,
-        log_prior=np.log([STILL, *[(1.0 - STILL) / (speeds - 1)] * (speeds - 1)]),
+        log_prior=np.log([STILL_SHARE, *[(1.0 - STILL_SHARE) / (speeds - 1)] * (speeds - 1)]),
         half_width=np.sqrt(np.asarray(task.rise_m / task.curvature_1_m)),
         curvature=np.asarray(task.curvature_1_m),
         middles=np.array([[np.min(task.ranges_m), np.max(task.ranges_m)], [-task.lateral_m, task.lateral_m]]),
         reach=np.asarray(task.hit_radius_m),
         scatter=np.asarray(scatter),
         noise=noise,
-        draws=DRAWN,
+        draws=HYPOTHESES_DRAWN,
     )

@@ -1,94 +1,31 @@
-"""What a policy sees and how it acts: an observation is a list of blocks of numbers, an action an offset from an aim.
+"""How a policy observes and acts: what it remembers, what its blocks get, and what an action means.
 
-Kinds of observation are lists of blocks. `paper`: the six numbers of the paper. `history`: the last decisions, scaled
-and differenced; raw ones are the same facts in a form that a small network hardly learns from. Both aim at the latest
-detection. `tracked`: a Kalman filter's estimate and a second of history, for a camera and a link that are late and
-noisy. `multimodel`: several trackers side by side and longer memories, for targets that move in any way, since no one
-tracker fits a target that may stand, drive on, turn back or swing. These two aim at where the filter that follows turns
-takes the target to be now, and the command is the next one on the fastest slew to what the action asks for.
+The kinds of observation `paper` and `history` aim at the latest detection. `tracked` and `multimodel` have trackers:
+they aim at the place where the quick filter estimates the target now, and the command is the next one on the fastest
+slew to what the action asks for.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from msgspec import Meta
 
-from archerfish2.arrays import Array, lift, map_arrays, namespace, select, single_precision, tree
-from archerfish2.controllers.blocks import KINDS, Block
+from archerfish2.arrays import Array, lift, map_arrays, namespace, select, tree
 from archerfish2.dynamics.aiming import aim_at
+from archerfish2.dynamics.command_limits import approach
 from archerfish2.dynamics.muzzle import Muzzle
-from archerfish2.dynamics.slew import approach
 from archerfish2.errors import InputError
 from archerfish2.plugins import find_plugin
 from archerfish2.protocols import Base, Command, Seen, aim, seen_ahead
-from archerfish2.records.record import Struct
-from archerfish2.robot import Robot
-from archerfish2.task import Task
 from archerfish2.tracking.detections import azimuth_near, level_distance, unwrapped
-from archerfish2.tracking.interacting_models import ModelRates
-from archerfish2.tracking.kalman_filter import TrackerNoise, against_pivot, noise_from_record, position_after
-from archerfish2.tracking.legendre_memory import Window, constant_history, legendre_window, with_sample
+from archerfish2.tracking.kalman_filter import against_pivot, position_after
+from archerfish2.tracking.legendre_memory import Window, constant_history, with_sample
 from archerfish2.tracking.side_by_side import Trackers, Tracks
 
-FRAMES, DETECTIONS = 4, 8
-"""Decisions and raw detections that are remembered."""
-WINDOWS = ((12, 1.0), (6, 1.0), (14, 3.0))
-"""Legendre coefficients and length [s] of the histories of azimuth, distance, and azimuth for long."""
-ACTION_SCALES = {"box": (0.1, 0.3), "gate": (0.03, 0.1), "los-2deg": (0.03, 0.1)}
-"""Command limit → offset of the command from the aim per unit of action, pitch and yaw [rad]: wide where the command
-may overdrive the gimbal, narrow where it can't, so that exploration does not dominate the last milliradians."""
-ACCELERATION, SLOW_ACCELERATION = {"tracked": 3.0, "multimodel": 4.0}, 0.2
-"""What the trackers assume of a target's acceleration, as a standard deviation [m/s²]."""
-EXACT_SD = 5e-4
-"""What they assume of a camera without noise [m]."""
-RATES = ModelRates(*(np.asarray(each) for each in (0.25, 0.1, 0.5)))
-"""Of the interacting models: turns and stops [1/s], share of the targets that stand at first."""
-_Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
-_Magnitude = Annotated[float, Meta(ge=0.0, le=1e3)]
-_Offset = Annotated[float, Meta(ge=-1.0, le=1.0)]
-_Deviation = Annotated[float, Meta(ge=1e-4, le=0.03)]
-_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
-
-
-class TrackerFacts(Struct, frozen=True, kw_only=True):
-    """What the trackers assume, as `TrackerNoise`."""
-
-    acceleration: _Magnitude  # [m/s²]
-    along: _Deviation  # [m]
-    across: _Deviation  # [m]
-    along_share: _Share  # of the distance
-    across_angle: _Share  # [rad]
-    initial_speed: _Magnitude  # [m/s]
-    height_angle: _Share | None = None  # [rad]; of an older policy `across_angle`
-
-
-class ObserverFacts(Struct, frozen=True, kw_only=True):
-    """All numbers of an observer, as a policy's file has them."""
-
-    observation: Annotated[tuple[str, ...], Meta(min_length=1, max_length=100)]
-    """A kind of observation, and blocks of a user's own."""
-    frames: Annotated[int, Meta(ge=2, le=64)] = FRAMES
-    """Decisions that are remembered."""
-    period_s: Annotated[float, Meta(ge=1e-4, le=10.0)]
-    """Decision period [s]."""
-    action_scale: tuple[_Positive, _Positive]
-    """Offset of the command from the aim per unit of action, pitch and yaw [rad]."""
-    largest_move: tuple[_Positive, _Positive]
-    """Of the command from one decision to the next, pitch and yaw [rad]."""
-    braking: tuple[_Positive, _Positive]
-    """By how much that move may change from one decision to the next, pitch and yaw [rad]."""
-    speed: Annotated[float, Meta(ge=2.0, le=1e3)]
-    """Of the pellets at the muzzle [m/s]."""
-    drag: _Magnitude
-    """[1/m]."""
-    length: _Magnitude
-    """From the pivot to the muzzle [m]."""
-    offset: tuple[_Offset, _Offset]
-    """Mean disturbance angles, pitch and yaw [rad]."""
-    tracker: TrackerFacts | None = None
-    """None for an observation without."""
+DETECTIONS = 8
+"""Raw detections that are remembered."""
 
 
 class Decisions(NamedTuple):
@@ -158,6 +95,10 @@ class View:
     def unwrapped(self, angle: Array) -> Array:
         """Return pitch and yaw [rad] with the yaw nearest to that of the command, shape B + (2,)."""
         return unwrapped(angle, self.memory.decisions.command[..., -1, :])
+
+
+Block = Callable[["Observer", View], Array]
+"""A block of an observation: a function of the observer and the view that returns numbers, shape B + (k,)."""
 
 
 @tree(static=("blocks", "frames"))
@@ -260,77 +201,3 @@ class Observer:
             return None
         relative = tracks.place - tracks.own
         return Detections(azimuth_near(relative, azimuth), level_distance(relative))
-
-
-def observer_facts(observation: str | tuple[str, ...], robot: Robot, task: Task, frames: int = FRAMES) -> ObserverFacts:
-    """Return all numbers of the observer of a robot for a task.
-
-    Args:
-      observation: a kind of observation, or one followed by names of blocks of a user's own, as `find_plugin` takes
-        them.
-      robot: muzzle, camera and limits.
-      task: decision period and command limit.
-      frames: decisions that are remembered; `paper` has two.
-
-    Raises:
-      InputError: if the kind is unknown, or needs a sensing record that the robot lacks.
-    """
-    kind, *own = (observation,) if isinstance(observation, str) else observation or ("",)
-    if kind not in KINDS:
-        raise InputError(f"observation must be one of {', '.join(KINDS)}, got {kind!r}; then blocks of your own")
-    tracker = None
-    if kind in ACCELERATION:
-        if robot.sensing is None and kind == "tracked":
-            raise InputError("observation tracked needs a robot with sensing.json; identify it, or take history")
-        noise = TrackerNoise(ACCELERATION[kind], EXACT_SD, EXACT_SD)
-        noise = noise if robot.sensing is None else noise_from_record(robot.sensing, ACCELERATION[kind])
-        tracker = TrackerFacts(**{name: float(value) for name, value in noise._asdict().items()})
-    limits, muzzle, period = robot.command_limits(task), robot.muzzle_model(), task.period_s
-    return ObserverFacts(
-        observation=(kind, *own),
-        frames=2 if kind == "paper" else frames,
-        period_s=period,
-        action_scale=ACTION_SCALES[task.command_limit],
-        largest_move=tuple(limits.max_rate * period),
-        braking=tuple(limits.max_acceleration * period**2),
-        tracker=tracker,
-        offset=tuple(muzzle.offset),
-        **{name: float(getattr(muzzle, name)) for name in ("speed", "drag", "length")},
-    )
-
-
-def make_observer(facts: ObserverFacts, blocks: tuple[Any, ...] = ()) -> Observer:
-    """Build an observer in float32.
-
-    Args:
-      facts: its numbers.
-      blocks: of a user's own, names or functions, in the order of the facts.
-
-    Raises:
-      InputError: if there are other blocks than the facts name.
-    """
-    kind, *names = facts.observation
-    if kind not in KINDS or (kind in ACCELERATION) != (facts.tracker is not None):
-        raise InputError(f"observation: expected one of {', '.join(KINDS)}, with its tracker, got {kind}; correct it")
-    if len(names) != len(blocks):
-        remedy = f"give {', '.join(names)}" if names else "leave them out"
-        raise InputError(f"observation {kind} has {len(names)} blocks of a user's own, got {len(blocks)}; {remedy}")
-    trackers, windows = Trackers(), tuple[tuple[int, float], ...]()
-    if facts.tracker is not None:
-        values = (getattr(facts.tracker, name) for name in TrackerNoise._fields)
-        fast = TrackerNoise(*(np.asarray(facts.tracker.across_angle if value is None else value) for value in values))
-        trackers, windows = Trackers(fast), WINDOWS[:1]
-    if kind == "multimodel":
-        trackers, windows = Trackers(fast, fast._replace(acceleration=np.asarray(SLOW_ACCELERATION)), RATES), WINDOWS
-    muzzle = (facts.speed, 0.0, facts.offset, (0.0, 0.0), facts.drag, facts.length)
-    observer: Observer = Observer(
-        blocks=(*KINDS[kind], *(find_plugin(each, "block").value for each in blocks)),
-        trackers=trackers,
-        windows=tuple(legendre_window(order, length, facts.period_s) for order, length in windows),
-        frames=facts.frames,
-        action_scale=np.array(facts.action_scale),
-        largest_move=np.array(facts.largest_move),
-        braking=np.array(facts.braking),
-        muzzle=Muzzle(*(np.array(each) for each in muzzle)),
-    )
-    return single_precision(observer)

@@ -1,0 +1,1 @@
+"""From where a target will be to a command: one law of aiming a file."""
