@@ -10,13 +10,15 @@ pytest.importorskip("jax")
 SMALL = "gradient.environments=32 gradient.hidden=16 gradient.window=5"
 FAULTS = {
     "--set gradient.hiden=3": "field gradient: object contains unknown field hiden",
-    "--set hidden": "--set takes NAME=VALUE, got hidden",
+    "--set hidden": "--set takes NAME=VALUE, and no value for a part and for a field of it, got hidden",
+    "--set ppo=3 ppo.epochs=2": "got ppo.epochs=2; write for instance",
     "--reward nearest": "reward must be one of eq-8, hit, smooth-hit",
     "--observation six": "observation must be one of paper, history, tracked, multimodel, got 'six'",
     "--observation tracked": "observation tracked needs a robot with sensing.json",
     "--steps 0": "steps must be a whole number of 1 to 2^53, got 0",
     "--resume none": "none: has no training",
     "--trainer pp": "invalid choice",
+    "--set ppo.epochs=2 ppo=3": "got ppo=3; write for instance",
     "--set hidden=3": "there is no field hidden",
     "--set ppo.epochs=2": "--set ppo.epochs=2 is not of the trainer gradient",
 }

@@ -404,7 +404,9 @@ def test_what_is_kept_is_that_of_this_version_and_code_and_else_is_searched_for_
 
 
 def test_the_command_ends_with_the_files_and_what_to_do_with_them(tmp_path, capsys):
-    main(["export", "--controller", "kalman", "--task", "strafe", "--untuned", "--out", str(tmp_path / "mine.c")])
+    main(
+        ["export", "--controller", "kalman", "--task", "strafe", "--tuning", "start", "--out", str(tmp_path / "mine.c")]
+    )
     printed = capsys.readouterr().out.splitlines()
     path = tmp_path / "mine"
     assert printed[-2:] == [f"wrote {path}.c and {path}.h", f"next: {COMPILE} {path}.c {MORE}"]

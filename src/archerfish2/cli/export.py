@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from archerfish2.cli.options import ForRobot, shown
 from archerfish2.codegen.export import export
@@ -30,9 +30,9 @@ class Export(ForRobot):
     """A policy's file or folder, or kalman, kalman-lq, imm-lq, parabola-lq or no-lead; ROBOT/policy, or runs/train."""
     out: Annotated[Path | None, shown("FILE")] = None
     """What to write, NAME.c or NAME.onnx; policy.c, or the controller's name, in ROBOT, or here."""
-
-    untuned: Annotated[bool, shown()] = False
-    """Take a classical controller as it is before tuning."""
+    tuning: Annotated[Literal["kept", "start"], shown("kept|start", "(default: kept)")] = "kept"
+    """Settings of a classical controller: those that are kept, which are searched for where there are none, or those
+    where the search begins."""
 
     def run(self, _: str = "") -> None:
         """Export, print."""
@@ -42,7 +42,7 @@ class Export(ForRobot):
         stem = controller.replace("-", "_") if controller in NAMES else "policy"
         out = self.out or (self.folder or Path()) / f"{stem}.c"
         robot, task = self.robot_and_task()
-        report = export(controller, out, robot, task, tuning="start" if self.untuned else "kept")
+        report = export(controller, out, robot, task, tuning=self.tuning)
         written, step = f"{out}", "docs2/export.md runs it in Python and C++"
         if out.suffix == ".c":
             written, step = f"{out} and {out.with_suffix('.h')}", f"cc -O2 -ffp-contract=off -c {out} (docs2/export.md)"

@@ -1,5 +1,6 @@
 """Options that several commands have, declared once."""
 
+import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from archerfish2 import storage
+from archerfish2.errors import InputError
 from archerfish2.robot import Robot
 from archerfish2.task import Task
 
@@ -16,6 +18,27 @@ from archerfish2.task import Task
 def shown(metavar: str = "", default: str = "") -> Any:
     """Return how an option is shown whose default says nothing."""
     return tyro.conf.arg(metavar=metavar or None, help_behavior_hint=default)
+
+
+def assigned(settings: Iterable[str]) -> dict[str, Any]:
+    """Return NAME=VALUE and PART.NAME=VALUE as fields, and parts as dictionaries of fields; a VALUE is JSON, or a text.
+
+    Raises:
+      InputError: if one is neither.
+    """
+    fields: dict[str, Any] = {}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        part, _, field = name.rpartition(".")
+        place = fields.setdefault(part, {}) if part else fields
+        if not equals or not isinstance(place, dict) or isinstance(place.get(field), dict):
+            expected = "NAME=VALUE, and no value for a part and for a field of it"
+            raise InputError(f"--set takes {expected}, got {setting}; write for instance gradient.hidden=256")
+        try:
+            place[field] = json.loads(text)
+        except ValueError:
+            place[field] = text
+    return fields
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,11 @@
 """`archerfish2 train`: a policy for a robot and a task."""
 
-import json
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from archerfish2.cli.options import ForRobot, shown
+from archerfish2.cli.options import ForRobot, assigned, shown
 from archerfish2.controllers.policy.policy import Policy
 from archerfish2.errors import InputError
 from archerfish2.learning.config import TrainConfig
@@ -70,8 +69,8 @@ class Train(ForRobot):
 
     def _trained(self, out: Path) -> Policy:
         robot, task = self.robot_and_task()
-        config = with_given(TrainConfig.of(self._settings()), self.trainer, self.steps, self.reward)
-        config = config.resolved(robot, task)
+        settings = assigned(self.set) | ({"observation": self.observation} if self.observation else {})
+        config = with_given(TrainConfig.of(settings), self.trainer, self.steps, self.reward).resolved(robot, task)
         others = "ppo." if config.trainer == "gradient" else "gradient."
         if other := [setting for setting in self.set if setting.startswith(others)]:
             raise InputError(
@@ -103,25 +102,6 @@ class Train(ForRobot):
         if self.task != "any" or task == Task(motion=name, command_limit=task.command_limit):
             return shlex.join(words)
         return f"archerfish2 evaluate with the file of the task {task.name}, which this folder doesn't name"
-
-    def _settings(self) -> dict[str, Any]:
-        settings: dict[str, Any] = {"observation": self.observation} if self.observation else {}
-        for each in self.set:
-            name, equals, text = each.partition("=")
-            if not equals:
-                raise InputError(f"--set takes NAME=VALUE, got {each}; write for instance gradient.hidden=256")
-            try:
-                value = json.loads(text)
-            except ValueError:
-                value = text
-            part, dot, field = name.partition(".")
-            if dot and not isinstance(settings.get(part, {}), dict):
-                raise InputError(f"--set gives {part} and {name}; leave one out")
-            if dot:
-                settings.setdefault(part, {})[field] = value
-            else:
-                settings[name] = value
-        return settings
 
 
 def _announce(robot: Robot, task: Task, config: TrainConfig, out: Path) -> None:
