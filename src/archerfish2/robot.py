@@ -3,7 +3,7 @@
 import hashlib
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Protocol, Self, get_args
 
 import numpy as np
 from msgspec import Meta, field
@@ -134,7 +134,7 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         return robot
 
     @classmethod
-    def of(cls, robot: Any = None, *, accept_unusable: bool = False) -> Self:
+    def of(cls, robot: "RobotLike" = None, *, accept_unusable: bool = False) -> Self:
         """Return a robot as every verb takes it.
 
         Args:
@@ -144,9 +144,9 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         Raises:
           InputError: if it is none of these, or can't be read.
         """
-        robot = getattr(robot, "record", robot)
-        if isinstance(robot, cls):
-            return robot
+        found: Any = getattr(robot, "record", robot)
+        if isinstance(found, cls):
+            return found
         if robot is None or robot == "paper":
             return cls.paper()
         if isinstance(robot, str | Path):
@@ -241,6 +241,18 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         parts = [self.name, *axes, f"muzzle: {self.muzzle.speed:.4g} m/s", *(["sensing"] if self.sensing else [])]
         parts += [f"assumed: {', '.join(self.assumed)}"] if self.assumed else []
         return f"Robot({'; '.join(parts)})"
+
+
+class Identified(Protocol):
+    """A result that has a robot, as that of `identify_robot`."""
+
+    @property
+    def record(self) -> Robot:
+        """The robot."""
+
+
+RobotLike = Robot | Identified | str | Path | None
+"""A robot as every verb takes it; see `Robot.of`."""
 
 
 def _digest(content: Any) -> str:

@@ -43,10 +43,8 @@ class CameraRecord(Struct, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if bool(self.latency_basis) != (self.latency is not None):
-            raise InputError(
-                f'CameraRecord: field latency_basis: expected "exposure" or "feedback" with a latency and "" without, '
-                f'got "{self.latency_basis}"; correct it'
-            )
+            expected = f'expected "exposure" or "feedback" with a latency and "" without, got "{self.latency_basis}"'
+            raise InputError(f"CameraRecord: field latency_basis: {expected}; correct it")
 
 
 class LinkRecord(Struct, frozen=True, kw_only=True):
@@ -93,9 +91,6 @@ class SensingRecord(Record, frozen=True, kw_only=True):
 
     def values(self) -> dict[str, float]:
         """Return the measured values by their names in `intervals`, such as "camera.latency"."""
-        return {
-            f"{part}.{name}": value
-            for part in ("camera", "link")
-            for name in getattr(self, part).__struct_fields__
-            if isinstance(value := getattr(getattr(self, part), name), float)
-        }
+        values = {"camera." + name: getattr(self.camera, name) for name in self.camera.__struct_fields__}
+        values |= {"link." + name: getattr(self.link, name) for name in self.link.__struct_fields__}
+        return {name: value for name, value in values.items() if isinstance(value, float)}

@@ -5,7 +5,7 @@ if the command says so, and scored where it crosses the plate's plane. A robot w
 and perfect camera, link and feedback, as in the paper; one with it has those of `camera`.
 """
 
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -20,12 +20,10 @@ from archerfish2.dynamics.pellet import flat_fire_crossing
 from archerfish2.errors import InputError
 from archerfish2.protocols import Barrel, Base, Command, Engagement, Frames, GimbalFeedback, Seen, Shot, Truth
 from archerfish2.records.muzzle import MuzzleRecord
+from archerfish2.robot import Robot, RobotLike
 from archerfish2.simulation.camera import LinkedHardware, Sensing, jittered, plate_place, sensing_from_record
 from archerfish2.targets.motion import BEGIN_S
-
-if TYPE_CHECKING:
-    from archerfish2.robot import Robot
-    from archerfish2.task import Task
+from archerfish2.task import Task, TaskLike
 
 CROSSING_ROUNDS = 3
 """Rounds of the search for the plane that a pellet crosses; each shrinks the error by the ratio of the two speeds."""
@@ -257,16 +255,18 @@ def scored(
     )
 
 
-def make_world(robot: "Robot", task: "Task") -> SimulatedWorld:
+def make_world(robot: RobotLike = None, task: TaskLike = "any") -> SimulatedWorld:
     """Build the simulator of a robot for a task, in float32.
 
     Args:
-      robot: its records; posterior draws and intervals become draws that engagements choose from.
-      task: decision period, command limit and hit radius.
+      robot: a robot or its folder, the paper's if not given; posterior draws and intervals become draws that
+        engagements choose from.
+      task: decision period, command limit and hit radius: a task, its name or its file.
 
     Raises:
       InputError: if a plant does not fit the decision period, or feedback is older than a controller can use.
     """
+    robot, task = Robot.of(robot), Task.of(task)
     period, limits = task.period_s, robot.limits
     for axis, angle in zip(("pitch", "yaw"), task.start, strict=True):
         ends = getattr(limits, axis)

@@ -63,6 +63,15 @@ class Policy:
         """Return the action for an observation, shape B + (n,) → B + (2,)."""
         return forward(self.actor, normalise(self.normaliser, observation))
 
+    def __repr__(self) -> str:
+        if self.facts is None:
+            return "Policy(without facts)"
+        made, name = self.facts.training, ", ".join(self.facts.observer.observation)
+        parts = [f"observation {name}", f"task {self.facts.task.name}", f"seed {self.facts.seed}"]
+        parts += [f"robot {made['robot']}"] if "robot" in made else []
+        parts += [f"{made['hit_share']:.1%} of the latest shots of its training hit"] if "hit_share" in made else []
+        return f"Policy({', '.join(parts)})"
+
     @classmethod
     def load(cls, path: str | Path, blocks: tuple[Any, ...] = ()) -> Self:
         """Read a policy.
