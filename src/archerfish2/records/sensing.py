@@ -90,12 +90,3 @@ class SensingRecord(Record, frozen=True, kw_only=True):
         parts: Any = {"camera": self.camera, "link": self.link}
         names = [f"{part}.{name}" for part, each in parts.items() for name in each.__struct_fields__]
         check_intervals(self.intervals, names)
-
-    def values(self) -> dict[str, float]:
-        """Return the measured values by their names in `intervals`, such as "camera.latency"."""
-        return {
-            f"{part}.{name}": value
-            for part in ("camera", "link")
-            for name in getattr(self, part).__struct_fields__
-            if isinstance(value := getattr(getattr(self, part), name), float)
-        }
