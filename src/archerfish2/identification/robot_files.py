@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -14,7 +14,7 @@ from msgspec import Meta
 from archerfish2.errors import InputError, file_error
 from archerfish2.identification.axis.identify import AxisResult
 from archerfish2.logs.log import read_log, signals_in
-from archerfish2.logs.recording import BAGS, Finding, Log, listed
+from archerfish2.logs.recording import BAGS, Finding, Log, Recording, listed
 from archerfish2.logs.timing import Frame
 from archerfish2.records.json_files import read_json, to_struct
 from archerfish2.records.limits import AxisLimits, LimitsRecord
@@ -105,9 +105,13 @@ class LimitsFigures(Struct, frozen=True, kw_only=True):
 
     def record(self) -> LimitsRecord:
         """Return the limits in radians."""
-        rows: Any = (*zip(self.pitch_deg, self.yaw_deg, strict=True), self.max_rate_deg_s, self.max_acceleration_deg_s2)
-        by_axis = np.radians([np.broadcast_to(each, 2) for each in rows]).T.tolist()
-        pitch, yaw = (AxisLimits(**dict(zip(AxisLimits.__struct_fields__, each, strict=True))) for each in by_axis)
+        rates = np.radians(np.broadcast_to(self.max_rate_deg_s, 2)).tolist()
+        accelerations = np.radians(np.broadcast_to(self.max_acceleration_deg_s2, 2)).tolist()
+        limits = list[AxisLimits]()
+        for travel, rate, acceleration in zip((self.pitch_deg, self.yaw_deg), rates, accelerations, strict=True):
+            low, high = np.radians(travel).tolist()
+            limits.append(AxisLimits(low=low, high=high, max_rate=rate, max_acceleration=acceleration))
+        pitch, yaw = limits
         return LimitsRecord(pitch=pitch, yaw=yaw, source="logs.toml")
 
 
@@ -147,7 +151,7 @@ def read_folder(folder: Path) -> LogFolder:
     """
     if not folder.is_dir():
         raise file_error(folder, "there is no such folder", "name the folder of the logs")
-    path, lengths = folder / "logs.toml", folder / "tape.json"
+    path = folder / "logs.toml"
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     except (OSError, ValueError) as error:
@@ -155,11 +159,14 @@ def read_folder(folder: Path) -> LogFolder:
     keys = [", ".join(kind.__struct_fields__) for kind in (AxisFiles, MuzzleFiles, SensingFiles, LimitsFigures)]
     remedy = "correct it; [pitch] and [yaw] may have {}, [muzzle] {}, [sensing] {}, [limits] {}".format(*keys)
     settings = to_struct(content, path, LogFolder, None, remedy)
-    if not lengths.exists():
+    path = folder / "tape.json"
+    if not path.exists():
         return settings
     remedy = f"correct it; it may have {', '.join(Lengths.__struct_fields__)}"
-    measured, muzzle = to_struct(read_json(lengths), lengths, Lengths, None, remedy), settings.muzzle
-    length_m, height_m = muzzle.length_m or measured.muzzle_length_m, muzzle.height_m or measured.muzzle_height_m
+    tape = to_struct(read_json(path), path, Lengths, None, remedy)
+    muzzle = settings.muzzle
+    length_m = muzzle.length_m or tape.muzzle_length_m
+    height_m = muzzle.height_m or tape.muzzle_height_m
     return settings.replace(muzzle=muzzle.replace(length_m=length_m, height_m=height_m))
 
 
@@ -204,13 +211,14 @@ def unused(folder: Path, settings: LogFolder, used: Sequence[Path]) -> list[Find
       settings: of logs.toml.
       used: logs that are used.
     """
-    findings, taken = list[Finding](), {path.resolve() for path in used}
-    # Logs by the usual names of parts that are absent or not usable need no other name.
-    left = [
-        path for name, path in logs_there(folder).items() if path.resolve() not in taken and not _USUAL.fullmatch(name)
-    ]
+    findings, left = list[Finding](), list[str]()
+    taken = {path.resolve() for path in used}
+    for name, path in logs_there(folder).items():
+        # Logs by the usual names of parts that are absent or not usable need no other name.
+        if path.resolve() not in taken and not _USUAL.fullmatch(name):
+            left.append(path.name)
     if left:
-        message = f"not used: {listed(path.name for path in left)}"
+        message = f"not used: {listed(left)}"
         remedy = f"rename them, or name them in logs.toml; expected names are {EXPECTED}"
         findings.append(Finding("unused", "warning", str(folder), message, remedy))
     if settings.limits and (folder / "limits.json").exists():
@@ -221,7 +229,7 @@ def unused(folder: Path, settings: LogFolder, used: Sequence[Path]) -> list[Find
 
 def logs_there(folder: Path) -> dict[str, Path]:
     """Return the logs in a folder by their names in lower case."""
-    return {each.name.lower(): each for each in sorted(folder.iterdir()) if each.suffix.lower() in LOGS}
+    return {path.name.lower(): path for path in sorted(folder.iterdir()) if path.suffix.lower() in LOGS}
 
 
 def logs_of_parts(folder: Path, settings: LogFolder) -> dict[Part, list[Path]]:
@@ -275,10 +283,12 @@ def read_axis(path: Path, files: AxisFiles) -> Log:
     """
     log = read_log(path, inputs=files.input.removeprefix("-"), outputs=files.output.removeprefix("-"), time=files.time)
     input_unit, output_unit = units_of(files)
-    scale_u, scale_y = _scale(files.input, input_unit), _scale(files.output, output_unit)
-    recordings = [
-        replace(part, inputs=scale_u * part.inputs, outputs=scale_y * part.outputs) for part in log.recordings
-    ]
+    scale_u = _scale(files.input, input_unit)
+    scale_y = _scale(files.output, output_unit)
+    recordings = list[Recording]()
+    for recording in log.recordings:
+        inputs, outputs = scale_u * recording.inputs, scale_y * recording.outputs
+        recordings.append(replace(recording, inputs=inputs, outputs=outputs))
     return replace(log, recordings=tuple(recordings))
 
 

@@ -88,9 +88,3 @@ class SensingRecord(Record, frozen=True, kw_only=True):
         parts: Any = {"camera": self.camera, "link": self.link}
         names = [f"{part}.{name}" for part, each in parts.items() for name in each.__struct_fields__]
         check_intervals(self.intervals, names)
-
-    def values(self) -> dict[str, float]:
-        """Return the measured values by their names in `intervals`, such as "camera.latency"."""
-        values = {"camera." + name: getattr(self.camera, name) for name in self.camera.__struct_fields__}
-        values |= {"link." + name: getattr(self.link, name) for name in self.link.__struct_fields__}
-        return {name: value for name, value in values.items() if isinstance(value, float)}

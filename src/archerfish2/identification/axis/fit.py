@@ -101,7 +101,7 @@ def fit_axis(
     logs, others = every[: len(recordings)], every[len(recordings) :]
     shortest, inputs = min(len(u) for u, _ in logs), logs[0][0].shape[1]
     delays = (0, min(max_delay, shortest // 10)) if delay is None else (delay, delay)
-    orders = orders[: sum(shortest >= _least_samples(each, inputs) for each in orders)]
+    orders = orders[: sum(shortest >= _least_samples(possible, inputs) for possible in orders)]
     scale = np.sqrt(np.mean(np.concatenate([y for _, y in logs]) ** 2, 0))
     period_s = recordings[0].period_s
     begun = [begun_log(u, y / scale, delays[1]) for u, y in logs]
@@ -158,9 +158,9 @@ def _checked(recordings: Sequence[Recording], order: int, delay: int) -> list[tu
             raise InputError(f"{log.source}: expected at least {least} samples, got {len(log)}; record longer")
         if not np.ptp(log.outputs, axis=0).all():
             raise InputError(f"{log.source}: expected outputs that move, got a constant one; leave it out")
-    if not np.max([np.ptp(each.inputs, axis=0) for each in recordings], axis=0).all():
+    if not np.max([np.ptp(log.inputs, axis=0) for log in recordings], axis=0).all():
         raise InputError("fit_axis: expected inputs that move, got a constant; leave that input out")
-    return [(each.inputs - each.inputs.mean(0), each.outputs - each.outputs.mean(0)) for each in recordings]
+    return [(log.inputs - log.inputs.mean(0), log.outputs - log.outputs.mean(0)) for log in recordings]
 
 
 def _least_samples(order: int, inputs: int) -> int:

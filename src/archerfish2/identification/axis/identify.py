@@ -1,5 +1,7 @@
 """From logs of one axis to its plant, how certain it is, and whether it is usable."""
 
+import itertools
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
@@ -143,10 +145,9 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int) -> AxisResult:
     if len(silent) == len(logs.fitted):
         raise InputError(f"{silent[0].place}: {silent[0].message}; {silent[0].remedy}", silent[0].code)
     findings = [*logs.findings, *silent, *plant_findings(plant, first)]
-    if swapped := exchanged_columns(found, judged(tuple(fits)).recording, logs.fitted):
-        findings.append(swapped)
-    if plant.D.shape == (1, 1):
-        findings += contradictions([(fit.recording, fit.fit_percent) for fit in fits], alone)
+    wrong = contradictions([(fit.recording, fit.fit_percent) for fit in fits], alone)
+    # Of logs that contradict each other no plant fits all, in whichever direction.
+    findings += wrong or exchanged_columns(found, judged(tuple(fits)).recording, logs.fitted)
     band = excited_band(logs.fitted)
     return AxisResult(
         record=plant,
@@ -244,19 +245,16 @@ def _log(source: Source) -> Log:
 
 def _numbered(*groups: list[Recording]) -> list[list[Recording]]:
     """Return recordings, numbered where different ones have one name, so that messages tell them apart."""
-    contents = dict[str, list[bytes]]()
-    named = list[list[Recording]]()
-    for log in (log for group in groups for log in group):
-        there = contents.setdefault(log.source, [])
-        if _content(log) not in there:
-            there.append(_content(log))
-    for group in groups:
-        named.append([])
-        for log in group:
-            there = contents[log.source]
-            number = f" ({1 + there.index(_content(log))})" if len(there) > 1 else ""
-            named[-1].append(replace(log, source=log.source + number))
-    return named
+    numbers = defaultdict[str, dict[bytes, int]](dict)
+    for log in itertools.chain(*groups):
+        of_name = numbers[log.source]
+        of_name.setdefault(_content(log), 1 + len(of_name))
+
+    def named(log: Recording) -> Recording:
+        of_name = numbers[log.source]
+        return replace(log, source=f"{log.source} ({of_name[_content(log)]})") if len(of_name) > 1 else log
+
+    return [[named(log) for log in group] for group in groups]
 
 
 def _without_repeats(fitted: Sequence[Recording]) -> tuple[list[Recording], list[Finding]]:
