@@ -11,6 +11,7 @@ from archerfish.paper.conditions import assumed_conditions  # noqa: E402
 from archerfish.targets import drawn, parabola, path, variation  # noqa: E402
 from archerfish.targets.motion import StillOrMoving as FirstStillOrMoving  # noqa: E402
 from archerfish2.targets import distributions, kinds, mixture, motion  # noqa: E402
+from archerfish2.task import StillOrMoving  # noqa: E402
 
 SHAPES = [(), (3,), (2, 3), (64,)]
 
@@ -63,7 +64,7 @@ def test_eq_7_is_that_of_the_first_edition(shape) -> None:
     rng = np.random.default_rng(8)
     fields = [rng.uniform(0.1, 4.0, (*shape, *more)).astype(np.float32) for more in ((3,), (), (), (), ())]
     moving = rng.random(shape) < 0.5
-    ours = motion.StillOrMoving(fields[0], moving, motion.disc(motion.Parabola(*fields), fields[0]))
+    ours = StillOrMoving(fields[0], moving, motion.disc(motion.Parabola(*fields), fields[0]))
     theirs = FirstStillOrMoving(fields[0], moving, parabola.Parabola(*fields))
     time = rng.uniform(-0.3, 3.0, shape).astype(np.float32)
     times = np.stack([time, time + np.float32(0.5)])

@@ -13,14 +13,13 @@ from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 
 from archerfish2.arrays import leaves, map_arrays
-from archerfish2.controllers.aiming import preview_lq
 from archerfish2.controllers.aiming.preview_program import make_preview
 from archerfish2.controllers.predictors import constant_velocity, hold, parabola
 from archerfish2.controllers.predictors import interacting_models as interacting
 from archerfish2.controllers.registry import NAMES, make_controller
 from archerfish2.controllers.tuning import tuning_at
 from archerfish2.dynamics.command_limits import CommandLimits
-from archerfish2.dynamics.linear_axis import advance, gimbal_angle, rest_state
+from archerfish2.dynamics.linear_axis import advance, angle_then, gimbal_angle, rest_state
 from archerfish2.protocols import Barrel, Base, Frames, GimbalFeedback, Seen, Truth
 from archerfish2.robot import Robot
 from archerfish2.targets.motion import Parabola
@@ -214,7 +213,7 @@ def test_numpy_and_jax_solve_the_program_alike(batch, agree):
 def test_past_angles_are_those_of_scipys_hermite_spline(batch, agree):
     rng = np.random.default_rng(54)
     past, age = rng.normal(0.0, 0.3, (*batch, 5, 2, 2)), rng.uniform(0.0, 0.12, batch)
-    found = agree(preview_lq.angle_then, past, age, np.asarray(DT))
+    found = agree(angle_then, past, age, np.asarray(DT))
     for index in np.ndindex(batch):
         spline = CubicHermiteSpline(DT * np.arange(-4, 1), past[index][::-1, 0], past[index][::-1, 1])
         assert_allclose(found[index], spline(-min(age[index], 4 * DT)), atol=1e-6)

@@ -359,7 +359,8 @@ def test_the_page_runs(package, monkeypatch, tmp_path):
 
 def test_stable_baselines_trains_in_it_and_plays_in_an_evaluation(environment):
     stable_baselines3 = pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
-    from archerfish2.learning.stable_baselines import Player, ShootingVecEnv
+    from archerfish2.authors import Player
+    from archerfish2.learning.stable_baselines import ShootingVecEnv
 
     envs = ShootingVecEnv(4, environment=environment)
     model = stable_baselines3.PPO("MlpPolicy", envs, n_steps=8, batch_size=16).learn(64)

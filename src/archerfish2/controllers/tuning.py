@@ -25,7 +25,7 @@ SMOOTHING = 1e-4
 
 
 class Tuning(Struct, frozen=True, kw_only=True, eq=True):
-    """What is tuned of a controller; each has a use for some of it."""
+    """The settings of a classical controller that are tuned; a controller uses some of them."""
 
     acceleration_sd: Annotated[float, Meta(ge=0.0, le=1e100)]
     """Process noise of the Kalman filter, as a standard deviation of the target's acceleration [m/s²]."""
@@ -131,9 +131,9 @@ def kept(name: str, robot: Robot, task: Task) -> Tuning | None:
     if begun.task.replace(command_limit="gate") == shipped and begun.robot == Robot.paper().digest():
         shipped_tunings = paper_tuning(task.command_limit)
         return Tuning(**shipped_tunings[name]) if name in shipped_tunings else None
-    for each in _read_kept(_tuning_file(robot)):
-        if each.replace(tuning=begun.tuning, hit_rate=0.0, tried=1) == begun:
-            return each.tuning
+    for found in _read_kept(_tuning_file(robot)):
+        if found.replace(tuning=begun.tuning, hit_rate=0.0, tried=1) == begun:
+            return found.tuning
     return None
 
 

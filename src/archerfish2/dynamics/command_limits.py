@@ -73,7 +73,7 @@ def limit_command(
       period: decision period [s].
     """
     xp = namespace(desired, previous)
-    limits = CommandLimits(*(lift(each, desired) for each in limits))
+    limits = CommandLimits(*(lift(limit, desired) for limit in limits))
     desired = xp.clip(desired, line_of_sight - limits.max_lead, line_of_sight + limits.max_lead)
     desired = xp.clip(desired, limits.low, limits.high)
     wanted = (desired - previous) / period

@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
-from msgspec import Meta
+from msgspec import Meta, structs
 
 from archerfish2.controllers.policy.observation import FRAMES
 from archerfish2.errors import InputError
+from archerfish2.plugins import name_of
 from archerfish2.records.record import Struct
 from archerfish2.robot import Robot
 from archerfish2.task import DRAWN, Task
@@ -159,6 +160,14 @@ class TrainConfig(Struct, frozen=True, kw_only=True):
     """Of PPO."""
     checkpoint_every_s: Annotated[float, Meta(ge=0.0, le=1e6)] = 30.0
     """At most so much is lost when the process is killed [s]."""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.observation, tuple | list):  # blocks may be functions
+            names = [name_of(block, "block") for block in self.observation]
+            structs.force_setattr(self, "observation", tuple(names))
+        if callable(self.reward):
+            structs.force_setattr(self, "reward", name_of(self.reward, "reward"))
+        super().__post_init__()
 
     @classmethod
     def of(cls, config: "ConfigLike" = None) -> "TrainConfig":

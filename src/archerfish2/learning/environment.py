@@ -11,7 +11,7 @@ from archerfish2.controllers.policy.observation import make_observer, observer_f
 from archerfish2.controllers.policy.observer import Observer
 from archerfish2.learning.config import ConfigLike, TrainConfig
 from archerfish2.learning.reward import RewardFunction, make_reward
-from archerfish2.protocols import Shot
+from archerfish2.protocols import Seen, Shot
 from archerfish2.robot import Robot, RobotLike
 from archerfish2.simulation.camera import with_open_nearness
 from archerfish2.simulation.world import SimulatedWorld, make_world
@@ -54,6 +54,12 @@ class Environment:
     reward: RewardFunction
     sees_truth: bool  # whether states and steps have `HIDDEN` numbers for a critic alone, never in an observation
 
+    def __repr__(self) -> str:
+        motion = getattr(self.scenario.motion, "name", self.scenario.motion)  # a user's, or one of ours
+        names = ", ".join(getattr(block, "__name__", type(block).__name__) for block in self.observer.blocks)
+        draws = f"draws of (N, {self.normals}) normals and (N, {self.uniforms}) uniforms"
+        return f"Environment(targets {motion}, robot {self.world.name}, observation {names}, {draws})"
+
     @property
     def normals(self) -> int:
         """Standard normals that a step takes."""
@@ -84,9 +90,10 @@ class Environment:
         """Begin a batch, not staggered; see `begin` for arguments, shapes and result."""
         xp, engagement = namespace(normals, uniforms), self.scenario.draw(uniforms)
         world = self.world.begin(engagement, normals[..., None, :])
-        memory = self.observer.begin(self.world.see(world))
+        seen = self.world.see(world)
+        memory = self.observer.begin(seen)
         left = xp.astype(xp.round(engagement.duration / self.world.period), xp.int32)
-        observation = self._observation(memory)
+        observation = self._observation(memory, seen)
         return EnvironmentState(world, memory, left, self._hidden(world, observation)), observation
 
     def step(
@@ -104,15 +111,15 @@ class Environment:
         world, shot = self.world.step(state.world, command, normals)
         seen = self.world.see(world)
         memory = self.observer.remember(state.memory, seen)
-        observation, left = self._observation(memory), state.left - 1
+        observation, left = self._observation(memory, seen), state.left - 1
         hidden, ended = self._hidden(world, observation), left <= 0
         running = EnvironmentState(world, memory, left, hidden), observation
         after = when_any(ended, lambda new, old: select(ended, new, old), fresh, running)
         reward = self.reward(shot, command, seen)
         return after[0], Step(after[1], observation, hidden, reward, ended & False, ended, shot)
 
-    def _observation(self, memory: Any) -> Array:
-        return self.observer.observe(self.observer.view(memory))
+    def _observation(self, memory: Any, seen: Seen) -> Array:
+        return self.observer.observe(self.observer.view(memory, seen))
 
     def _hidden(self, world: Any, observation: Array) -> Array:
         """Return where the target really is and will be, which no robot can see, shape B + (HIDDEN,), or B + (0,)."""

@@ -304,15 +304,15 @@ class ShootingVectorEnv(_Engagements, gymnasium.vector.VectorEnv[Floats, Floats,
         """
         mask, seeds = self._reset_mask(options or {}), _seeds(seed, self.num_envs)
         super().reset(seed=seeds[0])
-        anew = mask & [self._state is None or seed is not None for seed in seeds]  # else its sequence continues
-        for member in np.flatnonzero(anew):
+        seeded = mask & [self._state is None or seed is not None for seed in seeds]  # else its sequence continues
+        for member in np.flatnonzero(seeded):
             self._generators[member], _ = gymnasium.utils.seeding.np_random(seeds[member])
             (self._noises[member],) = self._generators[member].spawn(1)
-        self._used[anew] = self._shortest
-        self._prepare(self._taken | anew)
+        self._used[seeded] = self._shortest
+        self._prepare(self._taken | seeded)
         staggered = self._staggered and mask.all()
         state, observation = self._run(Environment.begin, *_batch(self._next)) if staggered else self._fresh
-        replaced = mask & (anew | ~self._waits)
+        replaced = mask & (seeded | ~self._waits)
         self._state = state if replaced.all() else self._run(_chosen, replaced, state, self._state)
         self._following = np.where(replaced[:, None], observation, self._following)
         self._shown = np.where(mask[:, None], self._following, self._shown)

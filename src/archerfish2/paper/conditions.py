@@ -101,7 +101,9 @@ def paper_tuning(command_limit: str) -> dict[str, dict[str, float]]:
     Args:
       command_limit: "box", "gate" or "los-2deg".
     """
-    tuned = (each for each in facts("tuning")["controllers"] if each["command_limit"] == command_limit)
     c = assumed_conditions()
-    calibrated = {"acceleration_sd": c.kalman_acceleration_sd, "extra_lead_s": c.kalman_extra_lead_s}
-    return {"kalman-paper": calibrated} | {each["controller"]: dict(each["settings"]) for each in tuned}
+    settings = {"kalman-paper": {"acceleration_sd": c.kalman_acceleration_sd, "extra_lead_s": c.kalman_extra_lead_s}}
+    for tuned in facts("tuning")["controllers"]:
+        if tuned["command_limit"] == command_limit:
+            settings[tuned["controller"]] = dict(tuned["settings"])
+    return settings

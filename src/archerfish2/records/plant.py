@@ -1,4 +1,4 @@
-"""The plant record: the identified (or printed) linear model of one gimbal axis, eqs (11)–(16).
+"""The plant record: the identified (or printed) linear model of one gimbal axis, eq (11) and eq (14).
 
 x[t+1] = A x[t] + B u[t − delay],    y[t] = C x[t] + D u[t − delay]
 """

@@ -19,7 +19,7 @@ from archerfish2.records.sensing import SensingRecord
 
 LARGEST_JITTER = 2.0
 """Jitter is cut off at so many standard deviations: latencies are bounded."""
-SENDING, LATENCY, MISSED, STAMP, PLACE, FEEDBACK = (PELLET_NORMALS + each for each in (0, 1, 2, 3, 4, 7))
+SENDING, LATENCY, MISSED, STAMP, PLACE, FEEDBACK = (PELLET_NORMALS + place for place in (0, 1, 2, 3, 4, 7))
 """Index of the normals of a decision: command latency, camera latency, missed frame, stamp, place (3), feedback."""
 
 
@@ -133,10 +133,10 @@ class LinkedHardware:
         states, ticks = (*state.before, sent), self._ticks
         since = xp.clip(len(states) * ticks - xp.round(age / self.gimbal.tick), 0.0, len(states) * ticks)
         begin = states[0]
-        for each in states[1:]:
+        for state_after in states[1:]:
             later = since >= ticks
             since = xp.where(later, since - ticks, since)
-            begin = select(later, each, begin)
+            begin = select(later, state_after, begin)
         angle, rate = angle_and_rate(self.gimbal, draw, run(self.gimbal, draw, begin, since))
         return GimbalFeedback(quantised(self.sensing, draw, self._within_stops(angle)), rate, age)
 

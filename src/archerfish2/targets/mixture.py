@@ -32,9 +32,8 @@ SLOWER, SWAYING = 0.15, 0.2
 
 def path_uniforms(name: str) -> int:
     """Return how many uniform draws a path takes: which kind, the kind's, the variation's; none for "paper"."""
-    if name in MIXTURES:
-        return 1 + (PROCESS_UNIFORMS if name == "any" else KIND_DRAWS) + _VARIED
-    return 0 if name == "paper" else 1 + KIND_DRAWS
+    of_kind = PROCESS_UNIFORMS if name == "any" else KIND_DRAWS
+    return 0 if name == "paper" else 1 + of_kind + _VARIED * (name in MIXTURES)
 
 
 def drawn_path(name: str, place: Array, uniforms: Array, duration: Array, swing: tuple[Array, Array, Array]) -> Path:
@@ -48,7 +47,7 @@ def drawn_path(name: str, place: Array, uniforms: Array, duration: Array, swing:
       swing: largest speed [m/s], half width [m] and rise [m] of the targets of eq (7) in a mixture, shape () each.
     """
     xp, drawn, mixture = namespace(place, uniforms), uniforms[..., 1:], MIXTURES.get(name, {name: 1.0})
-    functions = {**KINDS, "eq 7": lambda each, _: eq_7(each, *swing), "process": random_process}
+    functions = {**KINDS, "eq 7": lambda draws, _: eq_7(draws, *swing), "process": random_process}
     start, which, displacement = 0.0, uniforms[..., 0, None, None], 0.0 * drawn[..., :1, None]
     for kind, weight in mixture.items():
         if kind == "eq 7":

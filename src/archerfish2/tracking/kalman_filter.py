@@ -121,9 +121,8 @@ def update(noise: TrackerNoise, track: Track, plate: Array, fresh: Array) -> Tra
     # leave nothing of a small variance after a long silence.
     known = matrix_product(gain, measured)
     speed = p[..., 2:, 2:] - matrix_product(gain[..., 2:, :], p[..., :2, 2:])
-    covariance = covariance_blocks(
-        symmetric(known[..., :2, :]), xp.matrix_transpose(known[..., 2:, :]), symmetric(speed)
-    )
+    place, corner = symmetric(known[..., :2, :]), xp.matrix_transpose(known[..., 2:, :])
+    covariance = covariance_blocks(place, corner, symmetric(speed))
     measured_height = height_noise(noise, plate)
     sum_of_both = track.height_variance + measured_height
     share = xp.where(fresh, track.height_variance / sum_of_both, 0.0 * sum_of_both)

@@ -1,1 +1,1 @@
-"""From where a target will be to a command: one law of aiming a file."""
+"""Laws of aiming: from where a target will be to a command. One law a file."""

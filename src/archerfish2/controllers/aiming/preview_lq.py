@@ -14,7 +14,7 @@ from archerfish2.controllers.aiming.preview_program import Preview, make_preview
 from archerfish2.controllers.predictors.predictor import Predictor
 from archerfish2.controllers.tuning import Tuning
 from archerfish2.dynamics.aiming import intercept
-from archerfish2.dynamics.linear_axis import GimbalModel, advance, gimbal_angle, gimbal_rate, rest_state
+from archerfish2.dynamics.linear_axis import GimbalModel, advance, angle_then, gimbal_angle, gimbal_rate, rest_state
 from archerfish2.dynamics.muzzle import Muzzle
 from archerfish2.protocols import Command, Seen, Truth, aim
 from archerfish2.robot import Robot
@@ -81,31 +81,12 @@ class PreviewAim:
         xp = namespace(seen.command)
         count = xp.arange(self.preview.response.shape[-1], dtype=seen.command.dtype)
         starts = xp.reshape(count, (-1,) + (1,) * seen.elapsed.ndim) * self.preview.period + 0.0 * seen.elapsed[None]
-        lifted = map_arrays(lambda each: each[None], self.predictor.against_pivot(track, seen.base))
-        position, mean = (partial(each, lifted) for each in (self.predictor.position_after, self.predictor.mean_after))
+        lifted = map_arrays(lambda array: array[None], self.predictor.against_pivot(track, seen.base))
+        position = partial(self.predictor.position_after, lifted)
+        mean = partial(self.predictor.mean_after, lifted)
         late, muzzle = self.preview.period + self.lead, self.muzzle
         angle = over(lambda start: intercept(position, start + late, muzzle, mean).angle, starts)
         return xp.moveaxis(unwrapped(angle, seen.command[None]), 0, -2)
-
-
-def angle_then(past: Array, age: Array, period: Array) -> Array:
-    """Interpolate the angles of a time ago: cubic Hermite pieces between decisions.
-
-    Args:
-      past: angles [rad] and rates [rad/s] now and at the decisions before, latest first, shape B + (H, 2, 2).
-      age: how long ago [s]; more than H − 1 decisions count as that many, shape B.
-      period: between decisions [s], shape ().
-
-    Returns:
-      Pitch and yaw [rad], shape B + (2,).
-    """
-    xp = namespace(past, age)
-    count = past.shape[-3]
-    ago = xp.clip(age / period, 0.0, count - 1.0)[..., None]
-    offset = lift(xp.arange(count, dtype=past.dtype), ago) - ago
-    gap = xp.minimum(xp.abs(offset), 1.0)
-    weights = xp.stack([1.0 + 2.0 * gap, period * offset], axis=-1) * ((1.0 - gap) ** 2)[..., None]
-    return xp.sum(weights[..., None] * past, axis=(-3, -2))
 
 
 def make_preview_aim(predictor: Predictor, robot: Robot, task: Task, tuning: Tuning) -> PreviewAim:

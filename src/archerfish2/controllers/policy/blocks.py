@@ -1,7 +1,7 @@
 """The blocks that observations are made of: from a policy's view of a decision to numbers of order one.
 
-A block is a function of the observer and the view that returns an array, shape B + (k,). One of a user's own is such a
-function in a file. Where small values decide, as whether a target moves at all, they come once more on a fine scale.
+A block is a function of the observer and the view that returns an array, shape B + (k,). A block of a user's own is
+such a function in a file. Some numbers come twice, coarse and fine: small values decide whether a target moves at all.
 """
 
 from collections.abc import Mapping
@@ -144,9 +144,10 @@ def histories(observer: Observer, view: View) -> Array:
 
 
 def models(_: Observer, view: View) -> Array:
-    """Return what interacting models make of the target: probabilities and their log odds, speeds, and where it stands.
+    """Return the estimates of the interacting models: their probabilities and log odds, speeds, and places.
 
-    Speeds are those of a target that drives on, and of one that has turned back.
+    The speeds are those of a target that drives on, and of one that has turned back; the place is that of one that
+    stands.
     """
     xp, (track, probability) = namespace(view.aim), view.memory.tracks.models
     velocity = track.mean[..., 2:] - view.memory.base.velocity[..., None, :2]

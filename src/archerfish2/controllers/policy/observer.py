@@ -64,6 +64,7 @@ class View:
     relative: Array  # that estimate, against the own pivot [m], B + (3,)
     fast: Any  # Track
     slow: Any  # Track
+    seen: Seen | None = None  # of this decision; None where an action alone is decoded
 
     @cached_property
     def distance(self) -> Array:
@@ -116,43 +117,46 @@ class Observer:
 
     def begin(self, seen: Seen) -> Memory:
         """Return the memory at the first decision, as if nothing had moved before it; shape B."""
-        xp, tracks, zero = namespace(seen.command), self.trackers.begin(seen), 0.0 * seen.elapsed
-        decision, detection = self._decision(tracks, seen), self._detection(tracks, zero)
+        xp, zero = namespace(seen.command), 0.0 * seen.elapsed
+        tracks = self.trackers.begin(seen)
+        detection = self._detection(tracks, zero)
 
-        def repeated(each: Any, count: int) -> Any:
-            return map_arrays(lambda array: xp.stack([array] * count, axis=zero.ndim), each)
+        def repeated(newest: Any, count: int) -> Any:
+            return map_arrays(lambda array: xp.stack([array] * count, axis=zero.ndim), newest)
 
-        decisions, detections = repeated(decision, self.frames), repeated(detection, DETECTIONS)
-        samples = detection and zip(self.windows, (*detection, detection.azimuth), strict=False)
-        histories = tuple(constant_history(*each) for each in samples or ())
+        decisions = repeated(self._decision(tracks, seen), self.frames)
+        histories = tuple(map(constant_history, self.windows, _samples(detection)))
+        detections = repeated(detection, DETECTIONS)
         return Memory(tracks, decisions, detections, histories, seen.gimbal.age, seen.base, zero)
 
     def remember(self, memory: Memory, seen: Seen) -> Memory:
         """Update the memory with what is seen at a decision, the first one included; shape B."""
         xp, later = namespace(seen.command), seen.elapsed > 0.0
         tracks = self.trackers.update(memory.tracks, seen)
-        before = memory.detections and memory.detections.azimuth[..., -1]
-        decision, detection = self._decision(tracks, seen), self._detection(tracks, before)
+        detection = self._detection(tracks, memory.detections and memory.detections.azimuth[..., -1])
         batch = (slice(None),) * later.ndim
 
         def pushed(series: Array, newest: Array) -> Array:
             return xp.concat([series[(*batch, slice(1, None))], newest[(*batch, None)]], axis=later.ndim)
 
-        old: Any = (memory.decisions, memory.detections, memory.histories)
-        samples = detection and zip(self.windows, memory.histories, (*detection, detection.azimuth), strict=False)
-        histories = tuple(with_sample(*each) for each in samples or ())
-        new = (*map_arrays(pushed, old[:2], (decision, detection)), histories)
-        return Memory._make((tracks, *select(later, new, old), seen.gimbal.age, seen.base, memory.clock + seen.elapsed))
+        decisions = map_arrays(pushed, memory.decisions, self._decision(tracks, seen))
+        detections = map_arrays(pushed, memory.detections, detection)
+        histories = tuple(map(with_sample, self.windows, memory.histories, _samples(detection)))
+        # At the first decision, which `begin` has remembered already, nothing is added.
+        before = memory.decisions, memory.detections, memory.histories
+        kept = select(later, (decisions, detections, histories), before)
+        return Memory(tracks, *kept, seen.gimbal.age, seen.base, memory.clock + seen.elapsed)
 
-    def view(self, memory: Memory) -> View:
-        """Return the decision as the blocks need it; shape B."""
+    def view(self, memory: Memory, seen: Seen | None = None) -> View:
+        """Return the decision as the blocks need it, with what is seen at it for blocks of a user's own; shape B."""
         tracks, base = memory.tracks, memory.base
         if tracks.fast is None:
-            return View(memory, memory.decisions.aim[..., -1, :2], tracks.place - base.position, None, None)
-        fast, slow = (each and against_pivot(each, base, tracks.age) for each in (tracks.fast, tracks.slow))
+            return View(memory, memory.decisions.aim[..., -1, :2], tracks.place - base.position, None, None, seen)
+        fast = against_pivot(tracks.fast, base, tracks.age)
+        slow = tracks.slow and against_pivot(tracks.slow, base, tracks.age)
         relative = position_after(fast, tracks.age)
         angle = unwrapped(aim_at(relative, self.muzzle).angle, memory.decisions.command[..., -1, :])
-        return View(memory, angle, relative, fast, slow)
+        return View(memory, angle, relative, fast, slow, seen)
 
     def observe(self, view: View) -> Array:
         """Return the observation, shape B + (n,)."""
@@ -175,12 +179,13 @@ class Observer:
         memory = self.begin(seen)
         for elapsed in (0.0, *[0.02] * 4):
             memory = self.remember(memory, seen._replace(elapsed=seen.elapsed + np.float32(elapsed)))
-        if not np.all(np.isfinite(self.decode(self.view(memory), 0.0 * seen.command).angle)):
+        view = self.view(memory, seen)
+        if not np.all(np.isfinite(self.decode(view, 0.0 * seen.command).angle)):
             raise InputError("the observer gives commands that are not finite; train again")
         for block in self.blocks:
             plugin = find_plugin(block, "block")
             with plugin.running():
-                numbers = np.asarray(block(self, self.view(memory)))
+                numbers = np.asarray(block(self, view))
                 if numbers.shape[:-1] != (2,) or numbers.dtype.kind != "f" or not np.all(np.isfinite(numbers)):
                     found = f"{numbers.dtype} of shape {numbers.shape}"
                     raise InputError(f"returns {found} for a batch (2,), expected finite floats, (2, k); correct it")
@@ -201,3 +206,8 @@ class Observer:
             return None
         relative = tracks.place - tracks.own
         return Detections(azimuth_near(relative, azimuth), level_distance(relative))
+
+
+def _samples(detection: Detections | None) -> tuple[Array, ...]:
+    """Return the newest samples of the histories: azimuth, distance, azimuth for long; none without trackers."""
+    return () if detection is None else (*detection, detection.azimuth)

@@ -1,5 +1,6 @@
 """A trained policy: an observer, a network, and one file that holds both; NumPy is enough to decide with it."""
 
+import itertools
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -55,7 +56,7 @@ class Policy:
     def step(self, state: Memory, seen: Seen) -> tuple[Memory, Command]:
         """Decide."""
         memory = self.observer.remember(state, seen)
-        view = self.observer.view(memory)
+        view = self.observer.view(memory, seen)
         return memory, self.observer.decode(view, self.action(self.observer.observe(view)))
 
     def action(self, observation: Array) -> Array:
@@ -84,10 +85,9 @@ class Policy:
           InputError: if the file is no policy, is damaged, or a number is out of its bounds; if the training in the
             folder is not finished.
         """
-        path = Path(path)
-        if not (file := _policy_file(path)).exists() and is_training(path):
-            raise file_error(path, "is a training that is not finished", f"run archerfish2 train --resume {path}")
-        path = file
+        folder, path = Path(path), _policy_file(Path(path))
+        if not path.exists() and is_training(folder):
+            raise file_error(folder, "is a training that is not finished", f"run archerfish2 train --resume {folder}")
         text, arrays = read_arrays(path, _REMEDY)
         if isinstance(content := parse_json(text, path, _REMEDY), dict):
             content.pop("remake", None)  # of older files
@@ -127,14 +127,12 @@ def _policy_file(path: Path) -> Path:
 def _network(arrays: dict[str, Array], size: int) -> tuple[Normaliser, tuple[Layer, ...]]:
     """Return normaliser and layers, checked to fit each other and an observation of a size."""
     depth = len(arrays) // 2 - 1
-    names = {"mean", "variance", *(f"{kind}.{index}" for kind in ("weight", "bias") for index in range(depth))}
-    if depth < 1 or arrays.keys() != names:
-        raise InputError(f"expected mean, variance, weight.0, bias.0, …, got {', '.join(sorted(arrays))[:200]}")
-    layers = tuple(Layer(arrays[f"weight.{index}"], arrays[f"bias.{index}"]) for index in range(depth))
-    widths = [size, *(len(np.atleast_1d(layer.bias)) for layer in layers[:-1]), 2]
+    hidden = [np.size(arrays.get(f"bias.{index}", ())) for index in range(depth - 1)]
     shapes: dict[str, tuple[int, ...]] = {"mean": (size,), "variance": (size,)}
-    for index in range(depth):
-        shapes |= {f"weight.{index}": tuple(widths[index : index + 2]), f"bias.{index}": (widths[index + 1],)}
+    for index, (inputs, outputs) in enumerate(itertools.pairwise([size, *hidden, 2])):
+        shapes |= {f"weight.{index}": (inputs, outputs), f"bias.{index}": (outputs,)}
+    if arrays.keys() != shapes.keys():
+        raise InputError(f"expected mean, variance, weight.0, bias.0, …, got {', '.join(sorted(arrays))[:200]}")
     for name, shape in shapes.items():
         if arrays[name].shape != shape or arrays[name].dtype != np.float32:
             raise InputError(f"array {name}: expected float32 {shape}, got {arrays[name].dtype} {arrays[name].shape}")
@@ -142,4 +140,5 @@ def _network(arrays: dict[str, Array], size: int) -> tuple[Normaliser, tuple[Lay
             raise InputError(f"array {name}: expected numbers within ±{_LARGEST_NUMBER:g}, got others")
     if not np.all(arrays["variance"] >= 0.0):
         raise InputError(f"array variance: expected numbers ≥ 0, got {np.min(arrays['variance']):g}")
+    layers = tuple(Layer(arrays[f"weight.{index}"], arrays[f"bias.{index}"]) for index in range(depth))
     return Normaliser(arrays["mean"], arrays["variance"], np.asarray(0.0, np.float32)), layers

@@ -1,1 +1,1 @@
-"""Where a target will be, from what is seen of it: one predictor a file, for any law of aiming."""
+"""Predictors: where a target will be, from what is seen of it. One predictor a file; each serves any law of aiming."""

@@ -10,7 +10,7 @@ from archerfish2.tracking.kalman_filter import Track, TrackerNoise, moved
 
 @tree()
 class ConstantVelocity(Predictor):
-    """A Kalman filter for nearly constant velocity, of which the latest detection is predicted onwards."""
+    """A Kalman filter for nearly constant velocity; its estimate at the latest detection is predicted onwards."""
 
     noise: TrackerNoise  # of target and camera
     velocity_decay: Array  # share of the estimated velocity at which the target is predicted to go on, 0…1, ()
@@ -35,7 +35,8 @@ class ConstantVelocity(Predictor):
 
     def update(self, state: AgedTrack, seen: Detection) -> AgedTrack:
         """Update with a detection; beyond the gate begin with it."""
-        # The age first: computed once, where a choice between elapsed times is repeated for each entry of a matrix.
+        # The choice is made for the age, not for the elapsed time, which a compiler would choose again for every entry
+        # of the covariance.
         age = namespace(state.age).where(seen.fresh, seen.age, state.age)
         track = moved(kalman_filter.predict(self.noise, state.track, state.age - age), -seen.own)
         after = moved(kalman_filter.update(self.noise, track, seen.place - seen.own, seen.fresh), seen.own)

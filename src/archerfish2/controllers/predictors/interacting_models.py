@@ -59,9 +59,13 @@ class InteractingModels(LikeliestHit):
         mean = xp.take(track.mean, model, axis=-2)
 
         def variance(left: Array) -> Array:
-            outer, p = (left[..., :, None] * left[..., None, :])[..., None, :, :], track.covariance
-            blocks = (p[..., :2, :2], p[..., :2, 2:], p[..., 2:, 2:])
-            place, corner, speed = (xp.take(xp.sum(outer * each, axis=(-2, -1)), model, axis=-1) for each in blocks)
+            outer = (left[..., :, None] * left[..., None, :])[..., None, :, :]
+
+            def along(block: Array) -> Array:
+                return xp.take(xp.sum(outer * block, axis=(-2, -1)), model, axis=-1)
+
+            p = track.covariance
+            place, corner, speed = along(p[..., :2, :2]), along(p[..., :2, 2:]), along(p[..., 2:, 2:])
             return place + drive * (2.0 * corner + drive * speed)
 
         level = mean[..., :2] + drive[..., None] * mean[..., 2:]

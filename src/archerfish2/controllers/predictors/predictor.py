@@ -8,9 +8,10 @@ from archerfish2.tracking.detections import Detection, update_with_frames
 
 
 class Predictor(Protocol):
-    """Tracks a target and predicts where it will be; any predictor can serve any aiming controller.
+    """Tracks a target and predicts where it will be; any predictor serves any law of aiming.
 
-    A state has the `age` of its latest detection; what has a body here serves every such state.
+    The state of a predictor is a NamedTuple with the `age` of the latest detection. The methods that have a body here
+    need no more of it.
     """
 
     def reset(self, seen: Seen) -> Any:
@@ -27,7 +28,10 @@ class Predictor(Protocol):
         return update_with_frames(self.update, self.predicted, state._replace(age=state.age + seen.elapsed), seen)
 
     def against_pivot(self, state: Any, base: Base) -> Any:
-        """Return what predictions relative to the own pivot take, which goes on at its velocity, as do the pellets."""
+        """Return the argument of `position_after` and `mean_after`: what they need of the state and of the base.
+
+        The own pivot is taken to go on at its velocity, which the pellets have, too.
+        """
         return state, base
 
     def position_after(self, relative: Any, time: Array) -> Array:
