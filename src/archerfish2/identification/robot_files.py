@@ -30,8 +30,8 @@ _USUAL = re.compile(r"(pitch|yaw)_step_[1-9]\d*deg\.csv|landings\.csv")
 LOGS = (".csv", ".txt", ".tsv", ".npz", ".mat", *BAGS.values())
 """Endings of files that somebody means to be read."""
 Unit = Literal["rad", "deg"]
-Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
-Both = Positive | Annotated[tuple[Positive, ...], Meta(min_length=2, max_length=2)]
+_Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
+Both = _Positive | Annotated[tuple[_Positive, ...], Meta(min_length=2, max_length=2)]
 """One figure for both axes, or [pitch, yaw]; a tuple of fixed length beside a number crashes msgspec 0.22."""
 _FIGURES = "pitch_deg = [-25, 10], yaw_deg = [-75, 75], max_rate_deg_s = 690, max_acceleration_deg_s2 = 3400"
 _BEYOND = 0.1  # of the range between two limits, up to which commands may be beyond them
@@ -66,9 +66,9 @@ class MuzzleFiles(Struct, frozen=True, kw_only=True):
 
     shots: tuple[str, ...] = ()
     """Files of shots; shots.csv if not given."""
-    length_m: Positive | None = None
+    length_m: _Positive | None = None
     """From the pivot to the muzzle [m]; that of tape.json if not given."""
-    height_m: Positive | None = None
+    height_m: _Positive | None = None
     """Of the muzzle above the ground with the barrel level [m]; that of tape.json if not given."""
 
 
@@ -81,7 +81,7 @@ class SensingFiles(Struct, frozen=True, kw_only=True):
     """Whether angles are in degrees."""
     gimbal_clock: Literal["receipt", "own"] = "receipt"
     """Who stamped the gimbal's logs."""
-    max_offset_s: Positive | None = None
+    max_offset_s: _Positive | None = None
     """Largest time offset that is searched [s]."""
 
 
@@ -137,9 +137,9 @@ class LogFolder(Struct, frozen=True, kw_only=True):
 class Lengths(Struct, frozen=True, kw_only=True):
     """Content of tape.json: measured lengths."""
 
-    muzzle_length_m: Positive | None = None
+    muzzle_length_m: _Positive | None = None
     """From the pivot to the muzzle [m]."""
-    muzzle_height_m: Positive | None = None
+    muzzle_height_m: _Positive | None = None
     """Of the muzzle above the ground with the barrel level [m]."""
 
 

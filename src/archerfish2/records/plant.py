@@ -1,4 +1,4 @@
-"""The plant record: the identified (or printed) linear model of one gimbal axis, eqs (11)–(16).
+"""The plant record: the identified (or printed) linear model of one gimbal axis, eq (11) and eq (14).
 
 x[t+1] = A x[t] + B u[t − delay],    y[t] = C x[t] + D u[t − delay]
 """
@@ -9,10 +9,10 @@ import numpy as np
 from msgspec import Meta, field
 
 from archerfish2.errors import InputError
-from archerfish2.records.json_files import Count, Counts, Matrix
+from archerfish2.records.json_files import Counts, Matrix, SampleCount
 from archerfish2.records.record import Provenance, Record, Text
 
-LARGEST, _LARGEST_EXPANDED = {"states": 64, "inputs": 16, "outputs": 16, "draws": 1000}, 2000
+LARGEST_SIZES, _LARGEST_EXPANDED = {"states": 64, "inputs": 16, "outputs": 16, "draws": 1000}, 2000
 """States, those of the delay included, of the largest plant that is written out."""
 Names = Annotated[tuple[str, ...], Meta(min_length=1)]
 
@@ -33,7 +33,7 @@ class PlantRecord(Record, frozen=True, kw_only=True):
     """Output matrix, shape (p, n)."""
     D: Matrix
     """Feedthrough, shape (p, m)."""
-    delay_samples: Count = 0
+    delay_samples: SampleCount = 0
     """Input delay d of the equations [samples]; `dead_time_samples` is how late the output responds."""
     sample_period_s: Annotated[float, Meta(ge=1e-6, le=1e6)]
     """Sampling period [s]."""
@@ -56,8 +56,8 @@ class PlantRecord(Record, frozen=True, kw_only=True):
         shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
         count = len(self.draws.get("A", ())) if self.draws else 0
         for name, size in {"states": n, "inputs": m, "outputs": p, "draws": max(count, 1)}.items():
-            if not 1 <= size <= LARGEST[name]:
-                raise InputError(f"PlantRecord: expected 1…{LARGEST[name]} {name}, got {size}; correct it")
+            if not 1 <= size <= LARGEST_SIZES[name]:
+                raise InputError(f"PlantRecord: expected 1…{LARGEST_SIZES[name]} {name}, got {size}; correct it")
         expected: dict[str, tuple[int, ...]] = shapes | {"input_names": (m,), "output_names": (p,)}
         found: dict[str, tuple[int, ...]] = {name: np.shape(getattr(self, name)) for name in expected}
         if self.draws:

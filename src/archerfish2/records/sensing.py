@@ -7,14 +7,14 @@ from msgspec import Meta, field
 from archerfish2.errors import InputError
 from archerfish2.records.record import Deviation, Duration, Intervals, Provenance, Record, Struct, Time, check_intervals
 
-Rate = Annotated[float, Meta(ge=0.01, le=1e6)]
-Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+_Rate = Annotated[float, Meta(ge=0.01, le=1e6)]
+_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 
 
 class CameraRecord(Struct, frozen=True, kw_only=True):
     """From a plate to its detection; a value that was not measured is None."""
 
-    rate_hz: Rate
+    rate_hz: _Rate
     """Frames per second [Hz]."""
     time_offset: Annotated[float, Meta(ge=-1e10, le=1e10)]
     """What is added to a detection's stamp to get the moment of its exposure on the gimbal log's clock [s]; some 1e9
@@ -29,9 +29,9 @@ class CameraRecord(Struct, frozen=True, kw_only=True):
     """Standard deviation of a detection's distance, along the line of sight [m], at `noise_range`."""
     noise_range: Annotated[float, Meta(ge=0.01, le=1000.0)]
     """Distance of the plate at which the noise was measured [m]; one distance doesn't show how it grows."""
-    miss_probability: Share
+    miss_probability: _Share
     """Share of the frames in which the plate was not found."""
-    outlier_share: Share
+    outlier_share: _Share
     """Share of the detections that are something other than the plate."""
     latency: Time | None = None
     """Mean time from exposure to receipt of the detection [s]."""
@@ -50,7 +50,7 @@ class CameraRecord(Struct, frozen=True, kw_only=True):
 class LinkRecord(Struct, frozen=True, kw_only=True):
     """From a command to the motion that the log shows; a value that was not measured is None."""
 
-    feedback_rate_hz: Rate
+    feedback_rate_hz: _Rate
     """Rate at which the logged angle is refreshed [Hz]."""
     feedback_quantum: Deviation | None = None
     """Step of the logged angle [rad], where it is visible."""

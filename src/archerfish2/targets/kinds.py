@@ -17,7 +17,7 @@ _LEGS = 12  # turns, or starts and stops, that are drawn; after the last a targe
 _KNOT_S = 0.2  # between moments at which Singer's acceleration is drawn, linear between them
 _KNOTS = 1 + math.ceil((float(TIMES[-1]) - BEGIN_S) / _KNOT_S - 1e-9)
 _FORWARD_SHARE = 0.5  # of Singer's acceleration towards the gimbal, to that across the line of sight
-UNIFORMS = 4 + 2 * _KNOTS
+KIND_DRAWS = 4 + 2 * _KNOTS
 """Uniform draws of the kind that needs most."""
 
 

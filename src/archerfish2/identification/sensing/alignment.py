@@ -23,7 +23,7 @@ from archerfish2.reports.table import Estimate
 _SMOOTHED_S = 0.025  # span of the local cubics: a gimbal moves at some 10 Hz and below, where they are exact to 0.1 %
 _HELD_SHARE = 0.2  # of repeated angles during motion, from which the feedback is slower than the log
 _GAP_S, _GAP = 0.05, 3.0  # longest intervals that are no gap: in seconds, and in median intervals
-STEP_S, NEAR_S = 0.005, 1.0
+GRID_STEP_S, NEAR_S = 0.005, 1.0
 """Step of the search for the offset, and the largest offset where the clocks of both logs overlap [s]."""
 _MIRRORED, _AMBIGUOUS, _APART_S = 0.4, 1.5, 0.05
 """Largest misfit, as a share of the azimuth's scatter; a misfit below so many times the least one, at an offset so far
@@ -112,7 +112,7 @@ class Alignment(NamedTuple):
 def rough_offset(
     track: GimbalTrack, time: Array, azimuth: Array, limit_s: float | None = None, source: str = "plate"
 ) -> float:
-    """Find the offset at which the plate's azimuth best mirrors the yaw, to `STEP_S`.
+    """Find the offset at which the plate's azimuth best mirrors the yaw, to `GRID_STEP_S`.
 
     Args:
       track: the gimbal.
@@ -131,8 +131,8 @@ def rough_offset(
     slack = 0.2 * (time[-1] - time[0])
     low, high = track.time[0] - time[0] - slack, track.time[-1] - time[-1] + slack
     limit = limit_s or (NEAR_S if low <= 0 <= high else np.inf)
-    steps = np.arange(np.floor(max(low, -limit) / STEP_S), np.ceil(min(high, limit) / STEP_S) + 1)
-    offsets, yaws = steps * STEP_S, track.angles(track.time)[:, 0]
+    steps = np.arange(np.floor(max(low, -limit) / GRID_STEP_S), np.ceil(min(high, limit) / GRID_STEP_S) + 1)
+    offsets, yaws = steps * GRID_STEP_S, track.angles(track.time)[:, 0]
     misfit = np.full(offsets.size, np.inf)
     for place, offset in enumerate(offsets):
         covered = track.covers(time + offset)

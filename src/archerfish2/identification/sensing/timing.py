@@ -18,7 +18,7 @@ from archerfish2.reports.table import Estimate
 
 OUT_OF_VIEW_S = 0.25
 """Longer gaps are the plate out of view, not frames in which it was missed [s]."""
-LONGEST_S, EARLIEST_S = 0.5, -0.02
+LATEST_S, EARLIEST_S = 0.5, -0.02
 """Range of latencies; one below zero shows a fault of the clocks [s]."""
 _REST_S, _BEFORE_S, _RISE, _SAMPLES = 0.15, 0.1, 0.2, 5
 """The command rests this long before and after a step; time before it that shows the noise; share of the travel, and
@@ -145,8 +145,8 @@ def sweep_latency(delay: Array, offset: Estimate, source: str) -> Estimate:
       InputError: if detections are received too early or too late.
     """
     latency = difference(mean_estimate(delay), offset)
-    if not EARLIEST_S <= latency.value <= LONGEST_S:
-        problem = f"received {latency.value:.3g} s after exposure, expected {EARLIEST_S:g} to {LONGEST_S:g} s"
+    if not EARLIEST_S <= latency.value <= LATEST_S:
+        problem = f"received {latency.value:.3g} s after exposure, expected {EARLIEST_S:g} to {LATEST_S:g} s"
         remedy = 'stamp receipts and gimbal log by one clock, or write gimbal_clock = "own" to [sensing] in logs.toml'
         raise file_error(source, problem, remedy, "two-clocks")
     return latency
@@ -178,9 +178,9 @@ def step_latency(detections: DetectionLog, moments: Array, period: float) -> tup
     delay = mean_estimate(receive - receive[0] - since_first)
     steps, edges = [], [-np.inf, *moments, np.inf]
     for before, moment, after in zip(edges[:-2], moments, edges[2:], strict=True):
-        # What was received up to the step shows the target before it, what came LONGEST_S later the target after it.
-        near = since_first > max(before + LONGEST_S, moment - LONGEST_S)
-        near &= since_first < min(after, moment + 2 * LONGEST_S)
+        # What was received up to the step shows the target before it, what came LATEST_S later the target after it.
+        near = since_first > max(before + LATEST_S, moment - LATEST_S)
+        near &= since_first < min(after, moment + 2 * LATEST_S)
         steps.append(_labelled(since_first[near] - moment, position[near]))
     used = sum(each.size > 0 for each in steps)
     if used < 5:
@@ -188,11 +188,11 @@ def step_latency(detections: DetectionLog, moments: Array, period: float) -> tup
         remedy = "step by more than six times the noise, a second apart, the gimbal still, by the clock of receipts"
         raise file_error(detections.source, problem, remedy, "few-target-steps")
     since, sign = np.concatenate(steps).T
-    coarse = np.arange(EARLIEST_S, LONGEST_S, period / 8)
+    coarse = np.arange(EARLIEST_S, LATEST_S, period / 8)
     wrong = np.sum(sign * (since - coarse[:, None]) < 0, axis=1)
     rough = float(np.mean(coarse[wrong == wrong.min()]))
-    if not EARLIEST_S + period < rough < LONGEST_S - 2 * period:
-        problem = f"no latency within {EARLIEST_S:g} to {LONGEST_S:g} s explains which frames show the target steps"
+    if not EARLIEST_S + period < rough < LATEST_S - 2 * period:
+        problem = f"no latency within {EARLIEST_S:g} to {LATEST_S:g} s explains which frames show the target steps"
         raise file_error(detections.source, problem, "stamp steps and receipts by one clock", "no-latency")
     latencies = rough + np.arange(-2.5, 2.5, 1 / 80) * period
     jitters = np.geomspace(2e-4, max(period, 4e-4), 8)[:, None]
@@ -213,7 +213,7 @@ def _labelled(since: Array, position: Array) -> Array:
       since: receipts less the moment of the step [s], shape (K,).
       position: of the target [m], shape (K, 3).
     """
-    old, late = since < 0, since > LONGEST_S
+    old, late = since < 0, since > LATEST_S
     if min(old.sum(), late.sum()) < 3:
         return np.empty((0, 2))
     first = np.median(position[old], axis=0)
