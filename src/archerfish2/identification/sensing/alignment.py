@@ -17,6 +17,7 @@ from archerfish2.dynamics.aiming import line_of_sight
 from archerfish2.errors import file_error
 from archerfish2.identification import statistics
 from archerfish2.identification.statistics import Array
+from archerfish2.logs.recording import by_lines
 from archerfish2.logs.timing import GimbalLog
 from archerfish2.reports.table import Estimate
 
@@ -83,7 +84,7 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
     count = int(_SMOOTHED_S / float(np.median(np.diff(nodes)))) // 2 * 2 + 1
     if 7 <= count < nodes.size:
         even = np.linspace(nodes[0], nodes[-1], nodes.size)
-        nodes, angles = even, savgol_filter([np.interp(even, nodes, each) for each in angles.T], count, 3).T
+        nodes, angles = even, savgol_filter(by_lines(nodes, angles, even), count, 3, axis=0)
     return GimbalTrack(nodes, CubicSpline(nodes, angles), time, rate, quantum)
 
 
