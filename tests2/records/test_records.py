@@ -96,8 +96,8 @@ def test_a_system_is_a_plant_if_it_is_in_discrete_time(refused):
     lag = signal.StateSpace([[-2.0]], [[2.0]], [[1.0]], [[0.0]])
     plant = PlantRecord.from_state_space(lag.to_discrete(0.01), delay_samples=3)
     assert (plant.A.item(), plant.sample_period_s, plant.delay_samples) == (pytest.approx(np.exp(-0.02)), 0.01, 3)
-    refused(r"dt is None, as of a continuous model.*; discretise it \(.*c2d", PlantRecord.from_state_space, lag)
-    refused("dt is 0, as of a continuous model", PlantRecord.from_state_space, lag.A, lag.B, lag.C, lag.D, 0)
+    refused(r"a period dt above 0 s.*got dt None; discretise .*c2d", PlantRecord.from_state_space, lag)
+    refused("got dt 0;", PlantRecord.from_state_space, lag.A, lag.B, lag.C, lag.D, 0)
 
 
 def test_what_no_plant_can_be_made_of_is_refused(robot, refused):
@@ -106,7 +106,7 @@ def test_what_no_plant_can_be_made_of_is_refused(robot, refused):
     refused("natural_hz must be > 0", PlantRecord.second_order, -1.0, 0.4)
     integrator = PlantRecord.from_state_space(1.0, 1.0, 1.0, 0.0, 0.01, delay_samples=3000)
     refused("integrates", integrator.with_dc_gain, 1.0)
-    refused("got a dict, .*; of a transfer function give control.ss", PlantRecord.from_state_space, {})
+    refused("expected matrices .*, or what has them as control.ss", PlantRecord.from_state_space, {})
     refused("delay of 3000 samples has 3001 states", integrator.to_state_space)
 
 

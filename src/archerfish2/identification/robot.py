@@ -1,5 +1,6 @@
 """A robot from its logs: a folder in, every part that it has logs of identified, the rest assumed and named."""
 
+import contextlib
 import itertools
 import re
 from collections import defaultdict
@@ -92,23 +93,19 @@ def identify_robot(
     """
     folder = Path(folder)
     name = (name or Path(out or folder).resolve().name or "robot")[:100]
-    if out is None:
+    output: contextlib.AbstractContextManager[Path | None] = contextlib.nullcontext()
+    if out is not None:
+        if folder.resolve() in (Path(out).resolve(), *Path(out).resolve().parents):
+            raise file_error(out, "is the folder of the logs, which are only read", "choose another one for the robot")
+        facts, names = {"logs": str(folder), "name": name, "seed": seed}, ("robot.json", "robot.html")
+        output = storage.output_folder(Path(out), "identify", folder.glob("*"), overwrite, facts, names)
+    with output as written:
         found, faults = _identified(folder, name, seed)
-        _raise_first(faults)
-        return found
-    if folder.resolve() in (Path(out).resolve(), *Path(out).resolve().parents):
-        raise file_error(out, "is the folder of the logs, which are only read", "choose another folder for the robot")
-    facts, names = {"logs": str(folder), "name": name, "seed": seed}, ("robot.json", "robot.html")
-    with storage.output_folder(Path(out), "identify", folder.glob("*"), overwrite, facts, names) as written:
-        found, faults = _identified(folder, name, seed)
-        found.save(written)
-    _raise_first(faults)
+        if written is not None:
+            found.save(written)
+    if faults:
+        raise faults[0]
     return found
-
-
-def _raise_first(faults: list[Exception]) -> None:
-    for fault in faults:
-        raise fault
 
 
 def _identified(folder: Path, name: str, seed: int) -> tuple[RobotResult, list[Exception]]:
@@ -134,8 +131,9 @@ def _identified(folder: Path, name: str, seed: int) -> tuple[RobotResult, list[E
                 faults.append(error)
                 problem = InputError(f"archerfish failed with {error!r}; report this with its logs")
                 reports[part] = _failed(part, problem)
+    if faults and not found:
+        raise faults[0]
     if not found:
-        _raise_first(faults)
         raise InputError("; ".join(f"{part}: {report.reasons[0]}" for part, report in reports.items()))
     records = {part: result.record for part, result in found.items()}
     try:

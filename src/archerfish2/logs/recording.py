@@ -249,11 +249,6 @@ def by_lines(time: Values, signals: Values, grid: Values) -> Values:
     return np.column_stack([np.interp(grid, time, signal) for signal in signals.T])
 
 
-def subsampled(values: Values) -> Values:
-    """Return some of N values, shape (N,), equally spaced: enough for their median or last digit."""
-    return values[:: len(values) // 100_000 + 1]
-
-
 def log_fault(path: str | Path, problem: str, remedy: str, code: str) -> InputError:
     """Return the error of a file, in one line whatever the file puts into the message; see `file_error`."""
     return file_error(path, one_line(problem), one_line(remedy), code)

@@ -58,13 +58,11 @@ class PlantRecord(Record, frozen=True, kw_only=True):
         for name, size in {"states": n, "inputs": m, "outputs": p, "draws": max(count, 1)}.items():
             if not 1 <= size <= LARGEST_SIZES[name]:
                 raise InputError(f"PlantRecord: expected 1…{LARGEST_SIZES[name]} {name}, got {size}; correct it")
-        found = {name: getattr(self, name).shape for name in shapes}
-        expected: dict[str, tuple[int, ...]] = dict(shapes)
+        expected: dict[str, tuple[int, ...]] = shapes | {"input_names": (m,), "output_names": (p,)}
+        found: dict[str, tuple[int, ...]] = {name: np.shape(getattr(self, name)) for name in expected}
         if self.draws:
             found |= {f"draws[{name}]": matrices.shape for name, matrices in self.draws.items()}
             expected |= {f"draws[{name}]": (count, *shape) for name, shape in shapes.items()}
-        found |= {"input_names": (len(self.input_names),), "output_names": (len(self.output_names),)}
-        expected |= {"input_names": (m,), "output_names": (p,)}
         if self.draw_delays.shape != (0,):
             found["draw_delays"], expected["draw_delays"] = self.draw_delays.shape, (count,)
         for name in expected | found:
@@ -124,17 +122,12 @@ class PlantRecord(Record, frozen=True, kw_only=True):
         Raises:
           InputError: if the model is continuous, shapes disagree, or a value is out of range.
         """
-        if B is None:
-            if not hasattr(A, "A"):
-                problem = f"PlantRecord.from_state_space: got a {type(A).__name__}, expected A, B, C, D and dt"
-                raise InputError(
-                    f"{problem}, or a system that has them; of a transfer function give control.ss(system)"
-                )
-            system = A
-            A, B, C, D, dt = system.A, system.B, system.C, system.D, system.dt
-        if dt is None or dt is True or dt == 0:
-            problem = f"PlantRecord.from_state_space: dt is {dt}, as of a continuous model, expected above 0 s"
-            raise InputError(f"{problem}; discretise it (for instance control.c2d(system, 0.001))")
+        if B is None and hasattr(A, "A"):
+            A, B, C, D, dt = A.A, A.B, A.C, A.D, A.dt
+        if B is None or not dt or dt is True:
+            problem = f"expected matrices and a period dt above 0 s, or what has them as control.ss, got dt {dt}"
+            remedy = "discretise a continuous model (for instance control.c2d(system, 0.001))"
+            raise InputError(f"PlantRecord.from_state_space: {problem}; {remedy}")
         A, B, C, D = (np.atleast_2d(matrix) for matrix in (A, B, C, D))
         D = np.full((len(C), B.shape[-1]), D[0, 0]) if D.size == 1 else D
         names: Any = {"input_names": _names("command", B.shape[-1]), "output_names": _names("angle", len(C))}

@@ -1,6 +1,6 @@
 """The sensing record: when and how well a robot sees, and how late it moves."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from msgspec import Meta, field
 
@@ -43,8 +43,8 @@ class CameraRecord(Struct, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if bool(self.latency_basis) != (self.latency is not None):
-            expected = f'expected "exposure" or "feedback" with a latency and "" without, got "{self.latency_basis}"'
-            raise InputError(f"CameraRecord: field latency_basis: {expected}; correct it")
+            expected = 'expected "exposure" or "feedback" with a latency and "" without'
+            raise InputError(f'CameraRecord: field latency_basis: {expected}, got "{self.latency_basis}"; correct it')
 
 
 class LinkRecord(Struct, frozen=True, kw_only=True):
@@ -85,6 +85,6 @@ class SensingRecord(Record, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        parts: Any = {"camera": self.camera, "link": self.link}
-        names = [f"{part}.{name}" for part, each in parts.items() for name in each.__struct_fields__]
-        check_intervals(self.intervals, names)
+        camera = [f"camera.{name}" for name in CameraRecord.__struct_fields__]
+        link = [f"link.{name}" for name in LinkRecord.__struct_fields__]
+        check_intervals(self.intervals, [*camera, *link])

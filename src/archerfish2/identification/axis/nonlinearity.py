@@ -24,6 +24,7 @@ _FASTER = 2.5  # factor on the speed of poles: what lags by itself has made the 
 _LIMITS, _SHARES = np.array([0.3, 0.45, 0.6, 0.75, 0.9]), np.array([0.01, 0.03, 0.08, 0.2, 0.45])  # of the command
 _SLEWS = np.array([0.25, 0.5, 0.8, 1.2, 2.5, 5.0])  # over the speed that the output reaches
 _NEAR = (0.7, 1.35), (0.87, 1.15)  # factors on the best level that are tried next, and then on the best of those
+_DELAYS = (-6, -4, -3, -2, -1, 1, 2)  # that are tried, over the linear plant's [samples]
 _CLEAR, _SHARE = 15.0, 0.97  # likelihood gained from which an operator is named, and share of the residual up to which
 _LEVELS, _SETTLED, _LONGEST = 60, 4.0, 2000  # of test steps; time constants until rest, samples of that at most
 
@@ -77,7 +78,7 @@ class _Search:
         self.found, self.commands, self.period_s = found, commands, period_s
         self.linear = self.logs("none", 0.0)
         self.picks = thinned(self.linear, _LINES)
-        self.base = refine(found.fit.sections, self.lines(self.linear), *_FINE)
+        self.base = refine(found.fit.sections, self.lines(self.linear, found.structure.delay), *_FINE)
         poles = poles_of(self.base.sections)
         self.starts = [self.base.sections, sections_from_poles(poles * np.abs(poles) ** (_FASTER - 1))]
 
@@ -85,41 +86,42 @@ class _Search:
         inputs = [_OPERATORS[name](u, level, self.period_s)[:, None] for u in self.commands]
         return [replace(e, u=u) for e, u in zip(self.found.experiments, inputs, strict=True)]
 
-    def lines(self, logs: list[Experiment]) -> list[Lines]:
-        structure = self.found.structure
-        return lines_of(logs, self.picks, structure.delay, structure.feedthrough)
+    def lines(self, logs: list[Experiment], delay: int) -> list[Lines]:
+        return lines_of(logs, self.picks, delay, self.found.structure.feedthrough)
 
     def best(self, name: str, levels: list[float]) -> Nonlinearity | None:
         """Fit the plant behind an operator at its best level; None if it explains no more than a linear one."""
-        costs = dict[float, float]()
+        costs, at = dict[float, float](), self.found.structure.delay
         for factors in (*_NEAR, ()):
             for tried in levels:
-                costs[tried] = refine_best(self.starts, self.lines(self.logs(name, tried)), *_ROUGH).cost
+                costs[tried] = refine_best(self.starts, self.lines(self.logs(name, tried), at), *_ROUGH).cost
             level = min(costs, key=costs.__getitem__)
             levels = [level * factor for factor in factors]
         logs = self.logs(name, level)
-        data = self.lines(logs)
-        fit = refine_best(self.starts, data, *_FINE)
-        if fit.cost >= self.base.cost:
+        fits = {at: refine_best(self.starts, self.lines(logs, at), *_FINE)}
+        if fits[at].cost >= self.base.cost:
             return None
-        # The poles may be what is better, and not the operator.
-        other = refine(fit.sections, self.lines(self.linear), *_FINE)
+        for delay in (at + step for step in _DELAYS if at + step >= 0):
+            fits[delay] = refine(fits[at].sections, self.lines(logs, delay), *_FINE)
+        delay = min(fits, key=lambda tried: fits[tried].cost)
+        # The poles or the delay may be what is better, and not the operator.
+        other = [refine(fits[delay].sections, self.lines(self.linear, tried), *_FINE) for tried in (at, delay)]
         least = rounding_floor(logs)
-        share = max(fit.cost, least) / max(least, min(self.base.cost, other.cost))
-        output = np.concatenate([lines.outputs[0] for lines in data])
-        residual = fit.residual[0].view(complex)
+        share = max(fits[delay].cost, least) / max(least, min(fit.cost for fit in (self.base, *other)))
+        output = np.concatenate([lines.outputs[0] for lines in self.lines(logs, delay)])
+        residual = fits[delay].residual[0].view(complex)
         colour = noise_colour(residual, output - residual)
         measured = sum(e.measured for e in logs) / sum(e.length for e in logs)  # a rest put before adds nothing
         gained = -2 * len(residual) * measured / colour * float(np.log(share))
-        return Nonlinearity(name, level, share, gained, *self.compared(name, level, fit))
+        return Nonlinearity(name, level, share, gained, *self.compared(name, level, fits[delay], delay))
 
-    def compared(self, name: str, level: float, fit: LinearFit) -> tuple[float, float]:
+    def compared(self, name: str, level: float, fit: LinearFit, delay: int) -> tuple[float, float]:
         """Return the gain behind an operator over the linear plant's, and the fit of that one to it [%]."""
         structure, scale, period_s = self.found.structure, self.found.scale, self.period_s
         linear = plant_of(self.base, structure, scale, period_s)
-        behind = plant_of(fit, structure, scale, period_s)
+        behind = plant_of(fit, structure._replace(delay=delay), scale, period_s)
         decay = -np.log(np.clip(np.abs(poles_of(self.base.sections)).max(), 1e-6, 1 - 1e-4))
-        settle = min(int(_SETTLED / decay) + 10, _LONGEST) + structure.delay
+        settle = min(int(_SETTLED / decay) + 10, _LONGEST) + max(structure.delay, delay)
         largest = max(float(np.abs(u).max()) for u in self.commands)
         levels = np.random.default_rng(0).uniform(-largest, largest, _LEVELS)
         given = np.concatenate([[0.0], np.full(settle, largest), levels.repeat(settle // 4)])

@@ -16,6 +16,7 @@ from archerfish2.identification.axis.result import AxisEstimates
 from archerfish2.identification.axis.sections import Structure
 from archerfish2.identification.axis.spectrum import mostly_held
 from archerfish2.identification.frequency import frequency_response
+from archerfish2.identification.statistics import converted
 from archerfish2.reports.report import Report
 from archerfish2.reports.style import Figure
 from archerfish2.reports.table import Entry, Estimate, Table, entry_texts
@@ -116,8 +117,7 @@ def axis_report(result: AxisEstimates) -> Report:
     """Report an identified axis."""
     missing, plant, worst = shortfalls(result), result.record, result.judged
     name = f"{worst.recording.source} ({'held back' if worst.held_back else 'fitted, none held back'})"
-    value, low, high = (1e3 * plant.sample_period_s * samples for samples in result.dead_time_samples[:3])
-    delay = Estimate(value, low, high, "ms")
+    delay = converted(result.dead_time_samples, lambda samples: 1e3 * plant.sample_period_s * samples, "ms")
     return Report(
         title=f"{plant.axis}: what the logs say",
         headline=f"order {len(plant.A)}, delay {_words(delay)}, fit {worst.fit_percent:.1f} % of {name}",

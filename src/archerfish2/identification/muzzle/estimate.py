@@ -231,8 +231,10 @@ def vertical_estimates(
         squares = (fit.variances + rounding) * _variance_factors(freedom, longer[1])[:, None] - rounding
     else:
         noise = fit.sd * np.random.default_rng(seed).standard_normal((_DRAWS, fit.sd.size))
-        drawn = [variance_components(each, fit.within, scales, fit.rounding) for each in noise]
-        pivots = [(each.unconstrained - fit.variances) / each.errors for each in drawn]
+        pivots = list[Array]()
+        for residual in noise:
+            drawn = variance_components(residual, fit.within, scales, fit.rounding)
+            pivots.append((drawn.unconstrained - fit.variances) / drawn.errors)
         tails = np.quantile(pivots, [0.975, 0.025], axis=0, method="weibull")
         squares = fit.spreads.unconstrained - longer[1] * tails * fit.spreads.errors
     inverse = np.linalg.pinv(fit.design / fit.sd[:, None], rcond=1e-9)

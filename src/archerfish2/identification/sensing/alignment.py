@@ -13,9 +13,11 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 
+from archerfish2.dynamics.aiming import line_of_sight
 from archerfish2.errors import file_error
 from archerfish2.identification import statistics
 from archerfish2.identification.statistics import Array
+from archerfish2.logs.recording import by_lines
 from archerfish2.logs.timing import GimbalLog
 from archerfish2.reports.table import Estimate
 
@@ -82,7 +84,7 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
     count = int(_SMOOTHED_S / float(np.median(np.diff(nodes)))) // 2 * 2 + 1
     if 7 <= count < nodes.size:
         even = np.linspace(nodes[0], nodes[-1], nodes.size)
-        nodes, angles = even, savgol_filter([np.interp(even, nodes, each) for each in angles.T], count, 3).T
+        nodes, angles = even, savgol_filter(by_lines(nodes, angles, even), count, 3, axis=0)
     return GimbalTrack(nodes, CubicSpline(nodes, angles), time, rate, quantum)
 
 
@@ -162,9 +164,8 @@ def _robust_sd(values: Array) -> Array:
 
 def spherical(position: Array) -> Array:
     """Return azimuth, elevation [rad] and range [m] of positions of shape B + (3,), in the same shape."""
-    x, y, z = np.moveaxis(position, -1, 0)
-    level = np.hypot(x, y)
-    return np.stack([np.arctan2(y, x), np.arctan2(z, level), np.hypot(level, z)], axis=-1)
+    pitch, yaw = np.moveaxis(line_of_sight(position), -1, 0)
+    return np.stack([yaw, pitch, np.linalg.norm(position, axis=-1)], axis=-1)
 
 
 def plate_in_camera(geometry: Array, yaw: Array, pitch: Array) -> Array:

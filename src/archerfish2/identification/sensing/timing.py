@@ -89,7 +89,7 @@ def latency_jitter(delay: Array, stamp_jitter: Estimate) -> Estimate:
     scatter = statistics.scatter_estimate(delay)
     if scatter.value < 1e-6:  # frames that are stamped on receipt carry the latency's jitter in their stamps
         return stamp_jitter
-    rest = difference(*(converted(each, lambda sd: sd**2) for each in (scatter, stamp_jitter)))
+    rest = difference(converted(scatter, np.square), converted(stamp_jitter, np.square))
     return converted(rest, lambda variance: float(np.sqrt(max(variance, 0.0))))
 
 
@@ -99,19 +99,21 @@ def command_delays(logs: Sequence[GimbalLog]) -> tuple[Array, int]:
     Returns:
       Delays of the steps that show one [s], shape (S,), and the number of all.
     """
-    found: list[float | None] = []
+    found, steps = list[float](), 0
     for log in logs:
         changes = np.flatnonzero(np.diff(log.yaw * 0 if log.command is None else log.command)) + 1
         edges = log.time[[0, *changes, -1]]
         rests = np.diff(edges) >= _REST_S
         for step in np.flatnonzero(rests[:-1] & rests[1:]) + 1:
             near = (log.time > edges[step] - _BEFORE_S) & (log.time < edges[step + 1])
-            found.append(_onset(log.time[near] - edges[step], log.yaw[near]))
-    delays = np.array([each for each in found if each is not None])
+            onset = _onset(log.time[near] - edges[step], log.yaw[near])
+            found += [] if onset is None else [onset]
+            steps += 1
+    delays = np.array(found)
     if delays.size:  # less those during which something else moved the axis
         deviation = np.abs(delays - np.median(delays))
         delays = delays[deviation <= 7.4 * np.median(deviation) + 1e-3]
-    return delays, len(found)
+    return delays, steps
 
 
 def _onset(since: Array, yaw: Array) -> float | None:
@@ -182,7 +184,7 @@ def step_latency(detections: DetectionLog, moments: Array, period: float) -> tup
         near = since_first > max(before + LATEST_S, moment - LATEST_S)
         near &= since_first < min(after, moment + 2 * LATEST_S)
         steps.append(_labelled(since_first[near] - moment, position[near]))
-    used = sum(each.size > 0 for each in steps)
+    used = sum(frames.size > 0 for frames in steps)
     if used < 5:
         problem = f"{used} of {moments.size} target steps can be used, expected at least 5"
         remedy = "step by more than six times the noise, a second apart, the gimbal still, by the clock of receipts"
