@@ -10,7 +10,7 @@ import pytest
 from archerfish2.controllers.registry import make_controller
 from archerfish2.controllers.tuning import Tuning
 from archerfish2.evaluation import rollout
-from archerfish2.evaluation.suites import draw
+from archerfish2.evaluation.draws import draw
 from archerfish2.records.json_files import read_json
 from archerfish2.robot import Robot
 from archerfish2.simulation.world import make_world

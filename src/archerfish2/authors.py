@@ -19,9 +19,10 @@ docs2/bring_your_own.md has an example of each noun, and tables of the fields of
 """
 
 from archerfish2.arrays import map_arrays, namespace, select, tree
-from archerfish2.controllers.kalman import DirectAim, Predictor
-from archerfish2.controllers.observation import Observer, View
-from archerfish2.controllers.preview_aim import make_preview_aim
+from archerfish2.controllers.aiming.direct import DirectAim
+from archerfish2.controllers.aiming.preview_lq import make_preview_aim
+from archerfish2.controllers.policy.observer import Observer, View
+from archerfish2.controllers.predictors.predictor import Predictor
 from archerfish2.dynamics.aiming import aim_at, intercept
 from archerfish2.learning.player import Player
 from archerfish2.learning.reward import RewardFunction

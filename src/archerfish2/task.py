@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
@@ -192,6 +193,11 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
             changes = {"name": "", **changes}
         return super().replace(**changes)
 
+    def __repr__(self) -> str:
+        usual, fields = type(self)(motion=self.motion), ("name", *self.__struct_fields__[2:])
+        unlike = [f"{name}={getattr(self, name)!r}" for name in fields if getattr(self, name) != getattr(usual, name)]
+        return f"Task({', '.join([f'motion={self.motion!r}', *unlike])})"
+
     @property
     def lengths(self) -> tuple[float, ...]:
         """Lengths of engagements [s]; if none are given 1 and 3 s where parameters are drawn, else 1 s."""
@@ -227,7 +233,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
             raise file_error(path, problem[:400], "correct it") from error
 
     @classmethod
-    def of(cls, task: Any = "any") -> Self:
+    def of(cls, task: "TaskLike" = "any") -> Self:
         """Return a task as every verb takes it: one that is there, by its name or TOML file, or a user's motion.
 
         Raises:
@@ -238,7 +244,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         if isinstance(task, str | Path):
             return cls.load(task)
         if callable(task):
-            return cls(motion=task)
+            return cls(motion=name_of(task, "motion"))
         expected = "a name, a TOML file, a Task or a motion"
         raise InputError(f"task: expected {expected}, got a {type(task).__name__}; give one of these")
 
@@ -310,3 +316,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         swing = self.max_speed_m_s, np.sqrt(self.rise_m / self.curvature_1_m), self.rise_m
         rest: Any = self.lateral_m, self.height_m, swing, self.curvature_1_m, np.array(self.start), float(plants)
         return single_precision(Scenario(motion, *ends, self.short_share, share, *rest))
+
+
+TaskLike = Task | str | Path | Callable[..., Any]
+"""A task as every verb takes it; see `Task.of`."""

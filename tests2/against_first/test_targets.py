@@ -24,7 +24,11 @@ def float32(*values: float) -> tuple[np.ndarray, ...]:
 @pytest.mark.parametrize("shape", SHAPES)
 def test_drawn_paths_are_those_of_the_first_edition(name, shape) -> None:
     conditions, rng = assumed_conditions(), np.random.default_rng(7)
-    eq_7 = float32(conditions.max_lateral_speed, conditions.reversal_half_width, conditions.parabola_rise)
+    eq_7 = float32(
+        conditions.max_lateral_speed,
+        np.sqrt(conditions.parabola_rise / conditions.parabola_curvature),
+        conditions.parabola_rise,
+    )
     first = drawn.drawn_motion({"kinds": "any"}.get(name, name))
     assert mixture.path_uniforms(name) == first.chances
     place = rng.uniform([1.0, -0.7, 0.1], [5.0, 0.7, 0.3], (*shape, 3)).astype(np.float32)
@@ -51,7 +55,7 @@ def test_the_table_is_that_of_the_first_edition() -> None:
                 assert mine.unit == first.unit
                 assert_array_equal(mine.draw(uniform), first.draw(uniform))
     assert [*drawn.MIXTURE.values()] == [*mixture.MIXTURES["kinds"].values()]
-    assert mixture.path_uniforms("kinds") == variation.CHANCES + kinds.UNIFORMS + 1
+    assert mixture.path_uniforms("kinds") == variation.CHANCES + kinds.KIND_DRAWS + 1
     assert_array_equal(motion.TIMES, path.TIMES)
 
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from archerfish2.arrays import Array
 from archerfish2.controllers.registry import make_controller
 from archerfish2.evaluation import rollout
-from archerfish2.evaluation.suites import draw
+from archerfish2.evaluation.draws import draw
 from archerfish2.protocols import Barrel, Base, Command, Engagement, Frames, GimbalFeedback, Seen, Shot, Truth
 from archerfish2.robot import Robot
 from archerfish2.task import Task

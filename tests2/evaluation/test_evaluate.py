@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import archerfish2 as af
-from archerfish2.controllers.network import Layer, Normaliser
-from archerfish2.controllers.observation import make_observer, observer_facts
-from archerfish2.controllers.policy import PolicyFacts
+from archerfish2.controllers.policy.network import Layer, Normaliser
+from archerfish2.controllers.policy.observation import make_observer, observer_facts
+from archerfish2.controllers.policy.policy import PolicyFacts
 from archerfish2.controllers.registry import make_controller
 from archerfish2.controllers.tuning import GRIDS, tuning_at
 from archerfish2.evaluation import tuning
-from archerfish2.evaluation.rollout import count
-from archerfish2.evaluation.suites import draw
+from archerfish2.evaluation.draws import draw
+from archerfish2.evaluation.run import count
 from archerfish2.protocols import aim
 
 ROBOT, TASK, PAPER = af.Robot.paper(), af.Task.load("dynamic").replace(ranges_m=((2, 3),)), af.Task.load("paper")
@@ -158,8 +158,8 @@ def test_a_fault_of_ours_keeps_its_traceback(monkeypatch):
     def step(self, state, seen):
         raise KeyError("ours")
 
-    monkeypatch.setattr("archerfish2.evaluation.rollout.has_jax", lambda: False)
-    monkeypatch.setattr("archerfish2.controllers.kalman.DirectAim.step", step)
+    monkeypatch.setattr("archerfish2.evaluation.run.has_jax", lambda: False)
+    monkeypatch.setattr("archerfish2.controllers.aiming.direct.DirectAim.step", step)
     with pytest.raises(KeyError, match="ours"):
         af.rollout("kalman-paper", task=TASK, engagements=4)
 

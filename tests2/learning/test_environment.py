@@ -6,9 +6,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import archerfish2 as af
 from archerfish2.arrays import leaves, map_arrays
-from archerfish2.controllers.network import Layer, Normaliser
-from archerfish2.controllers.policy import Policy
-from archerfish2.evaluation.rollout import run_engagements
+from archerfish2.controllers.policy.network import Layer, Normaliser
+from archerfish2.controllers.policy.policy import Policy
+from archerfish2.evaluation.run import run_engagements
 from archerfish2.learning.config import TrainConfig
 from archerfish2.learning.environment import HIDDEN
 from archerfish2.learning.reward import Reward

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from archerfish2 import storage
-from archerfish2.controllers.policy import Policy
+from archerfish2.controllers.policy.policy import Policy
 from archerfish2.controllers.registry import is_policy
 from archerfish2.evaluation.evaluate import evaluate
 from archerfish2.evaluation.results import Results

@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from archerfish2.arrays import map_arrays
-from archerfish2.controllers.policy import Policy
+from archerfish2.controllers.policy.policy import Policy
 from archerfish2.controllers.registry import NAMES, is_policy, make_controller
 from archerfish2.controllers.tuning import GRIDS, Tuning, kept
 from archerfish2.errors import InputError
+from archerfish2.evaluation.draws import draw
 from archerfish2.evaluation.published import conditions, is_paper
 from archerfish2.evaluation.results import Kind, Label
-from archerfish2.evaluation.suites import draw
 from archerfish2.evaluation.tuning import BUDGET, tune
 from archerfish2.plugins import find_plugin, is_plugin
 from archerfish2.protocols import Controller, World, check_decision

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from archerfish2 import provenance
 from archerfish2.controllers.tuning import Tuning
 from archerfish2.evaluation import contenders
+from archerfish2.evaluation.draws import check_counts, draw
 from archerfish2.evaluation.hit_rate import hit_rate, paired_difference
 from archerfish2.evaluation.published import conditions, is_paper, with_bounds
 from archerfish2.evaluation.results import Cell, Comparison, Results, pairs_to_compare
-from archerfish2.evaluation.rollout import Counted, count, count_perfect_aim
-from archerfish2.evaluation.suites import check_counts, draw
+from archerfish2.evaluation.run import Counted, count, count_perfect_aim
 from archerfish2.paper.tables import printed_rate
 from archerfish2.protocols import World
 from archerfish2.reports import progress

@@ -10,8 +10,8 @@ from archerfish2.arrays import map_arrays
 from archerfish2.dynamics.aiming import line_of_sight
 from archerfish2.errors import InputError
 from archerfish2.evaluation import contenders
-from archerfish2.evaluation.rollout import run_engagements
-from archerfish2.evaluation.suites import check_counts, draw
+from archerfish2.evaluation.draws import check_counts, draw
+from archerfish2.evaluation.run import run_engagements
 from archerfish2.protocols import Command, Engagement, Seen, Shot
 from archerfish2.robot import Robot
 from archerfish2.simulation.user_world import find_world

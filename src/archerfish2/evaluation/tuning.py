@@ -14,8 +14,8 @@ from typing import NamedTuple
 from archerfish2.controllers.registry import make_controller
 from archerfish2.controllers.tuning import GRIDS, Grid, Tuning, entry, keep, kept, tuning_at
 from archerfish2.errors import InputError, one_line
-from archerfish2.evaluation.rollout import count
-from archerfish2.evaluation.suites import draw
+from archerfish2.evaluation.draws import draw
+from archerfish2.evaluation.run import count
 from archerfish2.robot import Robot
 from archerfish2.simulation.world import make_world
 from archerfish2.task import Task

@@ -4,18 +4,18 @@ An engagement whose time is up is truncated, not terminated: its target goes on,
 after the last step is returned beside the first of the next engagement, for a value function to bootstrap from.
 """
 
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from archerfish2.arrays import Array, namespace, select, single_precision, tree, when_any
-from archerfish2.controllers.observation import Observer, make_observer, observer_facts
-from archerfish2.learning.config import TrainConfig
+from archerfish2.controllers.policy.observation import make_observer, observer_facts
+from archerfish2.controllers.policy.observer import Observer
+from archerfish2.learning.config import ConfigLike, TrainConfig
 from archerfish2.learning.reward import RewardFunction, make_reward
 from archerfish2.protocols import Seen, Shot
-from archerfish2.robot import Robot
+from archerfish2.robot import Robot, RobotLike
 from archerfish2.simulation.camera import with_open_nearness
 from archerfish2.simulation.world import SimulatedWorld, make_world
-from archerfish2.task import DRAWN, Scenario, Task
+from archerfish2.task import DRAWN, Scenario, Task, TaskLike
 
 PHASES = 10
 """Phases of an engagement that a batch is staggered over: few, since a step in which none ends costs less."""
@@ -133,9 +133,9 @@ class Environment:
 
 
 def make_environment(
-    robot: Robot | str | Path | None = None,
-    task: Task | str | Path = "any",
-    config: TrainConfig | None = None,
+    robot: RobotLike = None,
+    task: TaskLike = "any",
+    config: ConfigLike = None,
     reward: str | RewardFunction | None = None,
 ) -> Environment:
     """Build the environment that `train` trains in, in float32.
@@ -151,7 +151,7 @@ def make_environment(
     """
     robot = Robot.of(robot)
     task = Task.of(task)
-    config = (config or TrainConfig()).resolved(robot, task)
+    config = TrainConfig.of(config).resolved(robot, task)
     observer = make_observer(observer_facts(config.names, robot, task, config.frames), config.names[1:])
     observer.layout()
     world = make_world(robot, task)

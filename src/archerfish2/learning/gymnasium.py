@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from archerfish2.arrays import map_arrays, namespace, select
 from archerfish2.compiled import forked, has_jax, import_jax
-from archerfish2.controllers.observation import Observer
+from archerfish2.controllers.policy.observer import Observer
 from archerfish2.errors import InputError
 from archerfish2.learning import register_environments
 from archerfish2.learning.environment import Environment, make_environment
@@ -33,7 +33,7 @@ _OTHERS = ', environment, action_bound, render_mode "rgb_array" or None, and of 
 OBSERVATION_BOUND = 1e6
 """Far beyond any number of an observation; Gymnasium advises against spaces without bounds."""
 Floats = NDArray[np.float32]
-Flags = NDArray[np.bool_]
+BoolArray = NDArray[np.bool_]
 
 register_environments()
 
@@ -126,7 +126,7 @@ class _Engagements:
         angle, command = seen.gimbal.angle[member], seen.command[member]
         return draw_picture(angle, command, plate, self._misses[:, member], float(world.hit_radius))
 
-    def _remember(self, miss: Floats, begins: Flags) -> None:
+    def _remember(self, miss: Floats, begins: BoolArray) -> None:
         """Remember the pellets of a decision for pictures, and none from before an engagement's begin, shape (B,)."""
         self._misses = np.concatenate([self._misses[1:], miss[None]])
         self._misses[:, begins] = np.nan
@@ -321,7 +321,7 @@ class ShootingVectorEnv(_Engagements, gymnasium.vector.VectorEnv[Floats, Floats,
         self._misses[:, mask] = np.nan
         return self._shown.copy(), {}
 
-    def step(self, actions: Floats) -> tuple[Floats, Floats, Flags, Flags, dict[str, Any]]:
+    def step(self, actions: Floats) -> tuple[Floats, Floats, BoolArray, BoolArray, dict[str, Any]]:
         """Decide and fire in all environments.
 
         Args:
@@ -375,17 +375,17 @@ class ShootingVectorEnv(_Engagements, gymnasium.vector.VectorEnv[Floats, Floats,
         """Draw every engagement for "rgb_array", each of shape (height, width, 3)."""
         return None if self.render_mode is None else tuple(map(self._picture, range(self.num_envs)))
 
-    def _reset_mask(self, options: dict[str, Any]) -> Flags:
+    def _reset_mask(self, options: dict[str, Any]) -> BoolArray:
         if others := [str(name) for name in options if name != "reset_mask"]:
             raise InputError(f"reset takes reset_mask alone, got {', '.join(others)}; give them when making it")
         every = np.ones(self.num_envs, bool)
-        mask: Flags = np.asarray(options.get("reset_mask", every))
+        mask: BoolArray = np.asarray(options.get("reset_mask", every))
         if mask.shape != every.shape or mask.dtype != bool or (self._state is None and not mask.all()):
             found = f"{mask.dtype} of shape {mask.shape}"
             raise InputError(f"reset_mask must be bool of shape {every.shape}, all at first, got {found}; correct it")
         return mask
 
-    def _prepare(self, members: Flags) -> None:
+    def _prepare(self, members: BoolArray) -> None:
         """Draw the next engagements of some environments, for decisions in which no environment ends twice."""
         for member in np.flatnonzero(members):
             self._next[member] = self._begun(self._generators[member])

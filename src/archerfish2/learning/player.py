@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from archerfish2.controllers.observation import Memory, Observer
+from archerfish2.controllers.policy.observer import Memory, Observer
 from archerfish2.protocols import Command, Seen, Truth
 
 

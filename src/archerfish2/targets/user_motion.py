@@ -69,8 +69,7 @@ def find_motion(spec: Any) -> Plugin:
       InputError: if it is not there, its code fails, what it returns is no motion, or it can't be compiled.
     """
     found = find_plugin(spec, "motion")
-    key = found.spec, id(found.value)
-    if key not in _checked:
+    if (key := (found.spec, id(found.value))) not in _checked:
         _checked[key] = _check(found)
     return _checked[key]
 
