@@ -128,8 +128,9 @@ class _Engagements:
 
     def _remember(self, miss: Floats, begins: BoolArray) -> None:
         """Remember the pellets of a decision for pictures, and none from before an engagement's begin, shape (B,)."""
-        self._misses = np.concatenate([self._misses[1:], miss[None]])
-        self._misses[:, begins] = np.nan
+        if self.render_mode is not None:
+            self._misses = np.concatenate([self._misses[1:], miss[None]])
+            self._misses[:, begins] = np.nan
 
 
 @functools.cache
@@ -167,13 +168,13 @@ def _chosen(_: Environment, condition: Any, one: Any, other: Any) -> Any:
 def _seeds(seed: Any, count: int) -> list[int | None]:
     """Return the seed of each environment, None where a sequence continues, or raise InputError."""
     one = np.ndim(seed) == 0
-    given = [seed] * count if one else list(seed)
-    if len(given) != count:
-        raise InputError(f"seed must be one per environment: expected {count}, got {len(given)}; or give a single one")
-    for each in given:
-        if each is not None and not (isinstance(each, int | np.integer) and each >= 0):
-            raise InputError(f"seed must be an integer of at least 0, got {each!r}; give another one")
-    return [None if each is None else int(each) + one * place for place, each in enumerate(given)]
+    seeds = [seed] * count if one else list(seed)
+    if len(seeds) != count:
+        raise InputError(f"seed must be one per environment: expected {count}, got {len(seeds)}; or give a single one")
+    for number in seeds:
+        if number is not None and not (isinstance(number, int | np.integer) and number >= 0):
+            raise InputError(f"seed must be an integer of at least 0, got {number!r}; give another one")
+    return [None if number is None else int(number) + one * member for member, number in enumerate(seeds)]
 
 
 class ShootingEnv(_Engagements, gymnasium.Env[Floats, Floats]):
@@ -346,9 +347,9 @@ class ShootingVectorEnv(_Engagements, gymnasium.vector.VectorEnv[Floats, Floats,
             self._normals[:, member] = self._noises[member].standard_normal(shape, np.float32)
             self._used[member] = 0
         normals = self._normals[self._used, np.arange(self.num_envs)]
-        state, *given = self._run(_step, self._state, asked, normals, self._fresh)
+        state, *results = self._run(_step, self._state, asked, normals, self._fresh)
         self._state = self._run(_chosen, waits, self._state, state) if waits.any() else state
-        following, final, (reward, up, hits, *missed) = (np.array(each) for each in given)
+        following, final, (reward, up, hits, *missed) = (np.array(array) for array in results)
         ended, hit, miss = (up > 0.0) & ~waits, hits > 0.0, np.stack(missed, axis=-1)
         self._place, self._used, self._taken = self._place + 1, self._used + ~waits, self._taken | ended
         self._remember(miss, ended | waits)
@@ -357,16 +358,16 @@ class ShootingVectorEnv(_Engagements, gymnasium.vector.VectorEnv[Floats, Floats,
         if self._mode is AutoresetMode.SAME_STEP:
             counts, self._shown = ~ended, following
             if ended.any():
-                rows = np.full(self.num_envs, None, object)
+                last = np.full(self.num_envs, None, object)
                 for member in np.flatnonzero(ended):
-                    rows[member] = final[member]
-                last = {"miss": miss, "_miss": ended.copy(), "hit": hit, "_hit": ended.copy()}
-                infos = {"final_obs": rows, "_final_obs": ended.copy()}
-                infos |= {"final_info": last, "_final_info": ended.copy()}
+                    last[member] = final[member]
+                shots = {"miss": miss, "_miss": ended.copy(), "hit": hit, "_hit": ended.copy()}
+                infos = {"final_obs": last, "_final_obs": ended.copy()}
+                infos |= {"final_info": shots, "_final_info": ended.copy()}
         else:
             reward[waits] = 0.0
             following[waits] = final[waits] = self._following[waits]
-            self._waits, self._shown = ended, final
+            self._waits, self._shown = ended.copy(), final
         self._following = following
         infos |= {"miss": miss, "_miss": counts, "hit": hit, "_hit": counts.copy()}
         return self._shown.copy(), reward, ended & False, ended, infos
