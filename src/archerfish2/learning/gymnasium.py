@@ -88,9 +88,6 @@ class _Engagements:
         """The environment as JAX's arrays; None without JAX."""
         return import_jax().tree.map(import_jax().numpy.asarray, self.environment) if has_jax() else None
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "_on_device"}
-
     def _begun(self, generator: np.random.Generator) -> tuple[Floats, Floats]:
         """Return the normals and uniforms that a new engagement begins with."""
         normals = generator.standard_normal(self.environment.normals, np.float32)
