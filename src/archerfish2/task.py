@@ -244,11 +244,9 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         if isinstance(task, str | Path):
             return cls.load(task)
         if callable(task):
-            motion: Any = task
-            return cls(motion=motion)
-        raise InputError(
-            f"task: expected a name, a TOML file, a Task or a motion, got a {type(task).__name__}; give one"
-        )
+            return cls(motion=task)  # type: ignore[arg-type]
+        expected = "a name, a TOML file, a Task or a motion"
+        raise InputError(f"task: expected {expected}, got a {type(task).__name__}; give one of these")
 
     def save(self, path: str | Path) -> None:
         """Write the task as a TOML file.
