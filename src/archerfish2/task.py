@@ -194,7 +194,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         return super().replace(**changes)
 
     def __repr__(self) -> str:
-        usual, fields = type(self)(motion=self.motion), ("name", *self.__struct_fields__[2:])
+        usual, fields = type(self)(motion=self.motion), self.__struct_fields__
         unlike = [f"{name}={getattr(self, name)!r}" for name in fields if getattr(self, name) != getattr(usual, name)]
         return f"Task({', '.join([f'motion={self.motion!r}', *unlike])})"
 
