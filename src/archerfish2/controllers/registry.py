@@ -12,7 +12,7 @@ from typing import Any
 from archerfish2.arrays import single_precision
 from archerfish2.controllers.aiming.direct import DirectAim
 from archerfish2.controllers.aiming.oracle import make_oracle
-from archerfish2.controllers.aiming.preview_lq import make_preview_aim
+from archerfish2.controllers.aiming.preview_lq import PreviewAim, make_preview_aim
 from archerfish2.controllers.policy.policy import is_training
 from archerfish2.controllers.predictors.constant_velocity import ConstantVelocity
 from archerfish2.controllers.predictors.hold import Hold
@@ -62,13 +62,17 @@ def _direct_aim(predictor: Predictor, robot: Robot, task: Task, tuning: Tuning) 
     return DirectAim(predictor, robot.muzzle_model(), robot.command_limits(task), lead_s, task.period_s)
 
 
+def _preview_aim(predictor: Predictor, robot: Robot, task: Task, tuning: Tuning) -> PreviewAim:
+    return make_preview_aim(predictor, robot, task, smoothing=tuning.smoothing, lead_s=tuning.extra_lead_s)
+
+
 CLASSICAL: Mapping[str, tuple[Callable[..., Predictor], Callable[..., Any]]] = {
     "kalman": (_constant_velocity, _direct_aim),
     "kalman-paper": (_constant_velocity, _direct_aim),
-    "kalman-lq": (_constant_velocity, make_preview_aim),
-    "imm-lq": (_interacting_models, make_preview_aim),
-    "parabola-lq": (_parabola, make_preview_aim),
-    "no-lead": (lambda *_: Hold(), make_preview_aim),
+    "kalman-lq": (_constant_velocity, _preview_aim),
+    "imm-lq": (_interacting_models, _preview_aim),
+    "parabola-lq": (_parabola, _preview_aim),
+    "no-lead": (lambda *_: Hold(), _preview_aim),
 }
 """Name → predictor, of robot, task and tuning; and law of aiming, of a predictor and these."""
 NAMES = (*CLASSICAL, "oracle")
