@@ -12,7 +12,7 @@ from typing import Any
 from archerfish2.arrays import single_precision
 from archerfish2.controllers.aiming.direct import DirectAim
 from archerfish2.controllers.aiming.oracle import make_oracle
-from archerfish2.controllers.aiming.preview_lq import make_preview_aim
+from archerfish2.controllers.aiming.preview_lq import PreviewAim, make_preview_aim
 from archerfish2.controllers.policy.policy import is_training
 from archerfish2.controllers.predictors.constant_velocity import ConstantVelocity
 from archerfish2.controllers.predictors.hold import Hold
@@ -34,26 +34,26 @@ MODELS_EXACT_SD = 2e-4
 does a Kalman filter good, hides turns."""
 
 
-def _noise(robot: Robot, tuning: Tuning, exact_sd: float) -> TrackerNoise:
+def _tracker_noise(robot: Robot, tuning: Tuning, exact_sd: float) -> TrackerNoise:
     noise = noise_from_record(robot.sensing, tuning.acceleration_sd, exact_sd)
     return noise._replace(initial_speed=tuning.initial_speed)
 
 
 def _constant_velocity(robot: Robot, task: Task, tuning: Tuning) -> Predictor:  # noqa: ARG001
-    noise = _noise(robot, tuning, assumed_conditions().kalman_position_sd)
+    noise = _tracker_noise(robot, tuning, assumed_conditions().kalman_position_sd)
     return ConstantVelocity(noise, tuning.velocity_decay)
 
 
 def _interacting_models(robot: Robot, task: Task, tuning: Tuning) -> Predictor:
-    noise, rates = _noise(robot, tuning, MODELS_EXACT_SD), ModelRates(tuning.turn_rate)
+    noise, rates = _tracker_noise(robot, tuning, MODELS_EXACT_SD), ModelRates(tuning.turn_rate)
     return InteractingModels(noise, rates, task.hit_radius_m, robot.muzzle_model().sd[1])
 
 
-def _parabola(robot: Robot, task: Task, tuning: Tuning) -> Predictor:
+def _parabola_rule(robot: Robot, task: Task, tuning: Tuning) -> Predictor:
     if robot.sensing is None:
         return make_parabola_aware(task)
     # With noise in the detections, the rule is worth something to a filter alone.
-    noise = _noise(robot, tuning, assumed_conditions().kalman_position_sd)
+    noise = _tracker_noise(robot, tuning, assumed_conditions().kalman_position_sd)
     return make_parabola_filter(task, robot.muzzle_model().sd[1], noise)
 
 
@@ -62,13 +62,17 @@ def _direct_aim(predictor: Predictor, robot: Robot, task: Task, tuning: Tuning) 
     return DirectAim(predictor, robot.muzzle_model(), robot.command_limits(task), lead_s, task.period_s)
 
 
+def _preview_aim(predictor: Predictor, robot: Robot, task: Task, tuning: Tuning) -> PreviewAim:
+    return make_preview_aim(predictor, robot, task, smoothing=tuning.smoothing, lead_s=tuning.extra_lead_s)
+
+
 CLASSICAL: Mapping[str, tuple[Callable[..., Predictor], Callable[..., Any]]] = {
     "kalman": (_constant_velocity, _direct_aim),
     "kalman-paper": (_constant_velocity, _direct_aim),
-    "kalman-lq": (_constant_velocity, make_preview_aim),
-    "imm-lq": (_interacting_models, make_preview_aim),
-    "parabola-lq": (_parabola, make_preview_aim),
-    "no-lead": (lambda *_: Hold(), make_preview_aim),
+    "kalman-lq": (_constant_velocity, _preview_aim),
+    "imm-lq": (_interacting_models, _preview_aim),
+    "parabola-lq": (_parabola_rule, _preview_aim),
+    "no-lead": (lambda *_: Hold(), _preview_aim),
 }
 """Name → predictor, of robot, task and tuning; and law of aiming, of a predictor and these."""
 NAMES = (*CLASSICAL, "oracle")
