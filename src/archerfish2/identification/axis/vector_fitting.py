@@ -28,7 +28,7 @@ from archerfish2.identification.axis.spectrum import (
     thinned,
     unsettled_samples,
 )
-from archerfish2.identification.simulation import TINY
+from archerfish2.identification.simulation import TINY, Complex
 
 _Spread = tuple[float, float, int]
 SPREADS = ((0.1, 3.0, 0), (0.1, 0.5, 0), (0.7, 3.0, 0), (0.1, 3.0, 2))
@@ -167,8 +167,10 @@ def distinct(fits: Sequence[LinearFit], most: int = 8) -> list[LinearFit]:
 
 def _relocated(fit: LinearFit, data: list[Lines]) -> Sections:
     """Zeros of σ = 1 + Σ c state where σ Y is fitted with the poles of a fit; all outputs share σ."""
-    both = zip(data, fit.logs, strict=True)
-    sigma = [-((log.states * e.z)[:, None] * e.outputs).reshape(-1, len(e.z)) for e, log in both]
+    sigma = list[Complex]()
+    for lines, log in zip(data, fit.logs, strict=True):
+        products = (log.states * lines.z)[:, None] * lines.outputs
+        sigma.append(-products.reshape(-1, len(lines.z)))
     columns = project(fit, sigma).reshape(order_of(fit.sections), -1)
     size = np.linalg.norm(columns, axis=1) + TINY
     scaled = (columns / size[:, None]).T
@@ -183,7 +185,7 @@ def _spread(data: list[Lines], order: int, damping: float, highest: float, real:
     low = min(float(-np.angle(lines.z[0])) for lines in data)
     real = min(real, order // 2 * 2) + order % 2
     pairs = (order - real) // 2
-    w = np.geomspace(min(4 * low, 0.1), highest, max(pairs, 1))[:pairs]
-    p = np.exp(w * (-damping + 1j * np.sqrt(1 - damping**2)))
+    frequencies = np.geomspace(min(4 * low, 0.1), highest, max(pairs, 1))[:pairs]
+    poles = np.exp(frequencies * (-damping + 1j * np.sqrt(1 - damping**2)))
     lags = np.geomspace(0.1, low, real) if real > 1 else np.full(real, 0.1)
-    return sections_from_poles(np.concatenate([p, p.conj(), np.exp(-lags)]))
+    return sections_from_poles(np.concatenate([poles, poles.conj(), np.exp(-lags)]))
