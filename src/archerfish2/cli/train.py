@@ -74,7 +74,7 @@ class Train(ForRobot):
         others = "ppo." if config.trainer == "gradient" else "gradient."
         if other := [setting for setting in self.set if setting.startswith(others)]:
             raise InputError(
-                f"--set {other[0]} is not of the trainer {config.trainer}; leave it out, or name its trainer"
+                f"--set {other[0]} is not of the trainer {config.trainer}; leave it out, or name --trainer"
             )
         _announce(robot, task, config, out)
         return train(robot, task, config=config, seed=self.seed or 0, out=out)

@@ -71,8 +71,9 @@ GRIDS: Mapping[str, Mapping[str, Grid]] = {
 def tuning_at(name: str, place: tuple[int, ...] | None = None) -> Tuning:
     """Return the settings at indices of the grids of a name, where the search begins if none are given."""
     grids = GRIDS.get(name, {})
-    values = zip(grids.items(), place or (0,) * len(grids), strict=True)
-    return Tuning(**{"acceleration_sd": 0.0} | {setting: grid.value(index) for (setting, grid), index in values})
+    indices = zip(grids.items(), place or (0,) * len(grids), strict=True)
+    values = {setting: grid.value(index) for (setting, grid), index in indices}
+    return Tuning(**{"acceleration_sd": 0.0, **values})
 
 
 class KeptTuning(Struct, frozen=True, kw_only=True, eq=True):

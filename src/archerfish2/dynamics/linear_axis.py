@@ -92,8 +92,11 @@ def axis_draws(pitch: PlantRecord, yaw: PlantRecord) -> list[LinearAxis]:
             fields = [draws["A"], draws["B"][:, :, 0], draws["C"][:, 0], draws["D"][:, 0, 0], delays]
         axes.append(LinearAxis._make((*fields, period_s)))
     count = min((len(axis.a) for axis in axes if len(axis.a) > 1), default=1)
-    chosen = [[field[np.arange(count) % len(field)] for field in axis[:-1]] for axis in axes]
-    return [LinearAxis._make((*fields, axis.period_s)) for fields, axis in zip(chosen, axes, strict=True)]
+    chosen = []
+    for axis in axes:
+        fields = [field[np.arange(count) % len(field)] for field in axis[:-1]]
+        chosen.append(LinearAxis._make((*fields, axis.period_s)))
+    return chosen
 
 
 def _period_model(axis: LinearAxis, period_s: float) -> GimbalModel:

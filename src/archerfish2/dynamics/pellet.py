@@ -152,8 +152,7 @@ def _vertical(vector: Array) -> Array:
     return lift(namespace(vector).asarray([0.0, 0.0, 1.0], dtype=vector.dtype), vector)
 
 
-_SERIES_BELOW = 0.5
-_POWERS_BELOW, _POWERS = 0.25, 9
+_SERIES_BELOW, _POWERS_BELOW, _POWERS = 0.5, 0.25, 9
 
 
 def _log1p_over(drag: Array, distance: Array) -> Array:

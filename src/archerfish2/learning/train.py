@@ -4,7 +4,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, Literal
@@ -21,7 +21,7 @@ from archerfish2.learning.config import ConfigLike, TrainConfig
 from archerfish2.learning.environment import make_environment
 from archerfish2.learning.reward import RewardFunction
 from archerfish2.learning.run_folder import Begun, RunFolder, new_run, resumed_run
-from archerfish2.plugins import Plugin, find_plugin, names_code
+from archerfish2.plugins import find_plugin, name_of, names_code
 from archerfish2.provenance import code_commit, library_versions
 from archerfish2.records.json_files import plain
 from archerfish2.reports import progress
@@ -71,10 +71,8 @@ def train(
         from archerfish2.learning.shards import claim_devices
 
         begun = _begin(robot, task, with_given(TrainConfig.of(config), trainer, steps, reward), seed)
-        own = _own(begun, reward)
-        code = {name: plugin.digest for name, plugin in own.items()}
-        begun = begun.replace(devices=claim_devices(begun.config.settings.shards), code=code)
-        environment = _environment(begun, own)
+        begun = begun.replace(devices=claim_devices(begun.config.settings.shards), code=_own_code(begun))
+        environment = make_environment(begun.robot, begun.task, begun.config)
         with nullcontext() if out is None else new_run(Path(out), begun) as run:
             return _run(environment, begun, run, callback or (lambda _: None))
 
@@ -84,7 +82,7 @@ def resume(
     *,
     task: TaskLike | None = None,
     reward: str | RewardFunction | None = None,
-    blocks: Sequence[str] = (),
+    blocks: Sequence[str | Callable[..., Any]] = (),
     callback: Callback | None = None,
 ) -> Policy:
     """Continue the unfinished training of a folder with its own settings, to the weights of an unbroken one.
@@ -102,9 +100,9 @@ def resume(
       InputError: if there is no such training, it is finished, in use or damaged, code is missing, not its own or has
         changed, or the training diverges.
     """
-    given = {f"block {name}" for name in blocks}
+    given = {f"block {name_of(block, 'block')}" for block in blocks}
     given |= {f"motion {Task.of(task).motion}"} if task is not None else set()
-    given |= {f"reward {_spec(reward)}"} if reward is not None else set()
+    given |= {f"reward {name_of(reward, 'reward')}"} if reward is not None else set()
     with import_jax().enable_x64(False), resumed_run(Path(folder)) as run:
         from archerfish2.learning.shards import claim_devices
 
@@ -114,15 +112,15 @@ def resume(
         if ignored := sorted(given - begun.code.keys()):
             what = f"has no {ignored[0]} of your own, and continues with its own settings"
             raise InputError(f"{folder}: {what}; leave it out, or begin another training")
-        own = _own(begun, reward)
-        changed = [name for name, plugin in own.items() if plugin.digest != begun.code[name] or not plugin.digest]
-        if changed:
+        own = _own_code(begun)
+        if changed := [name for name, digest in own.items() if digest != begun.code[name] or not digest]:
             remedy = "put it back, or begin another training"
             raise InputError(f"{changed[0]} has changed since the training was begun, or has no source; {remedy}")
         if (devices := claim_devices(begun.config.settings.shards)) != begun.devices:
             flag = f"XLA_FLAGS=--xla_force_host_platform_device_count={begun.devices}"
             raise InputError(f"{folder}: begun on {begun.devices} devices, got {devices}; in a new process set {flag}")
-        return _run(_environment(begun, own), begun, run, callback or (lambda _: None))
+        environment = make_environment(begun.robot, begun.task, begun.config)
+        return _run(environment, begun, run, callback or (lambda _: None))
 
 
 def with_given(
@@ -130,15 +128,11 @@ def with_given(
 ) -> TrainConfig:
     """Return settings with what is given beside them, as to `train`, in their place."""
     config = config.replace(trainer=trainer) if trainer else config
-    config = config.replace(reward=_spec(reward)) if reward is not None else config
+    config = config.replace(reward=reward) if reward is not None else config
     if steps is not None:
         _check_number("steps", steps, 1)
         config = config.replace(gradient=config.gradient.replace(steps=steps), ppo=config.ppo.replace(steps=steps))
     return config
-
-
-def _spec(reward: str | RewardFunction) -> str:
-    return reward if isinstance(reward, str) else find_plugin(reward, "reward").spec
 
 
 def _check_number(name: str, number: Any, least: int) -> None:
@@ -161,21 +155,12 @@ def _begin(robot: RobotLike, task: TaskLike, config: TrainConfig, seed: int) -> 
     return Begun(robot=robot, task=task, config=config, seed=seed, commit=code_commit(), versions=versions)
 
 
-def _own(begun: Begun, reward: str | RewardFunction | None) -> dict[str, Plugin]:
-    """Return a user's own code by kind and name: the blocks of the observation, the motion, the reward."""
-    task, config = begun.task, begun.config
-    own = {f"block {name}": find_plugin(name, "block") for name in config.names[1:]}
-    if task.motion not in (*EQ_7, *DRAWN):
-        own[f"motion {task.motion}"] = find_plugin(task.motion, "motion")
-    if names_code(config.reward):
-        own[f"reward {config.reward}"] = find_plugin(reward or config.reward, "reward")
-    return own
-
-
-def _environment(begun: Begun, own: Mapping[str, Plugin]) -> Any:
-    """Return the environment of a training, with the code whose digest is noted."""
-    reward = own.get(f"reward {begun.config.reward}")
-    return make_environment(begun.robot, begun.task, begun.config, reward.value if reward else None)
+def _own_code(begun: Begun) -> dict[str, str]:
+    """Return the digests of a user's own code by kind and name: blocks of the observation, motion and reward."""
+    own = [("block", name) for name in begun.config.names[1:]]
+    own += [("motion", begun.task.motion)] if begun.task.motion not in (*EQ_7, *DRAWN) else []
+    own += [("reward", begun.config.reward)] if names_code(begun.config.reward) else []
+    return {f"{kind} {name}": find_plugin(name, kind).digest for kind, name in own}
 
 
 def _run(environment: Any, begun: Begun, folder: RunFolder | None, callback: Callback) -> Policy:

@@ -255,14 +255,15 @@ def sensing_from_record(record: SensingRecord, draws: int) -> Sensing:
     # A latency that counts from the feedback lacks the feedback's delay to one that counts from the exposure.
     delay = link.feedback_latency if link.feedback_delay is None else link.feedback_delay
     extra = (delay or 0.0) if camera.latency_basis == "feedback" else 0.0
-    across = np.stack([drawn(f"camera.{name}", getattr(camera, name)) for name in ("elevation_sd", "bearing_sd")], -1)
+    elevation_sd = drawn("camera.elevation_sd", camera.elevation_sd)
+    bearing_sd = drawn("camera.bearing_sd", camera.bearing_sd)
     return Sensing(
         frame_period=1.0 / drawn("camera.rate_hz", camera.rate_hz, 1e-3),
         latency=drawn("camera.latency", camera.latency) + extra,
         latency_jitter=drawn("camera.latency_jitter", camera.latency_jitter),
         moment_error=drawn("camera.time_offset", 0.0, -np.inf),
         moment_jitter=drawn("camera.stamp_jitter", camera.stamp_jitter),
-        across=across,
+        across=np.stack([elevation_sd, bearing_sd], axis=-1),
         noise_range=np.full(draws, camera.noise_range),
         nearness=np.zeros(draws),
         along=drawn("camera.range_sd", camera.range_sd) / camera.noise_range,

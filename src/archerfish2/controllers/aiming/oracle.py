@@ -18,14 +18,7 @@ import numpy as np
 
 from archerfish2.arrays import Array, lift, map_arrays, namespace, repeat, tree
 from archerfish2.controllers.aiming.preview_lq import HORIZON
-from archerfish2.controllers.aiming.preview_program import (
-    Preview,
-    RowsOfL,
-    bounding,
-    commands_of,
-    make_preview,
-    rows_of,
-)
+from archerfish2.controllers.aiming.preview_program import Preview, RowsLu, bounding, commands_of, make_preview, rows_of
 from archerfish2.controllers.tuning import SMOOTHING
 from archerfish2.dynamics.aiming import intercept
 from archerfish2.dynamics.command_limits import limit_command
@@ -187,13 +180,13 @@ class _AxisPlan(NamedTuple):
     """ADMM variables of one axis; N is the number of decisions."""
 
     wanted: Array  # path less free response, B + (N,)
-    low: RowsOfL  # bounds of the rows L u, B + (N,) each
-    high: RowsOfL
+    low: RowsLu  # bounds of the rows L u, B + (N,) each
+    high: RowsLu
     commands: Array  # B + (N,)
     error: Array  # M u − wanted after the shrinkage, B + (N,)
     error_dual: Array
-    rows: RowsOfL  # L u after the clipping, B + (N,) each
-    rows_dual: RowsOfL
+    rows: RowsLu  # L u after the clipping, B + (N,) each
+    rows_dual: RowsLu
 
 
 def make_oracle(robot: Robot, task: Task) -> Oracle:

@@ -15,7 +15,7 @@ from archerfish2.dynamics.command_limits import NEVER, CommandLimits
 from archerfish2.dynamics.linear_axis import GimbalModel
 from archerfish2.protocols import Base
 
-RowsOfL = tuple[Array, ...]
+RowsLu = tuple[Array, ...]
 """Of L u: u, Δu and Δ²u."""
 
 
@@ -57,13 +57,14 @@ class Preview:
             right = error @ self.response[axis]
             now = command[..., axis]
             right = xp.concat([right[..., :1] + self.smoothing[axis] * now[..., None], right[..., 1:]], axis=-1)
-            bounds = self.bounds(axis, now, command_rate[..., axis], base_yaw)
+            low, high = self.bounds(axis, now, command_rate[..., axis], base_yaw)
             # Three kinds of rows as three arrays: compiled, most of an iteration would go into stacking them.
-            low, high = (tuple(xp.moveaxis(row, -1, along) for row in rows) for rows in bounds)
+            low = tuple(xp.moveaxis(row, -1, along) for row in low)
+            high = tuple(xp.moveaxis(row, -1, along) for row in high)
             penalty = tuple(self.penalty[axis])
             turned, unbounded = xp.moveaxis(right, -1, along), xp.moveaxis(right @ self.optimum[axis], -1, along)
 
-            def improve(variables: tuple[Array, RowsOfL]) -> tuple[Array, RowsOfL]:
+            def improve(variables: tuple[Array, RowsLu]) -> tuple[Array, RowsLu]:
                 _, rows = variables  # with their duals, which are what the bounds cut off
                 kept = tuple(map(xp.clip, rows, low, high))
                 pulls = (share * (2.0 * inside - row) for share, inside, row in zip(penalty, kept, rows, strict=True))
@@ -77,7 +78,7 @@ class Preview:
 
         return xp.stack([solve(0), solve(1)], axis=-1)
 
-    def bounds(self, axis: int, command: Array, command_rate: Array, base_yaw: Array) -> tuple[RowsOfL, RowsOfL]:
+    def bounds(self, axis: int, command: Array, command_rate: Array, base_yaw: Array) -> tuple[RowsLu, RowsLu]:
         """Return the bounds of the rows L u of one axis, B + (N,) each; the first count from the command in force.
 
         Args:
@@ -152,7 +153,7 @@ def _responses(model: GimbalModel, axis: int, horizon: int) -> tuple[Array, Arra
     return np.where(lag >= 0, impulse[np.maximum(lag, 0)], 0.0), np.array(rows[1:])
 
 
-def rows_of(commands: Array, along: int = -1) -> RowsOfL:
+def rows_of(commands: Array, along: int = -1) -> RowsLu:
     """Return L u: commands, shape (..., N, ...), their differences and second differences, zero before the first.
 
     Args:

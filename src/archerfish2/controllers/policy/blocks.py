@@ -110,8 +110,10 @@ def away(_: Observer, view: View) -> Array:
 def speeds(_: Observer, view: View) -> Array:
     """Return the target's speeds across and along the line of sight, on three scales each."""
     xp, velocity = namespace(view.aim), view.fast.mean[..., 2:]
-    both = (view.across(velocity), view.away(velocity))
-    return xp.concat([f for v in both for f in (5.0 * v, xp.tanh(3.0 * v), xp.tanh(10.0 * v))], axis=-1)
+    scaled = []
+    for speed in (view.across(velocity), view.away(velocity)):
+        scaled += [5.0 * speed, xp.tanh(3.0 * speed), xp.tanh(10.0 * speed)]
+    return xp.concat(scaled, axis=-1)
 
 
 def detection(_: Observer, view: View) -> Array:
