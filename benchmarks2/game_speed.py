@@ -51,8 +51,8 @@ def second_edition() -> dict[str, Callable[[], int]]:
     """Return the same of the second edition."""
     from archerfish2.compiled import import_jax
     from archerfish2.controllers.registry import make_controller
-    from archerfish2.evaluation.rollout import count
-    from archerfish2.evaluation.suites import draw
+    from archerfish2.evaluation.draws import draw
+    from archerfish2.evaluation.run import count
     from archerfish2.evaluation.tuning import tune
     from archerfish2.protocols import aim
     from archerfish2.robot import Robot

@@ -16,7 +16,7 @@ Recording=logs.recording Results=evaluation.results Robot=robot Task=task TrainC
 evaluate=evaluation.evaluate excite=identification.excitation export=codegen.export
 identify_axis=identification.axis.identify identify_muzzle=identification.muzzle.identify
 identify_robot=identification.robot identify_sensing=identification.sensing.identify
-make_environment=learning.environments make_world=simulation.world read_log=logs.log rollout=evaluation.trajectory
+make_environment=learning.environments make_world=simulation.world read_log=logs.log rollout=evaluation.rollout
 train=learning.train tune=evaluation.tuning"""
 _PLACES = dict(each.split("=") for each in _NAMES.split())
 __all__ = [*_PLACES, "__version__"]

@@ -86,7 +86,7 @@ class Scenario:
         return target
 
 
-class Suite(NamedTuple):
+class TaskCell(NamedTuple):
     """One cell: engagements of one kind at one range."""
 
     table: str | None
@@ -230,7 +230,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         made.draw(np.random.default_rng(0).random((100, made.uniforms), np.float32))  # a user's targets are checked
         return made
 
-    def cells(self) -> tuple[Suite, ...]:
+    def cells(self) -> tuple[TaskCell, ...]:
         """Return the cells of an evaluation: for each length each kind of target at each range.
 
         Raises:
@@ -240,19 +240,19 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
             kinds: list[Any] = [(None, k, k, 0.0, at) for at, k in enumerate(KINDS) if self.motion in (*MIXTURES, k)]
         else:
             motion = self._motion()
-            table, name = ("III", "dynamic") if motion == "paper" else (None, motion.name)
-            kinds = [("II", "static", motion, 1.0, 0), (table, name, motion, 0.0, 1)]
-            kinds = {"static": kinds[:1], "dynamic": kinds[1:]}.get(self.motion, kinds)
+            static, dynamic = ("II", "static", motion, 1.0, 0), ("III", "dynamic", motion, 0.0, 1)
+            users = (None, getattr(motion, "name", ""), motion, 0.0, 1)
+            kinds = {"paper": [static, dynamic], "static": [static], "dynamic": [dynamic]}.get(self.motion, [users])
         # A range of the default ones has the random numbers of its place among them, whichever are beside it.
         places = {range_m: place for place, range_m in enumerate(dict.fromkeys((*_RANGES, *self.ranges_m)))}
-        suites = []
+        cells = []
         for length, (table, name, motion, share, row), range_m in itertools.product(self.lengths, kinds, self.ranges_m):
             place = places[range_m]
             stream = place + (4 * row if place < len(_RANGES) else 1000 * (row + 1))
-            cell = table if length == 1.0 else None, name, range_m, length, stream
-            scenario = self._scenario(motion, [range_m], [length], share)
-            suites.append(Suite(*cell, round(length / self.period_s), scenario))
-        return tuple(suites)
+            decisions, scenario = round(length / self.period_s), self._scenario(motion, [range_m], [length], share)
+            own = table if length == 1.0 else None
+            cells.append(TaskCell(own, name, range_m, length, stream, decisions, scenario))
+        return tuple(cells)
 
     def _motion(self) -> Any:
         """Return the motion of a scenario; a user's is checked."""

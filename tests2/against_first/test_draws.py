@@ -16,7 +16,7 @@ from archerfish.simulation.scenario import LONG_S, SHORT, draw_engagement, engag
 from archerfish.simulation.setting import make_scenario  # noqa: E402
 from archerfish.targets.drawn import drawn_motion  # noqa: E402
 from archerfish.targets.own_motion import find_motion  # noqa: E402
-from archerfish2.evaluation.suites import draw  # noqa: E402
+from archerfish2.evaluation.draws import draw  # noqa: E402
 from archerfish2.task import Task  # noqa: E402
 
 CONDITIONS = assumed_conditions()

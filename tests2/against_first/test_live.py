@@ -12,8 +12,8 @@ pytest.importorskip("archerfish.evaluation.suites")
 
 from archerfish2.controllers.registry import make_controller  # noqa: E402
 from archerfish2.controllers.tuning import Tuning  # noqa: E402
-from archerfish2.evaluation.rollout import count, count_perfect_aim  # noqa: E402
-from archerfish2.evaluation.suites import draw  # noqa: E402
+from archerfish2.evaluation.draws import draw  # noqa: E402
+from archerfish2.evaluation.run import count, count_perfect_aim  # noqa: E402
 from archerfish2.evaluation.tuning import rates, search  # noqa: E402
 from archerfish2.records.json_files import read_json  # noqa: E402
 from archerfish2.robot import Robot  # noqa: E402

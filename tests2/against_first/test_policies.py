@@ -19,8 +19,8 @@ from archerfish2.arrays import register
 from archerfish2.controllers.network import Layer, Normaliser
 from archerfish2.controllers.observation import Decisions, Detections, Memory, ObserverFacts, make_observer
 from archerfish2.controllers.policy import Policy, PolicyFacts
-from archerfish2.evaluation.rollout import count
-from archerfish2.evaluation.suites import draw
+from archerfish2.evaluation.draws import draw
+from archerfish2.evaluation.run import count
 from archerfish2.robot import Robot
 from archerfish2.simulation.world import make_world
 from archerfish2.task import Task

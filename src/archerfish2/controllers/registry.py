@@ -1,8 +1,9 @@
 """Controllers by name, each built for a robot and a task, and a user's own."""
 
 import difflib
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -11,13 +12,13 @@ from archerfish2.controllers.kalman import ConstantVelocity, DirectAim, Predicto
 from archerfish2.controllers.manoeuvring import Manoeuvring
 from archerfish2.controllers.oracle import make_oracle
 from archerfish2.controllers.parabola import make_parabola_aware, make_parabola_filter
-from archerfish2.controllers.policy import is_training
+from archerfish2.controllers.policy import Policy, is_training
 from archerfish2.controllers.preview_aim import Hold, make_preview_aim
 from archerfish2.controllers.tuning import Tuning, tuning_at
 from archerfish2.errors import InputError
 from archerfish2.paper.conditions import assumed_conditions, paper_tuning
-from archerfish2.plugins import FORMS, is_plugin
-from archerfish2.protocols import own_controller
+from archerfish2.plugins import FORMS, find_plugin, is_plugin
+from archerfish2.protocols import Controller, own_controller
 from archerfish2.robot import Robot
 from archerfish2.task import Task
 from archerfish2.tracking.interacting_models import ModelRates
@@ -30,6 +31,30 @@ by a camera without noise [m]: a larger value, which does a Kalman filter good, 
 
 NAMES = ("kalman", "kalman-paper", "kalman-lq", "imm-lq", "parabola-lq", "no-lead", "oracle")
 """Of the controllers here. One of a user's own needs no line: see `make_controller`."""
+
+ControllerLike: TypeAlias = str | Path | Controller | Callable[[Robot, Task], Any]
+"""A controller as every verb takes it: a name, a policy or its file or folder, an object, a class, or a function of
+robot and task."""
+
+
+def load_controller(controller: ControllerLike, blocks: tuple[Any, ...] = ()) -> Any:
+    """Return the policy of a file or folder, or what a name says of a user's own; anything else as it is.
+
+    Args:
+      controller: as every verb takes it.
+      blocks: of a policy's observation, that are a user's own.
+
+    Raises:
+      InputError: if it can't be read or found, or there are several.
+    """
+    kind = type(controller).__name__
+    if kind in ("list", "tuple", "set", "dict"):
+        raise InputError(f"controller: expected one, got a {kind}; give a name, a policy or an object")
+    if isinstance(controller, str | Path) and is_policy(controller):
+        return Policy.load(controller, blocks)
+    if isinstance(controller, str) and is_plugin(controller, "controller"):
+        return find_plugin(controller, "controller").value  # once: the file may be edited while it is used
+    return controller
 
 
 def is_policy(controller: Any) -> bool:
