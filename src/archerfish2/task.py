@@ -12,6 +12,7 @@ from archerfish2.arrays import Array, lift, namespace, single_precision, tree
 from archerfish2.errors import InputError, file_error, one_line
 from archerfish2.plugins import is_plugin, names_code
 from archerfish2.protocols import Engagement
+from archerfish2.records.json_files import plain
 from archerfish2.records.record import Angle, Struct, Text
 from archerfish2.storage import write_bytes
 from archerfish2.targets.kinds import KINDS
@@ -23,6 +24,8 @@ EQ_7 = ("paper", "static", "dynamic")
 """Motions of the paper's targets: all of them, those of Table II, those of Table III."""
 DRAWN = (*MIXTURES, *KINDS)
 """Motions whose parameters are drawn for each target."""
+_LABELLED = ("name", "motion", "ranges_m", "lengths_s", "command_limit", "short_share", "still_share")
+"""Fields of a task that the labels of an evaluation's cells say, or that training alone uses."""
 _FIRST = 6  # uniform draws of every engagement: distance, side, speed, phase, still or moving and length, plant
 _RANGES = ((1.0, 2.0), (2.0, 3.0), (3.0, 4.0), (4.0, 5.0))
 _Positive = Annotated[float, Meta(ge=1e-4, le=1000.0)]
@@ -158,6 +161,10 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         if "motion" in changes and self.name == type(self)(motion=self.motion).name:
             changes = {"name": "", **changes}
         return super().replace(**changes)
+
+    def conditions(self) -> dict[str, str]:
+        """Return what cells of an evaluation have in common and labels don't say; the usual ones are the paper's."""
+        return {name: str(value) for name, value in plain(self).items() if name not in _LABELLED}
 
     @property
     def lengths(self) -> tuple[float, ...]:

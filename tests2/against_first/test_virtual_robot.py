@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from archerfish2.arrays import Array
 from archerfish2.controllers.registry import make_controller
-from archerfish2.evaluation import run
+from archerfish2.evaluation import rollout, run
 from archerfish2.evaluation.draws import draw
 from archerfish2.protocols import Barrel, Base, Command, Engagement, Frames, GimbalFeedback, Seen, Shot, Truth
 from archerfish2.robot import Robot
@@ -92,7 +92,7 @@ def test_eight_cells_on_the_virtual_robot(monkeypatch) -> None:
     controller = make_controller("kalman-paper", Robot.paper(), task)
     for compiled in (True, False):
         monkeypatch.setattr(run, "has_jax", lambda compiled=compiled: compiled)
-        found = run.run_engagements(world, controller, *drawn)
+        found = rollout.run_engagements(world, controller, *drawn)
         hit = found.shot.fired & (found.shot.margin >= 0.0)
         assert_array_equal(hit, expected.hits(radius))
         assert_array_equal(found.shot.fired, expected.fired)

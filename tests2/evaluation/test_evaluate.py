@@ -113,7 +113,7 @@ def test_tasks_of_other_conditions_are_joined_under_their_own_names(refused):
     results, larger = (
         af.evaluate("no-lead", task=task, engagements=4) for task in (TASK, TASK.replace(hit_radius_m=0.1))
     )
-    refused("tasks: hit_radius_m of dynamic differs: 0.06 and 0.1; give the tasks different", results.join, larger)
+    refused("task dynamic: hit_radius_m differs: 0.06 and 0.1; give what differs different", results.join, larger)
     larger = af.evaluate("no-lead", task=TASK.replace(hit_radius_m=0.1, name="larger"), engagements=4)
     assert [(each.task, each.hits) for each in results.join(larger).cells] == [
         ("", results.cells[0].hits),
@@ -201,7 +201,7 @@ def test_what_is_tuned_shoots(searched):
         af.evaluate("kalman", OTHER, TASK, engagements=4, seed=1, tuning=each)
         for each in ("kept", {"kalman": best}, "start")
     )
-    assert tuned.tuning == given.tuning == {"other/gate/dynamic": {"kalman": best}}
+    assert tuned.tuning == given.tuning == {"other/gate/dynamic/kalman": best}
     assert start.tuning == {}
     world, controller = af.make_world(OTHER, TASK), make_controller("kalman", OTHER, TASK, best)
     hit = count(world, controller, *draw(TASK.cells(), 4, 1, "evaluation")).hit

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from archerfish2.arrays import leaves, map_arrays, namespace, tree
-from archerfish2.evaluation import run
+from archerfish2.evaluation import rollout, run
 from archerfish2.protocols import aim
 
 
@@ -31,9 +31,9 @@ class NoNumbers:
 
 def test_numpy_and_jax_have_equal_outcomes(conformance, batch, monkeypatch):
     given = *conformance.build(), *conformance.engagements(batch, 100)
-    compiled = run.run_engagements(*given)
+    compiled = rollout.run_engagements(*given)
     monkeypatch.setattr(run, "has_jax", lambda: False)
-    plain = run.run_engagements(*given)
+    plain = rollout.run_engagements(*given)
     assert map_arrays(np.shape, compiled[:-1]) == map_arrays(np.shape, plain[:-1])
     for ours, theirs in zip(*(leaves((each.shot, each.seen.frames)) for each in (plain, compiled)), strict=True):
         np.testing.assert_allclose(theirs, ours, atol=1e-3)
@@ -42,7 +42,7 @@ def test_numpy_and_jax_have_equal_outcomes(conformance, batch, monkeypatch):
 
 def test_pellets_hit_all_plates_and_none_is_fired_long_after_the_last_detection(conformance, monkeypatch):
     monkeypatch.setattr(run, "has_jax", lambda: False)
-    shots = run.run_engagements(*conformance.build(), *conformance.engagements((12,), 100))
+    shots = rollout.run_engagements(*conformance.build(), *conformance.engagements((12,), 100))
     seen, in_force, shot = shots.seen, shots.in_force, shots.shot
     assert np.bincount(shot.plate[shot.fired & (shot.margin >= 0.0)], minlength=4).min() > 30
     assert (shot.plate[~shot.fired] == -1).all()
@@ -58,10 +58,10 @@ def test_pellets_hit_all_plates_and_none_is_fired_long_after_the_last_detection(
 
 def test_the_shots_are_the_same_whatever_of_the_two_is_compiled(conformance):
     (world, controller), drawn = conformance.build(), conformance.engagements((3,), 100)
-    expected, counted = run.run_engagements(world, controller, *drawn), run.count(world, controller, *drawn)
+    expected, counted = rollout.run_engagements(world, controller, *drawn), run.count(world, controller, *drawn)
     plain, aiming = in_numpy(world), in_numpy(controller)
     for pair in ((plain, controller), (world, aiming), (plain, aiming)):
-        found, again = run.run_engagements(*pair, *drawn), run.count(*pair, *drawn)
+        found, again = rollout.run_engagements(*pair, *drawn), run.count(*pair, *drawn)
         np.testing.assert_allclose(found.in_force, expected.in_force, atol=1e-4)
         assert again.yaw_acceleration == pytest.approx(counted.yaw_acceleration, rel=1e-2)
         for fired, hit in ((shots.fired, shots.fired & (shots.margin >= 0.0)) for shots in (found.shot, expected.shot)):
@@ -75,7 +75,7 @@ def test_a_compiled_command_that_is_not_finite_is_refused(conformance, refused):
 
 
 def test_a_trajectory_is_a_row_per_decision_for_a_data_frame(conformance):
-    shots = run.run_engagements(*conformance.build(), *conformance.engagements((3,), 20))
+    shots = rollout.run_engagements(*conformance.build(), *conformance.engagements((3,), 20))
     rows = shots.to_dicts()
     assert [(row["engagement"], row["decision"]) for row in rows] == list(np.ndindex(3, 20))
     np.testing.assert_allclose([row["command_yaw_rad"] for row in rows], shots.command.angle[..., 1].ravel())
@@ -84,5 +84,5 @@ def test_a_trajectory_is_a_row_per_decision_for_a_data_frame(conformance):
 
 
 def test_an_engagement_that_is_not_there_is_not_drawn(conformance, refused):
-    shots = run.run_engagements(*conformance.build(), *conformance.engagements((3,), 20))
+    shots = rollout.run_engagements(*conformance.build(), *conformance.engagements((3,), 20))
     refused("plot: engagement must be 0…2, got 9", shots.plot, 9)

@@ -8,7 +8,7 @@ import archerfish2 as af
 from archerfish2.arrays import leaves, map_arrays
 from archerfish2.controllers.network import Layer, Normaliser
 from archerfish2.controllers.policy import Policy
-from archerfish2.evaluation.run import run_engagements
+from archerfish2.evaluation.rollout import run_engagements
 from archerfish2.learning.config import TrainConfig
 from archerfish2.protocols import Shot
 from archerfish2.simulation.environment import HIDDEN, Reward

@@ -52,7 +52,7 @@ def load_controller(controller: ControllerLike, blocks: tuple[Any, ...] = ()) ->
         raise InputError(f"controller: expected one, got a {kind}; give a name, a policy or an object")
     if isinstance(controller, str | Path) and is_policy(controller):
         return Policy.load(controller, blocks)
-    if isinstance(controller, str) and is_plugin(controller, "controller"):
+    if isinstance(controller, str) and controller not in NAMES and is_plugin(controller, "controller"):
         return find_plugin(controller, "controller").value  # once: the file may be edited while it is used
     return controller
 

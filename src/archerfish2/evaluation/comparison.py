@@ -46,11 +46,9 @@ class Comparison(Reported, tuple[CellDifference, ...]):
 
     def to_dicts(self) -> list[dict[str, Any]]:
         """Return a row per cell, and pair of trainings, for a data frame: its fields, `range_m` in two."""
-        rows = []
-        for pair in self:
-            low, high = pair.range_m
-            rows.append({**pair._asdict(), "range_low_m": low, "range_high_m": high})
-            del rows[-1]["range_m"]
+        rows = [pair._asdict() for pair in self]
+        for row in rows:
+            row["range_low_m"], row["range_high_m"] = row.pop("range_m")
         return rows
 
 

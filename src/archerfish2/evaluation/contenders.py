@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from archerfish2.arrays import map_arrays
-from archerfish2.controllers.registry import NAMES, ControllerLike, is_policy, load_controller, make_controller
+from archerfish2.controllers.registry import ControllerLike, is_policy, load_controller, make_controller
 from archerfish2.controllers.tuning import GRIDS, Tuning
 from archerfish2.errors import InputError, one_line
 from archerfish2.evaluation.draws import draw
-from archerfish2.evaluation.published import conditions
 from archerfish2.evaluation.results import Kind
 from archerfish2.plugins import find_plugin
 from archerfish2.protocols import Controller, World, check_decision
@@ -48,17 +47,14 @@ class Contender(NamedTuple):
         Raises:
           InputError: if it can't be made, or is a policy of another robot or decision period.
         """
-        if self.kind == "perfect":
-            return None
-        facts = getattr(self.given, "facts", None)
+        facts, records = getattr(self.given, "facts", None), robot.record_digests()
         if facts is not None and facts.observer.period_s != task.period_s:
             periods = f"{facts.observer.period_s:g} s, expected {task.period_s:g} s"
             raise InputError(f"{self.name} decides every {periods}; train again")
-        records, papers = robot.record_digests(), Robot.paper().record_digests()
-        if facts is not None and facts.robot not in ({}, records) and records == papers:
+        if facts is not None and facts.robot not in ({}, records) and records == Robot.paper().record_digests():
             raise InputError(f"{self.name} was trained for another robot than {robot.name}; name that robot's folder")
-        if self.kind == "policy":
-            return self.given  # type: ignore[no-any-return]
+        if self.kind in ("policy", "perfect"):
+            return self.given if self.kind == "policy" else None
         return make_controller(self.given, robot, task, tuning)  # type: ignore[no-any-return]
 
 
@@ -91,27 +87,22 @@ def as_contenders(
 def _with_names(controllers: Any) -> Iterable[tuple[Any, Any]]:
     if isinstance(controllers, Mapping):
         return controllers.items()
-    if isinstance(controllers, str) or not isinstance(controllers, Iterable) or hasattr(controllers, "step"):
-        controllers = (controllers,)
-    return [(_name(controller), controller) for controller in controllers]
+    is_one = isinstance(controllers, str) or not isinstance(controllers, Iterable) or hasattr(controllers, "step")
+    return [(_name(controller), controller) for controller in ((controllers,) if is_one else controllers)]
 
 
 def _name(controller: Any) -> str:
     if is_policy(controller):
         return Path(controller).stem
-    if isinstance(controller, str):
-        return controller.rpartition(":")[2]
-    if hasattr(controller, "facts"):
-        return "policy"
-    return str(getattr(controller, "__name__", type(controller).__name__))
+    if isinstance(controller, str | Path):
+        return str(controller).rpartition(":")[2]
+    return "policy" if hasattr(controller, "facts") else str(getattr(controller, "__name__", type(controller).__name__))
 
 
 def _kind(given: Any) -> Kind:
-    if hasattr(given, "facts"):
-        return "policy"
-    if not isinstance(given, str):
-        return "user"
-    return "perfect" if given == PERFECT else "classical" if given in NAMES else "user"
+    if isinstance(given, str):
+        return "perfect" if given == PERFECT else "classical"
+    return "policy" if hasattr(given, "facts") else "user"
 
 
 def prepared(contenders: Sequence[Contender], world: World, robot: Robot, task: Task) -> dict[int, Controller | None]:
@@ -148,8 +139,8 @@ def unlike_training(contender: Contender, robot: Robot, task: Task) -> str:
     facts = getattr(contender.given, "facts", None)
     if facts is None:
         return ""
-    was = {"limit": facts.task.command_limit, **conditions(facts.task)}
-    now = {"limit": task.command_limit, **conditions(task)}
+    was = {"limit": facts.task.command_limit, **facts.task.conditions()}
+    now = {"limit": task.command_limit, **task.conditions()}
     covered = {"paper": EQ_7, **dict.fromkeys(MIXTURES, DRAWN)}.get(facts.task.motion, (facts.task.motion,))
     if task.motion not in covered:
         was, now = {"targets": facts.task.motion, **was}, {"targets": task.motion, **now}

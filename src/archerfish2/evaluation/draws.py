@@ -45,12 +45,7 @@ def check_counts(engagements: Any, seed: Any, least: int, cells: Sequence[TaskCe
 
 
 def draw(
-    cells: Sequence[TaskCell],
-    engagements: int,
-    seed: int,
-    purpose: str = "evaluation",
-    normals: int = 6,
-    plants: int = 1,
+    cells: Sequence[TaskCell], engagements: int, seed: int, purpose: str, normals: int = 6, plants: int = 1
 ) -> tuple[Engagement, NDArray[np.float32]]:
     """Draw engagements of cells of one length, and the standard normals of all their decisions.
 

@@ -10,7 +10,7 @@ from archerfish2.controllers.registry import ControllerLike
 from archerfish2.controllers.tuning import TuningLike
 from archerfish2.evaluation.contenders import Contender, as_contenders, prepared, unlike_training
 from archerfish2.evaluation.draws import check_counts, draw
-from archerfish2.evaluation.published import conditions, is_paper, printed_for, with_bounds
+from archerfish2.evaluation.published import is_paper, printed_for, with_bounds
 from archerfish2.evaluation.results import Cell, Results
 from archerfish2.evaluation.run import Counted, count, count_perfect_aim
 from archerfish2.evaluation.tuning import settings
@@ -85,9 +85,7 @@ def evaluate(
                 report(len(normals))
                 cells += _cells(task_cells, contender, counted, arena.name, task, is_tabled)
     ended = time.monotonic()
-    facts = {"robot": robot.name, "digest": robot.digest(), "assumed": ", ".join(robot.assumed)}
-    if digest := getattr(task_cells[-1].scenario.motion, "digest", ""):
-        facts[f"motion {task_cells[-1].motion}"] = digest  # of a user's motion, as it was run
+    motion = task_cells[-1].scenario.motion
     remarks = [unlike_training(contender, robot, task) for contender in contenders]
     informed = {c.name for place, c in enumerate(contenders) if getattr(made[0][place], "needs_truth", False)}
     stages = {"checks": checked - begun, "tuning": tuned - checked, "evaluation": ended - tuned}
@@ -96,8 +94,9 @@ def evaluate(
         commit=provenance.code_commit(),
         versions=provenance.library_versions(),
         tasks=(task,),
-        robots={arena.name: facts},
-        tuning={f"{arena.name}/{task.command_limit}/{task.name}": tunings} if tunings else {},
+        robots={arena.name: {"robot": robot.name, "digest": robot.digest(), "assumed": ", ".join(robot.assumed)}},
+        motions={motion.name: motion.digest} if hasattr(motion, "digest") else {},
+        tuning={f"{arena.name}/{task.command_limit}/{task.name}/{name}": found for name, found in tunings.items()},
         cells=with_bounds(cells, robot, task, seed, informed=informed) if world is None else tuple(cells),
         remarks=tuple(remark for remark in remarks if remark),
         durations={stage: round(seconds, 2) for stage, seconds in stages.items()},
@@ -111,7 +110,7 @@ def _cells(
     by_cell = (len(task_cells), -1, counted.hit.shape[-1])
     hits = counted.hit.reshape(by_cell).sum(axis=2).tolist()
     withheld = (~counted.fired).reshape(by_cell).sum(axis=(1, 2)).tolist()
-    changed = conditions(task) != conditions(Task())
+    changed = task.conditions() != Task().conditions()
     for place, cell in enumerate(task_cells):
         table: Any = cell.table if is_tabled and cell.range_m in Task().ranges_m else None
         yield Cell(

@@ -136,10 +136,8 @@ def _quantile(engagements: int) -> float:
 
 def _checked(name: str, hits: ArrayLike, decisions: int) -> NDArray[np.int64]:
     counts = np.asarray(hits)
-    if counts.ndim != 1 or counts.dtype.kind not in "iu" or len(counts) < 2 or decisions < 1:
-        expected = "whole numbers of shape (engagements,), at least 2 engagements of 1 decision"
-        found = f"{counts.dtype} of shape {counts.shape}, of {decisions} decisions"
-        raise InputError(f"{name} is {found}, expected {expected}; evaluate more engagements")
-    if counts.min() < 0 or counts.max() > decisions:
-        raise InputError(f"{name} has {counts.min()}…{counts.max()} hits of {decisions} decisions; correct it")
+    is_valid = counts.dtype.kind in "iu" and counts.ndim == 1 and len(counts) >= 2 and decisions >= 1
+    if not is_valid or counts.min() < 0 or counts.max() > decisions:
+        expected = f"whole numbers of at least 2 engagements, 0…{decisions}"
+        raise InputError(f"{name} is {counts.dtype} of shape {counts.shape}, expected {expected}; evaluate more")
     return counts.astype(np.int64)

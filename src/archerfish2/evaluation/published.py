@@ -12,25 +12,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from archerfish2.paper.tables import printed_rate
-from archerfish2.records.json_files import plain, read_json
+from archerfish2.records.json_files import read_json
 from archerfish2.robot import Robot
 from archerfish2.task import EQ_7, Task
 
 if TYPE_CHECKING:
     from archerfish2.evaluation.results import Cell
 
-_LABELLED = ("name", "motion", "ranges_m", "lengths_s", "command_limit", "short_share", "still_share")
-"""Fields of a task that the labels of its cells say, or that training alone uses."""
-
-
-def conditions(task: Task) -> dict[str, str]:
-    """Return what the cells of a task have in common, and their labels don't say; the defaults are the paper's."""
-    return {name: str(value) for name, value in plain(task).items() if name not in _LABELLED}
-
 
 def is_paper(robot: dict[str, str], task: Task) -> bool:
     """Whether robot, by the digests of its records, targets and shots are those of the paper's Tables II and III."""
-    same = task.motion in EQ_7 and conditions(task) == conditions(Task())
+    same = task.motion in EQ_7 and task.conditions() == Task().conditions()
     return same and robot == Robot.paper().record_digests()
 
 
@@ -44,7 +36,8 @@ def printed_for(controller: Any, table: str, range_m: tuple[float, float]) -> fl
     """
     facts = getattr(controller, "facts", None)
     if facts is None:
-        return printed_rate(table, range_m, controller) if isinstance(controller, str) else None
+        is_papers = isinstance(controller, str) and controller == "kalman-paper"
+        return printed_rate(table, range_m, controller) if is_papers else None
     sees_as_papers = facts.observer.observation == ("paper",) and facts.task.motion == "paper"
     return printed_rate(table, range_m, "", is_policy=sees_as_papers and is_paper(facts.robot, facts.task))
 
@@ -61,19 +54,18 @@ def with_bounds(
       seed: of the evaluation.
       informed: names of the controllers that are given the target's path.
     """
-    if task.motion not in EQ_7 or conditions(task) != conditions(Task()):
+    if task.motion not in EQ_7 or task.conditions() != Task().conditions():
         return tuple(cells)
-    name = "paper" if robot.digest() == Robot.paper().digest() else robot.digest()
-    bounds: dict[Any, Any] = {}
+    name, bounds = "paper" if robot.digest() == Robot.paper().digest() else robot.digest(), dict[Any, Any]()
     for entry in _published():
         if (entry["robot"], entry["seed"]) == (name, seed):
             for motion in ("static", "dynamic"):
                 for range_m, *both in entry[motion]:
-                    bounds[entry["command_limit"], entry["engagements"], motion, tuple(range_m)] = both
+                    bounds[entry["command_limit"], entry["engagements"], motion, tuple(range_m), 1.0] = both
     bounded = []
     for cell in cells:
-        both = bounds.get((cell.command_limit, cell.engagements, cell.motion, cell.range_m))
-        if both is None or cell.length_s != 1.0 or cell.kind == "perfect":
+        both = bounds.get((cell.command_limit, cell.engagements, cell.motion, cell.range_m, cell.length_s))
+        if both is None or cell.kind == "perfect":
             bounded.append(cell)
         else:
             bound, error = both[cell.controller in informed]

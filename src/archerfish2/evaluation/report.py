@@ -1,8 +1,7 @@
 """The report of an evaluation: headline, tables beside the paper's, paired differences, bounds and figures."""
 
 import functools
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from archerfish2.evaluation import tables
 from archerfish2.evaluation.comparison import CellDifference, default_comparisons
@@ -10,9 +9,9 @@ from archerfish2.evaluation.plots import hit_rates
 from archerfish2.evaluation.results import Cell, Results
 from archerfish2.records.json_files import plain
 from archerfish2.reports.report import Report
-from archerfish2.reports.table import Table, entry_texts
+from archerfish2.reports.table import entry_texts
 
-_PROVENANCE = ("seed", "commit", "versions", "robots", "tuning")
+_PROVENANCE = ("seed", "commit", "versions", "robots", "motions", "tuning")
 _LIMITS = {
     "box": "Limit box: only the angle ranges limit commands. The printed axes have no limit of speed or torque, so "
     "these figures are properties of the printed model, not of a robot.",
@@ -30,14 +29,11 @@ def evaluation_report(results: Results) -> Report:
     return Report(
         title="Hit rates: " + ", ".join(dict.fromkeys(cell.world for cell in cells)),
         headline=_headline(cells, pairs),
-        known=tuple(tables.notes(results, are_compared=bool(pairs))),
+        known=(f"Seed {results.seed}, commit {results.commit}, {len(cells)} cells.", *_known(results, pairs)),
         doubts=(*results.remarks, *(_LIMITS[limit] for limit in _LIMITS if limit in limits), *_single_trainings(cells)),
         tables=(
             *tables.rate_tables(cells, results.tasks),
             *tables.mean_difference_tables(pairs),
-            *tables.difference_tables(pairs),
-            *_by_place("Distance to the paper's figures, root mean square [points]", cells, _to_paper),
-            *_by_place("Largest mean acceleration of the yaw axis over a period [rad/s²]", cells, _acceleration),
         ),
         figures=tuple(
             (f"Hit rate against range: {tables.place_text(*place)}", functools.partial(hit_rates, own, names=names))
@@ -45,6 +41,20 @@ def evaluation_report(results: Results) -> Report:
         ),
         provenance={name: plain(getattr(results, name)) for name in _PROVENANCE} | {"seconds": results.durations},
     )
+
+
+def _known(results: Results, pairs: Sequence[CellDifference]) -> list[str]:
+    """Return what the figures of results mean, as far as there are such."""
+    cells = results.cells
+    several = any(len({cell.seed for cell in own}) > 1 for own in tables.by_controller(cells).values())
+    said = [tables.RATES]
+    said += [tables.SEEDS] if several else []
+    said += [tables.PRINTED] if any(cell.table for cell in cells) else []
+    said += [tables.DIFFERENCES, "results.compare(a, b) has those of any two controllers by cell."] if pairs else []
+    said += [tables.BOUNDS] if any(cell.bound is not None for cell in cells) else []
+    for name, facts in results.robots.items():
+        said += [f"Assumed of {name}, not identified: {facts['assumed']}."] if facts.get("assumed") else []
+    return said
 
 
 def _headline(cells: Sequence[Cell], pairs: Sequence[CellDifference]) -> str:
@@ -68,31 +78,9 @@ def _headline(cells: Sequence[Cell], pairs: Sequence[CellDifference]) -> str:
 
 
 def _single_trainings(cells: Sequence[Cell]) -> list[str]:
-    said = []
-    for name, own in tables.by_controller([cell for cell in cells if cell.kind == "policy"]).items():
-        seeds = {cell.seed for cell in own}
-        if len(seeds) == 1:
-            said.append(
-                f"{name}: one training, seed {seeds.pop()}; its intervals are over engagements, not over trainings."
-            )
-    return said
-
-
-def _by_place(title: str, cells: Sequence[Cell], value: Callable[[list[Cell]], float | None]) -> list[Table]:
-    """Return a table of controllers against worlds, command limits, lengths and tasks; none without any value."""
-    places = list(tables.grouped(cells, lambda cell: cell.place))
-    rows = []
-    for name, own in tables.by_controller(cells).items():
-        values = [value([cell for cell in own if cell.place == place]) for place in places]
-        if any(each is not None for each in values):
-            rows.append((name, *values))
-    return [Table(title, ("controller", *(tables.place_text(*place) for place in places)), tuple(rows))] if rows else []
-
-
-def _to_paper(cells: list[Cell]) -> float | None:
-    squares = [(100 * cell.rate - cell.paper) ** 2 for cell in cells if cell.paper is not None]
-    return math.sqrt(sum(squares) / len(squares)) if squares else None
-
-
-def _acceleration(cells: list[Cell]) -> float | None:
-    return max((cell.yaw_rad_s2 for cell in cells if cell.yaw_rad_s2 is not None), default=None)
+    seeds: dict[str, set[int | None]] = {}
+    for cell in cells:
+        if cell.kind == "policy":
+            seeds.setdefault(cell.controller, set()).add(cell.seed)
+    note = "its intervals are over engagements, not over trainings."
+    return [f"{name}: one training, seed {own.pop()}; {note}" for name, own in seeds.items() if len(own) == 1]

@@ -1,17 +1,16 @@
 """What an evaluation found: hits by cell and engagement, and what they were measured with."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 import msgspec
-from msgspec import Meta
+from msgspec import Meta, field
 
 from archerfish2.controllers.tuning import Tuning
 from archerfish2.errors import InputError, one_line
 from archerfish2.evaluation.comparison import Comparison, compare
 from archerfish2.evaluation.hit_rate import hit_rate
-from archerfish2.evaluation.published import conditions
 from archerfish2.records.record import Record, Struct
 from archerfish2.task import Task
 
@@ -70,17 +69,16 @@ class Cell(Struct, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        most, ordered = max(self.hits_by_engagement), self.range_m[0] <= self.range_m[1]
-        self._require(ordered, f"range_m is {self.range_m}, expected the smaller distance first")
-        self._require(most <= self.decisions_each, f"{most} hits of {self.decisions_each} decisions in an engagement")
-        self._require(self.hits <= self.shots, f"{self.hits} of {self.shots} shots hit, expected at most all of them")
-        both = (self.bound is None) == (self.bound_error is None)
-        self._require(both, f"bound is {self.bound} ± {self.bound_error}, expected both or neither")
-
-    def _require(self, holds: bool, fault: str) -> None:
-        if not holds:
-            label = f"{self.controller[:50]}, {self.motion[:50]}, {self.range_m[0]:g}–{self.range_m[1]:g} m"
-            raise InputError(f"Cell of {one_line(label)}: {fault}; correct it")
+        most, has_bound = max(self.hits_by_engagement), self.bound is not None
+        for holds, fault in (
+            (self.range_m[0] <= self.range_m[1], f"range_m is {self.range_m}, expected the smaller distance first"),
+            (most <= self.decisions_each, f"{most} hits of {self.decisions_each} decisions in an engagement"),
+            (self.hits <= self.shots, f"{self.hits} of {self.shots} shots hit, expected at most all of them"),
+            (has_bound == (self.bound_error is not None), "has one of bound and bound_error, expected both or neither"),
+        ):
+            if not holds:
+                label = one_line(f"{self.controller[:50]}, {self.motion[:50]}, {self.range_m}")
+                raise InputError(f"Cell of {label}: {fault}; correct it")
 
     @property
     def hits(self) -> int:
@@ -147,9 +145,11 @@ class Results(Record, frozen=True, kw_only=True):
     tasks: tuple[Task, ...]
     """What was evaluated."""
     robots: dict[str, dict[str, str]]
-    """World → digest of the robot's records, what was assumed of it, and the digest of a user's motion."""
-    tuning: dict[str, dict[str, Tuning]]
-    """"world/limit/task" → controller → its settings."""
+    """World → the robot's name, digest of its records, and what was assumed of it."""
+    motions: dict[str, str] = field(default_factory=dict)
+    """A user's motion → digest of its code, as it was run."""
+    tuning: dict[str, Tuning]
+    """"world/limit/task/controller" → settings."""
     cells: tuple[Cell, ...]
     """Hit rates, in the order of the controllers."""
     durations: dict[str, _Positive]
@@ -161,13 +161,9 @@ class Results(Record, frozen=True, kw_only=True):
         super().__post_init__()
         if len({cell.key for cell in self.cells}) < len(self.cells):
             raise InputError("Results: two cells have one label; give unlike ones to `join`")
-        named: dict[str, dict[str, str]] = {}
         for task in self.tasks:
-            facts = conditions(task)
-            for name, value in named.setdefault(task.name, facts).items():
-                if facts[name] != value:
-                    values = f"{name} of {task.name} differs: {value} and {facts[name]}"
-                    raise InputError(f"tasks: {values}; give the tasks different names")
+            of_name = [other.conditions() for other in self.tasks if other.name == task.name]
+            _joined(f"task {task.name}", of_name)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -205,14 +201,13 @@ class Results(Record, frozen=True, kw_only=True):
         for part in parts:
             if not isinstance(part, Results):
                 raise InputError(f"join: expected Results, got a {type(part).__name__}; give what `evaluate` returns")
-        for name in ("seed", "commit", "versions"):
-            values = _unique(getattr(part, name) for part in parts)
-            if len(values) > 1:
-                raise InputError(f"{name} of the results is {values}, expected one; evaluate all with the same {name}")
+        code = [{"seed": part.seed, "commit": part.commit, **part.versions} for part in parts]
+        _joined("results", code, "evaluate all with the same")
         stages = dict.fromkeys(stage for part in parts for stage in part.durations)
         return self.replace(
             tasks=_unique(task for part in parts for task in part.tasks),
             robots=_joined("robots", [part.robots for part in parts]),
+            motions=_joined("motions", [part.motions for part in parts]),
             tuning=_joined("tuning", [part.tuning for part in parts]),
             cells=_unique(cell for part in parts for cell in part.cells),
             remarks=_unique(remark for part in parts for remark in part.remarks),
@@ -256,9 +251,7 @@ class Results(Record, frozen=True, kw_only=True):
         return evaluation_report(self)
 
     def __repr__(self) -> str:
-        from archerfish2.evaluation.tables import results_text
-
-        return results_text(self)
+        return str(self.report())
 
     def _repr_html_(self) -> str:
         return self.report()._repr_html_()
@@ -274,14 +267,12 @@ def _unique(found: Iterable[Value]) -> tuple[Value, ...]:
     return tuple({msgspec.json.encode(each): each for each in found}.values())
 
 
-def _joined(name: str, parts: Sequence[Mapping[str, Mapping[str, Value]]]) -> dict[str, dict[str, Value]]:
-    joined: dict[str, dict[str, Value]] = {}
+def _joined(
+    name: str, parts: Iterable[Mapping[str, Value]], remedy: str = "give what differs different names"
+) -> dict[str, Value]:
+    joined: dict[str, Value] = {}
     for part in parts:
-        for key, facts in part.items():
-            known = joined.setdefault(key, {})
-            for fact, value in facts.items():
-                found = _unique([known.setdefault(fact, value), value])
-                if len(found) > 1:
-                    remedy = "give different robots, or tasks, different names"
-                    raise InputError(f"{name}: {fact} of {key} differs: {found[0]} and {found[1]}; {remedy}")
+        for key, value in part.items():
+            if joined.setdefault(key, value) != value:
+                raise InputError(f"{name}: {key} differs: {joined[key]} and {value}; {remedy}")
     return joined

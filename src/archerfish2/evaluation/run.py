@@ -15,12 +15,13 @@ from archerfish2.arrays import Array, is_tree, map_arrays, namespace
 from archerfish2.compiled import has_jax, import_jax
 from archerfish2.dynamics.aiming import intercept
 from archerfish2.errors import InputError
-from archerfish2.evaluation.trajectory import Trajectory
 from archerfish2.plugins import find_plugin
 from archerfish2.protocols import Command, Controller, Engagement, Seen, Shot, World
 
 LARGEST = 2048
 """Engagements that run at once."""
+Progress = Callable[[int], None]
+"""Gets how many engagements are done."""
 
 
 class Counted(NamedTuple):
@@ -32,11 +33,7 @@ class Counted(NamedTuple):
 
 
 def count(
-    world: World,
-    controller: Controller,
-    engagement: Engagement,
-    normals: Array,
-    progress: Callable[[int], None] = lambda _: None,
+    world: World, controller: Controller, engagement: Engagement, normals: Array, progress: Progress = lambda _: None
 ) -> Counted:
     """Let a controller shoot and return which decisions fired and which hit.
 
@@ -70,15 +67,15 @@ def count(
         by_decision, hits, bend, finite = _run("count", world, controller, engagement, normals)
         if finite:
             return Counted(by_decision.T, hits.T, float(bend) / world.period_s**2)
-    seen, _, in_force, shot = _decisions(world, controller, engagement, normals)
+    seen, _, in_force, shot = decisions(world, controller, engagement, normals)
     _check_finite(type(controller).__name__, in_force)
     yaw = np.stack([in_force[..., 1].T, shot.angle[..., 1].T], axis=1)
     bend = _largest_bend(yaw, map_arrays(lambda values: values[:, 0], seen))
     return Counted(shot.fired, shot.fired & (shot.margin >= 0.0), float(bend) / world.period_s**2)
 
 
-def run_engagements(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Trajectory:
-    """Let a controller shoot and return everything of every decision.
+def decisions(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Any:
+    """Let a controller shoot and return what was seen, commanded, in force and shot at all decisions, B + (T, ...).
 
     Args:
       world: where.
@@ -89,17 +86,6 @@ def run_engagements(world: World, controller: Controller, engagement: Engagement
     Raises:
       InputError: if a command is not finite, where one of the two can't be compiled.
     """
-    axis = normals.ndim - 2  # of the decisions
-    period_s, batch = np.float32(world.period_s), normals.shape[:axis]
-    times = np.arange(normals.shape[axis], dtype=np.float32) * period_s
-    fired_at = np.moveaxis(np.broadcast_to(times + period_s, (*batch, len(times))), axis, 0)
-    target = np.moveaxis(np.asarray(engagement.target.at(fired_at).position[..., 0, :]), 0, axis)
-    seen, command, in_force, shot = _decisions(world, controller, engagement, normals)
-    return Trajectory(times, seen, command, in_force, shot, target, engagement)
-
-
-def _decisions(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Any:
-    """Return what was seen, commanded, in force and shot at all decisions, B + (T, ...)."""
     axis = normals.ndim - 2
     if _compiled(world) and _compiled(controller):
         in_force, (seen, command, shot) = _run("rollout", world, controller, engagement, normals)
@@ -109,7 +95,7 @@ def _decisions(world: World, controller: Controller, engagement: Engagement, nor
     state = begin(engagement, normals)
     truth = world.truth(engagement) if getattr(controller, "needs_truth", False) else None
     seen = map_arrays(np.array, see(state))  # copies: PyTorch takes no arrays that are read-only, as JAX's are
-    memory, decisions = reset(seen, truth), []
+    memory, decided = reset(seen, truth), []
     deciding, shooting = find_plugin(controller, "controller"), find_plugin(world, "world")
     for place in range(normals.shape[axis]):
         with deciding.running():
@@ -119,9 +105,9 @@ def _decisions(world: World, controller: Controller, engagement: Engagement, nor
         with shooting.running():
             state, shot = step(state, command, normals[..., place, :])
             after = map_arrays(np.array, see(state))
-        decisions.append((seen, command, after.command, map_arrays(np.asarray, shot)))
+        decided.append((seen, command, after.command, map_arrays(np.asarray, shot)))
         seen = after
-    return map_arrays(lambda *values: np.stack(values, axis=axis), *decisions)
+    return map_arrays(lambda *values: np.stack(values, axis=axis), *decided)
 
 
 def count_perfect_aim(world: Any, engagement: Engagement, normals: Array) -> Counted:
@@ -132,11 +118,8 @@ def count_perfect_aim(world: Any, engagement: Engagement, normals: Array) -> Cou
       engagement: N of them.
       normals: standard normals of all decisions, shape (N, T, world.normals).
     """
-    if _compiled(world):
-        hit = _run("perfect", world, engagement, normals).T
-    else:
-        hit = np.asarray(_perfect(world, engagement, normals)).T
-    return Counted(np.ones_like(hit), hit, None)
+    hit = _run("perfect", world, engagement, normals) if _compiled(world) else _perfect(world, engagement, normals)
+    return Counted(np.ones_like(hit.T), np.asarray(hit).T, None)
 
 
 def _perfect(world: Any, engagement: Engagement, normals: Array) -> Array:

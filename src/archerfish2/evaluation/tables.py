@@ -1,21 +1,16 @@
 """Tables of hit rates and paired differences: controllers against ranges, or against motions where these are many."""
 
 import math
-import textwrap
-from collections.abc import Callable, Collection, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeAlias, TypeVar
 
-from archerfish2.evaluation.comparison import CellDifference, default_comparisons
+from archerfish2.evaluation.comparison import CellDifference
 from archerfish2.evaluation.hit_rate import weighted_mean
-from archerfish2.evaluation.published import conditions
 from archerfish2.evaluation.results import Cell
 from archerfish2.paper.tables import printed_rate
 from archerfish2.reports.report import Report
-from archerfish2.reports.table import MISSING, WIDTH, Entry, Estimate, Table, entry_texts, tables_text
+from archerfish2.reports.table import Entry, Estimate, Table, entry_texts, number
 from archerfish2.task import Task
-
-if TYPE_CHECKING:
-    from archerfish2.evaluation.results import Results
 
 FEW = 2
 """So many motions have a table each, as in the paper; more of them share one, each the mean of its ranges."""
@@ -63,7 +58,8 @@ def mean(items: Sequence[Cell] | Sequence[CellDifference]) -> Estimate | None:
         return None
     means = []
     for own in grouped(list[Any](items), lambda item: (item.seed, getattr(item, "against_seed", None))).values():
-        means.append(weighted_mean([_estimate(item) for item in own], [_weight(item) for item in own]))
+        weights = [getattr(item, "decisions", 1.0) for item in own]
+        means.append(weighted_mean([_estimate(item) for item in own], weights))
     value, low, high = (math.fsum(ends) / len(means) for ends in zip(*(each[:3] for each in means), strict=True))
     return Estimate(value, low, high, means[0].unit)
 
@@ -72,10 +68,6 @@ def _estimate(item: Cell | CellDifference) -> Estimate:
     if isinstance(item, Cell):
         return Estimate(100 * item.rate, 100 * item.low, 100 * item.high, "%")
     return Estimate(100 * item.difference, 100 * item.low, 100 * item.high, "points")
-
-
-def _weight(item: Cell | CellDifference) -> float:
-    return item.decisions if isinstance(item, Cell) else 1.0
 
 
 def rate_tables(cells: Iterable[Cell], tasks: Iterable[Task] = ()) -> tuple[Table, ...]:
@@ -88,11 +80,11 @@ def rate_tables(cells: Iterable[Cell], tasks: Iterable[Task] = ()) -> tuple[Tabl
       cells: of any worlds.
       tasks: whose fields that are not as usual stand in the heading.
     """
-    usual, tables = conditions(Task()), []
-    named = {task.name: conditions(task) for task in tasks}
+    usual, changes, tables = Task().conditions(), dict[str, list[str]](), []
+    for task in tasks:
+        changes[task.name] = [f"{name} {value}" for name, value in task.conditions().items() if value != usual[name]]
     for title, part in _parts(cells):
-        facts = named.get(part[0].task, usual)
-        changed = [f"{name} {facts[name]}" for name in usual if facts[name] != usual[name]]
+        changed = changes.get(part[0].task)
         tables.append(_rate_table(f"{title}; {', '.join(changed)}" if changed else title, part))
     return tuple(tables)
 
@@ -111,17 +103,11 @@ def _rate_table(title: str, cells: list[Cell]) -> Table:
     rows += [row(name, own, _bound) for name, own in bounds(cells).items()]
     engagements = sorted({cell.engagements for cell in cells})
     counted = " to ".join(f"{count:,}" for count in dict.fromkeys((engagements[0], engagements[-1])))
-    return Table(title, ("controller", *columns), tuple(rows), f"{counted} engagements a cell.")
-
-
-def difference_tables(pairs: Iterable[CellDifference]) -> tuple[Table, ...]:
-    """Return the differences in points, laid out as the rates are: rows are pairs."""
-    tables = []
-    for title, part in _parts(pairs):
-        columns, row = _pivot(part)
-        rows = tuple(row(pair_text(own), own, mean) for own in by_pair(part).values())
-        tables.append(Table(f"Differences, {title}", ("controllers", *columns), rows))
-    return tuple(tables)
+    moved = {name: max(cell.yaw_rad_s2 or 0.0 for cell in own) for name, own in controllers.items()}
+    largest = ", ".join(f"{name} {number(value, 3)}" for name, value in moved.items() if value)
+    note = f"{counted} engagements a cell."
+    note += f" Largest acceleration of the yaw axis [rad/s²]: {largest}." if largest else ""
+    return Table(title, ("controller", *columns), tuple(rows), note)
 
 
 def mean_difference_tables(pairs: Iterable[CellDifference]) -> tuple[Table, ...]:
@@ -133,16 +119,11 @@ def mean_difference_tables(pairs: Iterable[CellDifference]) -> tuple[Table, ...]
         rows = []
         for own in by_pair(part).values():
             means = [mean([pair for pair in own if pair.motion == motion]) for motion in shown]
-            rows.append((pair_text(own), *means, mean(own), *_better_and_worse(own), len(own)))
+            better, worse = sum(pair.low > 0 for pair in own), sum(pair.high < 0 for pair in own)
+            rows.append((pair_text(own), *means, mean(own), better, worse, len(own)))
         columns = ("controllers", *shown, "all", "better", "worse", "cells")
         tables.append(Table(f"Paired differences in points: {place_text(*place)}", columns, tuple(rows)))
     return tuple(tables)
-
-
-def _better_and_worse(pairs: Iterable[CellDifference]) -> tuple[int, int]:
-    """Return in how many cells the whole interval is above zero, and in how many below."""
-    pairs = list(pairs)
-    return sum(pair.low > 0 for pair in pairs), sum(pair.high < 0 for pair in pairs)
 
 
 def bounds(cells: Iterable[Cell]) -> dict[str, list[Cell]]:
@@ -155,30 +136,6 @@ def bounds(cells: Iterable[Cell]) -> dict[str, list[Cell]]:
     return {f"bound of {own[0][0].controller}" if place else "bound": own[0] for place, own in enumerate(most)}
 
 
-def results_text(results: "Results") -> str:
-    """Return what is printed of results: rates, mean differences of what isn't classical, and what they mean."""
-    learned = {cell.controller for cell in results.cells if cell.kind in ("policy", "user")}
-    pairs = default_comparisons(results.cells)
-    shown = [pair for pair in pairs if not learned or pair.controller in learned]
-    head = f"Results: seed {results.seed}, commit {results.commit}, {len(results.cells)} cells"
-    tables = tables_text((*rate_tables(results.cells, results.tasks), *mean_difference_tables(shown)))
-    last = [*notes(results, are_compared=bool(pairs)), *(["results.compare(a, b) has them by cell."] if pairs else [])]
-    remarks = (textwrap.fill(remark, WIDTH) for remark in results.remarks)
-    return "\n\n".join(part for part in (head, tables, *remarks, textwrap.fill(" ".join(last), WIDTH)) if part)
-
-
-def notes(results: "Results", *, are_compared: bool) -> list[str]:
-    """Return what the figures of results mean, as far as there are such."""
-    seeds = any(len({cell.seed for cell in own}) > 1 for own in by_controller(results.cells).values())
-    said = [RATES]
-    said += [SEEDS] if seeds else []
-    said += [PRINTED] if any(cell.table for cell in results.cells) else []
-    said += [BOUNDS] if any(cell.bound is not None for cell in results.cells) else []
-    for name, facts in results.robots.items():
-        said += [f"Assumed of {name}, not identified: {facts['assumed']}."] if facts.get("assumed") else []
-    return [*said, *([DIFFERENCES] if are_compared else [])]
-
-
 def comparison_report(pairs: Sequence[CellDifference]) -> Report:
     """Return what is shown of one pair: its mean, and a table per place with a row per motion."""
     tables = []
@@ -188,24 +145,22 @@ def comparison_report(pairs: Sequence[CellDifference]) -> Report:
         rows = [row(motion, own, mean) for motion, own in motions.items()]
         rows += [row("all", part, mean)] if len(motions) > 1 else []
         tables.append(Table(f"{pair_text(part)} in points: {place_text(*place)}", ("targets", *columns), tuple(rows)))
-    better, worse = _better_and_worse(pairs)
     interval = " (".join(entry_texts(mean(pairs)))
-    cells = f"{len(pairs)} cells, better in {better}, worse in {worse}"
-    headline = f"{pair_text(pairs)}: {interval}) points in the mean of {cells}."
+    headline = f"{pair_text(pairs)}: {interval}) points in the mean of {len(pairs)} cells."
     return Report("Paired differences", headline, known=(INTERVAL, DIFFERENCES), tables=tuple(tables))
 
 
-def _parts(items: Iterable[Item]) -> list[tuple[str, list[Item]]]:
-    """Split by world, command limit, length and task, and where motions are few by motion: title and items."""
-    parts: list[tuple[str, list[Item]]] = []
-    for place, found in grouped(items, lambda item: item.place).items():
-        motions = grouped(found, lambda item: f"{item.motion} targets")
+def _parts(cells: Iterable[Cell]) -> list[tuple[str, list[Cell]]]:
+    """Split by world, command limit, length and task, and where motions are few by motion: title and cells."""
+    parts: list[tuple[str, list[Cell]]] = []
+    for place, found in grouped(cells, lambda cell: cell.place).items():
+        motions = grouped(found, lambda cell: cell.motion)
         if len(motions) > FEW:
-            motions = {f"{len(motions)} motions, each the mean of its ranges": found}
-        for name, own in motions.items():
-            tables = {item.table if isinstance(item, Cell) else None for item in own}
-            table = tables.pop() if len(tables) == 1 else None
-            parts.append((f"{f'Table {table}, ' if table else ''}{name}: {place_text(*place)}", own))
+            parts.append((f"{len(motions)} motions, each the mean of its ranges: {place_text(*place)}", found))
+            continue
+        for motion, own in motions.items():
+            table = f"Table {own[0].table}, " if all(cell.table for cell in own) else ""
+            parts.append((f"{table}{motion} targets: {place_text(*place)}", own))
     return parts
 
 
@@ -237,19 +192,15 @@ def _pivot(items: Sequence[Any], by_range: bool = False) -> tuple[tuple[str, ...
     return (*headings, *(["all"] if len(keys) > 1 else [])), row
 
 
-def controller_text(own: Sequence[Cell]) -> str:
+def controller_text(own: Sequence[Cell] | Sequence[CellDifference]) -> str:
     """Return a controller's name, with the number of its trainings where there are several."""
-    return _with_seeds(own[0].controller, {cell.seed for cell in own})
+    seeds = len({item.seed for item in own})
+    return f"{own[0].controller}, {seeds} seeds" if seeds > 1 else own[0].controller
 
 
 def pair_text(own: Sequence[CellDifference]) -> str:
-    """Return the names of a pair, with the numbers of their trainings."""
-    one = _with_seeds(own[0].controller, {pair.seed for pair in own})
-    return f"{one} − {_with_seeds(own[0].against, {pair.against_seed for pair in own})}"
-
-
-def _with_seeds(name: str, seeds: Collection[int | None]) -> str:
-    return f"{name}, {len(seeds)} seeds" if len(seeds) > 1 else name
+    """Return the names of a pair."""
+    return f"{controller_text(own)} − {own[0].against}"
 
 
 def _seeds(own: list[Cell]) -> str:
@@ -263,11 +214,8 @@ def _withheld(own: list[Cell]) -> str:
 
 
 def _printed(own: list[Cell], *, is_policy: bool) -> str:
-    rates = []
-    for cell in own:
-        rate = printed_rate(cell.table or "", cell.range_m, "kalman-paper", is_policy=is_policy)
-        rates += [rate] if rate is not None else []
-    return f"{sum(rates) / len(rates):.2f}" if rates else MISSING
+    rates = [printed_rate(cell.table or "", cell.range_m, "kalman-paper", is_policy=is_policy) for cell in own]
+    return f"{sum(rate or 0.0 for rate in rates) / len(rates):.2f}"
 
 
 def _bound(own: list[Cell]) -> str:

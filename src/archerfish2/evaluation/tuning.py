@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from archerfish2.controllers.registry import make_controller
-from archerfish2.controllers.tuning import GRIDS, Grid, Tuning, TuningLike, entry, keep, kept, tuning_at
+from archerfish2.controllers.tuning import GRIDS, Tuning, TuningLike, entry, keep, kept, tuning_at
 from archerfish2.errors import InputError, one_line
 from archerfish2.evaluation.contenders import Contender
 from archerfish2.evaluation.draws import draw
@@ -69,13 +69,12 @@ def tune(controller: str, robot: Robot | str | Path | None = None, task: Task | 
     if tuning is None:
         begun = entry(controller, robot, task)
         with progress.bar("tuning", BUDGET, "settings") as advance:
-            advance(0, controller)
 
             def report(tried: int, best: float) -> None:
                 advance(tried, f"{controller}, best {100 * best:.1f} %")
 
             found = search(controller, rates(controller, robot, task), report)
-            advance(BUDGET, f"{controller}, best {100 * found.hit_rate:.1f} %")
+            report(BUDGET, found.hit_rate)
         tuning = found.tuning
         keep(begun.replace(tuning=tuning, hit_rate=found.hit_rate, tried=len(found.tried)), robot)
     return tuning
@@ -94,21 +93,17 @@ def settings(contenders: Sequence[Contender], tuning: TuningLike, robot: Robot, 
       InputError: if it is nothing of that, or names another controller.
     """
     names = {contender.name: str(contender.given) for contender in contenders if contender.is_tuned}
-    if isinstance(tuning, Tuning):
-        return dict.fromkeys(names, tuning)
-    if not isinstance(tuning, Mapping):
-        if tuning not in ("kept", "start"):
+    given = dict.fromkeys(names, tuning) if isinstance(tuning, Tuning) else tuning
+    known = {*names, *names.values()}
+    if not isinstance(given, Mapping):
+        if given not in ("kept", "start"):
             expected = '"kept", "start", a Tuning, or a mapping from names of controllers to one'
             raise InputError(f"tuning: expected {expected}, got {one_line(repr(tuning))[:100]}; give one of these")
-        return {name: tune(controller, robot, task) for name, controller in names.items() if tuning == "kept"}
-    for name, value in tuning.items():
-        if name not in {*names, *names.values()} or not isinstance(value, Tuning):
-            expected, given = ", ".join(names) or "no controller here", one_line(repr({name: value}))[:100]
-            raise InputError(f"tuning: expected a Tuning for {expected}, got {given}; correct it")
-    return {
-        name: tuning.get(name) or tuning.get(controller) or tune(controller, robot, task)
-        for name, controller in names.items()
-    }
+        return {name: tune(controller, robot, task) for name, controller in names.items() if given == "kept"}
+    if not all(name in known and isinstance(value, Tuning) for name, value in given.items()):
+        expected = f"a Tuning for {', '.join(names) or 'no controller here'}"
+        raise InputError(f"tuning: expected {expected}, got {one_line(repr(given))[:100]}; correct it")
+    return {name: given.get(name) or given.get(own) or tune(own, robot, task) for name, own in names.items()}
 
 
 def rates(name: str, robot: Robot, task: Task) -> Callable[[Tuning], float]:
@@ -139,58 +134,46 @@ def search(name: str, rate: Callable[[Tuning], float], progress: Progress = lamb
       rate: hit rate with some settings, 0…1.
       progress: gets how many settings have been tried, and the best hit rate.
     """
-    pattern = _Search(name, rate, progress)
-    best = pattern.best()
-    tried = tuple((tuning_at(name, at), found) for at, found in pattern.found.items())
-    return Tuned(tuning_at(name, best), pattern.found[best], tried)
+    grids, found = tuple(GRIDS[name].values()), dict[Place, float]()
 
+    def hit_rate(at: Place) -> float:
+        if at not in found:
+            found[at] = rate(tuning_at(name, at))
+            progress(len(found), max(found.values()))
+        return found[at]
 
-class _Search:
-    """What has been tried: every setting once, within the budget."""
-
-    def __init__(self, name: str, compute: Callable[[Tuning], float], progress: Progress) -> None:
-        self.grids: Mapping[str, Grid] = GRIDS[name]
-        self.name, self.compute, self.progress = name, compute, progress
-        self.found: dict[Place, float] = {}
-
-    def rate(self, at: Place) -> float:
-        if at not in self.found:
-            self.found[at] = self.compute(tuning_at(self.name, at))
-            self.progress(len(self.found), max(self.found.values()))
-        return self.found[at]
-
-    def beside(self, at: Place, axis: int, by: int) -> Place | None:
+    def beside(at: Place, axis: int, by: int) -> Place | None:
         """Return the place beside another, or None beyond a natural bound."""
-        index, last = at[axis] + by, tuple(self.grids.values())[axis].last
+        index, last = at[axis] + by, grids[axis].last
         return None if last is not None and index > last else (*at[:axis], index, *at[axis + 1 :])
 
-    def neighbours(self, at: Place) -> list[Place]:
-        places = (self.beside(at, axis, by) for axis in range(len(at)) for by in (-1, 1))
+    def neighbours(at: Place) -> list[Place]:
+        places = (beside(at, axis, by) for axis in range(len(at)) for by in (-1, 1))
         return [place for place in places if place is not None]
 
-    def affordable(self, there: Place, at: Place) -> bool:
+    def affordable(there: Place, at: Place) -> bool:
         """Whether after another place the budget still does for the neighbours of either."""
-        return all(len(self.found.keys() | {there, *self.neighbours(place)}) <= BUDGET for place in (there, at))
+        return all(len(found.keys() | {there, *neighbours(place)}) <= BUDGET for place in (there, at))
 
-    def improved(self, at: Place, axis: int) -> Place:
+    def improved(at: Place, axis: int) -> Place:
         """Go along one setting while more shots hit, with doubled steps."""
         for direction in (1, -1):
             begun, step = at, direction
-            while (there := self.beside(at, axis, step)) is not None and self.affordable(there, at):
-                if self.rate(there) < self.rate(at) + LEAST_GAIN:
+            while (there := beside(at, axis, step)) is not None and affordable(there, at):
+                if hit_rate(there) < hit_rate(at) + LEAST_GAIN:
                     break
                 at, step = there, max(-LONGEST_STEP, min(2 * step, LONGEST_STEP))
             if at != begun:
                 break
         return at
 
-    def best(self) -> Place:
-        at, before = (0,) * len(self.grids), None
-        self.rate(at)
-        while before != at:
-            before = at
-            for axis in range(len(at)):
-                at = self.improved(at, axis)
-        for place in self.neighbours(at):
-            self.rate(place)
-        return at
+    best, before = (0,) * len(grids), None
+    hit_rate(best)
+    while before != best:
+        before = best
+        for axis in range(len(grids)):
+            best = improved(best, axis)
+    for place in neighbours(best):
+        hit_rate(place)
+    tried = tuple((tuning_at(name, at), share) for at, share in found.items())
+    return Tuned(tuning_at(name, best), found[best], tried)
