@@ -1,8 +1,8 @@
 """A policy on a robot: the time until it is imported and loaded, and that of a decision in NumPy.
 
 `python benchmarks2/decisions.py` reads a policy of each kind of the first edition from ../shared, and compares its own
-decision on the same situations with the first's without fallback (goal: at most 1.1 of it), in pairs; and
-measures `from archerfish2.controllers.policy import Policy` in a process of its own, where JAX and SciPy can't be
+decision on the same situations with the first's without fallback (goal: at most 1.1 of it), in pairs; and measures
+`from archerfish2.controllers.policy.policy import Policy` in a process of its own, where JAX and SciPy can't be
 imported (goal: at most 80 ms over `import numpy`). Writes results/decisions.json.
 """
 
@@ -25,7 +25,7 @@ PAIRS, DECISIONS = 15, 200
 BLOCKED = "import sys; sys.modules.update(dict.fromkeys(('jax', 'scipy', 'matplotlib', 'gymnasium')));"
 IMPORTS = {
     "numpy": "import numpy",
-    "policy": "import numpy; from archerfish2.controllers.policy import Policy; Policy.load('PATH')",
+    "policy": "import numpy; from archerfish2.controllers.policy.policy import Policy; Policy.load('PATH')",
 }
 
 

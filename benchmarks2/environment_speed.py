@@ -33,7 +33,7 @@ def first_edition() -> dict[str, Callable[[], int]]:
 def second_edition() -> dict[str, Callable[[], int]]:
     """Return the same of the second edition."""
     given = {"robot": str(ROOT / "tests2" / "infantry"), "task": "kinds"}
-    return _works("archerfish2:archerfish2/Shooting-v0", given, {"task": "paper"})
+    return _works("archerfish2.learning.gymnasium:archerfish/Shooting-v0", given, {"task": "paper"})
 
 
 def _works(name: str, of_any: dict[str, Any], of_paper: dict[str, Any]) -> dict[str, Callable[[], int]]:

@@ -19,7 +19,7 @@ Turn = Callable[[int], None]
 def setting(observation: str) -> tuple[Any, Any]:
     """Return the environment that all train in, and the settings of PPO."""
     from archerfish2.learning.config import TrainConfig
-    from archerfish2.learning.environments import make_environment
+    from archerfish2.learning.environment import make_environment
     from archerfish2.robot import Robot
     from archerfish2.task import Task
 

@@ -118,7 +118,7 @@ def _estimated(name: str, index: int, u: Values, y: Values, delay: int) -> dict[
         result = quiet(partial(identify_axis, [recording], order=order))
         if not isinstance(result, str):
             error = 100 * float(result.record.dc_gain.item() - 1)
-            found = {"gain_error_percent": error, "delay_error": result.delay_samples.value - delay}
+            found = {"gain_error_percent": error, "delay_error": result.dead_time_samples.value - delay}
             row |= {name if order else f"chosen_{name}": value for name, value in found.items()}
             row["order"] = len(result.record.A)
     return row

@@ -90,7 +90,7 @@ def identified(seed: int, index: int) -> Row:
     plant, report = result.record, result.report
     held_back, gain_right = judge(log, plant)
     usable, ratio = held_back >= USABLE_FIT and gain_right, plant.sample_period_s / log.period_s
-    gain, delay = result.dc_gain[0], result.delay_samples
+    gain, delay = result.dc_gain[0], result.dead_time_samples
     return replace(
         row,
         verdict="usable" if report.usable else "unusable",

@@ -44,15 +44,14 @@ STAGES = """import json, time
 moments, programs = [("imports", time.time())], []
 from archerfish2.compiled import import_jax
 import_jax().monitoring.register_event_duration_secs_listener(lambda name, spent, **_: programs.append((name, spent)))
-from archerfish2.learning import gradient, learner, ppo, run_folder, train
+from archerfish2.learning import learner, run_folder, train
 def marked(name, function):
     def call(*arguments):
         moments.append((name, time.time()))
         return function(*arguments)
     return call
-for module, name in ((ppo, "PPO"), (gradient, "GRADIENT")):
-    trainer = getattr(module, name)
-    setattr(module, name, learner.Trainer(marked("begin", trainer.begin), marked("advance", trainer.advance)))
+for name in ("begin", "advance"):
+    setattr(learner.Trainer, name, marked(name, getattr(learner.Trainer, name)))
 run_folder.RunFolder.finish = marked("finish", run_folder.RunFolder.finish)
 moments.append(("setting", time.time()))
 SECOND

@@ -74,7 +74,7 @@ def second_edition() -> dict[str, Callable[[], int]]:
     jax = import_jax()
     from archerfish2.learning import learner, shards
     from archerfish2.learning.config import TrainConfig
-    from archerfish2.learning.environments import make_environment
+    from archerfish2.learning.environment import make_environment
     from archerfish2.learning.gradient import GRADIENT
     from archerfish2.learning.ppo import PPO
     from archerfish2.robot import Robot

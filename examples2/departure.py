@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from archerfish2.arrays import namespace
+from archerfish2.authors import namespace
 
 
 class Departure(NamedTuple):

@@ -3,7 +3,7 @@
 from typing import Any
 
 import archerfish2 as af
-from archerfish2.arrays import map_arrays, namespace, tree
+from archerfish2.authors import map_arrays, namespace, tree
 
 
 @tree()  # compiled together with the controller

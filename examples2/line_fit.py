@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from archerfish2.dynamics.aiming import intercept
-from archerfish2.protocols import aim
-from archerfish2.tracking.detections import first_detection
+from archerfish2.authors import aim, first_detection, intercept
 
 
 class LineFit:

@@ -1,6 +1,6 @@
 """A reward and an observation block of your own."""
 
-from archerfish2.arrays import namespace
+from archerfish2.authors import namespace
 
 
 def centred(shot, command, seen):

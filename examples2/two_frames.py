@@ -2,10 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from archerfish2.arrays import namespace, select
-from archerfish2.dynamics.aiming import intercept
-from archerfish2.protocols import aim
-from archerfish2.tracking.detections import first_detection
+from archerfish2.authors import aim, first_detection, intercept, namespace, select
 
 
 class TwoFrames(NamedTuple):

@@ -1,4 +1,6 @@
 import dataclasses
+import inspect
+import pickle
 from typing import Any
 
 import numpy as np
@@ -25,13 +27,21 @@ assert map_arrays(lambda each: 2.0 * each, part).left.tolist() == [2.0, 2.0]
 
 def test_trees_work_without_jax_and_with_it_when_it_comes_later(run_python) -> None:
     run_python(BEFORE_JAX, blocked=("jax",))
-    run_python(BEFORE_JAX + "import jax\nassert jax.jit(lambda each: each)(type(part)(1.0, None)).left == 1.0")
+    later = (
+        "import jax\nfrom archerfish2.arrays import single_precision\npart = single_precision(type(part)(1.0, None))\n"
+    )
+    run_python(f"{BEFORE_JAX}{later}assert jax.jit(lambda each: each)(part).left == 1.0")
+
+
+def test_a_tree_has_the_signature_of_its_fields_and_goes_through_pickle() -> None:
+    assert [*inspect.signature(Part).parameters] == ["left", "right", "count", "name"]
+    assert pickle.loads(pickle.dumps(Part(2.0, name="mine"))).name == "mine"
 
 
 def test_another_name_or_number_compiles_nothing_and_another_static_value_does() -> None:
     jax, traced = pytest.importorskip("jax"), []
     program = jax.jit(lambda part: traced.append(part.name) or part.left * part.count)
-    part = Part(np.float32(1.0), name="one")
+    part = single_precision(Part(1.0, name="one"))
     for changes in ({}, {"name": "two"}, {"left": np.float32(2.0)}, {"count": 3}):
         assert program(dataclasses.replace(part, **changes)) == changes.get("left", 1.0) * changes.get("count", 1)
     assert traced == ["", ""]

@@ -1,9 +1,12 @@
 """The names of `import archerfish2 as af`, and the ten lines of the page of evaluation."""
 
+import inspect
+import pydoc
 import re
 import shutil
 import textwrap
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -13,11 +16,50 @@ from archerfish2.learning.config import GradientConfig
 ROOT = Path(__file__).parents[1]
 
 
+VERBS = ["read_log", "identify_axis", "identify_muzzle", "identify_sensing", "identify_robot", "excite"]
+VERBS += ["train", "resume", "evaluate", "rollout", "tune", "export", "make_world", "make_environment"]
+NOUNS = ["Recording", "Robot", "PlantRecord", "MuzzleRecord", "Task", "Policy", "TrainConfig", "Results", "InputError"]
+
+
 def test_the_front_door_has_few_names_which_all_load():
-    assert dir(af) == sorted(name for name in af.__all__ if hasattr(af, name))
-    assert len(af.__all__) <= 25
+    assert sorted([*VERBS, *NOUNS, "__version__"]) == sorted(af.__all__) == dir(af)
+    assert [name for name in VERBS + NOUNS if getattr(af, name).__name__ != name] == []
     with pytest.raises(AttributeError, match=r"'archerfish2' has no attribute 'evalute'; it has .*evaluate"):
         _ = af.evalute
+
+
+def test_the_package_loads_from_a_zip_file(tmp_path, run_python):
+    zipped = shutil.make_archive(tmp_path / "package", "zip", ROOT / "src", "archerfish2")
+    assert run_python("import archerfish2; print(archerfish2.Task())", PYTHONPATH=zipped) == "Task(motion='any')\n"
+
+
+@pytest.mark.parametrize("name", VERBS + NOUNS)
+def test_a_name_shows_its_arguments_and_says_in_a_line_what_it_is(name):
+    thing = getattr(af, name)
+    arguments = inspect.signature(thing).parameters
+    assert "_" not in arguments
+    assert arguments or name == "InputError"
+    assert re.match(r"[A-Z].*[.;:]|.*that was given can't be used", inspect.getdoc(thing).splitlines()[0])
+    assert name in VERBS or len(str(inspect.signature(thing))) < 500
+    assert name not in VERBS or len(pydoc.render_doc(thing).splitlines()) <= 60
+
+
+@pytest.mark.parametrize("value", [af.Task(), af.Task(motion="paper"), af.Task.load("static"), af.TrainConfig()])
+def test_what_is_as_usual_is_not_shown(value):
+    assert repr(value) in ("Task(motion='any')", "Task(motion='paper')", "Task(motion='static')", "TrainConfig()")
+    changed = value.replace(**({"frames": 6} if isinstance(value, af.TrainConfig) else {"hit_radius_m": 0.05}))
+    assert re.fullmatch(r".*(frames=6|, hit_radius_m=0.05)\)", repr(changed))
+
+
+def test_a_robot_and_a_task_are_given_to_every_verb_alike(tmp_path):
+    af.Robot.paper().save(tmp_path / "robot")
+    result = SimpleNamespace(record=af.Robot.paper())
+    for robot in (None, "paper", tmp_path / "robot", str(tmp_path / "robot"), af.Robot.paper(), result):
+        assert af.make_world(robot, "static").name == "paper"
+    af.Task(motion="static", period_s=0.04).save(tmp_path / "slow.toml")
+    assert [af.make_world(task=task).period_s for task in ("any", tmp_path / "slow.toml")] == pytest.approx(
+        [0.02, 0.04]
+    )
 
 
 @pytest.mark.parametrize("robots", [1, pytest.param(2, marks=pytest.mark.slow)])

@@ -102,9 +102,39 @@ def test_texts_are_plain_english_and_identifiers_technical_terms():
         assert not list(filter(in_name, names)), path
 
 
+def public_names(source):
+    """Yield the names that a module defines, but for those of type variables, each the same in its own function."""
+    for node in ast.parse(source).body:
+        if isinstance(node, DEFINITION):
+            yield node.name
+        elif isinstance(node, ast.Assign | ast.AnnAssign) and "TypeVar(" not in ast.unparse(node):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            yield from (name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name))
+
+
+def functions(source):
+    """Yield the name of each function outside classes, and what it does."""
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.FunctionDef):
+            yield (
+                node.name,
+                ast.dump(node.args) + "".join(map(ast.dump, node.body[ast.get_docstring(node) is not None :])),
+            )
+
+
 def test_a_public_name_has_one_meaning():
-    names = [node.name for text in FILES.values() for node in ast.parse(text).body if isinstance(node, DEFINITION)]
-    assert [name for name, count in collections.Counter(names).items() if count > 1 and name[0] != "_"] == []
+    names = [name for source in FILES.values() for name in public_names(source) if name[0] != "_" and name != "Array"]
+    assert [name for name, count in collections.Counter(names).items() if count > 1] == []
+    assert [*public_names("A, _b = 1, 2\nC: int = 3\nT = TypeVar('T')\ndef d(): e = 1")] == ["A", "_b", "C", "d"]
+
+
+def test_no_function_stands_twice():
+    bodies = collections.defaultdict(list)
+    for path, source in FILES.items():
+        for name, body in functions(source):
+            bodies[body].append(f"{path}: {name}")
+    assert [places for places in bodies.values() if len(places) > 1] == []
+    assert len({body for _, body in functions("def a(x): return x\ndef b(x):\n  'B.'\n  return x")}) == 1
 
 
 def test_fields_and_shapes_are_documented():

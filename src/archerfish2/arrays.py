@@ -1,19 +1,34 @@
 """One formula for NumPy, JAX and traced scalars, and trees of arrays that work with JAX and without it.
 
 The namespace comes from the argument (Python array API standard). A tree is a NamedTuple, a tuple, or a dataclass made
-by `tree`; JAX takes such dataclasses once it is loaded, and nothing here loads it but for arrays that are its own.
+by `tree`. Nothing here loads JAX but for arrays that are its own. A class that was made before JAX was loaded is
+registered with it by the next `single_precision`, through which every world, environment and controller passes, and by
+every verb that compiles.
 """
 
 import dataclasses
 import functools
 import sys
 from collections.abc import Callable
-from typing import Any, TypeVar, cast, dataclass_transform
+from typing import Any, Protocol, TypeVar, cast, dataclass_transform
 
 import numpy as np
 
 Array = Any
 """An array of NumPy or JAX. Shapes are in the docstrings; B stands for any batch shape, () included."""
+
+
+class TracedNamespace(Protocol):
+    """What a namespace of traced scalars has beside NumPy's functions: what stays whole in a printed program."""
+
+    def network(self, layers: Any, array: Array) -> Array:
+        """Apply fully connected layers, pairs of weights and biases, to each vector of an array, shape B + (n,)."""
+
+    def fold(self, function: Callable[[Any, Any], Any], items: list[Any], state: Any) -> Any:
+        """Return the last of state = function(state, item), a loop if there are several items."""
+
+    def over(self, function: Callable[[Array], Array], array: Array) -> Array:
+        """Return function(array), of which row by row depends on the same row alone, as a loop; shape (n, ...)."""
 
 
 def namespace(*arrays: Array) -> Any:
@@ -36,7 +51,7 @@ def lift(parameter: Array, array: Array) -> Array:
 
 
 T = TypeVar("T")  # a tree of arrays
-_fields: dict[type, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {}  # data, static, left out
+_parts: dict[type, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {}  # data, static, left out
 _pending: list[type] = []  # not registered with JAX yet
 
 
@@ -61,19 +76,12 @@ def tree(static: tuple[str, ...] = (), left_out: tuple[str, ...] = ()) -> Callab
         wrong += [name for name in left_out if name in fields and fields[name].default is dataclasses.MISSING]
         if wrong:
             raise TypeError(f"{cls.__name__}: {', '.join(wrong)} must be fields, with a default if left out")
-        _fields[made] = (tuple(name for name in fields if name not in (*static, *left_out)), static, left_out)
+        _parts[made] = (tuple(name for name in fields if name not in (*static, *left_out)), static, left_out)
         _pending.append(made)
         register()
-        made.__new__ = _new  # an instance that is made after JAX was imported finds its class registered
         return made
 
     return decorate
-
-
-def _new(cls: type, *_: Any, **__: Any) -> Any:
-    if _pending:
-        register()
-    return object.__new__(cls)
 
 
 def register() -> None:
@@ -83,12 +91,12 @@ def register() -> None:
 
         while _pending:
             cls = _pending.pop()
-            register_dataclass(cls, *_fields[cls])
+            register_dataclass(cls, *_parts[cls])
 
 
 def is_tree(value: Any) -> bool:
     """Whether a value is a NamedTuple or of a class that `tree` made."""
-    return type(value) in _fields or hasattr(type(value), "_fields")
+    return type(value) in _parts or hasattr(type(value), "_fields")
 
 
 def map_arrays(function: Callable[..., Any], *trees: Any) -> Any:
@@ -102,8 +110,8 @@ def map_arrays(function: Callable[..., Any], *trees: Any) -> Any:
         if any(each is not None for each in trees):
             raise ValueError("trees differ: None in one, an array in another")
         return None
-    if type(first) in _fields:
-        names = _fields[type(first)][0]
+    if type(first) in _parts:
+        names = _parts[type(first)][0]
         mapped = {name: map_arrays(function, *(getattr(each, name) for each in trees)) for name in names}
         return dataclasses.replace(first, **mapped)
     if not isinstance(first, tuple):
@@ -121,6 +129,7 @@ def leaves(value: Any) -> list[Array]:
 
 def single_precision(value: T) -> T:
     """Return a tree with its floats as NumPy's float32; Python numbers become arrays."""
+    register()
 
     def convert(array: Array) -> Array:
         array = np.asarray(array)

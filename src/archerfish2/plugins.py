@@ -4,7 +4,8 @@ A name says where it is: `./file.py:Name`, `module:Name` (an installed module, o
 working folder), or an entry point of the group `archerfish.controllers`, `archerfish.motions`, `archerfish.plants` or
 `archerfish.worlds`. Names come from the command line or from Python: code that a data file names is never run.
 
-A file is run once for each content that it has: a file that was edited is another module with another digest.
+A file is run once for each content that it has: a file that was edited is another module with another digest. An
+object, as a function of a notebook, gets a name by its content, too, for records that have a text there.
 """
 
 import ast
@@ -25,6 +26,8 @@ from archerfish2.storage import file_hash
 FORMS = "./FILE.py:NAME, MODULE:NAME or the name of an installed entry point"
 _TRACED = ("Tracer", "Concretization", "NonConcrete", "UnexpectedTracer")  # JAX's errors of code that can't be compiled
 _executed: dict[str, str] = {}  # module that was run from a file → SHA-256 of what was run
+_OBJECT = "<object "  # begin of an object's name
+_objects: dict[str, "Plugin"] = {}  # by the names of `name_of`
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +43,8 @@ class Plugin:
     file: str
     """Its source; "" where it has none."""
     digest: str = ""
-    """SHA-256 of the file's content that was run; of an object from an imported module, of the file as it is now."""
+    """SHA-256 of the file's content that was run; of an object from an imported module, of the file as it is now; of
+    one without a file, as in a notebook, of its source and what that refers to; "" where it has none."""
 
     @contextmanager
     def running(self) -> Iterator[None]:
@@ -74,8 +78,27 @@ class Plugin:
 
 
 def names_code(spec: str) -> bool:
-    """Whether a name is one of code in a file or module, which a data file may not name."""
+    """Whether a name is one of code in a file or module, or of an object, which a data file may not name."""
     return ":" in spec
+
+
+def names_object(spec: str) -> bool:
+    """Whether a name is one that an object has in this process alone."""
+    return spec.startswith(_OBJECT)
+
+
+def name_of(value: Any, kind: str) -> str:
+    """Return the name of an object of a user's own, by its content, as `find_plugin` takes it; of a name itself.
+
+    Raises:
+      InputError: as `find_plugin`.
+    """
+    if isinstance(value, str):
+        return value
+    plugin = find_plugin(value, kind)
+    name = f"{_OBJECT}{_source_digest(value)[:8] or id(value)}>:{plugin.name}"
+    _objects.setdefault(name, plugin)
+    return name
 
 
 def is_plugin(spec: str, kind: str) -> bool:
@@ -95,8 +118,12 @@ def find_plugin(spec: Any, kind: str) -> Plugin:
     """
     if not isinstance(spec, str):
         module, name = getattr(spec, "__module__", ""), getattr(spec, "__name__", type(spec).__name__)
-        file = getattr(sys.modules.get(module), "__file__", None) or ""
+        file = getattr(sys.modules.get(module), "__file__", None) or _cell(spec)
         return Plugin(f"{file}:{name}", name, spec, file, _digest_of(module, file) or _source_digest(spec))
+    if names_object(spec):
+        if spec not in _objects:
+            raise InputError(f"{kind} {spec!r} is an object of another process; give the object itself")
+        return _objects[spec]
     where, _, name = spec.rpartition(":")
     try:
         path = Path(where if where.endswith(".py") else where.replace(".", "/") + ".py").resolve()
@@ -128,14 +155,49 @@ def _digest_of(module: str, file: str) -> str:
     return _executed.get(module) or (file_hash(Path(file)) if Path(file).is_file() else "")
 
 
+def _functions(value: Any) -> list[Any]:
+    """Return the functions that an object, or its class, is made of."""
+    if isinstance(value, types.FunctionType):
+        return [value]
+    members = vars(value if isinstance(value, type) else type(value)).values()
+    return [each for each in members if isinstance(each, types.FunctionType)]
+
+
+def _cell(value: Any) -> str:
+    """Return the name of a notebook's cell, as a traceback has it; "" where there is none."""
+    names = [function.__code__.co_filename for function in _functions(value)]
+    return next((name for name in names if not name.startswith("<string")), "")
+
+
 def _source_digest(value: Any) -> str:
-    """Return the SHA-256 of the source of what has no file, as in a notebook; "" where it is not kept."""
+    """Return the SHA-256 of an object's source and of what that refers to; "" where the source is not kept."""
+    found = dict[Any, str]()
+    _collect(value, found)
+    state = "" if isinstance(value, type | types.FunctionType) else repr(getattr(value, "__dict__", value))
+    return hashlib.sha256("".join((*found.values(), state)).encode()).hexdigest() if any(found.values()) else ""
+
+
+def _collect(value: Any, found: dict[Any, str]) -> None:
+    """Add the source of an object's functions, and of what they use: numbers and texts, and their module's code."""
     import inspect
 
-    with suppress(OSError, TypeError):
-        code = value if inspect.isfunction(value) or inspect.isclass(value) else type(value)
-        return hashlib.sha256(inspect.getsource(code).encode()).hexdigest()
-    return ""
+    for function in _functions(value):
+        if function in found:
+            continue
+        found[function] = ""
+        with suppress(OSError, TypeError, ValueError):
+            parts, codes = [inspect.getsource(function)], [function.__code__]
+            parts += [repr([cell.cell_contents for cell in function.__closure__ or ()])]
+            parts += [repr((function.__defaults__, function.__kwdefaults__))]
+            for code in codes:  # which grows by those inside
+                codes += [constant for constant in code.co_consts if isinstance(constant, types.CodeType)]
+            for name in dict.fromkeys(name for code in codes for name in code.co_names):
+                used = function.__globals__.get(name)
+                if isinstance(used, bool | int | float | str | tuple | list):
+                    parts += [f"{name} = {used!r}"]
+                elif isinstance(used, type | types.FunctionType) and used.__module__ == function.__module__:
+                    _collect(used, found)
+            found[function] = "\n".join(parts)
 
 
 def _is_installed(where: str, path: Path) -> bool:

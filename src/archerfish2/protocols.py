@@ -220,6 +220,8 @@ def own_controller(controller: Any, robot: Any, task: Any) -> Controller:
         if isinstance(built, type) or (callable(built) and not hasattr(built, "step")):
             built = built(robot, task)
         kind = f"a {type(built).__name__}"
+        if hasattr(built, "predict") and not hasattr(built, "step"):
+            raise InputError(f"is {kind} with predict; wrap it: authors.Player(model, env.unwrapped.observer)")
         if not all(callable(getattr(built, name, None)) for name in ("reset", "step")):
             raise InputError(f"is {kind}, expected reset(seen, truth) and step(state, seen); write both")
         if getattr(built, "compiled", is_tree(built)):

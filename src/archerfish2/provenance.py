@@ -19,15 +19,13 @@ _HERE = Path(__file__).resolve().parent
 @functools.cache
 def code_commit() -> str:
     """Return the commit of the running code, with "-dirty" if it was changed; "unknown" outside its own checkout."""
-    plain = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}  # as inside a hook
-    git = functools.partial(
-        subprocess.run, cwd=_HERE, env=plain, capture_output=True, text=True, timeout=10, check=True
-    )
+    env = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}  # as inside a hook
+    git = functools.partial(subprocess.check_output, cwd=_HERE, env=env, stderr=subprocess.PIPE, text=True, timeout=10)
     try:
-        top = Path(git(["git", "rev-parse", "--show-toplevel"]).stdout.strip())
+        top = Path(git(["git", "rev-parse", "--show-toplevel"]).strip())
         # An installed package may lie inside the repository of another project, whose commit says nothing of it.
         is_own = top / "src" / _HERE.name == _HERE and 'name = "archerfish"' in (top / "pyproject.toml").read_text()
-        described = git(["git", "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]).stdout.strip()
+        described = git(["git", "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]).strip()
     except (OSError, subprocess.SubprocessError):
         return "unknown"
     return described if is_own else "unknown"

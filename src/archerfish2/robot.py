@@ -4,7 +4,7 @@ import functools
 import hashlib
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Protocol, Self, get_args
 
 import numpy as np
 from msgspec import Meta, field
@@ -23,7 +23,7 @@ from archerfish2.records.plant import PlantRecord
 from archerfish2.records.record import Struct
 from archerfish2.records.sensing import SensingRecord
 
-SCHEMA = "archerfish.robot/1"
+ROBOT_SCHEMA = "archerfish.robot/1"
 SHORTEST_PERIOD_S, LONGEST_DELAY_S = 1e-5, 1.0
 """Of the plants of a gimbal [s]: what lies beyond is no gimbal, and would make its model huge."""
 Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f\ud800-\udfff]{1,100}\Z")]
@@ -119,7 +119,7 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         facts = _Written(name=folder.resolve().name[:100] or "robot")
         is_written = (folder / "robot.json").exists()
         if is_written:
-            facts = read_struct(folder / "robot.json", _Written, SCHEMA, "identify again")
+            facts = read_struct(folder / "robot.json", _Written, ROBOT_SCHEMA, "identify again")
         files = {part: folder / f"{part}.json" for part in RECORDS}
         found: dict[str, Any] = {part: RECORDS[part].load(path) for part, path in files.items() if path.exists()}
         needed = {"pitch", "yaw", *facts.records, *(("muzzle", "limits") if is_written else ())}
@@ -136,7 +136,7 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         return robot
 
     @classmethod
-    def of(cls, robot: Any = None, *, accept_unusable: bool = False) -> Self:
+    def of(cls, robot: "RobotLike" = None, *, accept_unusable: bool = False) -> Self:
         """Return a robot as every verb takes it.
 
         Args:
@@ -146,9 +146,9 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         Raises:
           InputError: if it is none of these, or can't be read.
         """
-        robot = getattr(robot, "record", robot)
-        if isinstance(robot, cls):
-            return robot
+        found: Any = getattr(robot, "record", robot)
+        if isinstance(found, cls):
+            return found
         if robot is None or robot == "paper":
             return cls.paper()
         if isinstance(robot, str | Path):
@@ -189,7 +189,7 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         if self.sensing is None:  # nothing else may be missing
             (folder / "sensing.json").unlink(missing_ok=True)
         facts = {"name": self.name, "assumed": self.assumed, "parts": self.parts, "records": records}
-        write_json(folder / "robot.json", {"schema": SCHEMA, **plain(facts)})
+        write_json(folder / "robot.json", {"schema": ROBOT_SCHEMA, **plain(facts)})
 
     def replace(self, **changes: Any) -> Self:
         """Return the same robot with some fields changed.
@@ -245,6 +245,18 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         return f"Robot({'; '.join(parts)})"
 
 
+class Identified(Protocol):
+    """A result that has a robot, as that of `identify_robot`."""
+
+    @property
+    def record(self) -> Robot:
+        """The robot."""
+
+
+RobotLike = Robot | Identified | str | Path | None
+"""A robot as every verb takes it; see `Robot.of`."""
+
+
 def _digest(content: Any) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
@@ -263,7 +275,8 @@ def _own_plant(spec: str, axis: str) -> PlantRecord:
 def axis_fault(plant: PlantRecord, axis: str) -> str:
     """Return why a plant can't be that of a gimbal's axis, and what to do; "" if it can."""
     if plant.axis in {"pitch", "yaw"} - {axis}:
-        return f"{axis} is the plant of the {plant.axis} axis, expected that of {axis}; swap the two"
+        remedy = f"swap the two, or give plant.replace(axis='{axis}')"
+        return f"{axis} is the plant of the {plant.axis} axis, expected that of {axis}; {remedy}"
     if plant.B.shape[1] != 1:
         return f"{axis} has {plant.B.shape[1]} inputs, expected one; identify it with one input"
     if plant.sample_period_s < SHORTEST_PERIOD_S:

@@ -17,7 +17,7 @@ import numpy as np
 
 from archerfish2.errors import file_error, one_line
 
-LARGEST = 64_000_000
+MOST_BYTES = 64_000_000
 """Bytes of the largest file that is read whole."""
 LOCK, RUN, RUN_SCHEMA = "run.lock", "run.json", "archerfish.run/1"
 
@@ -102,8 +102,8 @@ def read_arrays(path: Path, remedy: str) -> tuple[str, dict[str, Any]]:
 
     if not path.is_file():
         raise file_error(path, "there is no such file", "check the path")
-    if (size := path.stat().st_size) > LARGEST:
-        raise file_error(path, f"has {size} bytes, expected at most {LARGEST}", remedy)
+    if (size := path.stat().st_size) > MOST_BYTES:
+        raise file_error(path, f"has {size} bytes, expected at most {MOST_BYTES}", remedy)
     try:
         with safe_open(path, "np") as file:
             header, arrays = file.metadata() or {}, {name: file.get_tensor(name) for name in sorted(file.keys())}

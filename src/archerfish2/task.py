@@ -2,23 +2,24 @@
 
 import itertools
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from msgspec import Meta, structs
 
-from archerfish2.arrays import Array, lift, namespace, single_precision, tree
+from archerfish2.arrays import Array, lift, namespace, select, single_precision, tree
 from archerfish2.errors import InputError, file_error, one_line
-from archerfish2.plugins import is_plugin, names_code
-from archerfish2.protocols import Engagement
+from archerfish2.plugins import Plugin, is_plugin, name_of, names_code, names_object
+from archerfish2.protocols import Engagement, Plates
 from archerfish2.records.json_files import plain
 from archerfish2.records.record import Angle, Struct, Text
 from archerfish2.storage import write_bytes
 from archerfish2.targets.kinds import KINDS
 from archerfish2.targets.mixture import MIXTURES, drawn_path, path_uniforms
-from archerfish2.targets.motion import LONGEST_S, Parabola, StillOrMoving, disc
-from archerfish2.targets.user_motion import UNIFORMS, check_places, find_motion, user_target
+from archerfish2.targets.motion import LONGEST_S, Parabola, disc
+from archerfish2.targets.user_motion import UNIFORMS, find_motion, user_target
 
 EQ_7 = ("paper", "static", "dynamic")
 """Motions of the paper's targets: all of them, those of Table II, those of Table III."""
@@ -31,6 +32,26 @@ _RANGES = ((1.0, 2.0), (2.0, 3.0), (3.0, 4.0), (4.0, 5.0))
 _Positive = Annotated[float, Meta(ge=1e-4, le=1000.0)]
 _Magnitude = Annotated[float, Meta(ge=0.0, le=1000.0)]
 _Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+
+
+@tree()
+class StillOrMoving:
+    """A target of which some members are as at time zero, with their first plate at their place."""
+
+    place: Array  # [m], B + (3,)
+    moving: Array  # bool, B
+    target: Any  # any target
+
+    @property
+    def plates(self) -> int:
+        """Number of plates."""
+        return int(self.target.plates)
+
+    def at(self, time: Array) -> Plates:
+        """Return the plates at times [s] of shape B or (N,) + B."""
+        moved, still = self.target.at(time), self.target.at(0.0 * time)
+        place = still.position - still.position[..., :1, :] + lift(self.place[..., None, :], still.position)
+        return select(lift(self.moving, time), Plates(*moved), Plates(place, still.normal_yaw))
 
 
 @tree(static=("motion",))
@@ -85,8 +106,19 @@ class Scenario:
             return disc(Parabola(place, speed, phase, self.swing[1] + still, self.curvature + still), place)
         target = StillOrMoving(place, moving, user_target(self.motion, place, speed, rest[0]))
         if namespace(place) is np:
-            check_places(self.motion, target, rest[1])
+            _check_places(self.motion, target, rest[1])
         return target
+
+
+def _check_places(found: Plugin, target: Any, duration: Array) -> None:
+    """Refuse targets of a user's motion, of NumPy arrays, that are nowhere or not in front of the gimbal."""
+    times = duration * np.linspace(0.0, 1.0, 26, dtype=np.float32).reshape(-1, *(1,) * duration.ndim)
+    with found.running():
+        position = np.asarray(target.at(times).position)
+    wrong = ~np.all(np.isfinite(position), axis=-1) | ~(position[..., 0] > 0.0)
+    if np.any(wrong):
+        at = f"{position[wrong][0].tolist()} m after {times[np.nonzero(wrong)[:-1]][0]:.2f} s"
+        raise InputError(f"{found.spec}: a target is at {at}, expected numbers and x > 0; keep it before the gimbal")
 
 
 class TaskCell(NamedTuple):
@@ -118,7 +150,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
     name: Text = ""
     """By which results call it; the motion's if empty."""
     motion: Text = "any"
-    """One of `EQ_7` or `DRAWN`, or a user's: ./FILE.py:NAME, MODULE:NAME or an entry point."""
+    """One of `EQ_7` or `DRAWN`, or a user's: ./FILE.py:NAME, MODULE:NAME, an entry point, or the function itself."""
     ranges_m: Annotated[tuple[tuple[_Positive, _Positive], ...], Meta(min_length=1, max_length=100)] = _RANGES
     """Distances of the targets' places [m], cells each; training draws from the nearest to the farthest."""
     lengths_s: Annotated[tuple[_Positive, ...], Meta(max_length=100)] = ()
@@ -147,6 +179,8 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
     """Pitch and yaw of the resting gimbal [rad]."""
 
     def __post_init__(self) -> None:
+        if callable(self.motion):
+            structs.force_setattr(self, "motion", name_of(self.motion, "motion"))
         super().__post_init__()
         structs.force_setattr(self, "name", self.name or self.motion.rpartition(":")[2])
         lengths, longest = self.lengths, LONGEST_S if self.motion in DRAWN else np.inf
@@ -165,6 +199,11 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
     def conditions(self) -> dict[str, str]:
         """Return what cells of an evaluation have in common and labels don't say; the usual ones are the paper's."""
         return {name: str(value) for name, value in plain(self).items() if name not in _LABELLED}
+
+    def __repr__(self) -> str:
+        usual, fields = type(self)(motion=self.motion), ("name", *self.__struct_fields__[2:])
+        unlike = [f"{name}={getattr(self, name)!r}" for name in fields if getattr(self, name) != getattr(usual, name)]
+        return f"Task({', '.join([f'motion={self.motion!r}', *unlike])})"
 
     @property
     def lengths(self) -> tuple[float, ...]:
@@ -201,8 +240,8 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
             raise file_error(path, problem[:400], "correct it") from error
 
     @classmethod
-    def of(cls, task: Any = "any") -> Self:
-        """Return a task as every verb takes it: one that is there, or by its name or TOML file, as `load` takes it.
+    def of(cls, task: "TaskLike" = "any") -> Self:
+        """Return a task as every verb takes it: one that is there, by its name or TOML file, or a user's motion.
 
         Raises:
           InputError: if it is none of these, or can't be read.
@@ -211,15 +250,21 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
             return task
         if isinstance(task, str | Path):
             return cls.load(task)
-        expected = "a name, a TOML file or a Task"
+        if callable(task):
+            motion: Any = task
+            return cls(motion=motion)
+        expected = "a name, a TOML file, a Task or a motion"
         raise InputError(f"task: expected {expected}, got a {type(task).__name__}; give one of these")
 
     def save(self, path: str | Path) -> None:
         """Write the task as a TOML file.
 
         Raises:
-          InputError: if it can't be written.
+          InputError: if it can't be written, or its motion is an object, which no file can name.
         """
+        if names_object(self.motion):
+            problem = f"field motion: {self.motion} is an object of this process, which no file can name"
+            raise InputError(f"Task: {problem}; write its code into a file, and name that: ./FILE.py:NAME")
         fields = {name: json.dumps(getattr(self, name), ensure_ascii=False) for name in self.__struct_fields__}
         write_bytes(Path(path), "".join(f"{name} = {value}\n" for name, value in fields.items()).encode())
 
@@ -268,10 +313,18 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         if not is_plugin(self.motion, "motion"):
             expected = f"expected one of {', '.join((*EQ_7, *DRAWN))} or ./FILE.py:NAME"
             raise InputError(f"Task: field motion: {expected}, got {self.motion!r}; correct it")
-        return find_motion(self.motion)
+        found = find_motion(self.motion)
+        if self.lengths[-1] > (longest := getattr(found.value, "longest_s", np.inf)):
+            problem = f"field lengths_s: {found.name} is sampled, for at most {longest:g} s"
+            raise InputError(f"Task: {problem}, got {self.lengths}; make it a NamedTuple, which may be longer")
+        return found
 
     def _scenario(self, motion: Any, ranges: Any, lengths: Any, share: float, plants: int = 1) -> Any:
         ends = np.array([np.min(ranges), np.max(ranges)]), np.array([lengths[0], lengths[-1]])
         swing = self.max_speed_m_s, np.sqrt(self.rise_m / self.curvature_1_m), self.rise_m
         rest: Any = self.lateral_m, self.height_m, swing, self.curvature_1_m, np.array(self.start), float(plants)
         return single_precision(Scenario(motion, *ends, self.short_share, share, *rest))
+
+
+TaskLike = Task | str | Path | Callable[..., Any]
+"""A task as every verb takes it; see `Task.of`."""

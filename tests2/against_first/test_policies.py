@@ -16,9 +16,10 @@ from archerfish.simulation.scenario import UNIFORMS, draw_engagement
 from archerfish.simulation.setting import make_scenario, paper_muzzle
 from archerfish.simulation.setting import make_world as make_first_world
 from archerfish2.arrays import register
-from archerfish2.controllers.network import Layer, Normaliser
-from archerfish2.controllers.observation import Decisions, Detections, Memory, ObserverFacts, make_observer
-from archerfish2.controllers.policy import Policy, PolicyFacts
+from archerfish2.controllers.policy.network import Layer, Normaliser
+from archerfish2.controllers.policy.observation import ObserverFacts, make_observer
+from archerfish2.controllers.policy.observer import Decisions, Detections, Memory
+from archerfish2.controllers.policy.policy import Policy, PolicyFacts
 from archerfish2.evaluation.draws import draw
 from archerfish2.evaluation.run import count
 from archerfish2.robot import Robot

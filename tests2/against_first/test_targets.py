@@ -11,6 +11,7 @@ from archerfish.paper.conditions import assumed_conditions  # noqa: E402
 from archerfish.targets import drawn, parabola, path, variation  # noqa: E402
 from archerfish.targets.motion import StillOrMoving as FirstStillOrMoving  # noqa: E402
 from archerfish2.targets import distributions, kinds, mixture, motion  # noqa: E402
+from archerfish2.task import StillOrMoving  # noqa: E402
 
 SHAPES = [(), (3,), (2, 3), (64,)]
 
@@ -23,7 +24,11 @@ def float32(*values: float) -> tuple[np.ndarray, ...]:
 @pytest.mark.parametrize("shape", SHAPES)
 def test_drawn_paths_are_those_of_the_first_edition(name, shape) -> None:
     conditions, rng = assumed_conditions(), np.random.default_rng(7)
-    eq_7 = float32(conditions.max_lateral_speed, conditions.reversal_half_width, conditions.parabola_rise)
+    eq_7 = float32(
+        conditions.max_lateral_speed,
+        np.sqrt(conditions.parabola_rise / conditions.parabola_curvature),
+        conditions.parabola_rise,
+    )
     first = drawn.drawn_motion({"kinds": "any"}.get(name, name))
     assert mixture.path_uniforms(name) == first.chances
     place = rng.uniform([1.0, -0.7, 0.1], [5.0, 0.7, 0.3], (*shape, 3)).astype(np.float32)
@@ -50,7 +55,7 @@ def test_the_table_is_that_of_the_first_edition() -> None:
                 assert mine.unit == first.unit
                 assert_array_equal(mine.draw(uniform), first.draw(uniform))
     assert [*drawn.MIXTURE.values()] == [*mixture.MIXTURES["kinds"].values()]
-    assert mixture.path_uniforms("kinds") == variation.CHANCES + kinds.UNIFORMS + 1
+    assert mixture.path_uniforms("kinds") == variation.CHANCES + kinds.KIND_DRAWS + 1
     assert_array_equal(motion.TIMES, path.TIMES)
 
 
@@ -59,7 +64,7 @@ def test_eq_7_is_that_of_the_first_edition(shape) -> None:
     rng = np.random.default_rng(8)
     fields = [rng.uniform(0.1, 4.0, (*shape, *more)).astype(np.float32) for more in ((3,), (), (), (), ())]
     moving = rng.random(shape) < 0.5
-    ours = motion.StillOrMoving(fields[0], moving, motion.disc(motion.Parabola(*fields), fields[0]))
+    ours = StillOrMoving(fields[0], moving, motion.disc(motion.Parabola(*fields), fields[0]))
     theirs = FirstStillOrMoving(fields[0], moving, parabola.Parabola(*fields))
     time = rng.uniform(-0.3, 3.0, shape).astype(np.float32)
     times = np.stack([time, time + np.float32(0.5)])

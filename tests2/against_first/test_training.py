@@ -24,9 +24,9 @@ from archerfish.records.plant import read_plant  # noqa: E402
 from archerfish.records.sensing import read_sensing  # noqa: E402
 from archerfish.simulation.assembly import environment_in, observer_in  # noqa: E402
 from archerfish.simulation.setting import make_world, paper_muzzle  # noqa: E402
-from archerfish2.controllers.network import Layer, Normaliser  # noqa: E402
+from archerfish2.controllers.policy.network import Layer, Normaliser  # noqa: E402
 from archerfish2.learning.config import TrainConfig  # noqa: E402
-from archerfish2.learning.environments import make_environment  # noqa: E402
+from archerfish2.learning.environment import make_environment  # noqa: E402
 from archerfish2.learning.gradient import GRADIENT  # noqa: E402
 from archerfish2.learning.learner import ADAM, SPLIT, Actor, Learner  # noqa: E402
 from archerfish2.learning.ppo import PPO  # noqa: E402

@@ -21,7 +21,7 @@ FAULTS = {
     "--controllers kalmn": "archerfish2: controller must be one of kalman, ",
     "--task papr": "archerfish2: papr: field motion: expected one of paper, static, ",
     "--nonsense 1": "archerfish2: Unrecognized options: --nonsense, 1; archerfish2 evaluate --help explains",
-    "--set period_s": "archerfish2: --set takes NAME=VALUE, got period_s; write for instance max_speed_m_s=1",
+    "--set period_s": "archerfish2: --set takes NAME=VALUE, ",
     "--set lenght_s=1": "archerfish2: Task: there is no field lenght_s; fields are name, motion, ",
     "--engagements four": "archerfish2: Error parsing --engagements: invalid literal for int() with base 10: 'four'; ",
 }

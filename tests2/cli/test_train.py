@@ -4,18 +4,21 @@ import pytest
 
 import archerfish2 as af
 from archerfish2.cli.main import main
-from archerfish2.controllers.blocks import KINDS
+from archerfish2.controllers.policy.blocks import OBSERVATIONS
 
 pytest.importorskip("jax")
 SMALL = "gradient.environments=32 gradient.hidden=16 gradient.window=5"
 FAULTS = {
     "--set gradient.hiden=3": "field gradient: object contains unknown field hiden",
-    "--set hidden": "--set takes NAME=VALUE, got hidden",
+    "--set hidden": "--set takes NAME=VALUE, and no value for a part and for a field of it, got hidden",
+    "--set ppo=3 ppo.epochs=2": "got ppo.epochs=2; write for instance",
     "--reward nearest": "reward must be one of eq-8, hit, smooth-hit",
     "--observation six": "observation must be one of paper, history, tracked, multimodel, got 'six'",
     "--observation tracked": "observation tracked needs a robot with sensing.json",
     "--steps 0": "steps must be a whole number of 1 to 2^53, got 0",
     "--resume none": "none: has no training",
+    "--trainer pp": "invalid choice",
+    "--set ppo.epochs=2 ppo=3": "got ppo=3; write for instance",
     "--set hidden=3": "there is no field hidden",
     "--set ppo.epochs=2": "--set ppo.epochs=2 is not of the trainer gradient",
 }
@@ -29,6 +32,11 @@ def test_a_policy_is_trained_for_a_robot_and_evaluated_with_it(tmp_path, capsys,
         main(["train", str(robot), *f"--task static --command-limit box --steps 640 --seed 3 --set {SMALL}".split()])
     begun = "training for paper, task static: gradient, observation history, 640 decisions; progress: "
     assert capsys.readouterr().out == f"{begun}{policy}/log.jsonl\n"
+    for option in ("--steps 10", "--seed 0", "--out no", "--set frames=5", "--trainer ppo", str(robot)):
+        with pytest.raises(SystemExit, match="2"):
+            main(["train", "--resume", str(policy), *option.split()])
+        name = option.split()[0] if option.startswith("--") else "--robot"
+        assert f"leave {name} out, or begin another training" in capsys.readouterr().err
     main(["train", "--resume", str(policy)])
     first, *_, last = capsys.readouterr().out.splitlines()
     words = f"evaluate {robot} --controllers {policy} kalman --task static --command-limit box"
@@ -75,4 +83,4 @@ def test_help_names_every_observation_and_reward(capsys):
     with pytest.raises(SystemExit, match="0"):
         main(["train", "--help"])
     words = {*capsys.readouterr().out.replace(",", " ").replace("(", " ").split()}
-    assert {*KINDS, "eq-8", "hit", "smooth-hit", "gradient", "ppo"} <= words
+    assert {*OBSERVATIONS, "eq-8", "hit", "smooth-hit", "gradient", "ppo"} <= words

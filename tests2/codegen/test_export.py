@@ -24,9 +24,9 @@ from archerfish2.codegen.decision import Decision, Gated, example_decisions, see
 from archerfish2.codegen.export import export
 from archerfish2.codegen.onnx import print_onnx
 from archerfish2.codegen.trace import Trace, scalars_of, schedule
-from archerfish2.controllers.network import Layer, Normaliser
-from archerfish2.controllers.observation import make_observer, observer_facts
-from archerfish2.controllers.policy import PolicyFacts
+from archerfish2.controllers.policy.network import Layer, Normaliser
+from archerfish2.controllers.policy.observation import make_observer, observer_facts
+from archerfish2.controllers.policy.policy import PolicyFacts
 from archerfish2.controllers.registry import make_controller
 from archerfish2.controllers.tuning import tuning_at
 from archerfish2.protocols import aim
@@ -73,7 +73,7 @@ def exported(tmp_path_factory):
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(check, "FLAGS", STRICT)
                 patch.setattr("archerfish2.codegen.export.c_decision", lambda *_: None)  # compiled once, and kept
-                export(controller if name in POLICIES else name, path, robot, TASK, tuning_at(name))
+                export(controller if name in POLICIES else name, path, robot, TASK, tuning=tuning_at(name))
                 kept[name] = path, check.c_decision(path, 300)
         return kept[name]
 
@@ -336,15 +336,11 @@ def test_what_can_not_be_exported_is_refused_and_nothing_is_written(tmp_path, re
         INFANTRY,
     )
     refused("oracle knows the target's path", export, "oracle", tmp_path / "a.c")
-    refused(
-        "not tuned for paper and this task; run archerfish2 evaluate --task any --controllers kalman-lq, .*--untuned",
-        export,
-        "kalman-lq",
-        tmp_path / "a.c",
-    )
+    refused("tuning: expected .kept., .start., .*got 'best'", export, "kalman", tmp_path / "a.c", tuning="best")
     refused("perhaps you meant kalman", export, "kalmn", tmp_path / "a.c")
     near = TASK.replace(command_limit="los-2deg")
-    refused("as no robot knows; take gate or box", export, "no-lead", tmp_path / "a.c", PAPER, near)
+    monkeypatch.setattr("archerfish2.codegen.export.tune", lambda *_: 1 / 0)  # takes minutes, and comes last
+    refused("as no robot knows; take gate or box", export, "kalman", tmp_path / "a.c", PAPER, near)
     monkeypatch.setattr("archerfish2.codegen.export.MOST", -1.0)
     if shutil.which("cc"):
         refused("differs by .* rad from NumPy; nothing is written", export, trained, tmp_path / "a.c")
@@ -371,12 +367,8 @@ def test_the_command_exports_with_the_settings_that_the_folder_holds(tmp_path, m
     main(["export", str(tmp_path), "--controller", "kalman-lq", "--task", "paper", "--out", str(tmp_path / "lq.c")])
     assert "lq.c decides as kalman-lq does in NumPy." in capsys.readouterr().out
     text = (tmp_path / "lq.c").read_text()
-    af.export("kalman-lq", tmp_path / "lq.c", robot, "paper", tuning)
+    af.export("kalman-lq", tmp_path / "lq.c", robot, "paper", tuning={"kalman-lq": tuning})
     assert (tmp_path / "lq.c").read_text() == text
-    lighter = robot.replace(muzzle=robot.muzzle.replace(speed=20.0))
-    lighter.save(tmp_path)
-    refused("kalman-lq is not tuned", export, "kalman-lq", tmp_path / "lq.c", af.Robot.load(tmp_path), TASK)
-    robot.save(tmp_path)
     policy("tracked", robot).save(tmp_path / "policy" / "policy.safetensors")
     main(["export", str(tmp_path)])
     with pytest.raises(SystemExit, match="2"):
@@ -387,29 +379,34 @@ def test_the_command_exports_with_the_settings_that_the_folder_holds(tmp_path, m
     refused("tuning.json: .*remove it, and it is made again", export, "kalman-lq", tmp_path / "lq.c", robot, TASK)
 
 
-def test_kept_settings_are_those_of_this_version_and_code_in_the_folder_or_the_cache(tmp_path, monkeypatch, refused):
+def test_what_is_kept_is_that_of_this_version_and_code_and_else_is_searched_for_once(tmp_path, monkeypatch):
+    searched, found = [], af.tune("kalman-lq", PAPER, TASK).replace(smoothing=0.1)
     monkeypatch.setenv("ARCHERFISH_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr("archerfish2.evaluation.tuning.rates", lambda *_: lambda each: 0.5 - each.smoothing)
+    monkeypatch.setattr("archerfish2.evaluation.tuning.rates", lambda *given: searched.append(given) or (lambda _: 0.5))
     monkeypatch.setattr("archerfish2.codegen.export.c_decision", lambda *_: None)
     INFANTRY.save(tmp_path / "robot")
     path, folder = tmp_path / "lq.c", tmp_path / "robot" / "tuning.json"
-    for robot in (af.Robot.load(tmp_path / "robot"), INFANTRY.replace(folder=None), PAPER):
-        helps = f"evaluate {robot.folder} --task any" if robot.folder else "call archerfish2.tune"
-        helps = "evaluate --task any" if robot is PAPER else helps
-        refused(f"kalman-lq is not tuned for .*{helps}", export, "kalman-lq", path, robot)
-        af.tune("kalman-lq", robot, af.Task())
-        export("kalman-lq", path, robot)
-    refused("kalman-lq is not tuned", export, "kalman-lq", path, robot, "strafe")
-    export("kalman-lq", path, robot, "strafe", "start")
+
+    def searches(*where, **given):
+        before = len(searched)
+        export("kalman-lq", path, *where, **given)
+        return len(searched) - before
+
+    robots = (af.Robot.load(tmp_path / "robot"), INFANTRY.replace(folder=None), PAPER)
+    assert [searches(robot) for robot in robots for _ in range(2)] == [1, 0] * 3
+    assert searches(robots[0].replace(muzzle=INFANTRY.muzzle.replace(speed=20.0))) == 1
+    assert [searches(PAPER, "strafe", tuning=tuning) for tuning in ("start", found, {"kalman-lq": found})] == [0] * 3
     for field in ("version", "grids"):
         content = json.loads(folder.read_text())
-        content["tunings"][0][field] = "another"
+        content["tunings"] = [content["tunings"][0] | {field: "another"}]
         folder.write_text(json.dumps(content))
-        refused("kalman-lq is not tuned for infantry", export, "kalman-lq", path, tmp_path / "robot")
+        assert searches(tmp_path / "robot") == 1
 
 
 def test_the_command_ends_with_the_files_and_what_to_do_with_them(tmp_path, capsys):
-    main(["export", "--controller", "kalman", "--task", "strafe", "--untuned", "--out", str(tmp_path / "mine.c")])
+    main(
+        ["export", "--controller", "kalman", "--task", "strafe", "--tuning", "start", "--out", str(tmp_path / "mine.c")]
+    )
     printed = capsys.readouterr().out.splitlines()
     path = tmp_path / "mine"
     assert printed[-2:] == [f"wrote {path}.c and {path}.h", f"next: {COMPILE} {path}.c {MORE}"]

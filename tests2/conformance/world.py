@@ -8,7 +8,8 @@ import numpy as np
 
 from archerfish2 import protocols as p
 from archerfish2.arrays import Array, lift, namespace, single_precision, tree
-from archerfish2.controllers.kalman import ConstantVelocity, DirectAim
+from archerfish2.controllers.aiming.direct import DirectAim
+from archerfish2.controllers.predictors.constant_velocity import ConstantVelocity
 from archerfish2.dynamics.aiming import line_of_sight
 from archerfish2.dynamics.command_limits import CommandLimits, limit_command
 from archerfish2.dynamics.linear_axis import GimbalModel, advance, gimbal_angle, gimbal_rate, rest_state

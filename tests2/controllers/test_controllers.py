@@ -13,12 +13,13 @@ from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 
 from archerfish2.arrays import leaves, map_arrays
-from archerfish2.controllers import kalman, manoeuvring, parabola, preview_aim
-from archerfish2.controllers.preview import make_preview
+from archerfish2.controllers.aiming.preview_program import make_preview
+from archerfish2.controllers.predictors import constant_velocity, hold, parabola
+from archerfish2.controllers.predictors import interacting_models as interacting
 from archerfish2.controllers.registry import NAMES, make_controller
 from archerfish2.controllers.tuning import tuning_at
 from archerfish2.dynamics.command_limits import CommandLimits
-from archerfish2.dynamics.linear_axis import advance, gimbal_angle, rest_state
+from archerfish2.dynamics.linear_axis import advance, angle_then, gimbal_angle, rest_state
 from archerfish2.protocols import Barrel, Base, Frames, GimbalFeedback, Seen, Truth
 from archerfish2.robot import Robot
 from archerfish2.targets.motion import Parabola
@@ -30,9 +31,9 @@ WIDTH, SCATTER, DT, AGE = np.sqrt(0.04 / 3.0), 0.003, 0.02, 0.04
 NOISE = kalman_filter.TrackerNoise(*map(np.asarray, (1.0, 1e-3, 1e-3, 0.015, 0.0017, 0.25)))
 RATES = interacting_models.ModelRates(*map(np.asarray, (1.5, 0.1, 0.5)))
 TASK, ROBOT = Task.load("dynamic"), Robot.paper()
-MODELS = manoeuvring.Manoeuvring(NOISE, RATES, np.asarray(0.06), np.asarray(SCATTER))
+MODELS = interacting.InteractingModels(NOISE, RATES, np.asarray(0.06), np.asarray(SCATTER))
 EXACT, FILTER = parabola.make_parabola_aware(TASK), parabola.make_parabola_filter(TASK, SCATTER, NOISE)
-PREDICTORS = {"hold": preview_aim.Hold(), "velocity": kalman.ConstantVelocity(NOISE, np.asarray(1.0))}
+PREDICTORS = {"hold": hold.Hold(), "velocity": constant_velocity.ConstantVelocity(NOISE, np.asarray(1.0))}
 PREDICTORS |= {"models": MODELS, "exact": EXACT, "filter": FILTER}
 N, MODEL = 8, ROBOT.gimbal(DT)
 LIMITS = CommandLimits(*(np.full(2, each) for each in (-0.35, 0.35, 8.0, 200.0, 1e6)))
@@ -79,7 +80,7 @@ def driving(count, speed):
 def test_a_height_has_the_noise_of_the_camera_s_elevation():
     record = Robot.load(Path(__file__).parents[1] / "infantry").sensing
     record = record.replace(camera=record.camera.replace(elevation_sd=0.01))
-    track = kalman_filter.begin_track(kalman_filter.noise_from_record(record, 1.0), np.array([3.0, 4.0, 0.1]))
+    track = kalman_filter.begin_track(kalman_filter.noise_from_record(record, 1.0, 0.0), np.array([3.0, 4.0, 0.1]))
     assert track.height_variance == pytest.approx(1e-6 + 0.05**2)
 
 
@@ -212,7 +213,7 @@ def test_numpy_and_jax_solve_the_program_alike(batch, agree):
 def test_past_angles_are_those_of_scipys_hermite_spline(batch, agree):
     rng = np.random.default_rng(54)
     past, age = rng.normal(0.0, 0.3, (*batch, 5, 2, 2)), rng.uniform(0.0, 0.12, batch)
-    found = agree(preview_aim.angle_then, past, age, np.asarray(DT))
+    found = agree(angle_then, past, age, np.asarray(DT))
     for index in np.ndindex(batch):
         spline = CubicHermiteSpline(DT * np.arange(-4, 1), past[index][::-1, 0], past[index][::-1, 1])
         assert_allclose(found[index], spline(-min(age[index], 4 * DT)), atol=1e-6)

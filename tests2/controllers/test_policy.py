@@ -13,10 +13,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import expm
 
 from archerfish2.arrays import leaves, map_arrays, single_precision
-from archerfish2.controllers.blocks import KINDS
-from archerfish2.controllers.network import Layer, Normaliser
-from archerfish2.controllers.observation import make_observer, observer_facts
-from archerfish2.controllers.policy import Policy, PolicyFacts
+from archerfish2.controllers.policy.blocks import OBSERVATIONS
+from archerfish2.controllers.policy.network import Layer, Normaliser
+from archerfish2.controllers.policy.observation import make_observer, observer_facts
+from archerfish2.controllers.policy.policy import Policy, PolicyFacts
 from archerfish2.dynamics.muzzle import pellet_at_muzzle
 from archerfish2.dynamics.pellet import flat_fire_crossing
 from archerfish2.protocols import Barrel, Base, Frames, GimbalFeedback, Seen
@@ -97,7 +97,7 @@ def by_block(observer, numbers):
 
 
 LARGE = [(kind, batch) for kind in TRACKING for batch in ((), (3,))]  # to compile; (2, 3) is in `make test`
-BOTH = [(kind, batch) for kind in KINDS for batch in ((), (3,), (2, 3))]
+BOTH = [(kind, batch) for kind in OBSERVATIONS for batch in ((), (3,), (2, 3))]
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_numpy_and_jax_observe_and_command_alike(kind, batch, agree):
     agree(observed, make_observer(facts(kind)), sequence(batch, 2, frames=2, slots=2), rtol=1e-4, atol=2e-4)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", OBSERVATIONS)
 def test_one_robot_sees_what_it_sees_in_a_batch_and_left_and_right_are_mirror_images(kind):
     observer = make_observer(facts(kind))
     assert sum(size for _, size in observer.layout()) == SIZES[kind]
@@ -121,7 +121,7 @@ def test_one_robot_sees_what_it_sees_in_a_batch_and_left_and_right_are_mirror_im
     assert np.sum(~same) == {"paper": 3, "history": 16, "tracked": 35, "multimodel": 70}[kind]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", OBSERVATIONS)
 def test_only_where_the_target_is_from_the_base_counts(kind):
     observer, turn = make_observer(facts(kind)), 3.17  # half a turn: one target passes straight behind
     plain, elsewhere, turned = (
@@ -150,7 +150,7 @@ def test_once_the_tracks_are_begun_a_base_that_drives_sees_what_one_that_stands_
     assert_allclose(command, angle, atol=1e-5)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", OBSERVATIONS)
 def test_zero_aims_at_where_the_target_is_now_or_was_seen_and_one_is_an_action_scale(kind):
     free, speed = observers(kind)[1], np.array([-0.2, 0.6, 0.0])
     seen = [seen_at([3.0, -0.5, 0.1] + speed * (0.02 * step - 0.045)) for step in range(50)]
@@ -227,7 +227,7 @@ def test_commands_keep_the_largest_move_brake_in_time_and_arrive(kind):
 
 
 def test_while_nothing_is_seen_all_numbers_are_finite_and_afterwards_the_target_is_found():
-    for kind in KINDS:
+    for kind in OBSERVATIONS:
         observer, free = observers(kind)
         seen = [seen_at([3.0, 0.5, 0.1], (0.1, -0.2), elapsed=0.02 * (step > 0), age=0.0) for step in range(80)]
         dark = [each._replace(frames=map_arrays(np.zeros_like, each.frames)) for each in seen[:60]]
@@ -236,7 +236,7 @@ def test_while_nothing_is_seen_all_numbers_are_finite_and_afterwards_the_target_
         assert_allclose(commands[-1][1], np.arctan2(0.5, 3.0), atol=1e-3)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", OBSERVATIONS)
 def test_a_detection_far_away_or_straight_above_leaves_all_numbers_finite(kind):
     observer = make_observer(facts(kind))
     memory = observer.begin(seen_at([3.0, 0.0, 0.1]))
@@ -293,7 +293,7 @@ def policy():
 DECIDE = """
 import numpy as np
 from archerfish2.protocols import seen_ahead
-from archerfish2.controllers.policy import Policy
+from archerfish2.controllers.policy.policy import Policy
 policy, seen = Policy.load(PATH), seen_ahead(2)
 print(policy.step(policy.reset(seen), seen)[1].angle.tolist())
 """

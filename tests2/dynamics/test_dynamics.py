@@ -8,7 +8,6 @@ from scipy.signal import dlsim
 
 from archerfish2.arrays import single_precision
 from archerfish2.dynamics import aiming, command_limits, delayed_axis, linear_axis, muzzle, pellet, rigid_axis
-from archerfish2.dynamics.slew import approach
 from archerfish2.paper.gimbal import gate_limits
 from archerfish2.records.plant import PlantRecord
 
@@ -17,10 +16,10 @@ PITCH = PlantRecord.second_order(12.0, 0.6, delay_s=3e-3).replace(D=np.array([[0
 # Of a higher order than pitch: behind a lag of first order.
 LAG = np.block([[SECOND.A, SECOND.B], [np.zeros((1, 2)), 0.9 * np.eye(1)]]), np.array([[0.0], [0.0], [0.1]])
 YAW = PlantRecord.from_state_space(*LAG, np.eye(1, 3), 0.0, 1e-3, delay_samples=27)
-DRAG, CROSSINGS = 0.019, (pellet.flat_fire_crossing, pellet.printed_crossing, pellet.quadratic_crossing)
+DRAG, CROSSINGS = 0.019, (pellet.flat_fire_crossing, pellet.quadratic_crossing)
 PERIOD = np.float32(0.02)
 LOW, HIGH = (np.radians(each).astype(np.float32) for each in ([-25.0, -75.0], [10.0, 75.0]))
-NAMED = (command_limits.named_limits(name, gate_limits()) for name in ("gate", "los-2deg"))
+NAMED = (command_limits.named_limits(name, gate_limits(), np.radians(2.0)) for name in ("gate", "los-2deg"))
 GATE, LEAD = map(single_precision, NAMED)
 
 
@@ -105,17 +104,26 @@ def test_dry_friction_stops_evenly_and_holds_what_is_weaker():
 
 @pytest.mark.parametrize(("velocity", "flat_within"), [((18.0, 0.0, 1.0), 2e-4), ((14.0, -11.0, 0.5), 2e-3)])
 def test_flights_solve_their_differential_equations(velocity, flat_within):
-    ahead, exact, velocity = lambda _, x: x[0] - 5.0, [], np.array(velocity)
+    ahead, velocity = lambda _, x: x[0] - 5.0, np.array(velocity)
     ahead.terminal = True
-    for size in (np.linalg.norm, lambda v: np.abs(v) * [1.0, 1.0, 0.0]):  # of |v|; eq (5) takes each coordinate alone
-        ode = lambda _, x, size=size: [*x[3:], *(-DRAG * size(x[3:]) * x[3:] - [0.0, 0.0, 9.81])]  # noqa: E731
-        done = solve_ivp(ode, (0.0, 2.0), [0.0, 0.0, 0.0, *velocity], "DOP853", events=ahead, rtol=1e-12, atol=1e-13)
-        exact.append([*done.y_events[0][0, 1:3], done.t_events[0][0]])
-    flat, printed, quadratic = (each(np.zeros(3), velocity, np.asarray(5.0), DRAG) for each in CROSSINGS)
-    assert_allclose([quadratic, printed], exact, atol=1e-8)
+    ode = lambda _, x: [*x[3:], *(-DRAG * np.linalg.norm(x[3:]) * x[3:] - [0.0, 0.0, 9.81])]  # noqa: E731
+    done = solve_ivp(ode, (0.0, 2.0), [0.0, 0.0, 0.0, *velocity], "DOP853", events=ahead, rtol=1e-12, atol=1e-13)
+    flat, quadratic = (crossing(np.zeros(3), velocity, np.asarray(5.0), DRAG) for crossing in CROSSINGS)
+    assert_allclose(quadratic, [*done.y_events[0][0, 1:3], done.t_events[0][0]], atol=1e-8)
     assert_allclose(flat, quadratic, atol=flat_within)  # leaves out what gravity does to the speed
     there = pellet.flat_fire_position(velocity, DRAG, flat.time)
     assert_allclose(there, [5.0, flat.lateral, flat.height], atol=1e-12)
+
+
+@pytest.mark.parametrize(("yaw_deg", "off_by"), [(0.0, 0.013), (20.0, 0.050)])
+def test_eq_5_which_takes_each_coordinate_alone_is_off_by_centimetres_and_flat_fire_is_not(yaw_deg, off_by):
+    level = np.array([np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg)), 0.0])
+    velocity, plane_x = 18.0 * level, 5.0 * level[0]
+    flat, quadratic = (np.array(crossing(0.0 * level, velocity, plane_x, DRAG)) for crossing in CROSSINGS)
+    time = np.expm1(DRAG * plane_x) / (DRAG * velocity[0])  # x = log1p(k v t) / k, likewise y; no drag along z
+    eq_5 = [np.log1p(DRAG * velocity[1] * time) / DRAG, -9.81 / 2 * time**2]
+    assert np.hypot(*(eq_5 - quadratic[:2])) == pytest.approx(off_by, abs=5e-4)
+    assert np.hypot(*(flat - quadratic)[:2]) < 5e-5
 
 
 @pytest.mark.parametrize("drag", [0.0, 1e-8, 1e-4, 1e-3])
@@ -172,7 +180,7 @@ def test_the_gate_keeps_range_rate_and_acceleration_whatever_is_asked_and_uses_t
 def test_the_slew_to_an_aim_keeps_its_rate_and_stops_there():
     aim, path = np.array([0.1, 1.3]), [np.zeros(2)]
     for _ in range(60):
-        path.append(approach(aim, path[-1], GATE.max_rate, GATE.max_acceleration, PERIOD))
+        path.append(command_limits.approach(aim, path[-1], GATE.max_rate, GATE.max_acceleration, PERIOD))
     rate = np.diff(path, axis=0) / PERIOD
     assert_array_equal(path[-1], aim)
     assert rate[:, 1].max() == pytest.approx(12.0)
@@ -188,8 +196,8 @@ def test_a_limited_lead_holds_yaw_near_the_line_of_sight_and_in_its_range(target
 def test_numpy_and_jax_compute_alike_what_the_worlds_do_not_use(batch, agree):
     def everything(place, velocity, plane, arm, torque):
         held, crossing = (arm, rigid_axis.RigidState(*arm[:2]), torque), (place, velocity, plane, arm.mass)
-        both = pellet.quadratic_crossing(*crossing, steps=2), pellet.printed_crossing(*crossing)
-        return *both, rigid_axis.dry_friction(*held, 0.5 * torque, 0.01), rigid_axis.rigid_step(*held, 0.01)
+        friction, after = rigid_axis.dry_friction(*held, 0.5 * torque, 0.01), rigid_axis.rigid_step(*held, 0.01)
+        return pellet.quadratic_crossing(*crossing, steps=2), friction, after
 
     rng = np.random.default_rng(3)
     position, velocity = rng.normal(0.0, 0.1, (*batch, 3)), rng.normal([18.0, 0.0, 1.0], 2.0, (*batch, 3))

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import archerfish2 as af
-from archerfish2.controllers.network import Layer, Normaliser
-from archerfish2.controllers.observation import make_observer, observer_facts
-from archerfish2.controllers.oracle import make_oracle
-from archerfish2.controllers.policy import PolicyFacts
+from archerfish2.controllers.aiming.oracle import make_oracle
+from archerfish2.controllers.policy.network import Layer, Normaliser
+from archerfish2.controllers.policy.observation import make_observer, observer_facts
+from archerfish2.controllers.policy.policy import PolicyFacts
 from archerfish2.controllers.registry import make_controller
 from archerfish2.controllers.tuning import GRIDS, tuning_at
 from archerfish2.evaluation import tuning
@@ -179,7 +179,7 @@ def test_a_fault_of_ours_keeps_its_traceback(monkeypatch):
         raise KeyError("ours")
 
     monkeypatch.setattr("archerfish2.evaluation.run.has_jax", lambda: False)
-    monkeypatch.setattr("archerfish2.controllers.kalman.DirectAim.step", step)
+    monkeypatch.setattr("archerfish2.controllers.aiming.direct.DirectAim.step", step)
     with pytest.raises(KeyError, match="ours"):
         af.rollout("kalman-paper", task=TASK, engagements=4)
 

@@ -56,8 +56,8 @@ def test_a_response_after_a_long_rest_is_found_and_a_still_log_has_none():
     assert silent_logs([recorded(u, 1.0)]) == []
     assert codes(silent_logs([still, recorded(INPUTS["noise"])])) == [("no-response", "warning")]
     found = fit_axis([recorded(INPUTS["noise"], plant=PLANT.replace(delay_samples=0))], 2)
-    assert exchanged_columns(found, recorded(INPUTS["noise"]), [recorded(INPUTS["noise"]), still]) is None
-    assert exchanged_columns(found, still, [still]) is None
+    assert exchanged_columns(found, recorded(INPUTS["noise"]), [recorded(INPUTS["noise"]), still]) == []
+    assert exchanged_columns(found, still, [still]) == []
 
 
 def test_logs_that_are_too_short_of_one_sine_or_of_inputs_that_are_one_are_found():
@@ -82,14 +82,14 @@ def test_units_and_signs_are_seen_in_the_gain():
 def test_exchanged_columns_are_found_by_trying(name):
     log = recorded(INPUTS[name])
     wrong = Recording.from_arrays(log.outputs, log.inputs, 0.01, input_names=("y",), output_names=("u",))
-    found = exchanged_columns(fit_axis([wrong], 2), wrong, [wrong])
+    (found,) = exchanged_columns(fit_axis([wrong], 2), wrong, [wrong])
     assert (found.code, found.remedy) == ("swapped", 'take "u" as the input and "y" as the output')
-    assert exchanged_columns(fit_axis([log], 2), log, [log]) is None
+    assert exchanged_columns(fit_axis([log], 2), log, [log]) == []
 
 
 def test_columns_are_not_called_exchanged_where_noise_spoils_either_direction():
     log = recorded(INPUTS["levels"], 0.8)  # of which a plant explains 39 %, and exchanged 50 %
-    assert exchanged_columns(fit_axis([log], 2), log, [log]) is None
+    assert exchanged_columns(fit_axis([log], 2), log, [log]) == []
 
 
 def followed(command, move):

@@ -92,7 +92,7 @@ def test_the_prediction_is_the_spread_of_real_identifications():
     # 8 fits give a standard deviation to ±50 % at 95 %, 100 draws of a bootstrap to ±14 %.
     assert_allclose(half, 1.96 * np.std(found, axis=0, ddof=1), rtol=0.7)
     assert_allclose([each.value for each in expected], [1.0, 5.0, 0.5], atol=2 * max(half))
-    assert planned.expected.delay_samples.low <= 3 <= planned.expected.delay_samples.high
+    assert planned.expected.dead_time_samples.low <= 3 <= planned.expected.dead_time_samples.high
 
 
 def test_the_printed_second_pair_of_pitch_is_not_determined_by_a_sweep():

@@ -42,7 +42,7 @@ def found():
 
 
 def test_order_delay_gain_and_poles_are_those_of_the_plant_within_their_intervals(found):
-    assert (len(found.record.A), found.delay_samples.value, found.record.axis) == (2, 6, "pitch")
+    assert (len(found.record.A), found.dead_time_samples.value, found.record.axis) == (2, 6, "pitch")
     (gain,), (pole,) = found.dc_gain, found.poles
     for each, true in ((gain, 1.03), (pole.frequency_hz, 4.0), (pole.damping, 0.6)):
         assert each.low < each.value < each.high
@@ -189,6 +189,20 @@ def test_a_simulation_begins_at_rest_and_keeps_the_delay(found):
     assert delay > 0
     assert_allclose(response[:delay], 0, atol=1e-12)
     assert np.abs(response[delay:]).min() > 0 if found.record.D.any() else response[delay] == 0
+
+
+def test_a_dead_time_between_two_samples_is_the_same_delay_in_text_table_and_record():
+    fine = PlantRecord.second_order(4.0, 0.6, 5.5 * PERIOD_S, PERIOD_S / 2)
+    y = simulate(fine, STEPS.repeat(2)[:, None])[::2]
+    result = identify_axis([Recording.from_arrays(STEPS, y, PERIOD_S)], order=2)
+    plant = result.record
+    assert (plant.delay_samples, bool(plant.D.any())) == (6, True)
+    first = int(np.argmax(np.abs(result.simulate(np.ones(20))) > 1e-9))
+    assert first - 1 == plant.dead_time_samples == result.dead_time_samples.value == 5
+    assert "delay 25 ms" in repr(plant)
+    assert "order 2, delay 25.00 ms" in result.report.headline
+    plants, _, orders = result.report.tables
+    assert (plants.rows[0][1].value, orders.rows[0][1]) == (pytest.approx(25), 5)
 
 
 def test_logs_of_one_name_in_two_folders_are_two_in_the_provenance(tmp_path):

@@ -128,7 +128,6 @@ def test_a_part_that_can_not_be_used_is_assumed_with_a_verdict_and_the_others_ar
     assert (found.record.assumed, found.record.limits.source) == (("muzzle", "sensing"), "a data sheet")
     steps = "\n".join(found.report.next_steps)
     assert "muzzle: measure speed_m_s of each shot, or shoot at 2 target distances that differ" in steps
-    assert "sensing: record timing_moments.csv, too, or take timing_target.csv out" in steps
     assert {each.name for each in out.glob("*.html")} == {f"{part}.html" for part in ("robot", *usable)}
     refused(r"pitch.json: is not usable: The steady gain is -1: .*; Write output", Robot.load, out)
     refused(r"pitch.json: is not usable: pitch has a steady gain of -1", Robot.load, out, accept_unusable=True)
@@ -263,6 +262,42 @@ def test_timing_logs_may_be_in_degrees_and_in_the_optical_frame(lab_folder, robo
     known, found = (Robot.load(robot_folder).sensing.camera, identify_robot(tmp_path).record.sensing.camera)
     assert found.time_offset == pytest.approx(known.time_offset, abs=1e-6)
     assert found.bearing_sd == pytest.approx(known.bearing_sd, rel=1e-3)
+
+
+def test_what_sensing_lacks_in_some_rows_or_of_the_target_costs_no_more_than_that(lab_folder, tmp_path):
+    for name in ("sweep", "plate", "target"):
+        text = (lab_folder / f"timing_{name}.csv").read_text()
+        (tmp_path / f"timing_{name}.csv").write_text(text)
+    header, *rows = (tmp_path / "timing_plate.csv").read_text().split()
+    whole = identify_robot(tmp_path)
+    rows[5::50] = [re.sub(r",[^,]*,", ",,", row, count=1) for row in rows[5::50]]  # without receive_s
+    (tmp_path / "timing_plate.csv").write_text("\n".join([header, *rows, ""]))
+    found = identify_robot(tmp_path)
+    camera, expected = found.record.sensing.camera, whole.record.sensing.camera
+    assert (camera.latency_basis, found.record.parts["sensing"].usable) == ("feedback", True)
+    assert camera.latency == pytest.approx(expected.latency, abs=5e-4)
+    assert camera.time_offset == pytest.approx(expected.time_offset, abs=1e-9)
+    messages = {finding.code: finding.message for finding in found.report.findings}
+    assert messages["unused"] == 'not used: "timing_target.csv"'
+    assert messages["missing-values"] == f"detections without receive_s: {len(rows[5::50])}"
+
+
+def test_a_fault_of_the_program_in_one_part_is_raised_after_the_others_are_written(tmp_path, monkeypatch):
+    def failing(*_, **__):
+        raise ZeroDivisionError("of ours")
+
+    logs, out = write_axis(tmp_path / "logs" / "yaw_step.csv"), tmp_path / "robot"
+    (logs / "shots.csv").write_text("pitch_deg,distance_m\n0,1\n")
+    monkeypatch.setattr("archerfish2.identification.robot.identify_muzzle", failing)
+    with pytest.raises(ZeroDivisionError, match="of ours") as error:
+        identify_robot(logs, out=out)
+    assert (error.traceback[-1].name, error.value.__notes__) == ("failing", ["while the muzzle was identified"])
+    robot = Robot.load(out, accept_unusable=True)
+    assert (robot.parts["yaw"].usable, robot.parts["muzzle"].usable) == (True, False)
+    assert "archerfish failed with ZeroDivisionError('of ours')" in robot.parts["muzzle"].reasons[0]
+    (logs / "yaw_step.csv").unlink()
+    with pytest.raises(ZeroDivisionError):
+        identify_robot(logs)
 
 
 def test_a_robot_is_not_written_among_its_logs(one_table, capsys, refused):

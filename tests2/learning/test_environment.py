@@ -6,12 +6,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import archerfish2 as af
 from archerfish2.arrays import leaves, map_arrays
-from archerfish2.controllers.network import Layer, Normaliser
-from archerfish2.controllers.policy import Policy
-from archerfish2.evaluation.rollout import run_engagements
+from archerfish2.controllers.policy.network import Layer, Normaliser
+from archerfish2.controllers.policy.policy import Policy
+from archerfish2.evaluation.run import run_engagements
 from archerfish2.learning.config import TrainConfig
+from archerfish2.learning.environment import HIDDEN
+from archerfish2.learning.reward import Reward
 from archerfish2.protocols import Shot
-from archerfish2.simulation.environment import HIDDEN, Reward
 
 TASK = af.Task.load("dynamic").replace(lengths_s=(0.1, 0.3), short_share=0.5)
 ENVIRONMENT = af.make_environment(task=TASK)

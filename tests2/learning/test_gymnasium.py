@@ -1,6 +1,12 @@
 """The environment for other libraries: no transition is lost, and wrong things are answered as users expect."""
 
+import copy
+import os
+import pickle
 import re
+import subprocess
+import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,20 +23,26 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from archerfish2.learning.gymnasium import ShootingEnv, ShootingVectorEnv  # noqa: E402
 
-ROOT, ID = Path(__file__).parents[2], "archerfish2:archerfish2/Shooting-v0"
+ROOT, ID = Path(__file__).parents[2], "archerfish2.learning.gymnasium:archerfish/Shooting-v0"
+MODES = list(gymnasium.vector.AutoresetMode)
 TASK = af.Task.load("dynamic").replace(lengths_s=(0.1, 0.2), short_share=0.5)
-FORKED = """
-import warnings, gymnasium
-warnings.simplefilter("ignore")
-gymnasium.make("archerfish2:archerfish2/Shooting-v0", task="paper").reset(seed=0)
-envs = gymnasium.make_vec("archerfish2/Shooting-v0", num_envs=2, vectorization_mode="async", task="paper")
-print(envs.reset(seed=3)[0].shape, envs.step(envs.action_space.sample())[1].shape)
-envs.close()
+PROCESSES = """
+import sys, warnings, gymnasium
+warnings.simplefilter("error")  # of numbers that are not in their space
+warnings.filterwarnings("ignore", message=".*fork")
+if __name__ == "__main__":
+    name = "archerfish2.learning.gymnasium:archerfish/Shooting-v0"
+    gymnasium.make(name, task="paper").reset(seed=0)
+    context = {"context": sys.argv[-1]}
+    envs = gymnasium.make_vec(name, num_envs=2, vectorization_mode="async", vector_kwargs=context, task="paper")
+    observation, _ = envs.reset(seed=3)
+    print(observation.shape, observation.dtype, envs.step(envs.action_space.sample())[1].shape)
+    envs.close()
 """
 HANDED_OVER = """
 import multiprocessing, warnings, gymnasium
 warnings.simplefilter("ignore")
-env = gymnasium.make("archerfish2:archerfish2/Shooting-v0", task="paper")
+env = gymnasium.make("archerfish2.learning.gymnasium:archerfish/Shooting-v0", task="paper")
 env.reset(seed=0)
 env.step(env.action_space.sample())
 fork = multiprocessing.get_context("fork")
@@ -103,6 +115,40 @@ def test_no_transition_is_lost_or_repeated(environment, steps):
     assert lengths == {5, 10}
 
 
+@pytest.mark.parametrize("mode", MODES)
+def test_every_autoreset_mode_is_that_of_gymnasium_s_own_vector_environment(environment, mode):
+    ours = ShootingVectorEnv(3, environment=environment, autoreset_mode=mode.name)
+    theirs = gymnasium.vector.SyncVectorEnv([lambda: ShootingEnv(environment=environment)] * 3, autoreset_mode=mode)
+    both, rng, disabled = (ours, theirs), np.random.default_rng(0), mode.name == "DISABLED"
+    assert ours.metadata["autoreset_mode"] is theirs.metadata["autoreset_mode"] is mode
+
+    def agree(one, other):
+        for name in one.keys() | other.keys():
+            shown = one.get(f"_{name}", np.ones(3, bool))
+            for member in np.flatnonzero(shown) if name[0] != "_" else ():
+                equal = agree if isinstance(one[name], dict) else partial(assert_allclose, atol=2e-3)
+                equal(*((each if equal is agree else each[member]) for each in (one[name], other[name])))
+            assert_array_equal(shown, other.get(f"_{name}", shown))
+
+    agree(*({"first": envs.reset(seed=10)[0]} for envs in both))
+    ended = np.zeros(3, bool)
+    for place in range(60):
+        for member in np.flatnonzero(ended) if disabled else ():  # one after the other
+            with pytest.raises(gymnasium.error.ResetNeeded, match="reset_mask"):
+                ours.step(np.zeros((3, 2)))
+            mask = np.arange(3) == member
+            agree(*({"first": envs.reset(options={"reset_mask": mask.copy()})[0]} for envs in both))
+        if place in (13, 33):  # in the middle of engagements: the second one goes on, and then begins with a new seed
+            mask, seed = np.array([place == 13, place == 33, True]), None if place == 13 else [None, 5, None]
+            agree(*({"first": envs.reset(seed=seed, options={"reset_mask": mask.copy()})[0]} for envs in both))
+        action = rng.uniform(-1.2, 1.2, (3, 2)).astype(np.float32)
+        (*given, infos), (*expected, others) = (envs.step(action) for envs in both)
+        for one, other in zip(given, expected, strict=True):
+            assert_allclose(one, other, atol=2e-3)
+        agree(infos, others)
+        ended = given[3]
+
+
 def test_new_engagements_are_drawn_once_a_block_and_not_at_every_step(environment, monkeypatch):
     monkeypatch.setattr("archerfish2.learning.gymnasium.forked", [True])  # in NumPy, where each call is counted
     envs, drawn, draw = ShootingVectorEnv(4, environment=environment), [], type(environment.scenario).draw
@@ -157,7 +203,7 @@ def test_actions_beyond_the_bound_are_clipped_and_what_is_no_action_is_refused(e
 
 
 def test_what_can_not_be_made_or_reset_is_named(environment, refused):
-    refused("options robot, task, .* staggered; got plant", ShootingEnv, plant="x")
+    refused("options robot, task, .* staggered and autoreset_mode; got plant", ShootingEnv, plant="x")
     refused("got render_mode 'human'", ShootingEnv, "human")
     refused("an environment is given, so task", ShootingEnv, environment=environment, task="paper")
     refused("environment must be from make_environment, got 3", ShootingEnv, environment=3)
@@ -166,7 +212,15 @@ def test_what_can_not_be_made_or_reset_is_named(environment, refused):
     envs = ShootingVectorEnv(2, environment=environment)
     refused("seed must be an integer of at least 0, got -1", envs.reset, seed=[0, -1])
     refused("seed must be one per environment: expected 2, got 3", envs.reset, seed=[1, 2, 3])
-    refused("reset takes no options, got reset_mask", envs.reset, options={"reset_mask": [True]})
+    refused("reset takes reset_mask alone, got speed", envs.reset, options={"speed": 1})
+    refused(
+        "reset_mask must be bool of shape .2,., all at first, got bool of", envs.reset, options={"reset_mask": [True]}
+    )
+    refused("reset takes no options, got speed", ShootingEnv(environment=environment).reset, options={"speed": 1})
+    refused("must be one of NEXT_STEP, SAME_STEP, DISABLED, got 'next'", ShootingVectorEnv, autoreset_mode="next")
+    refused(
+        "max_episode_steps of the task is 10, got 9", ShootingVectorEnv, environment=environment, max_episode_steps=9
+    )
 
 
 def test_a_picture_shows_gimbal_target_and_pellets(environment):
@@ -195,6 +249,49 @@ def test_between_frames_a_picture_shows_the_plate_where_it_is(monkeypatch):
     assert_array_equal(plates, plates[:1] * 6)
 
 
+@pytest.mark.parametrize("mode", MODES)
+def test_wrappers_of_gymnasium_count_every_engagement(environment, mode):
+    wrappers, options = gymnasium.wrappers.vector, {"environment": environment, "autoreset_mode": mode.value}
+    envs = wrappers.RecordEpisodeStatistics(gymnasium.make_vec(ID, num_envs=4, **options))
+    if mode.name == "NEXT_STEP":
+        envs = wrappers.NormalizeReward(wrappers.NormalizeObservation(envs))
+    first, _ = envs.reset(seed=0)
+    assert envs.observation_space.contains(first)
+    lengths = []
+    for _ in range(40):
+        *_, ended, infos = envs.step(envs.action_space.sample())
+        lengths += infos["episode"]["l"][ended].tolist() if ended.any() else []
+        if mode.name == "DISABLED" and ended.any():
+            envs.reset(options={"reset_mask": ended})
+    assert (set(lengths), len(lengths) > 12) == ({5, 10}, True)
+
+
+def test_a_spec_has_the_longest_engagement_and_makes_the_environment_again(environment):
+    env = gymnasium.make(ID, task="paper")
+    assert (env.spec.max_episode_steps, gymnasium.make(ID, environment=environment).spec.max_episode_steps) == (50, 10)
+    spec = gymnasium.envs.registration.EnvSpec.from_json(env.spec.to_json())
+    assert_array_equal(spec.make().reset(seed=3)[0], env.reset(seed=3)[0])
+    envs = gymnasium.make_vec(env.spec, num_envs=2)
+    assert (envs.num_envs, envs.unwrapped.environment.scenario.motion) == (2, "paper")
+    with pytest.raises(TypeError, match="Robot is not JSON serializable"):  # documented: names, not objects
+        gymnasium.make(ID, robot=af.Robot.paper(), task="paper").spec.to_json()
+    short = gymnasium.make(ID, max_episode_steps=7, task="paper")
+    short.reset(seed=0)
+    assert [short.step(np.zeros(2, np.float32))[3] for _ in range(7)] == [False] * 6 + [True]
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+@pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
+def test_a_copy_of_an_environment_goes_on_as_the_environment_does(environment, copied, make):
+    env = make(ID, environment=environment)
+    env.reset(seed=1)
+    env.step(env.action_space.sample())
+    other, action = copied(env), env.action_space.sample()
+    for _ in range(4):
+        assert_array_equal(env.step(action)[0], other.step(action)[0])
+    assert_array_equal(env.reset()[0], other.reset()[0])
+
+
 def test_numbers_are_float32_in_numpy_too(environment, monkeypatch):
     monkeypatch.setattr("archerfish2.learning.gymnasium.forked", [True])
     env, envs = ShootingEnv(environment=environment), ShootingVectorEnv(2, environment=environment)
@@ -205,18 +302,36 @@ def test_numbers_are_float32_in_numpy_too(environment, monkeypatch):
     assert {each.dtype for each in (observation, info["miss"], observations, rewards)} == {np.dtype(np.float32)}
 
 
-@pytest.mark.parametrize(("code", "printed"), [(FORKED, "(2, 35) (2,)\n"), (HANDED_OVER, "(35,)\n")])
-def test_environments_in_forked_processes_answer(code, printed, run_python):
-    assert run_python(code, timeout_s=60) == printed
+@pytest.mark.parametrize("context", ["fork", "spawn"])
+def test_environments_in_processes_of_their_own_answer(context, tmp_path):
+    (tmp_path / "program.py").write_text(PROCESSES)
+    words = [sys.executable, tmp_path / "program.py", context]
+    surroundings = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    printed = subprocess.check_output(words, text=True, env=surroundings, timeout=100)
+    assert printed == "(2, 35) float32 (2,)\n"
 
 
-ALONE = "import sys, archerfish2; assert not {'gymnasium', 'jax'} & sys.modules.keys(); import gymnasium"
+def test_an_environment_that_is_handed_to_a_forked_process_answers(run_python):
+    assert run_python(HANDED_OVER, timeout_s=60) == "(35,)\n"
 
 
-@pytest.mark.parametrize("imports", ["import gymnasium, archerfish2", ALONE])
-def test_gymnasium_has_the_name_whichever_is_imported_first(imports, run_python):
-    printed = run_python(f"{imports}; print(gymnasium.spec('archerfish2/Shooting-v0').vector_entry_point)")
-    assert printed == "archerfish2.learning.gymnasium:ShootingVectorEnv\n"
+SHORT = "archerfish/Shooting-v0"
+ORDERS = [
+    ("import gymnasium, archerfish2; assert not {'jax', 'archerfish2.robot'} & sys.modules.keys()", SHORT),
+    ("import archerfish2; assert 'gymnasium' not in sys.modules; import gymnasium", ID),
+    ("import gymnasium", ID),
+    ("import gymnasium", f"archerfish2:{SHORT}"),
+    ("import archerfish2.learning.gymnasium, gymnasium", SHORT),
+    ("import gymnasium, archerfish2, importlib; importlib.reload(archerfish2)", ID),
+]
+
+
+@pytest.mark.parametrize(("imports", "name"), ORDERS)
+def test_gymnasium_has_the_name_in_any_order_of_imports(imports, name, run_python):
+    code = (
+        f"import sys, warnings; warnings.simplefilter('error'); {imports}; env = gymnasium.make({name!r}, task='paper')"
+    )
+    assert run_python(f"{code}; print(env.spec.id)") == f"{SHORT}\n"
 
 
 SMALL = {
@@ -244,7 +359,8 @@ def test_the_page_runs(package, monkeypatch, tmp_path):
 
 def test_stable_baselines_trains_in_it_and_plays_in_an_evaluation(environment):
     stable_baselines3 = pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
-    from archerfish2.learning.stable_baselines import Player, ShootingVecEnv
+    from archerfish2.authors import Player
+    from archerfish2.learning.stable_baselines import ShootingVecEnv
 
     envs = ShootingVecEnv(4, environment=environment)
     model = stable_baselines3.PPO("MlpPolicy", envs, n_steps=8, batch_size=16).learn(64)

@@ -1,6 +1,7 @@
 """Trainings: their folders, how they end, and how they continue."""
 
 import hashlib
+import inspect
 import io
 import json
 import os
@@ -19,6 +20,7 @@ from archerfish2.arrays import leaves
 from archerfish2.learning import learner as learners
 from archerfish2.learning import run_folder, train
 from archerfish2.learning.config import GradientConfig, PpoConfig, TrainConfig
+from archerfish2.records.json_files import plain
 from archerfish2.reports import progress
 
 pytest.importorskip("jax")
@@ -62,19 +64,15 @@ def stopped(monkeypatch):
     """Have a training end after a number of compiled calls."""
 
     def after(calls, error=KeyboardInterrupt):
-        from archerfish2.learning import gradient, ppo
+        left, whole = [calls], learners.Trainer.advance
 
-        left = [calls]
-        for module, name in ((gradient, "GRADIENT"), (ppo, "PPO")):
-            trainer = getattr(module, name)
+        def advance(*arguments):
+            left[0] -= 1
+            if left[0] < 0:
+                raise error
+            return whole(*arguments)
 
-            def advance(*arguments, whole=trainer.advance):
-                left[0] -= 1
-                if left[0] < 0:
-                    raise error
-                return whole(*arguments)
-
-            monkeypatch.setattr(module, name, trainer._replace(advance=advance))
+        monkeypatch.setattr(learners.Trainer, "advance", advance)
 
     return after
 
@@ -95,7 +93,7 @@ def test_a_training_that_was_stopped_continues_to_the_same_weights(tmp_path, tra
         af.train(task="paper", config=CONFIG, trainer=trainer, out=out)
     assert {each.name for each in out.iterdir()} >= {"run.json", "log.jsonl", "checkpoint.safetensors"}
     monkeypatch.undo()
-    policy = af.train(resume=out)
+    policy = af.resume(out)
     assert weights(policy) == whole == weights(af.Policy.load(out))
     assert {each.name for each in out.iterdir()} == {
         "run.json",
@@ -110,13 +108,49 @@ def test_a_training_that_was_stopped_continues_to_the_same_weights(tmp_path, tra
     assert ("value_error" in rows[0]) == (trainer == "ppo")
 
 
-def test_nothing_that_a_training_would_ignore_is_given_beside_resume(tmp_path, stopped, monkeypatch, refused):
+def test_nothing_is_given_beside_a_folder_that_its_training_would_ignore(tmp_path, stopped, monkeypatch, refused):
     begin(stopped, monkeypatch, tmp_path)
-    given = {"robot": "none", "task": "static", "trainer": "ppo", "seed": 0, "steps": 10, "out": "no"}
-    given |= {"reward": "hit", "config": TrainConfig(frames=5)}
-    for name, value in given.items():
-        refused(f"the training's own settings; leave {name} out", af.train, resume=tmp_path, **{name: value})
+    code = {"task": "motion static", "reward": "reward hit", "blocks": "block ./mine.py:clock"}
+    for name, what in code.items():
+        given = what.partition(" ")[2]
+        refused(
+            f"has no {what} of your own, and continues with its own settings",
+            af.resume,
+            tmp_path,
+            **{name: (given,) if name == "blocks" else given},
+        )
+    assert {"steps", "seed", "robot", "config", "out"}.isdisjoint(inspect.signature(af.resume).parameters)
     assert not (tmp_path / run_folder.POLICY).exists()
+
+
+def test_what_a_callback_gets_is_the_log_and_what_it_raises_leaves_a_checkpoint(tmp_path, expected):
+    rows = []
+
+    def stop_after_six(row):
+        rows.append(row)
+        if len(rows) == 6:
+            raise ZeroDivisionError
+
+    config = CONFIG.replace(checkpoint_every_s=1e6)
+    with pytest.raises(ZeroDivisionError):
+        af.train(task="paper", config=config, out=tmp_path, callback=stop_after_six)
+    written = [json.loads(line) for line in (tmp_path / run_folder.LOG).read_text().splitlines()]
+    assert rows == written[:6]
+    assert len(written) == 8
+    assert weights(af.resume(tmp_path, callback=rows.append)) == expected("gradient")
+    assert [row["iteration"] for row in rows] == [1, 2, 3, 4, 5, 6, 9, 10, 11, 12]
+
+
+def test_settings_may_be_a_dictionary_and_a_policy_shows_itself_in_a_line(refused, expected):
+    fields = {"gradient": plain(GRADIENT), "ppo": plain(PPO)}
+    policy = af.train(task="paper", config=fields)
+    assert weights(policy) == expected("gradient")
+    said = r"observation history, task paper, seed 0, robot paper, [\d.]+% of the latest shots of its training hit"
+    assert re.fullmatch(rf"Policy\({said}\)", repr(policy))
+    refused("there is no field lr; fields are .*learning_rate", GradientConfig, lr=1)
+    refused("there is no field sed; fields are trainer, ", af.train, config={"sed": 1})
+    refused("config: expected a TrainConfig or a dictionary, got a str", af.train, config="paper")
+    refused("trainer: invalid enum value 'pp', expected one of gradient, ppo", af.train, trainer="pp")
 
 
 def test_a_training_that_continues_with_other_libraries_or_code_says_so(tmp_path, stopped, monkeypatch):
@@ -127,7 +161,7 @@ def test_a_training_that_continues_with_other_libraries_or_code_says_so(tmp_path
     with pytest.warns(
         UserWarning, match="continued with commit 0+ → .*, jax 0.0.1 → .*may not be those of an unbroken"
     ):
-        policy = af.train(resume=tmp_path)
+        policy = af.resume(tmp_path)
     (later,) = run_folder.read_run(tmp_path).resumed
     assert policy.facts.training["commits"] == ["0" * 40, policy.facts.commit]
     assert (later.commit, later.iterations) == (policy.facts.commit, 4)
@@ -153,10 +187,10 @@ def test_a_damaged_checkpoint_gives_way_to_the_one_before(tmp_path, stopped, exp
     newest.write_bytes(content)
     kept = before.read_bytes()
     before.write_bytes(kept[:1000])
-    refused("no checkpoint is whole .*damaged.*begin the training again", af.train, resume=tmp_path)
+    refused("no checkpoint is whole .*damaged.*begin the training again", af.resume, tmp_path)
     before.write_bytes(kept)
     with pytest.warns(UserWarning, match="damaged.*continuing from the checkpoint before"):
-        assert weights(af.train(resume=tmp_path)) == whole
+        assert weights(af.resume(tmp_path)) == whole
 
 
 def test_a_signal_checkpoints_and_ends_and_a_kill_loses_nothing(tmp_path, expected):
@@ -170,7 +204,7 @@ def test_a_signal_checkpoints_and_ends_and_a_kill_loses_nothing(tmp_path, expect
     process = start(f"train --resume {out}", raised.format(int(signal.SIGKILL)))
     process.communicate(timeout=120)
     assert process.returncode == -signal.SIGKILL
-    assert weights(af.train(resume=out)) == expected("gradient")
+    assert weights(af.resume(out)) == expected("gradient")
 
 
 def test_a_handler_that_returns_ends_no_training_as_finished(tmp_path, monkeypatch, expected, refused):
@@ -184,15 +218,15 @@ def test_a_handler_that_returns_ends_no_training_as_finished(tmp_path, monkeypat
     monkeypatch.undo()
     begun = (tmp_path / "run.json").read_text()
     (tmp_path / "run.json").write_text(begun.replace('"devices": 2', '"devices": 7'))
-    refused("begun on 7 devices, got .*device_count=7", af.train, resume=tmp_path)
+    refused("begun on 7 devices, got .*device_count=7", af.resume, tmp_path)
     (tmp_path / "run.json").write_text(begun)
-    assert weights(af.train(resume=tmp_path)) == expected("gradient")
+    assert weights(af.resume(tmp_path)) == expected("gradient")
 
 
 def test_a_folder_has_one_writer_and_an_earlier_training_stays_until_the_end(tmp_path, stopped, monkeypatch, refused):
     out, before = tmp_path / "out", tmp_path / "out.before"
     first = af.train(task="paper", config=CONFIG, out=out)
-    refused("has a finished training", af.train, resume=out)
+    refused("has a finished training", af.resume, out)
     stopped(1)
     with pytest.raises(KeyboardInterrupt):
         af.train(task="paper", config=CONFIG, seed=1, out=out)
@@ -200,8 +234,8 @@ def test_a_folder_has_one_writer_and_an_earlier_training_stays_until_the_end(tmp
     refused(f"has an unfinished training; continue it: --resume {out}", af.train, task="paper", out=out)
     monkeypatch.undo()
     with run_folder.resumed_run(out):
-        refused("in use by another process", af.train, resume=out)
-    assert weights(af.train(resume=out)) != weights(first)
+        refused("in use by another process", af.resume, out)
+    assert weights(af.resume(out)) != weights(first)
     assert not before.exists()
     (out / "mine.txt").touch()
     refused("has files of something else, as mine.txt", af.train, task="paper", out=out)
@@ -209,7 +243,7 @@ def test_a_folder_has_one_writer_and_an_earlier_training_stays_until_the_end(tmp
     (tmp_path / "other" / "mine.txt").touch()
     refused("has files of something else, as mine.txt", af.train, task="paper", out=tmp_path / "other")
     assert [each.name for each in (tmp_path / "other").iterdir()] == ["mine.txt"]
-    refused("has no training", af.train, resume=tmp_path / "none")
+    refused("has no training", af.resume, tmp_path / "none")
 
 
 def test_a_disk_that_is_full_leaves_the_checkpoint_before(tmp_path, monkeypatch, refused, expected):
@@ -223,7 +257,7 @@ def test_a_disk_that_is_full_leaves_the_checkpoint_before(tmp_path, monkeypatch,
     monkeypatch.setattr(run_folder.RunFolder, "save", full)
     refused("can't be written .No space left on device", af.train, task="paper", config=CONFIG, out=tmp_path)
     monkeypatch.undo()
-    assert weights(af.train(resume=tmp_path)) == expected("gradient")
+    assert weights(af.resume(tmp_path)) == expected("gradient")
 
 
 def test_a_window_is_no_longer_than_the_shortest_engagement(refused):
@@ -261,7 +295,7 @@ def test_a_reward_that_was_edited_is_another_reward(tmp_path, monkeypatch, stopp
     assert runs[1] == pytest.approx(runs[0] + 1.0, abs=0.1)
     begin(stopped, monkeypatch, tmp_path / "out", reward=f"{file}:one")
     file.write_text(file.read_text() + "\n")
-    refused("one has changed since the training was begun", af.train, resume=tmp_path / "out", reward=f"{file}:one")
+    refused("one has changed since the training was begun", af.resume, tmp_path / "out", reward=f"{file}:one")
 
 
 def test_progress_is_shown_up_to_the_total(monkeypatch):
@@ -307,8 +341,8 @@ def test_code_of_a_users_own_is_given_again_and_may_not_change(tmp_path, stopped
         af.train(task="paper", config=config, reward="./mine.py:near", out="out")
     monkeypatch.undo()
     monkeypatch.chdir(tmp_path)
-    refused("has a block .*mine.py:clock of your own; give it again", af.train, resume="out")
-    policy = af.train(resume="out", config=config, reward="./mine.py:near")
+    refused("has a block .*mine.py:clock of your own; give it again", af.resume, "out")
+    policy = af.resume("out", blocks=("./mine.py:clock",), reward="./mine.py:near")
     assert policy.facts.observer.observation[0] == "history"
     refused("blocks of a user's own", af.Policy.load, "out")
     loaded = af.Policy.load("out", blocks=("./mine.py:clock",))

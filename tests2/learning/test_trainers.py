@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import archerfish2 as af
-from archerfish2.controllers.network import Layer, Normaliser
+from archerfish2.controllers.policy.network import Layer, Normaliser
 from archerfish2.learning.config import GradientConfig, PpoConfig, TrainConfig
 
 jax = pytest.importorskip("jax")

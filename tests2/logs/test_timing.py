@@ -33,11 +33,26 @@ def test_detections_are_turned_into_the_cameras_frame(tmp_path, refused):
     refused("behind the camera", read_detections, table(path, "time_s,x,y,z", (0.0, -0.2, 0.1, 3.0)))
 
 
+def test_rows_without_a_value_are_left_out_and_a_detection_needs_no_receipt(tmp_path, refused):
+    path, findings = tmp_path / "log.csv", []
+    rows = (0.0, 3, 1, 0, ""), (0.1, 3, "", 0, 0.15), (0.2, 3, 3, 0, 0.25), (0.2, 3, 4, 0, 0.25)
+    seen = read_detections(table(path, "time_s,x,y,z,receive_s", *rows[:3]), findings=findings)
+    assert_allclose(seen.position[:, 1], [1, 3])
+    assert_allclose(seen.receive, [np.nan, 0.25])
+    assert [(each.code, each.place[-6:], each.samples) for each in findings] == [
+        ("missing-values", "line 3", 1),
+        ("missing-values", "line 2", 1),
+    ]
+    assert read_moments(table(path, "time_s", (0.1,), ("nan",), (0.3,)), findings=findings).tolist() == [0.1, 0.3]
+    assert len(findings) == 3
+    refused("line 5: stamps do not increase", read_detections, table(path, "time_s,x,y,z,receive_s", *rows))
+
+
 def test_faults_are_refused_with_their_line(tmp_path, refused):
     path = table(tmp_path / "log.csv", "time_s,yaw", (0.0, 0.0), (0.1, 0.1), (0.1, 0.2))
     refused(r"log\.csv: line 4: stamps do not increase", read_gimbal_log, path)
     refused("line 4", read_moments, path)
-    refused('line 2: "yaw" has no value', read_gimbal_log, table(path, "time_s,yaw", (0.0, "nan"), (0.1, 0.1)))
+    refused("no samples", read_gimbal_log, table(path, "time_s,yaw", (0.0, "nan")))
     sent = 0.005 * np.arange(60)
     for late, complaint in ((-0.001, "line 12: received -0.001 s"), (5.0, "line 12: received 5 s")):
         rows = zip(sent, sent + np.where(np.arange(60) == 10, late, 0.01), strict=True)

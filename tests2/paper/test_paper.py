@@ -1,8 +1,10 @@
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import archerfish2
 from archerfish2.paper.conditions import assumed_conditions, calibration, paper_muzzle, paper_tuning
 from archerfish2.paper.gimbal import gate_limits, printed_plants
 from archerfish2.paper.tables import hit_rate_table, landing_table, printed_rate
@@ -12,8 +14,9 @@ def test_conditions_are_in_radians_and_agree_with_the_tables_and_the_parabola():
     conditions, muzzle = assumed_conditions(), paper_muzzle()
     assert conditions.range_bins == tuple(row.range_m for row in hit_rate_table("II").rows)
     assert conditions.dispersion == muzzle.pitch_sd == muzzle.yaw_sd == pytest.approx(math.radians(0.2))
-    assert conditions.reversal_half_width == pytest.approx(0.115, abs=5e-4)
-    widest = math.atan2(conditions.max_lateral_offset + conditions.reversal_half_width, conditions.range_bins[0][0])
+    half_width = math.sqrt(conditions.parabola_rise / conditions.parabola_curvature)
+    assert half_width == pytest.approx(0.115, abs=5e-4)
+    widest = math.atan2(conditions.max_lateral_offset + half_width, conditions.range_bins[0][0])
     assert widest < gate_limits().yaw.high == pytest.approx(math.radians(75))
     assert gate_limits().yaw.max_acceleration == round(1.2 / 0.018)  # 1.2 N m over the axis' inertia
     for found in (paper_tuning(each) for each in ("gate", "box", "los-2deg")):
@@ -41,3 +44,8 @@ def test_rates_are_compared_with_those_of_policies_and_of_the_filter_with_the_pa
     assert printed_rate("III", (4.0, 5.0), "mine", is_policy=True) == 87.65
     assert printed_rate("II", (1, 2), "kalman") is printed_rate("II", (1, 3), "kalman-paper") is None
     refused("expected table II, III, IV or V, got 'I'", printed_rate, "I", (1, 2), "kalman-paper")
+
+
+def test_each_equation_of_the_paper_is_found_in_the_source_by_its_number():
+    source = "".join(path.read_text().lower() for path in Path(archerfish2.__file__).parent.rglob("*.py"))
+    assert [number for number in range(1, 17) if f"eq ({number})" not in source] == []

@@ -62,10 +62,8 @@ def test_a_bad_field_is_named(tmp_path, robot, name, change, complaint, refused)
     refused(complaint, record.replace, **change)
 
 
-def test_a_latency_has_a_basis_and_what_is_measured_the_name_of_its_interval(robot, refused):
+def test_a_latency_has_a_basis(robot, refused):
     refused(r'latency_basis: .* got ""', robot.sensing.camera.replace, latency_basis="")
-    values = robot.sensing.replace(link=robot.sensing.link.replace(feedback_latency=None)).values()
-    assert robot.sensing.intervals.keys() - values.keys() == {"link.feedback_latency"}
 
 
 def test_numbers_of_numpy_are_numbers_and_those_that_are_not_finite_are_refused(robot, refused):
@@ -94,12 +92,21 @@ def test_the_matrices_that_are_given_out_contain_the_delay(delay):
     assert_allclose(signal.dlsim(plant.to_state_space(), u)[1], signal.dlsim((*matrices, 0.01), late)[1], atol=1e-12)
 
 
+def test_a_system_is_a_plant_if_it_is_in_discrete_time(refused):
+    lag = signal.StateSpace([[-2.0]], [[2.0]], [[1.0]], [[0.0]])
+    plant = PlantRecord.from_state_space(lag.to_discrete(0.01), delay_samples=3)
+    assert (plant.A.item(), plant.sample_period_s, plant.delay_samples) == (pytest.approx(np.exp(-0.02)), 0.01, 3)
+    refused(r"a period dt above 0 s.*got dt None; discretise .*c2d", PlantRecord.from_state_space, lag)
+    refused("got dt 0;", PlantRecord.from_state_space, lag.A, lag.B, lag.C, lag.D, 0)
+
+
 def test_what_no_plant_can_be_made_of_is_refused(robot, refused):
     refused("json:dumps: gives a str for yaw, expected a PlantRecord", robot.replace, yaw="json:dumps")
     refused(r"delay_s must be a multiple .* got 0.0123", PlantRecord.second_order, 9.8, 0.4, delay_s=0.0123)
     refused("natural_hz must be > 0", PlantRecord.second_order, -1.0, 0.4)
     integrator = PlantRecord.from_state_space(1.0, 1.0, 1.0, 0.0, 0.01, delay_samples=3000)
     refused("integrates", integrator.with_dc_gain, 1.0)
+    refused("expected matrices .*, or what has them as control.ss", PlantRecord.from_state_space, {})
     refused("delay of 3000 samples has 3001 states", integrator.to_state_space)
 
 
@@ -131,7 +138,9 @@ def test_a_folder_of_records_is_a_robot_whose_missing_parts_are_assumed(tmp_path
     assert (found.name, found.assumed) == (tmp_path.name, ("sensing", "limits"))
     assert found.record_digests()["limits"] == Robot.paper().record_digests()["limits"]
     (tmp_path / "pitch.json").write_bytes((tmp_path / "yaw.json").read_bytes())
-    refused(f"{tmp_path}: pitch is the plant of the yaw axis, .*; swap the two", Robot.load, tmp_path)
+    refused(
+        f"{tmp_path}: pitch is the plant of the yaw axis, .*; swap the two, or give plant.replace", Robot.load, tmp_path
+    )
 
 
 @pytest.mark.parametrize(("change", "complaint"), AXIS_FAULTS)

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from archerfish2.targets import kinds, mixture, motion, process
 from archerfish2.targets.distributions import LARGEST_SPEED
 from archerfish2.targets.user_motion import find_motion, user_target
-from archerfish2.task import Task
+from archerfish2.task import StillOrMoving, Task
 
 HALF_WIDTH = (0.04 / 3.0) ** 0.5
 CYCLE, SWING = 4.0 * HALF_WIDTH / 0.3, tuple(np.asarray(each, np.float32) for each in (0.35, 0.115, 0.04))
@@ -75,7 +75,7 @@ def test_numpy_and_jax_agree_at_several_times_at_once_as_at_each(batch, agree):
         moved = [each(drawn, duration) for each in kinds.KINDS.values()]
         moved += [kinds.eq_7(drawn, *SWING), mixture.varied(moved[2], drawn), process.random_process(drawn, duration)]
         discs = [motion.disc(mixture.path_about(place, each, duration), place) for each in moved]
-        targets = [motion.disc(swing, place), *(motion.StillOrMoving(place, moving, each) for each in discs)]
+        targets = [motion.disc(swing, place), *(StillOrMoving(place, moving, each) for each in discs)]
         return scenario.draw(drawn[..., :6]), [each.at(times) for each in targets]
 
     rng = np.random.default_rng(7)
@@ -93,7 +93,7 @@ def test_numpy_and_jax_agree_at_several_times_at_once_as_at_each(batch, agree):
 def test_it_is_checked_once_and_moves_as_it_says_beside_targets_that_stand(kind):
     make = lambda place, speed, _: kind(place, speed)  # noqa: E731
     found, place, speed = find_motion(make), np.ones((4, 3)), np.arange(4.0)
-    target = motion.StillOrMoving(place, np.arange(4) > 1, user_target(found, place, speed, None))
+    target = StillOrMoving(place, np.arange(4) > 1, user_target(found, place, speed, None))
     assert find_motion(make) is found
     moved = target.at(np.full((3, 4), 0.7)).position - place[:, None]
     assert moved.shape == (3, 4, target.plates, 3)
@@ -105,5 +105,5 @@ def test_what_is_no_motion_is_refused(refused):
     flat = r"Flat has positions of shape \(2, 5, 1, 1\) at times \(2, 5\), expected \(2, 5, 1, 3\)"
     refused(flat, find_motion, lambda place, speed, _: FLAT(place, speed))
     refused(r"line \d+: TracerBoolConversionError", find_motion, lambda place, speed, _: Sudden(place, speed))
-    short = r"returns a One, expected a NamedTuple with position\(time\), each array as long as"
+    short = r"returns a One, expected an object with position\(time\), each array as long as"
     refused(short, find_motion, lambda _, speed, __: One(np.zeros(3), speed))

@@ -1,19 +1,17 @@
 """`archerfish2 evaluate`: hit rates of controllers on the same engagements."""
 
-import json
 import re
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import tyro
 
-from archerfish2 import storage
+from archerfish2.cli.options import ForRobot, Writes, assigned, shown
 from archerfish2.controllers.registry import is_policy, load_controller
 from archerfish2.controllers.tuning import GRIDS, TuningLike
-from archerfish2.errors import InputError
 from archerfish2.evaluation.evaluate import USUAL, evaluate
 from archerfish2.evaluation.tuning import tune
 from archerfish2.records.json_files import plain
@@ -22,7 +20,7 @@ from archerfish2.task import Task
 
 
 @dataclass(frozen=True)
-class Evaluate:
+class Evaluate(Writes, ForRobot):
     """Count the hits of controllers on the same engagements with the same dispersion draws.
 
     - prints hit rates in % with 95 % intervals over engagements, and paired differences to the first
@@ -55,23 +53,14 @@ class Evaluate:
       archerfish2 evaluate my-robot --task ./mine.py:Zigzag --set 'lengths_s=[1, 3]' --tuning any
     """
 
-    robot: Annotated[tyro.conf.Positional[str | None], tyro.conf.arg(metavar="[ROBOT]", help_behavior_hint="")] = None
-    """Folder of a robot's records; the paper's gimbal if not given, or "paper"."""
-    controllers: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME…", help_behavior_hint="")] = ()
+    controllers: Annotated[tuple[str, ...], shown("NAME…")] = ()
     """Who shoots; differences are to the first. If not given: ROBOT/policy if there is one, kalman, kalman-lq,
     oracle."""
-    task: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "any"
-    """What is shot at."""
-    motion: Annotated[str, tyro.conf.arg(metavar="./FILE.py:NAME", help_behavior_hint="")] = ""
+    motion: Annotated[str, shown("./FILE.py:NAME")] = ""
     """A motion of your own in the place of the task's: code that only a file names is not run."""
-    set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE…", help_behavior_hint="")] = ()
+    set: Annotated[tuple[str, ...], shown("NAME=VALUE…")] = ()
     """Fields of the task that are to be otherwise, such as max_speed_m_s=1 or 'lengths_s=[3]' (docs2/evaluation.md)."""
-    command_limit: Annotated[
-        Literal["gate", "box", "los-2deg"] | None,
-        tyro.conf.arg(metavar="gate|box|los-2deg", help_behavior_hint="(default: the task's, gate)"),
-    ] = None
-    """Of angle ranges, rate and acceleration (gate), of angle ranges alone (box), or 2° ahead of the line of sight."""
-    world: Annotated[str, tyro.conf.arg(metavar="./FILE.py:NAME", help_behavior_hint="")] = ""
+    world: Annotated[str, shown("./FILE.py:NAME")] = ""
     """A world of your own to shoot in; the robot's simulator if not given."""
     engagements: int = 500
     """Per cell, which is a kind of motion at a range."""
@@ -80,25 +69,20 @@ class Evaluate:
     tuning: Annotated[str, tyro.conf.arg(metavar="kept|start|TASK")] = "kept"
     """Settings of classical controllers: those that are kept for robot and task, which are searched for where there are
     none; those where the search begins; or those for another task."""
-    accept_unusable: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
-    """Take parts of the robot that their identification found not usable."""
-    blocks: Annotated[tuple[str, ...], tyro.conf.arg(metavar="./FILE.py:NAME…", help_behavior_hint="")] = ()
+    blocks: Annotated[tuple[str, ...], shown("./FILE.py:NAME…")] = ()
     """Of the observation of a policy, that are your own: code that only a file names is not run."""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
+    out: Annotated[Path | None, shown("FOLDER")] = None
     """Folder for the results; ROBOT/evaluation, or runs/evaluate without a robot, and in it one for each other task."""
-    overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
-    """Replace files in that folder that this command did not write."""
 
     def run(self, options: str = "") -> None:
         """Evaluate, write, print; `options` are as typed, for run.json."""
         robot, task = Robot.of(self.robot, accept_unusable=self.accept_unusable), self._task()
-        out = self.out or self._folder(robot, task)
-        inputs = [Path(self.task), *(Path(name.rpartition(":")[0]) for name in self.controllers)]
-        controllers: Any = self.controllers or (*_own_policy(robot), *USUAL)
+        out = self.out or self._folder(task)
+        controllers: Any = self.controllers or (*self._own_policy(), *USUAL)
         if self.blocks:
             controllers = [load_controller(name, self.blocks) if is_policy(name) else name for name in controllers]
-        names, facts = ("results.json", "report.html"), {"options": options}
-        with storage.output_folder(out, "evaluate", inputs, self.overwrite, facts, names) as folder:
+        inputs = (self.task, *(name.rpartition(":")[0] for name in self.controllers))
+        with self.written(out, "evaluate", options, inputs, ("results.json", "report.html")) as folder:
             results = evaluate(
                 controllers,
                 robot,
@@ -116,27 +100,16 @@ class Evaluate:
     def _task(self) -> Task:
         """Return the task with the fields that are otherwise."""
         task = Task.load(self.task, self.motion) if self.motion else Task.of(self.task)
-        changes: dict[str, Any] = {"command_limit": self.command_limit} if self.command_limit else {}
-        for setting in self.set:
-            name, equals, text = setting.partition("=")
-            if not equals:
-                raise InputError(f"--set takes NAME=VALUE, got {setting}; write for instance max_speed_m_s=1")
-            try:
-                changes[name] = json.loads(text)
-            except ValueError:
-                changes[name] = text
-        return task.replace(**changes)
+        limit = {"command_limit": self.command_limit} if self.command_limit else {}
+        return task.replace(**limit, **assigned(self.set))
 
-    def _folder(self, robot: Robot, task: Task) -> Path:
+    def _folder(self, task: Task) -> Path:
         """Return where results are written: for other than the usual conditions a folder that is named after them."""
-        usual = plain(Task(motion=task.motion))
-        changed = [task.name] if task.name != "any" else []
-        for name, value in plain(task).items():
-            if name != "name" and value != usual[name]:
-                changed.append(f"{name}={value}")
+        usual, changed = plain(Task(motion=task.motion)), [task.name] if task.name != "any" else []
+        changed += [f"{name}={value}" for name, value in plain(task).items() if name != "name" and value != usual[name]]
         changed += [self.world.rpartition(":")[2]] if self.world else []
-        folder = robot.folder / "evaluation" if robot.folder else Path("runs/evaluate")
-        return folder / re.sub(r"[^\w.=-]+", "_", "-".join(changed))[:100] if changed else folder
+        folder = self.folder / "evaluation" if self.folder else Path("runs/evaluate")
+        return folder / re.sub(r"[^\w.=-]+", "_", "-".join(changed))[:100]
 
     def _tuning(self, controllers: Iterable[Any], robot: Robot, task: Task) -> TuningLike:
         if self.tuning == "kept":
@@ -146,14 +119,13 @@ class Evaluate:
         other = Task.load(self.tuning).replace(command_limit=task.command_limit)
         return {name: tune(name, robot, other) for name in controllers if isinstance(name, str) and name in GRIDS}
 
-
-def _own_policy(robot: Robot) -> list[str]:
-    """Return the policy of the robot's folder, none without; say so of one that is not finished."""
-    folder = robot.folder and robot.folder / "policy"
-    if folder is None or not is_policy(folder):
+    def _own_policy(self) -> list[str]:
+        """Return the policy of the robot's folder, none without; say so of one that is not finished."""
+        folder = self.folder and self.folder / "policy"
+        if folder is None or not is_policy(folder):
+            return []
+        if (folder / "policy.safetensors").is_file():
+            return [str(folder)]
+        left_out = f"{folder} is not finished and left out; continue it: archerfish2 train --resume {folder}"
+        print(left_out, file=sys.stderr)  # noqa: T201
         return []
-    if (folder / "policy.safetensors").is_file():
-        return [str(folder)]
-    left_out = f"{folder} is not finished and left out; continue it: archerfish2 train --resume {folder}"
-    print(left_out, file=sys.stderr)  # noqa: T201
-    return []

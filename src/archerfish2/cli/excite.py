@@ -3,25 +3,20 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tyro
 
-from archerfish2 import storage
-from archerfish2.identification.excitation import ExcitationSettings, Kind, excite
+from archerfish2.cli.options import Writes, shown
+from archerfish2.identification.excitation import ExcitationKind, ExcitationSettings, excite
 from archerfish2.paper.gimbal import gate_limits
 from archerfish2.records.json_files import plain, write_json
 from archerfish2.records.limits import LimitsRecord
 from archerfish2.records.plant import PlantRecord
 
 
-def _option(metavar: str) -> Any:
-    """Return how an option is shown that has no default of its own."""
-    return tyro.conf.arg(metavar=metavar, help_behavior_hint="")
-
-
 @dataclass(frozen=True)
-class Excite:
+class Excite(Writes):
     """Write the commands to play to an axis for its identification, and predict what their logs will give.
 
     - AXIS_KIND.csv for each signal, with the columns time_s, u (the commanded angle in radians) and expected (what the
@@ -46,42 +41,40 @@ class Excite:
 
     axis: Annotated[Literal["pitch", "yaw"], tyro.conf.Positional]
     """Axis that is to be moved: names the files, and chooses its part of the limits."""
-    kinds: tuple[Kind, ...] = ("sweep", "step")
+    kinds: tuple[ExcitationKind, ...] = ("sweep", "step")
     """Signals, each a log of its own."""
-    no_validation: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
+    no_validation: Annotated[bool, shown()] = False
     """Do without the commands that are held back."""
-    range_deg: Annotated[tuple[float, float] | None, _option("LOW HIGH")] = None
+    range_deg: Annotated[tuple[float, float] | None, shown("LOW HIGH")] = None
     """Travel of the axis [°]; pitch is positive with the muzzle up, yaw to the left."""
-    max_rate_deg_s: Annotated[float | None, _option("FLOAT")] = None
+    max_rate_deg_s: Annotated[float | None, shown("FLOAT")] = None
     """Largest rate that the axis can follow [°/s]."""
-    max_acceleration_deg_s2: Annotated[float | None, _option("FLOAT")] = None
+    max_acceleration_deg_s2: Annotated[float | None, shown("FLOAT")] = None
     """Largest acceleration that the axis can follow [°/s²]."""
-    limits: Annotated[Path | None, _option("FILE")] = None
+    limits: Annotated[Path | None, shown("FILE")] = None
     """Limits record of the robot, as identify writes it; the three options before replace its figures."""
-    centre_deg: Annotated[float | None, _option("FLOAT")] = None
+    centre_deg: Annotated[float | None, shown("FLOAT")] = None
     """Angle about which the axis is moved; the middle of its travel if not given."""
-    amplitude_deg: Annotated[float | None, _option("FLOAT")] = None
+    amplitude_deg: Annotated[float | None, shown("FLOAT")] = None
     """Largest distance of sweep, multisine and PRBS from the centre; as large as the limits allow if not given."""
     step_deg: float = 3.0
     """Size of the steps."""
-    slew_steps: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
+    slew_steps: Annotated[bool, shown()] = False
     """Keep the steps, too, within the limits of rate and acceleration."""
     duration_s: float = 10.0
     """Length of sweep, multisine and PRBS."""
     low_hz: float = 2.0
     """Lowest frequency."""
-    high_hz: Annotated[float | None, _option("FLOAT")] = None
+    high_hz: Annotated[float | None, shown("FLOAT")] = None
     """Highest frequency; 50, or 0.4 of the sampling rate where that is less, if not given."""
     sample_period_s: float = 1e-3
     """Time between commands, and between samples of the logs: 0.005 for 200 Hz; --plant brings its own."""
-    plant: Annotated[Path | None, _option("FILE")] = None
+    plant: Annotated[Path | None, shown("FILE")] = None
     """Plant record of the axis, from an earlier identification; else 10 Hz, damping 0.7, delay 5 ms."""
     noise_deg: float = 0.013
     """Standard deviation of the measured angle's noise; the default is the rounding of an encoder of 8192 counts."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/excite")
     """Folder for what is written."""
-    overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
-    """Replace files in that folder that this command did not write."""
 
     def run(self, options: str = "") -> None:
         """Plan, predict, write, print; `options` are as typed, for run.json."""
@@ -100,8 +93,7 @@ class Excite:
             noise_sd=math.radians(self.noise_deg),
             settings=ExcitationSettings(**{name: getattr(self, name) for name in names} | _radians(angles)),
         )
-        facts, inputs = {"options": options}, [each for each in (self.limits, self.plant) if each]
-        with storage.output_folder(self.out, f"excite {self.axis}", inputs, self.overwrite, facts) as folder:
+        with self.written(self.out, f"excite {self.axis}", options, (self.limits, self.plant)) as folder:
             found.save(folder)
             found.report.write_page(folder / f"{self.axis}_excitation.html")
             write_json(folder / f"{self.axis}_excitation.json", plain(found.report.to_dict()))

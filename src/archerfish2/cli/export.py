@@ -2,24 +2,23 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Literal
 
-import tyro
-
+from archerfish2.cli.options import ForRobot, shown
 from archerfish2.codegen.export import export
 from archerfish2.controllers.registry import NAMES
 from archerfish2.errors import InputError
 
 
 @dataclass(frozen=True)
-class Export:
+class Export(ForRobot):
     """Write a controller as a C file, or as an ONNX model, that decides as it does here.
 
     - NAME.c and NAME.h: C99 that calls nothing but math.h, allocates nothing and has no global state: a struct of what
       is seen in, a command within the robot's limits out; C++ includes the header. Or NAME.onnx
     - the file is compared with NumPy where a C compiler (or ONNX Runtime) is installed, and has a self-test inside
-    - a policy is exported for the robot that it was trained for; a classical controller with the settings that
-      evaluate has tuned for ROBOT and the task
+    - a policy is exported for the robot and the task that it was trained for; a classical controller is tuned for ROBOT
+      and the task, in a few minutes, unless evaluate has done so
 
     Examples:
       archerfish2 export my-robot
@@ -27,27 +26,23 @@ class Export:
       archerfish2 export --controller runs/train --out policy.onnx
     """
 
-    robot: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[ROBOT]", help_behavior_hint="")] = None
-    """Folder of a robot's records; the paper's gimbal if not given."""
-    controller: Annotated[str, tyro.conf.arg(metavar="NAME|FOLDER", help_behavior_hint="")] = ""
+    controller: Annotated[str, shown("NAME|FOLDER")] = ""
     """A policy's file or folder, or kalman, kalman-lq, imm-lq, parabola-lq or no-lead; ROBOT/policy, or runs/train."""
-    task: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "any"
-    """Decision period and command limit, and what a classical controller is tuned for; a policy has its own."""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    out: Annotated[Path | None, shown("FILE")] = None
     """What to write, NAME.c or NAME.onnx; policy.c, or the controller's name, in ROBOT, or here."""
-
-    untuned: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
-    """Take a classical controller as it is before tuning."""
+    tuning: Annotated[Literal["kept", "start"], shown("kept|start", "(default: kept)")] = "kept"
+    """Settings of a classical controller: those that are kept, which are searched for where there are none, or those
+    where the search begins."""
 
     def run(self, _: str = "") -> None:
         """Export, print."""
-        controller = self.controller or str(self.robot / "policy" if self.robot else Path("runs/train"))
+        controller = self.controller or str(self.folder / "policy" if self.folder else Path("runs/train"))
         if not self.controller and not Path(controller).exists():
             raise InputError(f"{controller}: no such policy; train it, or name --controller")
         stem = controller.replace("-", "_") if controller in NAMES else "policy"
-        out = self.out or (self.robot or Path()) / f"{stem}.c"
-        tuning: Any = "start" if self.untuned else None
-        report = export(controller, out, robot=self.robot, task=self.task, tuning=tuning)
+        out = self.out or (self.folder or Path()) / f"{stem}.c"
+        robot, task = self.robot_and_task()
+        report = export(controller, out, robot, task, tuning=self.tuning)
         written, step = f"{out}", "docs2/export.md runs it in Python and C++"
         if out.suffix == ".c":
             written, step = f"{out} and {out.with_suffix('.h')}", f"cc -O2 -ffp-contract=off -c {out} (docs2/export.md)"

@@ -7,14 +7,14 @@ from typing import Annotated
 
 import tyro
 
-from archerfish2 import storage
+from archerfish2.cli.options import Writes, shown
 from archerfish2.identification.axis.identify import identify_axis
 from archerfish2.logs.log import read_log
 from archerfish2.records.json_files import plain, write_json
 
 
 @dataclass(frozen=True)
-class IdentifyAxis:
+class IdentifyAxis(Writes):
     """Identify the plant of one axis: what the gimbal does with a command.
 
     - prints what is known of the axis, how sure that is, whether it is usable, and what to record next
@@ -28,9 +28,9 @@ class IdentifyAxis:
       archerfish2 identify axis log.mcap --input /command/yaw --output /joint_states/yaw/position
     """
 
-    logs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="LOG…", help_behavior_hint="")]
+    logs: Annotated[tuple[Path, ...], tyro.conf.Positional, shown("LOG…")]
     """Logs that the plant is fitted to, in which the input moves the axis: sweeps, steps, driving."""
-    validate: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG…", help_behavior_hint="")] = ()
+    validate: Annotated[tuple[Path, ...], shown("LOG…")] = ()
     """Logs that are held back: the order is chosen, and the plant judged, by how they are predicted."""
     axis: str = "axis"
     """Name of the axis: pitch, yaw, or another."""
@@ -40,22 +40,20 @@ class IdentifyAxis:
     """Signals in which the axis responds."""
     time: str = "time_s"
     """Stamps, in seconds or in the unit that the name ends with (time_ms)."""
-    sample_period_s: Annotated[float | None, tyro.conf.arg(metavar="SECONDS", help_behavior_hint="")] = None
+    sample_period_s: Annotated[float | None, shown("SECONDS")] = None
     """Time between rows, of logs without stamps."""
-    order: Annotated[int | None, tyro.conf.arg(metavar="NUMBER", help_behavior_hint="")] = None
+    order: Annotated[int | None, shown("NUMBER")] = None
     """Number of poles; chosen from 1 to 8 if not given."""
-    max_delay: Annotated[int | None, tyro.conf.arg(metavar="SAMPLES", help_behavior_hint="")] = None
+    max_delay: Annotated[int | None, shown("SAMPLES")] = None
     """Largest input delay in samples; found if not given."""
-    dc_gain: Annotated[tuple[float, ...], tyro.conf.arg(metavar="NUMBER…", help_behavior_hint="")] = ()
+    dc_gain: Annotated[tuple[float, ...], shown("NUMBER…")] = ()
     """Steady output per steady input that the plant is to have, if it is known."""
-    no_feedthrough: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
+    no_feedthrough: Annotated[bool, shown()] = False
     """Leave no plant the possibility to respond within a sample, as none with inertia does."""
     seed: int = 0
     """Of the draws."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/identify")
     """Folder for what is written."""
-    overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
-    """Replace files in that folder that this command did not write."""
 
     def run(self, options: str = "") -> None:
         """Read, identify, write, print; `options` are as typed, for run.json."""
@@ -64,10 +62,8 @@ class IdentifyAxis:
         )
         logs, held_back = ([read(each) for each in group] for group in (self.logs, self.validate))
         names = (f"{self.axis}.json", f"{self.axis}.html", f"{self.axis}_report.json")
-        facts, inputs = {"options": options}, [*self.logs, *self.validate]
-        with storage.output_folder(
-            self.out, f"identify axis {self.axis}", inputs, self.overwrite, facts, names
-        ) as folder:
+        inputs = (*self.logs, *self.validate)
+        with self.written(self.out, f"identify axis {self.axis}", options, inputs, names) as folder:
             found = identify_axis(
                 logs,
                 validate=held_back,

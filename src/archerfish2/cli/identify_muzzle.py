@@ -6,13 +6,13 @@ from typing import Annotated, Literal
 
 import tyro
 
-from archerfish2 import storage
+from archerfish2.cli.options import Writes, shown
 from archerfish2.identification.muzzle.identify import PELLET_DRAG, identify_muzzle
 from archerfish2.logs.shots import COLUMNS, ShotColumns, read_shots
 
 
 @dataclass(frozen=True)
-class IdentifyMuzzle:
+class IdentifyMuzzle(Writes):
     """Identify the muzzle from shots: landing points, or hits on planes.
 
     - finds muzzle speed, offsets of pitch and yaw and the scatter of all three, with 95 % intervals
@@ -28,9 +28,9 @@ class IdentifyMuzzle:
       archerfish2 identify muzzle landings.csv --height-m 0.42 --length-m 0.16 --out my-robot
     """
 
-    files: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FILE…", help_behavior_hint="")]
+    files: Annotated[tuple[Path, ...], tyro.conf.Positional, shown("FILE…")]
     """Tables of shots with the same columns."""
-    height_m: Annotated[float | None, tyro.conf.arg(metavar="M", help_behavior_hint="(default: estimated)")] = None
+    height_m: Annotated[float | None, shown("M", "(default: estimated)")] = None
     """Of the muzzle above the ground with the barrel level [m]; hits on planes do not need it."""
     length_m: float = 0.0
     """From the gimbal's pivot to the muzzle [m]."""
@@ -42,14 +42,11 @@ class IdentifyMuzzle:
     """Of the bootstrap."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/muzzle")
     """Folder for what is found."""
-    overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
-    """Replace files in that folder that this command did not write."""
 
     def run(self, options: str = "") -> None:
         """Identify, write, print; `options` are as typed, for run.json."""
-        facts, names = {"options": options}, ("muzzle.json", "muzzle.html")
-        shots = read_shots(*self.files, columns=self.columns)
-        with storage.output_folder(self.out, "identify muzzle", self.files, self.overwrite, facts, names) as folder:
+        shots, names = read_shots(*self.files, columns=self.columns), ("muzzle.json", "muzzle.html")
+        with self.written(self.out, "identify muzzle", options, self.files, names) as folder:
             result = identify_muzzle(
                 shots, height_m=self.height_m, length_m=self.length_m, drag=self.drag, seed=self.seed
             )

@@ -6,15 +6,15 @@ from typing import Annotated, Literal
 
 import tyro
 
-from archerfish2 import storage
+from archerfish2.cli.options import Writes, shown
 from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.logs.timing import Frame
 
-_File = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")]
+_File = Annotated[Path | None, shown("FILE")]
 
 
 @dataclass(frozen=True)
-class IdentifySensing:
+class IdentifySensing(Writes):
     """Identify camera and link from a yaw sweep before a plate at rest, and from steps.
 
     - estimates the camera's rate, latency, time offset to the gimbal, noise and misses, and the delay from command to
@@ -34,7 +34,7 @@ class IdentifySensing:
     """Log of the gimbal during the sweep."""
     detections: Annotated[Path, tyro.conf.arg(metavar="FILE")]
     """Of the plate at rest."""
-    steps: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE…", help_behavior_hint="")] = ()
+    steps: Annotated[tuple[Path, ...], shown("FILE…")] = ()
     """Further logs of the gimbal, with steps of the command."""
     target: _File = None
     """Detections of a target that steps, the gimbal at rest."""
@@ -47,24 +47,20 @@ class IdentifySensing:
     frame: Frame = "camera"
     """Of positions: camera (x forward, y left, z up), optical (x right, y down, z forward), or base, which takes the
     angles that rotated each detection, rotated_yaw and rotated_pitch."""
-    degrees: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
+    degrees: Annotated[bool, shown()] = False
     """Angles are in degrees, not radians."""
     gimbal_clock: Literal["receipt", "own"] = "receipt"
     """Who stamped the gimbal's logs: the program on receipt, or the gimbal by a clock of its own."""
-    max_offset_s: Annotated[float | None, tyro.conf.arg(metavar="SECONDS", help_behavior_hint="")] = None
+    max_offset_s: Annotated[float | None, shown("SECONDS")] = None
     """Largest time offset that is searched; 1 s where the clocks overlap, else any, if not given."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/identify")
     """Folder for the record and its page."""
-    overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
-    """Replace files in that folder that this command did not write."""
 
     def run(self, options: str = "") -> None:
         """Identify, write, print; `options` are as typed, for run.json."""
         logs = {name: each for name, each in vars(self).items() if name not in ("out", "overwrite")}
         given = (self.sweep, self.detections, *self.steps, self.target, self.target_steps, self.commands, self.feedback)
-        inputs, facts = [each for each in given if each], {"options": options}
-        names = ("sensing.json", "sensing.html")
-        with storage.output_folder(self.out, "identify sensing", inputs, self.overwrite, facts, names) as folder:
+        with self.written(self.out, "identify sensing", options, given, ("sensing.json", "sensing.html")) as folder:
             result = identify_sensing(**logs)
             result.save(folder)
         print(f"{result}\n\nopen {self.out / 'sensing.html'}")  # noqa: T201

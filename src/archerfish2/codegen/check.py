@@ -18,9 +18,9 @@ from archerfish2.errors import InputError
 
 DECISIONS = 200
 """Decisions that are compared."""
-LARGEST = 5e-5
+CLOSE = 5e-5
 """Difference of a command from NumPy's that is taken as rounding [rad]."""
-DIFFERENCE, SHARE = f"largest difference in {DECISIONS} decisions [rad]", f"differ by more than {LARGEST:g} rad [%]"
+DIFFERENCE, SHARE = f"largest difference in {DECISIONS} decisions [rad]", f"differ by more than {CLOSE:g} rad [%]"
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
 """What the compiler is asked."""
 Decide = Callable[[Mapping[str, Array]], tuple[Array, bool, int]]
@@ -96,6 +96,6 @@ def compared(decide: Decide | None, gated: Gated) -> dict[str, float]:
         times.append(time.perf_counter())
         differences.append(float(np.max([*np.abs(made - command.angle), fire != command.fire, status])))
     of_numpy, of_file = (1e6 * float(np.median(np.diff(times)[at::2])) for at in range(2))
-    worst, share = float(np.max(differences)), 100.0 * float(np.mean([not each <= LARGEST for each in differences]))
+    worst, share = float(np.max(differences)), 100.0 * float(np.mean([not each <= CLOSE for each in differences]))
     found = {DIFFERENCE: worst, SHARE: share}
     return found | {"a decision, as called from Python [µs]": of_file, "a decision in NumPy [µs]": of_numpy}

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from archerfish2.arrays import leaves, map_arrays
+from archerfish2.arrays import TracedNamespace, leaves, map_arrays
 
 _BOOLEAN = "less less_equal greater greater_equal equal not_equal logical_and logical_or logical_not"
 _NUMERIC = "add subtract multiply divide negative absolute sign floor round maximum minimum where"
@@ -238,7 +238,7 @@ class _Namespace:
         return np.concatenate(_loop(lambda _, row: ((), function(row)), (), rows)[1])
 
 
-_NAMESPACE = _Namespace()
+_NAMESPACE: TracedNamespace = _Namespace()
 
 
 def _loop(function: Any, state: Any, items: list[Any]) -> tuple[Any, list[Any]]:

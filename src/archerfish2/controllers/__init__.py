@@ -1,1 +1,5 @@
-"""Controllers: what is seen in, a command out; one file for each method."""
+"""Controllers: they turn what is seen into commands.
+
+`predictors` estimate where a target will be, `aiming` turns that into commands, `policy` is the trained controller.
+`registry` builds all of them by name.
+"""

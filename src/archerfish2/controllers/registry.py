@@ -1,19 +1,24 @@
-"""Controllers by name, each built for a robot and a task, and a user's own."""
+"""Controllers by name, each built for a robot and a task, and a user's own.
+
+A classical controller is a predictor, which says where the target will be, and a law of aiming, which turns that into
+commands.
+"""
 
 import difflib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import numpy as np
-
 from archerfish2.arrays import single_precision
-from archerfish2.controllers.kalman import ConstantVelocity, DirectAim, Predictor
-from archerfish2.controllers.manoeuvring import Manoeuvring
-from archerfish2.controllers.oracle import make_oracle
-from archerfish2.controllers.parabola import make_parabola_aware, make_parabola_filter
-from archerfish2.controllers.policy import Policy, is_training
-from archerfish2.controllers.preview_aim import Hold, make_preview_aim
+from archerfish2.controllers.aiming.direct import DirectAim
+from archerfish2.controllers.aiming.oracle import make_oracle
+from archerfish2.controllers.aiming.preview_lq import make_preview_aim
+from archerfish2.controllers.policy.policy import Policy, is_training
+from archerfish2.controllers.predictors.constant_velocity import ConstantVelocity
+from archerfish2.controllers.predictors.hold import Hold
+from archerfish2.controllers.predictors.interacting_models import InteractingModels
+from archerfish2.controllers.predictors.parabola import make_parabola_aware, make_parabola_filter
+from archerfish2.controllers.predictors.predictor import Predictor
 from archerfish2.controllers.tuning import Tuning, tuning_at
 from archerfish2.errors import InputError
 from archerfish2.paper.conditions import assumed_conditions, paper_tuning
@@ -24,12 +29,49 @@ from archerfish2.task import Task
 from archerfish2.tracking.interacting_models import ModelRates
 from archerfish2.tracking.kalman_filter import TrackerNoise, noise_from_record
 
-STOP_RATE, STILL, EXACT_SD = 0.1, 0.5, 2e-4
-"""What interacting models assume: rate of stopping [1/s], share that stands at first, standard deviation of detections
-by a camera without noise [m]: a larger value, which does a Kalman filter good, hides turns."""
+MODELS_EXACT_SD = 2e-4
+"""Standard deviation of detections by a camera without noise that interacting models assume [m]: a larger value, which
+does a Kalman filter good, hides turns."""
 
 
-NAMES = ("kalman", "kalman-paper", "kalman-lq", "imm-lq", "parabola-lq", "no-lead", "oracle")
+def _noise(robot: Robot, tuning: Tuning, exact_sd: float) -> TrackerNoise:
+    noise = noise_from_record(robot.sensing, tuning.acceleration_sd, exact_sd)
+    return noise._replace(initial_speed=tuning.initial_speed)
+
+
+def _constant_velocity(robot: Robot, task: Task, tuning: Tuning) -> Predictor:  # noqa: ARG001
+    noise = _noise(robot, tuning, assumed_conditions().kalman_position_sd)
+    return ConstantVelocity(noise, tuning.velocity_decay)
+
+
+def _interacting_models(robot: Robot, task: Task, tuning: Tuning) -> Predictor:
+    noise, rates = _noise(robot, tuning, MODELS_EXACT_SD), ModelRates(tuning.turn_rate)
+    return InteractingModels(noise, rates, task.hit_radius_m, robot.muzzle_model().sd[1])
+
+
+def _parabola(robot: Robot, task: Task, tuning: Tuning) -> Predictor:
+    if robot.sensing is None:
+        return make_parabola_aware(task)
+    # With noise in the detections, the rule is worth something to a filter alone.
+    noise = _noise(robot, tuning, assumed_conditions().kalman_position_sd)
+    return make_parabola_filter(task, robot.muzzle_model().sd[1], noise)
+
+
+def _direct_aim(predictor: Predictor, robot: Robot, task: Task, tuning: Tuning) -> DirectAim:
+    lead_s = task.period_s + tuning.extra_lead_s
+    return DirectAim(predictor, robot.muzzle_model(), robot.command_limits(task), lead_s, task.period_s)
+
+
+CLASSICAL: Mapping[str, tuple[Callable[..., Predictor], Callable[..., Any]]] = {
+    "kalman": (_constant_velocity, _direct_aim),
+    "kalman-paper": (_constant_velocity, _direct_aim),
+    "kalman-lq": (_constant_velocity, make_preview_aim),
+    "imm-lq": (_interacting_models, make_preview_aim),
+    "parabola-lq": (_parabola, make_preview_aim),
+    "no-lead": (lambda *_: Hold(), make_preview_aim),
+}
+"""Name → predictor, of robot, task and tuning; and law of aiming, of a predictor and these."""
+NAMES = (*CLASSICAL, "oracle")
 """Of the controllers here. One of a user's own needs no line: see `make_controller`."""
 
 ControllerLike: TypeAlias = str | Path | Controller | Callable[[Robot, Task], Any]
@@ -65,25 +107,6 @@ def is_policy(controller: Any) -> bool:
     return is_training(path) or path.suffix == ".safetensors" or (path.is_file() and path.suffix != ".py")
 
 
-def _build(name: str, robot: Robot, task: Task, tuning: Tuning) -> Any:
-    if name == "oracle":
-        return make_oracle(robot, task)
-    muzzle, sensing, period = robot.muzzle_model(), robot.sensing, np.asarray(task.period_s)
-    sd = np.asarray(EXACT_SD if name == "imm-lq" else assumed_conditions().kalman_position_sd)
-    acceleration = np.asarray(tuning.acceleration_sd)
-    noise = noise_from_record(sensing, tuning.acceleration_sd) if sensing else TrackerNoise(acceleration, sd, sd)
-    noise = noise._replace(initial_speed=np.asarray(tuning.initial_speed))
-    predictor: Predictor = Hold() if name == "no-lead" else ConstantVelocity(noise, np.asarray(tuning.velocity_decay))
-    if name in ("kalman", "kalman-paper"):
-        return DirectAim(predictor, muzzle, robot.command_limits(task), period + tuning.extra_lead_s, period)
-    if name == "imm-lq":
-        rates = ModelRates(*(np.asarray(each) for each in (tuning.turn_rate, STOP_RATE, STILL)))
-        predictor = Manoeuvring(noise, rates, np.asarray(task.hit_radius_m), muzzle.sd[1])
-    if name == "parabola-lq":  # with noise in the detections, the rule is worth something to a filter alone
-        predictor = make_parabola_filter(task, muzzle.sd[1], noise) if sensing else make_parabola_aware(task)
-    return make_preview_aim(predictor, robot, task, smoothing=tuning.smoothing, lead_s=tuning.extra_lead_s)
-
-
 def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | None = None) -> Any:
     """Build a controller in float32.
 
@@ -98,12 +121,16 @@ def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | 
       InputError: if it can't be found, is not for this robot or task, its code fails, or what is built is none.
     """
     name = str(controller) if isinstance(controller, str | Path) else ""
+    if name == "oracle":
+        return single_precision(make_oracle(robot, task))
     if name == "kalman-paper":
         if robot.digest() != type(robot).paper().digest():
             raise InputError(f"kalman-paper has settings of the paper's robot alone, got {robot.name}; take kalman")
         tuning = tuning or Tuning(**paper_tuning(task.command_limit)[name])
-    if name in NAMES:
-        return single_precision(_build(name, robot, task, tuning or tuning_at(name)))
+    if name in CLASSICAL:
+        tuning = tuning or tuning_at(name)
+        make_predictor, make_law = CLASSICAL[name]
+        return single_precision(make_law(make_predictor(robot, task, tuning), robot, task, tuning))
     if name and not is_plugin(name, "controller") and not name.endswith(".py"):
         near = difflib.get_close_matches(name.lower(), NAMES, 1)
         meant = f"perhaps you meant {near[0]}" if near else "name one of these"

@@ -8,7 +8,6 @@ from typing import Annotated, Literal, NamedTuple, TypeAlias
 from msgspec import Meta
 
 from archerfish2.compiled import cache_folder
-from archerfish2.controllers.preview_aim import SMOOTHING
 from archerfish2.errors import InputError
 from archerfish2.paper.conditions import paper_tuning
 from archerfish2.plugins import find_plugin
@@ -20,11 +19,13 @@ from archerfish2.storage import locked
 from archerfish2.task import DRAWN, EQ_7, Task
 from archerfish2.tracking.kalman_filter import INITIAL_SPEED
 
-SCHEMA = "archerfish.tuning/1"
+TUNING_SCHEMA = "archerfish.tuning/1"
+SMOOTHING = 1e-4
+"""Weight of the changes of the command in a preview against squared angle errors, where nothing is tuned."""
 
 
 class Tuning(Struct, frozen=True, kw_only=True, eq=True):
-    """What is tuned of a controller; each has a use for some of it."""
+    """The settings of a classical controller that are tuned; a controller uses some of them."""
 
     acceleration_sd: Annotated[float, Meta(ge=0.0, le=1e100)]
     """Process noise of the Kalman filter, as a standard deviation of the target's acceleration [m/s²]."""
@@ -32,7 +33,7 @@ class Tuning(Struct, frozen=True, kw_only=True, eq=True):
     """Lead beyond what the controller has a model of, as for the lag of a gimbal; negative where targets turn back
     before pellets arrive [s]."""
     smoothing: Annotated[float, Meta(ge=1e-100, le=1e100)] = SMOOTHING
-    """Weight of the changes of the command in a preview, against squared angle errors."""
+    """Weight of the changes of the command in a preview against squared angle errors."""
     initial_speed: Annotated[float, Meta(ge=1e-100, le=1e100)] = INITIAL_SPEED
     """Standard deviation of the target's speed at the first detection that the filter assumes [m/s]."""
     velocity_decay: Annotated[float, Meta(ge=0.0, le=1e100)] = 1.0
@@ -74,11 +75,12 @@ GRIDS: Mapping[str, Mapping[str, Grid]] = {
 def tuning_at(name: str, place: tuple[int, ...] | None = None) -> Tuning:
     """Return the settings at indices of the grids of a name, where the search begins if none are given."""
     grids = GRIDS.get(name, {})
-    values = zip(grids.items(), place or (0,) * len(grids), strict=True)
-    return Tuning(**{"acceleration_sd": 0.0} | {setting: grid.value(index) for (setting, grid), index in values})
+    indices = zip(grids.items(), place or (0,) * len(grids), strict=True)
+    values = {setting: grid.value(index) for (setting, grid), index in indices}
+    return Tuning(**{"acceleration_sd": 0.0, **values})
 
 
-class Entry(Struct, frozen=True, kw_only=True, eq=True):
+class KeptTuning(Struct, frozen=True, kw_only=True, eq=True):
     """Settings that are kept, with all that they depend on."""
 
     controller: str
@@ -99,18 +101,18 @@ class Entry(Struct, frozen=True, kw_only=True, eq=True):
     """Settings tried."""
 
 
-class Kept(Struct, frozen=True, kw_only=True):
+class KeptTunings(Struct, frozen=True, kw_only=True):
     """The content of tuning.json."""
 
-    tunings: tuple[Entry, ...] = ()
+    tunings: tuple[KeptTuning, ...] = ()
     """In the order of their making."""
 
 
-def entry(name: str, robot: Robot, task: Task) -> Entry:
+def entry(name: str, robot: Robot, task: Task) -> KeptTuning:
     """Return the entry of a controller, a robot and a task before tuning; `keep` takes it with the best settings."""
     # The name of a user's motion may be that of another file tomorrow.
     code = "" if task.motion in (*EQ_7, *DRAWN) else find_plugin(task.motion, "motion").digest
-    return Entry(
+    return KeptTuning(
         controller=name,
         robot=robot.digest(),
         task=task.replace(name="", lengths_s=task.lengths),
@@ -134,21 +136,21 @@ def kept(name: str, robot: Robot, task: Task) -> Tuning | None:
     if begun.task.replace(command_limit="gate") == shipped and begun.robot == Robot.paper().digest():
         shipped_tunings = paper_tuning(task.command_limit)
         return Tuning(**shipped_tunings[name]) if name in shipped_tunings else None
-    for each in _read(_file(robot)):
-        if each.replace(tuning=begun.tuning, hit_rate=0.0, tried=1) == begun:
-            return each.tuning
+    for found in _read_kept(_tuning_file(robot)):
+        if found.replace(tuning=begun.tuning, hit_rate=0.0, tried=1) == begun:
+            return found.tuning
     return None
 
 
-def keep(found: Entry, robot: Robot) -> None:
+def keep(found: KeptTuning, robot: Robot) -> None:
     """Keep settings that were found; where the file can't be written, nothing is kept."""
-    path = _file(robot)
+    path = _tuning_file(robot)
     if path is not None:
         with suppress(InputError), locked(path.parent, 10.0, "tuning.lock"):
-            write_json(path, {"schema": SCHEMA, **plain(Kept(tunings=(*_read(path), found)))})
+            write_json(path, {"schema": TUNING_SCHEMA, **plain(KeptTunings(tunings=(*_read_kept(path), found)))})
 
 
-def _file(robot: Robot) -> Path | None:
+def _tuning_file(robot: Robot) -> Path | None:
     """Return where the settings for a robot are kept; None where the user's cache is off."""
     if robot.folder is not None:
         return robot.folder / "tuning.json"
@@ -156,7 +158,7 @@ def _file(robot: Robot) -> Path | None:
     return folder and folder / f"{robot.digest()[:16]}.json"
 
 
-def _read(path: Path | None) -> tuple[Entry, ...]:
+def _read_kept(path: Path | None) -> tuple[KeptTuning, ...]:
     if path is None or not path.exists():
         return ()
-    return read_struct(path, Kept, SCHEMA, "remove it, and it is made again").tunings
+    return read_struct(path, KeptTunings, TUNING_SCHEMA, "remove it, and it is made again").tunings

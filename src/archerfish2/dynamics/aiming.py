@@ -7,11 +7,11 @@ from archerfish2.arrays import Array, lift, namespace
 from archerfish2.dynamics.muzzle import Muzzle
 from archerfish2.dynamics.pellet import flat_fire_drop, flat_fire_time
 
-ITERATIONS = 3
+NEWTON_ITERATIONS = 3
 """Newton iterations: they leave less than 1e-7 rad at 18 m/s within 8 m, and less than 1e-4 rad at 12 m/s."""
-NEAREST, FARTHEST = 0.05, 1000.0
+NEAREST_M, FARTHEST_M = 0.05, 1000.0
 """Distances that an aim is computed for [m]: targets of a task are at most so far away."""
-ROUNDS = 3
+FLIGHT_TIME_ROUNDS = 3
 """Rounds of the flight-time iteration; each shrinks the error by target speed over muzzle speed."""
 
 
@@ -32,8 +32,8 @@ def aim_at(point: Array, muzzle: Muzzle) -> Aim:
     xp = namespace(point)
     level = xp.sqrt(point[..., 0] ** 2 + point[..., 1] ** 2)
     height, time, drop = point[..., 2], 0.0 * level, 0.0 * level
-    for _ in range(ITERATIONS):
-        slant = xp.minimum(xp.maximum(xp.sqrt(level**2 + (height + drop) ** 2), NEAREST), FARTHEST)
+    for _ in range(NEWTON_ITERATIONS):
+        slant = xp.minimum(xp.maximum(xp.sqrt(level**2 + (height + drop) ** 2), NEAREST_M), FARTHEST_M)
         time = flat_fire_time(slant - muzzle.length, muzzle.speed, muzzle.drag)
         fall = flat_fire_drop(time, muzzle.drag * muzzle.speed)
         # Newton's step, as the fall grows with the square of the distance.
@@ -62,7 +62,7 @@ def intercept(
     """
     near = position_after if mean_after is None else mean_after
     time = 0.0 * delay
-    for _ in range(ROUNDS):
+    for _ in range(FLIGHT_TIME_ROUNDS):
         time = aim_at(near(delay + time), muzzle).flight_time
     return aim_at(position_after(delay + time), muzzle)
 

@@ -1,4 +1,4 @@
-"""Limits of commands, between any controller and the axes.
+"""Limits of commands, between any controller and the axes, and the fastest slew that keeps them.
 
 Three settings of one function. `box` keeps the angle ranges alone, as the paper prints. `gate` adds the rate and the
 acceleration of the commanded angle that a real gimbal can follow. `los-2deg` instead holds the yaw command within 2°
@@ -6,7 +6,6 @@ of the line of sight. A limit that a setting does not use is so large that it ne
 serves all three.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +32,7 @@ class CommandLimits(NamedTuple):
     max_lead: Array  # largest distance of the command from the line of sight [rad]
 
 
-def named_limits(name: str, record: LimitsRecord, yaw_lead: float = math.radians(2.0)) -> CommandLimits:
+def named_limits(name: str, record: LimitsRecord, yaw_lead: float) -> CommandLimits:
     """Return the limits of a name in `COMMAND_LIMITS`.
 
     Args:
@@ -46,8 +45,10 @@ def named_limits(name: str, record: LimitsRecord, yaw_lead: float = math.radians
     """
     if name not in COMMAND_LIMITS:
         raise InputError(f"command_limit must be one of {', '.join(COMMAND_LIMITS)}, got {name!r}; choose one of them")
-    names = ("low", "high", "max_rate", "max_acceleration")
-    low, high, rate, acceleration = (np.array([getattr(a, n) for a in (record.pitch, record.yaw)]) for n in names)
+    pitch, yaw = record.pitch, record.yaw
+    low, high = np.array([pitch.low, yaw.low]), np.array([pitch.high, yaw.high])
+    rate = np.array([pitch.max_rate, yaw.max_rate])
+    acceleration = np.array([pitch.max_acceleration, yaw.max_acceleration])
     never = np.full(2, NEVER)
     if name == "gate":
         return CommandLimits(low, high, rate, _ROUNDING * acceleration, never)
@@ -72,7 +73,7 @@ def limit_command(
       period: decision period [s].
     """
     xp = namespace(desired, previous)
-    limits = CommandLimits(*(lift(each, desired) for each in limits))
+    limits = CommandLimits(*(lift(limit, desired) for limit in limits))
     desired = xp.clip(desired, line_of_sight - limits.max_lead, line_of_sight + limits.max_lead)
     desired = xp.clip(desired, limits.low, limits.high)
     wanted = (desired - previous) / period
@@ -111,3 +112,21 @@ def fastest_approach(distance: Array, max_acceleration: Array, period: Array) ->
         return distance / (count * period) + change * (count - 1.0) / 2.0
 
     return xp.minimum(rate(count), rate(count + 1.0))
+
+
+def approach(aim: Array, command: Array, max_rate: Array, max_acceleration: Array, period: Array | float) -> Array:
+    """Return the next command on the fastest slew to an aim that can stop there: time-optimal switching.
+
+    Args:
+      aim: where to go [rad], shape B + (2,).
+      command: in force now [rad], shape B + (2,).
+      max_rate: of the command [rad per unit of the period], shape (2,).
+      max_acceleration: by how much that rate may change in a unit, shape (2,).
+      period: until the next decision; with 1, rates are moves per decision.
+    """
+    xp = namespace(aim, command)
+    distance = aim - command
+    max_rate, max_acceleration = lift(max_rate, distance), lift(max_acceleration, distance)
+    rate = xp.minimum(max_rate, fastest_approach(xp.abs(distance), max_acceleration, period))
+    # An aim within reach is taken exactly: no rounding by a detour over the rate.
+    return xp.where(xp.abs(distance) <= rate * period * (1.0 + 1e-5), aim, command + xp.sign(distance) * rate * period)

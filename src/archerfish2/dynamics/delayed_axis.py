@@ -11,7 +11,6 @@ import numpy as np
 
 from archerfish2.arrays import Array, lift, namespace
 from archerfish2.dynamics.linear_axis import (
-    LATENCY_TICK_S,
     LinearAxis,
     axis_draws,
     padded,
@@ -67,11 +66,13 @@ def delayed_gimbal(pitch: PlantRecord, yaw: PlantRecord, period_s: float) -> Del
         ticks_per_period(axis, period_s)
     # The ticks of both axes shortened to about a millisecond, or of none: latencies are not to be rounded to the
     # feedback's rate.
-    finer = [refined(axis, LATENCY_TICK_S) for axis in axes]
+    finer = [refined(axis) for axis in axes]
     axes = finer if abs(finer[0].period_s - finer[1].period_s) < 1e-9 else axes
     ticks, size = ticks_per_period(axes[0], period_s), max(axis.b.shape[-1] for axis in axes)
-    both = zip(*(_by_tick(scaled(axis), ticks, size) for axis in axes), strict=True)
-    fields: Any = [np.stack(each, axis=-states - 1) for each, states in zip(both, (2, 1, 1, 0, 1, 0, 1), strict=True)]
+    both = [_by_tick(scaled(axis), ticks, size) for axis in axes]
+    fields: Any = []
+    for states, arrays in zip((2, 1, 1, 0, 1, 0, 1), zip(*both, strict=True), strict=True):
+        fields.append(np.stack(arrays, axis=-states - 1))
     delay = np.stack([axis.delay for axis in axes], axis=-1).astype(np.int32)
     fields += [delay, np.asarray(axes[0].period_s)]
     return DelayedGimbal(*fields)

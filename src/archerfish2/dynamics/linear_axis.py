@@ -1,4 +1,4 @@
-"""Two linear gimbal axes under commands held for a decision period, eqs (11)–(16).
+"""Two linear gimbal axes, eq (11) and eq (14), under commands held for a decision period.
 
     x[t+1] = A x[t] + B u[t − delay],    y[t] = C x[t] + D u[t − delay]
 
@@ -11,13 +11,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from archerfish2.arrays import Array, lift, namespace
 from archerfish2.errors import InputError
+from archerfish2.records.json_files import Matrix
 from archerfish2.records.plant import PlantRecord
-
-Matrix = NDArray[np.float64]
 
 LATENCY_TICK_S = 1e-3
 """Latencies are rounded to no more than this where the plant allows it [s]."""
@@ -59,7 +57,7 @@ def gimbal_model(pitch: PlantRecord, yaw: PlantRecord, period_s: float, latency_
     """
     axes = [axis_of(plant) for plant in (pitch, yaw)]
     if latency_s:
-        axes = [refined(axis, LATENCY_TICK_S) for axis in axes]
+        axes = [refined(axis) for axis in axes]
         axes = [axis._replace(delay=axis.delay + round(latency_s / axis.period_s)) for axis in axes]
     return _stack([_period_model(scaled(axis), period_s) for axis in axes])
 
@@ -85,18 +83,20 @@ def axis_draws(pitch: PlantRecord, yaw: PlantRecord) -> list[LinearAxis]:
 
     The best estimate of an axis without draws is repeated; of unequal numbers of draws the smaller one counts.
     """
-    both: list[Any] = []
+    axes = []
     for plant in (pitch, yaw):
-        best, draws, delays = axis_of(plant), plant.draws, plant.delays_of_draws()
+        *best, period_s = axis_of(plant)
+        draws, delays = plant.draws, plant.delays_of_draws()
+        fields: list[Any] = [np.asarray(field)[None] for field in best]
         if len(delays):
-            both.append((draws["A"], draws["B"][:, :, 0], draws["C"][:, 0], draws["D"][:, 0, 0], delays))
-        else:
-            both.append([np.asarray(each)[None] for each in best[:-1]])
-    count = min((len(each[0]) for each in both if len(each[0]) > 1), default=1)
-    chosen: list[Any] = [[each[np.arange(count) % len(each)] for each in arrays] for arrays in both]
-    chosen[0].append(pitch.sample_period_s)
-    chosen[1].append(yaw.sample_period_s)
-    return [LinearAxis(*each) for each in chosen]
+            fields = [draws["A"], draws["B"][:, :, 0], draws["C"][:, 0], draws["D"][:, 0, 0], delays]
+        axes.append(LinearAxis._make((*fields, period_s)))
+    count = min((len(axis.a) for axis in axes if len(axis.a) > 1), default=1)
+    chosen = []
+    for axis in axes:
+        fields = [field[np.arange(count) % len(field)] for field in axis[:-1]]
+        chosen.append(LinearAxis._make((*fields, axis.period_s)))
+    return chosen
 
 
 def _period_model(axis: LinearAxis, period_s: float) -> GimbalModel:
@@ -141,7 +141,7 @@ def ticks_per_period(axis: LinearAxis, period_s: float) -> int:
     if abs(ratio - round(ratio)) > 1e-6 * ratio or round(ratio) < 1:
         raise InputError(
             f"period_s must be a multiple of the plant's sampling period {axis.period_s} s, got {period_s} s; "
-            "choose another period or resample the log before identifying"
+            f"choose another period, or identify the axis with divides_s={period_s:g}"
         )
     return round(ratio)
 
@@ -163,12 +163,14 @@ def padded(array: Array, states: int, size: int) -> Matrix:
 
 def _stack(models: Sequence[GimbalModel], place: int = 0) -> GimbalModel:
     size = max(model.input.shape[-1] for model in models)
-    fields = zip(GimbalModel(2, 1, 1, 1, 1), zip(*models, strict=True), strict=True)
-    stacked = (np.stack([padded(each, states, size) for each in arrays], axis=place) for states, arrays in fields)
+    axes_of_state = GimbalModel(transition=2, input=1, angle=1, rate=1, rest=1)
+    stacked = []
+    for states, arrays in zip(axes_of_state, zip(*models, strict=True), strict=True):
+        stacked.append(np.stack([padded(array, states, size) for array in arrays], axis=place))
     return GimbalModel(*stacked)
 
 
-def refined(axis: LinearAxis, tick_s: float) -> LinearAxis:
+def refined(axis: LinearAxis, tick_s: float = LATENCY_TICK_S) -> LinearAxis:
     """Return the same axis with a shorter sampling period.
 
     Commands that are held over the longer period give the same angles at its ends.
@@ -244,3 +246,23 @@ def gimbal_angle(model: GimbalModel, state: Array) -> Array:
 def gimbal_rate(model: GimbalModel, state: Array) -> Array:
     """Return the rates of pitch and yaw over the last tick [rad/s], shape B + (2,)."""
     return namespace(state).sum(lift(model.rate, state) * state, axis=-1)
+
+
+def angle_then(past: Array, age: Array, period: Array) -> Array:
+    """Interpolate the angles of a time ago: cubic Hermite pieces between decisions.
+
+    Args:
+      past: angles [rad] and rates [rad/s] now and at the decisions before, latest first, shape B + (H, 2, 2).
+      age: how long ago [s]; more than H − 1 decisions count as that many, shape B.
+      period: between decisions [s], shape ().
+
+    Returns:
+      Pitch and yaw [rad], shape B + (2,).
+    """
+    xp = namespace(past, age)
+    count = past.shape[-3]
+    ago = xp.clip(age / period, 0.0, count - 1.0)[..., None]
+    offset = lift(xp.arange(count, dtype=past.dtype), ago) - ago
+    gap = xp.minimum(xp.abs(offset), 1.0)
+    weights = xp.stack([1.0 + 2.0 * gap, period * offset], axis=-1) * ((1.0 - gap) ** 2)[..., None]
+    return xp.sum(weights[..., None] * past, axis=(-3, -2))

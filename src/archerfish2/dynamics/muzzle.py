@@ -66,7 +66,8 @@ def pellet_at_muzzle(muzzle: Muzzle, angle: Array, rate: Array, normals: Array) 
 def _direction_rate(angle: Array, rate: Array) -> Array:
     """Time derivative of `direction` [1/s], shape B + (3,)."""
     xp = namespace(angle, rate)
-    (pitch, yaw), (pitch_rate, yaw_rate) = ((each[..., 0], each[..., 1]) for each in (angle, rate))
+    pitch, yaw = angle[..., 0], angle[..., 1]
+    pitch_rate, yaw_rate = rate[..., 0], rate[..., 1]
     forward = -xp.sin(pitch) * xp.cos(yaw) * pitch_rate - xp.cos(pitch) * xp.sin(yaw) * yaw_rate
     left = -xp.sin(pitch) * xp.sin(yaw) * pitch_rate + xp.cos(pitch) * xp.cos(yaw) * yaw_rate
     return xp.stack([forward, left, xp.cos(pitch) * pitch_rate], axis=-1)

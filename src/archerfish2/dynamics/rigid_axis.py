@@ -1,4 +1,7 @@
-"""A gimbal axis as a rigid body, eqs (1)–(3): pitch is a damped pendulum under torque, yaw a damped wheel."""
+"""A gimbal axis as a rigid body, eq (1).
+
+Pitch, eq (2), is a damped pendulum under torque; yaw, eq (3), is a damped wheel.
+"""
 
 from typing import NamedTuple
 
@@ -23,10 +26,10 @@ class RigidState(NamedTuple):
 
 
 def rigid_derivative(axis: RigidAxis, state: RigidState, torque: Array) -> RigidState:
-    """Return the time derivative of the state, eqs (2) and (3) corrected.
+    """Return the time derivative of the state, eq (2) and eq (3) corrected.
 
-    θ̈ = −(g/l) sin θ − b θ̇/(m l²) + T/(m l²), as eq (1) demands. Eqs (2) and (3) print the damping term without θ̇ and
-    the torque without 1/(m l²) (docs/errata.md).
+    θ̈ = −(g/l) sin θ − b θ̇/(m l²) + T/(m l²), as eq (1) demands. Eq (2) and eq (3) print the damping term without θ̇
+    and the torque without 1/(m l²) (docs/errata.md).
 
     Args:
       axis: parameters, shape B.
@@ -42,7 +45,7 @@ def rigid_derivative(axis: RigidAxis, state: RigidState, torque: Array) -> Rigid
 
 
 def dry_friction(axis: RigidAxis, state: RigidState, torque: Array, friction: Array, period: Array) -> Array:
-    """Return the torque of Coulomb friction over a step, which eqs (1)–(3) leave out.
+    """Return the torque of Coulomb friction over a step, which eq (1) leaves out.
 
     It opposes the motion with its full size while the axis slides, and with no more than stops the axis within the
     step, so that an axis at rest stays there under any torque that is smaller (friction implicit in the rate).

@@ -52,18 +52,16 @@ class Comparison(Reported, tuple[CellDifference, ...]):
         return rows
 
 
-def compare(cells: Iterable["Cell"], a: str, b: str) -> Comparison:
+def compare(cells: Sequence["Cell"], a: str, b: str) -> Comparison:
     """Return the differences of controller `a` to controller `b`; of several trainings each to each.
 
     Raises:
       InputError: if one is not there, or they have no engagements in common.
     """
-    by_name: dict[str, list[Cell]] = {}
-    for cell in cells:
-        by_name.setdefault(cell.controller, []).append(cell)
-    for name in (a, b):
-        if name not in by_name:
-            there = ", ".join(by_name) or "none"
+    by_name = {name: [cell for cell in cells if cell.controller == name] for name in (a, b)}
+    for name, own in by_name.items():
+        if not own:
+            there = ", ".join(dict.fromkeys(cell.controller for cell in cells)) or "none"
             raise InputError(f"compare: there is no controller {name!r}, but {there}; name two of these")
     if not (found := _differences(by_name[a], by_name[b])):
         raise InputError(f"compare: {a} and {b} have no engagements in common; evaluate both in one call")

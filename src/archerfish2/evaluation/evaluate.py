@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 from archerfish2 import provenance
@@ -15,9 +14,9 @@ from archerfish2.evaluation.results import Cell, Results
 from archerfish2.evaluation.run import Counted, count, count_perfect_aim
 from archerfish2.evaluation.tuning import settings
 from archerfish2.reports import progress
-from archerfish2.robot import Robot
+from archerfish2.robot import Robot, RobotLike
 from archerfish2.simulation.user_world import WorldLike, find_world
-from archerfish2.task import Task, TaskCell
+from archerfish2.task import Task, TaskCell, TaskLike
 
 USUAL = ("kalman", "kalman-lq", "oracle")
 """Who shoots if nobody is named."""
@@ -25,8 +24,8 @@ USUAL = ("kalman", "kalman-lq", "oracle")
 
 def evaluate(
     controllers: ControllerLike | Iterable[ControllerLike] | Mapping[str, ControllerLike] = USUAL,
-    robot: Robot | str | Path | None = None,
-    task: Task | str | Path = "any",
+    robot: RobotLike = None,
+    task: TaskLike = "any",
     *,
     world: WorldLike | None = None,
     engagements: int = 500,

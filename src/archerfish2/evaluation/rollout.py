@@ -1,6 +1,5 @@
 """Every array of every decision of a few engagements: to look at, or to work on in a notebook."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,9 +15,9 @@ from archerfish2.evaluation.draws import check_counts, draw
 from archerfish2.evaluation.run import decisions
 from archerfish2.evaluation.tuning import settings
 from archerfish2.protocols import Command, Controller, Engagement, Seen, Shot, World
-from archerfish2.robot import Robot
+from archerfish2.robot import Robot, RobotLike
 from archerfish2.simulation.user_world import WorldLike, find_world
-from archerfish2.task import Task
+from archerfish2.task import Task, TaskLike
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -88,8 +87,8 @@ class Trajectory(NamedTuple):
 
 def rollout(
     controller: ControllerLike,
-    robot: Robot | str | Path | None = None,
-    task: Task | str | Path = "any",
+    robot: RobotLike = None,
+    task: TaskLike = "any",
     *,
     world: WorldLike | None = None,
     engagements: int = 16,

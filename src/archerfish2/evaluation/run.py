@@ -20,7 +20,7 @@ from archerfish2.protocols import Command, Controller, Engagement, Seen, Shot, W
 
 LARGEST = 2048
 """Engagements that run at once."""
-Progress = Callable[[int], None]
+Advance = Callable[[int], None]
 """Gets how many engagements are done."""
 
 
@@ -33,7 +33,7 @@ class Counted(NamedTuple):
 
 
 def count(
-    world: World, controller: Controller, engagement: Engagement, normals: Array, progress: Progress = lambda _: None
+    world: World, controller: Controller, engagement: Engagement, normals: Array, progress: Advance = lambda _: None
 ) -> Counted:
     """Let a controller shoot and return which decisions fired and which hit.
 

@@ -9,7 +9,6 @@ been tried, and none is at an edge of what was.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 from archerfish2.controllers.registry import make_controller
@@ -19,9 +18,9 @@ from archerfish2.evaluation.contenders import Contender
 from archerfish2.evaluation.draws import draw
 from archerfish2.evaluation.run import count
 from archerfish2.reports import progress
-from archerfish2.robot import Robot
+from archerfish2.robot import Robot, RobotLike
 from archerfish2.simulation.world import make_world
-from archerfish2.task import Task
+from archerfish2.task import Task, TaskLike
 
 BUDGET = 60
 """Settings that are tried at most, per controller."""
@@ -47,7 +46,7 @@ class Tuned(NamedTuple):
     """Settings tried and their hit rates, in their order."""
 
 
-def tune(controller: str, robot: Robot | str | Path | None = None, task: Task | str | Path = "any") -> Tuning:
+def tune(controller: str, robot: RobotLike = None, task: TaskLike = "any") -> Tuning:
     """Return the settings of a controller for a robot and a task: those that are kept, else searched for and kept.
 
     They are kept in the robot's folder, tuning.json; those of a robot without folder in the user's cache, and those of

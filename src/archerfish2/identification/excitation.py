@@ -29,7 +29,7 @@ from archerfish2.reports.report import Report, Reported
 from archerfish2.reports.style import Figure, new_figure, plot_style
 from archerfish2.reports.table import Entry, Table
 
-Kind = Literal["sweep", "multisine", "prbs", "step"]
+ExcitationKind = Literal["sweep", "multisine", "prbs", "step"]
 Positive = Annotated[float, Meta(gt=0.0, le=1000.0)]
 _LEVELS = (1.0, 0.0, -1.0, 0.0), (-0.7, 0.0, 0.5, 0.0)  # of the steps, and of those held back, in their size
 ENCODER_NOISE = 2 * math.pi / 8192 / math.sqrt(12)
@@ -83,7 +83,7 @@ def demand(signal: Array, period_s: float) -> Array:
 
 
 def plan_command(
-    kind: Kind, limits: AxisLimits, settings: ExcitationSettings, period_s: float, held_back: bool = False
+    kind: ExcitationKind, limits: AxisLimits, settings: ExcitationSettings, period_s: float, held_back: bool = False
 ) -> Array:
     """Return a command from rest to rest [rad], shape (N,).
 
@@ -121,7 +121,7 @@ def _steps(settings: ExcitationSettings, budget: Array, period_s: float, levels:
     return _slewed(signal, math.ceil(half_s / period_s)) if settings.slew_steps else signal
 
 
-def _signal(kind: Kind, settings: ExcitationSettings, budget: Array, period_s: float) -> Array:
+def _signal(kind: ExcitationKind, settings: ExcitationSettings, budget: Array, period_s: float) -> Array:
     """Return a sweep, multisine or PRBS."""
     low_hz, high_hz = settings.low_hz, settings.high_hz or min(50.0, 0.4 / period_s)
     least_s, most_hz = settings.period_s if kind != "sweep" else 1 / low_hz, 0.5 / period_s
@@ -263,7 +263,7 @@ def excite(
     axis: Literal["pitch", "yaw"],
     limits: AxisLimits | None = None,
     *,
-    kinds: Sequence[Kind] = ("sweep", "step"),
+    kinds: Sequence[ExcitationKind] = ("sweep", "step"),
     validation: bool = True,
     plant: PlantRecord | None = None,
     noise_sd: float = ENCODER_NOISE,

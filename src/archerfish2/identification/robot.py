@@ -1,5 +1,7 @@
 """A robot from its logs: a folder in, every part that it has logs of identified, the rest assumed and named."""
 
+import contextlib
+import itertools
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
@@ -17,7 +19,6 @@ from archerfish2.identification import robot_files
 from archerfish2.identification.axis.identify import AxisResult, identify_axis
 from archerfish2.identification.muzzle.estimate import expected_vertical, measured_vertical
 from archerfish2.identification.muzzle.identify import identify_muzzle
-from archerfish2.identification.result import Result
 from archerfish2.identification.robot_files import AXES, LogFolder
 from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.identification.simulation import free_run, simulate
@@ -28,7 +29,7 @@ from archerfish2.logs.stamps import resampled
 from archerfish2.records.json_files import plain, write_json
 from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.progress import bar
-from archerfish2.reports.report import Report, Reported
+from archerfish2.reports.report import Report, Reported, Result
 from archerfish2.reports.style import Figure, new_figure, plot_style
 from archerfish2.reports.table import Entry, Table
 from archerfish2.robot import RECORDS, Part, PartVerdict, Robot, axis_fault
@@ -78,6 +79,7 @@ def identify_robot(
     """Identify everything of a robot that a folder has logs of; what it has none of is the paper's, and is named.
 
     A part whose logs can't be used is assumed, too, with a verdict that says why; the others are identified.
+    They are written even if a part ends with an error that its logs can't explain, which is raised afterwards.
 
     Args:
       folder: of the logs, with the names that docs2/your_robot.md lists, or a logs.toml that says which is which.
@@ -91,31 +93,46 @@ def identify_robot(
     """
     folder = Path(folder)
     name = (name or Path(out or folder).resolve().name or "robot")[:100]
-    if out is None:
-        return _identified(folder, name, seed)
-    if folder.resolve() in (Path(out).resolve(), *Path(out).resolve().parents):
-        raise file_error(out, "is the folder of the logs, which are only read", "choose another folder for the robot")
-    facts, names = {"logs": str(folder), "name": name, "seed": seed}, ("robot.json", "robot.html")
-    with storage.output_folder(Path(out), "identify", folder.glob("*"), overwrite, facts, names) as written:
-        found = _identified(folder, name, seed)
-        found.save(written)
+    output: contextlib.AbstractContextManager[Path | None] = contextlib.nullcontext()
+    if out is not None:
+        if folder.resolve() in (Path(out).resolve(), *Path(out).resolve().parents):
+            raise file_error(out, "is the folder of the logs, which are only read", "choose another one for the robot")
+        facts, names = {"logs": str(folder), "name": name, "seed": seed}, ("robot.json", "robot.html")
+        output = storage.output_folder(Path(out), "identify", folder.glob("*"), overwrite, facts, names)
+    with output as written:
+        found, faults = _identified(folder, name, seed)
+        if written is not None:
+            found.save(written)
+    if faults:
+        raise faults[0]
     return found
 
 
-def _identified(folder: Path, name: str, seed: int) -> RobotResult:
+def _identified(folder: Path, name: str, seed: int) -> tuple[RobotResult, list[Exception]]:
+    """Identify a robot; also return the errors that are none of the logs, with their tracebacks."""
     settings = robot_files.read_folder(folder)
     logs = robot_files.logs_of_parts(folder, settings)
     if not logs:
         raise robot_files.not_understood(folder)
-    found, reports = dict[Part, Result](), dict[Part, Report]()
+    found = dict[Part, Result]()
+    reports = dict[Part, Report]()
+    faults = list[Exception]()
     with bar("identifying", len(logs), "parts") as advance:
         for part, paths in logs.items():
             advance(len(reports), part)
             try:
                 result = _identified_part(part, paths, folder, settings, seed)
-                reports[part], found[part] = _judged(result, settings), result
+                reports[part] = _judged(result, settings)
+                found[part] = result
             except InputError as error:
                 reports[part] = _failed(part, error)
+            except Exception as error:  # a fault of the program: it is raised when the other parts are written
+                error.add_note(f"while the {part} was identified")
+                faults.append(error)
+                problem = InputError(f"archerfish failed with {error!r}; report this with its logs")
+                reports[part] = _failed(part, problem)
+    if faults and not found:
+        raise faults[0]
     if not found:
         raise InputError("; ".join(f"{part}: {report.reasons[0]}" for part, report in reports.items()))
     records = {part: result.record for part, result in found.items()}
@@ -127,16 +144,21 @@ def _identified(folder: Path, name: str, seed: int) -> RobotResult:
     verdicts = {part: _verdict(part, report) for part, report in reports.items()}
     robot = Robot.paper().replace(name=name, assumed=assumed, parts=verdicts, **records)
 
-    axes = [result for result in found.values() if isinstance(result, AxisResult)]
     tables, unread, compared = _compare_unfitted(folder, settings, robot)
-    used = [path for paths in logs.values() for path in paths]
-    findings = [finding for axis in axes for finding in robot_files.far_commands(axis, records.get("limits"))]
-    findings += [*unread, *robot_files.unused(folder, settings, [*used, *compared])]
-    not_validated = [axis.part for axis in axes if not any(log.held_back for log in axis.fits)]
-    remarks = [f"none held back: {', '.join(not_validated)}"] if not_validated else []
-    no_length = ["length of the muzzle (0 m)"] if "muzzle" in found and settings.muzzle.length_m is None else []
-    remarks += [f"assumed: {', '.join([*assumed, *no_length])}"] if assumed or no_length else []
-    return RobotResult(robot, found, reports, _report(robot, reports, remarks, tables, findings))
+    findings, not_validated = list[Finding](), list[str]()
+    for result in found.values():
+        if isinstance(result, AxisResult):
+            findings += robot_files.far_commands(result, records.get("limits"))
+            if not any(log.held_back for log in result.fits):
+                not_validated.append(result.part)
+    used = itertools.chain(compared, *logs.values())
+    findings += [*unread, *robot_files.unused(folder, settings, list(used))]
+    unknown: list[str] = [*assumed]
+    if "muzzle" in found and settings.muzzle.length_m is None:
+        unknown.append("length of the muzzle (0 m)")
+    named = {"none held back": not_validated, "assumed": unknown}
+    remarks = [f"{remark}: {', '.join(parts)}" for remark, parts in named.items() if parts]
+    return RobotResult(robot, found, reports, _report(robot, reports, remarks, tables, findings)), faults
 
 
 def _identified_part(part: Part, logs: list[Path], folder: Path, settings: LogFolder, seed: int) -> Result:
@@ -146,10 +168,6 @@ def _identified_part(part: Part, logs: list[Path], folder: Path, settings: LogFo
         return identify_muzzle(logs, length_m=length_m, height_m=height_m, seed=seed)
     if part == "sensing":
         timing = {log.stem.lower().removeprefix("timing_"): log for log in logs}
-        for name, other in (("target", "moments"), ("moments", "target")):
-            if name in timing and other not in timing:
-                remedy = f"record timing_{other}.csv, too, or take timing_{name}.csv out"
-                raise file_error(timing[name], f"is there without timing_{other}.csv", remedy)
         arguments: dict[str, Any] = {_ARGUMENTS.get(name, name): path for name, path in timing.items()}
         arguments["steps"] = [timing["steps"]] if "steps" in timing else []
         return identify_sensing(**arguments, **asdict(settings.sensing), seed=seed)
@@ -226,7 +244,7 @@ def _report(
         next_steps=tuple(steps),
         tables=(Table("Parts", ("part", "verdict"), tuple(rows), pages), *tables),
         figures=(("Angles after a step of the command.", partial(_step_responses, robot)),),
-        findings=_merged([*findings, *(each for report in reports.values() for each in report.findings)]),
+        findings=_merged(itertools.chain(findings, *(report.findings for report in reports.values()))),
     )
 
 
@@ -235,8 +253,9 @@ def _corrected_first(robot: Robot) -> Iterator[str]:
     if "muzzle" in robot.parts and "muzzle" not in robot.assumed:
         up, left = robot.muzzle.pitch_offset, robot.muzzle.yaw_offset
         for offset, side in ((up, "above" if up > 0 else "below"), (left, "left of" if left > 0 else "right of")):
-            angle, length = abs(np.degrees(offset)), 100 * _PLATE_M * abs(offset)
-            yield f"muzzle: pellets leave {angle:.2f}° {side} the barrel, {length:.1f} cm at {_PLATE_M:g} m."
+            angle_deg = abs(np.degrees(offset))
+            length_cm = 100 * _PLATE_M * abs(offset)
+            yield f"muzzle: pellets leave {angle_deg:.2f}° {side} the barrel, {length_cm:.1f} cm at {_PLATE_M:g} m."
     if "sensing" in robot.parts and robot.sensing:
         offset_ms = 1e3 * robot.sensing.camera.time_offset
         yield f"sensing: a frame is exposed {offset_ms:.4g} ms after its stamp, by the clock of the gimbal's log."
@@ -276,7 +295,8 @@ def _compare_unfitted(folder: Path, settings: LogFolder, robot: Robot) -> tuple[
     Returns:
       Tables, findings of logs that can't be read, and the logs; of parts that are not usable none.
     """
-    tables, findings, used, rows = list[Table](), list[Finding](), list[Path](), list[tuple[str, int, float]]()
+    tables, findings, used = list[Table](), list[Finding](), list[Path]()
+    rows = list[tuple[str, int, float]]()
     for name, path in robot_files.logs_there(folder).items():
         match = re.fullmatch(r"(pitch|yaw)_step_([1-9]\d*)deg\.csv|landings\.csv", name)
         part: Any = match and (match[1] or "muzzle")
@@ -307,11 +327,14 @@ def _compare_unfitted(folder: Path, settings: LogFolder, robot: Robot) -> tuple[
 
 def _landing_errors(path: Path, robot: Robot) -> Table:
     """Compare the mean landing distance of each setting with that of pellets of mean speed."""
-    shots, rows = replace(read_shots(path), speed=None), list[tuple[Entry, ...]]()
-    (number, names), expected = shots.settings(), expected_vertical(shots, asdict(robot.muzzle))
+    shots = replace(read_shots(path), speed=None)
+    expected = expected_vertical(shots, asdict(robot.muzzle))
+    number, names = shots.settings()
+    rows = list[tuple[Entry, ...]]()
     for setting in range(len(names)):
         here = number == setting
-        measured, predicted = sample_mean(measured_vertical(shots)[here], ""), float(expected[here].mean())
+        measured = sample_mean(measured_vertical(shots)[here], "")
+        predicted = float(expected[here].mean())
         pitch = f"{np.degrees(shots.pitch[here].mean()):.2f}°"
         rows.append((pitch, int(here.sum()), measured, predicted, 100 * (predicted / measured.value - 1)))
     columns = ("pitch", "shots", "measured [m]", "predicted [m]", "error [%]")

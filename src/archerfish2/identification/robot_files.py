@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -14,7 +14,7 @@ from msgspec import Meta
 from archerfish2.errors import InputError, file_error
 from archerfish2.identification.axis.identify import AxisResult
 from archerfish2.logs.log import read_log, signals_in
-from archerfish2.logs.recording import Finding, Log, listed
+from archerfish2.logs.recording import BAGS, Finding, Log, Recording, listed
 from archerfish2.logs.timing import Frame
 from archerfish2.records.json_files import read_json, to_struct
 from archerfish2.records.limits import AxisLimits, LimitsRecord
@@ -27,12 +27,11 @@ EXPECTED = "{pitch,yaw}_{sweep,step}[_validation].csv, {pitch,yaw}_step_{N}deg.c
 _TIMING = [f"timing_{name}.csv" for name in ("sweep", "plate", "steps", "target", "moments", "commands", "reports")]
 """Logs of camera and link."""
 _USUAL = re.compile(r"(pitch|yaw)_step_[1-9]\d*deg\.csv|landings\.csv")
-BAGS = (".bag", ".db3", ".mcap")
-LOGS = (".csv", ".txt", ".tsv", ".npz", ".mat", *BAGS)
+LOGS = (".csv", ".txt", ".tsv", ".npz", ".mat", *BAGS.values())
 """Endings of files that somebody means to be read."""
 Unit = Literal["rad", "deg"]
-Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
-Both = Positive | Annotated[tuple[Positive, ...], Meta(min_length=2, max_length=2)]
+_Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
+Both = _Positive | Annotated[tuple[_Positive, ...], Meta(min_length=2, max_length=2)]
 """One figure for both axes, or [pitch, yaw]; a tuple of fixed length beside a number crashes msgspec 0.22."""
 _FIGURES = "pitch_deg = [-25, 10], yaw_deg = [-75, 75], max_rate_deg_s = 690, max_acceleration_deg_s2 = 3400"
 _BEYOND = 0.1  # of the range between two limits, up to which commands may be beyond them
@@ -67,9 +66,9 @@ class MuzzleFiles(Struct, frozen=True, kw_only=True):
 
     shots: tuple[str, ...] = ()
     """Files of shots; shots.csv if not given."""
-    length_m: Positive | None = None
+    length_m: _Positive | None = None
     """From the pivot to the muzzle [m]; that of tape.json if not given."""
-    height_m: Positive | None = None
+    height_m: _Positive | None = None
     """Of the muzzle above the ground with the barrel level [m]; that of tape.json if not given."""
 
 
@@ -82,7 +81,7 @@ class SensingFiles(Struct, frozen=True, kw_only=True):
     """Whether angles are in degrees."""
     gimbal_clock: Literal["receipt", "own"] = "receipt"
     """Who stamped the gimbal's logs."""
-    max_offset_s: Positive | None = None
+    max_offset_s: _Positive | None = None
     """Largest time offset that is searched [s]."""
 
 
@@ -106,9 +105,13 @@ class LimitsFigures(Struct, frozen=True, kw_only=True):
 
     def record(self) -> LimitsRecord:
         """Return the limits in radians."""
-        rows: Any = (*zip(self.pitch_deg, self.yaw_deg, strict=True), self.max_rate_deg_s, self.max_acceleration_deg_s2)
-        by_axis = np.radians([np.broadcast_to(each, 2) for each in rows]).T.tolist()
-        pitch, yaw = (AxisLimits(**dict(zip(AxisLimits.__struct_fields__, each, strict=True))) for each in by_axis)
+        rates = np.radians(np.broadcast_to(self.max_rate_deg_s, 2)).tolist()
+        accelerations = np.radians(np.broadcast_to(self.max_acceleration_deg_s2, 2)).tolist()
+        limits = list[AxisLimits]()
+        for travel, rate, acceleration in zip((self.pitch_deg, self.yaw_deg), rates, accelerations, strict=True):
+            low, high = np.radians(travel).tolist()
+            limits.append(AxisLimits(low=low, high=high, max_rate=rate, max_acceleration=acceleration))
+        pitch, yaw = limits
         return LimitsRecord(pitch=pitch, yaw=yaw, source="logs.toml")
 
 
@@ -134,9 +137,9 @@ class LogFolder(Struct, frozen=True, kw_only=True):
 class Lengths(Struct, frozen=True, kw_only=True):
     """Content of tape.json: measured lengths."""
 
-    muzzle_length_m: Positive | None = None
+    muzzle_length_m: _Positive | None = None
     """From the pivot to the muzzle [m]."""
-    muzzle_height_m: Positive | None = None
+    muzzle_height_m: _Positive | None = None
     """Of the muzzle above the ground with the barrel level [m]."""
 
 
@@ -148,7 +151,7 @@ def read_folder(folder: Path) -> LogFolder:
     """
     if not folder.is_dir():
         raise file_error(folder, "there is no such folder", "name the folder of the logs")
-    path, lengths = folder / "logs.toml", folder / "tape.json"
+    path = folder / "logs.toml"
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     except (OSError, ValueError) as error:
@@ -156,11 +159,14 @@ def read_folder(folder: Path) -> LogFolder:
     keys = [", ".join(kind.__struct_fields__) for kind in (AxisFiles, MuzzleFiles, SensingFiles, LimitsFigures)]
     remedy = "correct it; [pitch] and [yaw] may have {}, [muzzle] {}, [sensing] {}, [limits] {}".format(*keys)
     settings = to_struct(content, path, LogFolder, None, remedy)
-    if not lengths.exists():
+    path = folder / "tape.json"
+    if not path.exists():
         return settings
     remedy = f"correct it; it may have {', '.join(Lengths.__struct_fields__)}"
-    measured, muzzle = to_struct(read_json(lengths), lengths, Lengths, None, remedy), settings.muzzle
-    length_m, height_m = muzzle.length_m or measured.muzzle_length_m, muzzle.height_m or measured.muzzle_height_m
+    tape = to_struct(read_json(path), path, Lengths, None, remedy)
+    muzzle = settings.muzzle
+    length_m = muzzle.length_m or tape.muzzle_length_m
+    height_m = muzzle.height_m or tape.muzzle_height_m
     return settings.replace(muzzle=muzzle.replace(length_m=length_m, height_m=height_m))
 
 
@@ -189,7 +195,7 @@ def not_understood(folder: Path) -> InputError:
     for path in paths:
         with suppress(InputError):
             signals = signals_in(path)
-            keys = ["input", "output"] if path.suffix in BAGS else ["time", "input", "output"]
+            keys = ["input", "output"] if path.suffix in BAGS.values() else ["time", "input", "output"]
             fields = [f'fit = ["{path.name}"]']
             fields += [f'{key} = "{signal}"' for key, signal in zip(keys, signals, strict=False)]
             remedy += f", or say which is which in logs.toml, for instance: yaw = {{{', '.join(fields)}}}"
@@ -205,13 +211,14 @@ def unused(folder: Path, settings: LogFolder, used: Sequence[Path]) -> list[Find
       settings: of logs.toml.
       used: logs that are used.
     """
-    findings, taken = list[Finding](), {path.resolve() for path in used}
-    # Logs by the usual names of parts that are absent or not usable need no other name.
-    left = [
-        path for name, path in logs_there(folder).items() if path.resolve() not in taken and not _USUAL.fullmatch(name)
-    ]
+    findings, left = list[Finding](), list[str]()
+    taken = {path.resolve() for path in used}
+    for name, path in logs_there(folder).items():
+        # Logs by the usual names of parts that are absent or not usable need no other name.
+        if path.resolve() not in taken and not _USUAL.fullmatch(name):
+            left.append(path.name)
     if left:
-        message = f"not used: {listed(path.name for path in left)}"
+        message = f"not used: {listed(left)}"
         remedy = f"rename them, or name them in logs.toml; expected names are {EXPECTED}"
         findings.append(Finding("unused", "warning", str(folder), message, remedy))
     if settings.limits and (folder / "limits.json").exists():
@@ -222,7 +229,7 @@ def unused(folder: Path, settings: LogFolder, used: Sequence[Path]) -> list[Find
 
 def logs_there(folder: Path) -> dict[str, Path]:
     """Return the logs in a folder by their names in lower case."""
-    return {each.name.lower(): each for each in sorted(folder.iterdir()) if each.suffix.lower() in LOGS}
+    return {path.name.lower(): path for path in sorted(folder.iterdir()) if path.suffix.lower() in LOGS}
 
 
 def logs_of_parts(folder: Path, settings: LogFolder) -> dict[Part, list[Path]]:
@@ -234,9 +241,12 @@ def logs_of_parts(folder: Path, settings: LogFolder) -> dict[Part, list[Path]]:
             logs[axis] = [*fitted, *held_back]
     if shots := _files_there(folder, settings.muzzle.shots, "shots.csv"):
         logs["muzzle"] = shots
-    timing = _files_there(folder, (), *_TIMING)
-    if {"timing_sweep.csv", "timing_plate.csv"} <= {path.name.lower() for path in timing}:
-        logs["sensing"] = timing
+    timing = {path.name.lower(): path for path in _files_there(folder, (), *_TIMING)}
+    target = {"timing_target.csv", "timing_moments.csv"}
+    if not target <= timing.keys():  # neither says anything without the other
+        timing = {name: path for name, path in timing.items() if name not in target}
+    if {"timing_sweep.csv", "timing_plate.csv"} <= timing.keys():
+        logs["sensing"] = list(timing.values())
     return logs
 
 
@@ -273,10 +283,12 @@ def read_axis(path: Path, files: AxisFiles) -> Log:
     """
     log = read_log(path, inputs=files.input.removeprefix("-"), outputs=files.output.removeprefix("-"), time=files.time)
     input_unit, output_unit = units_of(files)
-    scale_u, scale_y = _scale(files.input, input_unit), _scale(files.output, output_unit)
-    recordings = [
-        replace(part, inputs=scale_u * part.inputs, outputs=scale_y * part.outputs) for part in log.recordings
-    ]
+    scale_u = _scale(files.input, input_unit)
+    scale_y = _scale(files.output, output_unit)
+    recordings = list[Recording]()
+    for recording in log.recordings:
+        inputs, outputs = scale_u * recording.inputs, scale_y * recording.outputs
+        recordings.append(replace(recording, inputs=inputs, outputs=outputs))
     return replace(log, recordings=tuple(recordings))
 
 

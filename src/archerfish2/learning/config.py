@@ -1,11 +1,13 @@
 """Settings of a training; the one place of their defaults, which follow robot and task."""
 
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
-from msgspec import Meta
+from msgspec import Meta, structs
 
-from archerfish2.controllers.observation import FRAMES
+from archerfish2.controllers.policy.observation import FRAMES
 from archerfish2.errors import InputError
+from archerfish2.plugins import name_of
 from archerfish2.records.record import Struct
 from archerfish2.robot import Robot
 from archerfish2.task import DRAWN, Task
@@ -125,6 +127,11 @@ class PpoConfig(_Sized, frozen=True, kw_only=True):
     log_std_floor: LogStd = -4.0
     """It never falls below this."""
 
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Neurons of each hidden layer."""
+        return (self.hidden,)
+
     def __post_init__(self) -> None:
         super().__post_init__()
         self._check(self.shards, self.environments, "environments")
@@ -140,7 +147,7 @@ class TrainConfig(Struct, frozen=True, kw_only=True):
     trainer: Literal["gradient", "ppo"] | None = None
     """Analytic policy gradient, or PPO as the paper has it."""
     observation: str | tuple[str, ...] | None = None
-    """A kind of observation (`controllers.blocks.KINDS`), then blocks of a user's own."""
+    """A kind of observation (`controllers.policy.blocks.OBSERVATIONS`), then blocks of a user's own."""
     frames: Annotated[int, Meta(ge=2, le=64)] = FRAMES
     """Decisions that an observation remembers."""
     reward: str = "auto"
@@ -153,6 +160,27 @@ class TrainConfig(Struct, frozen=True, kw_only=True):
     """Of PPO."""
     checkpoint_every_s: Annotated[float, Meta(ge=0.0, le=1e6)] = 30.0
     """At most so much is lost when the process is killed [s]."""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.observation, tuple | list):  # blocks may be functions
+            names = [name_of(block, "block") for block in self.observation]
+            structs.force_setattr(self, "observation", tuple(names))
+        if callable(self.reward):
+            structs.force_setattr(self, "reward", name_of(self.reward, "reward"))
+        super().__post_init__()
+
+    @classmethod
+    def of(cls, config: "ConfigLike" = None) -> "TrainConfig":
+        """Return settings as `train` and `make_environment` take them.
+
+        Raises:
+          InputError: if they are neither settings nor a dictionary of fields, or a field is wrong.
+        """
+        if config is None or isinstance(config, Mapping):
+            return cls(**config or {})
+        if not isinstance(config, cls):
+            raise InputError(f"config: expected a TrainConfig or a dictionary, got a {type(config).__name__}; give one")
+        return config
 
     @property
     def settings(self) -> Any:
@@ -190,3 +218,7 @@ class TrainConfig(Struct, frozen=True, kw_only=True):
             counted = "hit" if made.kind in ("tracked", "multimodel") else "eq-8"
             made = made.replace(reward=smooth if made.trainer == "gradient" else counted)
         return made.replace(gradient=gradient, ppo=ppo)
+
+
+ConfigLike = TrainConfig | Mapping[str, Any] | None
+"""Settings as `train` takes them; see `TrainConfig.of`."""

@@ -16,30 +16,14 @@ import jax.numpy as jnp
 import optax
 from jax import Array
 
-from archerfish2.controllers.network import normalise
+from archerfish2.controllers.policy.network import normalise
 from archerfish2.learning import learner as learners
-from archerfish2.learning.config import GradientConfig
+from archerfish2.learning.environment import Environment
 from archerfish2.learning.learner import Actor, Learner, Metrics, Trainer, adam_step, magnitude, updated
 from archerfish2.learning.shards import averaged, own_key
-from archerfish2.simulation.environment import Environment
 
-LAST_RATE = 0.05
+LEAST_RATE = 0.05
 """Share of the learning rate that annealing leaves: less than PPO's, for the last milliradians need small steps."""
-
-
-def _begin(environment: Environment, config: GradientConfig, key: Array) -> Learner:
-    """Begin a training, without a critic, of an actor that always acts as its mean."""
-    learner: Learner = learners.begin_learner(environment, key, jnp.zeros(0), config.environments, config.widths, False)
-    return learner
-
-
-def _advance(environment: Environment, config: GradientConfig, learner: Learner, count: int) -> tuple[Learner, Metrics]:
-    """Run iterations; see `learner.iterate`."""
-    names = ("learning_rate", "gradient_norm", "engagement_norm")
-    settings = {name: jnp.float32(getattr(config, name)) for name in names}
-    settings["anneal_over"] = jnp.float32(config.iterations if config.anneal else 1e9)
-    sizes = tuple((name, getattr(config, name)) for name in ("environments", "window", "shards"))
-    return learners.iterate(_iteration, environment, settings, learner, sizes, count)  # type: ignore[no-any-return]
 
 
 def _iteration(
@@ -56,7 +40,7 @@ def _iteration(
     )
     gradient, mean_reward, hit_share = averaged((gradient, jnp.mean(rewards), jnp.mean(hits)))
     norm = optax.tree.norm(gradient)
-    rate = settings["learning_rate"] * jnp.maximum(1.0 - learner.iteration / settings["anneal_over"], LAST_RATE)
+    rate = settings["learning_rate"] * jnp.maximum(1.0 - learner.iteration / settings["anneal_over"], LEAST_RATE)
     actor, moments = adam_step(learner.actor, gradient, learner.moments[0], rate, settings["gradient_norm"])
     after = learner._replace(
         actor=actor,
@@ -73,7 +57,12 @@ def _iteration(
     return after, {"mean_reward": mean_reward, "hit_share": hit_share, "gradient_norm": norm}, watched
 
 
-GRADIENT = Trainer(_begin, _advance)
+GRADIENT = Trainer(
+    _iteration,
+    scalars=("learning_rate", "gradient_norm", "engagement_norm"),
+    sizes=("environments", "window", "shards"),
+    draws=False,
+)
 """The analytic policy gradient."""
 
 

@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import optax
 from jax import Array
 
-from archerfish2.controllers.network import Layer, Normaliser, forward
+from archerfish2.controllers.policy.network import Layer, Normaliser, forward
 from archerfish2.learning.config import MAX_LOG_STD
+from archerfish2.learning.environment import Environment
 from archerfish2.learning.shards import AXIS, averaged, largest, over_shards
-from archerfish2.simulation.environment import Environment
 
 ADAM = optax.scale_by_adam(eps=1e-5)
 """Scales gradients to steps; the learning rates come after it, so that they may change without compiling again."""
@@ -54,13 +54,6 @@ class Learner(NamedTuple):
     iteration: Array  # iterations done, ()
 
 
-class Trainer(NamedTuple):
-    """A way of training."""
-
-    begin: Callable[[Environment, Any, Array], Learner]  # (environment, settings, PRNG key) →
-    advance: Callable[[Environment, Any, Learner, int], tuple[Learner, Metrics]]  # runs iterations; see `iterate`
-
-
 SPLIT = Learner(**{name: name in ("environment", "observation") for name in Learner._fields})  # type: ignore[arg-type]
 """What each shard has a part of."""
 
@@ -97,6 +90,34 @@ def _orthogonal(key: Array, widths: tuple[int, ...], last_gain: float) -> tuple[
         Layer(jax.nn.initializers.orthogonal(gain)(each, shape, jnp.float32), jnp.zeros(shape[1]))
         for each, shape, gain in zip(keys, itertools.pairwise(widths), gains, strict=True)
     )
+
+
+class Trainer(NamedTuple):
+    """A way of training, by what it does in an iteration and the names of the settings that it needs."""
+
+    iteration: Callable[..., tuple[Learner, Metrics, Metrics]]  # as of `iterate`
+    scalars: tuple[str, ...]  # settings that are arguments of the compiled program
+    sizes: tuple[str, ...]  # whole numbers, for which a program is compiled
+    draws: bool  # whether actions are drawn, and a critic judges them; else they are the mean
+
+    def begin(self, environment: Environment, config: Any, key: Array) -> Learner:
+        """Begin a training.
+
+        Args:
+          environment: where.
+          config: settings of the trainer.
+          key: PRNG key, shape (); is consumed.
+        """
+        log_std = jnp.full(2, jnp.float32(config.log_std)) if self.draws else jnp.zeros(0)
+        begun: Learner = begin_learner(environment, key, log_std, config.environments, config.widths, self.draws)
+        return begun
+
+    def advance(self, environment: Environment, config: Any, learner: Learner, count: int) -> tuple[Learner, Metrics]:
+        """Run iterations; see `iterate`."""
+        settings = {name: jnp.float32(getattr(config, name)) for name in self.scalars}
+        settings["anneal_over"] = jnp.float32(config.iterations if config.anneal else 1e9)
+        sizes = tuple((name, getattr(config, name)) for name in self.sizes)
+        return iterate(self.iteration, environment, settings, learner, sizes, count)  # type: ignore[no-any-return]
 
 
 def fresh_engagements(environment: Environment, key: Array, batch: int) -> Any:

@@ -13,18 +13,16 @@ import optax
 from jax import Array
 
 from archerfish2.arrays import lift
-from archerfish2.controllers.network import Layer, forward, normalise
+from archerfish2.controllers.policy.network import Layer, forward, normalise
 from archerfish2.learning import learner as learners
-from archerfish2.learning.config import PpoConfig
+from archerfish2.learning.environment import Environment
 from archerfish2.learning.learner import Actor, Learner, Metrics, Trainer, adam_step, magnitude, updated
 from archerfish2.learning.shards import averaged, own_key
-from archerfish2.simulation.environment import Environment
 
 LAST_RATE = 0.1
 """Share of the learning rates that annealing leaves."""
 _ADVANTAGE = -2
 """Its column in a table of decisions."""
-_SIZES = ("environments", "rollout", "minibatches", "epochs", "shards")
 _SETTINGS = ("actor_learning_rate", "critic_learning_rate", "clip", "discount", "trace", "entropy", "gradient_norm",
              "log_std_floor")  # fmt: skip
 
@@ -42,21 +40,6 @@ class Batch(NamedTuple):
     log_probability: Array  # of the action when it was drawn, (B,)
     advantage: Array  # A of eq (9), normalised, (B,)
     target: Array  # what the critic should have returned, (B,)
-
-
-def _begin(environment: Environment, config: PpoConfig, key: Array) -> Learner:
-    """Begin a training."""
-    log_std = jnp.full(2, jnp.float32(config.log_std))
-    learner: Learner = learners.begin_learner(environment, key, log_std, config.environments, (config.hidden,), True)
-    return learner
-
-
-def _advance(environment: Environment, config: PpoConfig, learner: Learner, count: int) -> tuple[Learner, Metrics]:
-    """Run iterations; see `learner.iterate`."""
-    settings = {name: jnp.float32(getattr(config, name)) for name in _SETTINGS}
-    settings["anneal_over"] = jnp.float32(config.iterations if config.anneal else 1e9)
-    sizes = tuple((name, getattr(config, name)) for name in _SIZES)
-    return learners.iterate(_iteration, environment, settings, learner, sizes, count)  # type: ignore[no-any-return]
 
 
 def _iteration(
@@ -86,7 +69,7 @@ def _iteration(
     return after, metrics, watched
 
 
-PPO = Trainer(_begin, _advance)
+PPO = Trainer(_iteration, _SETTINGS, sizes=("environments", "rollout", "minibatches", "epochs", "shards"), draws=True)
 """Eqs (9) and (10)."""
 
 
@@ -114,12 +97,10 @@ def _rollout(
         return (state, step.observation), (inputs, normal, action, chosen, after, hit, magnitude(final))
 
     # Columns: to draw a few numbers in a row, many times, takes several times as long.
-    draws = (
-        jax.random.normal(keys[0], (sizes["rollout"], std.size, batch)),
-        jax.random.normal(keys[1], (sizes["rollout"], environment.normals, batch)),
-    )
+    of_action = jax.random.normal(keys[0], (sizes["rollout"], std.size, batch))
+    of_world = jax.random.normal(keys[1], (sizes["rollout"], environment.normals, batch))
     fresh = learners.fresh_engagements(environment, keys[2], batch)
-    (state, observation), played = jax.lax.scan(act, (learner.environment, learner.observation), draws)
+    (state, observation), played = jax.lax.scan(act, (learner.environment, learner.observation), (of_action, of_world))
     raw, normal, action, chosen, kept, hits, final = played
     rewards, values, *rest = kept
     gained = advantages(rewards, values, *rest, discount=settings["discount"], trace=settings["trace"])
@@ -129,10 +110,7 @@ def _rollout(
     normaliser = updated(learner.normaliser, raw)
     acted = learner._replace(environment=state, observation=observation, normaliser=normaliser)
     mean_reward, hit_share = averaged((jnp.mean(rewards), jnp.mean(jnp.float32(hits))))
-    watched = {
-        "observation": magnitude(raw, observation, state.hidden, final),
-        "action": magnitude(action),
-    }
+    watched = {"observation": magnitude(raw, observation, state.hidden, final), "action": magnitude(action)}
     watched["reward"] = magnitude(rewards)
     return acted, table.reshape(-1, table.shape[-1]), {"mean_reward": mean_reward, "hit_share": hit_share}, watched
 
@@ -218,13 +196,10 @@ def _update(settings: dict[str, Array], networks: Any, batch: Batch, rate: Array
     actor_gradient, critic_gradient, error, (mean, square), divergence, clipped = averaged(
         (actor_gradient, critic_gradient, error, moments, divergence, clipped)
     )
-    largest = settings["gradient_norm"]
-    actor, actor_moments = adam_step(
-        actor, actor_gradient, actor_moments, rate * settings["actor_learning_rate"], largest
-    )
-    critic, critic_moments = adam_step(
-        critic, critic_gradient, critic_moments, rate * settings["critic_learning_rate"], largest
-    )
+    largest, actor_rate = settings["gradient_norm"], rate * settings["actor_learning_rate"]
+    actor, actor_moments = adam_step(actor, actor_gradient, actor_moments, actor_rate, largest)
+    critic_rate = rate * settings["critic_learning_rate"]
+    critic, critic_moments = adam_step(critic, critic_gradient, critic_moments, critic_rate, largest)
     actor = actor._replace(log_std=jnp.maximum(actor.log_std, settings["log_std_floor"]))
     measured = {
         "value_error": 2.0 * error / (jnp.maximum(square - mean**2, 0.0) + 1e-8),

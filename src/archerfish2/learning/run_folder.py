@@ -77,21 +77,19 @@ class RunFolder:
 
     path: Path  # of the folder
     begun: Begun
-    rows: list[dict[str, Any]] = field(default_factory=list)  # of the log, one per iteration
-    logged: int = 0  # how many of them the file has
+    rows: list[dict[str, Any]] = field(default_factory=list)  # of the log, one per iteration; the training adds to them
 
-    def log(self, rows: list[dict[str, Any]]) -> None:
-        """Append iterations to the log."""
-        self.rows += rows
+    def log(self, new: list[dict[str, Any]]) -> None:
+        """Write further rows to the log."""
         with storage.writing(self.path / LOG), (self.path / LOG).open("a") as stream:
-            stream.writelines(json.dumps(row, allow_nan=False) + "\n" for row in rows)
+            stream.writelines(json.dumps(row, allow_nan=False) + "\n" for row in new)
 
     def save(self, learner: Any) -> None:
         """Write a checkpoint; the one before is kept."""
         with storage.writing(self.path):
             if (self.path / CHECKPOINT).exists():
                 (self.path / CHECKPOINT).replace(self.path / PREVIOUS)
-        storage.write_arrays(self.path / CHECKPOINT, {"iterations": len(self.rows)}, _arrays(learner))
+        storage.write_arrays(self.path / CHECKPOINT, {}, _arrays(learner))
 
     def restore(self, learner: Any) -> Any:
         """Return the learner of the latest checkpoint that is whole, and cut the log to it; the given one without any.
@@ -107,15 +105,14 @@ class RunFolder:
             if not path.exists():
                 continue
             try:
-                text, arrays = storage.read_arrays(path, REMEDY)
-                restored, count = _learner(path, arrays, learner), int(parse_json(text, path, REMEDY)["iterations"])
-            except (InputError, KeyError, TypeError, ValueError) as error:
-                faults.append(str(error) if isinstance(error, InputError) else f"{path}: has no number of iterations")
+                restored = _learner(path, storage.read_arrays(path, REMEDY)[1], learner)
+            except InputError as error:
+                faults.append(str(error))
                 continue
             if faults:
                 warnings.warn(f"{faults[0]}: continuing from the checkpoint before", stacklevel=2)
                 (self.path / CHECKPOINT).unlink()  # so that it never takes the place of the one before
-            self._cut(count)
+            self._cut(int(restored.iteration))
             self._compare_code()
             return restored
         if faults:
@@ -205,7 +202,7 @@ def resumed_run(path: Path) -> Iterator[RunFolder]:
     read_run(path)  # a folder that is refused gets no lock
     with storage.locked(path):
         if (path / POLICY).exists():
-            raise file_error(path, "has a finished training", "begin another one")
+            raise file_error(path, "has a finished training", "train again, for more steps (--steps, steps=…)")
         yield RunFolder(path, read_run(path))
 
 

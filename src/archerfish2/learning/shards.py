@@ -58,7 +58,7 @@ def placed(tree: Tree, count: int, split: Any) -> Tree:
     def put(is_split: bool, part: Any) -> Any:
         # What is split comes from NumPy: JAX would compile a program for each shape to split what is on a device.
         part = jax.tree.map(np.asarray, part) if is_split else part
-        return jax.device_put(part, NamedSharding(mesh, _place(is_split)))
+        return jax.device_put(part, NamedSharding(mesh, _partition(is_split)))
 
     there: Tree = jax.tree.map(put, split, tree)
     return there
@@ -68,7 +68,7 @@ def _mesh(count: int) -> Mesh:
     return Mesh(np.array(jax.devices()[:count]), (AXIS,))
 
 
-def _place(is_split: bool) -> Any:
+def _partition(is_split: bool) -> Any:
     place: Any = PartitionSpec
     return place(AXIS) if is_split else place()
 
@@ -85,7 +85,7 @@ def over_shards(function: Callable[..., Any], count: int, split: Any, given: Any
       given: the same of what it returns.
     """
     if _have_devices(count):
-        places, specs = (jax.tree.map(_place, each) for each in (split, given))
+        places, specs = (jax.tree.map(_partition, each) for each in (split, given))
         mapped: Callable[..., Any] = jax.shard_map(
             function, mesh=_mesh(count), in_specs=places, out_specs=specs, check_vma=False
         )

@@ -1,6 +1,6 @@
 """Many engagements side by side for Stable-Baselines3, whose vector environments are not Gymnasium's.
 
-Its package is no dependency: only importing this module needs it. Its models play in evaluations as `Player`.
+Its package is no dependency: only importing this module needs it. Its models play in evaluations as `player.Player`.
 """
 
 from collections.abc import Sequence
@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from archerfish2.controllers.observation import Memory, Observer
 from archerfish2.errors import InputError
 from archerfish2.learning.gymnasium import Floats, ShootingVectorEnv
-from archerfish2.protocols import Command, Seen, Truth
 from archerfish2.simulation.picture import Picture
 
 try:
@@ -75,30 +73,3 @@ class ShootingVecEnv(VecEnv):  # type: ignore[misc]  # its package may be missin
 
     def close(self) -> None:
         """Close nothing: there are no processes and no windows."""
-
-
-class Player:
-    """A controller from anything with `predict(observation, deterministic=True)`, for `evaluate` and `rollout`."""
-
-    compiled = False
-
-    def __init__(self, model: Any, observer: Observer, normalise: Any = None) -> None:
-        """Take a model.
-
-        Args:
-          model: of Stable-Baselines3.
-          observer: of the environment that it was trained in, `environment.observer`.
-          normalise: what was done to observations, as `VecNormalize.normalize_obs`; nothing if not given.
-        """
-        self.model, self.observer, self.normalise = model, observer, normalise or (lambda each: each)
-
-    def reset(self, seen: Seen, truth: Truth | None = None) -> Memory:  # noqa: ARG002
-        """Return the memory at the beginning of an engagement."""
-        return self.observer.begin(seen)
-
-    def step(self, state: Memory, seen: Seen) -> tuple[Memory, Command]:
-        """Decide."""
-        memory = self.observer.remember(state, seen)
-        view = self.observer.view(memory)
-        action, _ = self.model.predict(self.normalise(self.observer.observe(view)), deterministic=True)
-        return memory, self.observer.decode(view, np.asarray(action, np.float32))

@@ -4,8 +4,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,19 +13,23 @@ import numpy as np
 
 from archerfish2.arrays import map_arrays
 from archerfish2.compiled import import_jax
-from archerfish2.controllers.observation import observer_facts
-from archerfish2.controllers.policy import Policy, PolicyFacts
+from archerfish2.controllers.policy.observation import observer_facts
+from archerfish2.controllers.policy.observer import Observer
+from archerfish2.controllers.policy.policy import Policy, PolicyFacts
 from archerfish2.errors import InputError
-from archerfish2.learning.config import TrainConfig
-from archerfish2.learning.environments import make_environment
+from archerfish2.learning.config import ConfigLike, TrainConfig
+from archerfish2.learning.environment import make_environment
+from archerfish2.learning.reward import RewardFunction
 from archerfish2.learning.run_folder import Begun, RunFolder, new_run, resumed_run
-from archerfish2.plugins import Plugin, find_plugin, names_code
+from archerfish2.plugins import find_plugin, name_of, names_code
 from archerfish2.provenance import code_commit, library_versions
 from archerfish2.records.json_files import plain
 from archerfish2.reports import progress
-from archerfish2.robot import Robot
-from archerfish2.task import DRAWN, EQ_7, Task
+from archerfish2.robot import Robot, RobotLike
+from archerfish2.task import DRAWN, EQ_7, Task, TaskLike
 
+Callback = Callable[[dict[str, Any]], None]
+"""What a training calls after each iteration; see `train`."""
 CHUNK = 4
 """Iterations per compiled call; between calls there are checkpoints, and a training can be stopped."""
 _LOOK = "look at the robot's records and the motion, and at a reward and blocks of your own"
@@ -33,16 +37,16 @@ _REMEDIES = {"observation": _LOOK, "reward": _LOOK, "action": "lower the learnin
 
 
 def train(
-    robot: Robot | str | Path | None = None,
-    task: Task | str | Path = "any",
+    robot: RobotLike = None,
+    task: TaskLike = "any",
     *,
-    config: TrainConfig | None = None,
+    config: ConfigLike = None,
     trainer: Literal["gradient", "ppo"] | None = None,
-    seed: int | None = None,
+    seed: int = 0,
     steps: int | None = None,
     out: str | Path | None = None,
-    resume: str | Path | None = None,
-    reward: Any = None,
+    reward: str | RewardFunction | None = None,
+    callback: Callback | None = None,
 ) -> Policy:
     """Train a policy; the same seed gives the same weights, bit for bit, on the same machine and versions.
 
@@ -51,55 +55,80 @@ def train(
     Args:
       robot: a robot or its folder; the paper's if not given.
       task: a task, its name or its file.
-      config: settings; what it leaves open follows robot and task.
+      config: settings, also as a dictionary; what it leaves open follows robot and task.
       trainer: "gradient" or "ppo", in the place of the settings'.
-      seed: of everything random; 0 if not given.
+      seed: of everything random.
       steps: decisions to train for, in the place of the settings'.
       out: folder for the policy and everything about its training; nothing is written if not given.
-      resume: folder of an unfinished training to continue. Nothing else is given then, but code of a user's own again,
-        which only a file names: as task, as reward, and as `TrainConfig(observation=…)` in config.
       reward: "eq-8", "hit", "smooth-hit", or one of a user's own, a name as `find_plugin` takes it or the function.
+      callback: gets a dictionary for each iteration, which is its line in log.jsonl: "iteration", "decisions",
+        "mean_reward", "hit_share" and others. What it raises ends the training, after a checkpoint.
 
     Raises:
       InputError: if something can't be used, the folder is in use or has something else, or the training diverges.
     """
-    jax = import_jax()
-    from archerfish2.learning import shards
+    with import_jax().enable_x64(False):
+        from archerfish2.learning.shards import claim_devices
 
-    with jax.enable_x64(False), ExitStack() as stack:
-        folder = stack.enter_context(resumed_run(Path(resume))) if resume is not None else None
-        if folder is None:
-            begun = _begin(robot, task, with_given(config or TrainConfig(), trainer, steps, reward), seed)
-        else:
-            begun, others = folder.begun, {"robot": robot, "trainer": trainer, "seed": seed, "steps": steps, "out": out}
-            _check_given(folder, task, with_given(config or TrainConfig(), None, None, reward), others)
-        own, devices = _own(begun, reward), shards.claim_devices(begun.config.settings.shards)
-        code = {name: plugin.digest for name, plugin in own.items()}
-        if folder is None:
-            begun = begun.replace(devices=devices, code=code)
-        elif changed := [name for name, digest in code.items() if digest != begun.code[name] or not digest]:
+        begun = _begin(robot, task, with_given(TrainConfig.of(config), trainer, steps, reward), seed)
+        begun = begun.replace(devices=claim_devices(begun.config.settings.shards), code=_own_code(begun))
+        environment = make_environment(begun.robot, begun.task, begun.config)
+        with nullcontext() if out is None else new_run(Path(out), begun) as run:
+            return _run(environment, begun, run, callback or (lambda _: None))
+
+
+def resume(
+    folder: str | Path,
+    *,
+    task: TaskLike | None = None,
+    reward: str | RewardFunction | None = None,
+    blocks: Sequence[str | Callable[..., Any]] = (),
+    callback: Callback | None = None,
+) -> Policy:
+    """Continue the unfinished training of a folder with its own settings, to the weights of an unbroken one.
+
+    Code of a user's own is given again, as the training was begun: what only a file names is not run.
+
+    Args:
+      folder: of the training.
+      task: with a motion of a user's own, or the motion's name.
+      reward: of a user's own.
+      blocks: of the observation, that are a user's own.
+      callback: as of `train`.
+
+    Raises:
+      InputError: if there is no such training, it is finished, in use or damaged, code is missing, not its own or has
+        changed, or the training diverges.
+    """
+    given = {f"block {name_of(block, 'block')}" for block in blocks}
+    given |= {f"motion {Task.of(task).motion}"} if task is not None else set()
+    given |= {f"reward {name_of(reward, 'reward')}"} if reward is not None else set()
+    with import_jax().enable_x64(False), resumed_run(Path(folder)) as run:
+        from archerfish2.learning.shards import claim_devices
+
+        begun = run.begun
+        if missing := sorted(begun.code.keys() - given):
+            raise InputError(f"{folder}: has a {missing[0]} of your own; give it again, as the training was begun")
+        if ignored := sorted(given - begun.code.keys()):
+            what = f"has no {ignored[0]} of your own, and continues with its own settings"
+            raise InputError(f"{folder}: {what}; leave it out, or begin another training")
+        own = _own_code(begun)
+        if changed := [name for name, digest in own.items() if digest != begun.code[name] or not digest]:
             remedy = "put it back, or begin another training"
             raise InputError(f"{changed[0]} has changed since the training was begun, or has no source; {remedy}")
-        elif devices != begun.devices:
+        if (devices := claim_devices(begun.config.settings.shards)) != begun.devices:
             flag = f"XLA_FLAGS=--xla_force_host_platform_device_count={begun.devices}"
-            raise InputError(f"begun on {begun.devices} devices, got {devices}; in a new process set {flag}")
-        # The code whose digest that is.
-        given = own[f"reward {begun.config.reward}"].value if names_code(begun.config.reward) else None
-        environment = make_environment(begun.robot, begun.task, begun.config, given)
-        if out is not None:
-            folder = stack.enter_context(new_run(Path(out), begun))
-        learner, rows = _run(jax, environment, begun, folder)
-        policy = _policy(environment, learner, folder.begun if folder else begun, rows)
-        if folder is not None:
-            folder.finish(policy)
-    return policy
+            raise InputError(f"{folder}: begun on {begun.devices} devices, got {devices}; in a new process set {flag}")
+        environment = make_environment(begun.robot, begun.task, begun.config)
+        return _run(environment, begun, run, callback or (lambda _: None))
 
 
-def with_given(config: TrainConfig, trainer: Any, steps: int | None, reward: Any) -> TrainConfig:
+def with_given(
+    config: TrainConfig, trainer: Any, steps: int | None, reward: str | RewardFunction | None
+) -> TrainConfig:
     """Return settings with what is given beside them, as to `train`, in their place."""
     config = config.replace(trainer=trainer) if trainer else config
-    if reward is not None:
-        config = config.replace(reward=reward if isinstance(reward, str) else find_plugin(reward, "reward").spec)
+    config = config.replace(reward=reward) if reward is not None else config
     if steps is not None:
         _check_number("steps", steps, 1)
         config = config.replace(gradient=config.gradient.replace(steps=steps), ppo=config.ppo.replace(steps=steps))
@@ -111,14 +140,13 @@ def _check_number(name: str, number: Any, least: int) -> None:
         raise InputError(f"{name} must be a whole number of {least} to 2^53, got {number!r}; give another one")
 
 
-def _begin(robot: Any, task: Any, config: TrainConfig, seed: int | None) -> Begun:
+def _begin(robot: RobotLike, task: TaskLike, config: TrainConfig, seed: int) -> Begun:
     """Return a new training."""
-    robot = Robot.of(robot)
+    _check_number("seed", seed, 0)
+    robot, task = Robot.of(robot), Task.of(task)
     if robot.folder is None:  # that of a folder was checked, or accepted, when it was loaded
         robot.check_usable()
-    task = Task.of(task)
-    config, seed = config.resolved(robot, task), 0 if seed is None else seed
-    _check_number("seed", seed, 0)
+    config = config.resolved(robot, task)
     # In single precision, as the simulator counts them.
     settings, shortest = config.settings, round(float(np.float32(min(task.lengths)) / np.float32(task.period_s)))
     if settings.decisions > shortest:  # what replaces the engagements that end is drawn once between two updates
@@ -127,72 +155,58 @@ def _begin(robot: Any, task: Any, config: TrainConfig, seed: int | None) -> Begu
     return Begun(robot=robot, task=task, config=config, seed=seed, commit=code_commit(), versions=versions)
 
 
-def _own(begun: Begun, reward: Any) -> dict[str, Plugin]:
-    """Return a user's own code by kind and name: the blocks of the observation, the motion, the reward."""
-    task, config = begun.task, begun.config
-    own = {f"block {name}": find_plugin(name, "block") for name in config.names[1:]}
-    if task.motion not in (*EQ_7, *DRAWN):
-        own[f"motion {task.motion}"] = find_plugin(task.motion, "motion")
-    if names_code(config.reward):
-        own[f"reward {config.reward}"] = find_plugin(reward or config.reward, "reward")
-    return own
+def _own_code(begun: Begun) -> dict[str, str]:
+    """Return the digests of a user's own code by kind and name: blocks of the observation, motion and reward."""
+    own = [("block", name) for name in begun.config.names[1:]]
+    own += [("motion", begun.task.motion)] if begun.task.motion not in (*EQ_7, *DRAWN) else []
+    own += [("reward", begun.config.reward)] if names_code(begun.config.reward) else []
+    return {f"{kind} {name}": find_plugin(name, kind).digest for kind, name in own}
 
 
-def _check_given(folder: RunFolder, task: Any, config: TrainConfig, others: dict[str, Any]) -> None:
-    """Refuse what a training that continues would ignore, and that a user's own code is missing: no file runs any."""
-    begun, motion = folder.begun, task.motion if isinstance(task, Task) else str(task)
-    named = {f"block {name}" for name in config.names[1:]} | {f"motion {motion}", f"reward {config.reward}"}
-    usual = TrainConfig(observation=config.observation and begun.config.observation)
-    ignored = [name for name, value in others.items() if value is not None]
-    ignored += ["task"] * (task not in ("any", begun.task, begun.task.motion))
-    ignored += ["reward"] * (config.reward not in ("auto", begun.config.reward))
-    ignored += ["config"] * (plain(config.replace(reward="auto")) != plain(usual))
-    if missing := sorted(begun.code.keys() - named):
-        raise InputError(f"this training has a {missing[0]} of your own; give it again, as the training was begun")
-    if ignored:
-        remedy = f"leave {', '.join(ignored)} out, or begin another training"
-        raise InputError(f"{folder.path}: is continued with the training's own settings; {remedy}")
+def _run(environment: Any, begun: Begun, folder: RunFolder | None, callback: Callback) -> Policy:
+    """Run a training to its end."""
+    import jax
 
-
-def _run(jax: Any, environment: Any, begun: Begun, folder: RunFolder | None) -> tuple[Any, list[dict[str, Any]]]:
-    """Return the learner at the end, and a row of metrics per iteration."""
     from archerfish2.learning import learner, shards
     from archerfish2.learning.gradient import GRADIENT
     from archerfish2.learning.ppo import PPO
 
     config, trainer = begun.config.settings, PPO if begun.config.trainer == "ppo" else GRADIENT
-    environment = jax.tree.map(jax.numpy.asarray, environment)
-    state = trainer.begin(environment, config, jax.random.key(begun.seed))
-    rows: list[dict[str, Any]] = []
-    if folder is not None:
-        state, rows = folder.restore(state), folder.rows
+    arrays = jax.tree.map(jax.numpy.asarray, environment)
+    state = trainer.begin(arrays, config, jax.random.key(begun.seed))
+    state, rows = (folder.restore(state), folder.rows) if folder else (state, [])
     state = shards.placed(state, config.shards, learner.SPLIT)
     total, stored = -(-config.iterations // CHUNK) * CHUNK, time.monotonic()
     with progress.bar("training", total * config.batch, "decisions") as advance, _stop_requests() as stop:
-        while len(rows) < total:
-            state, metrics = trainer.advance(environment, config, state, CHUNK)
+        while len(rows) < total and not stop:
+            state, metrics = trainer.advance(arrays, config, state, CHUNK)
             new, fault = _rows({name: np.asarray(each) for name, each in metrics.items()}, len(rows), config.batch)
-            if folder is None:
-                rows += new
-            else:
+            rows += new
+            if folder:
                 folder.log(new)
-            if rows:
-                advance(len(rows) * config.batch, f"{rows[-1]['hit_share']:.1%} hit")
-            if not any(row.get("gradient_norm", 1.0) for row in new) and not fault:
-                raise InputError(f"{begun.config.reward}: this reward has no gradient; smooth it, or take trainer ppo")
             if fault:
                 raise _diverged(fault, len(rows), config.batch, folder, state)
-            due = stop or time.monotonic() - stored >= begun.config.checkpoint_every_s
-            if folder is not None and due and len(rows) < total:
+            advance(len(rows) * config.batch, f"{rows[-1]['hit_share']:.1%} hit")
+            if not any(row.get("gradient_norm", 1.0) for row in new):
+                raise InputError(f"{begun.config.reward}: this reward has no gradient; smooth it, or take trainer ppo")
+            try:
+                for row in new:
+                    callback(dict(row))
+            except BaseException:
+                if folder:
+                    folder.save(state)
+                raise
+            if folder and (stop or time.monotonic() - stored >= begun.config.checkpoint_every_s):
                 folder.save(state)
                 stored = time.monotonic()
-            if stop:
-                break
     if stop:  # once more, to whoever handled it before
         print(f"continue with --resume {folder.path}" if folder else "nothing is kept", file=sys.stderr)  # noqa: T201
         signal.raise_signal(stop[0])
         raise KeyboardInterrupt  # where that one returned
-    return state, rows
+    policy = _policy(environment.observer, state, folder.begun if folder else begun, rows)
+    if folder:
+        folder.finish(policy)
+    return policy
 
 
 def _rows(metrics: dict[str, Any], done: int, batch: int) -> tuple[list[dict[str, Any]], str]:
@@ -209,14 +223,12 @@ def _rows(metrics: dict[str, Any], done: int, batch: int) -> tuple[list[dict[str
 
 
 def _diverged(first: str, done: int, batch: int, folder: RunFolder | None, learner: Any) -> InputError:
-    where = ""
-    if folder is not None:
+    remedy = _REMEDIES.get(first, "lower the learning rates")
+    if folder:
         folder.diverged(learner, {"iteration": done + 1, "first": first})
-        where = f"; {folder.path} has the last good checkpoint"
-    return InputError(
-        f"training diverged after {done * batch} decisions, in iteration {done + 1}: {first} not finite, or growing "
-        f"beyond all bounds; {_REMEDIES.get(first, 'lower the learning rates')}{where}"
-    )
+        remedy += f"; {folder.path} has the last good checkpoint"
+    what = f"training diverged after {done * batch} decisions, in iteration {done + 1}"
+    return InputError(f"{what}: {first} not finite, or growing beyond all bounds; {remedy}")
 
 
 @contextmanager
@@ -245,21 +257,19 @@ def _stop_requests() -> Iterator[list[int]]:
         restore()
 
 
-def _policy(environment: Any, learner: Any, begun: Begun, rows: list[dict[str, Any]]) -> Policy:
+def _policy(observer: Observer, learner: Any, begun: Begun, rows: list[dict[str, Any]]) -> Policy:
     """Return the policy of a learner, in NumPy: its mean action."""
-    layers, seen = learner.actor.layers, learner.actor.layers[0].weight.shape[0]
-    config, task = begun.config, begun.task
     commits = [begun.commit, *(resumed.commit for resumed in begun.resumed)]
+    training = {"config": plain(begun.config), "robot": begun.robot.name, "commits": commits}
     facts = PolicyFacts(
-        observer=observer_facts(config.names, begun.robot, task, config.frames),
-        task=task,
+        observer=observer_facts(begun.config.names, begun.robot, begun.task, begun.config.frames),
+        task=begun.task,
         robot=begun.robot.record_digests(),
         seed=begun.seed,
         commit=commits[-1],
-        training={"config": plain(config), "commits": commits, **(rows[-1] if rows else {})},
+        training=training | (rows[-1] if rows else {}),
     )
-    normaliser = learner.normaliser._replace(
-        mean=learner.normaliser.mean[:seen], variance=learner.normaliser.variance[:seen]
-    )
-    normaliser, layers = map_arrays(np.asarray, (normaliser, layers))
-    return Policy(environment.observer, normaliser, layers, facts=facts)
+    normaliser, layers = map_arrays(np.asarray, (learner.normaliser, learner.actor.layers))
+    seen = len(layers[0].weight)  # what comes after is for the critic alone
+    normaliser = normaliser._replace(mean=normaliser.mean[:seen], variance=normaliser.variance[:seen])
+    return Policy(observer, normaliser, layers, facts=facts)

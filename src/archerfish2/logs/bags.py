@@ -15,19 +15,12 @@ from typing import Any
 import numpy as np
 
 from archerfish2.errors import InputError
-from archerfish2.logs.recording import Finding, LogTable, Signals, Values, listed, log_fault
+from archerfish2.logs.recording import Finding, LogTable, Signals, Values, listed, log_fault, log_files
 
-BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
-"""How files of a bag begin, and the ending of their names, by which rosbags recognises them."""
 _MCAP, _MCAP_FOOTER = b"\x89MCAP0\r\n", b"\x02\x14" + bytes(27)
 _LISTED = 8  # elements of an array, up to which they are listed
 _Series = tuple[Any, Values]
 RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
-
-
-def bag_files(path: Path) -> list[Path]:
-    """Return the files of a bag: itself, or those in its folder; none where a folder is no bag's."""
-    return sorted(file for file in path.iterdir() if file.suffix in BAGS.values()) if path.is_dir() else [path]
 
 
 def read_bag(path: Path, signals: Signals) -> LogTable:
@@ -92,7 +85,7 @@ def _reader(path: Path, findings: list[Finding]) -> Iterator[Any]:
 
     with TemporaryDirectory() as folder:
         indexed = (path / "metadata.yaml").is_file()
-        files = [path] if indexed else [_whole(file, folder, findings) for file in bag_files(path)]
+        files = [path] if indexed else [_whole(file, folder, findings) for file in log_files(path)]
         with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             if not reader.connections:
                 raise ValueError("it has no topics")

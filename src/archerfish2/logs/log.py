@@ -9,8 +9,8 @@ from typing import Any, Literal
 from archerfish2.errors import InputError, file_error
 from archerfish2.logs import signals, stamps
 from archerfish2.logs.arrays import ARCHIVE, arrays_in, read_array_file, table_of
-from archerfish2.logs.bags import BAGS, RECOVER, bag_files, bag_signals, read_bag
-from archerfish2.logs.recording import Log, LogTable, Rows, Signals, log_fault, open_log
+from archerfish2.logs.bags import RECOVER, bag_signals, read_bag
+from archerfish2.logs.recording import BAGS, Log, LogTable, Rows, Signals, log_fault, log_files, open_log
 from archerfish2.logs.text import column_names, read_text
 
 _UNREAD = (
@@ -56,7 +56,7 @@ def read_log(
     if not isinstance(source, str | Path):
         return _log(_table_in_memory(source, names), names, sample_period_s, "")
     kind = _format(path := Path(source))
-    for part in bag_files(path):
+    for part in log_files(path):
         with open_log(part) as file:
             hashlib.file_digest(file, lambda: digest)
     with _damage_named(path, kind):
@@ -107,7 +107,7 @@ def signals_in(path: str | Path) -> tuple[str, ...]:
 
 def _format(path: Path) -> _Format:
     """Return what the content of a file shows it to be, or else its ending."""
-    if not (files := bag_files(path)):
+    if not (files := log_files(path)):
         raise file_error(path, "is a folder, and no bag's", "pass a log, or the folder of a bag", "unknown-format")
     with open_log(files[0]) as file:
         begin = file.peek()

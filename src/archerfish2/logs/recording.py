@@ -16,6 +16,8 @@ from archerfish2.storage import write_bytes
 Values = NDArray[np.floating[Any]]
 MAX_BYTES = 512 * 2**20
 """Of the largest file, and the largest array unpacked: an hour of two axes at 1 kHz as text."""
+BAGS = {b"#ROSBAG": ".bag", b"SQLite f": ".db3", b"\x89MCAP": ".mcap"}
+"""How files of a bag begin, and the ending of their names, by which rosbags recognises them."""
 GAP = 3.0
 """Interval in periods from which a log is interrupted: what happened within can't be known from its ends."""
 _EVEN = 0.1  # of a period, within which stamps are those of equal intervals
@@ -247,14 +249,14 @@ def by_lines(time: Values, signals: Values, grid: Values) -> Values:
     return np.column_stack([np.interp(grid, time, signal) for signal in signals.T])
 
 
-def subsampled(values: Values) -> Values:
-    """Return some of N values, shape (N,), equally spaced: enough for their median or last digit."""
-    return values[:: len(values) // 100_000 + 1]
-
-
 def log_fault(path: str | Path, problem: str, remedy: str, code: str) -> InputError:
     """Return the error of a file, in one line whatever the file puts into the message; see `file_error`."""
     return file_error(path, one_line(problem), one_line(remedy), code)
+
+
+def log_files(path: Path) -> list[Path]:
+    """Return the files of a log: itself, or those of the bag in its folder; none where a folder is no bag's."""
+    return sorted(file for file in path.iterdir() if file.suffix in BAGS.values()) if path.is_dir() else [path]
 
 
 def open_log(path: Path) -> io.BufferedReader:

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from archerfish2.logs.recording import GAP, Finding, Recording, Rows, Values, held_mean, log_fault, subsampled
+from archerfish2.logs.recording import GAP, Finding, Recording, Rows, Values, held_mean, log_fault
 
 _ANGLES = (2 * np.pi, 360.0, 400.0)
 _COUNTERS = (*_ANGLES, 1.0, 3600.0, 36_000.0, *(2.0**bits for bits in range(8, 33)))
@@ -44,7 +44,7 @@ def _wraps_at(signal: Values, time: Values, turn: float) -> bool:
     """
     moved = np.append(0, np.flatnonzero(np.diff(signal)) + 1)
     values, intervals = signal[moved], np.diff(time)
-    usual = np.median(subsampled(intervals[intervals > 0]))  # rows may be there twice
+    usual = np.median(intervals[intervals > 0])  # rows may be there twice
     part = np.append(0, np.cumsum(intervals > GAP * usual))[moved]
     steps, within = np.abs(np.diff(values)), part[1:] == part[:-1]
     jump, smooth = within & (steps > 0.75 * turn), within & (steps <= 0.75 * turn)
@@ -66,7 +66,7 @@ def non_repeated_samples(rows: Rows) -> tuple[Rows, list[Finding]]:
     """
     changes = np.flatnonzero((rows.outputs[1:] != rows.outputs[:-1]).any(axis=1)) + 1
     gaps = np.diff(changes)
-    every = int(np.median(subsampled(gaps))) if gaps.size > _STEPS else 0
+    every = int(np.median(gaps)) if gaps.size > _STEPS else 0
     regular = every > 1 and (np.mean(gaps % every == 0) > 0.9 or np.quantile(gaps, 0.9) <= 2 * every)
     if not (regular and any(map(_is_smooth, rows.outputs.T))):
         return rows, []
@@ -124,23 +124,22 @@ def _saturation(signal: Values, _: Recording) -> str:
     lowest, highest = motion == motion.min(), motion == motion.max()
     share = max(map(np.count_nonzero, (lowest, highest))) / motion.size
     between = np.diff(motion[~(lowest | highest)])
-    stepwise = np.count_nonzero(between) < between.size / 2 or np.unique(subsampled(motion)).size <= _STEPS
+    stepwise = np.count_nonzero(between) < between.size / 2 or np.unique(motion).size <= _STEPS
     return "" if stepwise or share <= _SATURATED else f"is at its extreme in {share:.0%} of the samples"
 
 
 def _quantisation(signal: Values, _: Recording) -> str:
-    some = subsampled(signal)
-    steps = np.diff(np.unique(some))
-    quantum = steps[steps > 1e-9 * np.ptp(some)].min()
-    noise = quantum / np.sqrt(12) / some.std()
+    steps = np.diff(np.unique(signal))
+    quantum = steps[steps > 1e-9 * np.ptp(signal)].min()
+    noise = quantum / np.sqrt(12) / signal.std()
     message = f"moves in steps of {quantum:.4g}, which is a noise of {noise:.1%} of its standard deviation"
-    return message if steps.size < some.size / 4 and noise >= _QUANTISED else ""
+    return message if steps.size < signal.size / 4 and noise >= _QUANTISED else ""
 
 
 def _spikes(signal: Values, recording: Recording) -> str:
     """Find single samples that leave and return: a lost bit, not a motion."""
     steps = np.diff(signal)
-    limit = _SPIKE * np.quantile(subsampled(np.abs(steps)), 0.9)
+    limit = _SPIKE * np.quantile(np.abs(steps), 0.9)
     large = np.abs(steps) > limit
     first = np.flatnonzero(large[:-1] & large[1:])
     out, back = steps[first], steps[first + 1]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish2.errors import InputError
-from archerfish2.logs.recording import GAP, Finding, Recording, Rows, Values, by_lines, held_mean, log_fault, subsampled
+from archerfish2.logs.recording import GAP, Finding, Recording, Rows, Values, by_lines, held_mean, log_fault
 
 Mask = NDArray[np.bool_]
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -49,7 +49,7 @@ def in_seconds(rows: Rows) -> tuple[Rows, list[Finding]]:
     message = f'stamps "{time}" are in {unit}, as the name says, and were turned into seconds'
     finding = Finding("time-unit", "repaired", source, message, "nothing to do")
     if unit == "s":
-        steps = subsampled(rows.time[1:]) - subsampled(rows.time[:-1])
+        steps = np.diff(rows.time)
         period = float(np.nanmedian(steps)) if np.any(steps > 0) else 0.0
         if period <= 0 or _PLAUSIBLE_S[0] <= period <= _PLAUSIBLE_S[1]:
             return rows, []
@@ -189,7 +189,7 @@ def uninterrupted(rows: Rows) -> tuple[list[Rows], list[Finding]]:
 
 def _gaps(time: Values, steps: Values) -> NDArray[np.int64]:
     """Return the first sample after each gap; after one that was only stamped late, the next ones follow at once."""
-    period, gaps = float(np.median(subsampled(steps))), list[int]()
+    period, gaps = float(np.median(steps)), list[int]()
     for last in np.flatnonzero(steps > GAP * period).tolist():
         nearby = time[last : last + _WINDOW + 2]
         late = nearby - period * np.arange(last, last + nearby.size)

@@ -4,16 +4,19 @@ Stamps stay as the file has them: the clocks of camera, gimbal and program may h
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from archerfish2.logs.recording import LogTable, Values, log_fault
+from archerfish2.logs.recording import Finding, LogTable, Values, log_fault
 from archerfish2.logs.text import read_text
 
 MessageTimes = tuple[Values, Values]
 """When messages were sent, increasing, and received, by one clock or by synchronised ones [s], (N,) each."""
+Findings = list[Finding] | None
+"""To which a reader adds what it left out."""
 Frame = Literal["camera", "optical", "base"]
 """Of logged positions, see `read_detections`."""
 
@@ -33,28 +36,31 @@ class DetectionLog(NamedTuple):
 
     time: Values  # stamps on the camera's clock, increasing [s], (K,)
     position: Values  # of the plate in the camera's frame: x forward, y left, z up [m], (K, 3)
-    receive: Values | None = None  # when each reached the program, on its clock [s], (K,), if it was logged
+    receive: Values | None = None  # when each reached the program, on its clock [s], (K,), if it was; NaN: not logged
     source: str = "detections"  # for messages
 
 
-def read_gimbal_log(path: str | Path, *, degrees: bool = False) -> GimbalLog:
+def read_gimbal_log(path: str | Path, *, degrees: bool = False, findings: Findings = None) -> GimbalLog:
     """Read the columns time_s and yaw, and pitch and yaw_command where the table has them.
 
     Args:
       path: of the file.
       degrees: whether angles are in degrees instead of radians.
+      findings: list to which is added what was left out.
 
     Raises:
-      InputError: if a column or a number is missing or bad, or time does not increase.
+      InputError: if a column is missing, a number is bad, or time does not increase.
     """
-    angles = _table(path, ("time_s", "yaw"), ("pitch", "yaw_command")).columns
+    angles = _table(path, ("time_s", "yaw"), ("pitch", "yaw_command"), findings).columns
     time = angles.pop("time_s")
     angles = {name: np.unwrap(np.radians(angle) if degrees else angle) for name, angle in angles.items()}
     pitch = angles.get("pitch", 0.0 * angles["yaw"])
     return GimbalLog(time, angles["yaw"], pitch, angles.get("yaw_command"), str(path))
 
 
-def read_detections(path: str | Path, *, frame: Frame = "camera", degrees: bool = False) -> DetectionLog:
+def read_detections(
+    path: str | Path, *, frame: Frame = "camera", degrees: bool = False, findings: Findings = None
+) -> DetectionLog:
     """Read the columns time_s, x, y and z, and receive_s where the table has it.
 
     Args:
@@ -62,13 +68,14 @@ def read_detections(path: str | Path, *, frame: Frame = "camera", degrees: bool 
       frame: of the positions: "camera", x forward, y left, z up; "optical", x right, y down, z forward; or "base",
         already rotated by the gimbal angles of the columns rotated_yaw and, where the table has it, rotated_pitch.
       degrees: whether these angles are in degrees instead of radians.
+      findings: list to which is added what was left out.
 
     Raises:
-      InputError: if a column or a number is missing or bad, time does not increase, or most positions lie behind the
+      InputError: if a column is missing, a number is bad, time does not increase, or most positions lie behind the
         camera.
     """
     rotated = ("rotated_yaw",) if frame == "base" else ()
-    found = _table(path, ("time_s", "x", "y", "z", *rotated), ("receive_s", "rotated_pitch")).columns
+    found = _table(path, ("time_s", "x", "y", "z", *rotated), ("receive_s", "rotated_pitch"), findings).columns
     x, y, z = (found["z"], -found["x"], -found["y"]) if frame == "optical" else (found[axis] for axis in "xyz")
     if rotated:
         unit = np.pi / 180 if degrees else 1.0
@@ -80,26 +87,34 @@ def read_detections(path: str | Path, *, frame: Frame = "camera", degrees: bool 
     return DetectionLog(found["time_s"], np.column_stack([x, y, z]), found.get("receive_s"), str(path))
 
 
-def read_moments(path: str | Path) -> Values:
+def read_moments(path: str | Path, *, findings: Findings = None) -> Values:
     """Read the column time_s: when a target was halfway through each of its steps, by the program's clock [s].
+
+    Args:
+      path: of the file.
+      findings: list to which is added what was left out.
 
     Returns:
       Increasing, shape (S,).
 
     Raises:
-      InputError: if the column or a number is missing or bad, or time does not increase.
+      InputError: if the column is missing, a number is bad, or time does not increase.
     """
-    return _table(path, ("time_s",)).columns["time_s"]
+    return _table(path, ("time_s",), (), findings).columns["time_s"]
 
 
-def read_message_times(path: str | Path) -> MessageTimes:
+def read_message_times(path: str | Path, *, findings: Findings = None) -> MessageTimes:
     """Read the columns sent_s and received_s.
 
+    Args:
+      path: of the file.
+      findings: list to which is added what was left out.
+
     Raises:
-      InputError: if a column or a number is missing or bad, sent_s does not increase, a message was received before it
+      InputError: if a column is missing, a number is bad, sent_s does not increase, a message was received before it
         was sent or long after, or there are fewer than 50.
     """
-    table = _table(path, ("sent_s", "received_s"))
+    table = _table(path, ("sent_s", "received_s"), (), findings)
     sent, received = table.columns.values()
     latency = received - sent
     if latency.size < 50:
@@ -110,12 +125,23 @@ def read_message_times(path: str | Path) -> MessageTimes:
     return sent, received
 
 
-def _table(path: str | Path, required: Sequence[str], optional: Sequence[str] = ()) -> LogTable:
-    """Read a table that lacks no value, and whose first column increases."""
+def _table(
+    path: str | Path, required: Sequence[str], optional: Sequence[str] = (), findings: Findings = None
+) -> LogTable:
+    """Read a table whose first column increases, without the rows that lack a value other than a receipt."""
     table = read_text(Path(path), lambda names: [*required, *(name for name in names if name in optional)])
-    for name, values in table.columns.items():
-        for index in np.flatnonzero(np.isnan(values))[:1]:
-            raise log_fault(table.place(index), f'"{name}" has no value', "remove the line", "missing-value")
-    for index in np.flatnonzero(np.diff(table.columns[required[0]]) <= 0)[:1] + 1:
+    found, missing = list(table.findings), {name: np.isnan(values) for name, values in table.columns.items()}
+    receipts = missing.pop("receive_s", np.zeros(len(table.places), dtype=np.bool_))
+    lost = np.any([*missing.values()], axis=0)
+    for rows, message in ((lost, "rows without a value left out"), (receipts & ~lost, "detections without receive_s")):
+        if count := int(rows.sum()):
+            place = table.place(int(rows.argmax()))
+            found.append(Finding("missing-values", "repaired", place, f"{message}: {count}", "log every value", count))
+    if findings is not None:
+        findings += found
+    kept = np.flatnonzero(~lost)
+    columns = {name: values[kept] for name, values in table.columns.items()}
+    table = replace(table, columns=columns, places=np.asarray(table.places)[kept].tolist())
+    for index in np.flatnonzero(np.diff(columns[required[0]]) <= 0)[:1] + 1:
         raise log_fault(table.place(index), "stamps do not increase", "keep one line per stamp", "time-backward")
     return table

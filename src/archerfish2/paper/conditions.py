@@ -30,8 +30,6 @@ class Conditions:
     """One command and one pellet each [s]."""
     engagement_s: float
     """Length of an engagement [s]."""
-    settled_after_s: float
-    """A miss before this time counts as slewing, after it as settled [s]."""
     start_pitch: float
     """Pitch of the resting gimbal when the engagement begins [rad]."""
     start_yaw: float
@@ -60,11 +58,6 @@ class Conditions:
     """Measurement noise that the baseline's Kalman filter assumes [m]."""
     kalman_extra_lead_s: float
     """By how much the baseline leads beyond the control period and the flight time [s], for the gimbal's lag."""
-
-    @property
-    def reversal_half_width(self) -> float:
-        """Distance |y − Y₀| at which a moving target turns back [m], from eq (7)."""
-        return math.sqrt(self.parabola_rise / self.parabola_curvature)
 
 
 @dataclass(frozen=True)
@@ -108,7 +101,9 @@ def paper_tuning(command_limit: str) -> dict[str, dict[str, float]]:
     Args:
       command_limit: "box", "gate" or "los-2deg".
     """
-    tuned = (each for each in facts("tuning")["controllers"] if each["command_limit"] == command_limit)
     c = assumed_conditions()
-    calibrated = {"acceleration_sd": c.kalman_acceleration_sd, "extra_lead_s": c.kalman_extra_lead_s}
-    return {"kalman-paper": calibrated} | {each["controller"]: dict(each["settings"]) for each in tuned}
+    settings = {"kalman-paper": {"acceleration_sd": c.kalman_acceleration_sd, "extra_lead_s": c.kalman_extra_lead_s}}
+    for tuned in facts("tuning")["controllers"]:
+        if tuned["command_limit"] == command_limit:
+            settings[tuned["controller"]] = dict(tuned["settings"])
+    return settings

@@ -1,4 +1,7 @@
-"""The printed gimbal: the state-space axes of eqs (11)–(16), and the limits of its angles."""
+"""The printed gimbal: two axes in state space, and the limits of their angles.
+
+Pitch is eq (11), whose matrices eq (12) and eq (13) print. Yaw is eq (14), with those of eq (15) and eq (16).
+"""
 
 import math
 from typing import NamedTuple
@@ -21,7 +24,7 @@ class PrintedMatrix(NamedTuple):
 
 
 def printed_matrix(axis: str, name: str) -> PrintedMatrix:
-    """Return a matrix of eqs (12), (13), (15) or (16).
+    """Return a matrix of eq (12), eq (13), eq (15) or eq (16).
 
     Args:
       axis: "pitch" or "yaw".
@@ -35,12 +38,16 @@ def printed_matrix(axis: str, name: str) -> PrintedMatrix:
 
 
 def printed_plants() -> dict[str, PlantRecord]:
-    """Return the printed axes of eqs (11)–(16) as "pitch" and "yaw".
+    """Return the printed axes as "pitch", eq (11), and "yaw", eq (14).
 
-    Departures from print: the sampling period, which is not printed, is taken as 1 ms; eqs (11) and (14) give the angle
-    at t + 1 from the state at t, we give it at t; the damaged B_y is scaled so that the DC gain of yaw is 1. Pitch
-    keeps its printed DC gain of 1.031. Angles are in any one unit: both plants map a commanded to a reached angle. The
-    paper's frame has y to the right, but an axis whose command and angle both change sign stays the same.
+    Departures from print:
+
+    - The sampling period is not printed. It is taken as 1 ms.
+    - Eq (11) and eq (14) give the angle at t + 1 from the state at t. We give it at t.
+    - The damaged B of eq (15) is scaled so that the DC gain of yaw is 1. Pitch keeps its printed DC gain of 1.031.
+
+    Angles are in any one unit: both plants map a commanded to a reached angle. The paper's frame has y to the right,
+    but an axis whose command and angle both change sign stays the same.
     """
     return {"pitch": _plant("pitch"), "yaw": _plant("yaw")}
 

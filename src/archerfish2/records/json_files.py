@@ -17,28 +17,28 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from archerfish2.errors import InputError, file_error, one_line
-from archerfish2.storage import LARGEST, write_bytes
+from archerfish2.storage import MOST_BYTES, write_bytes
 
 T = TypeVar("T")
 Matrix = NDArray[np.float64]
 Counts = NDArray[np.int64]
 Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
 """A finite number; msgspec's bounds refuse NaN, too."""
-Count = Annotated[int, Meta(ge=0, le=1_000_000)]
+SampleCount = Annotated[int, Meta(ge=0, le=1_000_000)]
 
 
 def read_json(path: Path, remedy: str = "write the file again") -> Any:
     """Read a JSON file.
 
     Raises:
-      InputError: if it is missing, unreadable, larger than `LARGEST` or not JSON; neither NaN, infinity nor a field
+      InputError: if it is missing, unreadable, larger than `MOST_BYTES` or not JSON; neither NaN, infinity nor a field
         that is there twice, which Python would read, are.
     """
     try:
         if not path.is_file():
             raise file_error(path, "there is no such file", "check the path")
-        if (size := path.stat().st_size) > LARGEST:
-            raise file_error(path, f"has {size} bytes, expected at most {LARGEST}", remedy)
+        if (size := path.stat().st_size) > MOST_BYTES:
+            raise file_error(path, f"has {size} bytes, expected at most {MOST_BYTES}", remedy)
         text = path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         raise file_error(path, f"can't be read ({error.strerror})", "check the path") from error
@@ -107,7 +107,7 @@ def decode(kind: Any, value: Any) -> Any:
     """
     if kind is Path:
         return Path(value)
-    number: Any = Count if kind == Counts else Number
+    number: Any = SampleCount if kind == Counts else Number
     nested = value
     for _ in range(3):  # the largest rank; a file may nest lists as deep as it likes
         if isinstance(nested, list):

@@ -1,4 +1,4 @@
-"""The plant record: the identified (or printed) linear model of one gimbal axis, eqs (11)–(16).
+"""The plant record: the identified (or printed) linear model of one gimbal axis, eq (11) and eq (14).
 
 x[t+1] = A x[t] + B u[t − delay],    y[t] = C x[t] + D u[t − delay]
 """
@@ -9,10 +9,10 @@ import numpy as np
 from msgspec import Meta, field
 
 from archerfish2.errors import InputError
-from archerfish2.records.json_files import Count, Counts, Matrix
+from archerfish2.records.json_files import Counts, Matrix, SampleCount
 from archerfish2.records.record import Provenance, Record, Text
 
-LARGEST, _LARGEST_EXPANDED = {"states": 64, "inputs": 16, "outputs": 16, "draws": 1000}, 2000
+LARGEST_SIZES, _LARGEST_EXPANDED = {"states": 64, "inputs": 16, "outputs": 16, "draws": 1000}, 2000
 """States, those of the delay included, of the largest plant that is written out."""
 Names = Annotated[tuple[str, ...], Meta(min_length=1)]
 
@@ -33,8 +33,8 @@ class PlantRecord(Record, frozen=True, kw_only=True):
     """Output matrix, shape (p, n)."""
     D: Matrix
     """Feedthrough, shape (p, m)."""
-    delay_samples: Count = 0
-    """Input delay [samples]."""
+    delay_samples: SampleCount = 0
+    """Input delay d of the equations [samples]; `dead_time_samples` is how late the output responds."""
     sample_period_s: Annotated[float, Meta(ge=1e-6, le=1e6)]
     """Sampling period [s]."""
     axis: Text = "axis"
@@ -56,15 +56,13 @@ class PlantRecord(Record, frozen=True, kw_only=True):
         shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
         count = len(self.draws.get("A", ())) if self.draws else 0
         for name, size in {"states": n, "inputs": m, "outputs": p, "draws": max(count, 1)}.items():
-            if not 1 <= size <= LARGEST[name]:
-                raise InputError(f"PlantRecord: expected 1…{LARGEST[name]} {name}, got {size}; correct it")
-        found = {name: getattr(self, name).shape for name in shapes}
-        expected: dict[str, tuple[int, ...]] = dict(shapes)
+            if not 1 <= size <= LARGEST_SIZES[name]:
+                raise InputError(f"PlantRecord: expected 1…{LARGEST_SIZES[name]} {name}, got {size}; correct it")
+        expected: dict[str, tuple[int, ...]] = shapes | {"input_names": (m,), "output_names": (p,)}
+        found: dict[str, tuple[int, ...]] = {name: np.shape(getattr(self, name)) for name in expected}
         if self.draws:
             found |= {f"draws[{name}]": matrices.shape for name, matrices in self.draws.items()}
             expected |= {f"draws[{name}]": (count, *shape) for name, shape in shapes.items()}
-        found |= {"input_names": (len(self.input_names),), "output_names": (len(self.output_names),)}
-        expected |= {"input_names": (m,), "output_names": (p,)}
         if self.draw_delays.shape != (0,):
             found["draw_delays"], expected["draw_delays"] = self.draw_delays.shape, (count,)
         for name in expected | found:
@@ -74,8 +72,8 @@ class PlantRecord(Record, frozen=True, kw_only=True):
 
     def __repr__(self) -> str:
         draws = f", {len(self.draws['A'])} draws" if self.draws else ""
-        delay = 1e3 * self.delay_samples * self.sample_period_s
-        return f"PlantRecord({self.axis}: order {len(self.A)}, delay {delay:.3g} ms{draws})"
+        delay_ms = 1e3 * self.dead_time_samples * self.sample_period_s
+        return f"PlantRecord({self.axis}: order {len(self.A)}, delay {delay_ms:.3g} ms{draws})"
 
     @classmethod
     def second_order(
@@ -108,11 +106,13 @@ class PlantRecord(Record, frozen=True, kw_only=True):
         return cls(A=A, B=B, C=C, D=np.zeros((1, 1)), delay_samples=round(samples), sample_period_s=sample_period_s)
 
     @classmethod
-    def from_state_space(cls, A: Any, B: Any, C: Any, D: Any, dt: float, delay_samples: int = 0) -> Self:
-        """Return a plant in discrete time, for instance of `scipy.signal` or `control`.
+    def from_state_space(
+        cls, A: Any, B: Any = None, C: Any = None, D: Any = None, dt: float | None = None, delay_samples: int = 0
+    ) -> Self:
+        """Return a plant in discrete time, from its matrices or from an object that has them.
 
         Args:
-          A: shape (n, n).
+          A: shape (n, n); or an object with A, B, C, D and dt, as `control.ss` and `scipy.signal.dlti` make them.
           B: shape (n, m).
           C: shape (p, n).
           D: shape (p, m), or one number.
@@ -120,9 +120,15 @@ class PlantRecord(Record, frozen=True, kw_only=True):
           delay_samples: input delay that the matrices don't contain [samples].
 
         Raises:
-          InputError: if the matrices don't fit together.
+          InputError: if the model is continuous, shapes disagree, or a value is out of range.
         """
-        A, B, C, D = (np.atleast_2d(each) for each in (A, B, C, D))
+        if B is None and hasattr(A, "A"):
+            A, B, C, D, dt = A.A, A.B, A.C, A.D, A.dt
+        if B is None or not dt or dt is True:
+            problem = f"expected matrices and a period dt above 0 s, or what has them as control.ss, got dt {dt}"
+            remedy = "discretise a continuous model (for instance control.c2d(system, 0.001))"
+            raise InputError(f"PlantRecord.from_state_space: {problem}; {remedy}")
+        A, B, C, D = (np.atleast_2d(matrix) for matrix in (A, B, C, D))
         D = np.full((len(C), B.shape[-1]), D[0, 0]) if D.size == 1 else D
         names: Any = {"input_names": _names("command", B.shape[-1]), "output_names": _names("angle", len(C))}
         return cls(A=A, B=B, C=C, D=D, delay_samples=delay_samples, sample_period_s=dt, **names)
@@ -145,6 +151,14 @@ class PlantRecord(Record, frozen=True, kw_only=True):
         A[:n, :n], A[:n, -m:] = self.A, self.B
         C = np.hstack([self.C, np.zeros((len(self.C), m * (late - 1))), self.D])
         return A, B, C, np.zeros_like(self.D), self.sample_period_s
+
+    @property
+    def dead_time_samples(self) -> int:
+        """How late the output responds, beyond the sample that a held input takes: the delay that reports state.
+
+        It is `delay_samples`, with a feedthrough, which responds a sample earlier, one less, but at least 0.
+        """
+        return max(self.delay_samples - int(self.D.any()), 0)
 
     @property
     def dc_gain(self) -> Matrix:

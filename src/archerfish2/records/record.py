@@ -36,8 +36,17 @@ class _Checked(msgspec.StructMeta):
             raise InputError(f"{self.__name__}: there is no field {unknown[0]}; fields are {known}")
         return super().__call__(*values, **fields)
 
+    @property
+    def __signature__(self) -> Any:
+        """Fields and their defaults: types with their bounds would fill a screen."""
+        signature = super().__signature__
+        fields = [field.replace(annotation=field.empty) for field in signature.parameters.values()]
+        return signature.replace(parameters=fields)
 
-class Struct(msgspec.Struct, metaclass=_Checked, frozen=True, kw_only=True, forbid_unknown_fields=True, eq=False):
+
+class Struct(
+    msgspec.Struct, metaclass=_Checked, frozen=True, forbid_unknown_fields=True, eq=False, repr_omit_defaults=True
+):
     """A record whose fields are checked against their types and bounds, whether a file or a program makes it.
 
     Raises:
@@ -45,8 +54,8 @@ class Struct(msgspec.Struct, metaclass=_Checked, frozen=True, kw_only=True, forb
     """
 
     def __post_init__(self) -> None:
-        for name, kind in _types(type(self)).items():
-            value = getattr(self, name)
+        for field in _fields(type(self)):
+            name, kind, value = field.name, field.type, getattr(self, field.name)
             value = value if isinstance(value, msgspec.Struct) else plain(value)
             try:
                 value = msgspec.convert(value, kind, dec_hook=decode)
@@ -66,9 +75,7 @@ class Struct(msgspec.Struct, metaclass=_Checked, frozen=True, kw_only=True, forb
         return type(self)(**{name: getattr(self, name) for name in self.__struct_fields__} | changes)
 
 
-@functools.cache
-def _types(kind: type[Struct]) -> dict[str, Any]:
-    return {each.name: each.type for each in msgspec.structs.fields(kind)}
+_fields = functools.cache(msgspec.structs.fields)
 
 
 class Record(Struct, frozen=True, kw_only=True):

@@ -1,20 +1,20 @@
 """The sensing record: when and how well a robot sees, and how late it moves."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from msgspec import Meta, field
 
 from archerfish2.errors import InputError
 from archerfish2.records.record import Deviation, Duration, Intervals, Provenance, Record, Struct, Time, check_intervals
 
-Rate = Annotated[float, Meta(ge=0.01, le=1e6)]
-Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+_Rate = Annotated[float, Meta(ge=0.01, le=1e6)]
+_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 
 
 class CameraRecord(Struct, frozen=True, kw_only=True):
     """From a plate to its detection; a value that was not measured is None."""
 
-    rate_hz: Rate
+    rate_hz: _Rate
     """Frames per second [Hz]."""
     time_offset: Annotated[float, Meta(ge=-1e10, le=1e10)]
     """What is added to a detection's stamp to get the moment of its exposure on the gimbal log's clock [s]; some 1e9
@@ -29,9 +29,9 @@ class CameraRecord(Struct, frozen=True, kw_only=True):
     """Standard deviation of a detection's distance, along the line of sight [m], at `noise_range`."""
     noise_range: Annotated[float, Meta(ge=0.01, le=1000.0)]
     """Distance of the plate at which the noise was measured [m]; one distance doesn't show how it grows."""
-    miss_probability: Share
+    miss_probability: _Share
     """Share of the frames in which the plate was not found."""
-    outlier_share: Share
+    outlier_share: _Share
     """Share of the detections that are something other than the plate."""
     latency: Time | None = None
     """Mean time from exposure to receipt of the detection [s]."""
@@ -43,16 +43,14 @@ class CameraRecord(Struct, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if bool(self.latency_basis) != (self.latency is not None):
-            raise InputError(
-                f'CameraRecord: field latency_basis: expected "exposure" or "feedback" with a latency and "" without, '
-                f'got "{self.latency_basis}"; correct it'
-            )
+            expected = 'expected "exposure" or "feedback" with a latency and "" without'
+            raise InputError(f'CameraRecord: field latency_basis: {expected}, got "{self.latency_basis}"; correct it')
 
 
 class LinkRecord(Struct, frozen=True, kw_only=True):
     """From a command to the motion that the log shows; a value that was not measured is None."""
 
-    feedback_rate_hz: Rate
+    feedback_rate_hz: _Rate
     """Rate at which the logged angle is refreshed [Hz]."""
     feedback_quantum: Deviation | None = None
     """Step of the logged angle [rad], where it is visible."""
@@ -87,15 +85,6 @@ class SensingRecord(Record, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        parts: Any = {"camera": self.camera, "link": self.link}
-        names = [f"{part}.{name}" for part, each in parts.items() for name in each.__struct_fields__]
-        check_intervals(self.intervals, names)
-
-    def values(self) -> dict[str, float]:
-        """Return the measured values by their names in `intervals`, such as "camera.latency"."""
-        return {
-            f"{part}.{name}": value
-            for part in ("camera", "link")
-            for name in getattr(self, part).__struct_fields__
-            if isinstance(value := getattr(getattr(self, part), name), float)
-        }
+        camera = [f"camera.{name}" for name in CameraRecord.__struct_fields__]
+        link = [f"link.{name}" for name in LinkRecord.__struct_fields__]
+        check_intervals(self.intervals, [*camera, *link])

@@ -96,3 +96,24 @@ class Reported:
 
     def _repr_html_(self) -> str:
         return str(self.report._repr_html_())
+
+
+class Result(Reported):
+    """Base of what is identified of a part of a robot: a record, and the report on it."""
+
+    record: Any
+    """A `PlantRecord`, `MuzzleRecord` or `SensingRecord`."""
+
+    @property
+    def part(self) -> str:
+        """Name of the part, and of its files: the axis of a plant; other results have a fixed one."""
+        return str(self.record.axis)
+
+    def save(self, folder: str | Path) -> None:
+        """Write PART.json, the record, and PART.html, its page, into a folder that exists.
+
+        Raises:
+          InputError: if a file can't be written.
+        """
+        self.record.save(Path(folder) / f"{self.part}.json")
+        self.report.write_page(Path(folder) / f"{self.part}.html")

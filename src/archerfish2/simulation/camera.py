@@ -19,7 +19,7 @@ from archerfish2.records.sensing import SensingRecord
 
 LARGEST_JITTER = 2.0
 """Jitter is cut off at so many standard deviations: latencies are bounded."""
-COMMAND, LATENCY, MISS, STAMP, PLACE, FEEDBACK = (PELLET_NORMALS + each for each in (0, 1, 2, 3, 4, 7))
+SENDING, LATENCY, MISSED, STAMP, PLACE, FEEDBACK = (PELLET_NORMALS + place for place in (0, 1, 2, 3, 4, 7))
 """Index of the normals of a decision: command latency, camera latency, missed frame, stamp, place (3), feedback."""
 
 
@@ -83,7 +83,7 @@ class LinkedHardware:
         angle, rate = angle_and_rate(self.gimbal, draw, axes)
         age = feedback_age(self.sensing, draw, phases[..., 1], time, normals)
         exposed = latest_exposure(self.sensing, draw, phases[..., 0], time, age, normals)
-        place = measured_place(self.sensing, draw, _place(engagement, exposed), 0.0 * angle, normals)
+        place = measured_place(self.sensing, draw, plate_place(engagement, exposed), 0.0 * angle, normals)
         feedback = GimbalFeedback(quantised(self.sensing, draw, angle), rate, age)
         return LinkedState(axes, (axes,) * (self.past - 1), feedback, place, exposed, exposed <= 0.0, phases)
 
@@ -92,13 +92,13 @@ class LinkedHardware:
     ) -> LinkedState:
         """Send a command and let a period pass, until `time`; shape B."""
         sensing, draw = self.sensing, engagement.plant
-        latency = jittered(sensing.command_latency[draw], sensing.command_jitter[draw], normals[..., COMMAND])
+        latency = jittered(sensing.command_latency[draw], sensing.command_jitter[draw], normals[..., SENDING])
         sent = send(self.gimbal, draw, state.axes, command, latency)
         axes = run(self.gimbal, draw, sent, 0.0 * latency + self._ticks)
         feedback = self._feedback(state, sent, draw, time, normals)
         exposed = latest_exposure(sensing, draw, state.phases[..., 0], time, feedback.age, normals)
-        fresh = (exposed > state.exposed + 1e-6) & (normals[..., MISS] > sensing.miss[draw])
-        place = measured_place(sensing, draw, _place(engagement, exposed), state.feedback.rate, normals)
+        fresh = (exposed > state.exposed + 1e-6) & (normals[..., MISSED] > sensing.miss[draw])
+        place = measured_place(sensing, draw, plate_place(engagement, exposed), state.feedback.rate, normals)
         place, exposed = select(fresh, (place, exposed), (state.place, state.exposed))
         return LinkedState(axes, (*state.before, sent)[1:], feedback, place, exposed, fresh, state.phases)
 
@@ -133,10 +133,10 @@ class LinkedHardware:
         states, ticks = (*state.before, sent), self._ticks
         since = xp.clip(len(states) * ticks - xp.round(age / self.gimbal.tick), 0.0, len(states) * ticks)
         begin = states[0]
-        for each in states[1:]:
+        for state_after in states[1:]:
             later = since >= ticks
             since = xp.where(later, since - ticks, since)
-            begin = select(later, each, begin)
+            begin = select(later, state_after, begin)
         angle, rate = angle_and_rate(self.gimbal, draw, run(self.gimbal, draw, begin, since))
         return GimbalFeedback(quantised(self.sensing, draw, self._within_stops(angle)), rate, age)
 
@@ -144,7 +144,8 @@ class LinkedHardware:
         return namespace(angle).clip(angle, lift(self.low, angle), lift(self.high, angle))
 
 
-def _place(engagement: Engagement, time: Array) -> Array:
+def plate_place(engagement: Engagement, time: Array) -> Array:
+    """Return where the target's first plate is at a time [s] of shape B, in O [m], shape B + (3,)."""
     return engagement.target.at(time).position[..., 0, :]
 
 
@@ -254,14 +255,15 @@ def sensing_from_record(record: SensingRecord, draws: int) -> Sensing:
     # A latency that counts from the feedback lacks the feedback's delay to one that counts from the exposure.
     delay = link.feedback_latency if link.feedback_delay is None else link.feedback_delay
     extra = (delay or 0.0) if camera.latency_basis == "feedback" else 0.0
-    across = np.stack([drawn(f"camera.{name}", getattr(camera, name)) for name in ("elevation_sd", "bearing_sd")], -1)
+    elevation_sd = drawn("camera.elevation_sd", camera.elevation_sd)
+    bearing_sd = drawn("camera.bearing_sd", camera.bearing_sd)
     return Sensing(
         frame_period=1.0 / drawn("camera.rate_hz", camera.rate_hz, 1e-3),
         latency=drawn("camera.latency", camera.latency) + extra,
         latency_jitter=drawn("camera.latency_jitter", camera.latency_jitter),
         moment_error=drawn("camera.time_offset", 0.0, -np.inf),
         moment_jitter=drawn("camera.stamp_jitter", camera.stamp_jitter),
-        across=across,
+        across=np.stack([elevation_sd, bearing_sd], axis=-1),
         noise_range=np.full(draws, camera.noise_range),
         nearness=np.zeros(draws),
         along=drawn("camera.range_sd", camera.range_sd) / camera.noise_range,

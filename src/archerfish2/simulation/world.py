@@ -5,7 +5,7 @@ if the command says so, and scored where it crosses the plate's plane. A robot w
 and perfect camera, link and feedback, as in the paper; one with it has those of `camera`.
 """
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -20,12 +20,10 @@ from archerfish2.dynamics.pellet import flat_fire_crossing
 from archerfish2.errors import InputError
 from archerfish2.protocols import Barrel, Base, Command, Engagement, Frames, GimbalFeedback, Seen, Shot, Truth
 from archerfish2.records.muzzle import MuzzleRecord
-from archerfish2.simulation.camera import LinkedHardware, Sensing, jittered, sensing_from_record
+from archerfish2.robot import Robot, RobotLike
+from archerfish2.simulation.camera import LinkedHardware, Sensing, jittered, plate_place, sensing_from_record
 from archerfish2.targets.motion import BEGIN_S
-
-if TYPE_CHECKING:
-    from archerfish2.robot import Robot
-    from archerfish2.task import Task
+from archerfish2.task import Task, TaskLike
 
 CROSSING_ROUNDS = 3
 """Rounds of the search for the plane that a pellet crosses; each shrinks the error by the ratio of the two speeds."""
@@ -35,6 +33,31 @@ OUT = -1e3
 """Margin without pellet or crossing [m]: finite, so that a mean or a reward of margins needs no mask."""
 OLDEST_FEEDBACK_S = 0.25
 """Age beyond which feedback is of no use to any controller [s]."""
+
+
+class Hardware(Protocol):
+    """Axes, camera and link of a world; what is in a state is the hardware's own."""
+
+    normals: int  # standard normals that a decision takes, the pellet's first
+
+    @property
+    def plants(self) -> int:
+        """Number of posterior draws."""
+
+    def begin(self, engagement: Engagement, time: Array, normals: Array) -> Any:
+        """Begin with the gimbal at rest, shape B."""
+
+    def step(self, state: Any, engagement: Engagement, command: Array, time: Array, normals: Array) -> Any:
+        """Let a period pass under a command, until `time`; shape B."""
+
+    def feedback(self, state: Any, engagement: Engagement) -> GimbalFeedback:
+        """Return the latest feedback, shape B."""
+
+    def frames(self, state: Any, time: Array) -> Frames:
+        """Return the frames since the last decision, shape B."""
+
+    def angle_and_rate(self, state: Any, engagement: Engagement) -> tuple[Array, Array]:
+        """Return true pitch and yaw within the stops [rad] and their rates [rad/s], shape B + (2,) each."""
 
 
 class ImmediateState(NamedTuple):
@@ -62,7 +85,7 @@ class ImmediateHardware:
 
     def begin(self, engagement: Engagement, time: Array, normals: Array) -> ImmediateState:  # noqa: ARG002
         """Begin with the gimbal at rest, shape B."""
-        return ImmediateState(rest_state(self._plant(engagement), engagement.start), _place(engagement, time))
+        return ImmediateState(rest_state(self._plant(engagement), engagement.start), plate_place(engagement, time))
 
     def step(
         self,
@@ -73,7 +96,7 @@ class ImmediateHardware:
         normals: Array,  # noqa: ARG002
     ) -> ImmediateState:
         """Let a period pass under a command, until `time`; shape B."""
-        return ImmediateState(advance(self._plant(engagement), state.axes, command), _place(engagement, time))
+        return ImmediateState(advance(self._plant(engagement), state.axes, command), plate_place(engagement, time))
 
     def feedback(self, state: ImmediateState, engagement: Engagement) -> GimbalFeedback:
         """Return the angles and rates of now, shape B."""
@@ -97,11 +120,7 @@ class ImmediateHardware:
     def _plant(self, engagement: Engagement) -> GimbalModel:
         if self.gimbal.input.ndim == 2:
             return self.gimbal
-        return GimbalModel(*(each[engagement.plant] for each in self.gimbal))
-
-
-def _place(engagement: Engagement, time: Array) -> Array:
-    return engagement.target.at(time).position[..., 0, :]
+        return GimbalModel(*(field[engagement.plant] for field in self.gimbal))
 
 
 class WorldState(NamedTuple):
@@ -119,7 +138,7 @@ class SimulatedWorld:
     """The world of a robot and a task: one plate, one camera, a base at rest."""
 
     period: Array  # of decisions [s], ()
-    hardware: Any  # ImmediateHardware or LinkedHardware
+    hardware: Hardware  # immediate or linked
     model: GimbalModel  # best estimate of the axes with the mean latency of commands, (2, ...)
     muzzle: Muzzle  # best estimate, ()
     muzzles: Muzzle | None  # k draws, (k,); None: the best estimate for all
@@ -128,6 +147,10 @@ class SimulatedWorld:
     name: str = ""  # by which results call it
 
     compiled = True
+
+    def __repr__(self) -> str:
+        hardware = type(self.hardware).__name__
+        return f"SimulatedWorld(robot {self.name}, {hardware}, plants {self.plants}, normals {self.normals})"
 
     @property
     def period_s(self) -> float:
@@ -193,15 +216,15 @@ class SimulatedWorld:
         """
         xp, muzzle = namespace(angle), self.muzzle_of(engagement)
         if muzzle.speed.ndim < time.ndim and muzzle.speed.ndim:
-            muzzle = map_arrays(lambda each: each[(None,) * (time.ndim - muzzle.speed.ndim)], muzzle)
+            muzzle = map_arrays(lambda field: field[(None,) * (time.ndim - muzzle.speed.ndim)], muzzle)
         position, velocity = pellet_at_muzzle(muzzle, angle, rate, normals[..., :PELLET_NORMALS])
         # A pellet that flies backwards crosses no plate. Replaced before any arithmetic, which has no value for it.
         forward = velocity[..., 0] > SLOWEST * muzzle.speed
         velocity = xp.where(forward[..., None], velocity, xp.abs(velocity) + lift(muzzle.speed[..., None], velocity))
-        plate = _place(engagement, time)
+        plate = plate_place(engagement, time)
         crossing = flat_fire_crossing(position, velocity, plate[..., 0], muzzle.drag)
         for _ in range(CROSSING_ROUNDS):
-            plate = _place(engagement, time + crossing.time)
+            plate = plate_place(engagement, time + crossing.time)
             crossing = flat_fire_crossing(position, velocity, plate[..., 0], muzzle.drag)
         miss = xp.stack([crossing.lateral - plate[..., 1], crossing.height - plate[..., 2]], axis=-1)
         # A square root has no gradient at zero: the guard is below a float32's last place of any miss that matters.
@@ -210,7 +233,7 @@ class SimulatedWorld:
 
     def muzzle_of(self, engagement: Engagement) -> Muzzle:
         """Return the muzzle of each engagement, shape () or B."""
-        return self.muzzle if self.muzzles is None else Muzzle(*(each[engagement.plant] for each in self.muzzles))
+        return self.muzzle if self.muzzles is None else Muzzle(*(field[engagement.plant] for field in self.muzzles))
 
     def truth(self, engagement: Engagement) -> Truth:
         """Return the target's path and the best estimates of the rest."""
@@ -232,27 +255,30 @@ def scored(
     )
 
 
-def make_world(robot: "Robot", task: "Task") -> SimulatedWorld:
+def make_world(robot: RobotLike = None, task: TaskLike = "any") -> SimulatedWorld:
     """Build the simulator of a robot for a task, in float32.
 
     Args:
-      robot: its records; posterior draws and intervals become draws that engagements choose from.
-      task: decision period, command limit and hit radius.
+      robot: a robot or its folder, the paper's if not given; posterior draws and intervals become draws that
+        engagements choose from.
+      task: decision period, command limit and hit radius: a task, its name or its file.
 
     Raises:
       InputError: if a plant does not fit the decision period, or feedback is older than a controller can use.
     """
+    robot, task = Robot.of(robot), Task.of(task)
     period, limits = task.period_s, robot.limits
     for axis, angle in zip(("pitch", "yaw"), task.start, strict=True):
         ends = getattr(limits, axis)
         if not ends.low <= angle <= ends.high:
             between = f"{ends.low:.3g}…{ends.high:.3g} rad"
             raise InputError(f"the task begins at a {axis} of {angle:g} rad, expected {between}, as of {robot.name}")
-    low, high = (np.array([getattr(axis, end) for axis in (limits.pitch, limits.yaw)]) for end in ("low", "high"))
-    hardware: Any
+    low = np.array([limits.pitch.low, limits.yaw.low])
+    high = np.array([limits.pitch.high, limits.yaw.high])
+    hardware: Hardware
     if robot.sensing is None:
         draws = gimbal_draws(robot.pitch, robot.yaw, period)
-        draws = draws if len(draws.input) > 1 else GimbalModel(*(each[0] for each in draws))
+        draws = draws if len(draws.input) > 1 else GimbalModel(*(field[0] for field in draws))
         hardware, muzzles = ImmediateHardware(draws, low, high), None
     else:
         gimbal = delayed_gimbal(robot.pitch, robot.yaw, period)
@@ -312,5 +338,6 @@ def muzzle_draws(record: MuzzleRecord, count: int) -> Muzzle:
         values = getattr(record, name) + (high - low) / (2 * 1.96) * normals
         return values if name.endswith("_offset") else np.maximum(values, 0.0)
 
-    pairs = {each: np.stack([drawn(f"{axis}_{each}") for axis in ("pitch", "yaw")], -1) for each in ("offset", "sd")}
-    return Muzzle(**{name: drawn(name) for name in ("speed", "speed_sd", "drag", "length")}, **pairs)
+    offset = np.stack([drawn("pitch_offset"), drawn("yaw_offset")], axis=-1)
+    sd = np.stack([drawn("pitch_sd"), drawn("yaw_sd")], axis=-1)
+    return Muzzle(drawn("speed"), drawn("speed_sd"), offset, sd, drawn("drag"), drawn("length"))

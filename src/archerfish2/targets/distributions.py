@@ -25,13 +25,17 @@ class Distribution(NamedTuple):
     """The distribution function at the values, 0…1, rising."""
 
     def draw(self, uniform: Array) -> Array:
-        """Turn uniform draws in [0, 1), shape B, into values, shape B: the inverse of the distribution function."""
+        """Turn uniform draws in [0, 1), shape B, into values in SI units and radians, shape B.
+
+        This is the inverse of the distribution function.
+        """
         # Plain numbers, so that float32 stays float32.
-        values = [math.log(each) if self.logarithmic else each for each in self.value]
+        values = [math.log(value) if self.logarithmic else value for value in self.value]
         xp, found = namespace(uniform), values[0] + 0.0 * uniform
         for low, high, begin, end in zip(self.share, self.share[1:], values, values[1:], strict=False):
             found = found + (end - begin) * xp.clip((uniform - low) / (high - low), 0.0, 1.0)
-        return xp.exp(found) if self.logarithmic else found
+        found = xp.exp(found) if self.logarithmic else found
+        return math.pi / 180.0 * found if self.unit == "°" else found
 
 
 LARGEST_SPEED = 3.0
@@ -92,8 +96,7 @@ def draw_parameters(distributions: Mapping[str, Distribution], uniforms: Array) 
     Returns:
       Shape B each; angles in rad.
     """
-    drawn = [(each.draw(uniforms[..., index]), each.unit) for index, each in enumerate(distributions.values())]
-    return tuple(math.pi / 180.0 * value if unit == "°" else value for value, unit in drawn)
+    return tuple(distribution.draw(uniforms[..., index]) for index, distribution in enumerate(distributions.values()))
 
 
 def along(heading: Array, distance: Array) -> Array:

@@ -16,8 +16,7 @@ from archerfish2.targets.motion import BEGIN_S, STEP_S, TIMES, ZERO, triangle_wa
 _LEGS = 12  # turns, or starts and stops, that are drawn; after the last a target continues as it moves
 _KNOT_S = 0.2  # between moments at which Singer's acceleration is drawn, linear between them
 _KNOTS = 1 + math.ceil((float(TIMES[-1]) - BEGIN_S) / _KNOT_S - 1e-9)
-_FORWARD_SHARE = 0.5  # of Singer's acceleration towards the gimbal, to that across the line of sight
-UNIFORMS = 4 + 2 * _KNOTS
+KIND_DRAWS = 4 + 2 * _KNOTS
 """Uniform draws of the kind that needs most."""
 
 
@@ -100,7 +99,8 @@ def _singer(uniforms: Array, duration: Array) -> Array:  # noqa: ARG001
     kept = xp.exp(-_KNOT_S / memory)
     sizes = [sd] + [sd * xp.sqrt(1.0 - kept**2)] * (_KNOTS - 1)
     displacements = []
-    for turn, share in ((xp.sin, _FORWARD_SHARE), (xp.cos, 1.0)):
+    # Towards the gimbal half of the acceleration across the line of sight.
+    for turn, share in ((xp.sin, 0.5), (xp.cos, 1.0)):
         normal = radius * turn(2.0 * math.pi * two)
         noise = [size * normal[..., knot] for knot, size in enumerate(sizes)]
         acceleration = xp.stack([*accumulate(noise, lambda before, new: kept * before + new)], axis=-1)

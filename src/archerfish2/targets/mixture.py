@@ -6,7 +6,7 @@ slow ones in its training, and is wrong about targets that do two things at once
 
 from archerfish2.arrays import Array, lift, namespace
 from archerfish2.targets.distributions import LARGEST_SPEED, VARIATION, along, draw_parameters
-from archerfish2.targets.kinds import KINDS, UNIFORMS, eq_7, sine
+from archerfish2.targets.kinds import KIND_DRAWS, KINDS, eq_7, sine
 from archerfish2.targets.motion import BEGIN_S, FLIGHT_S, STEP_S, TIMES, Path
 from archerfish2.targets.process import PROCESS_UNIFORMS, random_process
 
@@ -32,7 +32,8 @@ SLOWER, SWAYING = 0.15, 0.2
 
 def path_uniforms(name: str) -> int:
     """Return how many uniform draws a path takes: which kind, the kind's, the variation's; none for "paper"."""
-    return {"paper": 0, "any": 1 + PROCESS_UNIFORMS + _VARIED, "kinds": 1 + UNIFORMS + _VARIED}.get(name, 1 + UNIFORMS)
+    of_kind = PROCESS_UNIFORMS if name == "any" else KIND_DRAWS
+    return 0 if name == "paper" else 1 + of_kind + _VARIED * (name in MIXTURES)
 
 
 def drawn_path(name: str, place: Array, uniforms: Array, duration: Array, swing: tuple[Array, Array, Array]) -> Path:
@@ -46,7 +47,7 @@ def drawn_path(name: str, place: Array, uniforms: Array, duration: Array, swing:
       swing: largest speed [m/s], half width [m] and rise [m] of the targets of eq (7) in a mixture, shape () each.
     """
     xp, drawn, mixture = namespace(place, uniforms), uniforms[..., 1:], MIXTURES.get(name, {name: 1.0})
-    functions = {**KINDS, "eq 7": lambda each, _: eq_7(each, *swing), "process": random_process}
+    functions = {**KINDS, "eq 7": lambda draws, _: eq_7(draws, *swing), "process": random_process}
     start, which, displacement = 0.0, uniforms[..., 0, None, None], 0.0 * drawn[..., :1, None]
     for kind, weight in mixture.items():
         if kind == "eq 7":

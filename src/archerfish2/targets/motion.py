@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from archerfish2.arrays import Array, lift, map_arrays, namespace, select, tree
+from archerfish2.arrays import Array, lift, map_arrays, namespace, tree
 from archerfish2.protocols import Plates
 
 STEP_S = 0.02
@@ -38,7 +38,7 @@ class Parabola(NamedTuple):
     def position(self, time: Array) -> Array:
         """Return the position [m] at times [s] of shape B or (N,) + B, shape of the times + (3,)."""
         xp = namespace(self.vertex, time)
-        speed, phase, half_width, curvature = (lift(each, time) for each in self[1:])
+        speed, phase, half_width, curvature = (lift(field, time) for field in self[1:])
         lateral = half_width * triangle_wave(phase + speed * time / (4.0 * half_width))
         vertex = lift(self.vertex, lateral[..., None]) + 0.0 * lateral[..., None]
         forward = vertex[..., 0] + curvature * lateral**2
@@ -84,29 +84,9 @@ class Disc:
     def at(self, time: Array) -> Plates:
         """Return the plate at times [s] of shape B or (N,) + B."""
         extra = time.ndim + 1 - self.normal_yaw.ndim
-        motion = map_arrays(lambda each: each.reshape((1,) * extra + each.shape), self.motion)
+        motion = map_arrays(lambda array: array.reshape((1,) * extra + array.shape), self.motion)
         zero = 0.0 * time[..., None]
         return Plates(motion.position(time)[..., None, :], lift(self.normal_yaw, zero) + zero)
-
-
-@tree()
-class StillOrMoving:
-    """A target of which some members are as at time zero, with their first plate at their place."""
-
-    place: Array  # [m], B + (3,)
-    moving: Array  # bool, B
-    target: Any  # any target
-
-    @property
-    def plates(self) -> int:
-        """Number of plates."""
-        return int(self.target.plates)
-
-    def at(self, time: Array) -> Plates:
-        """Return the plates at times [s] of shape B or (N,) + B."""
-        moved, still = self.target.at(time), self.target.at(0.0 * time)
-        place = still.position - still.position[..., :1, :] + lift(self.place[..., None, :], still.position)
-        return select(lift(self.moving, time), Plates(*moved), Plates(place, still.normal_yaw))
 
 
 def disc(motion: Any, place: Array) -> Disc:

@@ -1,4 +1,4 @@
-"""A random process with habits: what a target did says something about what it will do, but never all.
+"""A random process with habits: a target's past says something about its future, but never everything.
 
 A target drives or stands, leg by leg. It has a usual dwell and a usual speed, and for each a share by which its legs
 depart from it: with 0 all are alike, with 1 they have nothing in common. How often it stands, and how often it drives

@@ -1,14 +1,21 @@
-"""A user's motion: f(place B + (3,), speed B, uniforms B + (4,)) → a tree with `position(time)`, or a `Target`."""
+"""A user's motion: f(place B + (3,), speed B, uniforms B + (4,)) → an object with `position(time)`, or a `Target`.
 
+A tree runs compiled. Any other object runs in NumPy, and its path is sampled when a target is drawn: a compiled program
+calls back for that, and follows the path.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from archerfish2.arrays import Array, is_tree, leaves
+from archerfish2.arrays import Array, is_tree, leaves, namespace
 from archerfish2.compiled import has_jax, import_jax
 from archerfish2.errors import InputError
 from archerfish2.plugins import Plugin, find_plugin
-from archerfish2.targets.motion import disc
+from archerfish2.targets.motion import BEGIN_S, LONGEST_S, STEP_S, TIMES, Path, disc
 
 UNIFORMS = 4
 """Uniform draws that a user's motion gets."""
@@ -33,23 +40,43 @@ def user_target(found: Plugin, place: Array, speed: Array, uniforms: Array) -> A
     return motion if hasattr(motion, "at") else disc(motion, place)
 
 
-def find_motion(spec: str) -> Plugin:
+def _sampled(motion: Callable[..., Any]) -> Callable[..., Path]:
+    """Return a motion that runs in NumPy alone as one of paths."""
+
+    def places(place: Array, speed: Array, uniforms: Array) -> Array:
+        target = motion(*(np.asarray(drawn) for drawn in (place, speed, uniforms)))
+        return np.stack([target.position(np.full_like(speed, time)) for time in TIMES], -2, dtype=place.dtype)
+
+    def path(place: Array, speed: Array, uniforms: Array) -> Path:
+        sample = places
+        if namespace(place) is not np:
+            jax = import_jax()
+            shape = jax.ShapeDtypeStruct((*speed.shape, len(TIMES), 3), place.dtype)
+            sample = partial(jax.pure_callback, places, shape)
+        return Path(sample(place, speed, uniforms), 0.0 * speed + BEGIN_S, 0.0 * speed + STEP_S)
+
+    path.__dict__["longest_s"] = LONGEST_S
+    return path
+
+
+def find_motion(spec: Any) -> Plugin:
     """Find a user's motion, always the same object; at first it is checked, in NumPy and, where there is JAX, traced.
 
     Args:
-      spec: ./FILE.py:NAME, MODULE:NAME, or the name of an entry point.
+      spec: ./FILE.py:NAME, MODULE:NAME, the name of an entry point, or the function.
 
     Raises:
       InputError: if it is not there, its code fails, what it returns is no motion, or it can't be compiled.
     """
     found = find_plugin(spec, "motion")
-    if (found.spec, id(found.value)) not in _checked:
-        _check(found)
-    return _checked.setdefault((found.spec, id(found.value)), found)
+    key = found.spec, id(found.value)
+    if key not in _checked:
+        _checked[key] = _check(found)
+    return _checked[key]
 
 
-def _check(found: Plugin) -> None:
-    """Draw a few targets in NumPy, and trace them as a compiled program does."""
+def _check(found: Plugin) -> Plugin:
+    """Return a motion, sampled if it is no tree; a few targets are drawn in NumPy, and traced where there is JAX."""
 
     def at(place: Array, speed: Array, uniforms: Array, time: Array) -> Any:
         return user_target(found, place, speed, uniforms).at(time)
@@ -59,8 +86,11 @@ def _check(found: Plugin) -> None:
     with found.running():
         motion = found.value(*drawn)
         kind, plates = type(motion).__name__, getattr(motion, "plates", 1)
+        if not getattr(motion, "compiled", is_tree(motion)) and hasattr(motion, "position"):
+            found = replace(found, value=_sampled(found.value))
+            motion = found.value(*drawn)
         if not is_tree(motion) or any(np.shape(each)[:1] != (_FEW,) for each in leaves(motion)):
-            expected = "expected a NamedTuple with position(time), each array as long as there are targets"
+            expected = "expected an object with position(time), each array as long as there are targets"
             raise InputError(f"returns a {kind}, {expected}; compute it from place, speed and uniforms")
         results = [at(*drawn, times)]
         if has_jax():
@@ -69,23 +99,4 @@ def _check(found: Plugin) -> None:
         for position, normal_yaw in results:
             if (position.shape, normal_yaw.shape) != ((*times.shape, plates, 3), (*times.shape, plates)):
                 raise InputError(f"{kind} has positions of shape {position.shape} at times {times.shape}, {expected}")
-
-
-def check_places(found: Plugin, target: Any, duration: Array) -> None:
-    """Refuse targets that are nowhere, or not in front of the gimbal.
-
-    Args:
-      found: the user's motion.
-      target: as drawn, of NumPy arrays.
-      duration: of the engagements [s], shape B.
-
-    Raises:
-      InputError: naming where such a target is, and when.
-    """
-    times = duration * np.linspace(0.0, 1.0, 26, dtype=np.float32).reshape(-1, *(1,) * duration.ndim)
-    with found.running():
-        position = np.asarray(target.at(times).position)
-    wrong = ~np.all(np.isfinite(position), axis=-1) | ~(position[..., 0] > 0.0)
-    if np.any(wrong):
-        at = f"{position[wrong][0].tolist()} m after {times[np.nonzero(wrong)[:-1]][0]:.2f} s"
-        raise InputError(f"{found.spec}: a target is at {at}, expected numbers and x > 0; keep it before the gimbal")
+    return found

@@ -9,19 +9,13 @@ begins a step with the mixture of all three that leads to it, and detections wei
 from typing import NamedTuple
 
 from archerfish2.arrays import Array, lift, map_arrays, namespace
-from archerfish2.tracking.kalman_filter import (
-    Track,
-    TrackerNoise,
-    begin_track,
-    covariance_blocks,
-    log_likelihood,
-    moved,
-    predict,
-    update,
-)
+from archerfish2.tracking import kalman_filter
+from archerfish2.tracking.kalman_filter import Track, TrackerNoise, covariance_blocks, predict
 
 STILL, ONWARD, TURNED = range(3)
 """Models, by index."""
+STILL_SHARE = 0.5
+"""Probability that a target stands still at first, where nothing else is known."""
 KEPT = ((1.0, 0.0, 0.0), (0.0, 1.0, -1.0), (0.0, -1.0, 1.0))
 """Share of the velocity that is left when a target changes from one model (rows) to another (columns)."""
 STARTS = ((0.0, 1.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -32,8 +26,8 @@ class ModelRates(NamedTuple):
     """How often a target changes its mode, and how it begins; shape () each."""
 
     turn: Array  # turns back, of a target that moves [1/s]
-    stop: Array  # stops of a moving target and starts of one that stands [1/s]
-    still: Array  # probability that a target stands at first, 0…1
+    stop: Array = 0.1  # stops of a moving target and starts of one that stands [1/s]
+    still: Array = STILL_SHARE  # probability that a target stands at first, 0…1
 
 
 class ModelTracks(NamedTuple):
@@ -53,9 +47,9 @@ def begin_models(noise: TrackerNoise, rates: ModelRates, plate: Array, shown: Ar
       shown: whether a frame shows it, shape B; all if not given.
     """
     xp = namespace(plate)
-    driving = begin_track(noise, plate, shown)
-    still_track = begin_track(noise._replace(initial_speed=0.0 * noise.initial_speed), plate, shown)
-    track = map_arrays(lambda *each: xp.stack(each, axis=plate.ndim - 1), still_track, driving, driving)
+    driving = kalman_filter.begin_track(noise, plate, shown)
+    still_track = kalman_filter.begin_track(noise._replace(initial_speed=0.0 * noise.initial_speed), plate, shown)
+    track = map_arrays(lambda *models: xp.stack(models, axis=plate.ndim - 1), still_track, driving, driving)
     still = rates.still + 0.0 * plate[..., 0]
     return ModelTracks(track, xp.stack([still, 1.0 - still, 0.0 * still], axis=-1))
 
@@ -80,10 +74,10 @@ def step_models(
     carried = predict(driven, mixed.track, elapsed[..., None])
     place = plate[..., None, :]
     # Logarithms, for after an outlier all likelihoods may be too small for float32.
-    evidence = xp.log(xp.maximum(mixed.probability, 1e-30)) + log_likelihood(noise, carried, place)
+    evidence = xp.log(xp.maximum(mixed.probability, 1e-30)) + kalman_filter.log_likelihood(noise, carried, place)
     weight = xp.exp(evidence - xp.max(evidence, axis=-1, keepdims=True))
     probability = xp.where(fresh[..., None], weight / xp.sum(weight, axis=-1, keepdims=True), mixed.probability)
-    return ModelTracks(update(noise, carried, place, fresh[..., None]), probability)
+    return ModelTracks(kalman_filter.update(noise, carried, place, fresh[..., None]), probability)
 
 
 def transition_probabilities(rates: ModelRates, elapsed: Array) -> Array:
@@ -151,4 +145,4 @@ def _changed(noise: TrackerNoise, track: Track, elapsed: Array) -> tuple[Array, 
 
 def moved_models(models: ModelTracks, by: Array) -> ModelTracks:
     """Return the same estimates against another origin; `by` is added to places [m], shape B + (3,)."""
-    return models._replace(track=moved(models.track, by[..., None, :]))
+    return models._replace(track=kalman_filter.moved(models.track, by[..., None, :]))

@@ -8,8 +8,6 @@ axes, range errors leak into the bearing.
 
 from typing import NamedTuple
 
-import numpy as np
-
 from archerfish2.arrays import Array, lift, namespace
 from archerfish2.protocols import Base
 from archerfish2.records.sensing import SensingRecord
@@ -32,21 +30,24 @@ class TrackerNoise(NamedTuple):
     height_angle: Array = 0.0  # what is added to `across` of the height as an elevation [rad] (the squares add)
 
 
-def noise_from_record(record: SensingRecord, acceleration: float) -> TrackerNoise:
-    """Return what a filter assumes of an identified camera.
+def noise_from_record(record: SensingRecord | None, acceleration: float, exact_sd: float) -> TrackerNoise:
+    """Return what a filter assumes of a camera.
 
     Args:
-      record: camera and link.
+      record: camera and link; None of a camera without noise.
       acceleration: standard deviation of the target's acceleration [m/s²].
+      exact_sd: of a measurement by a camera without noise [m].
     """
+    if record is None:
+        return TrackerNoise(acceleration, exact_sd, exact_sd)
     camera = record.camera
     return TrackerNoise(
-        acceleration=np.asarray(acceleration),
-        along=np.asarray(_LEAST_M),
-        across=np.asarray(_LEAST_M),
-        along_share=np.asarray(camera.range_sd / camera.noise_range),
-        across_angle=np.asarray(camera.bearing_sd),
-        height_angle=np.asarray(camera.elevation_sd),
+        acceleration=acceleration,
+        along=_LEAST_M,
+        across=_LEAST_M,
+        along_share=camera.range_sd / camera.noise_range,
+        across_angle=camera.bearing_sd,
+        height_angle=camera.elevation_sd,
     )
 
 
@@ -120,9 +121,8 @@ def update(noise: TrackerNoise, track: Track, plate: Array, fresh: Array) -> Tra
     # leave nothing of a small variance after a long silence.
     known = matrix_product(gain, measured)
     speed = p[..., 2:, 2:] - matrix_product(gain[..., 2:, :], p[..., :2, 2:])
-    covariance = covariance_blocks(
-        symmetric(known[..., :2, :]), xp.matrix_transpose(known[..., 2:, :]), symmetric(speed)
-    )
+    place, corner = symmetric(known[..., :2, :]), xp.matrix_transpose(known[..., 2:, :])
+    covariance = covariance_blocks(place, corner, symmetric(speed))
     measured_height = height_noise(noise, plate)
     sum_of_both = track.height_variance + measured_height
     share = xp.where(fresh, track.height_variance / sum_of_both, 0.0 * sum_of_both)

@@ -1,7 +1,7 @@
 """Trackers side by side on the same detections: two Kalman filters, one quick and one slow, and interacting models.
 
-No one tracker fits a target that may stand, drive on, turn back or swing. Any of them may be absent; without the quick
-filter the target is taken to be where it was detected last.
+No one tracker fits a target that may stand, drive on, turn back or swing. Each of them may be absent. Without the quick
+filter, the target is taken to be at its latest detection.
 """
 
 from typing import Any, NamedTuple
@@ -88,6 +88,7 @@ def _predicted(tracks: Tracks, age: Array) -> Array:
 
 def _moved(tracks: Tracks, by: Array) -> Tracks:
     """Return the estimates against another origin; `by` is added to places [m], shape B + (3,)."""
-    fast, slow = (each and kalman_filter.moved(each, by) for each in (tracks.fast, tracks.slow))
+    fast = tracks.fast and kalman_filter.moved(tracks.fast, by)
+    slow = tracks.slow and kalman_filter.moved(tracks.slow, by)
     models = tracks.models and moved_models(tracks.models, by)
     return tracks._replace(fast=fast, slow=slow, models=models)

@@ -111,10 +111,11 @@ def contradictions(logs: Sequence[tuple[Recording, float]], alone: Alone = fit_a
     """Find logs of another sign or unit than the others, where all together fit badly: each is fitted alone.
 
     Args:
-      logs: recordings of one input and one output, and how well they are explained [%].
+      logs: recordings, and how well they are explained [%]; of one input and one output, or none is found.
       alone: fits a log alone.
     """
-    if min(percent for _, percent in logs) >= GOOD:
+    first, _ = logs[0]
+    if len(first.input_names) * len(first.output_names) > 1 or min(percent for _, percent in logs) >= GOOD:
         return []
     plants = [(log, alone(log)) for log, _ in logs]
     gains = [(log, plant.dc_gain.item()) for log, plant in plants if plant is not None]
@@ -129,7 +130,7 @@ def contradictions(logs: Sequence[tuple[Recording, float]], alone: Alone = fit_a
     return found
 
 
-def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recording]) -> Finding | None:
+def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recording]) -> list[Finding]:
     """Find that input and output are exchanged, by trying it where the plant has no delay or fits badly.
 
     Args:
@@ -140,18 +141,18 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
     plant, drift = found.plant, found.structure.drift
     percent = float(free_run(plant, log.inputs, log.outputs, drift=drift).fit_percent[0])
     # The inverse of an axis leads, so that a plant of it has no delay, or many poles.
-    odd = plant.delay_samples <= plant.D.any() or len(plant.A) >= _MANY
+    odd = plant.dead_time_samples == 0 or len(plant.A) >= _MANY
     moving = [recording for recording in recordings if np.ptp(recording.inputs)]
     if plant.D.shape != (1, 1) or not (odd or percent < _SUSPECT) or not np.ptp(log.inputs):
-        return None
+        return []
     other, *logs = map(_exchanged, (log, *moving))
     plants = [fit_axis(logs, order).plant for order in (1, 2, 3)]
     best = max(float(free_run(p, other.inputs, other.outputs, drift=drift).fit_percent[0]) for p in plants)
     if best < max(GOOD, percent + max(_LEAST, min(_WORTH, (100 - percent) / 2))):
-        return None
+        return []
     message = f"the output comes before the input: exchanged, the fit is {best:.1f} % instead of {percent:.1f} %"
     remedy = f'take "{log.output_names[0]}" as the input and "{log.input_names[0]}" as the output'
-    return Finding("swapped", "warning", log.source, message, remedy)
+    return [Finding("swapped", "warning", log.source, message, remedy)]
 
 
 def _exchanged(log: Recording) -> Recording:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
@@ -46,8 +46,9 @@ class KnownGain(NamedTuple):
 
     gain: Array  # steady output per steady input, (p, m)
     error: Array  # its standard error, 0 where it is exact, (p, m)
-    by_logs: Array  # steady gain of the fit without it, (p, m)
-    contradicted: bool  # whether the logs exclude it
+    source: Literal["given", "plateaus"] = "given"
+    by_logs: Array = np.zeros((0, 0))  # steady gain of the fit without it, (p, m) after the fit
+    contradicted: bool = False  # whether the logs exclude it
 
 
 class AxisFit(NamedTuple):
@@ -78,7 +79,7 @@ def fit_axis(
     max_delay: int = DELAY,
     feedthrough: bool = True,
     held_back: Sequence[Recording] = (),
-    gain: tuple[Array, Array] | None = None,
+    gain: KnownGain | None = None,
 ) -> AxisFit:
     """Identify the plant of one axis by output error, of one output or of one input.
 
@@ -89,7 +90,7 @@ def fit_axis(
       max_delay: up to which it is searched at first, a tenth of the shortest recording at most [samples].
       feedthrough: whether the plant may have one; it has if the logs say so.
       held_back: recordings by which the order is chosen.
-      gain: steady output per steady input that the plant is to have, and its standard error, shape (p, m) each.
+      gain: that the plant is to have.
 
     Raises:
       InputError: if arrays don't fit together or aren't finite, inputs or outputs don't move, a recording is too short
@@ -100,7 +101,7 @@ def fit_axis(
     logs, others = every[: len(recordings)], every[len(recordings) :]
     shortest, inputs = min(len(u) for u, _ in logs), logs[0][0].shape[1]
     delays = (0, min(max_delay, shortest // 10)) if delay is None else (delay, delay)
-    orders = orders[: sum(shortest >= _least_samples(each, inputs) for each in orders)]
+    orders = orders[: sum(shortest >= _least_samples(possible, inputs) for possible in orders)]
     scale = np.sqrt(np.mean(np.concatenate([y for _, y in logs]) ** 2, 0))
     period_s = recordings[0].period_s
     begun = [begun_log(u, y / scale, delays[1]) for u, y in logs]
@@ -118,12 +119,13 @@ def fit_axis(
         fit, constraints, ridge = _settled(final, structure, [fit.sections])
     plant = plant_of(fit, structure, scale, period_s)
     found = AxisFit(plant, structure, fit, scale, final, constraints, ridge, selection)
-    return found if gain is None else _with_gain(found, *gain)
+    return found if gain is None else _with_gain(found, gain)
 
 
-def _with_gain(found: AxisFit, gain: Array, error: Array) -> AxisFit:
+def _with_gain(found: AxisFit, known: KnownGain) -> AxisFit:
     """Return a fit with the constraint that the plant has a steady gain."""
-    structure, scale, by_logs = found.structure, found.scale, found.plant.dc_gain
+    structure, scale = found.structure, found.scale
+    gain, by_logs = known.gain, found.plant.dc_gain
     data = [log.at(structure.delay, structure.feedthrough) for log in found.experiments]
     constraints = [*found.constraints, steady_gain(gain / scale[:, None], data)]
     fit = refine(found.fit.sections, data + constraints, 30, 1e-8, found.ridge)
@@ -133,7 +135,7 @@ def _with_gain(found: AxisFit, gain: Array, error: Array) -> AxisFit:
     loss = free.residual.size * np.log(max(cost, least) / max(free.cost, least))
     unlikely = loss > chdtri(gain.size, _UNLIKELY)
     different = np.abs(gain - by_logs) > _OTHER_GAIN * np.maximum(np.abs(gain), np.abs(by_logs))
-    known = KnownGain(gain, error, by_logs, bool(unlikely and np.any(different)))
+    known = known._replace(by_logs=by_logs, contradicted=bool(unlikely and np.any(different)))
     plant = plant_of(fit, structure, scale, found.plant.sample_period_s)
     return found._replace(plant=plant, fit=fit, known_gain=known)
 
@@ -156,9 +158,9 @@ def _checked(recordings: Sequence[Recording], order: int, delay: int) -> list[tu
             raise InputError(f"{log.source}: expected at least {least} samples, got {len(log)}; record longer")
         if not np.ptp(log.outputs, axis=0).all():
             raise InputError(f"{log.source}: expected outputs that move, got a constant one; leave it out")
-    if not np.max([np.ptp(each.inputs, axis=0) for each in recordings], axis=0).all():
+    if not np.max([np.ptp(log.inputs, axis=0) for log in recordings], axis=0).all():
         raise InputError("fit_axis: expected inputs that move, got a constant; leave that input out")
-    return [(each.inputs - each.inputs.mean(0), each.outputs - each.outputs.mean(0)) for each in recordings]
+    return [(log.inputs - log.inputs.mean(0), log.outputs - log.outputs.mean(0)) for log in recordings]
 
 
 def _least_samples(order: int, inputs: int) -> int:

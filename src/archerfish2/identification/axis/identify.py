@@ -1,5 +1,7 @@
 """From logs of one axis to its plant, how certain it is, and whether it is usable."""
 
+import itertools
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
@@ -20,21 +22,20 @@ from archerfish2.identification.axis.checks import (
     plant_findings,
     silent_logs,
 )
-from archerfish2.identification.axis.fit import DELAY, AxisFit, fit_axis
+from archerfish2.identification.axis.fit import DELAY, AxisFit, KnownGain, fit_axis
 from archerfish2.identification.axis.nonlinearity import nonlinearity
 from archerfish2.identification.axis.plateaus import plateau_gain
 from archerfish2.identification.axis.report import axis_report
 from archerfish2.identification.axis.result import (
     AxisEstimates,
-    GivenGain,
     LogFit,
-    delay_estimate,
+    dead_time_estimate,
     gain_estimates,
     judged,
     pole_estimates,
 )
 from archerfish2.identification.frequency import excited_band
-from archerfish2.identification.simulation import Array, balanced, free_run
+from archerfish2.identification.simulation import balanced, free_run
 from archerfish2.identification.statistics import Z95
 from archerfish2.logs.log import read_log
 from archerfish2.logs.recording import Finding, Log, Recording
@@ -109,20 +110,18 @@ def identify_axis(
     with threadpool_limits(1, "blas"):
         logs_of_axis = read_sources(logs, validate, divides_s)
         check_logs(logs_of_axis.fitted, order or 1)
-        gain, source = _known_gain(dc_gain, logs_of_axis.fitted)
-        longest = DELAY if max_delay is None else max_delay
         found = fit_axis(
             logs_of_axis.fitted,
             order,
-            max_delay=longest,
+            max_delay=DELAY if max_delay is None else max_delay,
             feedthrough=feedthrough,
             held_back=logs_of_axis.held_back,
-            gain=gain,
+            gain=_known_gain(dc_gain, logs_of_axis.fitted),
         )
-        return _result(found, logs_of_axis, axis, source, seed)
+        return _result(found, logs_of_axis, axis, seed)
 
 
-def _result(found: AxisFit, logs: AxisLogs, axis: str, gain_source: str, seed: int) -> AxisResult:
+def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int) -> AxisResult:
     """Draw plants, run the tests and collect what is known."""
     first = logs.fitted[0]
     drawn = draw_plants(found, _DRAWS, seed)
@@ -146,20 +145,16 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, gain_source: str, seed: i
     if len(silent) == len(logs.fitted):
         raise InputError(f"{silent[0].place}: {silent[0].message}; {silent[0].remedy}", silent[0].code)
     findings = [*logs.findings, *silent, *plant_findings(plant, first)]
-    if swapped := exchanged_columns(found, judged(tuple(fits)).recording, logs.fitted):
-        findings.append(swapped)
-    if plant.D.shape == (1, 1):
-        findings += contradictions([(fit.recording, fit.fit_percent) for fit in fits], alone)
-    known, given = found.known_gain, None
-    if known is not None:
-        given = GivenGain(gain_source, tuple(known.by_logs.ravel().tolist()), known.contradicted)
+    wrong = contradictions([(fit.recording, fit.fit_percent) for fit in fits], alone)
+    # Of logs that contradict each other no plant fits all, in whichever direction.
+    findings += wrong or exchanged_columns(found, judged(tuple(fits)).recording, logs.fitted)
     band = excited_band(logs.fitted)
     return AxisResult(
         record=plant,
         fits=tuple(fits),
         dc_gain=gain_estimates(found, drawn),
-        given_gain=given,
-        delay_samples=delay_estimate(found),
+        given_gain=found.known_gain,
+        dead_time_samples=dead_time_estimate(found),
         poles=pole_estimates(found, drawn, band),
         candidates=found.selection.candidates,
         excited_hz=band,
@@ -168,13 +163,11 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, gain_source: str, seed: i
     )
 
 
-def _known_gain(
-    dc_gain: Sequence[float] | float | str | None, recordings: Sequence[Recording]
-) -> tuple[tuple[Array, Array] | None, str]:
-    """Return the gain that a plant is to have and its standard error, shape (p, m) each, and where it comes from."""
+def _known_gain(dc_gain: Sequence[float] | float | str | None, recordings: Sequence[Recording]) -> KnownGain | None:
+    """Return the gain that a plant is to have, if it is given or plateaus give it."""
     shape = len(recordings[0].output_names), len(recordings[0].input_names)
     if dc_gain is None:
-        return None, ""
+        return None
     if isinstance(dc_gain, str) and dc_gain == "plateaus":
         if shape != (1, 1):
             problem = f'dc_gain: "plateaus" give the gain of one input and one output, got {shape[1]} and {shape[0]}'
@@ -182,15 +175,15 @@ def _known_gain(
         found = plateau_gain(recordings)
         # Plateaus that leave the gain open say less than a fit of the whole logs.
         if found is None or found.high - found.value > _PLATEAU_WIDTH * abs(found.value):
-            return None, ""
+            return None
         error = (found.high - found.value) / Z95
-        return (np.array([[found.value]]), np.array([[error]])), "plateaus"
+        return KnownGain(np.array([[found.value]]), np.array([[error]]), "plateaus")
     given = np.ravel(dc_gain).tolist()
     numbers = all(isinstance(number, int | float) and np.isfinite(number) for number in given)
     if len(given) != shape[0] * shape[1] or not numbers:
         expected = f"expected {shape[0] * shape[1]} finite numbers, got {given}"
         raise InputError(f"dc_gain: {expected}; give one for each input and output")
-    return (np.reshape(np.array(given, float), shape), np.zeros(shape)), "given"
+    return KnownGain(np.reshape(np.array(given, float), shape), np.zeros(shape))
 
 
 def read_sources(
@@ -252,19 +245,16 @@ def _log(source: Source) -> Log:
 
 def _numbered(*groups: list[Recording]) -> list[list[Recording]]:
     """Return recordings, numbered where different ones have one name, so that messages tell them apart."""
-    contents = dict[str, list[bytes]]()
-    named = list[list[Recording]]()
-    for log in (log for group in groups for log in group):
-        there = contents.setdefault(log.source, [])
-        if _content(log) not in there:
-            there.append(_content(log))
-    for group in groups:
-        named.append([])
-        for log in group:
-            there = contents[log.source]
-            number = f" ({1 + there.index(_content(log))})" if len(there) > 1 else ""
-            named[-1].append(replace(log, source=log.source + number))
-    return named
+    numbers = defaultdict[str, dict[bytes, int]](dict)
+    for log in itertools.chain(*groups):
+        of_name = numbers[log.source]
+        of_name.setdefault(_content(log), 1 + len(of_name))
+
+    def named(log: Recording) -> Recording:
+        of_name = numbers[log.source]
+        return replace(log, source=f"{log.source} ({of_name[_content(log)]})") if len(of_name) > 1 else log
+
+    return [[named(log) for log in group] for group in groups]
 
 
 def _without_repeats(fitted: Sequence[Recording]) -> tuple[list[Recording], list[Finding]]:

@@ -13,8 +13,10 @@ import numpy as np
 from archerfish2.identification.axis.nonlinearity import Nonlinearity
 from archerfish2.identification.axis.plots import correlation_plot, run_plot, step_plot
 from archerfish2.identification.axis.result import AxisEstimates
+from archerfish2.identification.axis.sections import Structure
 from archerfish2.identification.axis.spectrum import mostly_held
 from archerfish2.identification.frequency import frequency_response
+from archerfish2.identification.statistics import converted
 from archerfish2.reports.report import Report
 from archerfish2.reports.style import Figure
 from archerfish2.reports.table import Entry, Estimate, Table, entry_texts
@@ -52,7 +54,7 @@ def shortfalls(result: AxisEstimates) -> list[Shortfall]:
     given = result.given_gain
     if given is not None and given.source == "given" and given.contradicted:
         gain = ", ".join(f"{estimate.value:.4g}" for estimate in result.dc_gain)
-        by_logs = ", ".join(f"{value:.4g}" for value in given.by_logs)
+        by_logs = ", ".join(f"{value:.4g}" for value in given.by_logs.flat)
         sentence = f"The gain that was given, {gain}, contradicts the logs, which have {by_logs}"
         return [Shortfall("gain", f"{sentence}: check its unit and sign, or leave it out.")]
     low_fit = list(_low_fit(result))
@@ -115,8 +117,7 @@ def axis_report(result: AxisEstimates) -> Report:
     """Report an identified axis."""
     missing, plant, worst = shortfalls(result), result.record, result.judged
     name = f"{worst.recording.source} ({'held back' if worst.held_back else 'fitted, none held back'})"
-    value, low, high = (1e3 * plant.sample_period_s * samples for samples in result.delay_samples[:3])
-    delay = Estimate(value, low, high, "ms")
+    delay = converted(result.dead_time_samples, lambda samples: 1e3 * plant.sample_period_s * samples, "ms")
     return Report(
         title=f"{plant.axis}: what the logs say",
         headline=f"order {len(plant.A)}, delay {_words(delay)}, fit {worst.fit_percent:.1f} % of {name}",
@@ -138,7 +139,7 @@ def _known(result: AxisEstimates, delay: Estimate) -> Iterator[str]:
         if given := result.given_gain:
             measured = "is the slope of the levels at which steps come to rest"
             source = "was given" if given.source == "given" else measured
-            yield f"It {source}; a fit of the whole logs has {given.by_logs[place]:.4g}."
+            yield f"It {source}; a fit of the whole logs has {given.by_logs.flat[place]:.4g}."
     low, high = result.excited_hz
     yield f"The inputs excite {low:.3g} to {high:.3g} Hz; outside, the plant is an extrapolation."
     yield f"The delay is {_words(delay)}; a plant may share it between dead time and poles."
@@ -163,8 +164,8 @@ def _doubts(result: AxisEstimates) -> Iterator[str]:
 def _next_steps(result: AxisEstimates) -> Iterator[str]:
     if not any(fit.held_back for fit in result.fits):
         file = f"{result.record.axis}_step_validation.csv"
-        yield f"Hold a log back ({file}, or archerfish2 identify axis --validate) to see its fit."
-    low, high = result.delay_samples.low, result.delay_samples.high
+        yield f"Hold a log back ({file}, in Python validate=, or archerfish2 identify axis --validate) to see its fit."
+    low, high = result.dead_time_samples.low, result.dead_time_samples.high
     if high - low > 2:
         remedy = f"add a log with sharp edges (archerfish2 excite {result.record.axis} --kinds step)"
         yield f"The delay may be {low:g} to {high:g} samples: {remedy}."
@@ -187,12 +188,14 @@ def _tables(result: AxisEstimates, delay: Estimate) -> Iterator[Table]:
     yield Table("Fit of a free run [%]", ("recording", "", "fit"), tuple(fits), "100 is all of the output's deviation.")
     orders = [candidate for candidate in sorted(result.candidates) if candidate.fit_percent is not None]
     least = min(candidate.bic for candidate in result.candidates)
-    names = (f"{c.order} *" if c.order == len(result.record.A) else str(c.order) for c in orders)
-    figures = [(max(c.delay - c.feedthrough, 0), c.bic - least, c.fit_percent, c.held_back_percent) for c in orders]
-    tried = tuple((name, *row) for name, row in zip(names, figures, strict=True))
+    tried = list[tuple[Entry, ...]]()
+    for candidate in orders:
+        chosen = " *" * (candidate.order == len(result.record.A))
+        figures = candidate.bic - least, candidate.fit_percent, candidate.held_back_percent
+        tried.append((f"{candidate.order}{chosen}", Structure(*candidate[:4]).dead_time, *figures))
     rule = "by the fit of what was held back, less 0.2 points a state" if result.fits[0].held_back else "by the BIC"
     columns = ("order", "delay [samples]", "BIC less the best", "fit [%]", "fit held back [%]")
-    yield Table("The likeliest structure of each order", columns, tried, f"* chosen: {rule}.")
+    yield Table("The likeliest structure of each order", columns, tuple(tried), f"* chosen: {rule}.")
 
 
 def _figures(result: AxisEstimates) -> Iterator[tuple[str, Callable[[], Figure]]]:

@@ -10,16 +10,16 @@ import numpy as np
 
 from archerfish2.errors import InputError
 from archerfish2.identification.axis.bootstrap import interval
-from archerfish2.identification.axis.fit import AxisFit
+from archerfish2.identification.axis.fit import AxisFit, KnownGain
 from archerfish2.identification.axis.nonlinearity import Nonlinearity
 from archerfish2.identification.axis.plots import bode_plot, run_plot
 from archerfish2.identification.axis.selection import Candidate
 from archerfish2.identification.frequency import measured_response
 from archerfish2.identification.residuals import ResidualTests, residual_tests
-from archerfish2.identification.result import Result
 from archerfish2.identification.simulation import TINY, Array, Complex, FreeRun, simulate
 from archerfish2.logs.recording import Finding, Recording
 from archerfish2.records.plant import PlantRecord
+from archerfish2.reports.report import Result
 from archerfish2.reports.style import Figure
 from archerfish2.reports.table import Estimate
 
@@ -55,14 +55,6 @@ class Pole(NamedTuple):
     determined: bool  # whether the logs show where it is
 
 
-class GivenGain(NamedTuple):
-    """A steady gain that was not fitted."""
-
-    source: str  # "given", or "plateaus"
-    by_logs: tuple[float, ...]  # that of a fit without it, output by output and input by input
-    contradicted: bool  # whether the logs exclude it
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class AxisEstimates(Result):
     """The plant of an axis, how sure it is, and how it explains the logs."""
@@ -70,18 +62,13 @@ class AxisEstimates(Result):
     record: PlantRecord  # with draws
     fits: tuple[LogFit, ...]  # of each recording, those held back first
     dc_gain: tuple[Estimate, ...]  # steady output per steady input, output by output and input by input
-    given_gain: GivenGain | None  # where it comes from if it was not fitted
-    delay_samples: Estimate  # of the first response, a sample less with a feedthrough; range of all structures
+    given_gain: KnownGain | None  # if it was not fitted
+    dead_time_samples: Estimate  # see `PlantRecord.dead_time_samples`; range of all structures
     poles: tuple[Pole, ...]  # the slowest first
     candidates: tuple[Candidate, ...]  # the likeliest first
     excited_hz: tuple[float, float]  # band that the inputs excite
     nonlinearity: Nonlinearity | None  # that explains the logs better
     findings: tuple[Finding, ...]  # of the logs
-
-    @property
-    def part(self) -> str:
-        """Name of the axis, and of its files."""
-        return self.record.axis
 
     @property
     def judged(self) -> LogFit:
@@ -129,18 +116,16 @@ def gain_estimates(found: AxisFit, drawn: Sequence[PlantRecord]) -> tuple[Estima
     return tuple(map(Estimate, gains.tolist(), np.minimum(low, gains).tolist(), np.maximum(high, gains).tolist()))
 
 
-def delay_estimate(found: AxisFit) -> Estimate:
-    """Return the delay of the first response beyond the sample that every input takes, its range by all structures.
-
-    A feedthrough responds a sample earlier.
-    """
+def dead_time_estimate(found: AxisFit) -> Estimate:
+    """Return the dead time, and its range by the weights of all structures."""
     weights: dict[int, float] = defaultdict(float)
     for structure, weight in found.selection.weights.items():
-        weights[max(structure.delay - structure.feedthrough, 0)] += weight
-    delays = sorted(weights)
-    cumulative = np.cumsum([weights[delay] for delay in delays])
-    low, high = (delays[min(int(np.searchsorted(cumulative, level)), len(delays) - 1)] for level in (0.025, 0.975))
-    value = max(found.structure.delay - found.structure.feedthrough, 0)
+        weights[structure.dead_time] += weight
+    dead_times = sorted(weights)
+    cumulative = np.cumsum([weights[dead_time] for dead_time in dead_times])
+    last = len(dead_times) - 1
+    low, high = (dead_times[min(place, last)] for place in np.searchsorted(cumulative, [0.025, 0.975]).tolist())
+    value = found.structure.dead_time
     return Estimate(value, min(low, value), max(high, value), "samples")
 
 

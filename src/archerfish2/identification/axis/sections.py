@@ -28,6 +28,11 @@ class Structure(NamedTuple):
     feedthrough: bool  # whether inputs act, after the delay, within their own sample
     drift: bool = False  # of the outputs, by a polynomial of third degree
 
+    @property
+    def dead_time(self) -> int:
+        """See `PlantRecord.dead_time_samples`."""
+        return max(self.delay - self.feedthrough, 0)
+
 
 def sections_of(theta: Array) -> Sections:
     """Return the sections of unconstrained parameters: a₁ = t₁ (1 + t₂), a₂ = t₂, t = tanh θ, which are stable.

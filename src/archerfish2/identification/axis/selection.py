@@ -1,5 +1,6 @@
 """Selection of order, delay, feedthrough and drift by one criterion; of the order by held-back logs, if any."""
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -23,8 +24,8 @@ from archerfish2.identification.axis.spectrum import (
     Lines,
     lines_of,
     noise_power,
+    picked,
     slow_wander,
-    strongest,
     thinned,
 )
 from archerfish2.identification.axis.vector_fitting import DelayTable, subsets, vector_fits
@@ -68,7 +69,7 @@ class Criterion:
             # A rest put before a log adds lines, not information.
             noise.append(np.maximum(smooth, least) * log.length / log.measured)
             responses.append(_power(log.outputs - residual) / noise[-1])
-        self._picks = strongest(responses, _WHITTLE_LINES)
+        self._picks = picked(responses, _WHITTLE_LINES)
         self._weights = [1 / np.sqrt(power) for power in noise]
         self._rows = sum(log.measured for log in experiments) * len(residuals[0])
         # On a log without noise plain vector fits miss what is small and out of band; those under the weights find it.
@@ -262,12 +263,14 @@ class _Search:
 
 
 def _best(found: Found) -> Structure:
-    return min(found, key=lambda each: round(found[each][0], 6))
+    return min(found, key=lambda structure: round(found[structure][0], 6))
 
 
 def _best_of_orders(found: Found) -> list[Structure]:
-    orders = sorted({s.order for s in found})
-    return [_best({s: each for s, each in found.items() if s.order == order}) for order in orders]
+    by_order = defaultdict[int, Found](dict)
+    for structure, fit in found.items():
+        by_order[structure.order][structure] = fit
+    return [_best(by_order[order]) for order in sorted(by_order)]
 
 
 def _keep(found: Found, condition: Callable[[Structure], bool]) -> None:

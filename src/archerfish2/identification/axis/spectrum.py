@@ -51,7 +51,8 @@ def slow_wander(squares: Array, most: int) -> Array:
       squares: of the residual, shape (F,).
       most: lines to which the law is fitted at most.
     """
-    law, edges = np.zeros(len(squares)), [each for each in _EDGES if each <= min(len(squares), most)]
+    law = np.zeros(len(squares))
+    edges = [edge for edge in _EDGES if edge <= min(len(squares), most)]
     means = np.array([squares[low - 1 : high - 1].mean() for low, high in pairwise(edges)])
     if len(means) < 2 or not np.all(means > 0):
         return law
@@ -71,7 +72,7 @@ def local_power(squares: Array, left: Array) -> Array:
     """
     width = 2 * max(2, round(np.sqrt(len(squares)) / 2)) + 1
     padded = np.pad([squares, left], ((0, 0), (width // 2, width // 2)), mode="symmetric")
-    power, share = (np.convolve(each, np.full(width, 1 / width), mode="valid") for each in padded)
+    power, share = (np.convolve(row, np.full(width, 1 / width), mode="valid") for row in padded)
     return np.asarray(np.maximum(power / np.maximum(share, _LEAST_LEFT), slow_wander(squares, width)))
 
 
@@ -101,8 +102,13 @@ class Lines(NamedTuple):
           weight: of all lines, shape (F,).
         """
         w = np.ones(len(indices)) if weight is None else weight[indices]
-        inputs, outputs, impulse, own = (each[..., indices] * w for each in self[1:5])
-        return Lines(self.z[indices], inputs, outputs, impulse, own, self.feedthrough)
+        return self._replace(
+            z=self.z[indices],
+            inputs=self.inputs[:, indices] * w,
+            outputs=self.outputs[:, indices] * w,
+            impulse=self.impulse[indices] * w,
+            own=self.own[:, indices] * w,
+        )
 
 
 @dataclass(eq=False)
@@ -224,28 +230,30 @@ def _lines_of_each(logs: int) -> int:
 
 
 def thinned(experiments: Sequence[Experiment], count: int) -> list[Indices]:
-    """Return indices of about `count` lines: half those of the strongest input, the others spread over the rest."""
-    total, kept = sum(len(log.z) for log in experiments), []
+    """Return indices of about `count` lines of the logs, by the power of their inputs; see `picked`."""
+    powers = list[Array]()
     for log in experiments:
-        n, here = len(log.z), max(_lines_of_each(len(experiments)), count * len(log.z) // total)
         power = np.abs(log.at(0).inputs) ** 2
-        power = (power / np.maximum(power.mean(1, keepdims=True), TINY)).sum(0)
-        order = np.argsort(-power, kind="stable")
-        rest, step = np.sort(order[here // 2 :]), -(-max(n - here // 2, 1) // (here - here // 2))
-        kept.append(np.arange(n) if n <= here else np.sort(np.append(order[: here // 2], rest[::step])))
-    return kept
+        powers.append((power / np.maximum(power.mean(1, keepdims=True), TINY)).sum(0))
+    return picked(powers, count)
 
 
-def strongest(powers: Sequence[Array], count: float) -> list[Indices]:
-    """Return indices of the lines of the largest power, some of each log and at least a fiftieth.
+def picked(powers: Sequence[Array], count: int) -> list[Indices]:
+    """Return indices of about `count` lines: of each log half the strongest, the others spread over the rest.
 
     Args:
       powers: of the lines of each log, shape (F,) each.
       count: of lines, in all.
     """
-    total, kept = sum(map(len, powers)), []
+    total, kept = sum(map(len, powers)), list[Indices]()
     for power in powers:
-        fewest = max(min(len(power), _lines_of_each(len(powers))), len(power) // 50)
-        n = int(np.clip(count * len(power) / total, fewest, len(power)))
-        kept.append(np.sort(np.argsort(-power, kind="stable")[:n]))
+        size = len(power)
+        here = max(_lines_of_each(len(powers)), count * size // total)
+        if size <= here:
+            kept.append(np.arange(size))
+            continue
+        order = np.argsort(-power, kind="stable")
+        rest = np.sort(order[here // 2 :])
+        step = -(-len(rest) // (here - here // 2))
+        kept.append(np.sort(np.append(order[: here // 2], rest[::step])))
     return kept

@@ -141,17 +141,19 @@ def vector_fits(
       extra: poles of the higher order more; 0: none.
       spreads: of the poles that are relocated.
     """
-    found = [vector_fit(_spread(data, order, *each), data, rounds) for each in spreads]
-    for each in spreads if extra else ():
-        larger = vector_fit(_spread(data, order + extra, *each), data, rounds).sections
+    found = [vector_fit(_spread(data, order, *spread), data, rounds) for spread in spreads]
+    for spread in spreads if extra else ():
+        larger = vector_fit(_spread(data, order + extra, *spread), data, rounds).sections
         found += sorted((solve(kept, data) for kept in subsets(larger, order)), key=cost_of)[:2]
     return distinct(found)
 
 
 def subsets(sections: Sections, order: int) -> Sequence[Sections]:
     """Return the choices of some of the sections that have an order, at most twenty."""
-    kept = (each for k in range(1, len(sections)) for each in combinations(sections, k) if order_of(each) == order)
-    return list(kept)[:20]
+    chosen = list[Sections]()
+    for count in range(1, len(sections)):
+        chosen += [kept for kept in combinations(sections, count) if order_of(kept) == order]
+    return chosen[:20]
 
 
 def distinct(fits: Sequence[LinearFit], most: int = 8) -> list[LinearFit]:

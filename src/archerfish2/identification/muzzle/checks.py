@@ -58,7 +58,7 @@ def _faults(shots: Shots, free: list[str]) -> Iterator[tuple[bool, str, str, str
         problem = f"each speed is {middle:g} m/s, a nominal one"
         yield not np.ptp(shots.speed), problem, "give measured speeds, or none", "nominal-speed"
     lengths = ((shots.distance, _REACH), (shots.hit_height, shots.distance), (shots.lateral, shots.distance))
-    large = any(np.median(np.abs(each) / limit) > 1 for each, limit in lengths if each is not None)
+    large = any(np.median(np.abs(length) / most) > 1 for length, most in lengths if length is not None)
     yield large, "most distances or heights are beyond the reach of a pellet", "give metres", "millimetres"
     furthest = int(np.argmax(shots.distance))
     problem = f"{shots.place(furthest)}: {shots.distance[furthest]:g} m is beyond the reach of a pellet"
@@ -139,8 +139,9 @@ def lack_of_fit(shots: Shots, fit: MuzzleFit, *, is_test: bool = True) -> LackOf
       is_test: whether the scatter is known.
     """
     number, names = shots.settings()
-    mean, far = (ndimage.mean(each, number, range(len(names))) for each in (fit.residual, shots.distance))
-    percent, spare = 100 * mean / far, len(shots) - len(names)
+    mean = ndimage.mean(fit.residual, number, range(len(names)))
+    percent = 100 * mean / ndimage.mean(shots.distance, number, range(len(names)))
+    spare = len(shots) - len(names)
     worst = int(np.argmax(np.abs(percent)))
     rms_m = float(np.sqrt(np.mean(mean**2)))
     misfit = float(np.sqrt(np.mean(percent**2))), float(percent[worst]), names[worst], rms_m

@@ -29,7 +29,7 @@ from archerfish2.reports.table import Estimate
 Parameters = Mapping[str, float]
 """Parameters by name, in SI units."""
 RANGES = {"speed": (1.0, 35.0), "pitch_offset": (-0.35, 0.35), "height": (0.01, 3.0), "drag": (0.0, 0.3)}
-SHAPING, SPREADS = tuple(RANGES), ("speed_sd", "pitch_sd")
+SHAPING, SPREAD_NAMES = tuple(RANGES), ("speed_sd", "pitch_sd")
 """Parameters of the expected measurements, and of their scatter."""
 RANGES |= {"speed_sd": (0.0, 5.0), "pitch_sd": (0.0, 0.35), "length": (0.0, 2.0)}
 RANGES |= {"yaw_offset": (-1.6, 1.6), "yaw_sd": (0.0, 1.6)}
@@ -231,14 +231,16 @@ def vertical_estimates(
         squares = (fit.variances + rounding) * _variance_factors(freedom, longer[1])[:, None] - rounding
     else:
         noise = fit.sd * np.random.default_rng(seed).standard_normal((_DRAWS, fit.sd.size))
-        drawn = [variance_components(each, fit.within, scales, fit.rounding) for each in noise]
-        pivots = [(each.unconstrained - fit.variances) / each.errors for each in drawn]
+        pivots = list[Array]()
+        for residual in noise:
+            drawn = variance_components(residual, fit.within, scales, fit.rounding)
+            pivots.append((drawn.unconstrained - fit.variances) / drawn.errors)
         tails = np.quantile(pivots, [0.975, 0.025], axis=0, method="weibull")
         squares = fit.spreads.unconstrained - longer[1] * tails * fit.spreads.errors
     inverse = np.linalg.pinv(fit.design / fit.sd[:, None], rcond=1e-9)
     half = stats.t.ppf(0.975, freedom) * np.sqrt(misfit) * longer[0] * np.linalg.norm(inverse, axis=1)
     half += rounded * np.abs(inverse @ (fit.response.slopes[:, 0] / fit.sd))
-    means, names = np.array([fit.values[name] for name in fit.free]), [*fit.free, *SPREADS[-scales.shape[1] :]]
+    means, names = np.array([fit.values[name] for name in fit.free]), [*fit.free, *SPREAD_NAMES[-scales.shape[1] :]]
     ends = np.hstack([[means - half, means + half], np.sqrt(np.maximum(squares, 0.0))])
     found = np.vstack([[*means, *np.sqrt(fit.variances)], ends])
     found = np.clip(found, *np.array([RANGES[name] for name in names]).T)

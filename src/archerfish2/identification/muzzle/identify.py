@@ -12,7 +12,6 @@ from archerfish2.errors import InputError
 from archerfish2.identification.muzzle import checks, estimate
 from archerfish2.identification.muzzle.checks import Flags, LackOfFit
 from archerfish2.identification.muzzle.estimate import RANGES, SHAPING, azimuth, linearised, measured_vertical
-from archerfish2.identification.result import Result
 from archerfish2.identification.statistics import Array, converted
 from archerfish2.logs.recording import Finding
 from archerfish2.logs.shots import Shots, read_shots
@@ -20,9 +19,9 @@ from archerfish2.paper.conditions import assumed_conditions
 from archerfish2.provenance import provenance
 from archerfish2.records.json_files import plain
 from archerfish2.records.muzzle import MuzzleRecord
-from archerfish2.reports.report import Report
+from archerfish2.reports.report import Report, Result
 from archerfish2.reports.style import MUTED, Figure, new_figure, plot_style
-from archerfish2.reports.table import Estimate, Table, entry_texts
+from archerfish2.reports.table import Entry, Estimate, Table, entry_texts
 
 _LARGE_OFFSET = np.radians(2.0)  # beyond what a mounted barrel has
 _NOTE = "Offset: mean angle off the barrel, up or left positive; scatter: standard deviation; 1° is 17 mm per metre."
@@ -55,7 +54,7 @@ class MuzzleResult(Result):
             axes.fill_between(place, -band, band, step="mid", color=MUTED, alpha=0.25, lw=0, label="95 % by the model")
             axes.plot(place[used], left[used], ".", label="measured")
             axes.plot(place[~used], left[~used], "x", label="left out")
-            axes.set_xticks([place[number[order] == each].mean() for each in range(len(names))], names)
+            axes.set_xticks([place[number[order] == setting].mean() for setting in range(len(names))], names)
             axes.set(xlabel="setting", ylabel="measured less model [cm]")
             figure.legend(loc="outside lower center", ncols=3)
         return figure
@@ -64,11 +63,12 @@ class MuzzleResult(Result):
     def report(self) -> Report:
         """Judge the muzzle: usable is one that neither a lack of fit nor the shots put in question."""
         fit, muzzle, shots, landed = self.lack_of_fit, self.record, self.shots, self.shots.hit_height is None
-        shown = {name: _in_degrees(each) for name, each in self.estimates.items()}
-        text = {name: entry_texts(each) for name, each in shown.items()}
+        shown = {name: _in_degrees(found) for name, found in self.estimates.items()}
+        text = {name: entry_texts(entry) for name, entry in shown.items()}
         scatter = " and ".join(f"{text[name][0]} in {name[:-3]}" for name in ("pitch_sd", "yaw_sd") if name in text)
         used = f"{np.count_nonzero(self.used)} of {len(shots)} shots used"
-        doubts = [each.message for each in self.findings if each.code == "too-many-outliers"] + [str(fit)] * fit.matters
+        doubts = [finding.message for finding in self.findings if finding.code == "too-many-outliers"]
+        doubts += [str(fit)] * fit.matters
         ends = (name for name in shown if name in SHAPING and self.estimates[name].value in RANGES[name])
         doubts += [f"The {name.replace('_', ' ')} ran to an end of its range: shoot at more settings." for name in ends]
         units = {"drag": "1/m", "length": "m"} | ({"height": "m"} if landed else {})
@@ -85,7 +85,9 @@ class MuzzleResult(Result):
             (not muzzle.length, f"{length} (length_m in [muzzle] of logs.toml, or --length-m)."),
             (more, f"{settings} (shots in [muzzle] of logs.toml, or archerfish2 identify muzzle SHOTS MORE)."),
         )
-        rows = tuple((name.replace("_sd", " scatter").replace("_", " "), each) for name, each in shown.items())
+        rows = list[tuple[Entry, ...]]()
+        for name, entry in shown.items():
+            rows.append((name.replace("_sd", " scatter").replace("_", " "), entry))
         return Report(
             f"Muzzle from {shots.source}",
             f"{' ('.join(text['speed'])}), scatter {scatter}; {used}; {str(fit).partition(':')[0].lower()}.",
@@ -97,15 +99,15 @@ class MuzzleResult(Result):
                 *(f"The {name.replace('_', ' ')} is large: check signs and the zero." for name in doubtful),
             ),
             next_steps=tuple(step for is_due, step in steps if is_due),
-            tables=(Table("Parameters", ("parameter", "estimate, 95 %"), rows, _NOTE),),
+            tables=(Table("Parameters", ("parameter", "estimate, 95 %"), tuple(rows), _NOTE),),
             figures=(("Measured less modelled, shot by shot", self.plot),),
             findings=self.findings,
             provenance=plain(muzzle.provenance),
         )
 
 
-def _in_degrees(each: Estimate) -> Estimate:
-    return converted(each, np.degrees, "°") if each.unit == "rad" else each
+def _in_degrees(found: Estimate) -> Estimate:
+    return converted(found, np.degrees, "°") if found.unit == "rad" else found
 
 
 PELLET_DRAG = assumed_conditions().drag
@@ -160,13 +162,13 @@ def identify_muzzle(
     for mean, scatter, unit in (("speed", "speed_sd", "m/s"), ("yaw_offset", "yaw_sd", "rad")):
         if (sample := series[mean]) is not None:
             estimates[mean], estimates[scatter] = estimate.sample_intervals(sample, widened[mean], unit)
-    found = {**fit.values, "yaw_sd": 0.0} | {name: each.value for name, each in estimates.items()}
-    intervals = {name: (each.low, each.high) for name, each in estimates.items()}
-    muzzle = MuzzleRecord(**found, intervals=intervals, provenance=provenance(seed, shots.files))
+    fields = {**fit.values, "yaw_sd": 0.0} | {name: found.value for name, found in estimates.items()}
+    intervals = {name: (found.low, found.high) for name, found in estimates.items()}
+    muzzle = MuzzleRecord(**fields, intervals=intervals, provenance=provenance(seed, shots.files))
     outliers = ", ".join(map(shots.place, np.flatnonzero(~is_used).tolist()))
     dependent = ", ".join(name for name, (mean, _) in widened.items() if mean > 1)
-    unbounded = ", ".join(name for name, each in estimates.items() if np.isin(each[1:3], RANGES[name]).any())
-    doubts = _doubts(shots, outliers, dependent, unbounded, too_many, rounded)
+    at_an_end = [name for name, ends in intervals.items() if np.isin(ends, RANGES[name]).any()]
+    doubts = _doubts(shots, outliers, dependent, ", ".join(at_an_end), too_many, rounded)
     findings = [Finding(code, "warning", shots.source, text, remedy) for there, code, text, remedy in doubts if there]
     there = linearised(shots, fit.values)
     expected, sd = there.mean + 0.5 * there.curvatures @ fit.variances, np.sqrt(there.scales @ fit.variances)
@@ -177,7 +179,7 @@ def _doubts(
     shots: Shots, outliers: str, dependent: str, unbounded: str, too_many: int, rounded: float
 ) -> tuple[Doubt, ...]:
     """Return what may spoil an estimate."""
-    columns = [each for each in vars(shots).values() if isinstance(each, np.ndarray)]
+    columns = [column for column in vars(shots).values() if isinstance(column, np.ndarray)]
     copies = len(shots) - np.unique(columns, axis=1).shape[1]
     copies *= shots.speed is not None or shots.lateral is not None  # equal values of one measurement are no copies
     return (

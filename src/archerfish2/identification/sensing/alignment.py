@@ -13,16 +13,18 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 
+from archerfish2.dynamics.aiming import line_of_sight
 from archerfish2.errors import file_error
 from archerfish2.identification import statistics
 from archerfish2.identification.statistics import Array
+from archerfish2.logs.recording import by_lines
 from archerfish2.logs.timing import GimbalLog
 from archerfish2.reports.table import Estimate
 
 _SMOOTHED_S = 0.025  # span of the local cubics: a gimbal moves at some 10 Hz and below, where they are exact to 0.1 %
 _HELD_SHARE = 0.2  # of repeated angles during motion, from which the feedback is slower than the log
 _GAP_S, _GAP = 0.05, 3.0  # longest intervals that are no gap: in seconds, and in median intervals
-STEP_S, NEAR_S = 0.005, 1.0
+GRID_STEP_S, NEAR_S = 0.005, 1.0
 """Step of the search for the offset, and the largest offset where the clocks of both logs overlap [s]."""
 _MIRRORED, _AMBIGUOUS, _APART_S = 0.4, 1.5, 0.05
 """Largest misfit, as a share of the azimuth's scatter; a misfit below so many times the least one, at an offset so far
@@ -82,7 +84,7 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
     count = int(_SMOOTHED_S / float(np.median(np.diff(nodes)))) // 2 * 2 + 1
     if 7 <= count < nodes.size:
         even = np.linspace(nodes[0], nodes[-1], nodes.size)
-        nodes, angles = even, savgol_filter([np.interp(even, nodes, each) for each in angles.T], count, 3).T
+        nodes, angles = even, savgol_filter(by_lines(nodes, angles, even), count, 3, axis=0)
     return GimbalTrack(nodes, CubicSpline(nodes, angles), time, rate, quantum)
 
 
@@ -111,7 +113,7 @@ class Alignment(NamedTuple):
 def rough_offset(
     track: GimbalTrack, time: Array, azimuth: Array, limit_s: float | None = None, source: str = "plate"
 ) -> float:
-    """Find the offset at which the plate's azimuth best mirrors the yaw, to `STEP_S`.
+    """Find the offset at which the plate's azimuth best mirrors the yaw, to `GRID_STEP_S`.
 
     Args:
       track: the gimbal.
@@ -130,8 +132,8 @@ def rough_offset(
     slack = 0.2 * (time[-1] - time[0])
     low, high = track.time[0] - time[0] - slack, track.time[-1] - time[-1] + slack
     limit = limit_s or (NEAR_S if low <= 0 <= high else np.inf)
-    steps = np.arange(np.floor(max(low, -limit) / STEP_S), np.ceil(min(high, limit) / STEP_S) + 1)
-    offsets, yaws = steps * STEP_S, track.angles(track.time)[:, 0]
+    steps = np.arange(np.floor(max(low, -limit) / GRID_STEP_S), np.ceil(min(high, limit) / GRID_STEP_S) + 1)
+    offsets, yaws = steps * GRID_STEP_S, track.angles(track.time)[:, 0]
     misfit = np.full(offsets.size, np.inf)
     for place, offset in enumerate(offsets):
         covered = track.covers(time + offset)
@@ -162,9 +164,8 @@ def _robust_sd(values: Array) -> Array:
 
 def spherical(position: Array) -> Array:
     """Return azimuth, elevation [rad] and range [m] of positions of shape B + (3,), in the same shape."""
-    x, y, z = np.moveaxis(position, -1, 0)
-    level = np.hypot(x, y)
-    return np.stack([np.arctan2(y, x), np.arctan2(z, level), np.hypot(level, z)], axis=-1)
+    pitch, yaw = np.moveaxis(line_of_sight(position), -1, 0)
+    return np.stack([yaw, pitch, np.linalg.norm(position, axis=-1)], axis=-1)
 
 
 def plate_in_camera(geometry: Array, yaw: Array, pitch: Array) -> Array:

@@ -5,7 +5,7 @@ What these can't separate is reported as a sum, or left out with the measurement
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -13,13 +13,13 @@ import numpy as np
 
 from archerfish2.errors import InputError, file_error
 from archerfish2.identification import statistics
-from archerfish2.identification.result import Result
 from archerfish2.identification.sensing import timing
 from archerfish2.identification.sensing.alignment import Alignment, GimbalTrack, align, gimbal_track, rough_offset
 from archerfish2.logs import timing as logs
+from archerfish2.logs.recording import Finding
 from archerfish2.provenance import provenance
 from archerfish2.records.sensing import SensingRecord
-from archerfish2.reports.report import Report
+from archerfish2.reports.report import Report, Result
 from archerfish2.reports.style import Figure, new_figure, plot_style
 from archerfish2.reports.table import Entry, Estimate, Table, entry_texts, number
 
@@ -53,6 +53,7 @@ class SensingResult(Result):
     alignment: Alignment
     track: GimbalTrack
     counts: dict[str, tuple[int, int]]  # of detections and steps: used, logged
+    findings: tuple[Finding, ...]  # what was left out of files
 
     part = "sensing"
 
@@ -76,7 +77,7 @@ class SensingResult(Result):
             unit, factor = _SHOWN[unit]
             estimate = Estimate(factor * value, factor * low, factor * high, unit)
             shown[name] = value if unit == "Hz" else estimate  # the interval of a rate is some parts in a million
-        words = {name: "{} ({})".format(*entry_texts(each)) for name, each in shown.items()}
+        words = {name: "{} ({})".format(*entry_texts(entry)) for name, entry in shown.items()}
         latency, delay = (words.get(name, "not known") for name in ("camera.latency", "link.command_delay"))
         across = 1e3 * camera.noise_range * max(camera.bearing_sd, camera.elevation_sd)
         place = f"{number(across, 2)} mm at {camera.noise_range:.2g} m"
@@ -127,6 +128,7 @@ class SensingResult(Result):
             next_steps=_those(missing),
             tables=(Table("Camera and link", ("quantity", "mean (95 % interval)", "standard deviation"), rows),),
             figures=(("Yaw by gimbal (line) and camera (dots), which should lie on the line.", self.plot),),
+            findings=self.findings,
             provenance=dict(self.record.provenance),
         )
 
@@ -136,6 +138,7 @@ def _those(sentences: Mapping[str, object]) -> tuple[str, ...]:
 
 
 _FARTHEST_M = 100.0  # that a plate is seen
+_FEWEST_RECEIPTS = 20  # from which a latency is estimated
 
 
 def identify_sensing(
@@ -179,10 +182,14 @@ def identify_sensing(
     for name, (value, values) in allowed.items():
         if value not in values:
             raise InputError(f"{name}: expected {' or '.join(values)}, got {value}; correct it")
-    read_gimbal = partial(logs.read_gimbal_log, degrees=degrees)
-    read_detections = partial(logs.read_detections, frame=frame, degrees=degrees)
-    log, *more = (_read(read_gimbal, each) for each in (sweep, *steps))
-    plate, stepping = (_read(read_detections, each) for each in (detections, target))
+    findings = list[Finding]()
+
+    def read(reader: Callable[..., Any], source: Any, **options: Any) -> Any:
+        return reader(source, findings=findings, **options) if isinstance(source, str | Path) else source
+
+    log, *more = (read(logs.read_gimbal_log, source, degrees=degrees) for source in (sweep, *steps))
+    plate = read(logs.read_detections, detections, frame=frame, degrees=degrees)
+    stepping = read(logs.read_detections, target, frame=frame, degrees=degrees)
     if (far := float(np.median(np.linalg.norm(plate.position, axis=1)))) > _FARTHEST_M:
         raise file_error(plate.source, f"the plate is {far:.4g} m away", "give positions in metres", "millimetres")
     start = log.time[0]  # far from it, numbers have no room for microseconds
@@ -199,14 +206,15 @@ def identify_sensing(
     if track.quantum is not None:
         found["link.feedback_quantum"] = Estimate(track.quantum, np.nan, np.nan, "rad")
     counts, basis = {"detections": (int(alignment.inlier.sum()), stamps.size)}, ""
-    if plate.receive is not None:
-        delay = plate.receive - plate.time
+    stamped, _, received = timing.with_receipts(plate)
+    delay = received - stamped
+    if delay.size >= _FEWEST_RECEIPTS:
         found["camera.latency_jitter"] = timing.latency_jitter(delay, found["camera.stamp_jitter"])
         if gimbal_clock == "receipt":
             found["camera.latency"] = timing.sweep_latency(delay, found["camera.time_offset"], plate.source)
             basis = "feedback"
     if stepping is not None:
-        moments = np.asarray(_read(logs.read_moments, target_steps))
+        moments = np.asarray(read(logs.read_moments, target_steps))
         exposed, used = timing.step_latency(stepping, moments, period.value)
         if basis:  # a log stamped on receipt is late by the feedback's delay, and so are exposures aligned to it
             found["link.feedback_delay"] = statistics.difference(exposed, found["camera.latency"])
@@ -218,20 +226,16 @@ def identify_sensing(
         found["link.command_jitter"] = statistics.scatter_estimate(delays)
     for name, times in (("link.command_latency", commands), ("link.feedback_latency", feedback)):
         if times is not None:
-            sent, received = _read(logs.read_message_times, times)
+            sent, received = read(logs.read_message_times, times)
             found[name] = statistics.sample_mean(received - sent)
             found[f"{name}_jitter"] = statistics.scatter_estimate(received - sent)
     given = (sweep, detections, *steps, target, target_steps, commands, feedback)
-    sources = [getattr(each, "source", each) for each in given]
-    files = [Path(each) for each in sources if isinstance(each, str | Path) and Path(each).is_file()]
+    sources = [getattr(log, "source", log) for log in given]
+    files = [Path(source) for source in sources if isinstance(source, str | Path) and Path(source).is_file()]
     parts: dict[str, Any] = {"camera": {"latency_basis": basis}, "link": {}}
-    for name, each in found.items():
+    for name, estimate in found.items():
         part, field = name.split(".")
-        parts[part][field] = float(each.value)
-    intervals = {name: (each.low, each.high) for name, each in found.items() if np.isfinite(each.low)}
+        parts[part][field] = float(estimate.value)
+    intervals = {name: (estimate.low, estimate.high) for name, estimate in found.items() if np.isfinite(estimate.low)}
     record = SensingRecord(**parts, intervals=intervals, provenance=provenance(seed, files))
-    return SensingResult(record, found, alignment, track, counts)
-
-
-def _read(reader: Callable[[str | Path], Any], given: Any) -> Any:
-    return reader(given) if isinstance(given, str | Path) else given
+    return SensingResult(record, found, alignment, track, counts, tuple(findings))

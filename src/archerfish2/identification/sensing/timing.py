@@ -5,6 +5,7 @@ torque may jump, the angle then starts as a parabola. So an onset is fitted as a
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -17,7 +18,7 @@ from archerfish2.reports.table import Estimate
 
 OUT_OF_VIEW_S = 0.25
 """Longer gaps are the plate out of view, not frames in which it was missed [s]."""
-LONGEST_S, EARLIEST_S = 0.5, -0.02
+LATEST_S, EARLIEST_S = 0.5, -0.02
 """Range of latencies; one below zero shows a fault of the clocks [s]."""
 _REST_S, _BEFORE_S, _RISE, _SAMPLES = 0.15, 0.1, 0.2, 5
 """The command rests this long before and after a step; time before it that shows the noise; share of the travel, and
@@ -76,12 +77,19 @@ def _period(stamps: Array, steps: Array) -> Estimate:
     return statistics.normal_estimate(slope, np.sqrt(spread * index.size) / np.sum((index - index.mean()) ** 2))
 
 
+def with_receipts(detections: DetectionLog) -> tuple[Array, Array, Array]:
+    """Return stamps, positions and receipts, (K,), (K, 3) and (K,), of the detections whose receipt was logged."""
+    receive: Any = np.full(detections.time.size, np.nan) if detections.receive is None else detections.receive
+    logged = ~np.isnan(receive)
+    return detections.time[logged], detections.position[logged], receive[logged]
+
+
 def latency_jitter(delay: Array, stamp_jitter: Estimate) -> Estimate:
     """Return the standard deviation of the latency, from the times between stamp and receipt [s], shape (K,)."""
     scatter = statistics.scatter_estimate(delay)
     if scatter.value < 1e-6:  # frames that are stamped on receipt carry the latency's jitter in their stamps
         return stamp_jitter
-    rest = difference(*(converted(each, lambda sd: sd**2) for each in (scatter, stamp_jitter)))
+    rest = difference(converted(scatter, np.square), converted(stamp_jitter, np.square))
     return converted(rest, lambda variance: float(np.sqrt(max(variance, 0.0))))
 
 
@@ -91,19 +99,21 @@ def command_delays(logs: Sequence[GimbalLog]) -> tuple[Array, int]:
     Returns:
       Delays of the steps that show one [s], shape (S,), and the number of all.
     """
-    found: list[float | None] = []
+    found, steps = list[float](), 0
     for log in logs:
         changes = np.flatnonzero(np.diff(log.yaw * 0 if log.command is None else log.command)) + 1
         edges = log.time[[0, *changes, -1]]
         rests = np.diff(edges) >= _REST_S
         for step in np.flatnonzero(rests[:-1] & rests[1:]) + 1:
             near = (log.time > edges[step] - _BEFORE_S) & (log.time < edges[step + 1])
-            found.append(_onset(log.time[near] - edges[step], log.yaw[near]))
-    delays = np.array([each for each in found if each is not None])
+            onset = _onset(log.time[near] - edges[step], log.yaw[near])
+            found += [] if onset is None else [onset]
+            steps += 1
+    delays = np.array(found)
     if delays.size:  # less those during which something else moved the axis
         deviation = np.abs(delays - np.median(delays))
         delays = delays[deviation <= 7.4 * np.median(deviation) + 1e-3]
-    return delays, len(found)
+    return delays, steps
 
 
 def _onset(since: Array, yaw: Array) -> float | None:
@@ -137,8 +147,8 @@ def sweep_latency(delay: Array, offset: Estimate, source: str) -> Estimate:
       InputError: if detections are received too early or too late.
     """
     latency = difference(mean_estimate(delay), offset)
-    if not EARLIEST_S <= latency.value <= LONGEST_S:
-        problem = f"received {latency.value:.3g} s after exposure, expected {EARLIEST_S:g} to {LONGEST_S:g} s"
+    if not EARLIEST_S <= latency.value <= LATEST_S:
+        problem = f"received {latency.value:.3g} s after exposure, expected {EARLIEST_S:g} to {LATEST_S:g} s"
         remedy = 'stamp receipts and gimbal log by one clock, or write gimbal_clock = "own" to [sensing] in logs.toml'
         raise file_error(source, problem, remedy, "two-clocks")
     return latency
@@ -162,28 +172,29 @@ def step_latency(detections: DetectionLog, moments: Array, period: float) -> tup
     Raises:
       InputError: if times of receipt are missing, fewer than five steps can be used, or no latency explains the frames.
     """
-    if detections.receive is None:
+    time, position, receive = with_receipts(detections)
+    if not time.size:
         raise file_error(detections.source, "target steps take receive_s of each detection", "log it", "no-receipts")
     # Stamps jitter less than receipts, so the edge is sought on them; the mean delay after the first is added below.
-    since_first, moments = detections.time - detections.time[0], moments - detections.receive[0]
-    delay = mean_estimate(detections.receive - detections.receive[0] - since_first)
+    since_first, moments = time - time[0], moments - receive[0]
+    delay = mean_estimate(receive - receive[0] - since_first)
     steps, edges = [], [-np.inf, *moments, np.inf]
     for before, moment, after in zip(edges[:-2], moments, edges[2:], strict=True):
-        # What was received up to the step shows the target before it, what came LONGEST_S later the target after it.
-        near = since_first > max(before + LONGEST_S, moment - LONGEST_S)
-        near &= since_first < min(after, moment + 2 * LONGEST_S)
-        steps.append(_labelled(since_first[near] - moment, detections.position[near]))
-    used = sum(each.size > 0 for each in steps)
+        # What was received up to the step shows the target before it, what came LATEST_S later the target after it.
+        near = since_first > max(before + LATEST_S, moment - LATEST_S)
+        near &= since_first < min(after, moment + 2 * LATEST_S)
+        steps.append(_labelled(since_first[near] - moment, position[near]))
+    used = sum(frames.size > 0 for frames in steps)
     if used < 5:
         problem = f"{used} of {moments.size} target steps can be used, expected at least 5"
         remedy = "step by more than six times the noise, a second apart, the gimbal still, by the clock of receipts"
         raise file_error(detections.source, problem, remedy, "few-target-steps")
     since, sign = np.concatenate(steps).T
-    coarse = np.arange(EARLIEST_S, LONGEST_S, period / 8)
+    coarse = np.arange(EARLIEST_S, LATEST_S, period / 8)
     wrong = np.sum(sign * (since - coarse[:, None]) < 0, axis=1)
     rough = float(np.mean(coarse[wrong == wrong.min()]))
-    if not EARLIEST_S + period < rough < LONGEST_S - 2 * period:
-        problem = f"no latency within {EARLIEST_S:g} to {LONGEST_S:g} s explains which frames show the target steps"
+    if not EARLIEST_S + period < rough < LATEST_S - 2 * period:
+        problem = f"no latency within {EARLIEST_S:g} to {LATEST_S:g} s explains which frames show the target steps"
         raise file_error(detections.source, problem, "stamp steps and receipts by one clock", "no-latency")
     latencies = rough + np.arange(-2.5, 2.5, 1 / 80) * period
     jitters = np.geomspace(2e-4, max(period, 4e-4), 8)[:, None]
@@ -204,7 +215,7 @@ def _labelled(since: Array, position: Array) -> Array:
       since: receipts less the moment of the step [s], shape (K,).
       position: of the target [m], shape (K, 3).
     """
-    old, late = since < 0, since > LONGEST_S
+    old, late = since < 0, since > LATEST_S
     if min(old.sum(), late.sum()) < 3:
         return np.empty((0, 2))
     first = np.median(position[old], axis=0)

@@ -1,10 +1,14 @@
 """The oracle: has the target's path and the plant, and plans the whole engagement at once.
 
 It is a strong heuristic, and so a lower bound on what a command limit allows. It looks for the commands, within the
-limits, that put the most shots on the armor. A sum of absolute angle errors, that gives up the shots that slewing costs
-anyway, is minimised by ADMM; shots that miss are then weighted down and the rest improved. One of the plans that it
-begins with is what a causal preview controller would command, were it given the path. Of all plans the one with the
-largest expected number of hits is taken.
+limits, that put the most shots on the armor:
+
+- ADMM minimises a weighted sum of absolute angle errors. Absolute errors give up the shots that are lost to slewing
+  anyway, where squared ones would spend every other shot on them.
+- The shots that still miss get smaller weights, and the others are improved. This is repeated.
+- It starts from three plans: least squares, no command at all, and what a preview controller would command if it were
+  given the path.
+- Of all plans that come up, the one with the largest expected number of hits is taken.
 """
 
 from dataclasses import replace
@@ -13,8 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from archerfish2.arrays import Array, lift, map_arrays, namespace, repeat, tree
-from archerfish2.controllers.preview import Preview, Rows, bounding, commands_of, make_preview, rows_of
-from archerfish2.controllers.preview_aim import HORIZON, SMOOTHING
+from archerfish2.controllers.aiming.preview_lq import HORIZON
+from archerfish2.controllers.aiming.preview_program import Preview, RowsLu, bounding, commands_of, make_preview, rows_of
+from archerfish2.controllers.tuning import SMOOTHING
 from archerfish2.dynamics.aiming import intercept
 from archerfish2.dynamics.command_limits import limit_command
 from archerfish2.dynamics.linear_axis import advance, rest_state
@@ -25,7 +30,7 @@ from archerfish2.robot import Robot
 from archerfish2.task import Task
 from archerfish2.tracking.detections import relative_place, unwrapped
 
-ROUNDS, ITERATIONS, LEAST_SQUARES_ITERATIONS = 3, 150, 1500
+REWEIGHTINGS, ADMM_ITERATIONS, LEAST_SQUARES_ITERATIONS = 3, 150, 1500
 """Times that the weights are set again, iterations of ADMM for each, and for the plan to begin with."""
 RELAXATION = 1.8
 """Over-relaxation of ADMM, between 1 (none) and 2: far slews need about half the iterations."""
@@ -44,7 +49,7 @@ class OracleState(NamedTuple):
 
 @tree()
 class Oracle:
-    """Has everything but the dispersion draws; where plants differ between engagements, only their best estimate."""
+    """Is given all but the dispersion draws; where plants differ between engagements, it is given the best estimate."""
 
     preview: Preview  # bounds and responses over the whole engagement
     tracking: Preview  # the program of a preview controller, over its horizon
@@ -86,9 +91,9 @@ class Oracle:
                 low, high = self.preview.bounds(axis, command[..., axis], still[..., axis], base_yaw)
                 commands = start[..., axis]
                 error, rows = commands @ self.preview.response[axis].T - wanted, rows_of(commands)
-                none = tuple(0.0 * each for each in rows)
+                none = tuple(0.0 * row for row in rows)
                 plans.append(_AxisPlan(wanted, low, high, commands, error, 0.0 * error, rows, none))
-            for again in range(ROUNDS + 1):
+            for again in range(REWEIGHTINGS + 1):
                 if again:
                     plans = [self._improve(axis, plan, weight) for axis, plan in enumerate(plans)]
                 commands, hits, weight = self._judge(plans, distance)
@@ -105,7 +110,7 @@ class Oracle:
         steps = self.preview.response.shape[-1] + self.tracking.response.shape[-1] - 1
         count = xp.reshape(xp.arange(steps, dtype=seen.command.dtype), (-1,) + (1,) * seen.elapsed.ndim)
         shots = count * self.preview.period + 0.0 * seen.elapsed[None] + self.preview.period
-        base = map_arrays(lambda each: each[None], seen.base)
+        base = map_arrays(lambda array: array[None], seen.base)
 
         def position(time: Array) -> Array:
             return relative_place(truth.target.at(time).position[..., 0, :], base, time)
@@ -123,7 +128,8 @@ class Oracle:
         def step(before: tuple[Array, ...]) -> tuple[Array, ...]:
             state, command, rate, path, yaw, commands = before
             ask = self.tracking.track(state, command, rate, path[..., :horizon, :], yaw[..., :horizon])[..., 0, :]
-            low, high = (lift(each, ask) + yaw[..., :1] * lift(yaw_alone, ask) for each in (limits.low, limits.high))
+            turn = yaw[..., :1] * lift(yaw_alone, ask)
+            low, high = lift(limits.low, ask) + turn, lift(limits.high, ask) + turn
             allowed = limit_command(limits._replace(low=low, high=high), ask, command, rate, path[..., 0, :], period)
             state, rate = advance(truth.gimbal, state, allowed), (allowed - command) / period
             path, yaw = xp.roll(path, -1, axis=-2), xp.roll(yaw, -1, axis=-1)
@@ -163,24 +169,24 @@ class Oracle:
             error = xp.sign(residual) * xp.maximum(xp.abs(residual) - SHRINK * weight, 0.0)
             unbound = zip(rows_of(commands), plan.rows, plan.rows_dual, strict=True)
             asked = [RELAXATION * new + (1.0 - RELAXATION) * row + dual for new, row, dual in unbound]
-            rows = tuple(xp.clip(*each) for each in zip(asked, begun.low, begun.high, strict=True))
+            rows = tuple(map(xp.clip, asked, begun.low, begun.high))
             rows_dual = tuple(new - row for new, row in zip(asked, rows, strict=True))
             return _AxisPlan(*plan[:3], commands, error, residual - error, rows, rows_dual)
 
-        return _AxisPlan(*repeat(iterate, ITERATIONS, begun))
+        return _AxisPlan(*repeat(iterate, ADMM_ITERATIONS, begun))
 
 
 class _AxisPlan(NamedTuple):
     """ADMM variables of one axis; N is the number of decisions."""
 
     wanted: Array  # path less free response, B + (N,)
-    low: Rows  # bounds of the rows L u, B + (N,) each
-    high: Rows
+    low: RowsLu  # bounds of the rows L u, B + (N,) each
+    high: RowsLu
     commands: Array  # B + (N,)
     error: Array  # M u − wanted after the shrinkage, B + (N,)
     error_dual: Array
-    rows: Rows  # L u after the clipping, B + (N,) each
-    rows_dual: Rows
+    rows: RowsLu  # L u after the clipping, B + (N,) each
+    rows_dual: RowsLu
 
 
 def make_oracle(robot: Robot, task: Task) -> Oracle:
@@ -201,6 +207,8 @@ def make_oracle(robot: Robot, task: Task) -> Oracle:
     preview = make_preview(model, planned, period, decisions, smoothing=1e-6)
     preview = replace(preview, iterations=LEAST_SQUARES_ITERATIONS, relaxation=RELAXATION, along=-1)
     tracking = make_preview(model, limits, period, HORIZON, SMOOTHING)
-    squares = [each.T @ each + 1e-9 * np.eye(decisions) for each in preview.response]
-    solve = [np.linalg.inv(square + bounding(p, decisions)) for square, p in zip(squares, preview.penalty, strict=True)]
+    solve = []
+    for response, penalty in zip(preview.response, preview.penalty, strict=True):
+        square = response.T @ response + 1e-9 * np.eye(decisions)
+        solve.append(np.linalg.inv(square + bounding(penalty, decisions)))
     return Oracle(preview, tracking, np.array(solve), robot.muzzle_model(), np.asarray(task.hit_radius_m))

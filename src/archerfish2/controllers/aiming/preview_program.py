@@ -15,7 +15,7 @@ from archerfish2.dynamics.command_limits import NEVER, CommandLimits
 from archerfish2.dynamics.linear_axis import GimbalModel
 from archerfish2.protocols import Base
 
-Rows = tuple[Array, ...]
+RowsLu = tuple[Array, ...]
 """Of L u: u, Δu and Δ²u."""
 
 
@@ -57,15 +57,16 @@ class Preview:
             right = error @ self.response[axis]
             now = command[..., axis]
             right = xp.concat([right[..., :1] + self.smoothing[axis] * now[..., None], right[..., 1:]], axis=-1)
-            bounds = self.bounds(axis, now, command_rate[..., axis], base_yaw)
+            low, high = self.bounds(axis, now, command_rate[..., axis], base_yaw)
             # Three kinds of rows as three arrays: compiled, most of an iteration would go into stacking them.
-            low, high = (tuple(xp.moveaxis(each, -1, along) for each in rows) for rows in bounds)
+            low = tuple(xp.moveaxis(row, -1, along) for row in low)
+            high = tuple(xp.moveaxis(row, -1, along) for row in high)
             penalty = tuple(self.penalty[axis])
-            turned, unbounded = (xp.moveaxis(each, -1, along) for each in (right, right @ self.optimum[axis]))
+            turned, unbounded = xp.moveaxis(right, -1, along), xp.moveaxis(right @ self.optimum[axis], -1, along)
 
-            def improve(variables: tuple[Array, Rows]) -> tuple[Array, Rows]:
+            def improve(variables: tuple[Array, RowsLu]) -> tuple[Array, RowsLu]:
                 _, rows = variables  # with their duals, which are what the bounds cut off
-                kept = tuple(xp.clip(*each) for each in zip(rows, low, high, strict=True))
+                kept = tuple(map(xp.clip, rows, low, high))
                 pulls = (share * (2.0 * inside - row) for share, inside, row in zip(penalty, kept, rows, strict=True))
                 # Added before the product: the two cancel, and the inverse may be large.
                 pulled = xp.moveaxis(turned + commands_of(pulls, along), along, -1)
@@ -77,7 +78,7 @@ class Preview:
 
         return xp.stack([solve(0), solve(1)], axis=-1)
 
-    def bounds(self, axis: int, command: Array, command_rate: Array, base_yaw: Array) -> tuple[Rows, Rows]:
+    def bounds(self, axis: int, command: Array, command_rate: Array, base_yaw: Array) -> tuple[RowsLu, RowsLu]:
         """Return the bounds of the rows L u of one axis, B + (N,) each; the first count from the command in force.
 
         Args:
@@ -128,7 +129,7 @@ def make_preview(model: GimbalModel, limits: CommandLimits, period_s: float, hor
         penalty = np.trace(hessian) / horizon * np.array([0.3, 3.0, 30.0]) * acts
         bounded = hessian + bounding(penalty, horizon)
         matrices.append((response, free, np.linalg.inv(hessian), np.linalg.inv(bounded), penalty))
-    response, free, optimum, inverse, penalty = (np.array(each) for each in zip(*matrices, strict=True))
+    response, free, optimum, inverse, penalty = (np.array(axes) for axes in zip(*matrices, strict=True))
     return Preview(response, free, optimum, inverse, penalty, np.full(2, smoothing), limits, np.asarray(period_s))
 
 
@@ -152,7 +153,7 @@ def _responses(model: GimbalModel, axis: int, horizon: int) -> tuple[Array, Arra
     return np.where(lag >= 0, impulse[np.maximum(lag, 0)], 0.0), np.array(rows[1:])
 
 
-def rows_of(commands: Array, along: int = -1) -> Rows:
+def rows_of(commands: Array, along: int = -1) -> RowsLu:
     """Return L u: commands, shape (..., N, ...), their differences and second differences, zero before the first.
 
     Args:

@@ -1,30 +1,22 @@
-"""Where a target that may turn back will be: interacting models, and the place that a pellet most likely hits.
+"""Interacting multiple models (IMM): a predictor for a target that may turn back.
 
 Until the pellet arrives the target may turn back once more, at any moment, so it is in one of several places.
 """
 
-from typing import NamedTuple
-
 from archerfish2.arrays import Array, lift, namespace, tree
-from archerfish2.controllers.hit_window import LikeliestHit, Places
+from archerfish2.controllers.predictors.likeliest_hit import LikeliestHit, Places
+from archerfish2.controllers.predictors.predictor import AgedTrack
 from archerfish2.protocols import Seen
 from archerfish2.tracking.detections import Detection, first_detection
-from archerfish2.tracking.interacting_models import ModelRates, ModelTracks, begin_models, moved_models, step_models
+from archerfish2.tracking.interacting_models import ModelRates, begin_models, moved_models, step_models
 from archerfish2.tracking.kalman_filter import TrackerNoise
 
 TURNS = 5
 """Moments within the prediction that stand for all at which the target may turn back."""
 
 
-class ManoeuvringTrack(NamedTuple):
-    """Estimates as of the latest detection."""
-
-    models: ModelTracks  # in O
-    age: Array  # of that detection at the latest decision [s], B
-
-
 @tree()
-class Manoeuvring(LikeliestHit):
+class InteractingModels(LikeliestHit):
     """A predictor for a target that stands, drives on, or turns back at unknown times and places."""
 
     noise: TrackerNoise  # what the filters assume of target and camera
@@ -32,26 +24,27 @@ class Manoeuvring(LikeliestHit):
     reach: Array  # hit radius [m], ()
     scatter: Array  # standard deviation of the pellets' azimuth [rad], ()
 
-    def reset(self, seen: Seen) -> ManoeuvringTrack:
+    def reset(self, seen: Seen) -> AgedTrack:
         """Begin at the first decision."""
         first = first_detection(seen)
         models = begin_models(self.noise, self.rates, first.place - first.own, first.fresh)
-        return ManoeuvringTrack(moved_models(models, first.own), first.age)
+        return AgedTrack(moved_models(models, first.own), first.age)
 
-    def update(self, state: ManoeuvringTrack, seen: Detection) -> ManoeuvringTrack:
+    def update(self, state: AgedTrack, seen: Detection) -> AgedTrack:
         """Update with a detection."""
         age = namespace(state.age).where(seen.fresh, seen.age, state.age)
-        models, place = moved_models(state.models, -seen.own), seen.place - seen.own
+        models, place = moved_models(state.track, -seen.own), seen.place - seen.own
         models = step_models(self.noise, self.rates, models, state.age - age, place, seen.fresh)
-        return ManoeuvringTrack(moved_models(models, seen.own), age)
+        return AgedTrack(moved_models(models, seen.own), age)
 
-    def places(self, state: ManoeuvringTrack, time: Array) -> Places:
+    def places(self, state: AgedTrack, time: Array) -> Places:
         """Return where the target may be a time [s] from now, shape B.
 
         One that stands stays, one that moves drives on or turns back once.
         """
         xp = namespace(state.age, time)
-        time, track, probability = state.age + time, state.models.track, state.models.probability
+        time = state.age + time
+        track, probability = state.track
         moments = (xp.arange(TURNS, dtype=time.dtype) + 0.5) / TURNS
         turned = (1.0 - xp.exp(-self.rates.turn * time))[..., None]
         # Given one turn, all its moments are as likely as each other.
@@ -66,9 +59,13 @@ class Manoeuvring(LikeliestHit):
         mean = xp.take(track.mean, model, axis=-2)
 
         def variance(left: Array) -> Array:
-            outer, p = (left[..., :, None] * left[..., None, :])[..., None, :, :], track.covariance
-            blocks = (p[..., :2, :2], p[..., :2, 2:], p[..., 2:, 2:])
-            place, corner, speed = (xp.take(xp.sum(outer * each, axis=(-2, -1)), model, axis=-1) for each in blocks)
+            outer = (left[..., :, None] * left[..., None, :])[..., None, :, :]
+
+            def along(block: Array) -> Array:
+                return xp.take(xp.sum(outer * block, axis=(-2, -1)), model, axis=-1)
+
+            p = track.covariance
+            place, corner, speed = along(p[..., :2, :2]), along(p[..., :2, 2:]), along(p[..., 2:, 2:])
             return place + drive * (2.0 * corner + drive * speed)
 
         level = mean[..., :2] + drive[..., None] * mean[..., 2:]

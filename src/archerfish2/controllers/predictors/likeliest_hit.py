@@ -1,20 +1,20 @@
-"""The place to aim at where a target may be in one of several places: where a hit is likeliest.
+"""Where to aim if a target may be in one of several places: at the place where a hit is likeliest.
 
-The mean of the places may be one where the target never is, as half the distance between a target that has turned back
-and one that has not.
+The mean of the places would not do. The target may never be there: half way between a target that has turned back and
+one that has not there is nothing to hit.
 """
 
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 from archerfish2.arrays import Array, lift, namespace
-from archerfish2.controllers.kalman import Predictor
+from archerfish2.controllers.predictors.predictor import Predictor
 from archerfish2.tracking.detections import relative_place
 
 PLACES = 17
 """Aims that are tried, from left of all places to right of them."""
 _SHARPNESS = 200.0
-"""Aims whose probabilities differ by much less than one over this are as good as each other: their mean is taken."""
+"""Aims whose probabilities of a hit differ by much less than the inverse of this count alike: their mean is taken."""
 _WIDTH = 4.25
 """Width of a parabolic density whose distribution function is nearest to the normal one, in standard deviations."""
 
@@ -38,9 +38,9 @@ def mean_place(places: Places) -> Array:
 
 
 class LikeliestHit(Predictor, Protocol):
-    """A predictor of several places where the target may be: it predicts the one that a pellet most likely hits.
+    """A predictor of several places where the target may be; its prediction is where a pellet hits most likely.
 
-    That is on the level line through their mean across the line of sight.
+    The prediction is searched for on one level line: through the mean of the places, across the line of sight.
     """
 
     reach: Array  # hit radius [m], ()

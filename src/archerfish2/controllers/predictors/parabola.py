@@ -1,10 +1,14 @@
-"""Where a target of eq (7) will be: two predictors to which the rule is given, but not speed, phase and middle.
+"""Targets of eq (7): two predictors that are given its rule, but not a target's speed, phase and middle.
 
-The rule: the curve, the width within which the target goes to and fro, its largest speed, where the middles lie. From
-exact detections the rest follows in a few frames. From noisy ones a Bayes filter estimates it: speeds and phases form a
-grid of hypotheses. Given both, where the target is against the middle is fixed at any time, so the middle is Gaussian,
-and one Kalman gain serves all hypotheses. Both coordinates of a detection count: the depth shows how far from the
-middle the target is. Predictions take a systematic draw of the hypotheses, which stands for all of them.
+The rule is the curve, the width within which the target goes to and fro, its largest speed, and where the middles lie.
+
+From exact detections `ParabolaAware` computes the rest within a few frames. From noisy ones `ParabolaFilter` estimates
+it, as a Bayes filter:
+
+- Speeds and phases form a grid of hypotheses. Under each of them the target's place against the middle is known at any
+  time. So the middle is Gaussian, and one Kalman gain serves all hypotheses.
+- Both coordinates of a detection count: the depth shows how far from the middle the target is.
+- A prediction takes a systematic sample of the hypotheses, which stands for all of them.
 """
 
 from typing import Any, NamedTuple
@@ -12,19 +16,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from archerfish2.arrays import Array, fold, lift, namespace, select, tree
-from archerfish2.controllers.hit_window import LikeliestHit, Places, distribution
-from archerfish2.controllers.kalman import Predictor
+from archerfish2.controllers.predictors.likeliest_hit import LikeliestHit, Places, distribution
+from archerfish2.controllers.predictors.predictor import Predictor
 from archerfish2.protocols import Base, Seen
 from archerfish2.targets.motion import triangle_wave
 from archerfish2.task import Task
 from archerfish2.tracking import kalman_filter
 from archerfish2.tracking.detections import Detection, first_detection, relative_place
+from archerfish2.tracking.interacting_models import STILL_SHARE
 from archerfish2.tracking.kalman_filter import TrackerNoise
 
-SPEEDS, PHASES, DRAWN = 48, 160, 96
+SPEED_HYPOTHESES, PHASE_HYPOTHESES, HYPOTHESES_DRAWN = 48, 160, 96
 """Hypotheses of either kind, and how many are drawn to predict from. Finer ones change no hit rate by 0.1 points."""
-STILL = 0.5
-"""Probability that a target stands still, which the tables' targets do half of the time."""
 
 
 class ParabolaTrack(NamedTuple):
@@ -118,7 +121,7 @@ class Hypotheses(NamedTuple):
     drawn: Array  # K hypotheses to predict from, equally probable: speed, phase, X₀ and Y₀, B + (4, K)
 
 
-@tree(static=("draws",))
+@tree()
 class ParabolaFilter(LikeliestHit):
     """A predictor for targets of eq (7) whose rule is given, but not speed, phase and middle."""
 
@@ -131,7 +134,6 @@ class ParabolaFilter(LikeliestHit):
     reach: Array  # hit radius [m], ()
     scatter: Array  # standard deviation of the pellets' azimuth [rad], ()
     noise: TrackerNoise  # of the camera; its part of the target is unused
-    draws: int  # K, hypotheses that are drawn
 
     def reset(self, seen: Seen) -> Hypotheses:
         """Begin at the first decision."""
@@ -139,7 +141,7 @@ class ParabolaFilter(LikeliestHit):
         place, zero = first.place - first.own, 0.0 * first.age
         depth, lateral = self._swing(zero)
         evidence = 0.0 * depth + lift(self.log_prior[:, None], depth)
-        depth, lateral = (first.place[..., axis, None, None] - each for axis, each in enumerate((depth, lateral)))
+        depth, lateral = first.place[..., 0, None, None] - depth, first.place[..., 1, None, None] - lateral
         track = kalman_filter.begin_track(self.noise, place, first.fresh)
         covariance, variance = track.covariance[..., :2, :2], track.height_variance
         drawn = self._drawn(depth, lateral, evidence, covariance)
@@ -206,9 +208,9 @@ class ParabolaFilter(LikeliestHit):
             below, above = (distribution((self.middles[axis, end] - mean) * scale) for end in range(2))
             share = share * (above - below)
         # A target outside the range keeps a small weight.
-        row, column = systematic_draw(xp.exp(evidence) * (share + 1e-9), self.draws)
+        row, column = systematic_draw(xp.exp(evidence) * (share + 1e-9), HYPOTHESES_DRAWN)
         index, flat = row * self.phase.shape[0] + column, (*evidence.shape[:-2], -1)
-        means = (xp.take_along_axis(xp.reshape(each, flat), index, axis=-1) for each in (depth, lateral))
+        means = (xp.take_along_axis(xp.reshape(mean, flat), index, axis=-1) for mean in (depth, lateral))
         return xp.stack([xp.take(self.speed, row), xp.take(self.phase, column), *means], axis=-2)
 
 
@@ -249,27 +251,23 @@ def make_parabola_aware(task: Task) -> ParabolaAware:
     return ParabolaAware(np.asarray(task.curvature_1_m), np.sqrt(np.asarray(task.rise_m / task.curvature_1_m)))
 
 
-def make_parabola_filter(
-    task: Task, scatter: float, noise: TrackerNoise, speeds: int = SPEEDS, phases: int = PHASES
-) -> ParabolaFilter:
+def make_parabola_filter(task: Task, scatter: float, noise: TrackerNoise) -> ParabolaFilter:
     """Build the filter.
 
     Args:
       task: the rule: curve, width, largest speed, where the middles lie; and the hit radius.
       scatter: standard deviation of the pellets' azimuth [rad].
       noise: of the camera.
-      speeds: number of hypotheses, evenly from zero to the largest; all but zero are as likely as each other.
-      phases: number of hypotheses.
     """
+    moving = SPEED_HYPOTHESES - 1  # evenly up to the largest speed, each as likely as the others
     return ParabolaFilter(
-        speed=task.max_speed_m_s * np.arange(speeds) / (speeds - 1),
-        phase=np.arange(phases) / phases,
-        log_prior=np.log([STILL, *[(1.0 - STILL) / (speeds - 1)] * (speeds - 1)]),
+        speed=task.max_speed_m_s * np.arange(SPEED_HYPOTHESES) / moving,
+        phase=np.arange(PHASE_HYPOTHESES) / PHASE_HYPOTHESES,
+        log_prior=np.log([STILL_SHARE, *[(1.0 - STILL_SHARE) / moving] * moving]),
         half_width=np.sqrt(np.asarray(task.rise_m / task.curvature_1_m)),
         curvature=np.asarray(task.curvature_1_m),
         middles=np.array([[np.min(task.ranges_m), np.max(task.ranges_m)], [-task.lateral_m, task.lateral_m]]),
         reach=np.asarray(task.hit_radius_m),
         scatter=np.asarray(scatter),
         noise=noise,
-        draws=DRAWN,
     )

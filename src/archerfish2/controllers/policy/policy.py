@@ -1,5 +1,6 @@
 """A trained policy: an observer, a network, and one file that holds both; NumPy is enough to decide with it."""
 
+import itertools
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -7,8 +8,9 @@ import numpy as np
 from msgspec import Meta, field
 
 from archerfish2.arrays import Array, tree
-from archerfish2.controllers.network import Layer, Normaliser, forward, normalise
-from archerfish2.controllers.observation import Memory, Observer, ObserverFacts, make_observer
+from archerfish2.controllers.policy.network import Layer, Normaliser, forward, normalise
+from archerfish2.controllers.policy.observation import ObserverFacts, make_observer
+from archerfish2.controllers.policy.observer import Memory, Observer
 from archerfish2.errors import InputError, file_error
 from archerfish2.protocols import Command, Seen, Truth
 from archerfish2.records.json_files import parse_json, plain, to_struct
@@ -16,7 +18,7 @@ from archerfish2.records.record import Struct
 from archerfish2.storage import read_arrays, write_arrays
 from archerfish2.task import Task
 
-SCHEMA, REMEDY = "archerfish.policy/2", "train again"
+POLICY_SCHEMA, _REMEDY = "archerfish.policy/2", "train again"
 _LARGEST_NUMBER = 1e6
 """In a policy's arrays: far beyond any that a training leaves."""
 
@@ -54,12 +56,21 @@ class Policy:
     def step(self, state: Memory, seen: Seen) -> tuple[Memory, Command]:
         """Decide."""
         memory = self.observer.remember(state, seen)
-        view = self.observer.view(memory)
+        view = self.observer.view(memory, seen)
         return memory, self.observer.decode(view, self.action(self.observer.observe(view)))
 
     def action(self, observation: Array) -> Array:
         """Return the action for an observation, shape B + (n,) → B + (2,)."""
         return forward(self.actor, normalise(self.normaliser, observation))
+
+    def __repr__(self) -> str:
+        if self.facts is None:
+            return "Policy(without facts)"
+        made, name = self.facts.training, ", ".join(self.facts.observer.observation)
+        parts = [f"observation {name}", f"task {self.facts.task.name}", f"seed {self.facts.seed}"]
+        parts += [f"robot {made['robot']}"] if "robot" in made else []
+        parts += [f"{made['hit_share']:.1%} of the latest shots of its training hit"] if "hit_share" in made else []
+        return f"Policy({', '.join(parts)})"
 
     @classmethod
     def load(cls, path: str | Path, blocks: tuple[Any, ...] = ()) -> Self:
@@ -74,21 +85,20 @@ class Policy:
           InputError: if the file is no policy, is damaged, or a number is out of its bounds; if the training in the
             folder is not finished.
         """
-        path = Path(path)
-        if not (file := _file(path)).exists() and is_training(path):
-            raise file_error(path, "is a training that is not finished", f"run archerfish2 train --resume {path}")
-        path = file
-        text, arrays = read_arrays(path, REMEDY)
-        if isinstance(content := parse_json(text, path, REMEDY), dict):
+        folder, path = Path(path), _policy_file(Path(path))
+        if not path.exists() and is_training(folder):
+            raise file_error(folder, "is a training that is not finished", f"run archerfish2 train --resume {folder}")
+        text, arrays = read_arrays(path, _REMEDY)
+        if isinstance(content := parse_json(text, path, _REMEDY), dict):
             content.pop("remake", None)  # of older files
-        facts = to_struct(content, path, PolicyFacts, SCHEMA, REMEDY)
+        facts = to_struct(content, path, PolicyFacts, POLICY_SCHEMA, _REMEDY)
         if (own := ", ".join(facts.observer.observation[1:])) and not blocks:
             raise file_error(path, f"has blocks of a user's own ({own})", "give them: Policy.load(path, blocks=(…))")
         try:
             observer = make_observer(facts.observer, tuple(blocks))
             return cls(observer, *_network(arrays, sum(size for _, size in observer.layout())), facts=facts)
         except InputError as error:
-            raise file_error(path, str(error).removesuffix(f"; {REMEDY}"), REMEDY) from error
+            raise file_error(path, str(error).removesuffix(f"; {_REMEDY}"), _REMEDY) from error
 
     def save(self, path: str | Path) -> None:
         """Write the policy to a .safetensors file, of a folder that is there to policy.safetensors in it.
@@ -101,7 +111,7 @@ class Policy:
         arrays = {"mean": self.normaliser.mean, "variance": self.normaliser.variance}
         for index, layer in enumerate(self.actor):
             arrays |= {f"weight.{index}": layer.weight, f"bias.{index}": layer.bias}
-        write_arrays(_file(Path(path)), {"schema": SCHEMA, **plain(self.facts)}, arrays)
+        write_arrays(_policy_file(Path(path)), {"schema": POLICY_SCHEMA, **plain(self.facts)}, arrays)
 
 
 def is_training(folder: Path) -> bool:
@@ -110,21 +120,19 @@ def is_training(folder: Path) -> bool:
     return any((folder / name).is_file() for name in names)
 
 
-def _file(path: Path) -> Path:
+def _policy_file(path: Path) -> Path:
     return path / "policy.safetensors" if path.is_dir() else path
 
 
 def _network(arrays: dict[str, Array], size: int) -> tuple[Normaliser, tuple[Layer, ...]]:
     """Return normaliser and layers, checked to fit each other and an observation of a size."""
     depth = len(arrays) // 2 - 1
-    names = {"mean", "variance", *(f"{kind}.{index}" for kind in ("weight", "bias") for index in range(depth))}
-    if depth < 1 or arrays.keys() != names:
-        raise InputError(f"expected mean, variance, weight.0, bias.0, …, got {', '.join(sorted(arrays))[:200]}")
-    layers = tuple(Layer(arrays[f"weight.{index}"], arrays[f"bias.{index}"]) for index in range(depth))
-    widths = [size, *(len(np.atleast_1d(layer.bias)) for layer in layers[:-1]), 2]
+    hidden = [np.size(arrays.get(f"bias.{index}", ())) for index in range(depth - 1)]
     shapes: dict[str, tuple[int, ...]] = {"mean": (size,), "variance": (size,)}
-    for index in range(depth):
-        shapes |= {f"weight.{index}": tuple(widths[index : index + 2]), f"bias.{index}": (widths[index + 1],)}
+    for index, (inputs, outputs) in enumerate(itertools.pairwise([size, *hidden, 2])):
+        shapes |= {f"weight.{index}": (inputs, outputs), f"bias.{index}": (outputs,)}
+    if arrays.keys() != shapes.keys():
+        raise InputError(f"expected mean, variance, weight.0, bias.0, …, got {', '.join(sorted(arrays))[:200]}")
     for name, shape in shapes.items():
         if arrays[name].shape != shape or arrays[name].dtype != np.float32:
             raise InputError(f"array {name}: expected float32 {shape}, got {arrays[name].dtype} {arrays[name].shape}")
@@ -132,4 +140,5 @@ def _network(arrays: dict[str, Array], size: int) -> tuple[Normaliser, tuple[Lay
             raise InputError(f"array {name}: expected numbers within ±{_LARGEST_NUMBER:g}, got others")
     if not np.all(arrays["variance"] >= 0.0):
         raise InputError(f"array variance: expected numbers ≥ 0, got {np.min(arrays['variance']):g}")
+    layers = tuple(Layer(arrays[f"weight.{index}"], arrays[f"bias.{index}"]) for index in range(depth))
     return Normaliser(arrays["mean"], arrays["variance"], np.asarray(0.0, np.float32)), layers

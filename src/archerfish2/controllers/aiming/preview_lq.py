@@ -10,45 +10,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from archerfish2.arrays import Array, lift, map_arrays, namespace, over, tree
-from archerfish2.controllers.kalman import AgedTrack, Predictor
-from archerfish2.controllers.preview import Preview, make_preview
+from archerfish2.controllers.aiming.preview_program import Preview, make_preview
+from archerfish2.controllers.predictors.predictor import Predictor
+from archerfish2.controllers.tuning import Tuning
 from archerfish2.dynamics.aiming import intercept
-from archerfish2.dynamics.linear_axis import GimbalModel, advance, gimbal_angle, gimbal_rate, rest_state
+from archerfish2.dynamics.linear_axis import GimbalModel, advance, angle_then, gimbal_angle, gimbal_rate, rest_state
 from archerfish2.dynamics.muzzle import Muzzle
-from archerfish2.protocols import Base, Command, Seen, Truth, aim
+from archerfish2.protocols import Command, Seen, Truth, aim
 from archerfish2.robot import Robot
 from archerfish2.task import Task
-from archerfish2.tracking.detections import Detection, first_detection, relative_place, unwrapped
+from archerfish2.tracking.detections import unwrapped
 
 HORIZON = 15
 """Decisions that the preview looks ahead: 0.3 s, twice the yaw axis' time constant."""
-SMOOTHING = 1e-4
-"""Weight of the changes of the command against squared angle errors."""
 PAST = 14
 """Decisions that the observer looks back for what feedback shows: feedback older than a quarter of a second is of no
 use."""
-
-
-@tree()
-class Hold(Predictor):
-    """A predictor for a target that stays where it is seen: no lead. Its track is the place in O."""
-
-    def reset(self, seen: Seen) -> AgedTrack:
-        """Begin at the first decision."""
-        first = first_detection(seen)
-        return AgedTrack(first.place, first.age)
-
-    def update(self, state: AgedTrack, seen: Detection) -> AgedTrack:
-        """Take a detection as it is."""
-        return AgedTrack(seen.place, namespace(seen.age).where(seen.fresh, seen.age, state.age))
-
-    def predicted(self, state: AgedTrack, age: Array) -> Array:  # noqa: ARG002
-        """Return the place as seen last, in O [m], shape B + (3,)."""
-        return state.track
-
-    def position_after(self, relative: tuple[AgedTrack, Base], time: Array) -> Array:
-        """Return the place as seen last, relative to the own pivot [m], shape B + (3,)."""
-        return relative_place(relative[0].track, relative[1], time)
 
 
 class PreviewState(NamedTuple):
@@ -104,48 +81,26 @@ class PreviewAim:
         xp = namespace(seen.command)
         count = xp.arange(self.preview.response.shape[-1], dtype=seen.command.dtype)
         starts = xp.reshape(count, (-1,) + (1,) * seen.elapsed.ndim) * self.preview.period + 0.0 * seen.elapsed[None]
-        lifted = map_arrays(lambda each: each[None], self.predictor.against_pivot(track, seen.base))
-        position, mean = (partial(each, lifted) for each in (self.predictor.position_after, self.predictor.mean_after))
+        lifted = map_arrays(lambda array: array[None], self.predictor.against_pivot(track, seen.base))
+        position = partial(self.predictor.position_after, lifted)
+        mean = partial(self.predictor.mean_after, lifted)
         late, muzzle = self.preview.period + self.lead, self.muzzle
         angle = over(lambda start: intercept(position, start + late, muzzle, mean).angle, starts)
         return xp.moveaxis(unwrapped(angle, seen.command[None]), 0, -2)
 
 
-def angle_then(past: Array, age: Array, period: Array) -> Array:
-    """Interpolate the angles of a time ago: cubic Hermite pieces between decisions.
-
-    Args:
-      past: angles [rad] and rates [rad/s] now and at the decisions before, latest first, shape B + (H, 2, 2).
-      age: how long ago [s]; more than H − 1 decisions count as that many, shape B.
-      period: between decisions [s], shape ().
-
-    Returns:
-      Pitch and yaw [rad], shape B + (2,).
-    """
-    xp = namespace(past, age)
-    count = past.shape[-3]
-    ago = xp.clip(age / period, 0.0, count - 1.0)[..., None]
-    offset = lift(xp.arange(count, dtype=past.dtype), ago) - ago
-    gap = xp.minimum(xp.abs(offset), 1.0)
-    weights = xp.stack([1.0 + 2.0 * gap, period * offset], axis=-1) * ((1.0 - gap) ** 2)[..., None]
-    return xp.sum(weights[..., None] * past, axis=(-3, -2))
-
-
-def make_preview_aim(
-    predictor: Predictor, robot: Robot, task: Task, *, smoothing: float = SMOOTHING, lead_s: float = 0.0
-) -> PreviewAim:
+def make_preview_aim(predictor: Predictor, robot: Robot, task: Task, tuning: Tuning) -> PreviewAim:
     """Build the controller, in float64.
 
     Args:
       predictor: where the target will be.
       robot: plant, muzzle and limits.
       task: decision period and command limit.
-      smoothing: weight of the changes of the command against squared angle errors.
-      lead_s: how much later than by the model the pellets are taken to leave the muzzle [s].
+      tuning: smoothing of the commands, and how much later than by the model the pellets are taken to leave the muzzle.
     """
     model = robot.gimbal(task.period_s)
-    preview = make_preview(model, robot.command_limits(task), task.period_s, HORIZON, smoothing)
-    return PreviewAim(predictor, robot.muzzle_model(), model, observer_gain(model), preview, np.asarray(float(lead_s)))
+    preview = make_preview(model, robot.command_limits(task), task.period_s, HORIZON, tuning.smoothing)
+    return PreviewAim(predictor, robot.muzzle_model(), model, observer_gain(model), preview, tuning.extra_lead_s)
 
 
 def observer_gain(model: GimbalModel) -> Array:

@@ -1,4 +1,4 @@
-"""The simulated world as a reinforcement-learning environment: batches of engagements that end and are replaced.
+"""The environment that `train` trains in: batches of engagements that end and are replaced.
 
 An engagement whose time is up is truncated, not terminated: its target goes on, only nobody looks. So the observation
 after the last step is returned beside the first of the next engagement, for a value function to bootstrap from.
@@ -6,72 +6,21 @@ after the last step is returned beside the first of the next engagement, for a v
 
 from typing import Any, NamedTuple
 
-from archerfish2.arrays import Array, namespace, select, tree, when_any
-from archerfish2.controllers.observation import Observer
-from archerfish2.errors import InputError
-from archerfish2.plugins import Plugin
-from archerfish2.protocols import Command, Seen, Shot
-from archerfish2.simulation.world import SimulatedWorld
-from archerfish2.task import Scenario
+from archerfish2.arrays import Array, namespace, select, single_precision, tree, when_any
+from archerfish2.controllers.policy.observation import make_observer, observer_facts
+from archerfish2.controllers.policy.observer import Observer
+from archerfish2.learning.config import ConfigLike, TrainConfig
+from archerfish2.learning.reward import RewardFunction, make_reward
+from archerfish2.protocols import Seen, Shot
+from archerfish2.robot import Robot, RobotLike
+from archerfish2.simulation.camera import with_open_nearness
+from archerfish2.simulation.world import SimulatedWorld, make_world
+from archerfish2.task import DRAWN, Scenario, Task, TaskLike
 
 PHASES = 10
 """Phases of an engagement that a batch is staggered over: few, since a step in which none ends costs less."""
 HIDDEN = 5
 """Numbers that a critic alone may see."""
-FARTHEST = -1.0
-"""Smallest margin that a reward distinguishes [m]: farther off, and without a pellet, all are worth the same."""
-_STEEPEST = 40.0
-"""Beyond it the logistic function is 0 or 1 in float32, and its exponential would overflow."""
-
-
-@tree()
-class Reward:
-    """What a shot is worth [m]: the distance of eq (8), and a hit.
-
-        r = −w d + h σ(m / s),   with the step m ≥ 0 in the place of σ where s = 0
-
-    d is the distance between pellet and plate, m the margin to the edge of the hit area. Eq (8) is w = 1, h = 0. Where
-    a target may or may not turn back, the nearest place on average is one that neither hits, so a hit is worth
-    something in itself. A step has no slope, though: for a trainer that follows the simulator's gradient the hit is
-    smoothed, as a little more dispersion would do.
-    """
-
-    distance: Array  # w, ()
-    hit: Array  # h [m], ()
-    width: Array  # s [m], ()
-    hit_radius: Array  # [m], ()
-
-    def __call__(self, shot: Shot, command: Command, seen: Seen) -> Array:  # noqa: ARG002
-        """Return the reward [m], shape B."""
-        xp = namespace(shot.margin)
-        margin = xp.maximum(shot.margin, FARTHEST)
-        smooth = self.width > 0.0
-        steepness = margin / xp.where(smooth, self.width, 1.0)
-        likely = 1.0 / (1.0 + xp.exp(xp.clip(-steepness, -_STEEPEST, _STEEPEST)))
-        worth = xp.where(smooth, likely, xp.where(margin >= 0.0, 1.0 + 0.0 * margin, 0.0 * margin))
-        return self.hit * worth - self.distance * (self.hit_radius - margin)
-
-
-@tree(static=("plugin",))
-class UserReward:
-    """A user's reward."""
-
-    plugin: Plugin  # (shot, command, what is seen after it) → [m], shape B
-
-    def __call__(self, shot: Shot, command: Command, seen: Seen) -> Array:
-        """Return the reward [m], shape B.
-
-        Raises:
-          InputError: if the user's code fails, or returns something else.
-        """
-        with self.plugin.running():
-            reward, expected = self.plugin.value(shot, command, seen), shot.margin.shape
-            if getattr(reward, "shape", None) != expected or reward.dtype.kind != "f":
-                found = f"{getattr(reward, 'dtype', type(reward).__name__)} of shape {getattr(reward, 'shape', ())}"
-                raise InputError(
-                    f"returns {found}, expected floats of shape {expected}, one per engagement; correct it"
-                )
-            return reward
 
 
 class EnvironmentState(NamedTuple):
@@ -102,8 +51,14 @@ class Environment:
     world: SimulatedWorld
     scenario: Scenario
     observer: Observer
-    reward: Any  # Reward or UserReward
+    reward: RewardFunction
     sees_truth: bool  # whether states and steps have `HIDDEN` numbers for a critic alone, never in an observation
+
+    def __repr__(self) -> str:
+        motion = getattr(self.scenario.motion, "name", self.scenario.motion)  # a user's, or one of ours
+        names = ", ".join(getattr(block, "__name__", type(block).__name__) for block in self.observer.blocks)
+        draws = f"draws of (N, {self.normals}) normals and (N, {self.uniforms}) uniforms"
+        return f"Environment(targets {motion}, robot {self.world.name}, observation {names}, {draws})"
 
     @property
     def normals(self) -> int:
@@ -135,9 +90,10 @@ class Environment:
         """Begin a batch, not staggered; see `begin` for arguments, shapes and result."""
         xp, engagement = namespace(normals, uniforms), self.scenario.draw(uniforms)
         world = self.world.begin(engagement, normals[..., None, :])
-        memory = self.observer.begin(self.world.see(world))
+        seen = self.world.see(world)
+        memory = self.observer.begin(seen)
         left = xp.astype(xp.round(engagement.duration / self.world.period), xp.int32)
-        observation = self._observation(memory)
+        observation = self._observation(memory, seen)
         return EnvironmentState(world, memory, left, self._hidden(world, observation)), observation
 
     def step(
@@ -155,15 +111,15 @@ class Environment:
         world, shot = self.world.step(state.world, command, normals)
         seen = self.world.see(world)
         memory = self.observer.remember(state.memory, seen)
-        observation, left = self._observation(memory), state.left - 1
+        observation, left = self._observation(memory, seen), state.left - 1
         hidden, ended = self._hidden(world, observation), left <= 0
         running = EnvironmentState(world, memory, left, hidden), observation
         after = when_any(ended, lambda new, old: select(ended, new, old), fresh, running)
         reward = self.reward(shot, command, seen)
         return after[0], Step(after[1], observation, hidden, reward, ended & False, ended, shot)
 
-    def _observation(self, memory: Any) -> Array:
-        return self.observer.observe(self.observer.view(memory))
+    def _observation(self, memory: Any, seen: Seen) -> Array:
+        return self.observer.observe(self.observer.view(memory, seen))
 
     def _hidden(self, world: Any, observation: Array) -> Array:
         """Return where the target really is and will be, which no robot can see, shape B + (HIDDEN,), or B + (0,)."""
@@ -174,3 +130,36 @@ class Environment:
             target.at(time + ahead).position[..., 0, :2] for ahead in (0.0 * period, period, 20.0 * period)
         )
         return xp.concat([now, (soon - now)[..., 1:] / period, 5.0 * (later - now)], axis=-1)
+
+
+def make_environment(
+    robot: RobotLike = None,
+    task: TaskLike = "any",
+    config: ConfigLike = None,
+    reward: str | RewardFunction | None = None,
+) -> Environment:
+    """Build the environment that `train` trains in, in float32.
+
+    Args:
+      robot: a robot or its folder; the paper's if not given.
+      task: a task, its name or its file.
+      config: observation, reward and share of still targets; by default those of `train`.
+      reward: in the place of the settings'; a name, or a user's function.
+
+    Raises:
+      InputError: if robot, task and settings don't fit each other, or a user's code fails.
+    """
+    robot = Robot.of(robot)
+    task = Task.of(task)
+    config = TrainConfig.of(config).resolved(robot, task)
+    observer = make_observer(observer_facts(config.names, robot, task, config.frames), config.names[1:])
+    observer.layout()
+    world = make_world(robot, task)
+    if task.motion in DRAWN:
+        world = with_open_nearness(world)
+    scenario = task.replace(still_share=config.still_share).scenario(world.plants)
+    # Who sees old detections alone, or six numbers of them, leaves the critic to learn where the target really is.
+    sees_truth = config.trainer == "ppo" and (robot.sensing is not None or config.kind in ("tracked", "multimodel"))
+    found = make_reward(reward or config.reward, task.hit_radius_m)
+    made: Environment = single_precision(Environment(world, scenario, observer, found, sees_truth))
+    return made

@@ -1,0 +1,92 @@
+"""Options that several commands have, declared once."""
+
+import json
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from archerfish2 import storage
+from archerfish2.errors import InputError
+from archerfish2.robot import Robot
+from archerfish2.task import Task
+
+
+def shown(metavar: str = "", default: str = "") -> Any:
+    """Return how an option is shown whose default says nothing."""
+    return tyro.conf.arg(metavar=metavar or None, help_behavior_hint=default)
+
+
+def assigned(settings: Iterable[str]) -> dict[str, Any]:
+    """Return NAME=VALUE and PART.NAME=VALUE as fields, and parts as dictionaries of fields; a VALUE is JSON, or a text.
+
+    Raises:
+      InputError: if one is neither.
+    """
+    fields: dict[str, Any] = {}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        part, _, field = name.rpartition(".")
+        place = fields.setdefault(part, {}) if part else fields
+        if not equals or not isinstance(place, dict) or isinstance(place.get(field), dict):
+            expected = "NAME=VALUE, and no value for a part and for a field of it"
+            raise InputError(f"--set takes {expected}, got {setting}; write for instance gradient.hidden=256")
+        try:
+            place[field] = json.loads(text)
+        except ValueError:
+            place[field] = text
+    return fields
+
+
+@dataclass(frozen=True)
+class ForRobot:
+    """What a command that is for a robot and a task takes."""
+
+    robot: Annotated[tyro.conf.Positional[str | None], shown("[ROBOT]")] = None
+    """Folder of a robot's records; the paper's gimbal if it is paper, or not given."""
+    task: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "any"
+    """What is shot at; archerfish2 evaluate --help lists the names."""
+    command_limit: Annotated[
+        Literal["gate", "box", "los-2deg"] | None, shown("gate|box|los-2deg", "(default: the task's, gate)")
+    ] = None
+    """Of angle ranges, rate and acceleration (gate), of angle ranges alone (box), or 2° ahead of the line of sight."""
+    accept_unusable: Annotated[bool, shown()] = False
+    """Take parts of the robot that their identification found not usable."""
+
+    @property
+    def folder(self) -> Path | None:
+        """The robot's; None of the paper's."""
+        return None if self.robot in (None, "paper") else Path(str(self.robot))
+
+    def robot_and_task(self) -> tuple[Robot, Task]:
+        """Read what is named."""
+        task = Task.of(self.task)
+        if self.command_limit is not None:
+            task = task.replace(command_limit=self.command_limit)
+        return Robot.of(self.robot, accept_unusable=self.accept_unusable), task
+
+
+@dataclass(frozen=True, kw_only=True)
+class Writes:
+    """What a command takes that fills a folder with files of its own."""
+
+    overwrite: Annotated[bool, shown()] = False
+    """Replace files in that folder that this command did not write."""
+
+    @contextmanager
+    def written(self, out: Path, command: str, options: str, inputs: Iterable[Any], names: Any = ()) -> Iterator[Path]:
+        """Yield a folder to fill, with run.json beside its files at the end; see `storage.output_folder`.
+
+        Args:
+          out: the command's folder.
+          command: by which run.json has these files.
+          options: as typed.
+          inputs: files that it reads, and None in the place of those that are not given.
+          names: of files that are certain to come.
+        """
+        files = [Path(file) for file in inputs if file]
+        with storage.output_folder(out, command, files, self.overwrite, {"options": options}, names) as folder:
+            yield folder
