@@ -7,13 +7,13 @@ commands.
 import difflib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from archerfish2.arrays import single_precision
 from archerfish2.controllers.aiming.direct import DirectAim
 from archerfish2.controllers.aiming.oracle import make_oracle
 from archerfish2.controllers.aiming.preview_lq import PreviewAim, make_preview_aim
-from archerfish2.controllers.policy.policy import is_training
+from archerfish2.controllers.policy.policy import Policy, is_training
 from archerfish2.controllers.predictors.constant_velocity import ConstantVelocity
 from archerfish2.controllers.predictors.hold import Hold
 from archerfish2.controllers.predictors.interacting_models import InteractingModels
@@ -22,8 +22,8 @@ from archerfish2.controllers.predictors.predictor import Predictor
 from archerfish2.controllers.tuning import Tuning, tuning_at
 from archerfish2.errors import InputError
 from archerfish2.paper.conditions import assumed_conditions, paper_tuning
-from archerfish2.plugins import FORMS, is_plugin
-from archerfish2.protocols import own_controller
+from archerfish2.plugins import FORMS, find_plugin, is_plugin
+from archerfish2.protocols import Controller, own_controller
 from archerfish2.robot import Robot
 from archerfish2.task import Task
 from archerfish2.tracking.interacting_models import ModelRates
@@ -77,6 +77,30 @@ CLASSICAL: Mapping[str, tuple[Callable[..., Predictor], Callable[..., Any]]] = {
 """Name → predictor, of robot, task and tuning; and law of aiming, of a predictor and these."""
 NAMES = (*CLASSICAL, "oracle")
 """Of the controllers here. One of a user's own needs no line: see `make_controller`."""
+
+ControllerLike: TypeAlias = str | Path | Controller | Callable[[Robot, Task], Any]
+"""A controller as every verb takes it: a name, a policy or its file or folder, an object, a class, or a function of
+robot and task."""
+
+
+def load_controller(controller: ControllerLike, blocks: tuple[Any, ...] = ()) -> Any:
+    """Return the policy of a file or folder, or what a name says of a user's own; anything else as it is.
+
+    Args:
+      controller: as every verb takes it.
+      blocks: of a policy's observation, that are a user's own.
+
+    Raises:
+      InputError: if it can't be read or found, or there are several.
+    """
+    kind = type(controller).__name__
+    if kind in ("list", "tuple", "set", "dict"):
+        raise InputError(f"controller: expected one, got a {kind}; give a name, a policy or an object")
+    if isinstance(controller, str | Path) and is_policy(controller):
+        return Policy.load(controller, blocks)
+    if isinstance(controller, str) and controller not in NAMES and is_plugin(controller, "controller"):
+        return find_plugin(controller, "controller").value  # once: the file may be edited while it is used
+    return controller
 
 
 def is_policy(controller: Any) -> bool:
