@@ -1,4 +1,6 @@
-"""Through how many files a log passes: from a CSV to the result of `identify_axis`, and to its page.
+"""Through how many files a log passes, from a CSV to the result of `identify_axis` and to its page; and a verb.
+
+The verbs are an evaluation of one classical controller in one cell, one decision of it, and a short training.
 
 `python benchmarks2/files_entered.py` counts the files of the package whose functions are called, by `sys.setprofile`,
 and the changes from one file to another, and writes results/files_entered.json.
@@ -14,17 +16,24 @@ from typing import Any
 import numpy as np
 
 import archerfish2
+from archerfish2.controllers.registry import make_controller
+from archerfish2.evaluation.evaluate import evaluate
 from archerfish2.identification.axis.identify import AxisResult, identify_axis
 from archerfish2.identification.simulation import simulate
+from archerfish2.learning.config import GradientConfig, TrainConfig
+from archerfish2.learning.train import train
 from archerfish2.logs.log import read_log
 from archerfish2.logs.recording import Recording
+from archerfish2.protocols import seen_ahead
 from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.table import Table
+from archerfish2.robot import Robot
+from archerfish2.task import Task
 from bars import Bar, finish
 
 PACKAGE = Path(archerfish2.__file__).parent
 PERIOD_S = 0.005
-IDENTIFYING, PAGE = 24, 29
+IDENTIFYING, PAGE, EVALUATING, DECIDING = 24, 29, 28, 10
 
 
 class Entered:
@@ -64,6 +73,21 @@ def write_log(path: Path) -> None:
     Recording.from_arrays(u, y, PERIOD_S).write_csv(path)
 
 
+def verbs(folder: str) -> dict[str, Entered]:
+    """Count for an evaluation, a decision and a training; the second time, after what is loaded and kept once."""
+    cell = Task(motion="dynamic", ranges_m=((2.0, 3.0),))
+    controller, seen = make_controller("kalman", Robot.paper(), cell), seen_ahead(3)
+    config = TrainConfig(gradient=GradientConfig(environments=32, hidden=16, window=5, steps=640))
+    actions: dict[str, Callable[[], Any]] = {
+        "evaluate": lambda: evaluate("kalman", task=cell, engagements=4, tuning="start"),
+        "decision": lambda: controller.step(controller.reset(seen), seen),
+        "train": lambda: train(task=cell, config=config, out=Path(folder, "policy")),
+    }
+    for action in actions.values():
+        action()
+    return {name: entered(action) for name, action in actions.items()}
+
+
 def main() -> None:
     """Count, print and write; exit with 1 if a limit is missed."""
     with tempfile.TemporaryDirectory() as folder:
@@ -74,14 +98,17 @@ def main() -> None:
         reading = entered(lambda: read_log(path))
         identifying = entered(lambda: results.append(identify_axis(path, axis="yaw")))
         page = entered(lambda: results[0].save(folder))
+        verb = verbs(folder)
     every = sorted({*identifying.files, *page.files})
-    legs = {"read_log": reading, "identify_axis": identifying, "save": page}
+    legs = {"read_log": reading, "identify_axis": identifying, "save": page, **verb}
     rows = [{"leg": leg, "files": len(found.files), "changes": found.changes} for leg, found in legs.items()]
     lines = tuple((leg, len(found.files), found.changes) for leg, found in legs.items())
     table = Table("files that a log enters", ("leg", "files", "changes of file"), lines, ", ".join(every))
     bars = [
         Bar("CSV to AxisResult, files", len(identifying.files), most=IDENTIFYING),
         Bar("CSV to page, files", len(every), most=PAGE),
+        Bar("evaluate, files", len(verb["evaluate"].files), most=EVALUATING),
+        Bar("decision, files", len(verb["decision"].files), most=DECIDING),
     ]
     finish("files_entered", bars, [table], {"period_s": PERIOD_S}, rows, True, files=every)
 

@@ -21,7 +21,6 @@ import numpy as np
 import archerfish2 as af
 from archerfish2.arrays import map_arrays, namespace
 from archerfish2.controllers.registry import make_controller
-from archerfish2.plugins import names_code
 from archerfish2.targets.mixture import path_about
 from archerfish2.targets.motion import BEGIN_S, STEP_S, TIMES, ZERO
 
@@ -228,8 +227,7 @@ globals().update(
 def difference(robot: af.Robot, task: af.Task, ours: af.Policy, rival: Any, engagements: int, seed: int) -> list[float]:
     """Return ours less the rival's hit rate in each cell, in points."""
     results = af.evaluate({"ours": ours, "rival": rival}, robot, task, engagements=engagements, seed=seed)
-    stands = "static" if names_code(task.motion) else ""  # a user's motion has cells of targets that stand beside it
-    return [100.0 * each.difference for each in results.compare("ours", "rival") if each.motion != stands]
+    return [100.0 * each.difference for each in results.compare("ours", "rival")]
 
 
 def main() -> None:

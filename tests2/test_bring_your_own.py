@@ -52,13 +52,11 @@ def test_a_controller_aims_at_a_target_that_stands(name):
     assert [(each.controller, each.hits) for each in cells] == [(each, shots.hit.sum()) for each in given]
 
 
-def test_a_target_moves_as_its_file_says_beside_those_that_stand():
+def test_a_target_moves_as_its_file_says():
     task = af.Task.load(f"{EXAMPLES}/departure.py:departure").replace(ranges_m=((2, 3),))
     cells, shots = (each(CONTROLLER, task=task, engagements=4) for each in (af.evaluate, af.rollout))
-    assert [each.motion for each in cells.cells] == ["static", "departure"]
-    steps = np.diff(shots.target, axis=1)
-    assert_array_equal(steps[::2], 0.0)  # engagements of the cells in turn
-    for each in np.abs(steps[1::2]):
+    assert [each.motion for each in cells.cells] == ["departure"]
+    for each in np.abs(np.diff(shots.target, axis=1)):
         begun = np.argmax(each[:, 1] > 0.0)
         assert 0 < begun <= 25
         assert_allclose(each[begun + 1 :], [[0.0, each[-1, 1], 0.0]] * (48 - begun), rtol=1e-3)
@@ -72,7 +70,7 @@ def test_an_edited_target_is_evaluated_and_tuned_for_as_it_is_now(tmp_path, monk
     for content in (text, text.replace("side * speed", "8.0 * side * speed"), text):
         file.write_text(content)
         results = af.evaluate("kalman", task=af.Task.load(spec).replace(ranges_m=((2, 3),)), engagements=4)
-        assert results.robots["paper"]["motion departure"] == hashlib.sha256(content.encode()).hexdigest()
+        assert results.motions["departure"] == hashlib.sha256(content.encode()).hexdigest()
         hits.append(results.cells[-1].hits)
     assert (hits[0] == hits[2] > hits[1], len(searched)) == (True, 2)
 

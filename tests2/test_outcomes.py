@@ -9,7 +9,7 @@ import pytest
 
 from archerfish2.controllers.registry import make_controller
 from archerfish2.controllers.tuning import Tuning
-from archerfish2.evaluation import rollout
+from archerfish2.evaluation import run
 from archerfish2.evaluation.draws import draw
 from archerfish2.records.json_files import read_json
 from archerfish2.robot import Robot
@@ -44,17 +44,17 @@ def engagements(name):
 @pytest.mark.parametrize(("name", "controller"), CASES)
 def test_a_controller_hits_where_it_hit_in_the_first_edition(name, controller, monkeypatch) -> None:
     pytest.importorskip("jax")
-    monkeypatch.setattr(rollout, "LARGEST", 300)  # engagements of several parts
+    monkeypatch.setattr(run, "LARGEST", 300)  # engagements of several parts
     robot, task, world, drawn = engagements(name)
     if robot.sensing:  # the first edition's trackers took the azimuth's noise for the elevation, too
         camera = robot.sensing.camera.replace(elevation_sd=robot.sensing.camera.bearing_sd)
         robot = robot.replace(sensing=robot.sensing.replace(camera=camera))
     stored, (cells, _, _) = STORED[name][controller], STORED[name]["setting"]["shape"]
     if controller == "perfect":
-        hit = rollout.count_perfect_aim(world, *drawn).hit
+        hit = run.count_perfect_aim(world, *drawn).hit
     else:
         tuning = stored["tuning"] and Tuning(**stored["tuning"])
-        hit = rollout.count(world, make_controller(controller, robot, task, tuning), *drawn).hit
+        hit = run.count(world, make_controller(controller, robot, task, tuning), *drawn).hit
     expected = np.unpackbits(np.frombuffer(base64.b64decode(stored["hits"]), np.uint8), count=hit.size)
     differ = (hit.ravel() != expected).reshape(cells, -1).sum(axis=1)
     # As many as the first edition differs from itself in batches of another size, twice; or 0.1 %.

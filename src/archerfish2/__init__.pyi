@@ -5,7 +5,7 @@ from archerfish2.controllers.policy.policy import Policy as Policy
 from archerfish2.errors import InputError as InputError
 from archerfish2.evaluation.evaluate import evaluate as evaluate
 from archerfish2.evaluation.results import Results as Results
-from archerfish2.evaluation.trajectory import rollout as rollout
+from archerfish2.evaluation.rollout import rollout as rollout
 from archerfish2.evaluation.tuning import tune as tune
 from archerfish2.identification.axis.identify import identify_axis as identify_axis
 from archerfish2.identification.excitation import excite as excite

@@ -1,5 +1,6 @@
 """A robot: plants, muzzle, sensing and limits, in a folder with one file each."""
 
+import functools
 import hashlib
 import json
 from pathlib import Path
@@ -93,6 +94,7 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
                 raise InputError(fault)
 
     @classmethod
+    @functools.cache
     def paper(cls) -> Self:
         """Return the paper's gimbal with the muzzle of our assumed conditions."""
         plants, muzzle, limits = printed_plants(), paper_muzzle(), gate_limits()

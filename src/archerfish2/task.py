@@ -13,6 +13,7 @@ from archerfish2.arrays import Array, lift, namespace, select, single_precision,
 from archerfish2.errors import InputError, file_error, one_line
 from archerfish2.plugins import Plugin, is_plugin, name_of, names_code, names_object
 from archerfish2.protocols import Engagement, Plates
+from archerfish2.records.json_files import plain
 from archerfish2.records.record import Angle, Struct, Text
 from archerfish2.storage import write_bytes
 from archerfish2.targets.kinds import KINDS
@@ -24,6 +25,8 @@ EQ_7 = ("paper", "static", "dynamic")
 """Motions of the paper's targets: all of them, those of Table II, those of Table III."""
 DRAWN = (*MIXTURES, *KINDS)
 """Motions whose parameters are drawn for each target."""
+_LABELLED = ("name", "motion", "ranges_m", "lengths_s", "command_limit", "short_share", "still_share")
+"""Fields of a task that the labels of an evaluation's cells say, or that training alone uses."""
 _FIRST = 6  # uniform draws of every engagement: distance, side, speed, phase, still or moving and length, plant
 _RANGES = ((1.0, 2.0), (2.0, 3.0), (3.0, 4.0), (4.0, 5.0))
 _Positive = Annotated[float, Meta(ge=1e-4, le=1000.0)]
@@ -118,7 +121,7 @@ def _check_places(found: Plugin, target: Any, duration: Array) -> None:
         raise InputError(f"{found.spec}: a target is at {at}, expected numbers and x > 0; keep it before the gimbal")
 
 
-class Suite(NamedTuple):
+class TaskCell(NamedTuple):
     """One cell: engagements of one kind at one range."""
 
     table: str | None
@@ -193,8 +196,12 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
             changes = {"name": "", **changes}
         return super().replace(**changes)
 
+    def conditions(self) -> dict[str, str]:
+        """Return what cells of an evaluation have in common and labels don't say; the usual ones are the paper's."""
+        return {name: str(value) for name, value in plain(self).items() if name not in _LABELLED}
+
     def __repr__(self) -> str:
-        usual, fields = type(self)(motion=self.motion), ("name", *self.__struct_fields__[2:])
+        usual, fields = type(self)(motion=self.motion), self.__struct_fields__
         unlike = [f"{name}={getattr(self, name)!r}" for name in fields if getattr(self, name) != getattr(usual, name)]
         return f"Task({', '.join([f'motion={self.motion!r}', *unlike])})"
 
@@ -274,7 +281,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         made.draw(np.random.default_rng(0).random((100, made.uniforms), np.float32))  # a user's targets are checked
         return made
 
-    def cells(self) -> tuple[Suite, ...]:
+    def cells(self) -> tuple[TaskCell, ...]:
         """Return the cells of an evaluation: for each length each kind of target at each range.
 
         Raises:
@@ -284,19 +291,19 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
             kinds: list[Any] = [(None, k, k, 0.0, at) for at, k in enumerate(KINDS) if self.motion in (*MIXTURES, k)]
         else:
             motion = self._motion()
-            table, name = ("III", "dynamic") if motion == "paper" else (None, motion.name)
-            kinds = [("II", "static", motion, 1.0, 0), (table, name, motion, 0.0, 1)]
-            kinds = {"static": kinds[:1], "dynamic": kinds[1:]}.get(self.motion, kinds)
+            static, dynamic = ("II", "static", motion, 1.0, 0), ("III", "dynamic", motion, 0.0, 1)
+            users = (None, getattr(motion, "name", ""), motion, 0.0, 1)
+            kinds = {"paper": [static, dynamic], "static": [static], "dynamic": [dynamic]}.get(self.motion, [users])
         # A range of the default ones has the random numbers of its place among them, whichever are beside it.
         places = {range_m: place for place, range_m in enumerate(dict.fromkeys((*_RANGES, *self.ranges_m)))}
-        suites = []
+        cells = []
         for length, (table, name, motion, share, row), range_m in itertools.product(self.lengths, kinds, self.ranges_m):
             place = places[range_m]
             stream = place + (4 * row if place < len(_RANGES) else 1000 * (row + 1))
-            cell = table if length == 1.0 else None, name, range_m, length, stream
-            scenario = self._scenario(motion, [range_m], [length], share)
-            suites.append(Suite(*cell, round(length / self.period_s), scenario))
-        return tuple(suites)
+            decisions, scenario = round(length / self.period_s), self._scenario(motion, [range_m], [length], share)
+            own = table if length == 1.0 else None
+            cells.append(TaskCell(own, name, range_m, length, stream, decisions, scenario))
+        return tuple(cells)
 
     def _motion(self) -> Any:
         """Return the motion of a scenario; a user's is checked."""

@@ -68,10 +68,10 @@ def test_the_cells_of_motions(name, length) -> None:
     compare(Task.load(name), first.motion_suites(CONDITIONS, length, 1, **names), length, "evaluation", 1, 6)
 
 
-def test_still_and_dynamic_cells_of_a_users_motion(tmp_path) -> None:
+def test_cells_of_a_users_motion(tmp_path) -> None:
     spec = first_motion(tmp_path)
     suites = first.table_suites(CONDITIONS, motion=find_motion(spec))
-    compare(Task.load(spec), suites, 1.0, "evaluation", 1, 6)
+    compare(Task.load(spec), suites[4:], 1.0, "evaluation", 1, 6)  # without those that stand
 
 
 @pytest.mark.parametrize("name", ["paper", "static", "dynamic", "kinds", "strafe"])

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from archerfish2.arrays import Array
 from archerfish2.controllers.registry import make_controller
-from archerfish2.evaluation import rollout
+from archerfish2.evaluation import rollout, run
 from archerfish2.evaluation.draws import draw
 from archerfish2.protocols import Barrel, Base, Command, Engagement, Frames, GimbalFeedback, Seen, Shot, Truth
 from archerfish2.robot import Robot
@@ -91,7 +91,7 @@ def test_eight_cells_on_the_virtual_robot(monkeypatch) -> None:
     world, drawn = FirstRobot(robot, radius), draw(task.cells(), 2, 0)
     controller = make_controller("kalman-paper", Robot.paper(), task)
     for compiled in (True, False):
-        monkeypatch.setattr(rollout, "has_jax", lambda compiled=compiled: compiled)
+        monkeypatch.setattr(run, "has_jax", lambda compiled=compiled: compiled)
         found = rollout.run_engagements(world, controller, *drawn)
         hit = found.shot.fired & (found.shot.margin >= 0.0)
         assert_array_equal(hit, expected.hits(radius))
@@ -100,4 +100,4 @@ def test_eight_cells_on_the_virtual_robot(monkeypatch) -> None:
         # Limits add up what is rounded differently; the wire rounds commands more, so that all pellets are equal.
         assert_allclose(found.in_force, expected.command, atol=1e-6 if compiled else 2e-4)
         assert_array_equal(found.shot.miss, expected.miss)
-        assert_array_equal(rollout.count(world, controller, *drawn).hit, hit)
+        assert_array_equal(run.count(world, controller, *drawn).hit, hit)

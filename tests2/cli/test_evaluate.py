@@ -21,6 +21,8 @@ FAULTS = {
     "--controllers kalmn": "archerfish2: controller must be one of kalman, ",
     "--task papr": "archerfish2: papr: field motion: expected one of paper, static, ",
     "--nonsense 1": "archerfish2: Unrecognized options: --nonsense, 1; archerfish2 evaluate --help explains",
+    "--set period_s": "archerfish2: --set takes NAME=VALUE, ",
+    "--set lenght_s=1": "archerfish2: Task: there is no field lenght_s; fields are name, motion, ",
     "--engagements four": "archerfish2: Error parsing --engagements: invalid literal for int() with base 10: 'four'; ",
 }
 
@@ -65,34 +67,77 @@ def test_a_fault_ends_with_status_2(tmp_path, monkeypatch, capsys, words):
     assert (message.count("\n"), [*tmp_path.iterdir()]) == (1, [])
 
 
-def test_every_option_reaches_the_evaluation(tmp_path, monkeypatch):
+@pytest.fixture
+def called(monkeypatch):
+    """The evaluation, which ends the command when it is called."""
     evaluate = Mock(side_effect=af.InputError("it was called"))
     monkeypatch.setattr("archerfish2.cli.evaluate.evaluate", evaluate)
-    af.Robot.paper().replace(parts={"yaw": {"usable": False, "headline": "drifts"}}).save(tmp_path)
-    words = f"{tmp_path} --task static --command-limit box --world ./w.py:W --engagements 7 --seed 3 --untuned".split()
-    words += ["--out", str(tmp_path / "out"), "--controllers", "no-lead"]
-    for more in ([], ["--accept-unusable"]):
+
+    def run(*words):
         with pytest.raises(SystemExit, match="2"):
-            main(["evaluate", *words, *more])
-        assert evaluate.call_count == len(more)
-    (controllers, robot, task), more = evaluate.call_args
+            main(["evaluate", *map(str, words)])
+        return evaluate.call_args
+
+    return run
+
+
+def test_every_option_reaches_the_evaluation(tmp_path, called):
+    af.Robot.paper().replace(parts={"yaw": {"usable": False, "headline": "drifts"}}).save(tmp_path)
+    words = f"{tmp_path} --task static --command-limit box --world ./w.py:W --engagements 7 --seed 3".split()
+    words += ["--out", str(tmp_path / "out"), "--controllers", "no-lead", "--tuning", "start"]
+    assert called(*words) is None
+    (controllers, robot, task), more = called(*words, "--accept-unusable")
     assert (controllers, robot.name, task.name, task.command_limit) == (("no-lead",), "paper", "static", "box")
-    assert more == {"world": "./w.py:W", "engagements": 7, "seed": 3, "tuned": False}
+    assert more == {"world": "./w.py:W", "engagements": 7, "seed": 3, "tuning": "start"}
 
 
-def test_an_unfinished_policy_of_the_robot_is_named(tmp_path, monkeypatch, capsys):
-    evaluate = Mock(side_effect=af.InputError("it was called"))
-    monkeypatch.setattr("archerfish2.cli.evaluate.evaluate", evaluate)
+def test_fields_of_the_task_are_changed(called):
+    (_, robot, task), _ = called("paper", "--task", "paper", "--set", "max_speed_m_s=1", "lengths_s=[3]")
+    assert task == af.Task.load("paper").replace(max_speed_m_s=1.0, lengths_s=(3.0,))
+    assert robot.digest() == af.Robot.paper().digest()
+
+
+def test_a_task_file_has_the_motion_of_the_command_line(tmp_path, called):
+    motion = f"{Path(__file__).parents[2]}/examples2/departure.py:departure"
+    af.Task(motion=motion, lengths_s=(3.0,)).save(tmp_path / "task.toml")
+    (_, _, task), _ = called("--task", tmp_path / "task.toml", "--motion", motion)
+    assert (task.motion, task.lengths) == (motion, (3.0,))
+
+
+def test_the_settings_for_another_task_are_taken(monkeypatch, called):
+    monkeypatch.setattr("archerfish2.cli.evaluate.tune", lambda *given: given)
+    _, more = called(
+        "--task", "strafe", "--tuning", "any", "--command-limit", "box", "--controllers", "kalman", "no-lead"
+    )
+    ((name, tuned),) = more["tuning"].items()
+    assert (name, tuned[0], tuned[2]) == ("kalman", "kalman", af.Task(command_limit="box"))
+
+
+FOLDERS = {
+    "": "evaluation",
+    "--command-limit gate": "evaluation",
+    "--task paper": "evaluation/paper",
+    "--task paper --command-limit box --set period_s=0.04": "evaluation/paper-period_s=0.04-command_limit=box",
+    "--world ./w.py:W": "evaluation/W",
+}
+
+
+@pytest.mark.parametrize("words", FOLDERS)
+def test_other_conditions_have_another_folder(words, tmp_path, monkeypatch, called):
+    folder = Mock(side_effect=af.InputError("it was called"))
+    monkeypatch.setattr("archerfish2.storage.output_folder", folder)
+    af.Robot.paper().save(tmp_path)
+    called(tmp_path, *words.split())
+    assert folder.call_args[0][0] == tmp_path / FOLDERS[words]
+
+
+def test_an_unfinished_policy_of_the_robot_is_named(tmp_path, called, capsys):
     af.Robot.paper().save(tmp_path)
     (tmp_path / "policy").mkdir()
     (tmp_path / "policy" / "checkpoint.safetensors").write_text("")
-    with pytest.raises(SystemExit, match="2"):
-        main(["evaluate", str(tmp_path)])
-    assert evaluate.call_args[0][0] == ("kalman", "kalman-lq", "oracle")
-    assert (
-        f"not finished and left out; continue it: archerfish2 train --resume {tmp_path}/policy\n"
-        in capsys.readouterr().err
-    )
+    assert called(tmp_path)[0][0] == ("kalman", "kalman-lq", "oracle")
+    said = f"not finished and left out; continue it: archerfish2 train --resume {tmp_path}/policy\n"
+    assert said in capsys.readouterr().err
 
 
 def test_help_names_every_controller_and_task(capsys):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import archerfish2 as af
+from archerfish2.controllers.aiming.oracle import make_oracle
 from archerfish2.controllers.policy.network import Layer, Normaliser
 from archerfish2.controllers.policy.observation import make_observer, observer_facts
 from archerfish2.controllers.policy.policy import PolicyFacts
@@ -76,7 +77,8 @@ REFUSED = [
     ("controllers", (), "there is none; give one"),
     ("controllers", ("kalman", "kalmn"), "got 'kalmn'; perhaps you meant kalman"),
     ("controllers", Path("nowhere"), "controller must be one of kalman, .*, got 'nowhere'"),
-    ("controllers", {"": "no-lead"}, "field controller: expected str of length >= 1, got ''"),
+    ("controllers", {"": "no-lead"}, "controllers: a name must have 1…1000 characters, got ''"),
+    ("controllers", ["no-lead", ["kalman"]], "controller: expected one, got a list"),
     ("controllers", ("no-lead", short), r"test_evaluate.py:short: line \d+: KeyError"),
     ("robot", OTHER, "kalman-paper has settings of the paper's robot alone, got other"),
     ("world", object(), "a object lacks name, compiled, period_s"),
@@ -93,18 +95,34 @@ def searched(monkeypatch):
     return names
 
 
-def test_all_have_the_same_engagements_and_dispersion_and_equal_names_a_number(refused):
+def test_equal_names_get_a_number_and_all_have_the_same_engagements_and_dispersion():
     results = af.evaluate(["no-lead", Held(), "no-lead", Held()], task=TASK, engagements=4)
     assert [each.controller for each in results.cells] == ["no-lead", "Held", "no-lead-2", "Held-2"]
-    assert all(each.low < each.difference == 0.0 < each.high for each in results.comparisons)
-    beside = af.evaluate("no-lead", task=TASK.replace(motion="paper"), engagements=4)
-    assert beside.cells[1].hits == results.cells[0].hits
-    both = beside.cells[:1] + results.cells  # once, what is in both
-    assert {each.key for each in beside.join(results).cells} == {each.key for each in both}
-    larger = af.evaluate("oracle", task=TASK.replace(hit_radius_m=0.1), engagements=4)
-    refused("robots: hit_radius_m of paper differs: 0.06 and 0.1; ", results.join, larger)
-    refused("engagements must be a whole number, 1….* room for", af.rollout, "no-lead", task=TASK, engagements=10**9)
+    assert len({each.hits_by_engagement for each in results.cells}) == 1
     assert af.evaluate("no-lead", task=TASK, engagements=4, seed=1).cells[0].hits != results.cells[0].hits
+
+
+def test_a_cell_of_two_tasks_is_joined_once():
+    beside = af.evaluate("no-lead", task=TASK.replace(motion="paper"), engagements=4)
+    results = af.evaluate(["no-lead", Held()], task=TASK, engagements=4)
+    assert beside.cells[1].hits == results.cells[0].hits
+    assert {each.key for each in beside.join(results).cells} == {each.key for each in beside.cells[:1] + results.cells}
+
+
+def test_tasks_of_other_conditions_are_joined_under_their_own_names(refused):
+    results, larger = (
+        af.evaluate("no-lead", task=task, engagements=4) for task in (TASK, TASK.replace(hit_radius_m=0.1))
+    )
+    refused("task dynamic: hit_radius_m differs: 0.06 and 0.1; give what differs different", results.join, larger)
+    larger = af.evaluate("no-lead", task=TASK.replace(hit_radius_m=0.1, name="larger"), engagements=4)
+    assert [(each.task, each.hits) for each in results.join(larger).cells] == [
+        ("", results.cells[0].hits),
+        ("larger", larger.cells[0].hits),
+    ]
+
+
+def test_engagements_have_room_in_memory(refused):
+    refused("engagements must be a whole number, 1….* room for", af.rollout, "no-lead", task=TASK, engagements=10**9)
 
 
 def test_a_decision_without_fire_is_a_miss_and_changes_no_other_shot():
@@ -130,9 +148,11 @@ def test_the_papers_figures_stand_beside_what_is_the_papers_alone():
     for robot, changes in ((ROBOT, wide), (ROBOT, fast), (ROBOT, own), (OTHER, {})):
         unlike = af.evaluate({"ours": paper}, robot, both.replace(**changes), engagements=2)
         assert {(cell.table, cell.paper) for cell in unlike.cells} == {(None, None)}
-    assert "static targets: paper, limit gate, engagements of 1 s; hit_radius_m 0.3\n" in repr(
-        af.evaluate("no-lead", ROBOT, both.replace(**wide), engagements=2)
-    )
+
+
+def test_a_field_that_is_not_as_usual_stands_in_the_heading():
+    results = af.evaluate("no-lead", ROBOT, TASK.replace(hit_radius_m=0.3), engagements=2)
+    assert "dynamic targets: paper, task dynamic, limit gate, engagements of 1 s; hit_radius_m 0.3\n" in repr(results)
 
 
 def test_what_is_unlike_the_training_of_a_policy_is_said():
@@ -175,24 +195,64 @@ def test_a_search_finds_the_best_setting_and_tries_all_beside_it():
     assert len(tried) < len(endless.tried) <= tuning.BUDGET
 
 
-def test_what_is_tuned_shoots_a_terminal_shows_both_and_differences_are_of_rates(searched, monkeypatch, capsys):
+def test_what_is_tuned_shoots(searched):
+    best = tuning_at("kalman", BEST)
+    tuned, given, start = (
+        af.evaluate("kalman", OTHER, TASK, engagements=4, seed=1, tuning=each)
+        for each in ("kept", {"kalman": best}, "start")
+    )
+    assert tuned.tuning == given.tuning == {"other/gate/dynamic/kalman": best}
+    assert start.tuning == {}
+    world, controller = af.make_world(OTHER, TASK), make_controller("kalman", OTHER, TASK, best)
+    hit = count(world, controller, *draw(TASK.cells(), 4, 1, "evaluation")).hit
+    assert tuned.cells[0].hits_by_engagement == given.cells[0].hits_by_engagement == (*hit.sum(axis=1),)
+    assert hit.sum() != start.cells[0].hits
+    shots = af.rollout("kalman", OTHER, TASK, engagements=4, seed=1, tuning=best)
+    assert shots.hit.sum() == hit.sum()
+
+
+def test_the_rate_that_is_tuned_is_of_other_draws(searched, monkeypatch):
+    best = tuning_at("kalman", BEST)
+    world, controller = af.make_world(OTHER, TASK), make_controller("kalman", OTHER, TASK, best)
+    monkeypatch.setattr(tuning, "ENGAGEMENTS", 32)
+    expected = count(world, controller, *draw(TASK.cells(), 4, 0, "tuning")).hit.mean()
+    assert RATES("kalman", OTHER, TASK)(best) == pytest.approx(expected)
+
+
+def test_a_terminal_shows_tuning_and_evaluation(searched, monkeypatch, capsys):
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    results = af.evaluate(["kalman", "no-lead"], OTHER, TASK, engagements=4, seed=1)
+    results = af.evaluate(["kalman", "no-lead"], OTHER, TASK, engagements=4)
     shown = capsys.readouterr().err
     texts = ("tuning", "settings/s", "kalman, best 89.", "evaluating", "no-lead", "400/400")
     assert [text for text in texts if text not in shown] == []
     assert {*results.durations} == {"checks", "tuning", "evaluation"}
-    (untuned,) = af.evaluate("kalman", OTHER, TASK, engagements=4, seed=1, tuned=False).cells
-    best = tuning_at("kalman", BEST)
-    assert results.tuning == {"other/gate": {"kalman": best}}
-    assert results.robots["other"]["digest"] == OTHER.digest()
-    world, controller = af.make_world(OTHER, TASK), make_controller("kalman", OTHER, TASK, best)
-    evaluated, tuned = (draw(TASK.cells(), 4, *each) for each in ((1, "evaluation"), (0, "tuning")))
-    assert results.cells[0].hits == count(world, controller, *evaluated).hit.sum() != untuned.hits
-    (pair,) = results.comparisons
-    assert pair.difference == pytest.approx((results.cells[1].hits - results.cells[0].hits) / 200)
-    monkeypatch.setattr(tuning, "ENGAGEMENTS", 32)
-    assert RATES("kalman", OTHER, TASK)(best) == pytest.approx(count(world, controller, *tuned).hit.mean())
+
+
+@pytest.mark.parametrize(
+    ("value", "complaint"),
+    [
+        ("best", "got 'best'; give"),
+        ({"kalmn": 1}, "a Tuning for kalman, got .'kalmn': 1."),
+        ({"kalman": 2}, "a Tuning"),
+    ],
+)
+def test_what_is_no_tuning_is_refused(value, complaint, refused):
+    refused(f"tuning: expected .*{complaint}", af.evaluate, "kalman", task=TASK, engagements=4, tuning=value)
+
+
+def test_a_controller_is_made_once_for_each_length(monkeypatch):
+    made = []
+    build = "archerfish2.controllers.registry.make_oracle"
+    original = make_oracle
+    monkeypatch.setattr(build, lambda robot, task: made.append(task.lengths) or original(robot, task))
+    results = af.evaluate("oracle", task=TASK.replace(lengths_s=(0.5, 1.0)), engagements=4)
+    assert (made, len(results.cells)) == ([(0.5,), (1.0,)], 2)
+
+
+def test_a_policy_is_found_by_its_file_whatever_its_name(tmp_path):
+    policy().save(tmp_path / "pol")
+    results = af.evaluate(str(tmp_path / "pol"), task=TASK, engagements=2)
+    assert [(each.controller, each.kind) for each in results.cells] == [("pol", "policy")]
 
 
 def test_a_tuning_is_kept_for_its_robot_and_task(searched, tmp_path, monkeypatch):
@@ -214,7 +274,7 @@ def test_a_tuning_is_kept_for_its_robot_and_task(searched, tmp_path, monkeypatch
 
 @pytest.mark.parametrize("name", ["kalmn", "no-lead", "kalman-paper", 3])
 def test_a_name_without_settings_is_not_tuned(name, refused):
-    refused(f"name must be one of kalman, .*, got {name!r}", af.tune, name, ROBOT, af.Task.load("paper"))
+    refused(f"controller must be one of kalman, .*, got {name!r}", af.tune, name, ROBOT, af.Task.load("paper"))
 
 
 def test_without_jax_the_counts_are_the_same(run_python):

@@ -20,15 +20,25 @@ def beta_binomial(generator, rate, correlation, engagements):
     return generator.random((REPETITIONS, engagements, DECISIONS)) < rates
 
 
+def rate_of(hit):
+    """The rate of a table of hits, (engagements, decisions)."""
+    return hit_rate(hit.sum(axis=1), hit.shape[1])
+
+
+def difference_of(a, b):
+    """The paired difference of two such tables."""
+    return paired_difference(a.sum(axis=1), b.sum(axis=1), a.shape[1])
+
+
 @pytest.mark.parametrize(("rate", "engagements", "correlation"), CLUSTERED)
 def test_interval_holds_the_true_rate_of_correlated_decisions(rate, engagements, correlation):
-    found = map(hit_rate, beta_binomial(np.random.default_rng(7), rate, correlation, engagements))
+    found = map(rate_of, beta_binomial(np.random.default_rng(7), rate, correlation, engagements))
     assert np.mean([each.low <= rate <= each.high for each in found]) >= 0.95 - THREE_SIGMA
 
 
 def test_interval_of_independent_decisions_is_wilsons_and_decisions_that_always_agree_count_as_one():
     outcome = np.random.default_rng(3).random((2000, 1)) < 0.7
-    found, fiftyfold = hit_rate(outcome), hit_rate(np.repeat(outcome, DECISIONS, axis=1))
+    found, fiftyfold = rate_of(outcome), rate_of(np.repeat(outcome, DECISIONS, axis=1))
     wilson = stats.binomtest(found.hits, found.decisions).proportion_ci(method="wilson")
     assert (found.low, found.high) == pytest.approx((wilson.low, wilson.high), abs=2e-4)
     assert (fiftyfold.low, fiftyfold.high) == pytest.approx((found.low, found.high), abs=1e-3)
@@ -38,7 +48,7 @@ def test_interval_of_independent_decisions_is_wilsons_and_decisions_that_always_
 def test_without_a_miss_only_engagements_count_and_a_first_one_does_not_narrow_the_interval_by_a_jump(engagements):
     hits = np.ones((2, engagements, DECISIONS), bool)
     hits[1, 0, 0] = False
-    none, one = map(hit_rate, hits)
+    none, one = map(rate_of, hits)
     quantile = stats.t.ppf(0.975, engagements - 1)
     assert (none.low, none.high) == pytest.approx((1 - quantile**2 / (engagements + quantile**2), 1.0), rel=1e-9)
     assert engagements < 500 or 0.5 < (one.high - one.low) / (none.high - none.low) < 1
@@ -49,13 +59,13 @@ def test_paired_interval_holds_the_true_difference_also_of_equal_controllers(mis
     generator = np.random.default_rng(11)
     a, other, equal = (beta_binomial(generator, rate, 0.1, 40) for rate in (1 - missing, hitting, 1 - missing))
     for b, truth in ((a & other, (1 - missing) * (1 - hitting)), (equal, 0.0)):
-        assert np.mean([low <= truth <= high for _, low, high in map(paired_difference, a, b)]) >= 0.95 - THREE_SIGMA
+        assert np.mean([low <= truth <= high for _, low, high in map(difference_of, a, b)]) >= 0.95 - THREE_SIGMA
 
 
 def test_paired_difference_is_scipys_t_interval_when_the_spread_is_real():
     a, b = np.random.default_rng(13).random((2, 200, DECISIONS)) < np.array([0.8, 0.6])[:, None, None]
     expected = stats.ttest_rel(a.mean(axis=1), b.mean(axis=1)).confidence_interval(0.95)
-    assert paired_difference(a, b) == pytest.approx((a.mean() - b.mean(), expected.low, expected.high), abs=1e-3)
+    assert difference_of(a, b) == pytest.approx((a.mean() - b.mean(), expected.low, expected.high), abs=1e-3)
 
 
 def test_a_mean_counts_estimates_by_their_weights_and_its_interval_holds_the_true_mean():
@@ -65,13 +75,19 @@ def test_a_mean_counts_estimates_by_their_weights_and_its_interval_holds_the_tru
     generator, rates, held = np.random.default_rng(5), np.array([0.95, 0.9, 0.85, 0.7]), 0
     for _ in range(400):
         hit = generator.random((4, 40, DECISIONS)) < generator.beta(20 * rates, 20 * (1 - rates), (40, 4)).T[..., None]
-        found = weighted_mean([Estimate(each.rate, each.low, each.high) for each in map(hit_rate, hit)], [1] * 4)
+        found = weighted_mean([Estimate(each.rate, each.low, each.high) for each in map(rate_of, hit)], [1] * 4)
         held += found.low <= rates.mean() <= found.high
     assert held / 400 > 0.91
 
 
-def test_what_is_no_table_of_hits_or_one_of_unlike_engagements_is_refused(refused):
-    for hit in (np.ones((4, 5)), np.ones(5, bool), np.ones((1, 5), bool), np.ones((3, 0), bool)):
-        refused(r"hit is .* of shape .*, expected bool of shape .* at least 2 engagements", hit_rate, hit)
-    hits = np.ones((4, 5), bool)
-    refused(r"shapes \(4, 5\) and \(3, 5\), expected equal ones", paired_difference, hits, hits[1:])
+@pytest.mark.parametrize("hits", [np.ones(4), np.ones((2, 4), int), np.ones(1, int)])
+def test_what_are_no_hits_of_engagements_is_refused(hits, refused):
+    refused(r"hits is .* of shape .*, expected whole numbers of at least 2 engagements", hit_rate, hits, 5)
+
+
+def test_more_hits_than_decisions_are_refused(refused):
+    refused("hits is int64 of shape .*, expected whole numbers of at least 2 engagements, 0…5", hit_rate, [1, 6], 5)
+
+
+def test_unlike_numbers_of_engagements_are_not_paired(refused):
+    refused("4 engagements and hits_b 3, expected as many", paired_difference, [1] * 4, [1] * 3, 5)

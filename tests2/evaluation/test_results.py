@@ -9,16 +9,17 @@ import pytest
 
 import archerfish2 as af
 from archerfish2.controllers.tuning import Tuning
-from archerfish2.evaluation.hit_rate import hit_rate, paired_difference
+from archerfish2.evaluation.comparison import default_comparisons
+from archerfish2.evaluation.hit_rate import paired_difference
 from archerfish2.evaluation.published import with_bounds
-from archerfish2.evaluation.results import Cell, Comparison, Results, pairs_to_compare
+from archerfish2.evaluation.results import Cell, Results
 from archerfish2.evaluation.tables import mean, rate_tables
 from archerfish2.records.json_files import plain
 from archerfish2.reports.table import entry_texts
 
 PAPER, ROBOT, INFANTRY = af.Task.load("paper"), af.Robot.paper(), af.Robot.load(Path(__file__).parents[1] / "infantry")
 SETUP = {"seed": 0, "commit": "abc", "versions": {"numpy": "2"}, "robots": {"paper": {"digest": "12"}}}
-SETUP |= {"tuning": {"paper/gate": {"kalman": Tuning(acceleration_sd=4.0)}}, "durations": {"tuning": 1.5}}
+SETUP |= {"tuning": {"paper/gate/paper/kalman": Tuning(acceleration_sd=4.0)}, "durations": {"tuning": 1.5}}
 TRAINED = [("policy", "policy", seed) for seed in (2, 0, 1)]
 CLASSICAL = ["kalman", "oracle", "kalman-paper", "kalman-lq", "imm-lq", "parabola-lq", "no-lead"]
 OTHERS = [("six-number", "policy", 0), ("mine", "user", None), *((each, "classical", None) for each in CLASSICAL)]
@@ -28,105 +29,184 @@ MOTIONS = ["still", "parabola", "pass", "strafe", "stop-and-go", "sinusoid", "ci
 
 def evaluated(motions, contenders, engagements, ranges=4, **place):
     """Results with made-up hits: the later a controller in the list, the fewer."""
-    generator, cells, pairs = np.random.default_rng(1), [], []
+    generator, cells = np.random.default_rng(1), []
     rates = 0.9 - 0.03 * np.arange(len(contenders))[:, None, None]
-    place = {"world": "paper", "length_s": 1.0, "command_limit": "gate"} | place
+    place = {"world": "paper", "length_s": 1.0, "command_limit": "gate", "decisions_each": 50} | place
     for motion, near in itertools.product(motions, range(1, ranges + 1)):
-        label = place | {"motion": motion, "range_m": (near, near + 1)}
-        labels = [label | {"controller": name, "seed": seed} for name, _, seed in contenders]
+        label = place | {"motion": motion, "range_m": (near, near + 1), "stream": near}
+        label["table"] = {"static": "II", "dynamic": "III"}.get(motion)
         hits = generator.random((len(contenders), engagements, 50)) < rates + generator.normal(0, 0.1, (engagements, 1))
-        table = {"static": "II", "dynamic": "III"}.get(motion)
-        for label, (_, kind, _), hit in zip(labels, contenders, hits, strict=True):
-            facts = label | hit_rate(hit)._asdict() | {"withheld": int(kind == "user"), "yaw_rad_s2": 50.0}
-            facts |= {"shots": facts.pop("decisions") - facts["withheld"], "kind": kind, "table": table}
-            cells.append(Cell(**facts, paper=83.8 if table and kind == "policy" else None))
-        for one, other in pairs_to_compare([each[:2] for each in contenders]):
-            difference = paired_difference(hits[one], hits[other])._asdict()
-            pairs.append(Comparison(**labels[one], **difference, against=contenders[other][0]))
-    return Results(tasks=(PAPER,), cells=with_bounds(cells, ROBOT, PAPER, 0), comparisons=tuple(pairs), **SETUP)
+        for (name, kind, seed), hit in zip(contenders, hits.sum(axis=2).tolist(), strict=True):
+            facts = label | {"controller": name, "seed": seed, "kind": kind, "hits_by_engagement": hit}
+            facts |= {"withheld": int(kind == "user"), "yaw_rad_s2": 50.0}
+            cells.append(Cell(**facts, paper=83.8 if label["table"] and kind == "policy" else None))
+    return Results(tasks=(PAPER,), cells=with_bounds(cells, ROBOT, PAPER, 0), **SETUP)
 
 
 RESULTS = evaluated(["dynamic"], [TRAINED[0], OTHERS[2]], 500, ranges=1)
-(POLICY, KALMAN), (PAIR,) = RESULTS.cells, RESULTS.comparisons
+POLICY, KALMAN = RESULTS.cells
 TABLES = evaluated(["static", "dynamic"], [*TRAINED[:1], *OTHERS], 500)  # the paper's, of one training each
 MANY = evaluated(MOTIONS, TRAINED + OTHERS, 4)  # motions and trainings
 FAULTS = [
-    ("cells", {"hits": 25_001}, "25001 of 25000 shots"),
-    ("cells", {"engagements": 25_001}, "0 < engagements ≤ decisions"),
-    ("cells", {"range_m": [2, 1]}, "the smaller distance first"),
-    ("cells", {"high": POLICY.low}, f"interval is {POLICY.low} to {POLICY.low}, expected one around the rate"),
-    ("cells", {"bound": None}, "expected both or neither"),
-    ("cells", {"seed": 1}, "a comparison of policy has no cell"),
-    ("cells", {"controller": "kalman", "seed": None}, "have one label"),
-    ("comparisons", {"low": PAIR.high}, f"interval is {PAIR.high} to {PAIR.high}, expected one around the difference"),
+    ({"hits_by_engagement": [51, 3]}, "51 hits of 50 decisions"),
+    ({"hits_by_engagement": [3]}, "hits_by_engagement: expected array of length >= 2"),
+    ({"withheld": 25_000}, r"\d+ of 0 shots hit, expected at most all"),
+    ({"range_m": [2, 1]}, "the smaller distance first"),
+    ({"bound": None}, "expected both or neither"),
+    ({"controller": "kalman", "seed": None}, "have one label"),
 ]
 CONTRADICTIONS = {
-    "seed of the results is": {"seed": 4},
-    "have one label": {"cells": (POLICY.replace(hits=POLICY.hits - 1),)},
-    "robots: digest of paper differs": {"robots": {"paper": {"digest": "other"}}},
-    "tuning: kalman of paper/gate differs": {"tuning": {"paper/gate": {"kalman": Tuning(acceleration_sd=5.0)}}},
+    "results: seed differs: 0 and 4": {"seed": 4},
+    "have one label": {"cells": (POLICY.replace(withheld=1),)},
+    "robots: paper differs": {"robots": {"paper": {"digest": "other"}}},
+    "tuning: paper/gate/paper/kalman differs": {"tuning": {"paper/gate/paper/kalman": Tuning(acceleration_sd=5.0)}},
+    "task paper: hit_radius_m differs: 0.06 and 0.1; give": {"tasks": (PAPER.replace(hit_radius_m=0.1),)},
 }
 
 
-def test_results_survive_the_disk_in_a_file_or_its_folder_and_any_mutated_file_is_read_or_refused(tmp_path, mutated):
+def test_results_survive_the_disk_in_a_file_or_its_folder(tmp_path):
     RESULTS.save(tmp_path / "run")
     Results.load(tmp_path / "run").save(file := tmp_path / "again.json")
     assert file.read_bytes() == (tmp_path / "run" / "results.json").read_bytes()
     assert plain(Results.load(file)) == plain(RESULTS)
+
+
+def test_any_mutated_file_is_read_or_refused(tmp_path, mutated):
+    RESULTS.save(file := tmp_path / "results.json")
     assert all(repr(found) for found in mutated(file, lambda: Results.load(file), 60))
 
 
-@pytest.mark.parametrize(("part", "changes", "complaint"), FAULTS)
-def test_a_damaged_file_is_refused(tmp_path, part, changes, complaint, refused):
+@pytest.mark.parametrize(("changes", "complaint"), FAULTS)
+def test_a_damaged_file_is_refused(tmp_path, changes, complaint, refused):
     content = {"schema": Results.schema, **plain(RESULTS)}
-    content[part][0].update(changes)
+    content["cells"][0].update(changes)
     (tmp_path / "results.json").write_text(json.dumps(content))
     refused(rf"results\.json: .*{complaint}.*evaluate again$", Results.load, tmp_path)
 
 
-def test_joined_results_have_the_cells_of_both_once_and_contradict_each_other_nowhere(refused):
+def test_joined_results_have_the_cells_of_both_once():
     infantry = {"robots": {"infantry": {"digest": "3"}}, "cells": (KALMAN, KALMAN.replace(world="infantry"))}
-    joined = RESULTS.join(RESULTS.replace(comparisons=(), **infantry), RESULTS)
+    joined = RESULTS.join(RESULTS.replace(**infantry), [RESULTS])
     assert [(each.world, each.controller) for each in joined.cells[1:]] == [("paper", "kalman"), ("infantry", "kalman")]
-    assert [len(each) for each in (joined.cells, joined.robots, joined.tasks, joined.comparisons)] == [3, 2, 1, 1]
+    assert [len(each) for each in (joined.cells, joined.robots, joined.tasks)] == [3, 2, 1]
     assert joined.durations == {"tuning": 4.5}
-    for complaint, changes in CONTRADICTIONS.items():
-        refused(complaint, RESULTS.join, RESULTS.replace(**changes))
 
 
-def test_a_pair_is_compared_in_both_directions(refused):
-    turned = {"difference": -PAIR.difference, "low": -PAIR.high, "high": -PAIR.low}
-    expected = [PAIR, PAIR.replace(controller="kalman", against="policy", **turned)]
-    assert plain([*RESULTS.compare("policy", "kalman"), *RESULTS.compare("kalman", "policy")]) == plain(expected)
-    refused("no comparison of policy with oracle; there are policy with kalman; ", RESULTS.compare, "policy", "oracle")
+@pytest.mark.parametrize("complaint", CONTRADICTIONS)
+def test_results_that_contradict_each_other_are_not_joined(complaint, refused):
+    refused(complaint, RESULTS.join, RESULTS.replace(**CONTRADICTIONS[complaint]))
+
+
+@pytest.mark.parametrize("other", ["results.json", 3, [RESULTS, None]])
+def test_what_are_no_results_is_not_joined(other, refused):
+    refused("join: expected Results, got a (str|int|NoneType); give what", RESULTS.join, other)
+
+
+def test_tasks_of_two_names_stand_in_one_results_each_with_its_changes():
+    fast = PAPER.replace(name="fast", max_speed_m_s=1.0)
+    cells = [cell.replace(task="fast", table=None, paper=None) for cell in TABLES.cells]
+    text = repr(TABLES.join(TABLES.replace(tasks=(fast,), cells=cells)))
+    assert "\nTable III, dynamic targets: paper, limit gate, engagements of 1 s\n" in text
+    assert "\ndynamic targets: paper, task fast, limit gate, engagements of 1 s; max_speed_m_s 1.0\n" in text
+
+
+def test_any_two_controllers_are_compared_by_engagement():
+    (found,) = RESULTS.compare("policy", "kalman")
+    expected = paired_difference(POLICY.hits_by_engagement, KALMAN.hits_by_engagement, 50)
+    assert found[-3:] == expected
+    assert len(TABLES.compare("oracle", "perfect")) == 8
+
+
+def test_a_difference_turned_round_has_the_other_sign():
+    (found,), (turned,) = RESULTS.compare("policy", "kalman"), RESULTS.compare("kalman", "policy")
+    assert turned[-3:] == pytest.approx((-found.difference, -found.high, -found.low), abs=1e-15)
+
+
+def test_several_trainings_are_compared_in_the_mean():
+    found = MANY.compare("policy", "mine")
+    rates = {name: [each.rate for each in MANY.cells if each.controller == name] for name in ("policy", "mine")}
+    assert {each.seed for each in found} == {0, 1, 2}
+    assert mean(found).value == pytest.approx(100 * (np.mean(rates["policy"]) - np.mean(rates["mine"])))
+    assert "policy, 3 seeds − mine" in repr(found)
+
+
+def test_a_controller_that_is_not_there_is_refused_with_those_that_are(refused):
+    refused("there is no controller 'oracle', but policy, kalman; name two", RESULTS.compare, "policy", "oracle")
+
+
+def test_cells_of_other_engagements_are_not_compared(refused):
+    others = KALMAN.replace(stream=9), KALMAN.replace(hits_by_engagement=(3, 4)), KALMAN.replace(world="other")
+    for other in others:
+        refused("no engagements in common", RESULTS.replace(cells=(POLICY, other)).compare, "policy", "kalman")
+
+
+def test_a_comparison_is_rows_for_a_data_frame_and_a_table_in_a_notebook():
+    found = TABLES.compare("policy", "oracle")
+    row = json.loads(json.dumps(found.to_dicts()))[0]
+    assert {name: row[name] for name in ("controller", "seed", "against", "motion", "range_low_m", "range_high_m")} == {
+        "controller": "policy",
+        "seed": 2,
+        "against": "oracle",
+        "motion": "static",
+        "range_low_m": 1,
+        "range_high_m": 2,
+    }
+    assert [row[name] for name in ("difference", "low", "high")] == [*found[0][-3:]]
+    assert all(entry_texts(mean([each]))[1] in found._repr_html_() for each in found)
 
 
 def test_policies_are_compared_with_classical_controllers_and_all_with_the_first():
-    kalman, mine, perfect = ("kalman", "classical"), ("mine", "user"), ("perfect", "perfect")
-    assert pairs_to_compare([perfect, kalman, mine, ("lq", "classical")]) == [(2, 1), (2, 3), (3, 1)]
-    assert pairs_to_compare([("policy", "policy")] * 2 + [kalman, mine]) == [(0, 2), (1, 2), (3, 2), (3, 0)]
+    contenders = [OTHERS[-1], OTHERS[2], OTHERS[1], OTHERS[3]]
+    pairs = default_comparisons(evaluated(["pass"], contenders, 4, ranges=1).cells)
+    assert [(each.controller, each.against) for each in pairs] == [
+        ("mine", "kalman"),
+        ("mine", "oracle"),
+        ("oracle", "kalman"),
+    ]
 
 
 def test_rows_for_a_data_frame_are_plain():
-    facts = plain(POLICY) | {"range_low_m": 1.0, "range_high_m": 2.0, "rate": POLICY.hits / 25_000}
-    del facts["range_m"]
-    assert json.loads(json.dumps(RESULTS.to_dicts()))[0] == facts
+    row = json.loads(json.dumps(RESULTS.to_dicts()))[0]
+    counts = {"hits": sum(POLICY.hits_by_engagement), "shots": 25_000, "withheld": 0, "engagements": 500}
+    assert {name: row[name] for name in counts} == counts
+    ends = {
+        "range_low_m": 1.0,
+        "range_high_m": 2.0,
+        "rate": POLICY.hits / 25_000,
+        "low": POLICY.low,
+        "high": POLICY.high,
+    }
+    assert {name: row[name] for name in ends} == ends
+    assert {type(value) for value in row.values()} <= {str, float, int, type(None)}
 
 
-def test_every_rate_and_its_interval_are_printed_within_110_columns():
-    text, empty, wide = repr(TABLES), evaluated([], OTHERS, 4), evaluated(["pass"], OTHERS[:3], 500, ranges=30)
+def test_every_rate_and_its_interval_are_printed():
+    text, wide = repr(TABLES), evaluated(["pass"], OTHERS[:3], 500, ranges=30)
     for cell in TABLES.cells:
         assert f"{100 * cell.rate:.1f} ({100 * cell.low:.1f}–{100 * cell.high:.1f})" in text
     assert {f"{100 * cell.low:.1f}–{100 * cell.high:.1f}" for cell in wide.cells} < {*repr(wide).split()}
     assert all(f" {near}–{near + 1} m" in repr(wide) for near in range(1, 31))
-    for said in ("Table II, static targets", "paper: PPO (printed)", "83.80", "mine (no fire)", "the 95 %", "Bound: "):
-        assert said in text
-    bound = next(line for line in text.split("\n") if line.startswith("bound "))
+    lines = [line for results in (TABLES, MANY, wide) for line in repr(results).split("\n")[2:] if line[:3] != "  -"]
+    assert max(map(len, lines)) <= 110
+
+
+def test_what_the_figures_mean_is_printed():
+    for said in ("Table II, static targets", "mine (no fire)", "the 95 %", "Bound: ", "(printed): the paper's"):
+        assert said in repr(TABLES)
+    bound = next(line for line in repr(TABLES).split("\n") if line.startswith("bound "))
     assert bound.split() == ["bound", "87.8", "90.5", "91.1", "91.9", "90.3"]
-    drop = TABLES.comparisons[0].replace(against="simulated/policy")  # to a robot
-    assert "policy − simulated/policy" in repr(TABLES.replace(comparisons=(drop,)))
-    assert max(len(line) for each in (TABLES, MANY, wide) for line in repr(each).split("\n")) <= 110
-    assert repr(empty).startswith("Results: seed 0, commit abc, 0 cells")
+
+
+def test_the_papers_figures_are_one_row_each_whoever_shoots():
+    for results in (TABLES, TABLES.replace(cells=[each for each in TABLES.cells if each.controller == "no-lead"])):
+        lines = [line.split() for line in repr(results).split("\n") if "(printed)  " in line]
+        assert [line[1] for line in lines] == 2 * ["PPO", "Kalman"]
+        assert [line[3] for line in lines] == ["83.80", "80.22", "88.35", "76.84"]  # of 1–2 m in Tables II and III
+
+
+def test_results_without_a_cell_are_printed_and_reported():
+    empty = evaluated([], OTHERS, 4)
+    assert "Seed 0, commit abc, 0 cells." in repr(empty)
     assert empty.report().headline == "No controller was evaluated."
 
 
@@ -154,17 +234,19 @@ def test_a_cell_is_better_where_the_whole_interval_is_above_zero():
     (row,) = [line for line in repr(TABLES).split("\n") if line.startswith("policy − oracle")]
     assert row.split()[-3:] == [str(sum(each.low > 0 for each in own)), "0", "8"]
     assert all(" (".join(entry_texts(mean([each]))) in repr(own) for each in own)
-    assert max(map(len, repr(own).split("\n"))) <= 110
+    assert max(len(line) for line in repr(own).split("\n") if line[:3] != "  -") <= 110
 
 
 def test_bounds_are_of_these_engagements_of_this_robot_alone():
     cells = evaluated(("dynamic",), OTHERS[2:], 500, command_limit="box").cells
     bounds = {each.controller: each.bound for each in cells}
     assert (bounds["kalman"], bounds["oracle"], bounds["perfect"]) == pytest.approx((0.982, 0.982, None), abs=1e-3)
-    assert "bound of oracle" in repr(TABLES.replace(cells=cells, comparisons=()))
-    fewer, refitted = [each.replace(engagements=250) for each in cells], ROBOT.replace(muzzle=INFANTRY.muzzle)
-    wider = PAPER.replace(lateral_m=0.5)
-    others = [(fewer, ROBOT, PAPER, 0), (cells, ROBOT, PAPER, 1), (cells, refitted, PAPER, 0), (cells, ROBOT, wider, 0)]
+    assert "bound of oracle" in repr(TABLES.replace(cells=cells))
+    unbounded = [each.replace(bound=None, bound_error=None) for each in cells]
+    fewer = [each.replace(hits_by_engagement=each.hits_by_engagement[:250], withheld=0) for each in unbounded]
+    refitted, wider = ROBOT.replace(muzzle=INFANTRY.muzzle), PAPER.replace(lateral_m=0.5)
+    others = [(fewer, ROBOT, PAPER, 0)]
+    others += [(unbounded, *each) for each in ((ROBOT, PAPER, 1), (refitted, PAPER, 0), (ROBOT, wider, 0))]
     assert all(with_bounds(*each) == (*each[0],) for each in others)
     cells = with_bounds(evaluated(("static", "dynamic"), OTHERS[2:], 250).cells, INFANTRY, PAPER, 0)
     assert all((each.bound is None) == (each.kind == "perfect") for each in cells)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from archerfish2.arrays import leaves, map_arrays, namespace, tree
-from archerfish2.evaluation import rollout
+from archerfish2.evaluation import rollout, run
 from archerfish2.protocols import aim
 
 
@@ -32,17 +32,18 @@ class NoNumbers:
 def test_numpy_and_jax_have_equal_outcomes(conformance, batch, monkeypatch):
     given = *conformance.build(), *conformance.engagements(batch, 100)
     compiled = rollout.run_engagements(*given)
-    monkeypatch.setattr(rollout, "has_jax", lambda: False)
+    monkeypatch.setattr(run, "has_jax", lambda: False)
     plain = rollout.run_engagements(*given)
-    assert map_arrays(np.shape, compiled) == map_arrays(np.shape, plain)
+    assert map_arrays(np.shape, compiled[:-1]) == map_arrays(np.shape, plain[:-1])
     for ours, theirs in zip(*(leaves((each.shot, each.seen.frames)) for each in (plain, compiled)), strict=True):
         np.testing.assert_allclose(theirs, ours, atol=1e-3)
     np.testing.assert_array_equal(compiled.shot.margin >= 0.0, plain.shot.margin >= 0.0)
 
 
 def test_pellets_hit_all_plates_and_none_is_fired_long_after_the_last_detection(conformance, monkeypatch):
-    monkeypatch.setattr(rollout, "has_jax", lambda: False)
-    seen, _, in_force, shot = rollout.run_engagements(*conformance.build(), *conformance.engagements((12,), 100))
+    monkeypatch.setattr(run, "has_jax", lambda: False)
+    shots = rollout.run_engagements(*conformance.build(), *conformance.engagements((12,), 100))
+    seen, in_force, shot = shots.seen, shots.in_force, shots.shot
     assert np.bincount(shot.plate[shot.fired & (shot.margin >= 0.0)], minlength=4).min() > 30
     assert (shot.plate[~shot.fired] == -1).all()
     assert 0.8 < seen.frames.received.mean() < 0.95
@@ -57,10 +58,10 @@ def test_pellets_hit_all_plates_and_none_is_fired_long_after_the_last_detection(
 
 def test_the_shots_are_the_same_whatever_of_the_two_is_compiled(conformance):
     (world, controller), drawn = conformance.build(), conformance.engagements((3,), 100)
-    expected, counted = rollout.run_engagements(world, controller, *drawn), rollout.count(world, controller, *drawn)
+    expected, counted = rollout.run_engagements(world, controller, *drawn), run.count(world, controller, *drawn)
     plain, aiming = in_numpy(world), in_numpy(controller)
     for pair in ((plain, controller), (world, aiming), (plain, aiming)):
-        found, again = rollout.run_engagements(*pair, *drawn), rollout.count(*pair, *drawn)
+        found, again = rollout.run_engagements(*pair, *drawn), run.count(*pair, *drawn)
         np.testing.assert_allclose(found.in_force, expected.in_force, atol=1e-4)
         assert again.yaw_acceleration == pytest.approx(counted.yaw_acceleration, rel=1e-2)
         for fired, hit in ((shots.fired, shots.fired & (shots.margin >= 0.0)) for shots in (found.shot, expected.shot)):
@@ -70,4 +71,18 @@ def test_the_shots_are_the_same_whatever_of_the_two_is_compiled(conformance):
 def test_a_compiled_command_that_is_not_finite_is_refused(conformance, refused):
     world, controller = conformance.build()[0], NoNumbers(np.float32(2.0))
     complaint = "commands a pitch of nan rad at decision 3, in 3 of 3 engagements"
-    refused(complaint, rollout.count, world, controller, *conformance.engagements((3,), 5))
+    refused(complaint, run.count, world, controller, *conformance.engagements((3,), 5))
+
+
+def test_a_trajectory_is_a_row_per_decision_for_a_data_frame(conformance):
+    shots = rollout.run_engagements(*conformance.build(), *conformance.engagements((3,), 20))
+    rows = shots.to_dicts()
+    assert [(row["engagement"], row["decision"]) for row in rows] == list(np.ndindex(3, 20))
+    np.testing.assert_allclose([row["command_yaw_rad"] for row in rows], shots.command.angle[..., 1].ravel())
+    np.testing.assert_allclose([row["target_z_m"] for row in rows], shots.target[..., 2].ravel())
+    assert [row["hit"] for row in rows] == shots.hit.ravel().tolist()
+
+
+def test_an_engagement_that_is_not_there_is_not_drawn(conformance, refused):
+    shots = rollout.run_engagements(*conformance.build(), *conformance.engagements((3,), 20))
+    refused("plot: engagement must be 0…2, got 9", shots.plot, 9)

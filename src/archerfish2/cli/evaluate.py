@@ -1,23 +1,26 @@
 """`archerfish2 evaluate`: hit rates of controllers on the same engagements."""
 
+import re
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import tyro
 
-from archerfish2 import storage
-from archerfish2.controllers.policy.policy import Policy
-from archerfish2.controllers.registry import is_policy
-from archerfish2.evaluation.evaluate import evaluate
-from archerfish2.evaluation.results import Results
+from archerfish2.cli.options import ForRobot, Writes, assigned, shown
+from archerfish2.controllers.registry import is_policy, load_controller
+from archerfish2.controllers.tuning import GRIDS, TuningLike
+from archerfish2.evaluation.evaluate import USUAL, evaluate
+from archerfish2.evaluation.tuning import tune
+from archerfish2.records.json_files import plain
 from archerfish2.robot import Robot
 from archerfish2.task import Task
 
 
 @dataclass(frozen=True)
-class Evaluate:
+class Evaluate(Writes, ForRobot):
     """Count the hits of controllers on the same engagements with the same dispersion draws.
 
     - prints hit rates in % with 95 % intervals over engagements, and paired differences to the first
@@ -47,67 +50,78 @@ class Evaluate:
       archerfish2 evaluate --task paper --controllers kalman-paper kalman kalman-lq
       archerfish2 evaluate my-robot
       archerfish2 evaluate my-robot --task strafe --controllers kalman ./mine.py:Mine
+      archerfish2 evaluate my-robot --task ./mine.py:Zigzag --set 'lengths_s=[1, 3]' --tuning any
     """
 
-    robot: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[ROBOT]", help_behavior_hint="")] = None
-    """Folder of a robot's records; the paper's gimbal if not given."""
-    controllers: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME…", help_behavior_hint="")] = ()
+    controllers: Annotated[tuple[str, ...], shown("NAME…")] = ()
     """Who shoots; differences are to the first. If not given: ROBOT/policy if there is one, kalman, kalman-lq,
     oracle."""
-    task: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "any"
-    """What is shot at."""
-    command_limit: Annotated[
-        Literal["gate", "box", "los-2deg"] | None,
-        tyro.conf.arg(metavar="gate|box|los-2deg", help_behavior_hint="(default: the task's, gate)"),
-    ] = None
-    """Of angle ranges, rate and acceleration (gate), of angle ranges alone (box), or 2° ahead of the line of sight."""
-    world: Annotated[str, tyro.conf.arg(metavar="./FILE.py:NAME", help_behavior_hint="")] = ""
+    motion: Annotated[str, shown("./FILE.py:NAME")] = ""
+    """A motion of your own in the place of the task's: code that only a file names is not run."""
+    set: Annotated[tuple[str, ...], shown("NAME=VALUE…")] = ()
+    """Fields of the task that are to be otherwise, such as max_speed_m_s=1 or 'lengths_s=[3]' (docs2/evaluation.md)."""
+    world: Annotated[str, shown("./FILE.py:NAME")] = ""
     """A world of your own to shoot in; the robot's simulator if not given."""
     engagements: int = 500
     """Per cell, which is a kind of motion at a range."""
     seed: int = 0
     """Of engagements and dispersion."""
-    untuned: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
-    """Take classical controllers as they are before tuning."""
-    accept_unusable: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
-    """Take parts of the robot that their identification found not usable."""
-    blocks: Annotated[tuple[str, ...], tyro.conf.arg(metavar="./FILE.py:NAME…", help_behavior_hint="")] = ()
+    tuning: Annotated[str, tyro.conf.arg(metavar="kept|start|TASK")] = "kept"
+    """Settings of classical controllers: those that are kept for robot and task, which are searched for where there are
+    none; those where the search begins; or those for another task."""
+    blocks: Annotated[tuple[str, ...], shown("./FILE.py:NAME…")] = ()
     """Of the observation of a policy, that are your own: code that only a file names is not run."""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
-    """Folder for the results; ROBOT/evaluation, or runs/evaluate without a robot."""
-    overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
-    """Replace files in that folder that this command did not write."""
+    out: Annotated[Path | None, shown("FOLDER")] = None
+    """Folder for the results; ROBOT/evaluation, or runs/evaluate without a robot, and in it one for each other task."""
 
     def run(self, options: str = "") -> None:
         """Evaluate, write, print; `options` are as typed, for run.json."""
-        robot = Robot.of(self.robot, accept_unusable=self.accept_unusable)
-        task = Task.of(self.task)
-        if self.command_limit is not None:
-            task = task.replace(command_limit=self.command_limit)
-        out = self.out or (self.robot / "evaluation" if self.robot else Path("runs/evaluate"))
-        inputs = [Path(each) for each in (self.task, *(each.rpartition(":")[0] for each in self.controllers))]
-        controllers: Any = self.controllers or (*self._own_policy(), "kalman", "kalman-lq", "oracle")
+        robot, task = Robot.of(self.robot, accept_unusable=self.accept_unusable), self._task()
+        out = self.out or self._folder(task)
+        controllers: Any = self.controllers or (*self._own_policy(), *USUAL)
         if self.blocks:
-            controllers = [Policy.load(each, self.blocks) if is_policy(each) else each for each in controllers]
-        names, facts = ("results.json", "report.html"), {"options": options}
-        with storage.output_folder(out, "evaluate", inputs, self.overwrite, facts, names) as folder:
-            results: Results = evaluate(
+            controllers = [load_controller(name, self.blocks) if is_policy(name) else name for name in controllers]
+        inputs = (self.task, *(name.rpartition(":")[0] for name in self.controllers))
+        with self.written(out, "evaluate", options, inputs, ("results.json", "report.html")) as folder:
+            results = evaluate(
                 controllers,
                 robot,
                 task,
                 world=self.world or None,
                 engagements=self.engagements,
                 seed=self.seed,
-                tuned=not self.untuned,
+                tuning=self._tuning(controllers, robot, task),
             )
             results.save(folder)
             results.report().write_page(folder / "report.html")
         took = ", ".join(f"{stage} {seconds:.0f} s" for stage, seconds in results.durations.items())
         print(f"{results}\n\n{took}\nopen {out / 'report.html'}; every count is in {out / 'results.json'}")  # noqa: T201
 
+    def _task(self) -> Task:
+        """Return the task with the fields that are otherwise."""
+        task = Task.load(self.task, self.motion) if self.motion else Task.of(self.task)
+        limit = {"command_limit": self.command_limit} if self.command_limit else {}
+        return task.replace(**limit, **assigned(self.set))
+
+    def _folder(self, task: Task) -> Path:
+        """Return where results are written: for other than the usual conditions a folder that is named after them."""
+        usual, changed = plain(Task(motion=task.motion)), [task.name] if task.name != "any" else []
+        changed += [f"{name}={value}" for name, value in plain(task).items() if name != "name" and value != usual[name]]
+        changed += [self.world.rpartition(":")[2]] if self.world else []
+        folder = self.folder / "evaluation" if self.folder else Path("runs/evaluate")
+        return folder / re.sub(r"[^\w.=-]+", "_", "-".join(changed))[:100]
+
+    def _tuning(self, controllers: Iterable[Any], robot: Robot, task: Task) -> TuningLike:
+        if self.tuning == "kept":
+            return "kept"
+        if self.tuning == "start":
+            return "start"
+        other = Task.load(self.tuning).replace(command_limit=task.command_limit)
+        return {name: tune(name, robot, other) for name in controllers if isinstance(name, str) and name in GRIDS}
+
     def _own_policy(self) -> list[str]:
         """Return the policy of the robot's folder, none without; say so of one that is not finished."""
-        folder = self.robot and self.robot / "policy"
+        folder = self.folder and self.folder / "policy"
         if folder is None or not is_policy(folder):
             return []
         if (folder / "policy.safetensors").is_file():

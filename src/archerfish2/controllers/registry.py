@@ -7,13 +7,13 @@ commands.
 import difflib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from archerfish2.arrays import single_precision
 from archerfish2.controllers.aiming.direct import DirectAim
 from archerfish2.controllers.aiming.oracle import make_oracle
-from archerfish2.controllers.aiming.preview_lq import make_preview_aim
-from archerfish2.controllers.policy.policy import is_training
+from archerfish2.controllers.aiming.preview_lq import PreviewAim, make_preview_aim
+from archerfish2.controllers.policy.policy import Policy, is_training
 from archerfish2.controllers.predictors.constant_velocity import ConstantVelocity
 from archerfish2.controllers.predictors.hold import Hold
 from archerfish2.controllers.predictors.interacting_models import InteractingModels
@@ -22,8 +22,8 @@ from archerfish2.controllers.predictors.predictor import Predictor
 from archerfish2.controllers.tuning import Tuning, tuning_at
 from archerfish2.errors import InputError
 from archerfish2.paper.conditions import assumed_conditions, paper_tuning
-from archerfish2.plugins import FORMS, is_plugin
-from archerfish2.protocols import own_controller
+from archerfish2.plugins import FORMS, find_plugin, is_plugin
+from archerfish2.protocols import Controller, own_controller
 from archerfish2.robot import Robot
 from archerfish2.task import Task
 from archerfish2.tracking.interacting_models import ModelRates
@@ -34,26 +34,26 @@ MODELS_EXACT_SD = 2e-4
 does a Kalman filter good, hides turns."""
 
 
-def _noise(robot: Robot, tuning: Tuning, exact_sd: float) -> TrackerNoise:
+def _tracker_noise(robot: Robot, tuning: Tuning, exact_sd: float) -> TrackerNoise:
     noise = noise_from_record(robot.sensing, tuning.acceleration_sd, exact_sd)
     return noise._replace(initial_speed=tuning.initial_speed)
 
 
 def _constant_velocity(robot: Robot, task: Task, tuning: Tuning) -> Predictor:  # noqa: ARG001
-    noise = _noise(robot, tuning, assumed_conditions().kalman_position_sd)
+    noise = _tracker_noise(robot, tuning, assumed_conditions().kalman_position_sd)
     return ConstantVelocity(noise, tuning.velocity_decay)
 
 
 def _interacting_models(robot: Robot, task: Task, tuning: Tuning) -> Predictor:
-    noise, rates = _noise(robot, tuning, MODELS_EXACT_SD), ModelRates(tuning.turn_rate)
+    noise, rates = _tracker_noise(robot, tuning, MODELS_EXACT_SD), ModelRates(tuning.turn_rate)
     return InteractingModels(noise, rates, task.hit_radius_m, robot.muzzle_model().sd[1])
 
 
-def _parabola(robot: Robot, task: Task, tuning: Tuning) -> Predictor:
+def _parabola_rule(robot: Robot, task: Task, tuning: Tuning) -> Predictor:
     if robot.sensing is None:
         return make_parabola_aware(task)
     # With noise in the detections, the rule is worth something to a filter alone.
-    noise = _noise(robot, tuning, assumed_conditions().kalman_position_sd)
+    noise = _tracker_noise(robot, tuning, assumed_conditions().kalman_position_sd)
     return make_parabola_filter(task, robot.muzzle_model().sd[1], noise)
 
 
@@ -62,17 +62,45 @@ def _direct_aim(predictor: Predictor, robot: Robot, task: Task, tuning: Tuning) 
     return DirectAim(predictor, robot.muzzle_model(), robot.command_limits(task), lead_s, task.period_s)
 
 
+def _preview_aim(predictor: Predictor, robot: Robot, task: Task, tuning: Tuning) -> PreviewAim:
+    return make_preview_aim(predictor, robot, task, smoothing=tuning.smoothing, lead_s=tuning.extra_lead_s)
+
+
 CLASSICAL: Mapping[str, tuple[Callable[..., Predictor], Callable[..., Any]]] = {
     "kalman": (_constant_velocity, _direct_aim),
     "kalman-paper": (_constant_velocity, _direct_aim),
-    "kalman-lq": (_constant_velocity, make_preview_aim),
-    "imm-lq": (_interacting_models, make_preview_aim),
-    "parabola-lq": (_parabola, make_preview_aim),
-    "no-lead": (lambda *_: Hold(), make_preview_aim),
+    "kalman-lq": (_constant_velocity, _preview_aim),
+    "imm-lq": (_interacting_models, _preview_aim),
+    "parabola-lq": (_parabola_rule, _preview_aim),
+    "no-lead": (lambda *_: Hold(), _preview_aim),
 }
 """Name → predictor, of robot, task and tuning; and law of aiming, of a predictor and these."""
 NAMES = (*CLASSICAL, "oracle")
 """Of the controllers here. One of a user's own needs no line: see `make_controller`."""
+
+ControllerLike: TypeAlias = str | Path | Controller | Callable[[Robot, Task], Any]
+"""A controller as every verb takes it: a name, a policy or its file or folder, an object, a class, or a function of
+robot and task."""
+
+
+def load_controller(controller: ControllerLike, blocks: tuple[Any, ...] = ()) -> Any:
+    """Return the policy of a file or folder, or what a name says of a user's own; anything else as it is.
+
+    Args:
+      controller: as every verb takes it.
+      blocks: of a policy's observation, that are a user's own.
+
+    Raises:
+      InputError: if it can't be read or found, or there are several.
+    """
+    kind = type(controller).__name__
+    if kind in ("list", "tuple", "set", "dict"):
+        raise InputError(f"controller: expected one, got a {kind}; give a name, a policy or an object")
+    if isinstance(controller, str | Path) and is_policy(controller):
+        return Policy.load(controller, blocks)
+    if isinstance(controller, str) and controller not in NAMES and is_plugin(controller, "controller"):
+        return find_plugin(controller, "controller").value  # once: the file may be edited while it is used
+    return controller
 
 
 def is_policy(controller: Any) -> bool:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple, TypeAlias
 
 from msgspec import Meta
 
@@ -40,6 +40,10 @@ class Tuning(Struct, frozen=True, kw_only=True, eq=True):
     """Share of the estimated velocity at which the target is predicted to go on, 0…1."""
     turn_rate: Annotated[float, Meta(ge=0.0, le=1e100)] = 1.0
     """How often a target is taken to turn back [1/s]."""
+
+
+TuningLike: TypeAlias = Literal["kept", "start"] | Tuning | Mapping[str, Tuning]
+"""Settings as a verb takes them: those that are kept, those where a search begins, or given ones."""
 
 
 class Grid(NamedTuple):

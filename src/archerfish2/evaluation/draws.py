@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from archerfish2.arrays import map_arrays
 from archerfish2.errors import InputError, one_line
 from archerfish2.protocols import Engagement
-from archerfish2.task import Suite
+from archerfish2.task import TaskCell
 
 PURPOSES = {"evaluation": 0, "tuning": 1, "calibration": 2, "stopping": 3}
 """Streams of random numbers that never meet: what is tuned or calibrated is judged on other draws."""
@@ -21,7 +21,7 @@ _PATH = 24  # numbers of a target's path, and of its copy while cells are joined
 _FIRST = 6  # uniform draws whose stream the normals continue
 
 
-def check_counts(engagements: Any, seed: Any, least: int, cells: Sequence[Suite], numbers: int) -> None:
+def check_counts(engagements: Any, seed: Any, least: int, cells: Sequence[TaskCell], numbers: int) -> None:
     """Refuse what is no number of engagements, more of them than fit into memory, and what is no seed.
 
     Args:
@@ -45,7 +45,7 @@ def check_counts(engagements: Any, seed: Any, least: int, cells: Sequence[Suite]
 
 
 def draw(
-    cells: Sequence[Suite], engagements: int, seed: int, purpose: str = "evaluation", normals: int = 6, plants: int = 1
+    cells: Sequence[TaskCell], engagements: int, seed: int, purpose: str, normals: int = 6, plants: int = 1
 ) -> tuple[Engagement, NDArray[np.float32]]:
     """Draw engagements of cells of one length, and the standard normals of all their decisions.
 

@@ -41,7 +41,7 @@ class Difference(NamedTuple):
     high: float  # upper end
 
 
-def hit_rate(hit: ArrayLike) -> HitRate:
+def hit_rate(hits: ArrayLike, decisions: int) -> HitRate:
     """Count the hits and give the rate a 95 % interval clustered by engagement.
 
     Wilson's interval (1927) with two changes that survey statistics makes for clusters (Korn and Graubard 1998): n is
@@ -51,18 +51,20 @@ def hit_rate(hit: ArrayLike) -> HitRate:
     misses throughout. Without any miss the engagements alone count, as in the rule of three.
 
     Args:
-      hit: whether each decision hit, bool, shape (engagements, decisions).
+      hits: of each engagement, whole numbers, shape (engagements,).
+      decisions: of an engagement.
 
     Raises:
-      InputError: if `hit` is no such table, or has fewer than 2 engagements or no decisions.
+      InputError: if there are fewer than 2 engagements or no decisions, or more hits than decisions.
     """
-    hits = _checked("hit", hit)
-    k, n, engagements = int(hits.sum()), hits.size, len(hits)
-    low, high = _wilson(k / n, n / _design_effect(hits), _quantile(engagements))
+    counts = _checked("hits", hits, decisions)
+    k, engagements = int(counts.sum()), len(counts)
+    n = engagements * decisions
+    low, high = _wilson(k / n, n / _design_effect(counts, decisions), _quantile(engagements))
     return HitRate(k, n, engagements, low, high)
 
 
-def paired_difference(hit_a: ArrayLike, hit_b: ArrayLike) -> Difference:
+def paired_difference(hits_a: ArrayLike, hits_b: ArrayLike, decisions: int) -> Difference:
     """Compare two controllers in the same engagements with the same dispersion draws.
 
     Student's interval of the mean difference between engagements. To its variance is added that of one engagement in
@@ -70,19 +72,20 @@ def paired_difference(hit_a: ArrayLike, hit_b: ArrayLike) -> Difference:
     has a width; beside a real spread the addition is negligible.
 
     Args:
-      hit_a: whether each decision of the first controller hit, bool, shape (engagements, decisions).
-      hit_b: the same for the second, in the same order.
+      hits_a: of the first controller in each engagement, whole numbers, shape (engagements,).
+      hits_b: of the second in the same engagements, in the same order, shape (engagements,).
+      decisions: of an engagement.
 
     Raises:
-      InputError: if the tables differ in shape, or `hit_rate` refuses one of them.
+      InputError: if the numbers of engagements differ, or `hit_rate` refuses one of them.
     """
-    a, b = _checked("hit_a", hit_a), _checked("hit_b", hit_b)
-    if a.shape != b.shape:
+    a, b = _checked("hits_a", hits_a, decisions), _checked("hits_b", hits_b, decisions)
+    if len(a) != len(b):
         remedy = "evaluate both controllers in the same engagements"
-        raise InputError(f"hit_a and hit_b have shapes {a.shape} and {b.shape}, expected equal ones; {remedy}")
-    difference = (int(a.sum()) - int(b.sum())) / a.size
-    by_engagement = a.mean(axis=1) - b.mean(axis=1)
-    variance = float(np.var(by_engagement, ddof=1)) / len(a) + 1 / (a.size * len(a))
+        raise InputError(f"hits_a has {len(a)} engagements and hits_b {len(b)}, expected as many; {remedy}")
+    n = len(a) * decisions
+    difference = (int(a.sum()) - int(b.sum())) / n
+    variance = float(np.var(a / decisions - b / decisions, ddof=1)) / len(a) + 1 / (n * len(a))
     half_width = _quantile(len(a)) * math.sqrt(variance)
     return Difference(difference, max(-1.0, difference - half_width), min(1.0, difference + half_width))
 
@@ -98,20 +101,20 @@ def weighted_mean(estimates: Sequence[Estimate], weights: Sequence[float]) -> Es
       weights: one each, of any positive sum.
     """
     shares = [weight / sum(weights) for weight in weights]
-    value = math.fsum(share * each.value for share, each in zip(shares, estimates, strict=True))
-    below = math.hypot(*(share * (each.value - each.low) for share, each in zip(shares, estimates, strict=True)))
-    above = math.hypot(*(share * (each.high - each.value) for share, each in zip(shares, estimates, strict=True)))
+    weighted = list(zip(shares, estimates, strict=True))
+    value = math.fsum(share * estimate.value for share, estimate in weighted)
+    below = math.hypot(*(share * (estimate.value - estimate.low) for share, estimate in weighted))
+    above = math.hypot(*(share * (estimate.high - estimate.value) for share, estimate in weighted))
     return Estimate(value, value - below, value + above, estimates[0].unit)
 
 
-def _design_effect(hits: NDArray[np.bool_]) -> float:
+def _design_effect(hits: NDArray[np.int64], decisions: int) -> float:
     """Variance of the rate between engagements over that of independent shots, at least 1."""
-    engagements, decisions = hits.shape
-    k, n = int(hits.sum()), hits.size
+    k, n = int(hits.sum()), len(hits) * decisions
     rarer = min(k, n - k)
     if rarer == 0:
         return float(decisions)  # as if all decisions of an engagement agreed
-    variance_of_k = engagements * float(np.var(hits.sum(axis=1), ddof=1))
+    variance_of_k = len(hits) * float(np.var(hits, ddof=1))
     estimated = variance_of_k / (k * (n - k) / n)
     return max(1.0, float(rarer * estimated + decisions) / (rarer + 1))
 
@@ -131,10 +134,10 @@ def _quantile(engagements: int) -> float:
     return float(stdtrit(engagements - 1, (1 + CONFIDENCE) / 2))
 
 
-def _checked(name: str, hit: ArrayLike) -> NDArray[np.bool_]:
-    hits = np.asarray(hit)
-    if hits.dtype != np.bool_ or hits.ndim != 2 or hits.shape[0] < 2 or hits.shape[1] < 1:
-        expected = "bool of shape (engagements, decisions), at least 2 engagements of 1 decision"
-        found = f"{hits.dtype} of shape {hits.shape}"
-        raise InputError(f"{name} is {found}, expected {expected}; evaluate more engagements")
-    return hits
+def _checked(name: str, hits: ArrayLike, decisions: int) -> NDArray[np.int64]:
+    counts = np.asarray(hits)
+    is_valid = counts.dtype.kind in "iu" and counts.ndim == 1 and len(counts) >= 2 and decisions >= 1
+    if not is_valid or counts.min() < 0 or counts.max() > decisions:
+        expected = f"whole numbers of at least 2 engagements, 0…{decisions}"
+        raise InputError(f"{name} is {counts.dtype} of shape {counts.shape}, expected {expected}; evaluate more")
+    return counts.astype(np.int64)

@@ -25,9 +25,9 @@ def hit_rates(cells: Sequence[Cell], *, names: Sequence[str] = (), title: str = 
       names: of controllers, in the order of their looks, where several figures are to agree.
       title: above all.
     """
-    panels = grouped(cells, lambda each: (*each.place, each.motion))
+    panels = grouped(cells, lambda cell: (*cell.place, cell.motion))
     looks = {name: look(place) for place, name in enumerate(names or by_controller(cells))}
-    across = min(len(panels), FEW if len({each.motion for each in cells}) <= FEW else 4)
+    across = min(len(panels), FEW if len({cell.motion for cell in cells}) <= FEW else 4)
     down = -(-len(panels) // across)
     height = 2.7 * down + 0.5 + 0.06 * len(looks)  # the legend has four names in a row
     with plot_style():
@@ -74,30 +74,34 @@ def trajectory(times: Any, target: Any, commands: Any, angles: Any, miss: Any, h
 
 
 def _title(key: tuple[Any, ...], keys: list[tuple[Any, ...]]) -> str:
-    """Return the motion of a panel, and of world, command limit and length what is not the same in all."""
-    texts = [f"{each:g} s" if isinstance(each, float) else each for each in key]
-    varying = [text for place, text in enumerate(texts[:3]) if len({each[place] for each in keys}) > 1]
-    return ", ".join([texts[3], *varying])
+    """Return the motion of a panel, and of world, command limit, length and task what is not the same in all."""
+    *place, motion = key
+    varying = [part for index, part in enumerate(place) if part and len({other[index] for other in keys}) > 1]
+    return ", ".join([motion, *(f"{part:g} s" if isinstance(part, float) else part for part in varying)])
 
 
 def _draw(axes: Any, cells: list[Cell], looks: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """Draw one panel and return what its legend names."""
-    ranges, controllers = sorted({each.range_m for each in cells}), by_controller(cells)
+    ranges, controllers = sorted({cell.range_m for cell in cells}), by_controller(cells)
     handles: dict[str, Any] = {}
     for index, (name, own) in enumerate(controllers.items()):
         shift = _SPREAD * ((index + 0.5) / len(controllers) - 0.5)
-        found = [(place + shift, mean([each for each in own if each.range_m == at])) for place, at in enumerate(ranges)]
-        drawn = [(place, each.value, each.value - each.low, each.high - each.value) for place, each in found if each]
-        x, y, below, above = zip(*drawn, strict=True)
-        handles[name] = axes.errorbar(x, y, yerr=(below, above), **looks[name], capsize=2, elinewidth=0.9)
-        paper = {ranges.index(each.range_m) + shift: each.paper for each in own if each.paper is not None}
+        places, values, below, above = [], [], [], []
+        for place, range_m in enumerate(ranges):
+            if estimate := mean([cell for cell in own if cell.range_m == range_m]):
+                places.append(place + shift)
+                values.append(estimate.value)
+                below.append(estimate.value - estimate.low)
+                above.append(estimate.high - estimate.value)
+        handles[name] = axes.errorbar(places, values, yerr=(below, above), **looks[name], capsize=2, elinewidth=0.9)
+        paper = {ranges.index(cell.range_m) + shift: cell.paper for cell in own if cell.paper is not None}
         if paper:
             hollow = {**looks[name], "linestyle": "", "markerfacecolor": "white"}
             axes.plot(list(paper), list(paper.values()), **hollow)
             handles["hollow: the paper"] = axes.plot([], [], **{**hollow, "color": MUTED, "marker": "o"})[0]
     for line, (name, own) in zip((":", "-."), bounds(cells).items(), strict=False):
-        values = sorted({ranges.index(each.range_m): 100 * (each.bound or 0.0) for each in own}.items())
-        handles[name] = axes.plot(*zip(*values, strict=True), color=MUTED, linestyle=line)[0]
+        bounded = sorted({ranges.index(cell.range_m): 100 * (cell.bound or 0.0) for cell in own}.items())
+        handles[name] = axes.plot(*zip(*bounded, strict=True), color=MUTED, linestyle=line)[0]
     named = list(enumerate(map(range_text, ranges)))[:: 1 + len(ranges) // 10]  # more would overlap
     axes.set_xticks(*zip(*named, strict=True))
     axes.grid(visible=False, axis="x")

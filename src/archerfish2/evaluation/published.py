@@ -9,31 +9,42 @@ those that are (the hindsight bound).
 import functools
 from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from archerfish2.evaluation.results import Cell
-from archerfish2.records.json_files import plain, read_json
+from archerfish2.paper.tables import printed_rate
+from archerfish2.records.json_files import read_json
 from archerfish2.robot import Robot
 from archerfish2.task import EQ_7, Task
 
-_LABELLED = ("name", "motion", "ranges_m", "lengths_s", "command_limit", "short_share", "still_share")
-"""Fields of a task that the labels of its cells say, or that training alone uses."""
-
-
-def conditions(task: Task) -> dict[str, str]:
-    """Return what the cells of a task have in common, and their labels don't say; the defaults are the paper's."""
-    return {name: str(value) for name, value in plain(task).items() if name not in _LABELLED}
+if TYPE_CHECKING:
+    from archerfish2.evaluation.results import Cell
 
 
 def is_paper(robot: dict[str, str], task: Task) -> bool:
     """Whether robot, by the digests of its records, targets and shots are those of the paper's Tables II and III."""
-    same = task.motion in EQ_7 and conditions(task) == conditions(Task())
+    same = task.motion in EQ_7 and task.conditions() == Task().conditions()
     return same and robot == Robot.paper().record_digests()
 
 
+def printed_for(controller: Any, table: str, range_m: tuple[float, float]) -> float | None:
+    """Return the paper's figure for a controller [%], None of one that the paper has not.
+
+    Args:
+      controller: "kalman-paper", or a policy that sees what the paper's sees and was trained as that was.
+      table: "II" or "III".
+      range_m: smallest and largest distance [m].
+    """
+    facts = getattr(controller, "facts", None)
+    if facts is None:
+        is_papers = isinstance(controller, str) and controller == "kalman-paper"
+        return printed_rate(table, range_m, controller) if is_papers else None
+    sees_as_papers = facts.observer.observation == ("paper",) and facts.task.motion == "paper"
+    return printed_rate(table, range_m, "", is_policy=sees_as_papers and is_paper(facts.robot, facts.task))
+
+
 def with_bounds(
-    cells: Iterable[Cell], robot: Robot, task: Task, seed: int, *, informed: Collection[str] = ("oracle",)
-) -> tuple[Cell, ...]:
+    cells: Iterable["Cell"], robot: Robot, task: Task, seed: int, *, informed: Collection[str] = ("oracle",)
+) -> tuple["Cell", ...]:
     """Return cells with the published bounds; without where none is published, and for perfect aim.
 
     Args:
@@ -43,24 +54,23 @@ def with_bounds(
       seed: of the evaluation.
       informed: names of the controllers that are given the target's path.
     """
-    own = task.motion in EQ_7 and conditions(task) == conditions(Task())
-    names = {robot.digest(), *(["paper"] if robot.digest() == Robot.paper().digest() else [])}
-    found: dict[Any, Any] = {
-        (each["command_limit"], each["engagements"], motion, tuple(row[0])): row[1:]
-        for each in _published()
-        if own and each["robot"] in names and each["seed"] == seed
-        for motion in ("static", "dynamic")
-        for row in each[motion]
-    }
-
-    def bounded(cell: Cell) -> Cell:
-        row = found.get((cell.command_limit, cell.engagements, cell.motion, cell.range_m))
-        if row is None or cell.length_s != 1.0 or cell.kind == "perfect":
-            return cell
-        bound, error = row[cell.controller in informed]
-        return cell.replace(bound=bound, bound_error=error)
-
-    return tuple(map(bounded, cells))
+    if task.motion not in EQ_7 or task.conditions() != Task().conditions():
+        return tuple(cells)
+    name, bounds = "paper" if robot.digest() == Robot.paper().digest() else robot.digest(), dict[Any, Any]()
+    for entry in _published():
+        if (entry["robot"], entry["seed"]) == (name, seed):
+            for motion in ("static", "dynamic"):
+                for range_m, *both in entry[motion]:
+                    bounds[entry["command_limit"], entry["engagements"], motion, tuple(range_m), 1.0] = both
+    bounded = []
+    for cell in cells:
+        both = bounds.get((cell.command_limit, cell.engagements, cell.motion, cell.range_m, cell.length_s))
+        if both is None or cell.kind == "perfect":
+            bounded.append(cell)
+        else:
+            bound, error = both[cell.controller in informed]
+            bounded.append(cell.replace(bound=bound, bound_error=error))
+    return tuple(bounded)
 
 
 @functools.cache

@@ -1,14 +1,16 @@
-"""What an evaluation found: hit rates by cell, paired differences, and what they were measured with."""
+"""What an evaluation found: hits by cell and engagement, and what they were measured with."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 import msgspec
-from msgspec import Meta
+from msgspec import Meta, field
 
 from archerfish2.controllers.tuning import Tuning
 from archerfish2.errors import InputError, one_line
+from archerfish2.evaluation.comparison import Comparison, compare
+from archerfish2.evaluation.hit_rate import hit_rate
 from archerfish2.records.record import Record, Struct
 from archerfish2.task import Task
 
@@ -23,67 +25,39 @@ _Text = Annotated[str, Meta(min_length=1, max_length=1000)]
 _Count = Annotated[int, Meta(ge=0, le=1_000_000_000)]
 _Positive = Annotated[float, Meta(ge=0.0, le=1e9)]
 _Rate = Annotated[float, Meta(ge=0.0, le=1.0)]
-_Difference = Annotated[float, Meta(ge=-1.0, le=1.0)]
 
 
-class Label(Struct, frozen=True, kw_only=True):
-    """Which controller in which engagements."""
+class Cell(Struct, frozen=True, kw_only=True):
+    """What a controller hit in engagements of one kind: counts, of which rate and interval are functions."""
 
     world: _Text
     """Name of the robot, whose simulator it is, of the virtual robot, or of another world."""
+    task: str = ""
+    """Name of the task whose conditions are not the usual ones, as another speed of the targets."""
+    command_limit: _Text
+    """`box`, `gate` or `los-2deg`."""
+    length_s: _Positive
+    """Of an engagement [s]."""
     motion: _Text
     """Of the targets, by name."""
     range_m: tuple[_Positive, _Positive]
     """Smallest and largest distance of the targets [m]."""
-    length_s: _Positive
-    """Of an engagement [s]."""
-    command_limit: _Text
-    """`box`, `gate` or `los-2deg`."""
+    stream: _Count
+    """Of random numbers: in cells of unlike streams the engagements differ."""
     controller: _Text
     """Its name; contenders of one name differ in their seed."""
     seed: int | None
     """That a policy was trained with; None for what is not trained."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._require(self.range_m[0] <= self.range_m[1], "range_m", self.range_m, "the smaller distance first")
-
-    def _require(self, holds: bool, name: str, value: object, expected: str) -> None:
-        if not holds:
-            label = f"{self.controller[:50]}, {self.motion[:50]}, {self.range_m[0]:g}–{self.range_m[1]:g} m"
-            fault = f"{name} is {value}, expected {expected}; correct it"
-            raise InputError(f"{type(self).__name__} of {one_line(label)}: {fault}")
-
-    @property
-    def place(self) -> tuple[str, str, float]:
-        """World, command limit and length: what tables and panels are made for."""
-        return self.world, self.command_limit, self.length_s
-
-    @property
-    def key(self) -> tuple[Any, ...]:
-        """All of the label."""
-        return *self.place, self.motion, self.range_m, self.controller, self.seed
-
-
-class Cell(Label, frozen=True, kw_only=True):
-    """One hit rate: hits of all decisions, which are shots and withheld ones."""
-
-    table: Literal["II", "III", "IV", "V"] | None = None
-    """The paper's table that it belongs to."""
     kind: Kind
     """What the controller is; "perfect" is perfect aim, which only dispersion makes miss."""
-    hits: _Count
-    """Shots that hit."""
-    shots: _Count
-    """Decisions with fire."""
+    table: Literal["II", "III", "IV", "V"] | None = None
+    """The paper's table that it belongs to."""
+    hits_by_engagement: Annotated[tuple[_Count, ...], Meta(min_length=2)]
+    """Shots that hit, of each engagement."""
+    decisions_each: Annotated[int, Meta(ge=1, le=1_000_000)]
+    """Decisions of an engagement."""
     withheld: _Count
-    """Decisions without fire, which count as misses."""
-    engagements: _Count
-    """Independent engagements that the decisions belong to."""
-    low: _Rate
-    """Lower end of the rate's 95 % interval, clustered by engagement."""
-    high: _Rate
-    """Upper end."""
+    """Decisions without fire in all engagements, which count as misses."""
     paper: Annotated[float, Meta(ge=0.0, le=100.0)] | None = None
     """The paper's figure for such a controller [%]."""
     bound: _Rate | None = None
@@ -95,58 +69,72 @@ class Cell(Label, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        counts = f"{self.hits} of {self.shots} shots, {self.withheld} withheld, in {self.engagements} engagements"
-        whole = self.hits <= self.shots and 0 < self.engagements <= self.decisions
-        self._require(whole, "count", counts, "hits ≤ shots and 0 < engagements ≤ decisions")
-        interval, expected = f"{self.low} to {self.high}", f"one around the rate, {self.rate}"
-        self._require(self.low <= self.rate <= self.high, "interval", interval, expected)
-        both = (self.bound is None) == (self.bound_error is None)
-        self._require(both, "bound", f"{self.bound} ± {self.bound_error}", "both or neither")
+        most, has_bound = max(self.hits_by_engagement), self.bound is not None
+        for holds, fault in (
+            (self.range_m[0] <= self.range_m[1], f"range_m is {self.range_m}, expected the smaller distance first"),
+            (most <= self.decisions_each, f"{most} hits of {self.decisions_each} decisions in an engagement"),
+            (self.hits <= self.shots, f"{self.hits} of {self.shots} shots hit, expected at most all of them"),
+            (has_bound == (self.bound_error is not None), "has one of bound and bound_error, expected both or neither"),
+        ):
+            if not holds:
+                label = one_line(f"{self.controller[:50]}, {self.motion[:50]}, {self.range_m}")
+                raise InputError(f"Cell of {label}: {fault}; correct it")
+
+    @property
+    def hits(self) -> int:
+        """Shots that hit."""
+        return sum(self.hits_by_engagement)
+
+    @property
+    def engagements(self) -> int:
+        """Independent engagements that the decisions belong to."""
+        return len(self.hits_by_engagement)
 
     @property
     def decisions(self) -> int:
         """What the rate is counted over: shots and withheld ones."""
-        return self.shots + self.withheld
+        return self.engagements * self.decisions_each
+
+    @property
+    def shots(self) -> int:
+        """Decisions with fire."""
+        return self.decisions - self.withheld
 
     @property
     def rate(self) -> float:
         """Hits per decision, 0 to 1."""
         return self.hits / self.decisions
 
+    @property
+    def low(self) -> float:
+        """Lower end of the rate's 95 % interval, clustered by engagement."""
+        return hit_rate(self.hits_by_engagement, self.decisions_each).low
 
-class Comparison(Label, frozen=True, kw_only=True):
-    """How far a hit rate is above another in the same engagements with the same dispersion draws."""
+    @property
+    def high(self) -> float:
+        """Upper end."""
+        return hit_rate(self.hits_by_engagement, self.decisions_each).high
 
-    against: _Text
-    """Name of the other controller; WORLD/NAME where it is in another world."""
-    difference: _Difference
-    """Rate less the other's, −1 to 1."""
-    low: _Difference
-    """Lower end of its 95 % interval, paired by engagement."""
-    high: _Difference
-    """Upper end."""
+    @property
+    def place(self) -> tuple[str, str, float, str]:
+        """World, command limit, length and task: what tables and panels are made for."""
+        return self.world, self.command_limit, self.length_s, self.task
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        interval, expected = f"{self.low} to {self.high}", f"one around the difference, {self.difference}"
-        self._require(self.low <= self.difference <= self.high, "interval", interval, expected)
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What no two cells of results have in common."""
+        return *self.place, self.motion, self.range_m, self.controller, self.seed
 
-
-class Comparisons(tuple[Comparison, ...]):
-    """The comparisons of two controllers, cell by cell; printed as tables with the means."""
-
-    __slots__ = ()
-
-    def __repr__(self) -> str:
-        from archerfish2.evaluation.tables import comparisons_text
-
-        return comparisons_text(self)
+    @property
+    def shot_at(self) -> tuple[Any, ...]:
+        """What cells of the same engagements have in common."""
+        return *self.place, self.motion, self.range_m, self.stream, self.engagements, self.decisions_each
 
 
 class Results(Record, frozen=True, kw_only=True):
     """All that an evaluation found; printed as tables."""
 
-    schema: ClassVar[str] = "archerfish.results/3"  # of the file
+    schema: ClassVar[str] = "archerfish.results/4"  # of the file
     remedy: ClassVar[str] = "evaluate again"  # where it is damaged
     seed: int
     """Of engagements and dispersion."""
@@ -157,13 +145,13 @@ class Results(Record, frozen=True, kw_only=True):
     tasks: tuple[Task, ...]
     """What was evaluated."""
     robots: dict[str, dict[str, str]]
-    """World → what all of its cells have in common: digest of the robot's records, conditions of the task."""
-    tuning: dict[str, dict[str, Tuning]]
-    """"world/limit" → controller → its settings."""
+    """World → the robot's name, digest of its records, and what was assumed of it."""
+    motions: dict[str, str] = field(default_factory=dict)
+    """A user's motion → digest of its code, as it was run."""
+    tuning: dict[str, Tuning]
+    """"world/limit/task/controller" → settings."""
     cells: tuple[Cell, ...]
     """Hit rates, in the order of the controllers."""
-    comparisons: tuple[Comparison, ...]
-    """The pairs of `pairs_to_compare`."""
     durations: dict[str, _Positive]
     """Stage → seconds."""
     remarks: tuple[str, ...] = ()
@@ -171,13 +159,11 @@ class Results(Record, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        keys = {each.key for each in self.cells}
-        pairs = {(*each.key, each.against) for each in self.comparisons}
-        if len(keys) < len(self.cells) or len(pairs) < len(self.comparisons):
-            raise InputError("Results: two cells or comparisons have one label; give unlike ones to `join`")
-        alone = next((each.controller for each in self.comparisons if each.key not in keys), None)
-        if alone is not None:
-            raise InputError(f"Results: a comparison of {alone} has no cell of that label; correct it")
+        if len({cell.key for cell in self.cells}) < len(self.cells):
+            raise InputError("Results: two cells have one label; give unlike ones to `join`")
+        for task in self.tasks:
+            of_name = [other.conditions() for other in self.tasks if other.name == task.name]
+            _joined(f"task {task.name}", of_name)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -199,53 +185,57 @@ class Results(Record, frozen=True, kw_only=True):
         """
         super().save(_file(path))
 
-    def join(self, *others: "Results") -> "Results":
-        """Put the results of several worlds, command limits or policies together; equal parts count once.
+    def join(self, *others: "Results | Iterable[Results]") -> "Results":
+        """Put the results of several worlds, tasks, command limits or policies together; equal parts count once.
+
+        Args:
+          others: results, or lists of them.
 
         Raises:
-          InputError: if evaluation seed, commit or versions differ, or what is there of one cell, comparison, robot or
-            tuning; if tasks of one robot differ in what labels of cells don't say, such as the speed of the targets.
+          InputError: if evaluation seed, commit or versions differ, or what is there of one cell, robot or tuning; if
+            tasks of one name differ in what labels of cells don't say, such as the speed of the targets.
         """
-        parts = (self, *others)
-        for name in ("seed", "commit", "versions"):
-            values = _unique(getattr(each, name) for each in parts)
-            if len(values) > 1:
-                raise InputError(f"{name} of the results is {values}, expected one; evaluate all with the same {name}")
-        stages = dict.fromkeys(stage for each in parts for stage in each.durations)
+        parts = [self]
+        for other in others:
+            parts += other if isinstance(other, Iterable) else [other]
+        for part in parts:
+            if not isinstance(part, Results):
+                raise InputError(f"join: expected Results, got a {type(part).__name__}; give what `evaluate` returns")
+        code = [{"seed": part.seed, "commit": part.commit, **part.versions} for part in parts]
+        _joined("results", code, "evaluate all with the same")
+        stages = dict.fromkeys(stage for part in parts for stage in part.durations)
         return self.replace(
-            tasks=_unique(task for each in parts for task in each.tasks),
-            robots=_joined("robots", [each.robots for each in parts]),
-            tuning=_joined("tuning", [each.tuning for each in parts]),
-            cells=_unique(cell for each in parts for cell in each.cells),
-            comparisons=_unique(pair for each in parts for pair in each.comparisons),
-            remarks=_unique(remark for each in parts for remark in each.remarks),
-            durations={stage: sum(each.durations.get(stage, 0.0) for each in parts) for stage in stages},
+            tasks=_unique(task for part in parts for task in part.tasks),
+            robots=_joined("robots", [part.robots for part in parts]),
+            motions=_joined("motions", [part.motions for part in parts]),
+            tuning=_joined("tuning", [part.tuning for part in parts]),
+            cells=_unique(cell for part in parts for cell in part.cells),
+            remarks=_unique(remark for part in parts for remark in part.remarks),
+            durations={stage: sum(part.durations.get(stage, 0.0) for part in parts) for stage in stages},
         )
 
-    def compare(self, a: str, b: str) -> Comparisons:
+    def compare(self, a: str, b: str) -> Comparison:
         """Return the paired differences of controller `a` to controller `b`, cell by cell.
 
-        A paired interval needs the hits of each engagement, which results don't keep: the pairs of `pairs_to_compare`
-        are there, in both directions.
+        Args:
+          a: name of a controller; of several trainings each is compared.
+          b: that of another.
 
         Raises:
-          InputError: if the pair is not there.
+          InputError: if one is not there, or they have no engagements in common.
         """
-        both = [_reversed(each) for each in self.comparisons if (each.controller, each.against) == (b, a)]
-        both += [each for each in self.comparisons if (each.controller, each.against) == (a, b)]
-        found = {(*each.place, each.motion, each.range_m, each.seed): each for each in both}.values()
-        if not found:
-            there = ", ".join(dict.fromkeys(f"{each.controller} with {each.against}" for each in self.comparisons))
-            raise InputError(f"no comparison of {a} with {b}; there are {there or 'none'}; evaluate with {b} first")
-        return Comparisons(found)
+        return compare(self.cells, a, b)
 
     def to_dicts(self) -> list[dict[str, Any]]:
-        """Return a row per cell for a data frame: its fields, `range_m` in two, and its rate."""
+        """Return a row per cell for a data frame: its label, counts, rate and interval."""
         rows = []
         for cell in self.cells:
             row = msgspec.structs.asdict(cell)
-            low, high = row.pop("range_m")
-            rows.append({**row, "range_low_m": low, "range_high_m": high, "rate": cell.rate})
+            row["range_low_m"], row["range_high_m"] = cell.range_m
+            for name in ("range_m", "hits_by_engagement", "decisions_each", "stream"):
+                del row[name]
+            counted = hit_rate(cell.hits_by_engagement, cell.decisions_each)
+            rows.append({**row, **counted._asdict(), "shots": cell.shots, "rate": counted.rate})
         return rows
 
     def plot(self) -> "Figure":
@@ -261,28 +251,10 @@ class Results(Record, frozen=True, kw_only=True):
         return evaluation_report(self)
 
     def __repr__(self) -> str:
-        from archerfish2.evaluation.tables import results_text
-
-        return results_text(self)
+        return str(self.report())
 
     def _repr_html_(self) -> str:
         return self.report()._repr_html_()
-
-
-def pairs_to_compare(contenders: Sequence[tuple[str, Kind]]) -> list[tuple[int, int]]:
-    """Return which contenders an evaluation compares, by their places: (one, the other).
-
-    Each policy and user's controller with each classical one, and each controller with the first; never perfect aim,
-    nor trainings of one name.
-
-    Args:
-      contenders: names and kinds.
-    """
-    places = [place for place, (_, kind) in enumerate(contenders) if kind != "perfect"]
-    learned = [place for place in places if contenders[place][1] != "classical"]
-    pairs = [(a, b) for a in learned for b in places if b not in learned]
-    others = [place for place in places if contenders[place][0] != contenders[places[0]][0]]
-    return pairs + [(a, places[0]) for a in others if not {(a, places[0]), (places[0], a)} & set(pairs)]
 
 
 def _file(path: str | Path) -> Path:
@@ -295,17 +267,12 @@ def _unique(found: Iterable[Value]) -> tuple[Value, ...]:
     return tuple({msgspec.json.encode(each): each for each in found}.values())
 
 
-def _joined(name: str, parts: Sequence[Mapping[str, Mapping[str, Value]]]) -> dict[str, dict[str, Value]]:
-    joined: dict[str, dict[str, Value]] = {}
-    for key, facts in ((key, facts) for part in parts for key, facts in part.items()):
-        for fact, value in facts.items():
-            found = _unique([joined.setdefault(key, {}).setdefault(fact, value), value])
-            if len(found) > 1:
-                remedy = "give different robots different names, and evaluate one task with all that is to be joined"
-                raise InputError(f"{name}: {fact} of {key} differs: {found[0]} and {found[1]}; {remedy}")
+def _joined(
+    name: str, parts: Iterable[Mapping[str, Value]], remedy: str = "give what differs different names"
+) -> dict[str, Value]:
+    joined: dict[str, Value] = {}
+    for part in parts:
+        for key, value in part.items():
+            if joined.setdefault(key, value) != value:
+                raise InputError(f"{name}: {key} differs: {joined[key]} and {value}; {remedy}")
     return joined
-
-
-def _reversed(pair: Comparison) -> Comparison:
-    turned = {"difference": -pair.difference, "low": -pair.high, "high": -pair.low}
-    return pair.replace(controller=pair.against, against=pair.controller, **turned)

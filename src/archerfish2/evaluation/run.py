@@ -20,15 +20,8 @@ from archerfish2.protocols import Command, Controller, Engagement, Seen, Shot, W
 
 LARGEST = 2048
 """Engagements that run at once."""
-
-
-class Rollout(NamedTuple):
-    """Every decision of engagements of batch shape B, NumPy's arrays B + (T, ...)."""
-
-    seen: Seen
-    command: Command  # as the controller asked
-    in_force: Array  # command during the period, after all limits [rad], B + (T, 2)
-    shot: Shot
+Advance = Callable[[int], None]
+"""Gets how many engagements are done."""
 
 
 class Counted(NamedTuple):
@@ -40,11 +33,7 @@ class Counted(NamedTuple):
 
 
 def count(
-    world: World,
-    controller: Controller,
-    engagement: Engagement,
-    normals: Array,
-    progress: Callable[[int], None] = lambda _: None,
+    world: World, controller: Controller, engagement: Engagement, normals: Array, progress: Advance = lambda _: None
 ) -> Counted:
     """Let a controller shoot and return which decisions fired and which hit.
 
@@ -63,31 +52,30 @@ def count(
     number = len(normals)
     size = -(-number // -(-number // LARGEST))
     if size < number:
-        found = []
+        fired, hit, largest = list[Any](), list[Any](), 0.0
         for start in range(0, number, size):
             # The last part begins earlier, so that all are of one shape, which is compiled once.
-            places = slice(min(start, number - size), min(start, number - size) + size)
-            part = map_arrays(lambda each, places=places: each[places], engagement)
-            done = count(world, controller, part, normals[places])
-            found.append((done, start - places.start))
-            progress(places.stop)
-        fired = np.concatenate([part.fired[skip:] for part, skip in found])
-        hit = np.concatenate([part.hit[skip:] for part, skip in found])
-        return Counted(fired, hit, max(part.yaw_acceleration or 0.0 for part, _ in found))
+            first = min(start, number - size)
+            part = map_arrays(lambda values, first=first: values[first : first + size], engagement)
+            counted = count(world, controller, part, normals[first : first + size])
+            fired.append(counted.fired[start - first :])
+            hit.append(counted.hit[start - first :])
+            largest = max(largest, counted.yaw_acceleration or 0.0)
+            progress(first + size)
+        return Counted(np.concatenate(fired), np.concatenate(hit), largest)
     if _compiled(world) and _compiled(controller):
-        fired, hit, bend, finite = _run("count", world, controller, engagement, normals)
+        by_decision, hits, bend, finite = _run("count", world, controller, engagement, normals)
         if finite:
-            return Counted(fired.T, hit.T, float(bend) / world.period_s**2)
-    shots = run_engagements(world, controller, engagement, normals)
-    _check_finite(type(controller).__name__, shots.in_force)
-    fired, hit = shots.shot.fired, shots.shot.fired & (shots.shot.margin >= 0.0)
-    yaw = np.stack([shots.in_force[..., 1].T, shots.shot.angle[..., 1].T], axis=1)
-    bend = _largest_bend(yaw, map_arrays(lambda values: values[:, 0], shots.seen))
-    return Counted(fired, hit, float(bend) / world.period_s**2)
+            return Counted(by_decision.T, hits.T, float(bend) / world.period_s**2)
+    seen, _, in_force, shot = decisions(world, controller, engagement, normals)
+    _check_finite(type(controller).__name__, in_force)
+    yaw = np.stack([in_force[..., 1].T, shot.angle[..., 1].T], axis=1)
+    bend = _largest_bend(yaw, map_arrays(lambda values: values[:, 0], seen))
+    return Counted(shot.fired, shot.fired & (shot.margin >= 0.0), float(bend) / world.period_s**2)
 
 
-def run_engagements(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Rollout:
-    """Let a controller shoot and return everything of every decision.
+def decisions(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Any:
+    """Let a controller shoot and return what was seen, commanded, in force and shot at all decisions, B + (T, ...).
 
     Args:
       world: where.
@@ -98,16 +86,16 @@ def run_engagements(world: World, controller: Controller, engagement: Engagement
     Raises:
       InputError: if a command is not finite, where one of the two can't be compiled.
     """
-    axis = normals.ndim - 2  # T in what is returned
+    axis = normals.ndim - 2
     if _compiled(world) and _compiled(controller):
         in_force, (seen, command, shot) = _run("rollout", world, controller, engagement, normals)
-        return Rollout(*map_arrays(lambda each: np.moveaxis(each, 0, axis), (seen, command, in_force, shot)))
+        return map_arrays(lambda values: np.moveaxis(values, 0, axis), (seen, command, in_force, shot))
     begin, see, step = (_method(world, name) for name in ("begin", "see", "step"))
     reset, decide = (_method(controller, name) for name in ("reset", "step"))
     state = begin(engagement, normals)
     truth = world.truth(engagement) if getattr(controller, "needs_truth", False) else None
     seen = map_arrays(np.array, see(state))  # copies: PyTorch takes no arrays that are read-only, as JAX's are
-    memory, decisions = reset(seen, truth), []
+    memory, decided = reset(seen, truth), []
     deciding, shooting = find_plugin(controller, "controller"), find_plugin(world, "world")
     for place in range(normals.shape[axis]):
         with deciding.running():
@@ -117,9 +105,9 @@ def run_engagements(world: World, controller: Controller, engagement: Engagement
         with shooting.running():
             state, shot = step(state, command, normals[..., place, :])
             after = map_arrays(np.array, see(state))
-        decisions.append(Rollout(seen, command, after.command, map_arrays(np.asarray, shot)))
+        decided.append((seen, command, after.command, map_arrays(np.asarray, shot)))
         seen = after
-    return Rollout(*map_arrays(lambda *each: np.stack(each, axis=axis), *decisions))
+    return map_arrays(lambda *values: np.stack(values, axis=axis), *decided)
 
 
 def count_perfect_aim(world: Any, engagement: Engagement, normals: Array) -> Counted:
@@ -130,11 +118,8 @@ def count_perfect_aim(world: Any, engagement: Engagement, normals: Array) -> Cou
       engagement: N of them.
       normals: standard normals of all decisions, shape (N, T, world.normals).
     """
-    if _compiled(world):
-        hit = _run("perfect", world, engagement, normals).T
-    else:
-        hit = np.asarray(_perfect(world, engagement, normals)).T
-    return Counted(np.ones_like(hit), hit, None)
+    hit = _run("perfect", world, engagement, normals) if _compiled(world) else _perfect(world, engagement, normals)
+    return Counted(np.ones_like(hit.T), np.asarray(hit).T, None)
 
 
 def _perfect(world: Any, engagement: Engagement, normals: Array) -> Array:
@@ -143,7 +128,7 @@ def _perfect(world: Any, engagement: Engagement, normals: Array) -> Array:
     times = np.arange(1, len(drawn) + 1, dtype=np.float32)[:, None] * world.period + 0.0 * engagement.duration[None]
     muzzle = world.muzzle_of(engagement)
     if muzzle.speed.ndim:
-        muzzle = map_arrays(lambda each: each[None], muzzle)
+        muzzle = map_arrays(lambda values: values[None], muzzle)
     angle = intercept(lambda time: engagement.target.at(time).position[..., 0, :], times, muzzle).angle
     return world.shoot(engagement, times, angle, 0.0 * angle, times > 0.0, drawn).margin >= 0.0
 
@@ -174,7 +159,7 @@ def _programs() -> dict[str, Any]:
 
 
 def _scan(
-    world: World, controller: Controller, engagement: Engagement, normals: Array, keep: Any = lambda *each: each
+    world: World, controller: Controller, engagement: Engagement, normals: Array, keep: Any = lambda *decision: decision
 ) -> tuple[Array, Any]:
     """Return the commands in force and what `keep` takes of (seen, command, shot), decisions first."""
     jax = import_jax()

@@ -8,17 +8,19 @@ shots hit (Hooke and Jeeves 1961), and ends where no neighbour hits more: so bot
 been tried, and none is at an edge of what was.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from archerfish2.controllers.registry import make_controller
-from archerfish2.controllers.tuning import GRIDS, Grid, Tuning, entry, keep, kept, tuning_at
+from archerfish2.controllers.tuning import GRIDS, Tuning, TuningLike, entry, keep, kept, tuning_at
 from archerfish2.errors import InputError, one_line
+from archerfish2.evaluation.contenders import Contender
 from archerfish2.evaluation.draws import draw
 from archerfish2.evaluation.run import count
-from archerfish2.robot import Robot
+from archerfish2.reports import progress
+from archerfish2.robot import Robot, RobotLike
 from archerfish2.simulation.world import make_world
-from archerfish2.task import Task
+from archerfish2.task import Task, TaskLike
 
 BUDGET = 60
 """Settings that are tried at most, per controller."""
@@ -44,31 +46,63 @@ class Tuned(NamedTuple):
     """Settings tried and their hit rates, in their order."""
 
 
-def tune(name: str, robot: Robot, task: Task, progress: Progress = lambda *_: None) -> Tuning:
+def tune(controller: str, robot: RobotLike = None, task: TaskLike = "any") -> Tuning:
     """Return the settings of a controller for a robot and a task: those that are kept, else searched for and kept.
 
     They are kept in the robot's folder, tuning.json; those of a robot without folder in the user's cache, and those of
     the paper's robot and targets come with Archerfish.
 
     Args:
-      name: one of `GRIDS`.
-      robot: in whose simulator the controller is tuned.
-      task: whose targets are engaged; on the stream "tuning", that no evaluation has.
-      progress: gets how many settings have been tried, and the best hit rate.
+      controller: one of `GRIDS`.
+      robot: in whose simulator the controller is tuned; the paper's if not given.
+      task: whose targets are engaged, or its name or TOML file; on the stream "tuning", that no evaluation has.
 
     Raises:
       InputError: if nothing is tuned of such a controller, the world can't be built, or what is kept can't be read.
     """
-    if not isinstance(name, str) or name not in GRIDS:
-        given = one_line(repr(name))[:100]
-        raise InputError(f"tune: name must be one of {', '.join(GRIDS)}, got {given}; other controllers are not tuned")
-    tuning = kept(name, robot, task)
+    if not isinstance(controller, str) or controller not in GRIDS:
+        expected, given = ", ".join(GRIDS), one_line(repr(controller))[:100]
+        raise InputError(f"tune: controller must be one of {expected}, got {given}; other controllers are not tuned")
+    robot, task = Robot.of(robot), Task.of(task)
+    tuning = kept(controller, robot, task)
     if tuning is None:
-        begun = entry(name, robot, task)
-        found = search(name, rates(name, robot, task), progress)
+        begun = entry(controller, robot, task)
+        with progress.bar("tuning", BUDGET, "settings") as advance:
+
+            def report(tried: int, best: float) -> None:
+                advance(tried, f"{controller}, best {100 * best:.1f} %")
+
+            found = search(controller, rates(controller, robot, task), report)
+            report(BUDGET, found.hit_rate)
         tuning = found.tuning
         keep(begun.replace(tuning=tuning, hit_rate=found.hit_rate, tried=len(found.tried)), robot)
     return tuning
+
+
+def settings(contenders: Sequence[Contender], tuning: TuningLike, robot: Robot, task: Task) -> dict[str, Tuning]:
+    """Return the settings of all controllers that are tuned, by the names that results give them.
+
+    Args:
+      contenders: that are to shoot.
+      tuning: as `evaluate` takes it; a controller that a mapping doesn't name has the settings that are kept.
+      robot: its records.
+      task: of any lengths.
+
+    Raises:
+      InputError: if it is nothing of that, or names another controller.
+    """
+    names = {contender.name: str(contender.given) for contender in contenders if contender.is_tuned}
+    given = dict.fromkeys(names, tuning) if isinstance(tuning, Tuning) else tuning
+    known = {*names, *names.values()}
+    if not isinstance(given, Mapping):
+        if given not in ("kept", "start"):
+            expected = '"kept", "start", a Tuning, or a mapping from names of controllers to one'
+            raise InputError(f"tuning: expected {expected}, got {one_line(repr(tuning))[:100]}; give one of these")
+        return {name: tune(controller, robot, task) for name, controller in names.items() if given == "kept"}
+    if not all(name in known and isinstance(value, Tuning) for name, value in given.items()):
+        expected = f"a Tuning for {', '.join(names) or 'no controller here'}"
+        raise InputError(f"tuning: expected {expected}, got {one_line(repr(given))[:100]}; correct it")
+    return {name: given.get(name) or given.get(own) or tune(own, robot, task) for name, own in names.items()}
 
 
 def rates(name: str, robot: Robot, task: Task) -> Callable[[Tuning], float]:
@@ -82,8 +116,11 @@ def rates(name: str, robot: Robot, task: Task) -> Callable[[Tuning], float]:
 
     def rate(tuning: Tuning) -> float:
         # A controller that has no use for an engagement's length has one setting for all of them.
-        found = [count(world, make_controller(name, robot, part, tuning), *drawn).hit.mean() for part, drawn in parts]
-        return float(sum(found) / len(found))
+        total = 0.0
+        for part, drawn in parts:
+            controller = make_controller(name, robot, part, tuning)
+            total += float(count(world, controller, *drawn).hit.mean())
+        return total / len(parts)
 
     return rate
 
@@ -96,58 +133,46 @@ def search(name: str, rate: Callable[[Tuning], float], progress: Progress = lamb
       rate: hit rate with some settings, 0…1.
       progress: gets how many settings have been tried, and the best hit rate.
     """
-    pattern = _Search(name, rate, progress)
-    best = pattern.best()
-    tried = tuple((tuning_at(name, at), found) for at, found in pattern.found.items())
-    return Tuned(tuning_at(name, best), pattern.found[best], tried)
+    grids, found = tuple(GRIDS[name].values()), dict[Place, float]()
 
+    def hit_rate(at: Place) -> float:
+        if at not in found:
+            found[at] = rate(tuning_at(name, at))
+            progress(len(found), max(found.values()))
+        return found[at]
 
-class _Search:
-    """What has been tried: every setting once, within the budget."""
-
-    def __init__(self, name: str, compute: Callable[[Tuning], float], progress: Progress) -> None:
-        self.grids: Mapping[str, Grid] = GRIDS[name]
-        self.name, self.compute, self.progress = name, compute, progress
-        self.found: dict[Place, float] = {}
-
-    def rate(self, at: Place) -> float:
-        if at not in self.found:
-            self.found[at] = self.compute(tuning_at(self.name, at))
-            self.progress(len(self.found), max(self.found.values()))
-        return self.found[at]
-
-    def beside(self, at: Place, axis: int, by: int) -> Place | None:
+    def beside(at: Place, axis: int, by: int) -> Place | None:
         """Return the place beside another, or None beyond a natural bound."""
-        index, last = at[axis] + by, tuple(self.grids.values())[axis].last
+        index, last = at[axis] + by, grids[axis].last
         return None if last is not None and index > last else (*at[:axis], index, *at[axis + 1 :])
 
-    def neighbours(self, at: Place) -> list[Place]:
-        places = (self.beside(at, axis, by) for axis in range(len(at)) for by in (-1, 1))
-        return [each for each in places if each is not None]
+    def neighbours(at: Place) -> list[Place]:
+        places = (beside(at, axis, by) for axis in range(len(at)) for by in (-1, 1))
+        return [place for place in places if place is not None]
 
-    def affordable(self, there: Place, at: Place) -> bool:
+    def affordable(there: Place, at: Place) -> bool:
         """Whether after another place the budget still does for the neighbours of either."""
-        return all(len(self.found.keys() | {there, *self.neighbours(each)}) <= BUDGET for each in (there, at))
+        return all(len(found.keys() | {there, *neighbours(place)}) <= BUDGET for place in (there, at))
 
-    def improved(self, at: Place, axis: int) -> Place:
+    def improved(at: Place, axis: int) -> Place:
         """Go along one setting while more shots hit, with doubled steps."""
         for direction in (1, -1):
             begun, step = at, direction
-            while (there := self.beside(at, axis, step)) is not None and self.affordable(there, at):
-                if self.rate(there) < self.rate(at) + LEAST_GAIN:
+            while (there := beside(at, axis, step)) is not None and affordable(there, at):
+                if hit_rate(there) < hit_rate(at) + LEAST_GAIN:
                     break
                 at, step = there, max(-LONGEST_STEP, min(2 * step, LONGEST_STEP))
             if at != begun:
                 break
         return at
 
-    def best(self) -> Place:
-        at, before = (0,) * len(self.grids), None
-        self.rate(at)
-        while before != at:
-            before = at
-            for axis in range(len(at)):
-                at = self.improved(at, axis)
-        for each in self.neighbours(at):
-            self.rate(each)
-        return at
+    best, before = (0,) * len(grids), None
+    hit_rate(best)
+    while before != best:
+        before = best
+        for axis in range(len(grids)):
+            best = improved(best, axis)
+    for place in neighbours(best):
+        hit_rate(place)
+    tried = tuple((tuning_at(name, at), share) for at, share in found.items())
+    return Tuned(tuning_at(name, best), found[best], tried)

@@ -123,9 +123,7 @@ def resume(
         return _run(environment, begun, run, callback or (lambda _: None))
 
 
-def with_given(
-    config: TrainConfig, trainer: Any, steps: int | None, reward: str | RewardFunction | None
-) -> TrainConfig:
+def with_given(config: TrainConfig, trainer: Any, steps: int | None, reward: Any) -> TrainConfig:
     """Return settings with what is given beside them, as to `train`, in their place."""
     config = config.replace(trainer=trainer) if trainer else config
     config = config.replace(reward=reward) if reward is not None else config
@@ -238,20 +236,20 @@ def _stop_requests() -> Iterator[list[int]]:
     if threading.current_thread() is not threading.main_thread():
         yield found
         return
-    before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    handled = {number: handler for number, handler in before.items() if handler not in (signal.SIG_IGN, None)}
+
+    def restore() -> None:
+        for number, handler in handled.items():
+            signal.signal(number, handler)
 
     def stop(number: int, _: Any) -> None:
         found.append(number)
         restore()
 
-    def restore() -> None:
-        for each, handler in before.items():
-            signal.signal(each, handler)
-
     try:
-        for each, handler in before.items():
-            if handler not in (signal.SIG_IGN, None):
-                signal.signal(each, stop)
+        for number in handled:
+            signal.signal(number, stop)
         yield found
     finally:
         restore()

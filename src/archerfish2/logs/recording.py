@@ -77,7 +77,8 @@ class Signals(NamedTuple):
         """Return where to name signals of a log that has other ones: if as many, in their order."""
         lacking = [name for name in self.columns() if name not in there]
         left = [other for other in there if other not in self.columns()]
-        meant = dict(zip(lacking, left if len(left) == len(lacking) else ["NAME"] * len(lacking), strict=True))
+        others = left if len(left) == len(lacking) else ["NAME"] * len(lacking)
+        meant = dict(zip(lacking, others, strict=True))
         roles = {"time": [self.time] if self.time else [], "inputs": self.inputs, "outputs": self.outputs}
         words = dict[str, str]()
         for role, names in roles.items():

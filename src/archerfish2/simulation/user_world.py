@@ -1,7 +1,7 @@
 """A user's own world in the place of the robot's simulator: found, and tried before the work."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -15,7 +15,18 @@ from archerfish2.simulation.world import make_world
 from archerfish2.task import Task
 
 
-def find_world(world: str | World | Callable[[Robot, Task], World] | None, robot: Robot, task: Task) -> World:
+class HasWorld(Protocol):
+    """What has a world for each robot and task, as a virtual robot."""
+
+    def world(self, robot: Robot, task: Task) -> World:
+        """Return the world."""
+
+
+WorldLike: TypeAlias = str | World | Callable[[Robot, Task], World] | HasWorld
+"""A world as every verb takes it."""
+
+
+def find_world(world: WorldLike | None, robot: Robot, task: Task) -> World:
     """Return the robot's simulator, or the world that was given instead.
 
     Args:

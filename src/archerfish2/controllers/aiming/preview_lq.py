@@ -12,7 +12,7 @@ import numpy as np
 from archerfish2.arrays import Array, lift, map_arrays, namespace, over, tree
 from archerfish2.controllers.aiming.preview_program import Preview, make_preview
 from archerfish2.controllers.predictors.predictor import Predictor
-from archerfish2.controllers.tuning import Tuning
+from archerfish2.controllers.tuning import SMOOTHING
 from archerfish2.dynamics.aiming import intercept
 from archerfish2.dynamics.linear_axis import GimbalModel, advance, angle_then, gimbal_angle, gimbal_rate, rest_state
 from archerfish2.dynamics.muzzle import Muzzle
@@ -89,18 +89,21 @@ class PreviewAim:
         return xp.moveaxis(unwrapped(angle, seen.command[None]), 0, -2)
 
 
-def make_preview_aim(predictor: Predictor, robot: Robot, task: Task, tuning: Tuning) -> PreviewAim:
+def make_preview_aim(
+    predictor: Predictor, robot: Robot, task: Task, *, smoothing: float = SMOOTHING, lead_s: float = 0.0
+) -> PreviewAim:
     """Build the controller, in float64.
 
     Args:
       predictor: where the target will be.
       robot: plant, muzzle and limits.
       task: decision period and command limit.
-      tuning: smoothing of the commands, and how much later than by the model the pellets are taken to leave the muzzle.
+      smoothing: weight of the changes of the command against squared angle errors.
+      lead_s: how much later than by the model the pellets are taken to leave the muzzle [s].
     """
     model = robot.gimbal(task.period_s)
-    preview = make_preview(model, robot.command_limits(task), task.period_s, HORIZON, tuning.smoothing)
-    return PreviewAim(predictor, robot.muzzle_model(), model, observer_gain(model), preview, tuning.extra_lead_s)
+    preview = make_preview(model, robot.command_limits(task), task.period_s, HORIZON, smoothing)
+    return PreviewAim(predictor, robot.muzzle_model(), model, observer_gain(model), preview, np.asarray(float(lead_s)))
 
 
 def observer_gain(model: GimbalModel) -> Array:

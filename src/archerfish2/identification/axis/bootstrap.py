@@ -14,7 +14,7 @@ from archerfish2.identification.axis.constraints import steady_gain
 from archerfish2.identification.axis.fit import AxisFit
 from archerfish2.identification.axis.output_error import leverage, plant_of, refine, residuals_by_log, solve
 from archerfish2.identification.axis.sections import Structure
-from archerfish2.identification.axis.spectrum import Experiment, Indices, Lines, local_power, picked
+from archerfish2.identification.axis.spectrum import Experiment, Indices, Lines, local_power, strongest
 from archerfish2.identification.simulation import TINY, Array, Complex
 from archerfish2.records.plant import PlantRecord
 
@@ -66,7 +66,7 @@ def _draws_of(
     responses = [lines.outputs - residual for lines, residual in zip(data, residuals, strict=True)]
     taken = leverage(every, data + soft + known)
     spectra = [_spectrum(*log) for log in zip(logs, residuals, taken, strict=True)]
-    picks = picked([np.mean(np.abs(response) ** 2, axis=0) for response in responses], _LINES)
+    picks = strongest([np.mean(np.abs(response) ** 2, axis=0) for response in responses], _LINES)
     lines = [d._replace(outputs=y).pick(k) for d, y, k in zip(data, responses, picks, strict=True)]
     drawn: list[PlantRecord] = []
     for probability in probabilities:

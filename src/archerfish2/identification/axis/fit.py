@@ -46,7 +46,7 @@ class KnownGain(NamedTuple):
 
     gain: Array  # steady output per steady input, (p, m)
     error: Array  # its standard error, 0 where it is exact, (p, m)
-    source: Literal["given", "plateaus"] = "given"
+    source: Literal["given", "plateaus"] = "given"  # where it comes from
     by_logs: Array = np.zeros((0, 0))  # steady gain of the fit without it, (p, m) after the fit
     contradicted: bool = False  # whether the logs exclude it
 

@@ -199,30 +199,33 @@ def read_sources(
     Raises:
       InputError: if one can't be read, none is given, or their signals have other names.
     """
-    read = [[_log(source) for source in _sources(group)] for group in (logs, validate)]
-    fitted, held_back = ([recording for log in group for recording in log.recordings] for group in read)
-    fitted, held_back = _numbered(fitted, held_back)
+    to_fit = [_log(source) for source in _sources(logs)]
+    to_hold_back = [_log(source) for source in _sources(validate)]
+    read = [*to_fit, *to_hold_back]
+    fitted, held_back = _numbered(
+        [recording for log in to_fit for recording in log.recordings],
+        [recording for log in to_hold_back for recording in log.recordings],
+    )
     if not fitted:
         raise InputError("identify: expected a log or more, got none; pass a file")
     for log in (*fitted, *held_back):
         if (log.input_names, log.output_names) != (fitted[0].input_names, fitted[0].output_names):
             names = f"{', '.join(fitted[0].input_names)} and {', '.join(fitted[0].output_names)}"
             raise InputError(f"{log.source}: expected the signals {names} of {fitted[0].source}; read the same ones")
-    findings = [finding for group in read for log in group for finding in log.findings]
+    findings = [finding for log in read for finding in log.findings]
     kept, repeated = _without_repeats(fitted)
     longest, left_out = _longest(kept)
     others, not_held_back = _not_fitted(held_back, kept)
     findings += [*repeated, *left_out, *not_held_back]
-    period_s = _period(fitted[0], max(log.period_s for log in (*longest, *others)), divides_s)
-    slowest = max((*longest, *others), key=lambda log: log.period_s)
+    used = [*longest, *others]
+    slowest = max(used, key=lambda log: log.period_s)
+    period_s = _period(fitted[0], slowest.period_s, divides_s)
     message = f"brought to a sampling period of {1e3 * period_s:.4g} ms, since {slowest.source} has no shorter one"
-    for log in (*longest, *others):
+    for log in used:
         if abs(log.period_s / period_s - 1) > 1e-6:
             severity: Any = "warning" if log.period_s < period_s / _COARSER else "repaired"
             findings.append(Finding("other-period", severity, log.source, message, "log all at one rate"))
-    hashes: dict[str, str | int | float | None] = {
-        log.source: log.sha256 for group in read for log in group if log.sha256
-    }
+    hashes: dict[str, str | int | float | None] = {log.source: log.sha256 for log in read if log.sha256}
     return AxisLogs(
         [resampled(log, period_s) for log in longest],
         [resampled(log, period_s) for log in others],

@@ -16,7 +16,6 @@ from archerfish2.identification.axis.result import AxisEstimates
 from archerfish2.identification.axis.sections import Structure
 from archerfish2.identification.axis.spectrum import mostly_held
 from archerfish2.identification.frequency import frequency_response
-from archerfish2.identification.statistics import converted
 from archerfish2.reports.report import Report
 from archerfish2.reports.style import Figure
 from archerfish2.reports.table import Entry, Estimate, Table, entry_texts
@@ -117,7 +116,8 @@ def axis_report(result: AxisEstimates) -> Report:
     """Report an identified axis."""
     missing, plant, worst = shortfalls(result), result.record, result.judged
     name = f"{worst.recording.source} ({'held back' if worst.held_back else 'fitted, none held back'})"
-    delay = converted(result.dead_time_samples, lambda samples: 1e3 * plant.sample_period_s * samples, "ms")
+    dead_time, period_ms = result.dead_time_samples, 1e3 * plant.sample_period_s
+    delay = Estimate(period_ms * dead_time.value, period_ms * dead_time.low, period_ms * dead_time.high, "ms")
     return Report(
         title=f"{plant.axis}: what the logs say",
         headline=f"order {len(plant.A)}, delay {_words(delay)}, fit {worst.fit_percent:.1f} % of {name}",

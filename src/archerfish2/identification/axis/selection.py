@@ -24,8 +24,8 @@ from archerfish2.identification.axis.spectrum import (
     Lines,
     lines_of,
     noise_power,
-    picked,
     slow_wander,
+    strongest,
     thinned,
 )
 from archerfish2.identification.axis.vector_fitting import DelayTable, subsets, vector_fits
@@ -69,7 +69,7 @@ class Criterion:
             # A rest put before a log adds lines, not information.
             noise.append(np.maximum(smooth, least) * log.length / log.measured)
             responses.append(_power(log.outputs - residual) / noise[-1])
-        self._picks = picked(responses, _WHITTLE_LINES)
+        self._picks = strongest(responses, _WHITTLE_LINES)
         self._weights = [1 / np.sqrt(power) for power in noise]
         self._rows = sum(log.measured for log in experiments) * len(residuals[0])
         # On a log without noise plain vector fits miss what is small and out of band; those under the weights find it.
@@ -274,8 +274,9 @@ def _best_of_orders(found: Found) -> list[Structure]:
 
 
 def _keep(found: Found, condition: Callable[[Structure], bool]) -> None:
-    for s in [s for s in found if not condition(s)]:
-        del found[s]
+    for structure in list(found):
+        if not condition(structure):
+            del found[structure]
 
 
 def _weights(found: Found) -> dict[Structure, float]:
@@ -293,7 +294,12 @@ def _candidates(
     """Return all structures that were evaluated, the likeliest first, and the fits of the best of each order."""
     fits = {structure: _fit_percent(criterion, structure, found[structure][1]) for structure in _best_of_orders(found)}
     likeliest = sorted(found, key=lambda structure: (-weights.get(structure, 0.0), found[structure][0]))
-    return tuple(Candidate(*s, found[s][0], weights.get(s, 0.0), fits.get(s), held_back.get(s)) for s in likeliest)
+    candidates = list[Candidate]()
+    for structure in likeliest:
+        bic, _ = found[structure]
+        shares = weights.get(structure, 0.0), fits.get(structure), held_back.get(structure)
+        candidates.append(Candidate(*structure, bic, *shares))
+    return tuple(candidates)
 
 
 def _fit_percent(criterion: Criterion, structure: Structure, fit: LinearFit) -> float:

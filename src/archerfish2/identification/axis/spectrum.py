@@ -230,16 +230,25 @@ def _lines_of_each(logs: int) -> int:
 
 
 def thinned(experiments: Sequence[Experiment], count: int) -> list[Indices]:
-    """Return indices of about `count` lines of the logs, by the power of their inputs; see `picked`."""
-    powers = list[Array]()
+    """Return indices of about `count` lines: half those of the strongest input, the others spread over the rest."""
+    total, kept = sum(len(log.z) for log in experiments), list[Indices]()
     for log in experiments:
+        size = len(log.z)
+        here = max(_lines_of_each(len(experiments)), count * size // total)
+        if size <= here:
+            kept.append(np.arange(size))
+            continue
         power = np.abs(log.at(0).inputs) ** 2
-        powers.append((power / np.maximum(power.mean(1, keepdims=True), TINY)).sum(0))
-    return picked(powers, count)
+        power = (power / np.maximum(power.mean(1, keepdims=True), TINY)).sum(0)
+        order = np.argsort(-power, kind="stable")
+        rest = np.sort(order[here // 2 :])
+        step = -(-len(rest) // (here - here // 2))
+        kept.append(np.sort(np.append(order[: here // 2], rest[::step])))
+    return kept
 
 
-def picked(powers: Sequence[Array], count: int) -> list[Indices]:
-    """Return indices of about `count` lines: of each log half the strongest, the others spread over the rest.
+def strongest(powers: Sequence[Array], count: float) -> list[Indices]:
+    """Return indices of the lines of the largest power, some of each log and at least a fiftieth.
 
     Args:
       powers: of the lines of each log, shape (F,) each.
@@ -248,12 +257,7 @@ def picked(powers: Sequence[Array], count: int) -> list[Indices]:
     total, kept = sum(map(len, powers)), list[Indices]()
     for power in powers:
         size = len(power)
-        here = max(_lines_of_each(len(powers)), count * size // total)
-        if size <= here:
-            kept.append(np.arange(size))
-            continue
-        order = np.argsort(-power, kind="stable")
-        rest = np.sort(order[here // 2 :])
-        step = -(-len(rest) // (here - here // 2))
-        kept.append(np.sort(np.append(order[: here // 2], rest[::step])))
+        fewest = max(min(size, _lines_of_each(len(powers))), size // 50)
+        here = int(np.clip(count * size / total, fewest, size))
+        kept.append(np.sort(np.argsort(-power, kind="stable")[:here]))
     return kept

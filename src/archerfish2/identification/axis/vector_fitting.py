@@ -23,12 +23,11 @@ from archerfish2.identification.axis.spectrum import (
     Experiment,
     Lines,
     lines_of,
-    resting_samples,
     rounding_floor,
     thinned,
     unsettled_samples,
 )
-from archerfish2.identification.simulation import TINY
+from archerfish2.identification.simulation import TINY, Complex
 
 _Spread = tuple[float, float, int]
 SPREADS = ((0.1, 3.0, 0), (0.1, 0.5, 0), (0.7, 3.0, 0), (0.1, 3.0, 2))
@@ -36,7 +35,6 @@ SPREADS = ((0.1, 3.0, 0), (0.1, 0.5, 0), (0.7, 3.0, 0), (0.1, 3.0, 2))
 _GRID = (0, 2, 5, 10, 15, 20)  # delays that are tried first
 _LINES = 400  # of all logs
 _CONTRADICTED = 1e-2  # probability at which noise alone makes a rest look like motion
-_CLEANER = 0.7  # residual's power without the first samples over that with them, from which on they are left out
 
 DelayTable = Mapping[int, LinearFit]
 """A coarse fit for each delay that was tried."""
@@ -47,9 +45,7 @@ def search_delays(
 ) -> tuple[list[Experiment], DelayTable]:
     """Fit some delays coarsely, and correct how the logs begin.
 
-    Two checks follow the first search. If a free initial state fits a log significantly better, it is not treated as
-    beginning at rest. If the logs fit clearly better without their first samples, as many as the longest delay, these
-    are left out for every delay.
+    A log that a free initial state fits significantly better is not treated as beginning at rest.
 
     Args:
       experiments: logs.
@@ -62,12 +58,6 @@ def search_delays(
     if moved:
         logs = [replace(log, pad=0, skip=unsettled_samples(log.u, delays[1])) if log in moved else log for log in logs]
         table = _delay_table(logs, order, delays)
-    # Where inputs move most at the beginning those samples are worth much: they go only if they fit worse than others.
-    cut = [replace(log, skip=delays[1]) if not (log.pad or resting_samples(log.u, log.y)) else log for log in logs]
-    if any(shorter.skip > log.skip for shorter, log in zip(cut, logs, strict=True)):
-        other, least = _delay_table(cut, order, delays), rounding_floor(logs)
-        if _power(other, cut, least) < _CLEANER * _power(table, logs, least):
-            return cut, other
     return logs, table
 
 
@@ -113,11 +103,6 @@ def _in_motion(logs: list[Experiment], extended: Experiment, sections: Sections,
     least = rounding_floor(free)
     gain = samples * np.log(max(at_rest.cost, least) / max(with_free_state.cost, least))
     return bool(gain > chdtri(order_of(sections), _CONTRADICTED))
-
-
-def _power(table: DelayTable, logs: Sequence[Experiment], least: float) -> float:
-    """Return the mean square of the best fit's residual."""
-    return max(least, min(fit.cost for fit in table.values())) / sum(log.measured for log in logs)
 
 
 def vector_fit(sections: Sections, data: list[Lines], rounds: int) -> LinearFit:
@@ -167,8 +152,10 @@ def distinct(fits: Sequence[LinearFit], most: int = 8) -> list[LinearFit]:
 
 def _relocated(fit: LinearFit, data: list[Lines]) -> Sections:
     """Zeros of σ = 1 + Σ c state where σ Y is fitted with the poles of a fit; all outputs share σ."""
-    both = zip(data, fit.logs, strict=True)
-    sigma = [-((log.states * e.z)[:, None] * e.outputs).reshape(-1, len(e.z)) for e, log in both]
+    sigma = list[Complex]()
+    for lines, log in zip(data, fit.logs, strict=True):
+        products = (log.states * lines.z)[:, None] * lines.outputs
+        sigma.append(-products.reshape(-1, len(lines.z)))
     columns = project(fit, sigma).reshape(order_of(fit.sections), -1)
     size = np.linalg.norm(columns, axis=1) + TINY
     scaled = (columns / size[:, None]).T
@@ -183,7 +170,7 @@ def _spread(data: list[Lines], order: int, damping: float, highest: float, real:
     low = min(float(-np.angle(lines.z[0])) for lines in data)
     real = min(real, order // 2 * 2) + order % 2
     pairs = (order - real) // 2
-    w = np.geomspace(min(4 * low, 0.1), highest, max(pairs, 1))[:pairs]
-    p = np.exp(w * (-damping + 1j * np.sqrt(1 - damping**2)))
+    frequencies = np.geomspace(min(4 * low, 0.1), highest, max(pairs, 1))[:pairs]
+    poles = np.exp(frequencies * (-damping + 1j * np.sqrt(1 - damping**2)))
     lags = np.geomspace(0.1, low, real) if real > 1 else np.full(real, 0.1)
-    return sections_from_poles(np.concatenate([p, p.conj(), np.exp(-lags)]))
+    return sections_from_poles(np.concatenate([poles, poles.conj(), np.exp(-lags)]))
