@@ -2,8 +2,10 @@
 
 import json
 import shlex
+from pathlib import Path
 
 from archerfish2.cli.main import main
+from archerfish2.cli.options import ForRobot
 
 
 def test_run_json_has_the_options_that_main_was_given(tmp_path, monkeypatch):
@@ -14,3 +16,10 @@ def test_run_json_has_the_options_that_main_was_given(tmp_path, monkeypatch):
     main(["identify", "muzzle", *options])
     run = json.loads((tmp_path / "out" / "run.json").read_text())["identify muzzle"]
     assert shlex.split(run["options"]) == options
+
+
+def test_paper_is_the_paper_s_robot_and_a_path_is_a_folder():
+    for name in (None, "paper"):
+        given = ForRobot(robot=name)
+        assert (given.folder, given.robot_and_task()[0].name) == (None, "paper")
+    assert ForRobot(robot="./paper").folder == Path("paper")

@@ -46,8 +46,8 @@ results = af.evaluate(controllers, robot, task, engagements=100)
 assert_type(results, af.Results)
 for one in (None, "paper", Path("robot"), robot, identified):
     world = af.make_world(one, task)
-af.rollout(policy, robot, Path("task.toml"))
-af.export("kalman-lq", "lq.c", "robot", "any", tuning=af.tune("kalman-lq", robot, task))
+    af.rollout(policy, one, Path("task.toml"), tuning="start")
+af.export("kalman-lq", "lq.c", "robot", "any", tuning=af.tune("kalman-lq", identified, "strafe"))
 af.export(policy, Path("policy.onnx"), tuning="start")
 environment = af.make_environment(robot, task, {"observation": "paper"})
 try:

@@ -3,15 +3,15 @@
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from archerfish2.codegen.c99 import print_c
 from archerfish2.codegen.check import DIFFERENCE, SHARE, c_decision, compared, onnx_decision
 from archerfish2.codegen.decision import Gated, example_decisions, trace_decision
 from archerfish2.codegen.onnx import print_onnx
 from archerfish2.controllers.policy.policy import Policy
-from archerfish2.controllers.registry import is_policy, make_controller
-from archerfish2.controllers.tuning import GRIDS, Tuning
+from archerfish2.controllers.registry import ControllerLike, load_controller, make_controller
+from archerfish2.controllers.tuning import GRIDS, Tuning, TuningLike
 from archerfish2.errors import InputError, file_error
 from archerfish2.evaluation.tuning import tune
 from archerfish2.provenance import code_commit
@@ -30,12 +30,12 @@ UNCHECKED = "To compare it, install a C compiler or ONNX Runtime; a C file's sel
 
 
 def export(
-    controller: Any,
+    controller: ControllerLike,
     path: str | Path,
     robot: RobotLike = None,
     task: TaskLike = "any",
     *,
-    tuning: Literal["kept", "start"] | Tuning | Mapping[str, Tuning] = "kept",
+    tuning: TuningLike = "kept",
 ) -> Report:
     """Write a controller as a C file with its header, or as an ONNX model, and compare it with NumPy.
 
@@ -66,7 +66,7 @@ def export(
         if target.exists() and MARK.encode() not in target.read_bytes():
             raise file_error(target, "was not written by export", "name another file, or remove it")
     robot = Robot.of(robot)
-    controller = Policy.load(controller) if is_policy(controller) else controller
+    controller = load_controller(controller)
     facts = controller.facts if isinstance(controller, Policy) else None
     task = facts.task if facts else Task.of(task)
     if task.command_limit == "los-2deg":
