@@ -102,7 +102,7 @@ def plan_command(
     size = settings.step if kind == "step" else settings.amplitude or reach
     if not 0 < size <= reach:
         angles = (size, centre, reach, limits.low, limits.high)
-        got, about, most, low, high = (f"{math.degrees(each):.3g}°" for each in angles)
+        got, about, most, low, high = (f"{math.degrees(angle):.3g}°" for angle in angles)
         problem = f"excitation: {kind}: {got} about {about}, expected up to {most}, as the travel is {low} to {high}"
         raise InputError(f"{problem}; give --amplitude-deg, --step-deg, --centre-deg, or the travel by --range-deg")
     budget = np.array([size, *settings.limit_share * np.array([limits.max_rate, limits.max_acceleration])])
@@ -301,4 +301,4 @@ def excite(
             source = f"{axis}_{kind}{'_validation' * held_back}.csv"
             group.append(Recording.from_arrays(u, y, period_s, output_names=("expected",), source=source))
     expected = identify_axis(logs[False], validate=logs[True], axis=axis, order=len(plant.A), seed=seed)
-    return Excitation(limits, {each.source: each for each in (*logs[False], *logs[True])}, expected)
+    return Excitation(limits, {log.source: log for log in (*logs[False], *logs[True])}, expected)

@@ -33,7 +33,7 @@ def frequency_response(plant: PlantRecord, hz: Array, *, draws: bool = False) ->
       hz: frequencies [Hz], shape (F,).
       draws: whether to return those of the k draws instead.
     """
-    A, B, C, D, delays = (each[:, None] for each in matrices(plant, draws=draws))
+    A, B, C, D, delays = (matrix[:, None] for matrix in matrices(plant, draws=draws))
     z = np.exp(2j * np.pi * hz * plant.sample_period_s)[:, None, None]
     found = (C @ np.linalg.solve(z * np.eye(len(plant.A)) - A, B.astype(complex)) + D) * z ** -delays[..., None, None]
     return np.asarray(found if draws else found[0])
@@ -47,7 +47,8 @@ def measured_response(recordings: Sequence[Recording]) -> MeasuredResponse:
     Args:
       recordings: of the same p outputs and m inputs; those of less than two segments are left out.
     """
-    inputs, signals = recordings[0].inputs.shape[1], [np.hstack([each.inputs, each.outputs]) for each in recordings]
+    inputs = recordings[0].inputs.shape[1]
+    signals = [np.hstack([log.inputs, log.outputs]) for log in recordings]
     segment = int(np.clip(2 ** int(np.log2(max(map(len, recordings)) / 4 + 1)), *_SEGMENT))
     hz, none = np.fft.rfftfreq(segment, recordings[0].period_s), np.zeros((0, signals[0].shape[1], segment))
     # Each segment overlaps the next by half.
@@ -77,14 +78,14 @@ def excited_band(recordings: Sequence[Recording]) -> tuple[float, float]:
     whose inputs are mostly held, few of Welch's segments have a response; there the power alone counts.
     """
     found = [np.zeros(0)]
-    for each, channel in product(recordings, range(recordings[0].inputs.shape[1])):
-        u = each.inputs[:, channel]
+    for log, channel in product(recordings, range(recordings[0].inputs.shape[1])):
+        u = log.inputs[:, channel]
         if np.ptp(u) == 0:
             continue
         held = bool(np.mean(np.diff(u) != 0) < 0.5)
         density = _density(u, held)
-        hz = (1 + np.flatnonzero(density >= _SHARE * density.max())) / (len(each) * each.period_s)
-        at, _, coherence, significant = measured_response([each])
+        hz = (1 + np.flatnonzero(density >= _SHARE * density.max())) / (len(log) * log.period_s)
+        at, _, coherence, significant = measured_response([log])
         inside = (at >= hz[0]) & (at <= hz[-1])
         at, coherent = at[inside], coherence[inside, :, channel].max(1, initial=0.0) > significant
         if coherent.any() and not held:

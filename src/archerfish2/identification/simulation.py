@@ -66,8 +66,8 @@ def balanced(plant: PlantRecord) -> PlantRecord:
     """
     A, B, C, D, _ = matrices(plant, draws=True)
     own = _balanced(plant.A, plant.B, plant.C)
-    drawn = [_balanced(*each) for each in zip(A, B, C, strict=True)]
-    draws = {name: np.stack(each) for name, each in zip("ABC", zip(*drawn, strict=True), strict=False)}
+    drawn = [_balanced(*matrices_of_draw) for matrices_of_draw in zip(A, B, C, strict=True)]
+    draws = {name: np.stack(stack) for name, stack in zip("ABC", zip(*drawn, strict=True), strict=False)}
     return plant.replace(A=own[0], B=own[1], C=own[2], draws=draws | {"D": D} if draws else {})
 
 

@@ -175,7 +175,7 @@ class PlantRecord(Record, frozen=True, kw_only=True):
     def with_dc_gain(self, gain: float) -> Self:
         """Return the plant of one input and output, scaled at its input so that its DC gain is `gain`."""
         scale = gain / self.dc_gain.item()
-        draws = {name: scale * each if name in "BD" else each for name, each in self.draws.items()}
+        draws = {name: scale * matrix if name in "BD" else matrix for name, matrix in self.draws.items()}
         return self.replace(B=scale * self.B, D=scale * self.D, draws=draws)
 
     def delays_of_draws(self) -> Counts:

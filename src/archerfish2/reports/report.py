@@ -34,12 +34,12 @@ class Report:
         verdict = {None: "", True: "usable: ", False: "not usable: "}[self.usable]
         parts = ["\n".join(map(one_line, (self.title, verdict + self.headline)))]
         for name, lines in self.lists():
-            parts.append("\n".join([name, *(f"  - {one_line(each)}" for each in lines)]))
+            parts.append("\n".join([name, *(f"  - {one_line(line)}" for line in lines)]))
         return "\n\n".join([*parts, *([tables_text(self.tables)] if self.tables else [])])
 
     def lists(self) -> list[tuple[str, list[str]]]:
         """Return heading and lines of each list that is not empty, in the order of the page."""
-        findings = [f"{each.severity}, {each.place}: {each.message}; {each.remedy}" for each in self.findings]
+        findings = [f"{found.severity}, {found.place}: {found.message}; {found.remedy}" for found in self.findings]
         named = {
             "Why": self.reasons,
             "What to do next": self.next_steps,
@@ -53,9 +53,9 @@ class Report:
         """Return everything but the figures, of which the captions, for JSON."""
         return {
             **vars(self),
-            "tables": [table_dict(each) for each in self.tables],
+            "tables": [table_dict(table) for table in self.tables],
             "figures": [caption for caption, _ in self.figures],
-            "findings": [each._asdict() for each in self.findings],
+            "findings": [finding._asdict() for finding in self.findings],
         }
 
     def write_page(self, path: str | Path) -> None:

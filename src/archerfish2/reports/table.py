@@ -113,7 +113,7 @@ def _table_text(table: Table, width: int) -> str:
     plain: Any = {"markup": False, "emoji": False, "highlight": False, "color_system": None, "force_jupyter": False}
     console = Console(file=stream, width=width, **plain)
     console.print(one_line(table.title)) if table.title else None
-    for number, places in enumerate(_parts([each + gap for each in widest], width + gap)):
+    for number, places in enumerate(_parts([column + gap for column in widest], width + gap)):
         drawn = RichTable(box=None, pad_edge=False, padding=(0, gap, 0, 0))
         for place in places:
             drawn.add_column(headings[place], justify="right" if place else "left", overflow="fold")
@@ -128,12 +128,12 @@ def _parts(widths: Sequence[int], room: int) -> list[list[int]]:
     """Divide columns among parts of a table that have room: the first one in all, which may fold to half of it."""
     first = min(widths[0], max(room // 2, room - sum(widths[1:])))
     parts, used = [[0]], first
-    for place, each in enumerate(widths[1:], 1):
-        if used + each > room and len(parts[-1]) > 1:
+    for place, column in enumerate(widths[1:], 1):
+        if used + column > room and len(parts[-1]) > 1:
             parts.append([0])
             used = first
         parts[-1].append(place)
-        used += each
+        used += column
     return parts
 
 

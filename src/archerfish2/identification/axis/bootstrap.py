@@ -105,8 +105,8 @@ def _spectrum(log: Experiment, residual: Complex, taken: Array) -> Array:
     squares = np.abs(rfft(samples - samples.mean(1, keepdims=True))[:, 1:]) ** 2 / log.measured
     share = log.length / log.measured
     places = share * np.arange(1, 1 + squares.shape[1]) - 1
-    left = [1 - share * np.interp(places, np.arange(len(each)), each) for each in taken]
-    return np.array([local_power(*each) for each in zip(squares, left, strict=True)])
+    left = [1 - share * np.interp(places, np.arange(len(shares)), shares) for shares in taken]
+    return np.array([local_power(*channel) for channel in zip(squares, left, strict=True)])
 
 
 def _noise(log: Experiment, power: Array, lines: Indices, rng: np.random.Generator) -> Complex:

@@ -96,7 +96,9 @@ def section_states(sections: Sections, z: Complex) -> tuple[Complex, list[Comple
       Shapes (n, F) and (F,) each.
     """
     inverses = [1 / (1 + z * (s[0] if len(s) == 1 else s[0] + s[1] * z)) for s in sections]
-    states = [each for s, i in zip(sections, inverses, strict=True) for each in (i, i * z)[: len(s)]]
+    states = list[Complex]()
+    for section, inverse in zip(sections, inverses, strict=True):
+        states += (inverse, inverse * z)[: len(section)]
     return np.array(states), inverses
 
 
