@@ -8,7 +8,7 @@ import archerfish2 as af
 from archerfish2.arrays import leaves, map_arrays
 from archerfish2.controllers.policy.network import Layer, Normaliser
 from archerfish2.controllers.policy.policy import Policy
-from archerfish2.evaluation.run import run_engagements
+from archerfish2.evaluation.rollout import run_engagements
 from archerfish2.learning.config import TrainConfig
 from archerfish2.learning.environment import HIDDEN
 from archerfish2.learning.reward import Reward
