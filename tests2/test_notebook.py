@@ -7,16 +7,16 @@ import pytest
 CELLS = (
     "import numpy as np, archerfish2 as af",
     "from archerfish2.evaluation import run\nrun.has_jax = lambda: False",  # nothing is compiled
-    "time = 1e-3 * np.arange(3000)\n"
-    "command = 0.1 * np.sin(2 * np.pi * (2 * time + 4 * time**2))\n"
-    "lag = np.exp(-40 * time[:500])\n"
-    "angle = np.convolve(command, lag / lag.sum())[:3000]\n"
+    "time = 1e-3 * np.arange(3000)",
+    "command = 0.1 * np.sin(2 * np.pi * (2 * time + 4 * time**2))",
+    "lag = np.exp(-40 * time[:500])",
+    "angle = np.convolve(command, lag / lag.sum())[:3000]",
     "axis = af.identify_axis(af.Recording.from_arrays(command, angle, 1e-3), axis='pitch')\naxis",
     "axis.bode()",
     "robot = af.Robot.paper()\nrobot",
     "task = af.Task.load('static').replace(ranges_m=((2.0, 3.0),))\ntask",
-    "results = af.evaluate({'ours': 'kalman', 'kalman-lq': 'kalman-lq'}, robot, task, engagements=4, tuning='start')\n"
-    "print(results)",
+    "both = {'ours': 'kalman', 'kalman-lq': 'kalman-lq'}",
+    "results = af.evaluate(both, robot, task, engagements=4, tuning='start')\nprint(results)",
     "results",
     "results.compare('ours', 'kalman-lq')",
     "results.plot()",
