@@ -77,10 +77,11 @@ def verbs(folder: str) -> dict[str, Entered]:
     """Count for an evaluation, a decision and a training; the second time, after what is loaded and kept once."""
     cell = Task(motion="dynamic", ranges_m=((2.0, 3.0),))
     controller, seen = make_controller("kalman", Robot.paper(), cell), seen_ahead(3)
+    state = controller.reset(seen)
     config = TrainConfig(gradient=GradientConfig(environments=32, hidden=16, window=5, steps=640))
     actions: dict[str, Callable[[], Any]] = {
         "evaluate": lambda: evaluate("kalman", task=cell, engagements=4, tuning="start"),
-        "decision": lambda: controller.step(controller.reset(seen), seen),
+        "decision": lambda: controller.step(state, seen),
         "train": lambda: train(task=cell, config=config, out=Path(folder, "policy")),
     }
     for action in actions.values():

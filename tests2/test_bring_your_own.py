@@ -154,6 +154,8 @@ def test_an_object_of_a_notebook_is_known_by_its_content(notebook):
     assert (motions[0], len(set(motions))) == (motions[-1], 4)
     made = [af.Task(motion=notebook(CLOSURE).times(factor)).motion for factor in (1.0, 2.0)]
     assert made[0] != made[1]  # equal source that refers to other numbers
+    blocks = [lambda observer, view: view.distance, lambda observer, view: 0.0 * view.distance]  # in one line
+    assert len(set(af.TrainConfig(observation=("history", *blocks)).observation)) == 3
 
 
 def test_no_file_names_an_object(notebook, tmp_path, refused):

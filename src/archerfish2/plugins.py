@@ -191,6 +191,7 @@ def _collect(value: Any, found: dict[Any, str]) -> None:
             parts += [repr((function.__defaults__, function.__kwdefaults__))]
             for code in codes:  # which grows by those inside
                 codes += [constant for constant in code.co_consts if isinstance(constant, types.CodeType)]
+                parts += [_compiled(code)]  # of two functions in one line, the source is the same
             for name in dict.fromkeys(name for code in codes for name in code.co_names):
                 used = function.__globals__.get(name)
                 if isinstance(used, bool | int | float | str | tuple | list):
@@ -198,6 +199,14 @@ def _collect(value: Any, found: dict[Any, str]) -> None:
                 elif isinstance(used, type | types.FunctionType) and used.__module__ == function.__module__:
                     _collect(used, found)
             found[function] = "\n".join(parts)
+
+
+def _compiled(code: types.CodeType) -> str:
+    """Return what a function does, without the functions inside; the same in every process."""
+    constants = [constant for constant in code.co_consts if not isinstance(constant, types.CodeType)]
+    # A set has another order in each process.
+    texts = [str(sorted(map(repr, value))) if isinstance(value, frozenset) else repr(value) for value in constants]
+    return repr((code.co_code, code.co_names, code.co_varnames, texts))
 
 
 def _is_installed(where: str, path: Path) -> bool:

@@ -97,6 +97,7 @@ def test_a_users_reward_gets_shot_command_and_what_is_seen_after_it(refused):
     aim = environment.observer.view(state.memory).aim
     assert_allclose(given.reward, 0.02 + aim[:, 1], rtol=1e-5)
     refused("reward must be one of eq-8, hit, smooth-hit, or", af.make_environment, reward="nearest")
+    refused("has no attribute 'margn'", af.make_environment, reward=lambda shot, *_: shot.margn)
 
 
 @pytest.mark.parametrize(("trainer", "hidden"), [("gradient", 0), ("ppo", HIDDEN)])

@@ -123,7 +123,7 @@ def test_nothing_is_given_beside_a_folder_that_its_training_would_ignore(tmp_pat
     assert not (tmp_path / run_folder.POLICY).exists()
 
 
-def test_what_a_callback_gets_is_the_log_and_what_it_raises_leaves_a_checkpoint(tmp_path, expected):
+def test_what_a_callback_gets_is_the_log_and_what_it_raises_leaves_a_checkpoint(tmp_path, expected, refused):
     rows = []
 
     def stop_after_six(row):
@@ -139,6 +139,7 @@ def test_what_a_callback_gets_is_the_log_and_what_it_raises_leaves_a_checkpoint(
     assert len(written) == 8
     assert weights(af.resume(tmp_path, callback=rows.append)) == expected("gradient")
     assert [row["iteration"] for row in rows] == [1, 2, 3, 4, 5, 6, 9, 10, 11, 12]
+    refused("callback: expected a function of a dictionary, got 'x'; give one", af.train, callback="x")
 
 
 def test_settings_may_be_a_dictionary_and_a_policy_shows_itself_in_a_line(refused, expected):
@@ -199,7 +200,10 @@ def test_a_signal_checkpoints_and_ends_and_a_kill_loses_nothing(tmp_path, expect
     process = start(f"{WORDS} {out}", raised.format(int(signal.SIGTERM)))
     begun, *said = process.communicate(timeout=120)[1].splitlines()
     assert begun.startswith("training: 0 of ")
-    assert (said[-2:], process.returncode) == ([f"continue with --resume {out}", "archerfish2: terminated"], 143)
+    assert (said[-2:], process.returncode) == (
+        [f"continue with archerfish2 train --resume {out}", "archerfish2: terminated"],
+        143,
+    )
     assert (out / run_folder.CHECKPOINT).exists()
     process = start(f"train --resume {out}", raised.format(int(signal.SIGKILL)))
     process.communicate(timeout=120)
@@ -231,7 +235,9 @@ def test_a_folder_has_one_writer_and_an_earlier_training_stays_until_the_end(tmp
     with pytest.raises(KeyboardInterrupt):
         af.train(task="paper", config=CONFIG, seed=1, out=out)
     assert weights(af.Policy.load(before)) == weights(first)
-    refused(f"has an unfinished training; continue it: --resume {out}", af.train, task="paper", out=out)
+    refused(
+        f"has an unfinished training; continue it: --resume {out}, in Python af.resume", af.train, task="paper", out=out
+    )
     monkeypatch.undo()
     with run_folder.resumed_run(out):
         refused("in use by another process", af.resume, out)

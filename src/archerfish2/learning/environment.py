@@ -8,11 +8,13 @@ from __future__ import annotations  # so that help() names the types, rather tha
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from archerfish2.arrays import Array, namespace, select, single_precision, tree, when_any
 from archerfish2.controllers.policy.observation import make_observer, observer_facts
 from archerfish2.controllers.policy.observer import Observer
 from archerfish2.learning.config import ConfigLike, TrainConfig
-from archerfish2.learning.reward import RewardFunction, make_reward
+from archerfish2.learning.reward import RewardFunction, UserReward, make_reward
 from archerfish2.protocols import Seen, Shot
 from archerfish2.robot import Robot, RobotLike
 from archerfish2.simulation.camera import with_open_nearness
@@ -165,4 +167,8 @@ def make_environment(
     sees_truth = config.trainer == "ppo" and (robot.sensing is not None or config.kind in ("tracked", "multimodel"))
     found = make_reward(reward or config.reward, task.hit_radius_m)
     made: Environment = single_precision(Environment(world, scenario, observer, found, sees_truth))
+    if isinstance(found, UserReward):
+        normals = np.zeros((2, made.normals), np.float32)
+        state, observation = made.fresh(normals, np.full((2, made.uniforms), 0.5, np.float32))
+        made.step(state, np.zeros((2, 2), np.float32), normals, (state, observation))  # its faults show now
     return made

@@ -29,7 +29,7 @@ from archerfish2.learning.environment import Environment, make_environment
 from archerfish2.simulation.picture import REMEMBERED, Picture, draw_picture
 
 _OPTIONS = ("robot", "task", "config", "reward")  # of `make_environment`
-_OTHERS = ', environment, action_bound, render_mode "rgb_array" or None, and of many staggered and autoreset_mode'
+_OTHERS = ', environment, action_bound, render_mode "rgb_array" or None, of own vectors staggered, autoreset_mode'
 OBSERVATION_BOUND = 1e6
 """Far beyond any number of an observation; Gymnasium advises against spaces without bounds."""
 Floats = NDArray[np.float32]

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from archerfish2.controllers.policy.observer import Memory, Observer
+from archerfish2.errors import InputError
 from archerfish2.protocols import Command, Seen, Truth
 
 
@@ -20,7 +21,12 @@ class Player:
           model: of Stable-Baselines3, or anything else with `predict`.
           observer: of the environment that it was trained in: `environment.observer`, `env.unwrapped.observer`.
           normalise: what was done to observations, as `VecNormalize.normalize_obs`; nothing if not given.
+
+        Raises:
+          InputError: if `observer` is none.
         """
+        if not isinstance(observer, Observer):
+            raise InputError(f"observer: expected that of an environment, got a {type(observer).__name__}; give it")
         self.model, self.observer = model, observer
         self.normalise = normalise or (lambda observation: observation)
 

@@ -185,7 +185,11 @@ def _earlier(path: Path) -> set[str]:
     if names and not (path / storage.RUN).exists():
         raise file_error(path, f"has files of something else, as {min(names)}", "choose another folder")
     if {CHECKPOINT, PREVIOUS} & names and not {POLICY, FAULT} & names:
-        raise file_error(path, "has an unfinished training", f"continue it: --resume {path}")
+        raise file_error(
+            path,
+            "has an unfinished training",
+            f"continue it: --resume {path}, in Python af.resume",
+        )
     own = {storage.RUN, LOG, CHECKPOINT, PREVIOUS, FAULT, *(read_run(path).files if names else ())}
     if others := sorted(names - own):
         raise file_error(path, f"has files of something else, as {others[0]}", "choose another folder")

@@ -72,6 +72,7 @@ def train(
     with import_jax().enable_x64(False):
         from archerfish2.learning.shards import claim_devices
 
+        _check_callback(callback)
         begun = _begin(robot, task, with_given(TrainConfig.of(config), trainer, steps, reward), seed)
         begun = begun.replace(devices=claim_devices(begun.config.settings.shards), code=_own_code(begun))
         environment = make_environment(begun.robot, begun.task, config=begun.config)
@@ -102,6 +103,7 @@ def resume(
       InputError: if there is no such training, it is finished, in use or damaged, code is missing, not its own or has
         changed, or the training diverges.
     """
+    _check_callback(callback)
     given = {f"block {name_of(block, 'block')}" for block in blocks}
     given |= {f"motion {Task.of(task).motion}"} if task is not None else set()
     given |= {f"reward {name_of(reward, 'reward')}"} if reward is not None else set()
@@ -123,6 +125,11 @@ def resume(
             raise InputError(f"{folder}: begun on {begun.devices} devices, got {devices}; in a new process set {flag}")
         environment = make_environment(begun.robot, begun.task, config=begun.config)
         return _run(environment, begun, run, callback or (lambda _: None))
+
+
+def _check_callback(callback: Any) -> None:
+    if callback is not None and not callable(callback):
+        raise InputError(f"callback: expected a function of a dictionary, got {callback!r}; give one, or leave it out")
 
 
 def with_given(config: TrainConfig, trainer: Any, steps: int | None, reward: Any) -> TrainConfig:
@@ -200,7 +207,8 @@ def _run(environment: Any, begun: Begun, folder: RunFolder | None, callback: Cal
                 folder.save(state)
                 stored = time.monotonic()
     if stop:  # once more, to whoever handled it before
-        print(f"continue with --resume {folder.path}" if folder else "nothing is kept", file=sys.stderr)  # noqa: T201
+        message = f"continue with archerfish2 train --resume {folder.path}" if folder else "nothing is kept"
+        print(message, file=sys.stderr)  # noqa: T201
         signal.raise_signal(stop[0])
         raise KeyboardInterrupt  # where that one returned
     policy = _policy(environment.observer, state, folder.begun if folder else begun, rows)
