@@ -122,11 +122,11 @@ class RunFolder:
 
     def _cut(self, count: int) -> None:
         path = self.path / LOG
-        lines = path.read_text().splitlines()[:count] if path.exists() else []
+        lines = path.read_bytes().splitlines()[:count] if path.exists() else []
         self.rows = [parse_json(line, path, REMEDY) for line in lines]
         if len(self.rows) < count:
             raise file_error(path, f"has {len(self.rows)} iterations, expected {count}", REMEDY)
-        storage.write_bytes(path, "".join(f"{line}\n" for line in lines).encode())
+        storage.write_bytes(path, b"".join(line + b"\n" for line in lines))
 
     def _compare_code(self) -> None:
         """Say, and write down, where code and libraries are not those that the training has run with so far."""

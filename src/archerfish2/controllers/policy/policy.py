@@ -89,7 +89,7 @@ class Policy:
         if not path.exists() and is_training(folder):
             raise file_error(folder, "is a training that is not finished", f"run archerfish2 train --resume {folder}")
         text, arrays = read_arrays(path, _REMEDY)
-        if isinstance(content := parse_json(text, path, _REMEDY), dict):
+        if isinstance(content := parse_json(text.encode(), path, _REMEDY), dict):
             content.pop("remake", None)  # of older files
         facts = to_struct(content, path, PolicyFacts, POLICY_SCHEMA, _REMEDY)
         if (own := ", ".join(facts.observer.observation[1:])) and not blocks:
