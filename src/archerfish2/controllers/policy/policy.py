@@ -40,14 +40,10 @@ class PolicyFacts(Struct, frozen=True, kw_only=True):
     """Configuration and outcome of the training."""
 
 
-@tree(left_out=("facts",))
-class Policy:
-    """A controller: the network's output for what is observed, as an offset from an aim; without randomness."""
+class ObservingController:
+    """Base of what acts on observations alone."""
 
     observer: Observer
-    normaliser: Normaliser
-    actor: tuple[Layer, ...]  # its network
-    facts: PolicyFacts | None = None  # left out of programs, which depend on arrays alone
 
     def reset(self, seen: Seen, truth: Truth | None = None) -> Memory:  # noqa: ARG002
         """Return the memory at the beginning of an engagement."""
@@ -58,6 +54,20 @@ class Policy:
         memory = self.observer.remember(state, seen)
         view = self.observer.view(memory, seen)
         return memory, self.observer.decode(view, self.action(self.observer.observe(view)))
+
+    def action(self, observation: Array) -> Array:
+        """Return the action for an observation, shape B + (n,) → B + (2,)."""
+        raise NotImplementedError
+
+
+@tree(left_out=("facts",))
+class Policy(ObservingController):
+    """A controller: the network's output for what is observed, as an offset from an aim; without randomness."""
+
+    observer: Observer
+    normaliser: Normaliser
+    actor: tuple[Layer, ...]  # its network
+    facts: PolicyFacts | None = None  # left out of programs, which depend on arrays alone
 
     def action(self, observation: Array) -> Array:
         """Return the action for an observation, shape B + (n,) → B + (2,)."""
