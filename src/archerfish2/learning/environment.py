@@ -161,5 +161,4 @@ def make_environment(
     # Who sees old detections alone, or six numbers of them, leaves the critic to learn where the target really is.
     sees_truth = config.trainer == "ppo" and (robot.sensing is not None or config.kind in ("tracked", "multimodel"))
     found = make_reward(reward or config.reward, task.hit_radius_m)
-    made: Environment = single_precision(Environment(world, scenario, observer, found, sees_truth))
-    return made
+    return single_precision(Environment(world, scenario, observer, found, sees_truth))
