@@ -221,18 +221,17 @@ def read_run(path: Path) -> Begun:
     return to_struct({"schema": content.get("schema"), **content["train"]}, file, Begun, storage.RUN_SCHEMA, REMEDY)
 
 
-def learning_curve(rows: list[dict[str, Any]], *, title: str = "Training") -> "Figure":
+def learning_curve(rows: list[dict[str, Any]]) -> "Figure":
     """Draw hit share and mean reward of a training against its decisions.
 
     Args:
       rows: of the log.
-      title: above.
     """
     decisions = np.array([row["decisions"] for row in rows]) / 1e6
     with plot_style():
         figure, axes = new_figure(2, 1, height=4.6, sharex=True)
         axes[0, 0].plot(decisions, [100.0 * row["hit_share"] for row in rows])
-        axes[0, 0].set(title=title, ylabel="hits [%]")
+        axes[0, 0].set(title="Training", ylabel="hits [%]")
         axes[1, 0].plot(decisions, [row["mean_reward"] for row in rows])
         axes[1, 0].set(xlabel="decisions [million]", ylabel="reward [m]")
     return figure
