@@ -25,7 +25,7 @@ def setting(observation: str) -> tuple[Any, Any]:
 
     robot, task = Robot.paper(), Task.load("paper").replace(command_limit="box")
     config = TrainConfig(trainer="ppo", observation=observation, reward="eq-8").resolved(robot, task)
-    return make_environment(robot, task, config), config.ppo
+    return make_environment(robot, task, config=config), config.ppo
 
 
 def train_ours(environment: Any, config: Any, devices: int, turn: Turn) -> None:

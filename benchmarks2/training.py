@@ -91,7 +91,8 @@ def second_edition() -> dict[str, Callable[[], int]]:
     tasks = Task.load("paper"), Task.load("kinds")
     settings = TrainConfig(trainer="ppo", observation="history"), TrainConfig()
     ready = [each.resolved(robot, task) for each, robot, task in zip(settings, robots, tasks, strict=True)]
-    in_paper, in_kinds = (make_environment(*each) for each in zip(robots, tasks, ready, strict=True))
+    in_paper = make_environment(robots[0], tasks[0], config=ready[0])
+    in_kinds = make_environment(robots[1], tasks[1], config=ready[1])
 
     def stepped(environment: Any, state: Any, key: Any) -> Any:
         keys, own = jax.random.split(shards.own_key(key), 2), MEMBERS // SHARDS

@@ -166,7 +166,7 @@ def test_no_file_names_an_object(notebook, tmp_path, refused):
 
 def test_a_block_has_what_is_seen_at_its_decision(notebook):
     config = af.TrainConfig(observation=("history", notebook(PARTS).turning))
-    environment, rng = af.make_environment("tests2/infantry", "dynamic", config), np.random.default_rng(0)
+    environment, rng = af.make_environment("tests2/infantry", "dynamic", config=config), np.random.default_rng(0)
     fresh = environment.fresh(
         rng.standard_normal((2, 11), np.float32), rng.random((2, environment.uniforms), np.float32)
     )

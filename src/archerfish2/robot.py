@@ -194,7 +194,8 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
     def replace(self, **changes: Any) -> Self:
         """Return the same robot with some fields changed.
 
-        A record that is replaced is neither assumed nor judged any more, and the robot is that of no folder.
+        A record that is replaced is neither assumed nor judged any more, and the robot is that of no folder. Beside a
+        plant of one's own, what stays of the paper's robot is assumed.
 
         Args:
           changes: fields; a plant may be code of a user's own, "./file.py:Name": a `PlantRecord`, or a function of
@@ -207,7 +208,9 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
             if isinstance(changes.get(axis), str):
                 changes[axis] = _own_plant(changes[axis], axis)
         if new := changes.keys() & RECORDS.keys():
-            assumed = tuple(part for part in self.assumed if part not in new)
+            is_another = self is Robot.paper() and not new.isdisjoint(("pitch", "yaw"))
+            assumed = ("pitch", "yaw", "muzzle", "limits") if is_another else self.assumed
+            assumed = tuple(part for part in assumed if part not in new)
             parts = {part: verdict for part, verdict in self.parts.items() if part not in new}
             changes = {"assumed": assumed, "parts": parts, "folder": None, **changes}
         return super().replace(**changes)

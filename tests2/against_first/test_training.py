@@ -82,7 +82,7 @@ def test_weights_are_those_of_the_first_edition(trainer, kind, shards, robot, re
     config = TrainConfig(trainer=trainer, observation=kind, still_share=0.5, **{trainer: {**small, **extra}})
     task = Task.load("paper").replace(lengths_s=(200.0,))
     config = config.resolved(ours, task)
-    environment = make_environment(ours, task, config)
+    environment = make_environment(ours, task, config=config)
     first_environment, environment = (jax.tree.map(jnp.asarray, each) for each in (first_environment, environment))
 
     normals = jax.random.normal(jax.random.key(5), (ENVIRONMENTS, environment.normals))

@@ -102,7 +102,7 @@ def test_a_users_reward_gets_shot_command_and_what_is_seen_after_it(refused):
 @pytest.mark.parametrize(("trainer", "hidden"), [("gradient", 0), ("ppo", HIDDEN)])
 def test_only_a_critic_sees_where_the_target_really_is(trainer, hidden):
     robot, task = af.Robot.load("tests2/infantry"), af.Task.load("dynamic")
-    environment = af.make_environment(robot, task, TrainConfig(trainer=trainer, observation="tracked"))
+    environment = af.make_environment(robot, task, config=TrainConfig(trainer=trainer, observation="tracked"))
     state, _ = environment.begin(*draws(environment, 4))
     _, given = environment.step(state, np.zeros((4, 2), np.float32), draws(environment, 4)[0], (state, None))
     assert state.hidden.shape == given.hidden.shape == (4, hidden)
@@ -120,6 +120,6 @@ KINDS_OF = {None: ("paper", "history", "multimodel"), "tests2/infantry": ("paper
 @pytest.mark.parametrize("trainer", ["gradient", "ppo"])
 @pytest.mark.parametrize(("robot", "kind"), [(robot, kind) for robot, kinds in KINDS_OF.items() for kind in kinds])
 def test_an_observation_has_the_numbers_of_its_layout_and_no_others(robot, kind, trainer):
-    environment = af.make_environment(robot, "dynamic", TrainConfig(observation=kind, trainer=trainer))
+    environment = af.make_environment(robot, "dynamic", config=TrainConfig(observation=kind, trainer=trainer))
     _, observation = environment.fresh(*draws(environment, 2))
     assert observation.shape == (2, sum(size for _, size in environment.observer.layout()))

@@ -132,7 +132,7 @@ def test_a_number_that_is_not_finite_is_named_and_leaves_the_learner_before_it(t
     config = GradientConfig(**SMALL, window=5) if trainer == "gradient" else PpoConfig(
         **SMALL, rollout=5, minibatches=2, epochs=1, discount=0.9)  # fmt: skip
     config = config.replace(steps=10_000)
-    environment = jax.tree.map(jnp.asarray, af.make_environment(PAPER, "static", TrainConfig(trainer=trainer)))
+    environment = jax.tree.map(jnp.asarray, af.make_environment(PAPER, "static", config=TrainConfig(trainer=trainer)))
     state = placed(made.begin(environment, config, jax.random.key(0)), 2, learner.SPLIT)
     after, metrics = made.advance(environment, config, state, 4)
     assert np.all(np.asarray(metrics["watched"]) <= np.array(list(learner.WATCHED.values())))

@@ -110,6 +110,11 @@ def test_what_no_plant_can_be_made_of_is_refused(robot, refused):
     refused("delay of 3000 samples has 3001 states", integrator.to_state_space)
 
 
+def test_beside_a_plant_of_one_s_own_the_rest_of_the_paper_s_robot_is_assumed():
+    assert Robot.paper().replace(yaw=Robot.paper().yaw).assumed == ("pitch", "muzzle", "limits")
+    assert Robot.paper().replace(limits=Robot.paper().limits).assumed == ()
+
+
 def test_a_robot_is_read_back_and_what_is_replaced_is_no_longer_assumed_or_judged(tmp_path, robot, refused):
     robot.save(tmp_path)
     again = Robot.load(tmp_path, accept_unusable=True)

@@ -49,7 +49,7 @@ for one in (None, "paper", Path("robot"), robot, identified):
     af.rollout(policy, one, Path("task.toml"), tuning="start")
 af.export("kalman-lq", "lq.c", "robot", "any", tuning=af.tune("kalman-lq", identified, "strafe"))
 af.export(policy, Path("policy.onnx"), tuning="start")
-environment = af.make_environment(robot, task, {"observation": "paper"})
+environment = af.make_environment(robot, task, config={"observation": "paper"})
 try:
     print(af.read_log("log.csv"), plan, world.name, environment, af.__version__)  # noqa: T201
 except af.InputError as error:

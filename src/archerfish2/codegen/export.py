@@ -1,5 +1,7 @@
 """`export`: any controller as a C file, or as an ONNX model, that decides as it does here."""
 
+from __future__ import annotations  # so that help() names the types, rather than what they stand for
+
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,5 +1,7 @@
 """The evaluation of any controllers in any world: engagements drawn once, hits counted."""
 
+from __future__ import annotations  # so that help() names the types, rather than what they stand for
+
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any

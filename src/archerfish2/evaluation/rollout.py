@@ -1,5 +1,7 @@
 """Every array of every decision of a few engagements: to look at, or to work on in a notebook."""
 
+from __future__ import annotations  # so that help() names the types, rather than what they stand for
+
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -68,7 +70,7 @@ class Trajectory(NamedTuple):
         rows = zip(*(values.ravel().tolist() for values in columns.values()), strict=True)
         return [dict(zip(columns, row, strict=True)) for row in rows]
 
-    def plot(self, engagement: int = 0) -> "Figure":
+    def plot(self, engagement: int = 0) -> Figure:
         """Draw yaw, pitch and miss of an engagement against time.
 
         Raises:

@@ -8,6 +8,8 @@ shots hit (Hooke and Jeeves 1961), and ends where no neighbour hits more: so bot
 been tried, and none is at an edge of what was.
 """
 
+from __future__ import annotations  # so that help() names the types, rather than what they stand for
+
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 

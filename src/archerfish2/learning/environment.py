@@ -4,6 +4,8 @@ An engagement whose time is up is truncated, not terminated: its target goes on,
 after the last step is returned beside the first of the next engagement, for a value function to bootstrap from.
 """
 
+from __future__ import annotations  # so that help() names the types, rather than what they stand for
+
 from typing import Any, NamedTuple
 
 from archerfish2.arrays import Array, namespace, select, single_precision, tree, when_any
@@ -135,6 +137,7 @@ class Environment:
 def make_environment(
     robot: RobotLike = None,
     task: TaskLike = "any",
+    *,
     config: ConfigLike = None,
     reward: str | RewardFunction | None = None,
 ) -> Environment:

@@ -1,5 +1,7 @@
 """A whole training: iterations in compiled calls, watched, stored and stopped between them."""
 
+from __future__ import annotations  # so that help() names the types, rather than what they stand for
+
 import signal
 import sys
 import threading
@@ -72,7 +74,7 @@ def train(
 
         begun = _begin(robot, task, with_given(TrainConfig.of(config), trainer, steps, reward), seed)
         begun = begun.replace(devices=claim_devices(begun.config.settings.shards), code=_own_code(begun))
-        environment = make_environment(begun.robot, begun.task, begun.config)
+        environment = make_environment(begun.robot, begun.task, config=begun.config)
         with nullcontext() if out is None else new_run(Path(out), begun) as run:
             return _run(environment, begun, run, callback or (lambda _: None))
 
@@ -119,7 +121,7 @@ def resume(
         if (devices := claim_devices(begun.config.settings.shards)) != begun.devices:
             flag = f"XLA_FLAGS=--xla_force_host_platform_device_count={begun.devices}"
             raise InputError(f"{folder}: begun on {begun.devices} devices, got {devices}; in a new process set {flag}")
-        environment = make_environment(begun.robot, begun.task, begun.config)
+        environment = make_environment(begun.robot, begun.task, config=begun.config)
         return _run(environment, begun, run, callback or (lambda _: None))
 
 

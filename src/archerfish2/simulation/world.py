@@ -5,6 +5,8 @@ if the command says so, and scored where it crosses the plate's plane. A robot w
 and perfect camera, link and feedback, as in the paper; one with it has those of `camera`.
 """
 
+from __future__ import annotations  # so that help() names the types, rather than what they stand for
+
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np

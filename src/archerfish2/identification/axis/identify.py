@@ -1,5 +1,7 @@
 """From logs of one axis to its plant, how certain it is, and whether it is usable."""
 
+from __future__ import annotations  # so that help() names the types, rather than what they stand for
+
 import itertools
 from collections import defaultdict
 from collections.abc import Mapping, Sequence

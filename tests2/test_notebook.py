@@ -1,0 +1,58 @@
+"""The ten lines of the front door in a kernel of Jupyter: tables and pictures are inside the outputs."""
+
+import nbclient
+import nbformat
+import pytest
+
+CELLS = (
+    "import numpy as np, archerfish2 as af",
+    "from archerfish2.evaluation import run\nrun.has_jax = lambda: False",  # nothing is compiled
+    "time = 1e-3 * np.arange(3000)",
+    "command = 0.1 * np.sin(2 * np.pi * (2 * time + 4 * time**2))",
+    "lag = np.exp(-40 * time[:500])",
+    "angle = np.convolve(command, lag / lag.sum())[:3000]",
+    "axis = af.identify_axis(af.Recording.from_arrays(command, angle, 1e-3), axis='pitch')\naxis",
+    "axis.bode()",
+    "robot = af.Robot.paper()\nrobot",
+    "task = af.Task.load('static').replace(ranges_m=((2.0, 3.0),))\ntask",
+    "both = {'ours': 'kalman', 'kalman-lq': 'kalman-lq'}",
+    "results = af.evaluate(both, robot, task, engagements=4, tuning='start')\nprint(results)",
+    "results",
+    "results.compare('ours', 'kalman-lq')",
+    "results.plot()",
+    "shots = af.rollout('kalman', robot, task, engagements=2, tuning='start')\nshots",
+    "shots.plot(0)",
+    "af.export('kalman', 'kalman.c', robot, task, tuning='start')",
+)
+
+
+@pytest.fixture(scope="module")
+def outputs(tmp_path_factory):
+    """Return the outputs of each cell, by its last line."""
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell) for cell in CELLS])
+    folder = {"metadata": {"path": str(tmp_path_factory.mktemp("notebook"))}}
+    nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3", resources=folder).execute()
+    return {cell.source.splitlines()[-1]: cell.outputs for cell in notebook.cells}
+
+
+def test_tables_are_text_of_the_output_itself(outputs):
+    printed = outputs["print(results)"]
+    text = "".join(output.text for output in printed if output.output_type == "stream")
+    assert "ours" in text
+    assert "2–3 m" in text
+    for last in ("axis", "results", "results.compare('ours', 'kalman-lq')"):
+        [shown] = [output.data for output in outputs[last] if output.output_type == "execute_result"]
+        assert "<table" in shown["text/html"], last
+        assert "\x1b" not in shown["text/plain"], last
+
+
+def test_a_figure_is_a_picture(outputs):
+    for last in ("axis.bode()", "results.plot()", "shots.plot(0)"):
+        assert "image/png" in outputs[last][-1].data, last
+
+
+def test_a_bar_is_one_output_and_what_is_shown_of_an_object_is_short(outputs):
+    assert sum(output.output_type == "display_data" for output in outputs["print(results)"]) <= 1
+    for last in ("robot", "task", "shots"):
+        [shown] = outputs[last]
+        assert len(shown.data["text/plain"]) < 500, last
