@@ -120,7 +120,7 @@ def read_arrays(path: Path, remedy: str) -> tuple[str, dict[str, Any]]:
     content = read_bytes(path, remedy)
     try:
         arrays = dict(sorted(load(content).items()))
-        header = json.loads(content[8:][: int.from_bytes(content[:8], "little")]).get("__metadata__", {})
+        header = json.loads(content[8:][: int.from_bytes(content[:8], "little")]).get("__metadata__") or {}
     except (SafetensorError, TypeError, ValueError, LookupError) as error:
         raise file_error(path, f"is no .safetensors file ({one_line(str(error))[:200]})", remedy) from error
     digest, _, facts = header.get("archerfish", "").partition(" ")
