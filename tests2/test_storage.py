@@ -7,7 +7,7 @@ from unittest.mock import Mock
 import pytest
 
 from archerfish2 import provenance, storage
-from archerfish2.records.json_files import MOST_BYTES, read_json
+from archerfish2.records.json_files import read_json
 
 WRITER = """import sys, time; from pathlib import Path; from archerfish2 import storage
 with storage.output_folder(Path(sys.argv[1]), 'excite', (), False) as folder:
@@ -44,7 +44,7 @@ def test_what_is_not_json_or_not_to_be_read_is_refused(tmp_path, refused):
     for content, complaint in {**contents, b"[" * 100_000: "recursion", b"1" * 5_000: "limit"}.items():
         (tmp_path / "x.json").write_bytes(content)
         refused(f"x.json: is not JSON .*{complaint}.*write the file again", read_json, tmp_path / "x.json")
-    os.truncate(tmp_path / "x.json", MOST_BYTES + 1)
+    os.truncate(tmp_path / "x.json", storage.MOST_BYTES + 1)
     os.mkfifo(tmp_path / "pipe")
     for name, complaint in (("x.json", "has 64000001 bytes"), ("pipe", "no such file"), ("none", "no such file")):
         refused(f"{name}: .*{complaint}", read_json, tmp_path / name)

@@ -72,6 +72,22 @@ def _sync(path: Path) -> None:
         os.close(handle)
 
 
+def read_bytes(path: Path, remedy: str) -> bytes:
+    """Return the content of a file.
+
+    Raises:
+      InputError: if it is missing, unreadable or larger than `MOST_BYTES`.
+    """
+    if not path.is_file():
+        raise file_error(path, "there is no such file", "check the path")
+    if (size := path.stat().st_size) > MOST_BYTES:
+        raise file_error(path, f"has {size} bytes, expected at most {MOST_BYTES}", remedy)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise file_error(path, f"can't be read ({error.strerror})", "check the path") from error
+
+
 def file_hash(path: Path) -> str:
     """Return the SHA-256 of a file, as hex digits."""
     with path.open("rb") as stream:
@@ -98,18 +114,14 @@ def read_arrays(path: Path, remedy: str) -> tuple[str, dict[str, Any]]:
     Raises:
       InputError: if it is missing, too large, damaged, or no such file.
     """
-    from safetensors import SafetensorError, safe_open
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
 
-    if not path.is_file():
-        raise file_error(path, "there is no such file", "check the path")
-    if (size := path.stat().st_size) > MOST_BYTES:
-        raise file_error(path, f"has {size} bytes, expected at most {MOST_BYTES}", remedy)
+    content = read_bytes(path, remedy)
     try:
-        with safe_open(path, "np") as file:
-            header, arrays = file.metadata() or {}, {name: file.get_tensor(name) for name in sorted(file.keys())}
-    except OSError as error:
-        raise file_error(path, f"can't be read ({error.strerror})", "check the path") from error
-    except (SafetensorError, TypeError, ValueError, AttributeError) as error:
+        arrays = dict(sorted(load(content).items()))
+        header = json.loads(content[8:][: int.from_bytes(content[:8], "little")]).get("__metadata__") or {}
+    except (SafetensorError, TypeError, ValueError, LookupError) as error:
         raise file_error(path, f"is no .safetensors file ({one_line(str(error))[:200]})", remedy) from error
     digest, _, facts = header.get("archerfish", "").partition(" ")
     if digest != _arrays_hash(arrays):

@@ -14,7 +14,7 @@ from archerfish2.errors import InputError, file_error, one_line
 from archerfish2.plugins import Plugin, is_plugin, name_of, names_code, names_object
 from archerfish2.protocols import Engagement, Plates
 from archerfish2.records.json_files import plain
-from archerfish2.records.record import Angle, Struct, Text
+from archerfish2.records.record import Angle, Share, Struct, Text
 from archerfish2.storage import write_bytes
 from archerfish2.targets.kinds import KINDS
 from archerfish2.targets.mixture import MIXTURES, drawn_path, path_uniforms
@@ -31,7 +31,6 @@ _FIRST = 6  # uniform draws of every engagement: distance, side, speed, phase, s
 _RANGES = ((1.0, 2.0), (2.0, 3.0), (3.0, 4.0), (4.0, 5.0))
 _Positive = Annotated[float, Meta(ge=1e-4, le=1000.0)]
 _Magnitude = Annotated[float, Meta(ge=0.0, le=1000.0)]
-_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 
 
 @tree()
@@ -155,7 +154,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
     """Distances of the targets' places [m], cells each; training draws from the nearest to the farthest."""
     lengths_s: Annotated[tuple[_Positive, ...], Meta(max_length=100)] = ()
     """Lengths of engagements [s], cells each; training draws the first and the last. If empty: `lengths`."""
-    short_share: _Share = 0.75
+    short_share: Share = 0.75
     """Share of a training's engagements of the first length, 0…1: so both lengths have as many decisions."""
     period_s: _Positive = 0.02
     """Decision period: one command and at most one pellet each [s]."""
@@ -163,7 +162,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
     """What the world allows a controller to command."""
     hit_radius_m: _Positive = 0.06
     """Largest miss that hits [m]."""
-    still_share: _Share = 0.5
+    still_share: Share = 0.5
     """Share of a training's targets of eq (7), or of a user's motion, that don't move, 0…1."""
     lateral_m: _Magnitude = 0.7
     """Places are at most this far to either side [m]."""

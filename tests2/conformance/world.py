@@ -7,9 +7,10 @@ second nothing is found. Tests load this file by the fixture `conformance`.
 import numpy as np
 
 from archerfish2 import protocols as p
-from archerfish2.arrays import Array, lift, namespace, single_precision, tree
+from archerfish2.arrays import Array, lift, namespace, select, single_precision, tree
 from archerfish2.controllers.aiming.direct import DirectAim
 from archerfish2.controllers.predictors.constant_velocity import ConstantVelocity
+from archerfish2.controllers.predictors.predictor import AgedTrack
 from archerfish2.dynamics.aiming import line_of_sight
 from archerfish2.dynamics.command_limits import CommandLimits, limit_command
 from archerfish2.dynamics.linear_axis import GimbalModel, advance, gimbal_angle, gimbal_rate, rest_state
@@ -18,7 +19,8 @@ from archerfish2.dynamics.pellet import flat_fire_crossing
 from archerfish2.robot import Robot
 from archerfish2.simulation.world import WorldState, scored
 from archerfish2.task import Task
-from archerfish2.tracking.kalman_filter import TrackerNoise
+from archerfish2.tracking.detections import Detection
+from archerfish2.tracking.kalman_filter import TrackerNoise, begin_track, moved
 
 SLOTS, FACING, MISSED, BLIND = 2, 0.5, -1.28, (0.7, 1.7)
 """Slots of a frame; cosine at which a plate is found; normal below which a frame is missed; nothing is found [s]."""
@@ -144,12 +146,37 @@ class ConformanceWorld:
         return xp.stack([crossing.lateral, crossing.height], axis=-1) - plate[..., 1:], flown, front
 
 
+@tree()
+class GatedTracker(ConstantVelocity):
+    """Begins with a detection that is far from the prediction: another plate has turned up."""
+
+    gate: Array  # [m], ()
+
+    def update(self, state: AgedTrack, seen: Detection) -> AgedTrack:
+        """Update with a detection, or begin with it."""
+        begun = moved(begin_track(self.noise, seen.place - seen.own, seen.fresh | True), seen.own)
+        far = seen.fresh & (seen.distance > self.gate)
+        return select(far, AgedTrack(begun, seen.age), super().update(state, seen))
+
+
+@tree()
+class PatientAim(DirectAim):
+    """Holds fire where there was no detection for a while."""
+
+    patience: Array  # [s], ()
+
+    def step(self, state: AgedTrack, seen: p.Seen) -> tuple[AgedTrack, p.Command]:
+        """Decide."""
+        state, command = super().step(state, seen)
+        return state, command._replace(fire=state.age < self.patience)
+
+
 def build() -> tuple[ConformanceWorld, DirectAim]:
     """Return the world and a controller that aims at the nearest plate."""
     robot, period = Robot.paper(), 0.02
     parts = robot.gimbal(period), robot.muzzle_model(), robot.command_limits(Task(motion="paper"))
-    tracker = ConstantVelocity(TrackerNoise(12.0, 0.004, 0.004, 0.0, 0.0, 2.0), 1.0, gate=0.2)
-    controller = DirectAim(tracker, *parts[1:], lead=period + 0.012, period=period, patience=0.3)
+    tracker = GatedTracker(TrackerNoise(12.0, 0.004, 0.004, 0.0, 0.0, 2.0), 1.0, gate=0.2)
+    controller = PatientAim(tracker, *parts[1:], lead=period + 0.012, period=period, patience=0.3)
     return single_precision((ConformanceWorld(period, *parts, name="conformance"), controller))
 
 

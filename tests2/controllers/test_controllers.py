@@ -26,13 +26,15 @@ from archerfish2.targets.motion import Parabola
 from archerfish2.task import Task
 from archerfish2.tracking import interacting_models, kalman_filter
 from archerfish2.tracking.detections import unwrapped
+from archerfish2.tracking.parabola_filter import parabola_rule
 
 WIDTH, SCATTER, DT, AGE = np.sqrt(0.04 / 3.0), 0.003, 0.02, 0.04
 NOISE = kalman_filter.TrackerNoise(*map(np.asarray, (1.0, 1e-3, 1e-3, 0.015, 0.0017, 0.25)))
 RATES = interacting_models.ModelRates(*map(np.asarray, (1.5, 0.1, 0.5)))
 TASK, ROBOT = Task.load("dynamic"), Robot.paper()
 MODELS = interacting.InteractingModels(NOISE, RATES, np.asarray(0.06), np.asarray(SCATTER))
-EXACT, FILTER = parabola.make_parabola_aware(TASK), parabola.make_parabola_filter(TASK, SCATTER, NOISE)
+EXACT = parabola.make_parabola_aware(TASK)
+FILTER = parabola.ParabolaFilter(parabola_rule(TASK), NOISE, np.asarray(0.06), np.asarray(SCATTER))
 PREDICTORS = {"hold": hold.Hold(), "velocity": constant_velocity.ConstantVelocity(NOISE, np.asarray(1.0))}
 PREDICTORS |= {"models": MODELS, "exact": EXACT, "filter": FILTER}
 N, MODEL = 8, ROBOT.gimbal(DT)

@@ -17,7 +17,7 @@ from archerfish2.controllers.policy.policy import Policy, is_training
 from archerfish2.controllers.predictors.constant_velocity import ConstantVelocity
 from archerfish2.controllers.predictors.hold import Hold
 from archerfish2.controllers.predictors.interacting_models import InteractingModels
-from archerfish2.controllers.predictors.parabola import make_parabola_aware, make_parabola_filter
+from archerfish2.controllers.predictors.parabola import ParabolaFilter, make_parabola_aware
 from archerfish2.controllers.predictors.predictor import Predictor
 from archerfish2.controllers.tuning import Tuning, tuning_at
 from archerfish2.errors import InputError
@@ -28,6 +28,7 @@ from archerfish2.robot import Robot
 from archerfish2.task import Task
 from archerfish2.tracking.interacting_models import ModelRates
 from archerfish2.tracking.kalman_filter import TrackerNoise, noise_from_record
+from archerfish2.tracking.parabola_filter import parabola_rule
 
 MODELS_EXACT_SD = 2e-4
 """Standard deviation of detections by a camera without noise that interacting models assume [m]: a larger value, which
@@ -54,7 +55,7 @@ def _parabola_rule(robot: Robot, task: Task, tuning: Tuning) -> Predictor:
         return make_parabola_aware(task)
     # With noise in the detections, the rule is worth something to a filter alone.
     noise = _tracker_noise(robot, tuning, assumed_conditions().kalman_position_sd)
-    return make_parabola_filter(task, robot.muzzle_model().sd[1], noise)
+    return ParabolaFilter(parabola_rule(task), noise, task.hit_radius_m, robot.muzzle_model().sd[1])
 
 
 def _direct_aim(predictor: Predictor, robot: Robot, task: Task, tuning: Tuning) -> DirectAim:

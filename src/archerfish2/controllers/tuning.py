@@ -13,7 +13,7 @@ from archerfish2.paper.conditions import paper_tuning
 from archerfish2.plugins import find_plugin
 from archerfish2.provenance import library_versions
 from archerfish2.records.json_files import plain, read_struct, write_json
-from archerfish2.records.record import Struct
+from archerfish2.records.record import Share, Struct
 from archerfish2.robot import Robot
 from archerfish2.storage import locked
 from archerfish2.task import DRAWN, EQ_7, Task
@@ -95,7 +95,7 @@ class KeptTuning(Struct, frozen=True, kw_only=True, eq=True):
     """Of Archerfish."""
     tuning: Tuning
     """The best settings."""
-    hit_rate: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
+    hit_rate: Share = 0.0
     """On the tuning draws."""
     tried: Annotated[int, Meta(ge=1, le=10_000)] = 1
     """Settings tried."""

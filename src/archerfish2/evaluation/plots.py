@@ -14,7 +14,7 @@ _SPREAD = 0.6
 """Width over which the controllers of a range are set side by side, so that their intervals don't hide each other."""
 
 
-def hit_rates(cells: Sequence[Cell], *, names: Sequence[str] = (), title: str = "") -> "Figure":
+def hit_rates(cells: Sequence[Cell], *, names: Sequence[str] = ()) -> "Figure":
     """Draw hit rate against range, a panel for each world, command limit, length and motion.
 
     A controller has one look in all panels; the mean of its trainings is drawn. Hollow markers are the paper's figures,
@@ -23,7 +23,6 @@ def hit_rates(cells: Sequence[Cell], *, names: Sequence[str] = (), title: str = 
     Args:
       cells: at least one.
       names: of controllers, in the order of their looks, where several figures are to agree.
-      title: above all.
     """
     panels = grouped(cells, lambda cell: (*cell.place, cell.motion))
     looks = {name: look(place) for place, name in enumerate(names or by_controller(cells))}
@@ -40,7 +39,6 @@ def hit_rates(cells: Sequence[Cell], *, names: Sequence[str] = (), title: str = 
             first.set_ylabel("hit rate [%]")
         for unused in axes.flat[len(panels) :]:
             unused.set_visible(False)
-        figure.suptitle(title)
         named = sorted(handles, key=lambda name: list(looks).index(name) if name in looks else len(looks))
         figure.legend([handles[name] for name in named], named, loc="outside lower center", ncols=4, handlelength=3)
     return figure

@@ -11,7 +11,7 @@ from archerfish2.controllers.tuning import Tuning
 from archerfish2.errors import InputError, one_line
 from archerfish2.evaluation.comparison import Comparison, compare
 from archerfish2.evaluation.hit_rate import hit_rate
-from archerfish2.records.record import Record, Struct
+from archerfish2.records.record import Record, Share, Struct
 from archerfish2.task import Task
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ Value = TypeVar("Value")
 _Text = Annotated[str, Meta(min_length=1, max_length=1000)]
 _Count = Annotated[int, Meta(ge=0, le=1_000_000_000)]
 _Positive = Annotated[float, Meta(ge=0.0, le=1e9)]
-_Rate = Annotated[float, Meta(ge=0.0, le=1.0)]
 
 
 class Cell(Struct, frozen=True, kw_only=True):
@@ -60,9 +59,9 @@ class Cell(Struct, frozen=True, kw_only=True):
     """Decisions without fire in all engagements, which count as misses."""
     paper: Annotated[float, Meta(ge=0.0, le=100.0)] | None = None
     """The paper's figure for such a controller [%]."""
-    bound: _Rate | None = None
+    bound: Share | None = None
     """Proven bound of the mean hit rate; None where none is published."""
-    bound_error: _Rate | None = None
+    bound_error: Share | None = None
     """Its standard error."""
     yaw_rad_s2: _Positive | None = None
     """Largest acceleration of the yaw axis, of command or motion, mean over a decision period [rad/s²]."""

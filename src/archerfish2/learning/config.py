@@ -8,7 +8,7 @@ from msgspec import Meta, structs
 from archerfish2.controllers.policy.observation import FRAMES
 from archerfish2.errors import InputError
 from archerfish2.plugins import name_of
-from archerfish2.records.record import Struct
+from archerfish2.records.record import Share, Struct
 from archerfish2.robot import Robot
 from archerfish2.task import DRAWN, Task
 
@@ -19,7 +19,6 @@ MAX_BATCH = 2**20
 SHOWN_SHARE = 0.7
 """Of a task's still targets, with a camera: noise alone makes them move a little, so fewer are enough."""
 Rate = Annotated[float, Meta(gt=0.0, le=1e6)]
-Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 LogStd = Annotated[float, Meta(ge=-MAX_LOG_STD, le=MAX_LOG_STD)]
 Count = Annotated[int, Meta(ge=1, le=MAX_BATCH)]
 Steps = Annotated[int, Meta(ge=1, le=10**12)]

@@ -37,8 +37,7 @@ class Actor(NamedTuple):
 
         Numbers beyond those that the network takes are for the critic alone.
         """
-        mean: Array = forward(self.layers, observation[..., : self.layers[0].weight.shape[0]])
-        return mean
+        return forward(self.layers, observation[..., : self.layers[0].weight.shape[0]])
 
 
 class Learner(NamedTuple):
@@ -109,15 +108,14 @@ class Trainer(NamedTuple):
           key: PRNG key, shape (); is consumed.
         """
         log_std = jnp.full(2, jnp.float32(config.log_std)) if self.draws else jnp.zeros(0)
-        begun: Learner = begin_learner(environment, key, log_std, config.environments, config.widths, self.draws)
-        return begun
+        return begin_learner(environment, key, log_std, config.environments, config.widths, self.draws)
 
     def advance(self, environment: Environment, config: Any, learner: Learner, count: int) -> tuple[Learner, Metrics]:
         """Run iterations; see `iterate`."""
         settings = {name: jnp.float32(getattr(config, name)) for name in self.scalars}
         settings["anneal_over"] = jnp.float32(config.iterations if config.anneal else 1e9)
         sizes = tuple((name, getattr(config, name)) for name in self.sizes)
-        return iterate(self.iteration, environment, settings, learner, sizes, count)  # type: ignore[no-any-return]
+        return iterate(self.iteration, environment, settings, learner, sizes, count)
 
 
 def fresh_engagements(environment: Environment, key: Array, batch: int) -> Any:
@@ -213,4 +211,4 @@ def iterate(
         return jax.lax.scan(body, learner, length=count)
 
     run = over_shards(shard, own["shards"], (False, False, SPLIT), (SPLIT, False))
-    return run(environment, settings, learner)  # type: ignore[no-any-return]
+    return run(environment, settings, learner)

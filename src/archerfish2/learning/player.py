@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from archerfish2.controllers.policy.observer import Memory, Observer
+from archerfish2.controllers.policy.observer import Observer
+from archerfish2.controllers.policy.policy import ObservingController
 from archerfish2.errors import InputError
-from archerfish2.protocols import Command, Seen, Truth
 
 
-class Player:
+class Player(ObservingController):
     """A controller from anything with `predict(observation, deterministic=True)`, for `evaluate` and `rollout`."""
 
     compiled = False
@@ -30,13 +30,7 @@ class Player:
         self.model, self.observer = model, observer
         self.normalise = normalise or (lambda observation: observation)
 
-    def reset(self, seen: Seen, truth: Truth | None = None) -> Memory:  # noqa: ARG002
-        """Return the memory at the beginning of an engagement."""
-        return self.observer.begin(seen)
-
-    def step(self, state: Memory, seen: Seen) -> tuple[Memory, Command]:
-        """Decide."""
-        memory = self.observer.remember(state, seen)
-        view = self.observer.view(memory, seen)
-        action, _ = self.model.predict(self.normalise(self.observer.observe(view)), deterministic=True)
-        return memory, self.observer.decode(view, np.asarray(action, np.float32))
+    def action(self, observation: Any) -> Any:
+        """Return the action for an observation, shape (N, n) → (N, 2)."""
+        action, _ = self.model.predict(self.normalise(observation), deterministic=True)
+        return np.asarray(action, np.float32)

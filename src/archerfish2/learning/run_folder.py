@@ -122,11 +122,11 @@ class RunFolder:
 
     def _cut(self, count: int) -> None:
         path = self.path / LOG
-        lines = path.read_text().splitlines()[:count] if path.exists() else []
+        lines = path.read_bytes().splitlines()[:count] if path.exists() else []
         self.rows = [parse_json(line, path, REMEDY) for line in lines]
         if len(self.rows) < count:
             raise file_error(path, f"has {len(self.rows)} iterations, expected {count}", REMEDY)
-        storage.write_bytes(path, "".join(f"{line}\n" for line in lines).encode())
+        storage.write_bytes(path, b"".join(line + b"\n" for line in lines))
 
     def _compare_code(self) -> None:
         """Say, and write down, where code and libraries are not those that the training has run with so far."""
@@ -225,18 +225,17 @@ def read_run(path: Path) -> Begun:
     return to_struct({"schema": content.get("schema"), **content["train"]}, file, Begun, storage.RUN_SCHEMA, REMEDY)
 
 
-def learning_curve(rows: list[dict[str, Any]], *, title: str = "Training") -> "Figure":
+def learning_curve(rows: list[dict[str, Any]]) -> "Figure":
     """Draw hit share and mean reward of a training against its decisions.
 
     Args:
       rows: of the log.
-      title: above.
     """
     decisions = np.array([row["decisions"] for row in rows]) / 1e6
     with plot_style():
         figure, axes = new_figure(2, 1, height=4.6, sharex=True)
         axes[0, 0].plot(decisions, [100.0 * row["hit_share"] for row in rows])
-        axes[0, 0].set(title=title, ylabel="hits [%]")
+        axes[0, 0].set(title="Training", ylabel="hits [%]")
         axes[1, 0].plot(decisions, [row["mean_reward"] for row in rows])
         axes[1, 0].set(xlabel="decisions [million]", ylabel="reward [m]")
     return figure

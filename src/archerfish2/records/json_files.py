@@ -17,7 +17,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from archerfish2.errors import InputError, file_error, one_line
-from archerfish2.storage import MOST_BYTES, write_bytes
+from archerfish2.storage import read_bytes, write_bytes
 
 T = TypeVar("T")
 Matrix = NDArray[np.float64]
@@ -34,21 +34,11 @@ def read_json(path: Path, remedy: str = "write the file again") -> Any:
       InputError: if it is missing, unreadable, larger than `MOST_BYTES` or not JSON; neither NaN, infinity nor a field
         that is there twice, which Python would read, are.
     """
-    try:
-        if not path.is_file():
-            raise file_error(path, "there is no such file", "check the path")
-        if (size := path.stat().st_size) > MOST_BYTES:
-            raise file_error(path, f"has {size} bytes, expected at most {MOST_BYTES}", remedy)
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise file_error(path, f"can't be read ({error.strerror})", "check the path") from error
-    except UnicodeDecodeError as error:
-        raise file_error(path, f"is not JSON ({one_line(str(error))[:200]})", remedy) from error
-    return parse_json(text, path, remedy)
+    return parse_json(read_bytes(path, remedy), path, remedy)
 
 
-def parse_json(text: str, path: Path, remedy: str) -> Any:
-    """Return the content of JSON text in a file; see `read_json`.
+def parse_json(content: bytes, path: Path, remedy: str) -> Any:
+    """Return the content of JSON, UTF-8, in a file; see `read_json`.
 
     Raises:
       InputError: if it is not JSON, or has NaN, infinity or a field twice.
@@ -64,7 +54,7 @@ def parse_json(text: str, path: Path, remedy: str) -> Any:
         raise ValueError(f"{constant} is no number")
 
     try:
-        return json.loads(text, object_pairs_hook=unique, parse_constant=refuse)
+        return json.loads(content.decode("utf-8-sig"), object_pairs_hook=unique, parse_constant=refuse)
     except (ValueError, RecursionError) as error:
         raise file_error(path, f"is not JSON ({one_line(str(error))[:200]})", remedy) from error
 

@@ -15,6 +15,8 @@ Text = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f\ud800-\udfff]*\Z", max_len
 """A text in one line."""
 Angle = Annotated[float, Meta(ge=-100.0, le=100.0)]
 """[rad]."""
+Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+"""A share of a whole, or a probability."""
 Time = Annotated[float, Meta(ge=-10.0, le=10.0)]
 """[s]."""
 Duration = Annotated[float, Meta(ge=0.0, le=10.0)]

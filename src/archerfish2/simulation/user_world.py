@@ -73,5 +73,4 @@ def _checked(world: Any, task: Task) -> World:
             raise InputError(f"a {type(world).__name__} returns a {type(answer).__name__}, {expected}; correct it")
     if world.compiled and has_jax():
         import_jax().eval_shape(decision, world, *drawn)
-    checked: World = world
-    return checked
+    return world

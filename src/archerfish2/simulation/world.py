@@ -300,8 +300,7 @@ def make_world(robot: RobotLike = None, task: TaskLike = "any") -> SimulatedWorl
         hit_radius=np.asarray(task.hit_radius_m),
         name=robot.name,
     )
-    built: SimulatedWorld = single_precision(world)
-    return built
+    return single_precision(world)
 
 
 def _periods_back(sensing: Sensing, period: float) -> int:

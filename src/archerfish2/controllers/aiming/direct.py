@@ -23,7 +23,6 @@ class DirectAim:
     limits: CommandLimits  # the slew to the aim keeps them, so that it can stop there
     lead: Array  # from a decision until the pellet leaves the muzzle [s], ()
     period: Array  # decision period [s], ()
-    patience: Array | None = None  # no fire after so long without a detection [s], (); None: fires at every decision
 
     def reset(self, seen: Seen, truth: Truth | None = None) -> Any:  # noqa: ARG002
         """Begin tracking."""
@@ -36,7 +35,4 @@ class DirectAim:
         lead = 0.0 * seen.elapsed + self.lead
         angle = intercept(partial(self.predictor.position_after, relative), lead, self.muzzle).angle
         rate, acceleration = self.limits.max_rate, self.limits.max_acceleration
-        command = aim(approach(unwrapped(angle, seen.command), seen.command, rate, acceleration, self.period))
-        if self.patience is not None:
-            command = command._replace(fire=state.age < self.patience)
-        return state, command
+        return state, aim(approach(unwrapped(angle, seen.command), seen.command, rate, acceleration, self.period))

@@ -17,7 +17,7 @@ from archerfish2.controllers.policy.observer import Observer
 from archerfish2.dynamics.muzzle import Muzzle
 from archerfish2.errors import InputError
 from archerfish2.plugins import find_plugin
-from archerfish2.records.record import Struct
+from archerfish2.records.record import Share, Struct
 from archerfish2.robot import Robot
 from archerfish2.task import Task
 from archerfish2.tracking.interacting_models import ModelRates
@@ -42,7 +42,6 @@ _Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 _Magnitude = Annotated[float, Meta(ge=0.0, le=1e3)]
 _Offset = Annotated[float, Meta(ge=-1.0, le=1.0)]
 _Deviation = Annotated[float, Meta(ge=1e-4, le=0.03)]
-_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 
 
 class TrackerFacts(Struct, frozen=True, kw_only=True):
@@ -51,10 +50,10 @@ class TrackerFacts(Struct, frozen=True, kw_only=True):
     acceleration: _Magnitude  # [m/s²]
     along: _Deviation  # [m]
     across: _Deviation  # [m]
-    along_share: _Share  # of the distance
-    across_angle: _Share  # [rad]
+    along_share: Share  # of the distance
+    across_angle: Share  # [rad]
     initial_speed: _Magnitude  # [m/s]
-    height_angle: _Share | None = None  # [rad]; of an older policy `across_angle`
+    height_angle: Share | None = None  # [rad]; of an older policy `across_angle`
 
 
 class ObserverFacts(Struct, frozen=True, kw_only=True):

@@ -40,14 +40,10 @@ class PolicyFacts(Struct, frozen=True, kw_only=True):
     """Configuration and outcome of the training."""
 
 
-@tree(left_out=("facts",))
-class Policy:
-    """A controller: the network's output for what is observed, as an offset from an aim; without randomness."""
+class ObservingController:
+    """Base of what acts on observations alone."""
 
     observer: Observer
-    normaliser: Normaliser
-    actor: tuple[Layer, ...]  # its network
-    facts: PolicyFacts | None = None  # left out of programs, which depend on arrays alone
 
     def reset(self, seen: Seen, truth: Truth | None = None) -> Memory:  # noqa: ARG002
         """Return the memory at the beginning of an engagement."""
@@ -58,6 +54,20 @@ class Policy:
         memory = self.observer.remember(state, seen)
         view = self.observer.view(memory, seen)
         return memory, self.observer.decode(view, self.action(self.observer.observe(view)))
+
+    def action(self, observation: Array) -> Array:
+        """Return the action for an observation, shape B + (n,) → B + (2,)."""
+        raise NotImplementedError
+
+
+@tree(left_out=("facts",))
+class Policy(ObservingController):
+    """A controller: the network's output for what is observed, as an offset from an aim; without randomness."""
+
+    observer: Observer
+    normaliser: Normaliser
+    actor: tuple[Layer, ...]  # its network
+    facts: PolicyFacts | None = None  # left out of programs, which depend on arrays alone
 
     def action(self, observation: Array) -> Array:
         """Return the action for an observation, shape B + (n,) → B + (2,)."""
@@ -89,7 +99,7 @@ class Policy:
         if not path.exists() and is_training(folder):
             raise file_error(folder, "is a training that is not finished", f"run archerfish2 train --resume {folder}")
         text, arrays = read_arrays(path, _REMEDY)
-        if isinstance(content := parse_json(text, path, _REMEDY), dict):
+        if isinstance(content := parse_json(text.encode(), path, _REMEDY), dict):
             content.pop("remake", None)  # of older files
         facts = to_struct(content, path, PolicyFacts, POLICY_SCHEMA, _REMEDY)
         if (own := ", ".join(facts.observer.observation[1:])) and not blocks:

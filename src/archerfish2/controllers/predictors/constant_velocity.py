@@ -1,11 +1,11 @@
 """A target of nearly constant velocity, estimated by a Kalman filter: the predictor of classical auto-aim."""
 
-from archerfish2.arrays import Array, namespace, select, tree
+from archerfish2.arrays import Array, namespace, tree
 from archerfish2.controllers.predictors.predictor import AgedTrack, Predictor
 from archerfish2.protocols import Base, Seen
 from archerfish2.tracking import kalman_filter
 from archerfish2.tracking.detections import Detection, first_detection
-from archerfish2.tracking.kalman_filter import Track, TrackerNoise, moved
+from archerfish2.tracking.kalman_filter import TrackerNoise, moved
 
 
 @tree()
@@ -14,12 +14,12 @@ class ConstantVelocity(Predictor):
 
     noise: TrackerNoise  # of target and camera
     velocity_decay: Array  # share of the estimated velocity at which the target is predicted to go on, 0…1, ()
-    gate: Array | None = None  # a detection farther from the prediction begins a new track [m], (); None: one plate
 
     def reset(self, seen: Seen) -> AgedTrack:
         """Begin at the first decision."""
         first = first_detection(seen)
-        return AgedTrack(self._begin(first, first.fresh), first.age)
+        track = kalman_filter.begin_track(self.noise, first.place - first.own, first.fresh)
+        return AgedTrack(moved(track, first.own), first.age)
 
     def against_pivot(self, state: AgedTrack, base: Base) -> AgedTrack:
         """Return the estimate relative to the own pivot."""
@@ -34,15 +34,10 @@ class ConstantVelocity(Predictor):
         return kalman_filter.position_after(state.track, state.age - age)
 
     def update(self, state: AgedTrack, seen: Detection) -> AgedTrack:
-        """Update with a detection; beyond the gate begin with it."""
+        """Update with a detection."""
         # The choice is made for the age, not for the elapsed time, which a compiler would choose again for every entry
         # of the covariance.
         age = namespace(state.age).where(seen.fresh, seen.age, state.age)
         track = moved(kalman_filter.predict(self.noise, state.track, state.age - age), -seen.own)
-        after = moved(kalman_filter.update(self.noise, track, seen.place - seen.own, seen.fresh), seen.own)
-        if self.gate is not None:
-            after = select(seen.fresh & (seen.distance > self.gate), self._begin(seen, seen.fresh | True), after)
-        return AgedTrack(after, age)
-
-    def _begin(self, seen: Detection, shown: Array) -> Track:
-        return moved(kalman_filter.begin_track(self.noise, seen.place - seen.own, shown), seen.own)
+        after = kalman_filter.update(self.noise, track, seen.place - seen.own, seen.fresh)
+        return AgedTrack(moved(after, seen.own), age)

@@ -10,13 +10,12 @@ from typing import Any, NamedTuple, Protocol
 from archerfish2.arrays import Array, lift, namespace
 from archerfish2.controllers.predictors.predictor import Predictor
 from archerfish2.tracking.detections import relative_place
+from archerfish2.tracking.parabola_filter import distribution
 
 PLACES = 17
 """Aims that are tried, from left of all places to right of them."""
 _SHARPNESS = 200.0
 """Aims whose probabilities of a hit differ by much less than the inverse of this count alike: their mean is taken."""
-_WIDTH = 4.25
-"""Width of a parabolic density whose distribution function is nearest to the normal one, in standard deviations."""
 
 
 class Places(NamedTuple):
@@ -95,13 +94,3 @@ def most_hits(place: Array, sd: Array, reach: Array, probability: Array | None =
     score = xp.mean(within, axis=-1) if probability is None else xp.sum(probability[..., None, :] * within, axis=-1)
     sharp = xp.exp(_SHARPNESS * (score - xp.max(score, axis=-1, keepdims=True)))
     return xp.sum(sharp * tried, axis=-1) / xp.sum(sharp, axis=-1)
-
-
-def distribution(deviate: Array) -> Array:
-    """Return the distribution function of a parabolic density: within 0.023 of the normal one, and far cheaper.
-
-    Args:
-      deviate: in standard deviations, shape B.
-    """
-    share = namespace(deviate).clip(0.5 + deviate * (1.0 / _WIDTH), 0.0, 1.0)
-    return share**2 * (3.0 - 2.0 * share)
