@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from archerfish2.errors import InputError
 from archerfish2.evaluation.hit_rate import paired_difference
 from archerfish2.reports.report import Report, Reported
+from archerfish2.reports.table import Estimate
 
 if TYPE_CHECKING:
     from archerfish2.evaluation.results import Cell
@@ -27,6 +28,11 @@ class CellDifference(NamedTuple):
     difference: float  # rate less the other's, −1 to 1
     low: float  # lower end of its 95 % interval, paired by engagement
     high: float  # upper end
+
+    @property
+    def estimate(self) -> Estimate:
+        """The difference with its interval [points]."""
+        return Estimate(100 * self.difference, 100 * self.low, 100 * self.high, "points")
 
     @property
     def place(self) -> tuple[str, str, float, str]:

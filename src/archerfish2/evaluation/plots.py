@@ -1,20 +1,23 @@
 """Hit rate against range: a curve with 95 % intervals per controller, a panel per motion."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from archerfish2.evaluation.results import Cell
 from archerfish2.evaluation.tables import FEW, bounds, by_controller, grouped, mean, range_text
 from archerfish2.reports.style import MUTED, look, new_figure, plot_style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from archerfish2.evaluation.results import Cell
+
 _SPREAD = 0.6
 """Width over which the controllers of a range are set side by side, so that their intervals don't hide each other."""
 
 
-def hit_rates(cells: Sequence[Cell], *, names: Sequence[str] = ()) -> "Figure":
+def hit_rates(cells: Sequence[Cell], *, names: Sequence[str] = ()) -> Figure:
     """Draw hit rate against range, a panel for each world, command limit, length and motion.
 
     A controller has one look in all panels; the mean of its trainings is drawn. Hollow markers are the paper's figures,
@@ -44,7 +47,7 @@ def hit_rates(cells: Sequence[Cell], *, names: Sequence[str] = ()) -> "Figure":
     return figure
 
 
-def trajectory(times: Any, target: Any, commands: Any, angles: Any, miss: Any, hit: Any) -> "Figure":
+def trajectory(times: Any, target: Any, commands: Any, angles: Any, miss: Any, hit: Any) -> Figure:
     """Draw one engagement against time: yaw and pitch of target, command and gimbal, and the miss of each shot.
 
     Args:

@@ -1,16 +1,22 @@
 """The report of an evaluation: headline, tables beside the paper's, paired differences, bounds and figures."""
 
+from __future__ import annotations
+
 import functools
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from archerfish2.evaluation import tables
-from archerfish2.evaluation.comparison import CellDifference, default_comparisons
+from archerfish2.evaluation.comparison import default_comparisons
 from archerfish2.evaluation.plots import hit_rates
-from archerfish2.evaluation.results import Cell, Results
 from archerfish2.records.json_files import plain
 from archerfish2.reports.report import Report
 from archerfish2.reports.table import entry_texts
 from archerfish2.task import DRAWN, Task
+
+if TYPE_CHECKING:
+    from archerfish2.evaluation.comparison import CellDifference
+    from archerfish2.evaluation.results import Cell, Results
 
 _PROVENANCE = ("seed", "commit", "versions", "robots", "motions", "tuning")
 _LIMITS = {

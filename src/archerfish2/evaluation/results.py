@@ -12,6 +12,7 @@ from archerfish2.errors import InputError, one_line
 from archerfish2.evaluation.comparison import Comparison, compare
 from archerfish2.evaluation.hit_rate import hit_rate
 from archerfish2.records.record import Record, Share, Struct
+from archerfish2.reports.table import Estimate
 from archerfish2.task import Task
 
 if TYPE_CHECKING:
@@ -113,6 +114,11 @@ class Cell(Struct, frozen=True, kw_only=True):
     def high(self) -> float:
         """Upper end."""
         return hit_rate(self.hits_by_engagement, self.decisions_each).high
+
+    @property
+    def estimate(self) -> Estimate:
+        """The rate with its interval [%]."""
+        return Estimate(100 * self.rate, 100 * self.low, 100 * self.high, "%")
 
     @property
     def place(self) -> tuple[str, str, float, str]:

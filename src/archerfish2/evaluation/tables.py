@@ -1,21 +1,25 @@
 """Tables of hit rates and paired differences: controllers against ranges, or against motions where these are many."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
-from archerfish2.evaluation.comparison import CellDifference
 from archerfish2.evaluation.hit_rate import weighted_mean
-from archerfish2.evaluation.results import Cell
 from archerfish2.paper.tables import printed_rate
 from archerfish2.reports.report import Report
 from archerfish2.reports.table import Entry, Estimate, Table, entry_texts, number
 from archerfish2.task import Task
 
+if TYPE_CHECKING:
+    from archerfish2.evaluation.comparison import CellDifference
+    from archerfish2.evaluation.results import Cell
+
 FEW = 2
 """So many motions have a table each, as in the paper; more of them share one, each the mean of its ranges."""
 
-Item = TypeVar("Item", Cell, CellDifference)
+Item = TypeVar("Item", "Cell", "CellDifference")
 Show: TypeAlias = Callable[[list[Any]], Entry]
 
 INTERVAL = "In parentheses or below: the 95 % interval, over engagements; all: the mean."
@@ -59,15 +63,9 @@ def mean(items: Sequence[Cell] | Sequence[CellDifference]) -> Estimate | None:
     means = []
     for own in grouped(list[Any](items), lambda item: (item.seed, getattr(item, "against_seed", None))).values():
         weights = [getattr(item, "decisions", 1.0) for item in own]
-        means.append(weighted_mean([_estimate(item) for item in own], weights))
+        means.append(weighted_mean([item.estimate for item in own], weights))
     value, low, high = (math.fsum(ends) / len(means) for ends in zip(*(each[:3] for each in means), strict=True))
     return Estimate(value, low, high, means[0].unit)
-
-
-def _estimate(item: Cell | CellDifference) -> Estimate:
-    if isinstance(item, Cell):
-        return Estimate(100 * item.rate, 100 * item.low, 100 * item.high, "%")
-    return Estimate(100 * item.difference, 100 * item.low, 100 * item.high, "points")
 
 
 def rate_tables(cells: Iterable[Cell], tasks: Iterable[Task] = ()) -> tuple[Table, ...]:
