@@ -35,8 +35,8 @@ _WRAPPING = ("functools", "jaxlib")  # a cached or jitted function, with state o
 _PROPERTY = ("fget", "fset", "fdel")
 # Of a class: texts, places in a file, caches and what is made of other members.
 _NO_CONTENT = """__doc__ __module__ __qualname__ __firstlineno__ __static_attributes__ __dict__ __weakref__ _abc_impl
-__annotations__ __annotate__ __annotate_func__ __annotations_cache__ __dataclass_fields__ __dataclass_params__
-__orig_bases__ __parameters__ __type_params__"""
+__slotnames__ __msgspec_cache__ __annotations__ __annotate__ __annotate_func__ __annotations_cache__
+__dataclass_fields__ __dataclass_params__ __orig_bases__ __parameters__ __type_params__"""
 
 
 def object_digest(value: Any) -> str:

@@ -205,7 +205,7 @@ class Results(Record, frozen=True, kw_only=True):
         _joined("results", code, "evaluate all with the same")
         unknown = [name for part in parts for name, digest in part.motions.items() if not digest]
         if repeated := [name for name in unknown if unknown.count(name) > 1]:
-            problem = f"{repeated[0]} refers to what has no content, so that two of them can't be told apart"
+            problem = f"{repeated[0]} refers to what has no content, so that two of them may differ"
             raise InputError(f"motions: {problem}; write its code into a file, and name that")
         stages = dict.fromkeys(stage for part in parts for stage in part.durations)
         return self.replace(

@@ -7,7 +7,7 @@ calls back for that, and follows the path.
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,13 +40,11 @@ def user_target(found: Plugin, place: Array, speed: Array, uniforms: Array) -> A
     return motion if hasattr(motion, "at") else disc(motion, place)
 
 
-class _Sampled:
+class _Sampled(NamedTuple):
     """A motion that runs in NumPy alone, as one of paths."""
 
+    motion: Callable[..., Any]
     longest_s = LONGEST_S
-
-    def __init__(self, motion: Callable[..., Any]) -> None:
-        self.motion = motion
 
     def __call__(self, place: Array, speed: Array, uniforms: Array) -> Path:
         sample = self._places
