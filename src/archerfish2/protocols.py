@@ -7,6 +7,7 @@ Frame O: gravity up, fixed axes (x forward, y left, z up at the beginning), orig
 engagement begins. Angles are in O; yaw is continuous, not wrapped; the mechanical yaw is `angle[..., 1] - base.yaw`.
 """
 
+from contextlib import suppress
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -208,6 +209,19 @@ class World(Protocol):
         """Return what the oracle may have."""
 
 
+def _check_call(build: Any) -> None:
+    """Refuse what can't be called with a robot and a task."""
+    import inspect  # slow to load
+
+    with suppress(ValueError):  # of what has no signature
+        signature = inspect.signature(build)
+        try:
+            signature.bind("robot", "task")
+        except TypeError as error:
+            problem = f"is called with robot and task, but takes {signature}"
+            raise InputError(f"{problem}; take both, or give an object with reset and step") from error
+
+
 def own_controller(controller: Any, robot: Any, task: Any) -> Controller:
     """Find a controller of a user's own, or build it by a function of robot and task, in float32 if it is compiled.
 
@@ -218,6 +232,7 @@ def own_controller(controller: Any, robot: Any, task: Any) -> Controller:
     with plugin.running():
         built: Any = plugin.value
         if isinstance(built, type) or (callable(built) and not hasattr(built, "step")):
+            _check_call(built)
             built = built(robot, task)
         kind = f"a {type(built).__name__}"
         if hasattr(built, "predict") and not hasattr(built, "step"):

@@ -194,16 +194,18 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
     def replace(self, **changes: Any) -> Self:
         """Return the same robot with some fields changed.
 
-        A record that is replaced is neither assumed nor judged any more, and the robot is that of no folder. Beside a
-        plant of one's own, what stays of the paper's robot is assumed.
+        A record that is replaced is neither assumed nor judged any more, and the robot is that of no folder. The
+        paper's robot gets another name; beside a plant of one's own, what stays of it is assumed.
 
         Args:
-          changes: fields; a plant may be code of a user's own, "./file.py:Name": a `PlantRecord`, or a function of
-            "pitch" or "yaw" that returns one.
+          changes: fields; a record may be what identified it, and a plant code of a user's own, "./file.py:Name": a
+            `PlantRecord`, or a function of "pitch" or "yaw" that returns one.
 
         Raises:
           InputError: if the code fails, or a plant can't be that of the axis.
         """
+        for part in changes.keys() & RECORDS.keys():
+            changes[part] = getattr(changes[part], "record", changes[part])  # of what identified it
         for axis in ("pitch", "yaw"):
             if isinstance(changes.get(axis), str):
                 changes[axis] = _own_plant(changes[axis], axis)
@@ -212,7 +214,8 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
             assumed = ("pitch", "yaw", "muzzle", "limits") if is_another else self.assumed
             assumed = tuple(part for part in assumed if part not in new)
             parts = {part: verdict for part, verdict in self.parts.items() if part not in new}
-            changes = {"assumed": assumed, "parts": parts, "folder": None, **changes}
+            name = f"paper, other {' and '.join(sorted(new))}" if self is Robot.paper() else self.name
+            changes = {"name": name, "assumed": assumed, "parts": parts, "folder": None, **changes}
         return super().replace(**changes)
 
     def record_digests(self) -> dict[str, str]:

@@ -311,6 +311,8 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         if not is_plugin(self.motion, "motion"):
             expected = f"expected one of {', '.join((*EQ_7, *DRAWN))} or ./FILE.py:NAME"
             raise InputError(f"Task: field motion: {expected}, got {self.motion!r}; correct it")
+        if (name := self.motion.rpartition(":")[2]) in (*EQ_7, *DRAWN):
+            raise InputError(f"{self.motion}: {name} is the name of a motion of ours; give yours another one")
         found = find_motion(self.motion)
         if self.lengths[-1] > (longest := getattr(found.value, "longest_s", np.inf)):
             problem = f"field lengths_s: {found.name} is sampled, for at most {longest:g} s"

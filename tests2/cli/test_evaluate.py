@@ -118,7 +118,7 @@ FOLDERS = {
     "--command-limit gate": "evaluation",
     "--task paper": "evaluation/paper",
     "--task paper --command-limit box --set period_s=0.04": "evaluation/paper-period_s=0.04-command_limit=box",
-    "--world ./w.py:W": "evaluation/W",
+    "--task paper --tuning start": "evaluation/paper-tuning=start",
 }
 
 
@@ -129,6 +129,18 @@ def test_other_conditions_have_another_folder(words, tmp_path, monkeypatch, call
     af.Robot.paper().save(tmp_path)
     called(tmp_path, *words.split())
     assert folder.call_args[0][0] == tmp_path / FOLDERS[words]
+
+
+def test_code_of_one_name_from_two_files_has_two_folders(tmp_path, monkeypatch, called):
+    folder = Mock(side_effect=af.InputError("it was called"))
+    monkeypatch.setattr("archerfish2.storage.output_folder", folder)
+    words = [["--world", "./w.py:W"], ["--world", "./v.py:W"], ["--task", str(tmp_path / "...toml")]]
+    af.Task.load("paper").save(tmp_path / "...toml")
+    for options in words:
+        called(*options)
+    found = [call[0][0] for call in folder.call_args_list]
+    assert len(set(found)) == 3
+    assert all(path.parent == Path("runs/evaluate") for path in found)
 
 
 def test_an_unfinished_policy_of_the_robot_is_named(tmp_path, called, capsys):

@@ -28,7 +28,6 @@ from archerfish2.controllers.policy.network import Layer, Normaliser
 from archerfish2.controllers.policy.observation import make_observer, observer_facts
 from archerfish2.controllers.policy.policy import PolicyFacts
 from archerfish2.controllers.registry import make_controller
-from archerfish2.controllers.tuning import tuning_at
 from archerfish2.protocols import aim
 from archerfish2.records.json_files import plain
 
@@ -73,7 +72,7 @@ def exported(tmp_path_factory):
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(check, "FLAGS", STRICT)
                 patch.setattr("archerfish2.codegen.export.c_decision", lambda *_: None)  # compiled once, and kept
-                export(controller if name in POLICIES else name, path, robot, TASK, tuning=tuning_at(name))
+                export(controller if name in POLICIES else name, path, robot, TASK, tuning="start")
                 kept[name] = path, check.c_decision(path, 300)
         return kept[name]
 
@@ -339,7 +338,7 @@ def test_what_can_not_be_exported_is_refused_and_nothing_is_written(tmp_path, re
     refused("tuning: expected .kept., .start., .*got 'best'", export, "kalman", tmp_path / "a.c", tuning="best")
     refused("perhaps you meant kalman", export, "kalmn", tmp_path / "a.c")
     near = TASK.replace(command_limit="los-2deg")
-    monkeypatch.setattr("archerfish2.codegen.export.tune", lambda *_: 1 / 0)  # takes minutes, and comes last
+    monkeypatch.setattr("archerfish2.evaluation.tuning.tune", lambda *_: 1 / 0)  # takes minutes, and comes last
     refused("as no robot knows; take gate or box", export, "kalman", tmp_path / "a.c", PAPER, near)
     monkeypatch.setattr("archerfish2.codegen.export.MOST", -1.0)
     if shutil.which("cc"):

@@ -3,7 +3,6 @@
 import math
 from itertools import product
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from archerfish2.controllers.policy.policy import PolicyFacts
 from archerfish2.controllers.registry import make_controller
 from archerfish2.controllers.tuning import GRIDS, tuning_at
 from archerfish2.evaluation import tuning
+from archerfish2.evaluation.contenders import as_contenders
 from archerfish2.evaluation.draws import draw
 from archerfish2.evaluation.run import count
 from archerfish2.protocols import aim
@@ -67,7 +67,9 @@ def short(robot, task):
 
 
 ELSEWHERE = Held()  # a policy of another robot, as far as an evaluation looks
-ELSEWHERE.facts = SimpleNamespace(robot={"pitch": "another"}, seed=0, observer=SimpleNamespace(period_s=0.02))
+ELSEWHERE.facts = PolicyFacts(
+    observer=observer_facts("paper", af.Robot.paper(), TASK), task=TASK, robot={"pitch": "another"}
+)
 COUNTS = [*product(("engagements", "seed"), ("10", 10.0, True, -1)), ("engagements", 1), ("engagements", 10**9)]
 REFUSED = [
     # The first two are found at some decision, the others before anything is shot.
@@ -202,7 +204,8 @@ def test_what_is_tuned_shoots(searched):
         for each in ("kept", {"kalman": best}, "start")
     )
     assert tuned.tuning == given.tuning == {"other/gate/dynamic/kalman": best}
-    assert start.tuning == {}
+    assert start.tuning == {"other/gate/dynamic/kalman": tuning_at("kalman")}
+    assert start.remarks == ('Classical controllers have the settings where the search begins (tuning="start").',)
     world, controller = af.make_world(OTHER, TASK), make_controller("kalman", OTHER, TASK, best)
     hit = count(world, controller, *draw(TASK.cells(), 4, 1, "evaluation")).hit
     assert tuned.cells[0].hits_by_engagement == given.cells[0].hits_by_engagement == (*hit.sum(axis=1),)
@@ -247,6 +250,29 @@ def test_a_controller_is_made_once_for_each_length(monkeypatch):
     monkeypatch.setattr(build, lambda robot, task: made.append(task.lengths) or original(robot, task))
     results = af.evaluate("oracle", task=TASK.replace(lengths_s=(0.5, 1.0)), engagements=4)
     assert (made, len(results.cells)) == ([(0.5,), (1.0,)], 2)
+
+
+def test_trainings_that_differ_in_more_than_their_seed_are_two_controllers():
+    trained = [policy(), policy(seed=1), policy("paper", seed=2)]
+    found = as_contenders(trained)
+    assert [(contender.name, contender.seed) for contender in found] == [
+        ("policy", 0),
+        ("policy", 1),
+        ("policy-2", 2),
+    ]
+
+
+def test_a_world_of_one_s_own_is_not_joined_with_ours_of_that_name(refused):
+    ours = af.evaluate("no-lead", task=TASK, engagements=2)
+    own = af.evaluate("no-lead", task=TASK, engagements=2, world=lambda robot, task: af.make_world(robot, task))
+    refused("robots: paper differs", ours.join, own)
+
+
+def test_a_motion_of_one_s_own_has_not_the_name_of_ours(refused):
+    def strafe(place, speed, uniforms):
+        """A motion that is never called."""
+
+    refused("strafe is the name of a motion of ours", af.evaluate, "no-lead", task=strafe)
 
 
 def test_a_policy_is_found_by_its_file_whatever_its_name(tmp_path):

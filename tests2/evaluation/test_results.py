@@ -130,6 +130,13 @@ def test_several_trainings_are_compared_in_the_mean():
     assert "policy, 3 seeds − mine" in repr(found)
 
 
+def test_cells_that_share_engagements_have_a_mean_each():
+    again = [cell.replace(command_limit="box") for cell in RESULTS.cells]
+    headline = RESULTS.replace(cells=(*RESULTS.cells, *again)).compare("policy", "kalman").report.headline
+    [interval] = [" (".join(entry_texts(mean(RESULTS.compare("policy", "kalman"))))]
+    assert headline.count(f"{interval}) points in the mean of 1 cells (paper, limit") == 2
+
+
 def test_a_controller_that_is_not_there_is_refused_with_those_that_are(refused):
     refused("there is no controller 'oracle', but policy, kalman; name two", RESULTS.compare, "policy", "oracle")
 

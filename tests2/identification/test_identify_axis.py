@@ -246,3 +246,11 @@ def test_logs_that_determine_nothing_are_refused(code):
     with pytest.raises(InputError, match=complaint) as error:
         call()
     assert code in {error.value.code, None}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("order", "2"), ("max_delay", -1), ("seed", -2), ("feedthrough", "no"), ("axis", "roll/2")]
+)
+def test_an_argument_that_fits_no_fit_is_refused_by_its_name(name, value):
+    with pytest.raises(InputError, match=f"{name}: expected .*, got {value!r}"):
+        identify_axis([QUIET], **{name: value})

@@ -112,7 +112,8 @@ def test_what_no_plant_can_be_made_of_is_refused(robot, refused):
 
 def test_beside_a_plant_of_one_s_own_the_rest_of_the_paper_s_robot_is_assumed():
     assert Robot.paper().replace(yaw=Robot.paper().yaw).assumed == ("pitch", "muzzle", "limits")
-    assert Robot.paper().replace(limits=Robot.paper().limits).assumed == ()
+    other = Robot.paper().replace(limits=Robot.paper().limits, muzzle=Robot.paper().muzzle)
+    assert (other.assumed, other.name) == ((), "paper, other limits and muzzle")
 
 
 def test_a_robot_is_read_back_and_what_is_replaced_is_no_longer_assumed_or_judged(tmp_path, robot, refused):

@@ -1,5 +1,7 @@
 """`archerfish2 evaluate`: hit rates of controllers on the same engagements."""
 
+import hashlib
+import json
 import re
 import sys
 from collections.abc import Iterable
@@ -14,6 +16,7 @@ from archerfish2.controllers.registry import is_policy, load_controller
 from archerfish2.controllers.tuning import GRIDS, TuningLike
 from archerfish2.evaluation.evaluate import USUAL, evaluate
 from archerfish2.evaluation.tuning import tune
+from archerfish2.plugins import names_code
 from archerfish2.records.json_files import plain
 from archerfish2.robot import Robot
 from archerfish2.task import Task
@@ -107,9 +110,17 @@ class Evaluate(Writes, ForRobot):
         """Return where results are written: for other than the usual conditions a folder that is named after them."""
         usual, changed = plain(Task(motion=task.motion)), [task.name] if task.name != "any" else []
         changed += [f"{name}={value}" for name, value in plain(task).items() if name != "name" and value != usual[name]]
+        is_named = task.name != Task(motion=task.motion).name
+        changed += [f"motion={task.motion.rpartition(':')[2]}"] if is_named else []
         changed += [self.world.rpartition(":")[2]] if self.world else []
+        changed += [f"tuning={self.tuning}"] if self.tuning != "kept" else []
+        name = "-".join(changed)
+        plain_name = re.sub(r"[^\w.=-]+", "_", name).strip(".")[:80]
+        if plain_name != name or names_code(task.motion) or self.world:  # others may have this name
+            conditions = json.dumps([plain(task), self.world, self.tuning], sort_keys=True)
+            plain_name += f"-{hashlib.sha256(conditions.encode()).hexdigest()[:8]}"
         folder = self.folder / "evaluation" if self.folder else Path("runs/evaluate")
-        return folder / re.sub(r"[^\w.=-]+", "_", "-".join(changed))[:100]
+        return folder / plain_name
 
     def _tuning(self, controllers: Iterable[Any], robot: Robot, task: Task) -> TuningLike:
         if self.tuning == "kept":

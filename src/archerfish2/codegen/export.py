@@ -3,7 +3,6 @@
 from __future__ import annotations  # so that help() names the types, rather than what they stand for
 
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +12,10 @@ from archerfish2.codegen.decision import Gated, example_decisions, trace_decisio
 from archerfish2.codegen.onnx import print_onnx
 from archerfish2.controllers.policy.policy import Policy
 from archerfish2.controllers.registry import ControllerLike, load_controller, make_controller
-from archerfish2.controllers.tuning import GRIDS, Tuning, TuningLike
+from archerfish2.controllers.tuning import TuningLike
 from archerfish2.errors import InputError, file_error
-from archerfish2.evaluation.tuning import tune
+from archerfish2.evaluation.contenders import as_contenders
+from archerfish2.evaluation.tuning import settings
 from archerfish2.provenance import code_commit
 from archerfish2.reports.report import Report
 from archerfish2.reports.table import Table
@@ -113,12 +113,7 @@ def _controller(given: Any, robot: Robot, task: Task, tuning: Any) -> tuple[str,
     name = given if isinstance(given, str) else ""
     if name == "oracle":
         raise InputError("oracle knows the target's path, as no robot does; export another controller")
-    tuning = tuning.get(name, "kept") if isinstance(tuning, Mapping) else tuning
-    if not (tuning in ("kept", "start") or isinstance(tuning, Tuning)):
-        raise InputError(f'tuning: expected "kept", "start", a Tuning or a mapping to some, got {tuning!r}; give one')
-    if name not in GRIDS or tuning == "start":
-        tuning = None
-    elif tuning == "kept":
-        tuning = tune(name, robot, task)
-    made = make_controller(given, robot, task, tuning)
+    [contender] = as_contenders({name or type(given).__name__: given})
+    tunings = settings([contender], tuning, robot, task)
+    made = make_controller(given, robot, task, tunings.get(contender.name))
     return name or type(made).__name__, made

@@ -97,6 +97,8 @@ def load_controller(controller: ControllerLike, blocks: tuple[Any, ...] = ()) ->
     kind = type(controller).__name__
     if kind in ("list", "tuple", "set", "dict"):
         raise InputError(f"controller: expected one, got a {kind}; give a name, a policy or an object")
+    if isinstance(controller, Path) and str(controller) in NAMES:
+        return str(controller)
     if isinstance(controller, str | Path) and is_policy(controller):
         return Policy.load(controller, blocks)
     if isinstance(controller, str) and controller not in NAMES and is_plugin(controller, "controller"):

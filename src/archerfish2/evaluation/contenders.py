@@ -15,6 +15,7 @@ from archerfish2.evaluation.draws import draw
 from archerfish2.evaluation.results import Kind
 from archerfish2.plugins import find_plugin
 from archerfish2.protocols import Controller, World, check_decision
+from archerfish2.records.json_files import plain
 from archerfish2.robot import Robot
 from archerfish2.targets.mixture import MIXTURES
 from archerfish2.task import DRAWN, EQ_7, Task
@@ -70,14 +71,19 @@ def as_contenders(
       InputError: if there is none, one can't be read, or a name can't be shown.
     """
     contenders: dict[tuple[str, int | None], Contender] = {}
+    trainings: dict[str, Any] = {}
     for name, controller in _with_names(controllers):
         if not isinstance(name, str) or not 1 <= len(name) <= 1000:
             given = one_line(repr(name))[:100]
             raise InputError(f"controllers: a name must have 1…1000 characters, got {given}; choose another")
         given = load_controller(controller)
         seed = getattr(getattr(given, "facts", None), "seed", None)
-        names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
-        unused = next(name for name in names if (name, seed) not in contenders)
+        training, unused = _training(given), name
+        for number in itertools.count(2):  # trainings that differ in more than their seed are not one controller
+            if (unused, seed) not in contenders and trainings.get(unused, training) == training:
+                break
+            unused = f"{name}-{number}"
+        trainings[unused] = training
         contenders[unused, seed] = Contender(unused, given, _kind(given), seed)
     if not contenders:
         raise InputError('controllers: there is none; give one, such as "kalman"')
@@ -93,10 +99,17 @@ def _with_names(controllers: Any) -> Iterable[tuple[Any, Any]]:
 
 def _name(controller: Any) -> str:
     if is_policy(controller):
-        return Path(controller).stem
+        path = Path(controller)
+        return path.stem if path.suffix == ".safetensors" else path.name
     if isinstance(controller, str | Path):
         return str(controller).rpartition(":")[2]
     return "policy" if hasattr(controller, "facts") else str(getattr(controller, "__name__", type(controller).__name__))
+
+
+def _training(given: Any) -> Any:
+    """Return what trainings of one controller have in common, None of what is not trained."""
+    facts = getattr(given, "facts", None)
+    return facts and plain((facts.observer, facts.task, facts.robot, facts.training.get("config")))
 
 
 def _kind(given: Any) -> Kind:

@@ -15,6 +15,7 @@ from archerfish2.evaluation.published import is_paper, printed_for, with_bounds
 from archerfish2.evaluation.results import Cell, Results
 from archerfish2.evaluation.run import Counted, count, count_perfect_aim
 from archerfish2.evaluation.tuning import settings
+from archerfish2.plugins import find_plugin
 from archerfish2.reports import progress
 from archerfish2.robot import Robot, RobotLike
 from archerfish2.simulation.user_world import WorldLike, find_world
@@ -22,6 +23,9 @@ from archerfish2.task import Task, TaskCell, TaskLike
 
 USUAL = ("kalman", "kalman-lq", "oracle")
 """Who shoots if nobody is named."""
+
+
+UNTUNED = 'Classical controllers have the settings where the search begins (tuning="start").'
 
 
 def evaluate(
@@ -88,6 +92,7 @@ def evaluate(
     ended = time.monotonic()
     motion = task_cells[-1].scenario.motion
     remarks = [unlike_training(contender, robot, task) for contender in contenders]
+    remarks += [UNTUNED] if tunings and tuning == "start" else []
     informed = {c.name for place, c in enumerate(contenders) if getattr(made[0][place], "needs_truth", False)}
     stages = {"checks": checked - begun, "tuning": tuned - checked, "evaluation": ended - tuned}
     return Results(
@@ -95,13 +100,27 @@ def evaluate(
         commit=provenance.code_commit(),
         versions=provenance.library_versions(),
         tasks=(task,),
-        robots={arena.name: {"robot": robot.name, "digest": robot.digest(), "assumed": ", ".join(robot.assumed)}},
+        robots={arena.name: _conditions(robot, world)},
         motions={motion.name: motion.digest} if hasattr(motion, "digest") else {},
         tuning={f"{arena.name}/{task.command_limit}/{task.name}/{name}": found for name, found in tunings.items()},
         cells=with_bounds(cells, robot, task, seed, informed=informed) if world is None else tuple(cells),
         remarks=tuple(remark for remark in remarks if remark),
         durations={stage: round(seconds, 2) for stage, seconds in stages.items()},
     )
+
+
+def _conditions(robot: Robot, world: WorldLike | None) -> dict[str, str]:
+    """Return what the cells of a world have in common, and their labels don't say."""
+    muzzle, conditions = robot.muzzle, {"robot": robot.name, "digest": robot.digest()}
+    conditions["muzzle"] = (
+        f"{muzzle.speed:.4g} m/s ± {muzzle.speed_sd:.2g}, dispersion {1e3 * muzzle.pitch_sd:.3g} mrad in pitch and "
+        f"{1e3 * muzzle.yaw_sd:.3g} in yaw, drag {muzzle.drag:.3g} 1/m"
+    )
+    conditions["assumed"] = ", ".join(robot.assumed)
+    if world is not None:
+        plugin = find_plugin(world, "world")
+        conditions["world"] = f"{plugin.spec} {plugin.digest[:16]}".strip()
+    return conditions
 
 
 def _cells(

@@ -10,6 +10,7 @@ from archerfish2.evaluation.results import Cell, Results
 from archerfish2.records.json_files import plain
 from archerfish2.reports.report import Report
 from archerfish2.reports.table import entry_texts
+from archerfish2.task import DRAWN, Task
 
 _PROVENANCE = ("seed", "commit", "versions", "robots", "motions", "tuning")
 _LIMITS = {
@@ -53,8 +54,16 @@ def _known(results: Results, pairs: Sequence[CellDifference]) -> list[str]:
     said += [tables.DIFFERENCES, "results.compare(a, b) has those of any two controllers by cell."] if pairs else []
     said += [tables.BOUNDS] if any(cell.bound is not None for cell in cells) else []
     for name, facts in results.robots.items():
+        said += [f"Muzzle of {name}: {facts['muzzle']}."] if facts.get("muzzle") else []
         said += [f"Assumed of {name}, not identified: {facts['assumed']}."] if facts.get("assumed") else []
-    return said
+    return said + [_conditions(task) for task in results.tasks]
+
+
+def _conditions(task: Task) -> str:
+    """Return what figures of a task depend on, and no table says."""
+    said = f"Task {task.name}: a decision every {task.period_s:g} s, a hit within {task.hit_radius_m:g} m"
+    is_at_our_speed = task.motion not in DRAWN
+    return f"{said}, targets up to {task.max_speed_m_s:g} m/s." if is_at_our_speed else f"{said}."
 
 
 def _headline(cells: Sequence[Cell], pairs: Sequence[CellDifference]) -> str:

@@ -145,8 +145,12 @@ def comparison_report(pairs: Sequence[CellDifference]) -> Report:
         rows = [row(motion, own, mean) for motion, own in motions.items()]
         rows += [row("all", part, mean)] if len(motions) > 1 else []
         tables.append(Table(f"{pair_text(part)} in points: {place_text(*place)}", ("targets", *columns), tuple(rows)))
-    interval = " (".join(entry_texts(mean(pairs)))
-    headline = f"{pair_text(pairs)}: {interval}) points in the mean of {len(pairs)} cells."
+    means = []
+    # Cells of other lengths and limits have engagements in common, so there is no interval of their mean.
+    for place, part in grouped(pairs, lambda pair: pair.place).items():
+        interval = " (".join(entry_texts(mean(part)))
+        means.append(f"{interval}) points in the mean of {len(part)} cells ({place_text(*place)})")
+    headline = f"{pair_text(pairs)}: {'; '.join(means)}."
     return Report("Paired differences", headline, known=(INTERVAL, DIFFERENCES), tables=tuple(tables))
 
 

@@ -94,13 +94,17 @@ def settings(contenders: Sequence[Contender], tuning: TuningLike, robot: Robot, 
       InputError: if it is nothing of that, or names another controller.
     """
     names = {contender.name: str(contender.given) for contender in contenders if contender.is_tuned}
+    if isinstance(tuning, Tuning) and not names:
+        raise InputError(f"tuning: there is none of {contenders[0].name}, only of {', '.join(GRIDS)}; leave it out")
     given = dict.fromkeys(names, tuning) if isinstance(tuning, Tuning) else tuning
     known = {*names, *names.values()}
     if not isinstance(given, Mapping):
         if given not in ("kept", "start"):
             expected = '"kept", "start", a Tuning, or a mapping from names of controllers to one'
             raise InputError(f"tuning: expected {expected}, got {one_line(repr(tuning))[:100]}; give one of these")
-        return {name: tune(controller, robot, task) for name, controller in names.items() if given == "kept"}
+        if given == "start":
+            return {name: tuning_at(controller) for name, controller in names.items()}
+        return {name: tune(controller, robot, task) for name, controller in names.items()}
     if not all(name in known and isinstance(value, Tuning) for name, value in given.items()):
         expected = f"a Tuning for {', '.join(names) or 'no controller here'}"
         raise InputError(f"tuning: expected {expected}, got {one_line(repr(given))[:100]}; correct it")

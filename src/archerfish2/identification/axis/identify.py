@@ -108,6 +108,7 @@ def identify_axis(
     if arrays:
         problem = f"identify_axis: got {1 + len(arrays)} arguments, expected logs alone"
         raise InputError(f"{problem}; pass archerfish.Recording.from_arrays(u, y, period_s)")
+    _check_arguments(axis, order, max_delay, seed, feedthrough)
     # Matrices are small: more threads cost more than they save.
     with threadpool_limits(1, "blas"):
         logs_of_axis = read_sources(logs, validate, divides_s)
@@ -121,6 +122,17 @@ def identify_axis(
             gain=_known_gain(dc_gain, logs_of_axis.fitted),
         )
         return _result(found, logs_of_axis, axis, seed)
+
+
+def _check_arguments(axis: Any, order: Any, max_delay: Any, seed: Any, feedthrough: Any) -> None:
+    """Refuse before the work what would fail after it, or be taken for something else."""
+    if not isinstance(axis, str) or not axis.strip() or "/" in axis:
+        raise InputError(f"axis: expected a name, such as pitch, got {axis!r}; choose another")
+    if not isinstance(feedthrough, bool):
+        raise InputError(f"feedthrough: expected True or False, got {feedthrough!r}; give one of these")
+    for name, number, least in (("order", order, 1), ("max_delay", max_delay, 0), ("seed", seed, 0)):
+        if number is not None and not (isinstance(number, int | np.integer) and number >= least):
+            raise InputError(f"{name}: expected a whole number of at least {least}, got {number!r}; choose another")
 
 
 def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int) -> AxisResult:
