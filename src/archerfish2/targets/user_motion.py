@@ -44,7 +44,7 @@ class _Sampled(NamedTuple):
     """A motion that runs in NumPy alone, as one of paths."""
 
     motion: Callable[..., Any]
-    longest_s = LONGEST_S
+    longest_s: float = LONGEST_S
 
     def __call__(self, place: Array, speed: Array, uniforms: Array) -> Path:
         sample = self._places
