@@ -5,6 +5,7 @@ import hashlib
 import linecache
 import re
 import sys
+import threading
 import types
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from scipy import signal
 import archerfish2 as af
 from archerfish2 import authors
 from archerfish2.dynamics.aiming import aim_at
-from archerfish2.plugins import find_plugin
+from archerfish2.plugins import find_plugin, registered_name
 
 EXAMPLES = Path(__file__).parents[1] / "examples2"
 PAGE = EXAMPLES.with_name("docs2").joinpath("bring_your_own.md").read_text()
@@ -100,6 +101,31 @@ CELL = "/tmp/ipykernel_7/12.py"
 NOTEBOOK = next(each for each in re.findall("```python\n(.*?)```", PAGE, re.DOTALL) if "class Zigzag" in each)
 PARTS, CALLS = NOTEBOOK.split("\n\nprint(", 1)
 CLOSURE = "def times(factor):\n    return lambda place, speed, _: factor * place\n"
+PRODUCTS = """def make(content):
+    class Still:
+        def position(self, time): return self.place
+    def motion(place, speed, uniforms):
+        still = Still()
+        still.place, still.content = place, content
+        return still
+    return motion
+"""
+CONTENTS = [  # of m, with one of two numbers
+    "class m:\n    A = {}",
+    "class m:\n    @property\n    def a(self): return {}",
+    "class m:\n    @staticmethod\n    def a(): return {}",
+    "class m:\n    @classmethod\n    def a(cls): return {}",
+    "class B:\n    def a(self): return {}\nclass m(B): pass",
+    "P = dict(a=[{}])\ndef m(): return P",
+    "P = np.array([0.0, {}])\ndef m(): return P",
+    "P = np.float32({})\ndef m(): return P",
+    "class K: pass\nP = K()\nP.a = {}\ndef m(): return P",
+    "class K: A = {}\ndef m(): return K.A",
+    "def make(a): return lambda: a\nm = make(np.append(np.zeros(2000), [{}, *range(9)]))",
+    "def f(a): return a\nm = functools.partial(f, {})",
+    "class K:\n    def __init__(self): self.a = {}\n    def m(self): return self.a\nm = K().m",
+    "@functools.lru_cache\ndef m(): return {}",
+]
 LQG = """class LQG:
     compiled = False
     def reset(self, seen, truth=None):
@@ -156,6 +182,26 @@ def test_an_object_of_a_notebook_is_known_by_its_content(notebook):
     assert made[0] != made[1]  # equal source that refers to other numbers
     blocks = [lambda observer, view: view.distance, lambda observer, view: 0.0 * view.distance]  # in one line
     assert len(set(af.TrainConfig(observation=("history", *blocks)).observation)) == 3
+
+
+@pytest.mark.parametrize("code", CONTENTS)
+def test_an_object_of_another_content_is_another_one(notebook, code):
+    made = [notebook(f"import functools, numpy as np\n{code.format(n)}\n").m for n in (1, 2, 1)]
+    names = [registered_name(value, "motion") for value in made]
+    assert names[0] == names[2] != names[1]
+    assert [find_plugin(name, "motion").value for name in names] == [made[2], made[1], made[2]]
+
+
+def test_what_is_not_known_by_its_content_is_neither_joined_nor_kept(notebook, tmp_path, monkeypatch, refused):
+    monkeypatch.setenv("ARCHERFISH_CACHE", str(tmp_path))
+    searched, make = [], notebook(PRODUCTS).make
+    monkeypatch.setattr("archerfish2.evaluation.tuning.rates", lambda *_: searched.append(1) or (lambda _: 0.5))
+    opaque = make(threading.Lock())
+    for motions, message in (([make(1.0), make(2.0)], "motion differs"), ([opaque, opaque], "motion refers to what")):
+        tasks = [af.Task.of(motion).replace(ranges_m=((2, 3),)) for motion in motions]
+        first, second = (af.evaluate("kalman", task=task, engagements=2) for task in tasks)
+        refused(message, first.join, second)
+    assert len(searched) == 4
 
 
 def test_no_file_names_an_object(notebook, tmp_path, refused):

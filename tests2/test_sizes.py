@@ -14,7 +14,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 SIZES = ROOT / "tests2" / "sizes.toml"
-LEAVES = "__init__ __main__ errors arrays storage provenance workers compiled plugins"
+LEAVES = "__init__ __main__ errors arrays storage provenance workers compiled plugins object_digest"
 GROUP = dict.fromkeys(LEAVES.split(), "leaves") | dict.fromkeys(("robot", "task", "messages"), "nouns")
 
 

@@ -8,7 +8,7 @@ A file is run once for each content that it has: a file that was edited is anoth
 object, as a function of a notebook, gets a name by its content, too, for records that have a text there.
 """
 
-import ast
+import functools
 import hashlib
 import importlib.util
 import operator
@@ -21,13 +21,13 @@ from pathlib import Path
 from typing import Any
 
 from archerfish2.errors import InputError, one_line
-from archerfish2.storage import file_hash
+from archerfish2.object_digest import object_digest, sources
 
 FORMS = "./FILE.py:NAME, MODULE:NAME or the name of an installed entry point"
 _TRACED = ("Tracer", "Concretization", "NonConcrete", "UnexpectedTracer")  # JAX's errors of code that can't be compiled
 _executed: dict[str, str] = {}  # module that was run from a file → SHA-256 of what was run
 _OBJECT = "<object "  # begin of an object's name
-_objects: dict[str, "Plugin"] = {}  # by the names of `name_of`
+_objects: dict[str, "Plugin"] = {}  # by the names of `registered_name`
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +42,13 @@ class Plugin:
     """What the name stands for in the user's code."""
     file: str
     """Its source; "" where it has none."""
-    digest: str = ""
-    """SHA-256 of the file's content that was run; of an object from an imported module, of the file as it is now; of
-    one without a file, as in a notebook, of its source and what that refers to; "" where it has none."""
+    ran: str = ""
+    """SHA-256 of the file that was run, for what stands in it under the name; "" for any other object."""
+
+    @functools.cached_property
+    def digest(self) -> str:
+        """SHA-256 of the file that was run, else of the object's content; "" where the object can't be digested."""
+        return self.ran or object_digest(self.value)
 
     @contextmanager
     def running(self) -> Iterator[None]:
@@ -87,8 +91,10 @@ def names_object(spec: str) -> bool:
     return spec.startswith(_OBJECT)
 
 
-def name_of(value: Any, kind: str) -> str:
-    """Return the name of an object of a user's own, by its content, as `find_plugin` takes it; of a name itself.
+def registered_name(value: Any, kind: str) -> str:
+    """Return a name under which `find_plugin` finds an object from now on, by its content; of a name itself.
+
+    Of several objects of one content, it finds the last that was given.
 
     Raises:
       InputError: as `find_plugin`.
@@ -96,8 +102,9 @@ def name_of(value: Any, kind: str) -> str:
     if isinstance(value, str):
         return value
     plugin = find_plugin(value, kind)
-    name = f"{_OBJECT}{_source_digest(value)[:8] or id(value)}>:{plugin.name}"
-    _objects.setdefault(name, plugin)
+    name = f"{_OBJECT}{plugin.digest[:16] or id(value)}>:{plugin.name}"
+    if name not in _objects or _objects[name].value is not value:
+        _objects[name] = plugin
     return name
 
 
@@ -119,7 +126,7 @@ def find_plugin(spec: Any, kind: str) -> Plugin:
     if not isinstance(spec, str):
         module, name = getattr(spec, "__module__", ""), getattr(spec, "__name__", type(spec).__name__)
         file = getattr(sys.modules.get(module), "__file__", None) or _cell(spec)
-        return Plugin(f"{file}:{name}", name, spec, file, _digest_of(module, file) or _source_digest(spec))
+        return Plugin(f"{file}:{name}", name, spec, file, _ran(spec))
     if names_object(spec):
         if spec not in _objects:
             raise InputError(f"{kind} {spec!r} is an object of another process; give the object itself")
@@ -146,67 +153,25 @@ def find_plugin(spec: Any, kind: str) -> Plugin:
         if not hasattr(module, attribute.partition(".")[0]):
             own = (each for each, value in vars(module).items() if getattr(value, "__module__", "") == module.__name__)
             raise InputError(f"has no {attribute!r}, but {', '.join(own) or 'nothing'}; name one of these")
-        digest = _digest_of(module.__name__, module.__file__ or "")
-        return replace(plugin, value=operator.attrgetter(attribute)(module), digest=digest)
+        value = operator.attrgetter(attribute)(module)
+        return replace(plugin, value=value, ran=_executed.get(module.__name__, ""))
 
 
-def _digest_of(module: str, file: str) -> str:
-    """Return the SHA-256 of what was run as a module, or of its file as it is now; "" without either."""
-    return _executed.get(module) or (file_hash(Path(file)) if Path(file).is_file() else "")
-
-
-def _functions(value: Any) -> list[Any]:
-    """Return the functions that an object, or its class, is made of."""
-    if isinstance(value, types.FunctionType):
-        return [value]
-    members = vars(value if isinstance(value, type) else type(value)).values()
-    return [each for each in members if isinstance(each, types.FunctionType)]
+def _ran(value: Any) -> str:
+    """Return the SHA-256 of the file that was run, of what stands there under its own name; "" for anything else."""
+    module, name = getattr(value, "__module__", None), getattr(value, "__qualname__", None)
+    with suppress(AttributeError):
+        if module in _executed and name and operator.attrgetter(name)(sys.modules[module]) is value:
+            return _executed[module]
+    return ""
 
 
 def _cell(value: Any) -> str:
     """Return the name of a notebook's cell, as a traceback has it; "" where there is none."""
-    names = [function.__code__.co_filename for function in _functions(value)]
+    members = vars(value if isinstance(value, type) else type(value)).values()
+    functions = [each for each in (value, *members) if isinstance(each, types.FunctionType)]
+    names = [function.__code__.co_filename for function in functions]
     return next((name for name in names if not name.startswith("<string")), "")
-
-
-def _source_digest(value: Any) -> str:
-    """Return the SHA-256 of an object's source and of what that refers to; "" where the source is not kept."""
-    found = dict[Any, str]()
-    _collect(value, found)
-    state = "" if isinstance(value, type | types.FunctionType) else repr(getattr(value, "__dict__", value))
-    return hashlib.sha256("".join((*found.values(), state)).encode()).hexdigest() if any(found.values()) else ""
-
-
-def _collect(value: Any, found: dict[Any, str]) -> None:
-    """Add the source of an object's functions, and of what they use: numbers and texts, and their module's code."""
-    import inspect
-
-    for function in _functions(value):
-        if function in found:
-            continue
-        found[function] = ""
-        with suppress(OSError, TypeError, ValueError):
-            parts, codes = [inspect.getsource(function)], [function.__code__]
-            parts += [repr([cell.cell_contents for cell in function.__closure__ or ()])]
-            parts += [repr((function.__defaults__, function.__kwdefaults__))]
-            for code in codes:  # which grows by those inside
-                codes += [constant for constant in code.co_consts if isinstance(constant, types.CodeType)]
-                parts += [_compiled(code)]  # of two functions in one line, the source is the same
-            for name in dict.fromkeys(name for code in codes for name in code.co_names):
-                used = function.__globals__.get(name)
-                if isinstance(used, bool | int | float | str | tuple | list):
-                    parts += [f"{name} = {used!r}"]
-                elif isinstance(used, type | types.FunctionType) and used.__module__ == function.__module__:
-                    _collect(used, found)
-            found[function] = "\n".join(parts)
-
-
-def _compiled(code: types.CodeType) -> str:
-    """Return what a function does, without the functions inside; the same in every process."""
-    constants = [constant for constant in code.co_consts if not isinstance(constant, types.CodeType)]
-    # A set has another order in each process.
-    texts = [str(sorted(map(repr, value))) if isinstance(value, frozenset) else repr(value) for value in constants]
-    return repr((code.co_code, code.co_names, code.co_varnames, texts))
 
 
 def _is_installed(where: str, path: Path) -> bool:
@@ -222,21 +187,21 @@ def _module(path: Path) -> types.ModuleType:
 
     Its content is that of the files beside it as well that it imports, which are then imported again.
     """
-    sources = _sources(path)
-    digest = hashlib.sha256(b"".join(sources.values())).hexdigest()
+    contents = sources(path)
+    digest = hashlib.sha256(b"".join(contents.values())).hexdigest()
     # Not by its stem, which another file may have, and under the package's name, which another edition has not.
     name = f"{__package__}_plugin_{path.stem}_{hashlib.sha256(bytes(path) + digest.encode()).hexdigest()[:8]}"
     if name not in sys.modules:
         module = sys.modules[name] = types.ModuleType(name)
         module.__file__ = str(path)
         beside = [str(path.parent)] if str(path.parent) not in sys.path else []
-        for other in sources:
+        for other in contents:
             earlier = getattr(sys.modules.get(other.stem), "__file__", None)
             if earlier == str(other) or (earlier and str(Path(earlier).parent) not in sys.path):
                 del sys.modules[other.stem]  # run before, for this or another file of a user's own
         sys.path += beside  # what is installed comes first
         try:
-            exec(compile(sources[path], str(path), "exec", dont_inherit=True), module.__dict__)
+            exec(compile(contents[path], str(path), "exec", dont_inherit=True), module.__dict__)
             _executed[name] = digest
         except BaseException:
             del sys.modules[name]
@@ -245,22 +210,6 @@ def _module(path: Path) -> types.ModuleType:
             for each in beside:
                 sys.path.remove(each)
     return sys.modules[name]
-
-
-def _sources(path: Path) -> dict[Path, bytes]:
-    """Return the content of a file, and of those beside it that it imports, directly or by others."""
-    found, waiting = dict[Path, bytes](), [path]
-    while waiting:
-        file = waiting.pop(0)
-        if file in found or not file.is_file():
-            continue
-        found[file] = file.read_bytes()
-        with suppress(SyntaxError, ValueError):  # which are named when the file is run
-            for node in ast.walk(ast.parse(found[file])):
-                names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-                names += [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
-                waiting += [path.parent / f"{name.partition('.')[0]}.py" for name in names]
-    return found
 
 
 def _entry_points(kind: str) -> Any:

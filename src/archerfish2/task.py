@@ -11,7 +11,7 @@ from msgspec import Meta, structs
 
 from archerfish2.arrays import Array, lift, namespace, select, single_precision, tree
 from archerfish2.errors import InputError, file_error, one_line
-from archerfish2.plugins import Plugin, is_plugin, name_of, names_code, names_object
+from archerfish2.plugins import Plugin, is_plugin, names_code, names_object, registered_name
 from archerfish2.protocols import Engagement, Plates
 from archerfish2.records.json_files import plain
 from archerfish2.records.record import Angle, Share, Struct, Text
@@ -179,7 +179,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
 
     def __post_init__(self) -> None:
         if callable(self.motion):
-            structs.force_setattr(self, "motion", name_of(self.motion, "motion"))
+            structs.force_setattr(self, "motion", registered_name(self.motion, "motion"))
         super().__post_init__()
         structs.force_setattr(self, "name", self.name or self.motion.rpartition(":")[2])
         lengths, longest = self.lengths, LONGEST_S if self.motion in DRAWN else np.inf
@@ -250,7 +250,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         if isinstance(task, str | Path):
             return cls.load(task)
         if callable(task):
-            return cls(motion=name_of(task, "motion"))
+            return cls(motion=registered_name(task, "motion"))
         expected = "a name, a TOML file, a Task or a motion"
         raise InputError(f"task: expected {expected}, got a {type(task).__name__}; give one of these")
 

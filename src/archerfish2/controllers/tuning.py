@@ -110,13 +110,11 @@ class KeptTunings(Struct, frozen=True, kw_only=True):
 
 def entry(name: str, robot: Robot, task: Task) -> KeptTuning:
     """Return the entry of a controller, a robot and a task before tuning; `keep` takes it with the best settings."""
-    # The name of a user's motion may be that of another file tomorrow.
-    code = "" if task.motion in (*EQ_7, *DRAWN) else find_plugin(task.motion, "motion").digest
     return KeptTuning(
         controller=name,
         robot=robot.digest(),
         task=task.replace(name="", lengths_s=task.lengths),
-        grids=f"{GRIDS[name]!r} {code}",
+        grids=f"{GRIDS[name]!r} {_motion_digest(task) or ''}",
         version=library_versions()["archerfish"],
         tuning=tuning_at(name),
     )
@@ -131,6 +129,8 @@ def kept(name: str, robot: Robot, task: Task) -> Tuning | None:
     Raises:
       InputError: if the file can't be read.
     """
+    if _motion_digest(task) == "":
+        return None
     begun = entry(name, robot, task)
     shipped = Task.load("paper").replace(lengths_s=(1.0,))
     if begun.task.replace(command_limit="gate") == shipped and begun.robot == Robot.paper().digest():
@@ -143,11 +143,16 @@ def kept(name: str, robot: Robot, task: Task) -> Tuning | None:
 
 
 def keep(found: KeptTuning, robot: Robot) -> None:
-    """Keep settings that were found; where the file can't be written, nothing is kept."""
+    """Keep settings that were found; nothing where the file can't be written, or the motion has no digest."""
     path = _tuning_file(robot)
-    if path is not None:
+    if path is not None and _motion_digest(found.task) != "":
         with suppress(InputError), locked(path.parent, 10.0, "tuning.lock"):
             write_json(path, {"schema": TUNING_SCHEMA, **plain(KeptTunings(tunings=(*_read_kept(path), found)))})
+
+
+def _motion_digest(task: Task) -> str | None:
+    """Return the digest of a user's motion, whose name may be that of another file tomorrow; None for another one."""
+    return None if task.motion in (*EQ_7, *DRAWN) else find_plugin(task.motion, "motion").digest
 
 
 def _tuning_file(robot: Robot) -> Path | None:

@@ -152,7 +152,7 @@ class Results(Record, frozen=True, kw_only=True):
     robots: dict[str, dict[str, str]]
     """World → the robot's name, digest of its records, and what was assumed of it."""
     motions: dict[str, str] = field(default_factory=dict)
-    """A user's motion → digest of its code, as it was run."""
+    """A user's motion → digest of its code, as it was run; "" where it refers to what has no content."""
     tuning: dict[str, Tuning]
     """"world/limit/task/controller" → settings."""
     cells: tuple[Cell, ...]
@@ -198,7 +198,8 @@ class Results(Record, frozen=True, kw_only=True):
 
         Raises:
           InputError: if evaluation seed, commit or versions differ, or what is there of one cell, robot or tuning; if
-            tasks of one name differ in what labels of cells don't say, such as the speed of the targets.
+            tasks of one name differ in what labels of cells don't say, such as the speed of the targets; if several
+            have a motion of one name, and its code has no digest.
         """
         parts = [self]
         for other in others:
@@ -208,6 +209,10 @@ class Results(Record, frozen=True, kw_only=True):
                 raise InputError(f"join: expected Results, got a {type(part).__name__}; give what `evaluate` returns")
         code = [{"seed": part.seed, "commit": part.commit, **part.versions} for part in parts]
         _joined("results", code, "evaluate all with the same")
+        unknown = [name for part in parts for name, digest in part.motions.items() if not digest]
+        if repeated := [name for name in unknown if unknown.count(name) > 1]:
+            problem = f"{repeated[0]} refers to what has no content, so that two of them may differ"
+            raise InputError(f"motions: {problem}; write its code into a file, and name that")
         stages = dict.fromkeys(stage for part in parts for stage in part.durations)
         return self.replace(
             tasks=_unique(task for part in parts for task in part.tasks),

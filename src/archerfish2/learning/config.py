@@ -7,7 +7,7 @@ from msgspec import Meta, structs
 
 from archerfish2.controllers.policy.observation import FRAMES
 from archerfish2.errors import InputError
-from archerfish2.plugins import name_of
+from archerfish2.plugins import registered_name
 from archerfish2.records.record import Share, Struct
 from archerfish2.robot import Robot
 from archerfish2.task import DRAWN, Task
@@ -162,10 +162,10 @@ class TrainConfig(Struct, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         if isinstance(self.observation, tuple | list):  # blocks may be functions
-            names = [name_of(block, "block") for block in self.observation]
+            names = [registered_name(block, "block") for block in self.observation]
             structs.force_setattr(self, "observation", tuple(names))
         if callable(self.reward):
-            structs.force_setattr(self, "reward", name_of(self.reward, "reward"))
+            structs.force_setattr(self, "reward", registered_name(self.reward, "reward"))
         super().__post_init__()
 
     @classmethod

@@ -23,7 +23,7 @@ from archerfish2.learning.config import ConfigLike, TrainConfig
 from archerfish2.learning.environment import make_environment
 from archerfish2.learning.reward import RewardFunction
 from archerfish2.learning.run_folder import Begun, RunFolder, new_run, resumed_run
-from archerfish2.plugins import find_plugin, name_of, names_code
+from archerfish2.plugins import find_plugin, names_code, registered_name
 from archerfish2.provenance import code_commit, library_versions
 from archerfish2.records.json_files import plain
 from archerfish2.reports import progress
@@ -104,22 +104,25 @@ def resume(
         changed, or the training diverges.
     """
     _check_callback(callback)
-    given = {f"block {name_of(block, 'block')}" for block in blocks}
+    given = {f"block {registered_name(block, 'block')}" for block in blocks}
     given |= {f"motion {Task.of(task).motion}"} if task is not None else set()
-    given |= {f"reward {name_of(reward, 'reward')}"} if reward is not None else set()
+    given |= {f"reward {registered_name(reward, 'reward')}"} if reward is not None else set()
     with import_jax().enable_x64(False), resumed_run(Path(folder)) as run:
         from archerfish2.learning.shards import claim_devices
 
         begun = run.begun
+        if unknown := [name for name, digest in begun.code.items() if not digest]:
+            problem = f"{unknown[0]} refers to what has no content, as a lock or an open file, so it may be another now"
+            raise InputError(f"{folder}: {problem}; begin another training")
         if missing := sorted(begun.code.keys() - given):
             raise InputError(f"{folder}: has a {missing[0]} of your own; give it again, as the training was begun")
         if ignored := sorted(given - begun.code.keys()):
             what = f"has no {ignored[0]} of your own, and continues with its own settings"
             raise InputError(f"{folder}: {what}; leave it out, or begin another training")
         own = _own_code(begun)
-        if changed := [name for name, digest in own.items() if digest != begun.code[name] or not digest]:
+        if changed := [name for name, digest in own.items() if digest != begun.code[name]]:
             remedy = "put it back, or begin another training"
-            raise InputError(f"{changed[0]} has changed since the training was begun, or has no source; {remedy}")
+            raise InputError(f"{changed[0]} has changed since the training was begun; {remedy}")
         if (devices := claim_devices(begun.config.settings.shards)) != begun.devices:
             flag = f"XLA_FLAGS=--xla_force_host_platform_device_count={begun.devices}"
             raise InputError(f"{folder}: begun on {begun.devices} devices, got {devices}; in a new process set {flag}")

@@ -7,7 +7,7 @@ calls back for that, and follows the path.
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from archerfish2.targets.motion import BEGIN_S, LONGEST_S, STEP_S, TIMES, Path, 
 
 UNIFORMS = 4
 """Uniform draws that a user's motion gets."""
-_checked: dict[tuple[str, int], Plugin] = {}  # by name and identity of the user's code, of which an edit makes another
+_checked: dict[tuple[str, int, str], Plugin] = {}  # by name, identity and digest: an object may be changed
 _FEW = 5  # unlike the number of coordinates, so that no shape is taken for another
 
 
@@ -40,23 +40,23 @@ def user_target(found: Plugin, place: Array, speed: Array, uniforms: Array) -> A
     return motion if hasattr(motion, "at") else disc(motion, place)
 
 
-def _sampled(motion: Callable[..., Any]) -> Callable[..., Path]:
-    """Return a motion that runs in NumPy alone as one of paths."""
+class _Sampled(NamedTuple):
+    """A motion that runs in NumPy alone, as one of paths."""
 
-    def places(place: Array, speed: Array, uniforms: Array) -> Array:
-        target = motion(*(np.asarray(drawn) for drawn in (place, speed, uniforms)))
-        return np.stack([target.position(np.full_like(speed, time)) for time in TIMES], -2, dtype=place.dtype)
+    motion: Callable[..., Any]
+    longest_s: float = LONGEST_S
 
-    def path(place: Array, speed: Array, uniforms: Array) -> Path:
-        sample = places
+    def __call__(self, place: Array, speed: Array, uniforms: Array) -> Path:
+        sample = self._places
         if namespace(place) is not np:
             jax = import_jax()
             shape = jax.ShapeDtypeStruct((*speed.shape, len(TIMES), 3), place.dtype)
-            sample = partial(jax.pure_callback, places, shape, vmap_method="sequential")
+            sample = partial(jax.pure_callback, self._places, shape, vmap_method="sequential")
         return Path(sample(place, speed, uniforms), 0.0 * speed + BEGIN_S, 0.0 * speed + STEP_S)
 
-    path.__dict__["longest_s"] = LONGEST_S
-    return path
+    def _places(self, place: Array, speed: Array, uniforms: Array) -> Array:
+        target = self.motion(*(np.asarray(drawn) for drawn in (place, speed, uniforms)))
+        return np.stack([target.position(np.full_like(speed, time)) for time in TIMES], -2, dtype=place.dtype)
 
 
 def find_motion(spec: Any) -> Plugin:
@@ -69,7 +69,7 @@ def find_motion(spec: Any) -> Plugin:
       InputError: if it is not there, its code fails, what it returns is no motion, or it can't be compiled.
     """
     found = find_plugin(spec, "motion")
-    if (key := (found.spec, id(found.value))) not in _checked:
+    if (key := (found.spec, id(found.value), found.digest)) not in _checked:
         _checked[key] = _check(found)
     return _checked[key]
 
@@ -86,7 +86,7 @@ def _check(found: Plugin) -> Plugin:
         motion = found.value(*drawn)
         kind, plates = type(motion).__name__, getattr(motion, "plates", 1)
         if not getattr(motion, "compiled", is_tree(motion)) and hasattr(motion, "position"):
-            found = replace(found, value=_sampled(found.value))
+            found = replace(found, value=_Sampled(found.value), ran=found.digest)
             motion = found.value(*drawn)
         if not is_tree(motion) or any(np.shape(each)[:1] != (_FEW,) for each in leaves(motion)):
             expected = "expected an object with position(time), each array as long as there are targets"
