@@ -203,7 +203,7 @@ def test_actions_beyond_the_bound_are_clipped_and_what_is_no_action_is_refused(e
 
 
 def test_what_can_not_be_made_or_reset_is_named(environment, refused):
-    refused("options robot, task, .* staggered and autoreset_mode; got plant", ShootingEnv, plant="x")
+    refused("options robot, task, .* staggered, autoreset_mode; got plant", ShootingEnv, plant="x")
     refused("got render_mode 'human'", ShootingEnv, "human")
     refused("an environment is given, so task", ShootingEnv, environment=environment, task="paper")
     refused("environment must be from make_environment, got 3", ShootingEnv, environment=3)

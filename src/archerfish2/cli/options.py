@@ -31,7 +31,7 @@ def assigned(settings: Iterable[str]) -> dict[str, Any]:
         name, equals, text = setting.partition("=")
         part, _, field = name.rpartition(".")
         place = fields.setdefault(part, {}) if part else fields
-        if isinstance(place, dict) and field in place:
+        if isinstance(place, dict) and not isinstance(place.get(field, {}), dict):
             raise InputError(f"--set gives {name} twice, last as {setting}; leave one out")
         if not equals or not isinstance(place, dict) or isinstance(place.get(field), dict):
             expected = "NAME=VALUE, and no value for a part and for a field of it"
