@@ -10,12 +10,25 @@ import dataclasses
 import functools
 import sys
 from collections.abc import Callable
-from typing import Any, TypeVar, dataclass_transform
+from typing import Any, Protocol, TypeVar, cast, dataclass_transform
 
 import numpy as np
 
 Array = Any
 """An array of NumPy or JAX. Shapes are in the docstrings; B stands for any batch shape, () included."""
+
+
+class TracedNamespace(Protocol):
+    """What a namespace of traced scalars has beside NumPy's functions: what stays whole in a printed program."""
+
+    def network(self, layers: Any, array: Array) -> Array:
+        """Apply fully connected layers, pairs of weights and biases, to each vector of an array, shape B + (n,)."""
+
+    def fold(self, function: Callable[[Any, Any], Any], items: list[Any], state: Any) -> Any:
+        """Return the last of state = function(state, item), a loop if there are several items."""
+
+    def over(self, function: Callable[[Array], Array], array: Array) -> Array:
+        """Return function(array), of which row by row depends on the same row alone, as a loop; shape (n, ...)."""
 
 
 def namespace(*arrays: Array) -> Any:
@@ -122,7 +135,7 @@ def single_precision(value: T) -> T:
         array = np.asarray(array)
         return array.astype(np.float32) if array.dtype.kind == "f" else array
 
-    return map_arrays(convert, value)
+    return cast(T, map_arrays(convert, value))
 
 
 def select(condition: Array, one: T, other: T) -> T:
@@ -140,7 +153,7 @@ def select(condition: Array, one: T, other: T) -> T:
     def choose(a: Array, b: Array) -> Array:
         return xp.where(xp.reshape(condition, condition.shape + (1,) * (a.ndim - condition.ndim)), a, b)
 
-    return map_arrays(choose, one, other)
+    return cast(T, map_arrays(choose, one, other))
 
 
 def when_any(condition: Array, function: Callable[[T, T], T], new: T, old: T) -> T:
@@ -151,7 +164,7 @@ def when_any(condition: Array, function: Callable[[T, T], T], new: T, old: T) ->
     if _is_jax(condition):
         import jax
 
-        return jax.lax.cond(jax.numpy.any(condition), function, lambda _, other: other, new, old)
+        return cast(T, jax.lax.cond(jax.numpy.any(condition), function, lambda _, other: other, new, old))
     return function(new, old) if condition.any() else old
 
 
@@ -173,7 +186,7 @@ def fold(function: Callable[[T, Any], T], state: T, items: Any, axis: int) -> T:
         return jax.lax.scan(lambda before, item: (function(before, item), None), state, moved)[0]
     before = (slice(None),) * axis
     rounds = [map_arrays(lambda each, at=(*before, place): each[at], items) for place in range(count)]
-    return getattr(namespace(*arrays), "fold", functools.reduce)(function, rounds, state)
+    return cast(T, getattr(namespace(*arrays), "fold", functools.reduce)(function, rounds, state))
 
 
 def repeat(function: Callable[[T], T], count: int, state: T) -> T:
@@ -181,9 +194,9 @@ def repeat(function: Callable[[T], T], count: int, state: T) -> T:
     if _is_jax(*leaves(state)):
         import jax
 
-        return jax.lax.fori_loop(0, count, lambda _, each: function(each), state)
+        return jax.lax.fori_loop(0, count, lambda _, each: function(each), state)  # type: ignore[no-any-return]
     fold = getattr(namespace(*leaves(state)), "fold", functools.reduce)
-    return fold(lambda before, _: function(before), [()] * count, state)
+    return cast(T, fold(lambda before, _: function(before), [()] * count, state))
 
 
 def over(function: Callable[[Array], Array], array: Array) -> Array:

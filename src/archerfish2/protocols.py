@@ -243,7 +243,8 @@ def own_controller(controller: Any, robot: Any, task: Any) -> Controller:
             if not is_tree(built) or {np.asarray(leaf).dtype.kind for leaf in leaves(built)} - set("fiub"):
                 raise InputError(f"is {kind}, expected a tree of arrays; make it one, or write compiled = False in it")
             built = single_precision(built)
-        return built
+        made: Controller = built
+        return made
 
 
 def check_decision(controller: Any, seen: Seen, truth: Truth | None = None) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from archerfish2.arrays import leaves, map_arrays
+from archerfish2.arrays import TracedNamespace, leaves, map_arrays
 
 _BOOLEAN = "less less_equal greater greater_equal equal not_equal logical_and logical_or logical_not"
 _NUMERIC = "add subtract multiply divide negative absolute sign floor round maximum minimum where"
@@ -209,7 +209,7 @@ class Traced(np.ndarray[Any, Any]):
 
 
 class _Namespace:
-    """NumPy's functions for traced arrays, and what stays whole in a printed program: `network`, `fold` and `over`."""
+    """NumPy's functions for traced arrays; `network`, `fold` and `over` are what stays whole."""
 
     __name__ = "traced"
     asarray = staticmethod(np.asanyarray)
@@ -220,7 +220,7 @@ class _Namespace:
         return getattr(np, name)
 
     def network(self, layers: Any, array: Any) -> Any:
-        """Apply fully connected layers, pairs of weights and biases, to each vector of an array, shape B + (n,)."""
+        """Apply fully connected layers to each vector of an array."""
         layers, found = [tuple(np.asarray(each, np.float32) for each in layer) for layer in layers], list[Any]()
         for row in np.asarray(array, object).reshape(-1, array.shape[-1]):
             whole = Network(list(row), layers)
@@ -233,12 +233,12 @@ class _Namespace:
         return looped(lambda carried, item: (function(carried, item), ()), state, items)[0]
 
     def over(self, function: Any, array: Any) -> Any:
-        """Apply a function to one row of an array, shape (n, ...), after the other, in a loop."""
+        """Apply a function to one row of an array after the other, in a loop."""
         rows = [array[at : at + 1] for at in range(len(array))]
         return np.concatenate(_loop(lambda _, row: ((), function(row)), (), rows)[1])
 
 
-_NAMESPACE = _Namespace()
+_NAMESPACE: TracedNamespace = _Namespace()
 
 
 def _loop(function: Any, state: Any, items: list[Any]) -> tuple[Any, list[Any]]:

@@ -56,7 +56,7 @@ class Contender(NamedTuple):
             raise InputError(f"{self.name} was trained for another robot than {robot.name}; name that robot's folder")
         if self.kind in ("policy", "perfect"):
             return self.given if self.kind == "policy" else None
-        return make_controller(self.given, robot, task, tuning)
+        return make_controller(self.given, robot, task, tuning)  # type: ignore[no-any-return]
 
 
 def as_contenders(

@@ -23,9 +23,8 @@ from archerfish2.task import Task, TaskCell, TaskLike
 
 USUAL = ("kalman", "kalman-lq", "oracle")
 """Who shoots if nobody is named."""
-
-
 UNTUNED = 'Classical controllers have the settings where the search begins (tuning="start").'
+"""What results say where none was tuned."""
 
 
 def evaluate(

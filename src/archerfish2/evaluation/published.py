@@ -6,6 +6,7 @@ controllers that are not given the target's path (the smaller of the hindsight a
 those that are (the hindsight bound).
 """
 
+import functools
 from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -56,7 +57,7 @@ def with_bounds(
     if task.motion not in EQ_7 or task.conditions() != Task().conditions():
         return tuple(cells)
     name, bounds = "paper" if robot.digest() == Robot.paper().digest() else robot.digest(), dict[Any, Any]()
-    for entry in read_json(Path(__file__).with_name("published.json"))["bounds"]:
+    for entry in _published():
         if (entry["robot"], entry["seed"]) == (name, seed):
             for motion in ("static", "dynamic"):
                 for range_m, *both in entry[motion]:
@@ -70,3 +71,8 @@ def with_bounds(
             bound, error = both[cell.controller in informed]
             bounded.append(cell.replace(bound=bound, bound_error=error))
     return tuple(bounded)
+
+
+@functools.cache
+def _published() -> list[Any]:
+    return list(read_json(Path(__file__).with_name("published.json"))["bounds"])

@@ -166,7 +166,7 @@ def make_environment(
     # Who sees old detections alone, or six numbers of them, leaves the critic to learn where the target really is.
     sees_truth = config.trainer == "ppo" and (robot.sensing is not None or config.kind in ("tracked", "multimodel"))
     found = make_reward(reward or config.reward, task.hit_radius_m)
-    made = single_precision(Environment(world, scenario, observer, found, sees_truth))
+    made: Environment = single_precision(Environment(world, scenario, observer, found, sees_truth))
     if isinstance(found, UserReward):
         normals = np.zeros((2, made.normals), np.float32)
         state, observation = made.fresh(normals, np.full((2, made.uniforms), 0.5, np.float32))

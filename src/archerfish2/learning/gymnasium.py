@@ -65,8 +65,9 @@ class _Engagements:
         self._shortest, self._longest = (round(float(decisions)) for decisions in ends)
         size = self.environment.fresh(*_batch([self._begun(np.random.default_rng(0))]))[1].shape[-1]
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / self.environment.world.period_s)}
-        observations = gymnasium.spaces.Box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (size,), np.float32)
-        return observations, gymnasium.spaces.Box(-action_bound, action_bound, (2,), np.float32)
+        box: Any = gymnasium.spaces.Box
+        observations = box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (size,), np.float32)
+        return observations, box(-action_bound, action_bound, (2,), np.float32)
 
     @property
     def observer(self) -> Observer:
@@ -108,7 +109,8 @@ class _Engagements:
         if found.shape == shape and found.dtype.kind in "fiu":
             if np.isfinite(found).all():
                 # Before they are float32, where a large number would overflow.
-                return np.minimum(np.maximum(found, -self._bound), self._bound).astype(np.float32)
+                taken: Floats = np.minimum(np.maximum(found, -self._bound), self._bound).astype(np.float32)
+                return taken
             what = "a number that is not finite"
         raise InputError(f"an action must be finite numbers of shape {shape}, pitch and yaw, got {what}; correct it")
 

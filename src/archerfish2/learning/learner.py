@@ -37,7 +37,8 @@ class Actor(NamedTuple):
 
         Numbers beyond those that the network takes are for the critic alone.
         """
-        return forward(self.layers, observation[..., : self.layers[0].weight.shape[0]])
+        mean: Array = forward(self.layers, observation[..., : self.layers[0].weight.shape[0]])
+        return mean
 
 
 class Learner(NamedTuple):
@@ -108,14 +109,15 @@ class Trainer(NamedTuple):
           key: PRNG key, shape (); is consumed.
         """
         log_std = jnp.full(2, jnp.float32(config.log_std)) if self.draws else jnp.zeros(0)
-        return begin_learner(environment, key, log_std, config.environments, config.widths, self.draws)
+        begun: Learner = begin_learner(environment, key, log_std, config.environments, config.widths, self.draws)
+        return begun
 
     def advance(self, environment: Environment, config: Any, learner: Learner, count: int) -> tuple[Learner, Metrics]:
         """Run iterations; see `iterate`."""
         settings = {name: jnp.float32(getattr(config, name)) for name in self.scalars}
         settings["anneal_over"] = jnp.float32(config.iterations if config.anneal else 1e9)
         sizes = tuple((name, getattr(config, name)) for name in self.sizes)
-        return iterate(self.iteration, environment, settings, learner, sizes, count)
+        return iterate(self.iteration, environment, settings, learner, sizes, count)  # type: ignore[no-any-return]
 
 
 def fresh_engagements(environment: Environment, key: Array, batch: int) -> Any:
@@ -211,4 +213,4 @@ def iterate(
         return jax.lax.scan(body, learner, length=count)
 
     run = over_shards(shard, own["shards"], (False, False, SPLIT), (SPLIT, False))
-    return run(environment, settings, learner)
+    return run(environment, settings, learner)  # type: ignore[no-any-return]

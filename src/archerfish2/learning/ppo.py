@@ -182,7 +182,7 @@ def shuffled_minibatches(key: Array, rows: int, epochs: int, parts: int) -> Arra
     places = (rows - 1).bit_length()
     numbers = jnp.arange(rows, dtype=jnp.uint32)[None, :]
     tagged = jax.random.bits(key, (epochs, rows)) >> places << places | numbers
-    orders = jnp.sort(tagged, axis=-1) & (2**places - 1)
+    orders: Array = jnp.sort(tagged, axis=-1) & (2**places - 1)
     return orders.reshape(epochs, parts, rows // parts)
 
 
@@ -244,7 +244,8 @@ def forward_columns(layers: tuple[Layer, ...], inputs: Array) -> Array:
     """Run a network of two layers as `forward` does on columns of one and inputs, shape (1 + n, B) → (outputs, B)."""
     first, last = layers
     hidden = jax.nn.relu(jnp.concatenate([first.bias[None, :], first.weight]).T @ inputs)
-    return last.weight.T @ hidden + last.bias[:, None]
+    outputs: Array = last.weight.T @ hidden + last.bias[:, None]
+    return outputs
 
 
 def log_probability(action: Array, mean: Array, log_std: Array) -> Array:

@@ -19,6 +19,7 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 AXIS = "shard"
 """Name of the axis that the shards lie along."""
 Tree = TypeVar("Tree")
+_lax: Any = lax
 
 
 def claim_devices(count: int) -> int:
@@ -59,15 +60,17 @@ def placed(tree: Tree, count: int, split: Any) -> Tree:
         part = jax.tree.map(np.asarray, part) if is_split else part
         return jax.device_put(part, NamedSharding(mesh, _partition(is_split)))
 
-    return jax.tree.map(put, split, tree)
+    there: Tree = jax.tree.map(put, split, tree)
+    return there
 
 
 def _mesh(count: int) -> Mesh:
     return Mesh(np.array(jax.devices()[:count]), (AXIS,))
 
 
-def _partition(is_split: bool) -> PartitionSpec:
-    return PartitionSpec(AXIS) if is_split else PartitionSpec()
+def _partition(is_split: bool) -> Any:
+    place: Any = PartitionSpec
+    return place(AXIS) if is_split else place()
 
 
 def over_shards(function: Callable[..., Any], count: int, split: Any, given: Any) -> Callable[..., Any]:
@@ -83,7 +86,10 @@ def over_shards(function: Callable[..., Any], count: int, split: Any, given: Any
     """
     if _have_devices(count):
         places, specs = (jax.tree.map(_partition, each) for each in (split, given))
-        return jax.shard_map(function, mesh=_mesh(count), in_specs=places, out_specs=specs, check_vma=False)
+        mapped: Callable[..., Any] = jax.shard_map(
+            function, mesh=_mesh(count), in_specs=places, out_specs=specs, check_vma=False
+        )
+        return mapped
 
     def axes(splits: Any) -> Any:
         return jax.tree.map(lambda each: 0 if each else None, splits)
@@ -107,12 +113,14 @@ def averaged(tree: Tree) -> Tree:
     """Average arrays over the shards, any shapes."""
     leaves, structure = jax.tree.flatten(tree)
     # One message for all: what an exchange costs hardly depends on its size.
-    together: Array = lax.pmean(jnp.concatenate([jnp.ravel(each) for each in leaves]), AXIS)
+    together: Array = _lax.pmean(jnp.concatenate([jnp.ravel(each) for each in leaves]), AXIS)
     ends = np.cumsum([each.size for each in leaves])[:-1]
     parts = zip(jnp.split(together, ends), leaves, strict=True)
-    return jax.tree.unflatten(structure, [part.reshape(each.shape) for part, each in parts])
+    means: Tree = jax.tree.unflatten(structure, [part.reshape(each.shape) for part, each in parts])
+    return means
 
 
 def largest(array: Array) -> Array:
     """Return the largest over the shards, any shape; infinity where one is not a number."""
-    return lax.pmax(jnp.where(jnp.isnan(array), jnp.inf, array), AXIS)
+    found: Array = _lax.pmax(jnp.where(jnp.isnan(array), jnp.inf, array), AXIS)
+    return found

@@ -73,4 +73,5 @@ def _checked(world: Any, task: Task) -> World:
             raise InputError(f"a {type(world).__name__} returns a {type(answer).__name__}, {expected}; correct it")
     if world.compiled and has_jax():
         import_jax().eval_shape(decision, world, *drawn)
-    return world
+    checked: World = world
+    return checked

@@ -300,7 +300,8 @@ def make_world(robot: RobotLike = None, task: TaskLike = "any") -> SimulatedWorl
         hit_radius=np.asarray(task.hit_radius_m),
         name=robot.name,
     )
-    return single_precision(world)
+    built: SimulatedWorld = single_precision(world)
+    return built
 
 
 def _periods_back(sensing: Sensing, period: float) -> int:

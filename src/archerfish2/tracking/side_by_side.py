@@ -54,7 +54,8 @@ class Trackers(NamedTuple):
     def update(self, tracks: Tracks, seen: Seen) -> Tracks:
         """Return the estimates at a later decision, or at the first one again, shape B."""
         before = tracks._replace(age=tracks.age + seen.elapsed)
-        return update_with_frames(self._update, _predicted, before, seen)
+        after: Tracks = update_with_frames(self._update, _predicted, before, seen)
+        return after
 
     def _update(self, tracks: Tracks, seen: Detection) -> Tracks:
         """Update with a detection; one that is not fresh leaves everything as it is."""

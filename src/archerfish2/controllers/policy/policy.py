@@ -1,5 +1,6 @@
 """A trained policy: an observer, a network, and one file that holds both; NumPy is enough to decide with it."""
 
+import abc
 import itertools
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -40,7 +41,7 @@ class PolicyFacts(Struct, frozen=True, kw_only=True):
     """Configuration and outcome of the training."""
 
 
-class ObservingController:
+class ObservingController(abc.ABC):
     """Base of what acts on observations alone."""
 
     observer: Observer
@@ -55,9 +56,9 @@ class ObservingController:
         view = self.observer.view(memory, seen)
         return memory, self.observer.decode(view, self.action(self.observer.observe(view)))
 
+    @abc.abstractmethod
     def action(self, observation: Array) -> Array:
         """Return the action for an observation, shape B + (n,) → B + (2,)."""
-        raise NotImplementedError
 
 
 @tree(left_out=("facts",))
