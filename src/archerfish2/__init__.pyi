@@ -23,5 +23,6 @@ from archerfish2.records.plant import PlantRecord as PlantRecord
 from archerfish2.robot import Robot as Robot
 from archerfish2.simulation.world import make_world as make_world
 from archerfish2.task import Task as Task
+from archerfish2.virtual_robot.virtual_robot import VirtualRobot as VirtualRobot
 
 __version__: str

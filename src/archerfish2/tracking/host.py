@@ -1,0 +1,164 @@
+"""What the computer that aims makes of a robot's messages: the gimbal as of its latest report, plates in frame O.
+
+A frame shows a plate in the camera's frame, at its exposure. Where the gimbal pointed then is looked up in the memory
+of its reports: with the angles of another moment a turning gimbal would seem to move the plate.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from archerfish2.dynamics.muzzle import direction
+from archerfish2.messages import Detections, Feedback
+
+Numbers = NDArray[np.float64]
+REMEMBERED_S = 0.25
+"""Reports and frames are kept for so long [s]; no frame arrives later than that after its exposure."""
+
+
+class Reports(NamedTuple):
+    """Reports of the gimbal of late, oldest first; a place without one repeats the one before, or has a time of −∞."""
+
+    sampled_s: Numbers  # rising, (B, L)
+    angle: Numbers  # pitch, and yaw without jumps of a turn [rad], (B, L, 2)
+    rate: Numbers  # [rad/s], (B, L, 2)
+
+
+class WaitingFrames(NamedTuple):
+    """Frames of late that show a plate, oldest first; a place without one has a time of −∞."""
+
+    exposed_s: Numbers  # on the clock of the reports, rising, (B, L)
+    position: Numbers  # of the plate in the camera's frame [m], (B, L, 3)
+
+
+class SeenPlate(NamedTuple):
+    """The plate as seen last."""
+
+    position: Numbers  # in O [m], (B, 3)
+    exposed_s: Numbers  # (B,)
+    is_new: NDArray[np.bool_]  # whether it came with the latest messages, (B,)
+
+
+class Host(NamedTuple):
+    """The memory of a host: of one plate at most in a frame."""
+
+    reports: Reports
+    frames: WaitingFrames
+    plate: SeenPlate
+
+
+def new_host(guess: Numbers) -> Host:
+    """Return the memory of a program that has just begun.
+
+    Args:
+      guess: where a plate is assumed until a frame shows it, in O [m], shape (B, 3).
+    """
+    count = len(guess)
+    none, angles = np.full((count, 1), -np.inf), np.zeros((count, 1, 2))
+    frames = WaitingFrames(none, np.zeros((count, 1, 3)))
+    return Host(Reports(none, angles, angles), frames, SeenPlate(guess, none[:, 0], np.zeros(count, bool)))
+
+
+def with_messages(host: Host, feedback: Feedback, detections: Detections, offset_s: float, now_s: float) -> Host:
+    """Return the memory with messages that arrived.
+
+    Args:
+      host: memory so far.
+      feedback: shape (B, N).
+      detections: shape (B, N), with one slot.
+      offset_s: from the stamp of a frame to its exposure on the clock of the reports [s].
+      now_s: the present on that clock [s].
+    """
+    reports = _with_reports(host.reports, feedback, now_s)
+    frames = _with_frames(host.frames, detections, offset_s, now_s)
+    return Host(reports, frames, _latest_plate(host.plate, reports, frames))
+
+
+def angle_at(reports: Reports, moment: Numbers) -> Numbers:
+    """Interpolate the gimbal's angles at moments [s], shape (B, G) → (B, G, 2); before the first report they are held.
+
+    Args:
+      reports: at least one per trial.
+      moment: up to the last report; may be NaN.
+    """
+    latest = reports.sampled_s.shape[1] - 1
+    after = np.sum(reports.sampled_s[:, None, :] <= moment[..., None], axis=-1)
+    first = np.argmax(np.isfinite(reports.sampled_s), axis=1)[:, None]
+    low, high = np.clip(after - 1, first, latest), np.clip(after, first, latest)
+    begin, end = (np.take_along_axis(reports.sampled_s, index, axis=1) for index in (low, high))
+    gap = end - begin
+    share = np.where(gap > 0.0, np.clip((moment - begin) / np.where(gap > 0.0, gap, 1.0), 0.0, 1.0), 0.0)
+    here, there = (np.take_along_axis(reports.angle, index[..., None], axis=1) for index in (low, high))
+    return np.asarray(here + share[..., None] * (there - here))
+
+
+def from_camera(position: Numbers, angle: Numbers) -> Numbers:
+    """Turn a place in the camera's frame, shape B + (3,), into O by pitch and yaw [rad], shape B + (2,)."""
+    forward = direction(angle)
+    yaw = angle[..., 1]
+    left = np.stack([-np.sin(yaw), np.cos(yaw), 0.0 * yaw], axis=-1)
+    upward = np.cross(forward, left)
+    return np.asarray(position[..., :1] * forward + position[..., 1:2] * left + position[..., 2:] * upward)
+
+
+def _with_reports(reports: Reports, feedback: Feedback, now_s: float) -> Reports:
+    """Add reports and forget old ones; yaw goes on without jumps where the wire's wraps."""
+    sampled = np.where(np.isnan(feedback.sampled_s), -np.inf, feedback.sampled_s)
+    new = _in_order(Reports(sampled, feedback.angle, feedback.rate))
+    # With the latest report in the place of each that is missing, those of before need not move: there are hundreds.
+    latest, missing = Reports(*(field[:, -1:] for field in reports)), np.isinf(new.sampled_s)
+    new = Reports(
+        np.where(missing, latest.sampled_s, new.sampled_s),
+        np.where(missing[..., None], latest.angle, new.angle),
+        np.where(missing[..., None], latest.rate, new.rate),
+    )
+    known = np.isfinite(latest.sampled_s)[..., None]
+    angle = np.concatenate([np.where(known, latest.angle, new.angle[:, :1]), new.angle], axis=1)
+    turns = np.cumsum(np.rint(np.diff(angle[..., 1], axis=1) / (2.0 * np.pi)), axis=1)
+    new = new._replace(angle=np.stack([new.angle[..., 0], new.angle[..., 1] - 2.0 * np.pi * turns], axis=-1))
+    joined = Reports(*(np.concatenate(pair, axis=1) for pair in zip(reports, new, strict=True)))
+    if np.any(new.sampled_s < latest.sampled_s):
+        joined = _in_order(joined)
+    kept = _kept(joined.sampled_s, now_s)
+    return Reports(*(field[:, -kept:] for field in joined))
+
+
+def _in_order(reports: Reports) -> Reports:
+    """Return the reports in the order of their times."""
+    trial, order = np.arange(len(reports.sampled_s))[:, None], np.argsort(reports.sampled_s, axis=1, kind="stable")
+    return Reports(*(field[trial, order] for field in reports))
+
+
+def _with_frames(frames: WaitingFrames, detections: Detections, offset_s: float, now_s: float) -> WaitingFrames:
+    """Add frames that show the plate, and forget old ones."""
+    exposed = detections.exposed_s + offset_s
+    missing = np.isnan(exposed) | ~detections.found[..., 0]
+    times = np.concatenate([frames.exposed_s, np.where(missing, -np.inf, exposed)], axis=1)
+    new = np.where(missing[..., None], 0.0, detections.position[..., 0, :])
+    places = np.concatenate([frames.position, new], axis=1)
+    order = np.argsort(times, axis=1, kind="stable")[:, -_kept(times, now_s) :]
+    return WaitingFrames(np.take_along_axis(times, order, axis=1), np.take_along_axis(places, order[..., None], axis=1))
+
+
+def _kept(times: Numbers, now_s: float) -> int:
+    """Return how many of the latest messages some trial still needs, at least one, shape (B, L)."""
+    return int(np.max(np.sum(times > now_s - REMEMBERED_S, axis=1), initial=1))
+
+
+def _latest_plate(plate: SeenPlate, reports: Reports, frames: WaitingFrames) -> SeenPlate:
+    """Return the plate of the latest frame that the reports cover.
+
+    A frame that is newer than the latest report waits: where the gimbal pointed then is not known yet, and a guess
+    would move the plate while the gimbal turns.
+    """
+    exposed = frames.exposed_s
+    usable = (exposed <= reports.sampled_s[:, -1:]) & (exposed > plate.exposed_s[:, None])
+    newest = np.argmax(np.where(usable, exposed, -np.inf), axis=1)[:, None]
+    moment = np.take_along_axis(exposed, newest, axis=1)
+    seen = np.take_along_axis(frames.position, newest[..., None], axis=1)
+    position = from_camera(seen, angle_at(reports, moment))[:, 0]
+    is_new = np.any(usable, axis=1)
+    return SeenPlate(
+        np.where(is_new[:, None], position, plate.position), np.where(is_new, moment[:, 0], plate.exposed_s), is_new
+    )
