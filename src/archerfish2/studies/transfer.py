@@ -1,0 +1,148 @@
+"""From a robot's logs to a policy on the robot, and what the step from the simulator to the robot costs.
+
+A script of the public functions: `VirtualRobot.record`, `identify_robot`, `train`, `tune` and `evaluate`, each with its
+defaults, so that a robot of one's own that goes through the same commands gets the same records and rates.
+"""
+
+from __future__ import annotations  # so that help() names the types, rather than what they stand for
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from archerfish2.controllers.tuning import GRIDS
+from archerfish2.errors import InputError
+from archerfish2.evaluation.evaluate import evaluate
+from archerfish2.evaluation.results import Results
+from archerfish2.evaluation.tuning import tune
+from archerfish2.identification.robot import RobotResult, identify_robot
+from archerfish2.learning.train import train
+from archerfish2.robot import Robot
+from archerfish2.studies.workers import Job, run_jobs
+from archerfish2.virtual_robot.virtual_robot import VirtualRobot
+
+TASK = "paper"
+CLASSICAL = ("oracle", "parabola-lq", "imm-lq", "kalman-lq", "kalman")
+"""Classical controllers, the one with the most work first."""
+POLICY, SIX_NUMBERS = "policy", "six-numbers"
+"""Names of the policy as `train` trains it, and of the one that sees the paper's six numbers."""
+QUICK_STEPS, QUICK_ENGAGEMENTS = 300_000, 20
+_TUNING_WORK, _POLICY_WORK, _SIX_NUMBERS_WORK = 1.0, 4.0, 0.5  # about how long each takes, compared with the others
+
+
+class Transferred(NamedTuple):
+    """What a transfer gives."""
+
+    identified: RobotResult
+    results: Results  # in the simulator of the identified robot, and on the virtual robot
+    durations: dict[str, float]  # stage → [s]
+
+
+def transfer(
+    robot: str | Path, folder: Path, *, seeds: Sequence[int], engagements: int, workers: int, quick: bool = False
+) -> Transferred:
+    """Record a virtual robot, identify it, train and tune in its simulator, and evaluate there and on the robot.
+
+    Parts of the robot that their identification finds not usable are used all the same; the result names them.
+
+    Args:
+      robot: "infantry", "worn", or a TOML file.
+      folder: for logs, the robot's records, and policies.
+      seeds: of the trainings; the first one also of noise, identification and engagements.
+      engagements: per cell.
+      workers: number of processes.
+      quick: whether trainings are short and engagements few: the rates are not to be quoted then.
+
+    Raises:
+      InputError: if an argument, or the robot's file, can't be used.
+    """
+    virtual, seed, durations = VirtualRobot.load(robot), seeds[0], dict[str, float]()
+    logs, records, policies = folder / "logs", folder / "robot", folder / "policies"
+    with timed(durations, "recording"):
+        virtual.record(logs, seed=seed)
+    with timed(durations, "identification"):
+        identified = identify_robot(logs, out=records, name=virtual.name, seed=seed)
+    with timed(durations, "training"):
+        steps = QUICK_STEPS if quick else None
+        trainings = _trainings(records, policies, seeds, steps)
+        tunings = [
+            Job(_tune, {"name": name, "robot": records}, _TUNING_WORK, f"tuning {name}")
+            for name in CLASSICAL
+            if name in GRIDS
+        ]
+        run_jobs("training", [*trainings, *tunings], workers)
+    with timed(durations, "evaluation"):
+        count = min(engagements, QUICK_ENGAGEMENTS) if quick else engagements
+        contenders: list[tuple[str, Any]] = [(name, name) for name in CLASSICAL]
+        contenders += [(POLICY, policies / f"{POLICY}-{each}") for each in seeds]
+        contenders += [(SIX_NUMBERS, policies / SIX_NUMBERS)]
+        evaluations = [
+            Job(
+                _evaluate,
+                {"name": name, "given": given, "robot": records, "world": world, "engagements": count, "seed": seed},
+                name=name,
+            )
+            for world in (None, virtual)
+            for name, given in contenders
+        ]
+        first, *others = run_jobs("evaluating", evaluations, workers)
+        results = first.join(others)
+    return Transferred(identified, results, durations)
+
+
+@contextmanager
+def timed(durations: dict[str, float], stage: str) -> Iterator[None]:
+    """Add how long a block takes to the duration of a stage [s]."""
+    begun = time.monotonic()
+    yield
+    durations[stage] = round(durations.get(stage, 0.0) + time.monotonic() - begun, 2)
+
+
+def check_counts(seeds: Sequence[int], engagements: int, workers: int) -> None:
+    """Refuse numbers of a study that can't be used.
+
+    Raises:
+      InputError: naming the option.
+    """
+    if not seeds or len(set(seeds)) < len(seeds) or min(seeds) < 0:
+        raise InputError(f"seeds must be one or more different whole numbers from 0 on, got {[*seeds]}; choose others")
+    if engagements < 2:
+        raise InputError(f"engagements must be at least 2, got {engagements}; choose more")
+    if workers < 1:
+        raise InputError(f"workers must be at least 1, got {workers}; choose more")
+
+
+def _trainings(robot: Path, folder: Path, seeds: Sequence[int], steps: int | None) -> list[Job]:
+    shared = {"robot": robot, "steps": steps}
+    jobs = [
+        Job(
+            _train,
+            {**shared, "seed": seed, "out": folder / f"{POLICY}-{seed}", "observation": None},
+            _POLICY_WORK,
+            f"{POLICY}, seed {seed}",
+        )
+        for seed in seeds
+    ]
+    six_numbers = {**shared, "seed": seeds[0], "out": folder / SIX_NUMBERS, "observation": "paper"}
+    return [*jobs, Job(_train, six_numbers, _SIX_NUMBERS_WORK, SIX_NUMBERS)]
+
+
+def _train(robot: Path, seed: int, out: Path, observation: str | None, steps: int | None) -> None:
+    config = {"observation": observation} if observation else None
+    train(_read(robot), TASK, config=config, seed=seed, steps=steps, out=out)
+
+
+def _tune(name: str, robot: Path) -> None:
+    tune(name, _read(robot), TASK)
+
+
+def _evaluate(
+    name: str, given: Any, robot: Path, world: VirtualRobot | None, engagements: int, seed: int
+) -> Results:
+    return evaluate({name: given}, _read(robot), TASK, world=world, engagements=engagements, seed=seed)
+
+
+def _read(robot: Path) -> Robot:
+    return Robot.load(robot, accept_unusable=True)
