@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from archerfish2.controllers.tuning import GRIDS
 from archerfish2.errors import InputError
@@ -18,18 +18,18 @@ from archerfish2.evaluation.evaluate import evaluate
 from archerfish2.evaluation.results import Results
 from archerfish2.evaluation.tuning import tune
 from archerfish2.identification.robot import RobotResult, identify_robot
+from archerfish2.learning.config import TrainConfig
 from archerfish2.learning.train import train
 from archerfish2.robot import Robot
 from archerfish2.studies.workers import Job, run_jobs
+from archerfish2.task import Task
 from archerfish2.virtual_robot.virtual_robot import VirtualRobot
 
-TASK = "paper"
 CLASSICAL = ("oracle", "parabola-lq", "imm-lq", "kalman-lq", "kalman")
 """Classical controllers, the one with the most work first."""
 POLICY, SIX_NUMBERS = "policy", "six-numbers"
 """Names of the policy as `train` trains it, and of the one that sees the paper's six numbers."""
 QUICK_STEPS, QUICK_ENGAGEMENTS = 300_000, 20
-_TUNING_WORK, _POLICY_WORK, _SIX_NUMBERS_WORK = 1.0, 4.0, 0.5  # about how long each takes, compared with the others
 
 
 class Transferred(NamedTuple):
@@ -64,32 +64,66 @@ def transfer(
         virtual.record(logs, seed=seed)
     with timed(durations, "identification"):
         identified = identify_robot(logs, out=records, name=virtual.name, seed=seed)
+    task, steps = Task.load("paper"), QUICK_STEPS if quick else None
     with timed(durations, "training"):
-        steps = QUICK_STEPS if quick else None
-        trainings = _trainings(records, policies, seeds, steps)
-        tunings = [
-            Job(_tune, {"name": name, "robot": records}, _TUNING_WORK, f"tuning {name}")
-            for name in CLASSICAL
-            if name in GRIDS
+        trainings = [
+            training(task, policies / f"{POLICY}-{each}", seed=each, robot=records, steps=steps) for each in seeds
         ]
+        trainings += [
+            training(task, policies / SIX_NUMBERS, seed=seed, robot=records, observation="paper", steps=steps)
+        ]
+        tunings = [Job(_tune, {"name": name, "robot": records}, 1.0, f"tuning {name}") for name in GRIDS]
         run_jobs("training", [*trainings, *tunings], workers)
     with timed(durations, "evaluation"):
-        count = min(engagements, QUICK_ENGAGEMENTS) if quick else engagements
         contenders: list[tuple[str, Any]] = [(name, name) for name in CLASSICAL]
         contenders += [(POLICY, policies / f"{POLICY}-{each}") for each in seeds]
         contenders += [(SIX_NUMBERS, policies / SIX_NUMBERS)]
-        evaluations = [
-            Job(
-                _evaluate,
-                {"name": name, "given": given, "robot": records, "world": world, "engagements": count, "seed": seed},
-                name=name,
-            )
+        count = min(engagements, QUICK_ENGAGEMENTS) if quick else engagements
+        jobs = [
+            evaluation(name, given, task, engagements=count, seed=seed, robot=records, world=world)
             for world in (None, virtual)
             for name, given in contenders
         ]
-        first, *others = run_jobs("evaluating", evaluations, workers)
+        first, *others = run_jobs("evaluating", jobs, workers)
         results = first.join(others)
     return Transferred(identified, results, durations)
+
+
+def training(
+    task: Task,
+    out: Path,
+    *,
+    seed: int,
+    robot: Path | None = None,
+    observation: str | None = None,
+    trainer: Literal["gradient", "ppo"] | None = None,
+    steps: int | None = None,
+) -> Job:
+    """Return the job of a training; arguments as of `train`, with the observation of its settings.
+
+    Raises:
+      InputError: if a setting can't be used.
+    """
+    found = TrainConfig(trainer=trainer, observation=observation).resolved(_read(robot), task)
+    work = (steps or found.settings.steps) / 1e6 * (1.0 if found.trainer == "gradient" else 0.3)
+    arguments: dict[str, Any] = {"robot": robot, "task": task, "out": out, "seed": seed, "steps": steps}
+    arguments |= {"observation": observation, "trainer": trainer}
+    return Job(_train, arguments, work, f"{out.name}")
+
+
+def evaluation(
+    name: str,
+    given: Any,
+    task: Task,
+    *,
+    engagements: int,
+    seed: int,
+    robot: Path | None = None,
+    world: VirtualRobot | None = None,
+) -> Job:
+    """Return the job of the evaluation of one controller, under a name; the other arguments are those of `evaluate`."""
+    arguments = {"name": name, "given": given, "task": task, "robot": robot, "world": world}
+    return Job(_evaluate, {**arguments, "engagements": engagements, "seed": seed}, name=name)
 
 
 @contextmanager
@@ -114,35 +148,21 @@ def check_counts(seeds: Sequence[int], engagements: int, workers: int) -> None:
         raise InputError(f"workers must be at least 1, got {workers}; choose more")
 
 
-def _trainings(robot: Path, folder: Path, seeds: Sequence[int], steps: int | None) -> list[Job]:
-    shared = {"robot": robot, "steps": steps}
-    jobs = [
-        Job(
-            _train,
-            {**shared, "seed": seed, "out": folder / f"{POLICY}-{seed}", "observation": None},
-            _POLICY_WORK,
-            f"{POLICY}, seed {seed}",
-        )
-        for seed in seeds
-    ]
-    six_numbers = {**shared, "seed": seeds[0], "out": folder / SIX_NUMBERS, "observation": "paper"}
-    return [*jobs, Job(_train, six_numbers, _SIX_NUMBERS_WORK, SIX_NUMBERS)]
-
-
-def _train(robot: Path, seed: int, out: Path, observation: str | None, steps: int | None) -> None:
-    config = {"observation": observation} if observation else None
-    train(_read(robot), TASK, config=config, seed=seed, steps=steps, out=out)
+def _train(
+    robot: Path | None, task: Task, out: Path, seed: int, steps: int | None, observation: str | None, trainer: Any
+) -> None:
+    train(_read(robot), task, config={"observation": observation}, trainer=trainer, seed=seed, steps=steps, out=out)
 
 
 def _tune(name: str, robot: Path) -> None:
-    tune(name, _read(robot), TASK)
+    tune(name, _read(robot), "paper")
 
 
 def _evaluate(
-    name: str, given: Any, robot: Path, world: VirtualRobot | None, engagements: int, seed: int
+    name: str, given: Any, task: Task, robot: Path | None, world: VirtualRobot | None, engagements: int, seed: int
 ) -> Results:
-    return evaluate({name: given}, _read(robot), TASK, world=world, engagements=engagements, seed=seed)
+    return evaluate({name: given}, _read(robot), task, world=world, engagements=engagements, seed=seed)
 
 
-def _read(robot: Path) -> Robot:
-    return Robot.load(robot, accept_unusable=True)
+def _read(robot: Path | None) -> Robot:
+    return Robot.load(robot, accept_unusable=True) if robot else Robot.paper()

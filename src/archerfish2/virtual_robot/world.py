@@ -122,7 +122,7 @@ class RobotWorld:
         after = RunningEngagement(robots, host, angle, (angle - before) / self.period_s, state.decisions + 1)
         crosses, miss = ~np.isnan(flight.flight_time), np.asarray(flight.miss, np.float32)
         margin = self._hit_radius - np.linalg.norm(miss, axis=-1)
-        shot = scored(flight.fired, 0.0 * margin, miss, margin, crosses, flight.flight_time, flight.angle)
+        shot = scored(flight.fired, 0.0 * angle[:, 0], miss, margin, crosses, flight.flight_time, flight.angle)
         single: Shot = map_arrays(_single, shot)
         return after, single
 
