@@ -17,7 +17,8 @@ from archerfish2.cli.signals import Stopped, stop_requests
 from archerfish2.errors import InputError, one_line
 
 INPUT_ERROR = 2
-_NAMES = ("identify", "identify axis", "identify muzzle", "identify sensing", "excite", "train", "evaluate", "export")
+_IDENTIFY = ("identify", "identify axis", "identify muzzle", "identify sensing")
+_NAMES = ("record", *_IDENTIFY, "excite", "train", "evaluate", "export", "transfer", "reproduce", "report")
 COMMANDS = {each: (f"archerfish2.cli.{each.replace(' ', '_')}", each.title().replace(" ", "")) for each in _NAMES}
 """Command → module and class. Named, not imported: a command waits for the libraries of no other one."""
 _OVERVIEW = """\

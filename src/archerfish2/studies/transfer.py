@@ -10,17 +10,19 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, get_args
 
 from archerfish2.controllers.tuning import GRIDS
 from archerfish2.errors import InputError
 from archerfish2.evaluation.evaluate import evaluate
 from archerfish2.evaluation.results import Results
 from archerfish2.evaluation.tuning import tune
-from archerfish2.identification.robot import RobotResult, identify_robot
+from archerfish2.identification.robot import identify_robot
 from archerfish2.learning.config import TrainConfig
 from archerfish2.learning.train import train
 from archerfish2.robot import Robot
+from archerfish2.studies.paper_figures import recorded_step
+from archerfish2.studies.study import Axis, StepResponse, Study
 from archerfish2.studies.workers import Job, run_jobs
 from archerfish2.task import Task
 from archerfish2.virtual_robot.virtual_robot import VirtualRobot
@@ -32,17 +34,9 @@ POLICY, SIX_NUMBERS = "policy", "six-numbers"
 QUICK_STEPS, QUICK_ENGAGEMENTS = 300_000, 20
 
 
-class Transferred(NamedTuple):
-    """What a transfer gives."""
-
-    identified: RobotResult
-    results: Results  # in the simulator of the identified robot, and on the virtual robot
-    durations: dict[str, float]  # stage → [s]
-
-
 def transfer(
     robot: str | Path, folder: Path, *, seeds: Sequence[int], engagements: int, workers: int, quick: bool = False
-) -> Transferred:
+) -> Study:
     """Record a virtual robot, identify it, train and tune in its simulator, and evaluate there and on the robot.
 
     Parts of the robot that their identification finds not usable are used all the same; the result names them.
@@ -64,13 +58,13 @@ def transfer(
         virtual.record(logs, seed=seed)
     with timed(durations, "identification"):
         identified = identify_robot(logs, out=records, name=virtual.name, seed=seed)
-    task, steps = Task.load("paper"), QUICK_STEPS if quick else None
+    task, decisions = Task.load("paper"), QUICK_STEPS if quick else None
     with timed(durations, "training"):
         trainings = [
-            training(task, policies / f"{POLICY}-{each}", seed=each, robot=records, steps=steps) for each in seeds
+            training(task, policies / f"{POLICY}-{each}", seed=each, robot=records, steps=decisions) for each in seeds
         ]
         trainings += [
-            training(task, policies / SIX_NUMBERS, seed=seed, robot=records, observation="paper", steps=steps)
+            training(task, policies / SIX_NUMBERS, seed=seed, robot=records, observation="paper", steps=decisions)
         ]
         tunings = [Job(_tune, {"name": name, "robot": records}, 1.0, f"tuning {name}") for name in GRIDS]
         run_jobs("training", [*trainings, *tunings], workers)
@@ -86,7 +80,22 @@ def transfer(
         ]
         first, *others = run_jobs("evaluating", jobs, workers)
         results = first.join(others)
-    return Transferred(identified, results, durations)
+    steps = tuple(step for axis in get_args(Axis) for step in _recorded_steps(axis, logs, identified.record))
+    return Study(
+        quick=quick,
+        results=results,
+        robot=identified.record.name,
+        virtual=virtual.world(identified, task).name,
+        parts=identified.record.parts,
+        steps=steps,
+        durations=durations,
+    )
+
+
+def _recorded_steps(axis: Axis, logs: Path, robot: Robot) -> list[StepResponse]:
+    """Return the steps that no fit has used, the smallest first."""
+    steps = [recorded_step(axis, log, getattr(robot, axis)) for log in logs.glob(f"{axis}_step_*deg.csv")]
+    return sorted(steps, key=lambda step: abs(step.size_deg))
 
 
 def training(
