@@ -179,7 +179,7 @@ class RobotBatch:
         launched = launch(muzzle, deficit, physics.angle, physics.rate, normals)
         self._last_shot = after_shot(muzzle, rules, self._last_shot, self.time, fired)
         self._servo.kick(fired)
-        noise = self._speed_noise.rows(self._shots, 1)[0, :, 0]
+        noise = self._speed_noise.rows(self._shots, 1)[:, 0, 0]
         self._shots += 1
         measured = np.where(fired, launched.speed + muzzle.speed_sensor_sd_m_s * noise, np.nan)
         return fired, launched, fly(launched.position, launched.velocity, muzzle.drag_per_m, event), measured

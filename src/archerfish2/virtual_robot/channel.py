@@ -65,11 +65,14 @@ class Channel:
         else:
             size = math.floor((ticks * TICK_S + 1e-3 * self._spread_ms) * self._rate_hz + ROUNDING) + 1
         taken = arrived & (place < size)
-        trial, place = np.nonzero(taken)[0], place[taken]
-        arrival = np.full((len(taken), size), np.nan)
-        content = np.full((len(taken), size, self._content.shape[2]), np.nan)
-        arrival[trial, place], content[trial, place] = self._arrival[taken], self._content[taken]
+        batch, waiting, width = self._content.shape
+        arrival, content = np.full((batch, size), np.nan), np.full((batch, size, width), np.nan)
+        # By their places in the flattened arrays, which NumPy reads several times as fast as by a mask.
+        source = np.flatnonzero(taken)
+        goal = source // max(waiting, 1), place.ravel()[source]
+        arrival[goal] = self._arrival.ravel()[source]
+        content[goal] = self._content.reshape(-1, width).take(source, axis=0)
         self._arrival = np.where(taken, np.inf, self._arrival)
-        waiting = np.isfinite(self._arrival).any(axis=0)
-        self._arrival, self._content = self._arrival[:, waiting], self._content[:, waiting]
+        kept = np.isfinite(self._arrival).any(axis=0)
+        self._arrival, self._content = self._arrival[:, kept], self._content[:, kept]
         return arrival, content

@@ -30,7 +30,7 @@ class CommandLink:
 
     def send(self, time: float, command: Array) -> None:
         """Send a command [rad], shape (B, 2), at a time [s]."""
-        uniform = self._noise.rows(self._sent, 1)[0]
+        uniform = self._noise.rows(self._sent, 1)[:, 0]
         self._sent += 1
         value = _quantised(command, math.radians(self._link.command_quantum_deg))
         value = np.clip(value, self._drive.command_low, self._drive.command_high)
@@ -67,7 +67,7 @@ class FeedbackLink:
         end = math.floor((first + len(motion.gyro) - 1 - self._start) * per_tick + ROUNDING) + 1
         due = np.arange(self._reported, end)
         ticks = np.ceil(due / per_tick - ROUNDING).astype(np.int64) + self._start
-        uniform = self._noise.rows(self._reported, due.size).swapaxes(0, 1)
+        uniform = self._noise.rows(self._reported, due.size)
         self._reported = end
         angle = motion.angle[ticks - first]
         if link.feedback_source == "encoder":
@@ -92,7 +92,7 @@ class CameraLink:
         self._normals = NoiseStream(seeds, "camera")
         # Latency, and whether the plate is missed; the first row has the phase.
         self._uniforms = NoiseStream(seeds, "detection")
-        self._begin = start + self._uniforms.rows(0, 1)[0, :, 0] / camera.rate_hz
+        self._begin = start + self._uniforms.rows(0, 1)[:, 0, 0] / camera.rate_hz
         self._exposed = np.zeros(len(seeds), np.int64)
         self.channel = Channel(len(seeds), 4, (camera.latency_low_ms, camera.latency_high_ms), camera.rate_hz)
 

@@ -30,25 +30,26 @@ class NoiseStream:
         generators = [np.random.Generator(np.random.Philox([int(seed), number])) for seed in seeds]
         self._draws = [source.standard_normal if kind == "normal" else source.random for source in generators]
         self._first = 0
-        self._rows = np.empty((0, len(seeds), width))
+        self._rows = np.empty((len(seeds), 0, width))
 
     def rows(self, start: int, count: int) -> Array:
-        """Return rows `start` to `start + count` (exclusive) of every trial, shape (count, B, width)."""
+        """Return rows `start` to `start + count` (exclusive) of every trial, shape (B, count, width)."""
         self._draw(start, start + count)
-        return self._rows[start - self._first : start - self._first + count]
+        return self._rows[:, start - self._first : start - self._first + count]
 
     def rows_at(self, index: NDArray[np.int64]) -> Array:
         """Return each trial's rows of its own indices, shape (B, N) → (B, N, width)."""
         self._draw(int(index.min()), int(index.max()) + 1)
-        return self._rows[index - self._first, np.arange(len(index))[:, None]]
+        return self._rows[np.arange(len(index))[:, None], index - self._first]
 
     def _draw(self, low: int, high: int) -> None:
-        last = self._first + len(self._rows)
+        trials, held, width = self._rows.shape
+        last = self._first + held
         if high <= last:
             return
-        drawn = np.empty((max(self._block, high - last), *self._rows.shape[1:]))
-        for trial, draw in enumerate(self._draws):
-            drawn[:, trial] = draw(drawn[:, trial].shape)
+        drawn = np.empty((trials, max(self._block, high - last), width))
+        for draw, rows in zip(self._draws, drawn, strict=True):
+            draw(out=rows)
         kept = min(low, last)
-        self._rows = np.concatenate([self._rows[kept - self._first :], drawn])
+        self._rows = np.concatenate([self._rows[:, kept - self._first :], drawn], axis=1)
         self._first = kept

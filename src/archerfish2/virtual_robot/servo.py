@@ -50,7 +50,7 @@ class Servo:
     def run(self, commands: Array) -> Motion:
         """Run n ticks under the commands in force in each, within the firmware's range [rad], shape (n, B, 2)."""
         count, physics, drive = len(commands), self.physics, self.drive
-        normals = self._noise.rows(self._tick, count)
+        normals = self._noise.rows(self._tick, count).swapaxes(0, 1)
         self._tick += count
         angle, gyro = np.empty((count + 1, *commands.shape[1:])), np.empty(commands.shape)
         angle[0] = physics.angle
