@@ -1,4 +1,4 @@
-"""What reaches the computer that aims, and what becomes of a shot; everything for B robots."""
+"""What reaches the computer that aims, and what becomes of a shot, for B robots."""
 
 from typing import NamedTuple
 
@@ -11,52 +11,35 @@ Array = NDArray[np.float64]
 
 
 class Received(NamedTuple):
-    """All that reached the computer in some ticks, B + (N,) of each kind; N depends on robot and ticks only."""
+    """All that reached the computer in some ticks; N of each kind, which depends on robot and ticks alone."""
 
-    feedback: Feedback
-    detections: Detections
-    commands: CommandSent
-    """That came into force, as the robot reports them; N is as large as needed."""
+    feedback: Feedback  # B + (N,)
+    detections: Detections  # B + (N,)
+    commands: CommandSent  # that came into force, as the robot reports them; N is as large as needed
 
 
 class Flight(NamedTuple):
-    """What became of a shot; NaN for a robot that did not fire."""
+    """What became of a shot at the target; NaN for a robot that did not fire."""
 
-    miss: Array
-    """Pellet minus plate in y and z where the pellet crosses the plate's x [m], NaN if it never does, shape (B, 2)."""
-    flight_time: Array
-    """[s], shape (B,)."""
-    angle: Array
-    """True pitch and yaw at firing [rad], shape (B, 2)."""
-    muzzle_speed_measured: Array
-    """What the speed sensor shows [m/s], shape (B,)."""
-    fired: NDArray[np.bool_]
-    """Whether a pellet left the muzzle, shape (B,)."""
+    miss: Array  # pellet minus plate in y and z where the pellet crosses the plate's x [m], NaN if never, (B, 2)
+    flight_time: Array  # [s], NaN if it never crosses, (B,)
+    angle: Array  # true pitch and yaw at firing [rad], (B, 2)
+    muzzle_speed_measured: Array  # by the speed sensor [m/s], (B,)
+    fired: NDArray[np.bool_]  # whether a pellet left the muzzle, (B,)
 
 
 class Landing(NamedTuple):
     """Where pellets met the ground; NaN for a robot that did not fire."""
 
-    distance: Array
-    """Along the ground from below the muzzle to the landing point [m], shape (B,)."""
-    lateral: Array
-    """How far left of the barrel's vertical plane it lies [m], shape (B,)."""
-    angle: Array
-    """True pitch and yaw at firing [rad], shape (B, 2)."""
-    muzzle_speed_measured: Array
-    """What the speed sensor shows [m/s], shape (B,)."""
-    fired: NDArray[np.bool_]
-    """Whether a pellet left the muzzle, shape (B,)."""
+    distance: Array  # along the ground from below the muzzle [m], (B,)
+    lateral: Array  # to the left of the barrel's vertical plane [m], (B,)
+    muzzle_speed_measured: Array  # by the speed sensor [m/s], (B,)
 
 
 class Truth(NamedTuple):
-    """How it really is; for tests and plots, never for controllers."""
+    """The true mechanics, for tests and plots, never for controllers."""
 
-    angle: Array
-    """Pitch and yaw [rad], shape (B, 2)."""
-    rate: Array
-    """[rad/s], shape (B, 2)."""
-    command: Array
-    """Command in force [rad], shape (B, 2)."""
-    torque: Array
-    """Of the motors over the last tick [N·m], shape (B, 2)."""
+    angle: Array  # pitch and yaw [rad], (B, 2)
+    rate: Array  # [rad/s], (B, 2)
+    command: Array  # in force [rad], (B, 2)
+    torque: Array  # of the motors over the last tick [N·m], (B, 2)
