@@ -12,7 +12,7 @@ from archerfish2.virtual_robot.virtual_robot import VirtualRobot
 
 
 @dataclass(frozen=True)
-class Record:
+class RecordRobot:
     """Record the logs of a virtual robot, as a team records those of its own.
 
     - writes one folder, which archerfish2 identify reads: sweeps and steps of both axes, shots at plates and at the

@@ -10,15 +10,15 @@ from archerfish2.cli.options import shown
 from archerfish2.errors import file_error
 from archerfish2.evaluation.results import Results
 from archerfish2.records.json_files import read_json
-from archerfish2.reports.report import Report as Page
+from archerfish2.reports.report import Report
 from archerfish2.studies.study import Study
 
 
 @dataclass(frozen=True)
-class Report:
+class WriteReport:
     """Write the page of stored results again, and print them.
 
-    - reads results.json of archerfish2 evaluate, transfer or reproduce; computes nothing anew
+    - reads results.json of archerfish2 evaluate, transfer or reproduce; computes nothing again
 
     Examples:
       archerfish2 report runs/reproduce
@@ -39,6 +39,6 @@ class Report:
         if schema not in (Results.schema, Study.schema):
             expected = f'expected "{Results.schema}" or "{Study.schema}", got {schema!r}'
             raise file_error(path, f"field schema: {expected}", "name results of evaluate, transfer or reproduce")
-        page: Page = Study.load(path).report if schema == Study.schema else Results.load(path).report()
+        page: Report = Study.load(path).report if schema == Study.schema else Results.load(path).report()
         page.write_page(out)
         print(f"{page}\n\nopen {out}")  # noqa: T201

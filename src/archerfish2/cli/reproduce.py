@@ -7,7 +7,7 @@ from typing import Annotated
 from archerfish2.cli.options import shown
 from archerfish2.cli.transfer import RunsStudy, finish, show
 from archerfish2.studies.reproduce import reproduce
-from archerfish2.studies.transfer import check_counts
+from archerfish2.studies.transfer import check_settings
 from archerfish2.studies.workers import usual_workers
 from archerfish2.virtual_robot.virtual_robot import VirtualRobot
 
@@ -43,7 +43,7 @@ class Reproduce(RunsStudy):
     def run(self, options: str = "") -> None:
         """Run the study, write, print."""
         workers = self.workers or usual_workers()
-        check_counts((self.seed,), min(self.engagements, self.robot_engagements), workers)
+        check_settings((self.seed,), min(self.engagements, self.robot_engagements), workers)
         VirtualRobot.load(self.robot)
         inputs = [self.robot] if Path(self.robot).is_file() else []
         with self.written(self.out, "reproduce", options, inputs, ("results.json", "report.html")) as folder:

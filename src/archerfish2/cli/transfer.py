@@ -8,7 +8,7 @@ import tyro
 
 from archerfish2.cli.options import Writes, shown
 from archerfish2.studies.study import Study
-from archerfish2.studies.transfer import check_counts, transfer
+from archerfish2.studies.transfer import check_settings, transfer
 from archerfish2.studies.workers import usual_workers
 from archerfish2.virtual_robot.virtual_robot import VirtualRobot
 
@@ -52,7 +52,7 @@ class Transfer(RunsStudy):
     def run(self, options: str = "") -> None:
         """Run the study, write, print."""
         workers = self.workers or usual_workers()
-        check_counts(self.seeds, self.engagements, workers)
+        check_settings(self.seeds, self.engagements, workers)
         name = VirtualRobot.load(self.robot).name
         out = self.out or Path("runs") / f"transfer-{name}"
         inputs = [self.robot] if Path(self.robot).is_file() else []

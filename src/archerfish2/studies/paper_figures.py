@@ -15,10 +15,10 @@ from archerfish2.logs.shots import Shots
 from archerfish2.paper.gimbal import printed_plants
 from archerfish2.paper.tables import landing_table
 from archerfish2.records.plant import PlantRecord
-from archerfish2.studies.study import Axis, LandingPoint, Source, StepResponse
+from archerfish2.studies.study import Axis, LandingPoint, Origin, StepResponse
 
 Array = NDArray[Any]
-SWEEP_S, SWEEP_HZ, STEP_S = 10.0, (2.0, 50.0), 1.5
+LOGGED_SWEEP_S, LOGGED_SWEEP_HZ, LOGGED_STEP_S = 10.0, (2.0, 50.0), 1.5
 """The paper prints the band alone; a step lasts several time constants of the slow yaw axis."""
 AMPLITUDE = np.radians(5.0)
 """Of sweep and step [rad]."""
@@ -26,7 +26,7 @@ NOISE = 0.01
 """Measurement noise, as a share of the standard deviation of the clean output."""
 ORDER = 4
 """Of the printed models."""
-SHOWN_DEG, SHOWN_S, BEGIN_S = 10.0, 0.5, 0.05
+SHOWN_DEG, SHOWN_S, REST_BEFORE_S = 10.0, 0.5, 0.05
 """Of Fig. 4: size of the step, time after it, rest before it."""
 EVERY = 5
 """Samples of a recorded step of which one is stored."""
@@ -42,13 +42,13 @@ def figure_4(axis: Axis, folder: Path, seed: int) -> StepResponse:
     """
     plant = printed_plants()[axis]
     period, draws = plant.sample_period_s, np.random.default_rng((seed, ("pitch", "yaw").index(axis)))
-    time = period * np.arange(round(SWEEP_S / period))
-    low_hz, high_hz = SWEEP_HZ
-    cycles = low_hz * time + (high_hz - low_hz) * time**2 / (2.0 * SWEEP_S)
+    time = period * np.arange(round(LOGGED_SWEEP_S / period))
+    low_hz, high_hz = LOGGED_SWEEP_HZ
+    cycles = low_hz * time + (high_hz - low_hz) * time**2 / (2.0 * LOGGED_SWEEP_S)
     signals = {
         "sweep": AMPLITUDE * np.sin(2.0 * np.pi * cycles),
-        "step": _step(STEP_S, period, AMPLITUDE),
-        "step_validation": _step(STEP_S, period, -2.0 * AMPLITUDE),
+        "step": _step(LOGGED_STEP_S, period, AMPLITUDE),
+        "step_validation": _step(LOGGED_STEP_S, period, -2.0 * AMPLITUDE),
     }
     paths = {}
     for name, signal in signals.items():
@@ -59,7 +59,7 @@ def figure_4(axis: Axis, folder: Path, seed: int) -> StepResponse:
     fitted, held_back = [paths["sweep"], paths["step"]], [paths["step_validation"]]
     found = identify_axis(fitted, validate=held_back, axis=axis, order=ORDER, seed=seed)
     found.save(folder)
-    signal = _step(BEGIN_S + SHOWN_S, period, np.radians(SHOWN_DEG))
+    signal = _step(REST_BEFORE_S + SHOWN_S, period, np.radians(SHOWN_DEG))
     true, model = (simulate(plant, signal[:, None])[:, 0] for plant in (plant, found.record))
     return _response("paper", axis, signal, true, model, period)
 
@@ -98,13 +98,13 @@ def table_1() -> tuple[tuple[LandingPoint, ...], dict[str, float]]:
 
 
 def _step(duration_s: float, period_s: float, size: float) -> Array:
-    """Return zeros, and after `BEGIN_S` a step, shape (N,)."""
+    """Return zeros, and after `REST_BEFORE_S` a step, shape (N,)."""
     time = period_s * np.arange(round(duration_s / period_s))
-    return np.where(time >= BEGIN_S - 0.5 * period_s, size, 0.0)  # half a period for the rounding of a time
+    return np.where(time >= REST_BEFORE_S - 0.5 * period_s, size, 0.0)  # half a period for the rounding of a time
 
 
 def _response(
-    source: Source, axis: Axis, signal: Array, measured: Array, model: Array, period_s: float, every: int = 1
+    source: Origin, axis: Axis, signal: Array, measured: Array, model: Array, period_s: float, every: int = 1
 ) -> StepResponse:
     begin = int(np.argmax(signal != 0.0))
     shown = slice(begin, None, every)

@@ -29,7 +29,7 @@ INTRODUCED = {
     "oracle": "oracle: is given the target's future path, so that lag and dispersion alone make it miss.",
     "perfect": "perfect: the barrel is where it should be at each shot, so that dispersion alone makes it miss.",
 }
-"""Who is who, in a line each."""
+"""What each controller is, in a line."""
 INFORMED = ("parabola-lq", "oracle", "perfect")
 """Controllers that are given what a robot can't measure: the motion rule or the path."""
 QUICK = "A quick run: short trainings and few engagements. None of its figures is to be quoted."
@@ -106,15 +106,15 @@ def _headline(study: Study, cells: Sequence[Cell]) -> str:
     said = [f"{world}: the policy hits with {rate}\u00a0% ({interval}) of all shots at moving targets"]
     pairs = tables.by_pair(pair for pair in default_comparisons(own) if pair.controller == "policy")
     for informed, what in ((False, "the best that is given no more than a robot measures"), (True, "")):
-        rivals = {}
+        others = {}
         for (_, name), found in pairs.items():
             if (name in INFORMED) == informed and name != "oracle":
-                rivals[name] = tables.mean(found)
-        if rivals:
-            name = min(rivals, key=lambda name: _value(rivals[name]))
-            difference, interval = entry_texts(rivals[name])
-            told = what or "which is given their motion rule"
-            said.append(f"{difference} ({interval}) points to {name}, {told}")
+                others[name] = tables.mean(found)
+        if others:
+            name = min(others, key=lambda name: _value(others[name]))
+            difference, interval = entry_texts(others[name])
+            given = what or "which is given their motion rule"
+            said.append(f"{difference} ({interval}) points to {name}, {given}")
     shares = [cell.rate / cell.bound for cell in by_name["policy"] if cell.bound]
     said += [f"at least {100 * min(shares):.1f}\u00a0% of what is proven to be possible"] if shares else []
     return "; ".join(said) + "."

@@ -9,7 +9,7 @@ from typing import Any, get_args
 from archerfish2.evaluation.results import Cell
 from archerfish2.studies.paper_figures import figure_4, table_1
 from archerfish2.studies.study import Axis, LearningCurve, Study
-from archerfish2.studies.transfer import POLICY, QUICK_STEPS, SIX_NUMBERS, evaluation, timed, training, transfer
+from archerfish2.studies.transfer import OURS, QUICK_STEPS, SIX_NUMBERS, evaluation, timed, training, transfer
 from archerfish2.studies.workers import Job, run_jobs
 from archerfish2.task import Task
 
@@ -21,7 +21,7 @@ CURVE_STEPS = 800_000
 """Decisions after which the curves of Figs 5 and 6 have flattened."""
 CURVES = 3
 """Trainings of each curve."""
-QUICK_ENGAGEMENTS, ROBOT_QUICK_ENGAGEMENTS = 40, 10
+QUICK_PAPER_ENGAGEMENTS, QUICK_ROBOT_ENGAGEMENTS = 40, 10
 
 
 def reproduce(
@@ -48,10 +48,10 @@ def reproduce(
         # The trainings come first, as they take longest.
         done = run_jobs("training", [*trainings, *axes], workers)
     with timed(durations, "the paper: evaluation"):
-        count = min(engagements, QUICK_ENGAGEMENTS) if quick else engagements
+        count = min(engagements, QUICK_PAPER_ENGAGEMENTS) if quick else engagements
         first, *others = run_jobs("evaluating", paper_evaluations(policies, count, seed), workers)
         results = first.join(others)
-    count = min(robot_engagements, ROBOT_QUICK_ENGAGEMENTS) if quick else robot_engagements
+    count = min(robot_engagements, QUICK_ROBOT_ENGAGEMENTS) if quick else robot_engagements
     own = transfer(robot, folder / "robot", seeds=(seed,), engagements=count, workers=workers, quick=quick)
     durations |= {f"the robot: {stage}": seconds for stage, seconds in own.durations.items()}
     landings, muzzle = table_1()
@@ -81,7 +81,7 @@ def paper_trainings(folder: Path, seed: int, *, quick: bool) -> list[Job]:
     steps, jobs = QUICK_STEPS if quick else None, list[Job]()
     for limit in LIMITS:
         task = Task.load("paper").replace(command_limit=limit)
-        jobs.append(training(task, folder / f"{limit}-{POLICY}", seed=seed, steps=steps))
+        jobs.append(training(task, folder / f"{limit}-{OURS}", seed=seed, steps=steps))
         jobs.append(training(task, folder / f"{limit}-{SIX_NUMBERS}", seed=seed, observation="paper", steps=steps))
     for targets in ("static", "dynamic"):
         task = Task.load(targets).replace(command_limit="box")
@@ -108,7 +108,7 @@ def paper_evaluations(policies: Path, engagements: int, seed: int) -> list[Job]:
     for limit in LIMITS:
         task = Task.load("paper").replace(command_limit=limit)
         contenders: list[tuple[str, Any]] = [(name, name) for name in BASELINES if limit != "los-2deg"]
-        contenders += [(name, policies / f"{limit}-{name}") for name in (POLICY, SIX_NUMBERS)]
+        contenders += [(name, policies / f"{limit}-{name}") for name in (OURS, SIX_NUMBERS)]
         jobs += [evaluation(name, given, task, engagements=engagements, seed=seed) for name, given in contenders]
     return jobs
 

@@ -13,14 +13,14 @@ from archerfish2.robot import Part, PartVerdict
 
 _Curve = Annotated[tuple[Number, ...], Meta(min_length=1, max_length=100_000)]
 Axis = Literal["pitch", "yaw"]
-Source = Literal["paper", "robot"]
+Origin = Literal["paper", "robot"]
 """Whose it is: the paper's printed gimbal, or the virtual robot."""
 
 
 class StepResponse(Struct, frozen=True, kw_only=True):
     """A step of an axis, and of its identified model from rest."""
 
-    source: Source
+    source: Origin
     """Of the paper's gimbal the true response without noise, of the robot the recorded one."""
     axis: Axis
     """Which axis."""

@@ -27,9 +27,9 @@ from archerfish2.studies.workers import Job, run_jobs
 from archerfish2.task import Task
 from archerfish2.virtual_robot.virtual_robot import VirtualRobot
 
-CLASSICAL = ("oracle", "parabola-lq", "imm-lq", "kalman-lq", "kalman")
+COMPARED = ("oracle", "parabola-lq", "imm-lq", "kalman-lq", "kalman")
 """Classical controllers, the one with the most work first."""
-POLICY, SIX_NUMBERS = "policy", "six-numbers"
+OURS, SIX_NUMBERS = "policy", "six-numbers"
 """Names of the policy as `train` trains it, and of the one that sees the paper's six numbers."""
 QUICK_STEPS, QUICK_ENGAGEMENTS = 300_000, 20
 
@@ -61,7 +61,7 @@ def transfer(
     task, decisions = Task.load("paper"), QUICK_STEPS if quick else None
     with timed(durations, "training"):
         trainings = [
-            training(task, policies / f"{POLICY}-{each}", seed=each, robot=records, steps=decisions) for each in seeds
+            training(task, policies / f"{OURS}-{each}", seed=each, robot=records, steps=decisions) for each in seeds
         ]
         trainings += [
             training(task, policies / SIX_NUMBERS, seed=seed, robot=records, observation="paper", steps=decisions)
@@ -69,8 +69,8 @@ def transfer(
         tunings = [Job(_tune, {"name": name, "robot": records}, 1.0, f"tuning {name}") for name in GRIDS]
         run_jobs("training", [*trainings, *tunings], workers)
     with timed(durations, "evaluation"):
-        contenders: list[tuple[str, Any]] = [(name, name) for name in CLASSICAL]
-        contenders += [(POLICY, policies / f"{POLICY}-{each}") for each in seeds]
+        contenders: list[tuple[str, Any]] = [(name, name) for name in COMPARED]
+        contenders += [(OURS, policies / f"{OURS}-{each}") for each in seeds]
         contenders += [(SIX_NUMBERS, policies / SIX_NUMBERS)]
         count = min(engagements, QUICK_ENGAGEMENTS) if quick else engagements
         jobs = [
@@ -143,7 +143,7 @@ def timed(durations: dict[str, float], stage: str) -> Iterator[None]:
     durations[stage] = round(durations.get(stage, 0.0) + time.monotonic() - begun, 2)
 
 
-def check_counts(seeds: Sequence[int], engagements: int, workers: int) -> None:
+def check_settings(seeds: Sequence[int], engagements: int, workers: int) -> None:
     """Refuse numbers of a study that can't be used.
 
     Raises:

@@ -28,8 +28,8 @@ _POLL_S = 0.2
 class Job(NamedTuple):
     """A function of a module with its arguments, which another process can import and be sent."""
 
-    function: Callable[..., Any]
-    arguments: dict[str, Any]
+    function: Callable[..., Any]  # of a module
+    arguments: dict[str, Any]  # by name
     work: float = 1.0  # about how long it takes, compared with the others
     name: str = ""  # shown while it runs
 

@@ -15,10 +15,10 @@ from archerfish2.records.limits import AxisLimits, LimitsRecord
 from archerfish2.virtual_robot.batch import RobotBatch
 from archerfish2.virtual_robot.description import TICK_S, RobotDescription
 from archerfish2.virtual_robot.firing_range import Plate, shoot_ground, shoot_plates
-from archerfish2.virtual_robot.recorder import Played, between_rests, inject, send, steps, sweep
+from archerfish2.virtual_robot.recorder import Played, between_rests, inject_commands, send_commands, steps, sweep
 
 Array = NDArray[np.float64]
-AXES = ("pitch", "yaw")
+_AXES = ("pitch", "yaw")
 SWEEP_DEG, SWEEP_HZ, SWEEP_S = 1.0, (2.0, 50.0), 10.0
 STEP_DEG, HOLD_S = 2.0, 2.0
 LARGE_STEPS_DEG = {"pitch": (2.0, -5.0, -15.0), "yaw": (2.0, 10.0, 30.0)}
@@ -61,7 +61,7 @@ def write_columns(path: Path, columns: Mapping[str, Any], digits: int) -> None:
 def write_limits(path: Path, description: RobotDescription) -> None:
     """Write what may be commanded, which a team has without any identification."""
     axes = list[AxisLimits]()
-    for name in AXES:
+    for name in _AXES:
         limits = getattr(description.limits, name)
         low, high = np.radians([limits.low_deg, limits.high_deg]).tolist()
         rate, acceleration = limits.max_rate_rad_per_s, limits.max_acceleration_rad_per_s2
@@ -93,10 +93,10 @@ def _axis(axis: str, robot: RobotBatch, _: int) -> Files:
         signals[f"step_{abs(degrees):g}deg"] = np.concatenate([np.zeros(300), np.full(1000, held)])
     for name, signal in signals.items():
         commands = np.zeros((len(signal), 2))
-        place = AXES.index(axis)
+        place = _AXES.index(axis)
         commands[:, place] = signal
         robot.reset(commands[:1], Plate(3.0))
-        played = inject(robot, commands)
+        played = inject_commands(robot, commands)
         reports = played.received.feedback
         columns = {"time_s": reports.sampled_s, "u": played.in_force(commands[0])[:, place]}
         yield f"{axis}_{name}.csv", {**columns, "y": reports.angle[:, place], "rate": reports.rate[:, place]}
@@ -155,7 +155,7 @@ def _timing(robot: RobotBatch, seed: int) -> Files:
 
 def _sent(robot: RobotBatch, target: _SteppingPlate, yaw: Array) -> Played:
     robot.reset(np.zeros((1, 2)), target)
-    return send(robot, np.stack([0.0 * yaw, yaw], axis=-1))
+    return send_commands(robot, np.stack([0.0 * yaw, yaw], axis=-1))
 
 
 def _of_both_axes(played: Played) -> dict[str, Array]:

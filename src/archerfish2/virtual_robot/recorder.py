@@ -70,7 +70,7 @@ def between_rests(signal: Array) -> Array:
     return np.concatenate([rest, signal, rest])
 
 
-def inject(robot: RobotBatch, commands: Array) -> Played:
+def inject_commands(robot: RobotBatch, commands: Array) -> Played:
     """Have the robot itself play commands, a new one with each of its reports, so that the log has what was in force.
 
     Args:
@@ -85,8 +85,13 @@ def inject(robot: RobotBatch, commands: Array) -> Played:
     return _played(robot, start, due, commands, parts)
 
 
-def send(robot: RobotBatch, commands: Array) -> Played:
-    """Send commands over the link, as fast as it takes them; arguments as of `inject`."""
+def send_commands(robot: RobotBatch, commands: Array) -> Played:
+    """Send commands over the link, as fast as it takes them.
+
+    Args:
+      robot: batch of one, which has been reset to the first command.
+      commands: at every tick [rad], (N, 2).
+    """
     due = _due_ticks(len(commands), robot.description.link.command_rate_hz)
     start, parts = robot.time, list[Received]()
     for tick, after in zip(due, [*due[1:], len(commands)], strict=True):
