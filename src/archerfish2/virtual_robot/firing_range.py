@@ -36,7 +36,7 @@ class PlateShot(NamedTuple):
     burst: int  # number of the burst, 0 for a single shot
 
 
-class GroundShot(NamedTuple):
+class LandingShot(NamedTuple):
     """A pellet at the ground, with the fields of landings.csv."""
 
     pitch_deg: float  # elevation of the barrel, as the robot reports it at rest
@@ -76,9 +76,9 @@ def shoot_plates(
                 yield PlateShot(pitch_deg, yaw_deg, ahead, up - height, left - muzzle.left_m, speed, name)
 
 
-def shoot_ground(
+def shoot_landings(
     robot: RobotBatch, angles: Sequence[tuple[float, float]], shots: int, seed: int
-) -> Iterator[GroundShot]:
+) -> Iterator[LandingShot]:
     """Fire single shots at the ground.
 
     Args:
@@ -95,7 +95,7 @@ def shoot_ground(
             landing = robot.shoot_down(draws.standard_normal((1, 3)))
             robot.advance(_PAUSE_TICKS)
             distance, lateral = float(landing.distance[0]), float(landing.lateral[0])
-            yield GroundShot(pitch_deg, yaw_deg, distance, lateral, float(landing.muzzle_speed_measured[0]))
+            yield LandingShot(pitch_deg, yaw_deg, distance, lateral, float(landing.muzzle_speed_measured[0]))
 
 
 def _aim(robot: RobotBatch, plate: Plate, pitch: float, yaw: float) -> Array:

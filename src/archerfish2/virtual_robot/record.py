@@ -14,7 +14,7 @@ from archerfish2.paper.tables import landing_table
 from archerfish2.records.limits import AxisLimits, LimitsRecord
 from archerfish2.virtual_robot.batch import RobotBatch
 from archerfish2.virtual_robot.description import TICK_S, RobotDescription
-from archerfish2.virtual_robot.firing_range import Plate, shoot_ground, shoot_plates
+from archerfish2.virtual_robot.firing_range import Plate, shoot_landings, shoot_plates
 from archerfish2.virtual_robot.recorder import Played, between_rests, inject_commands, send_commands, steps, sweep
 
 Array = NDArray[np.float64]
@@ -105,7 +105,7 @@ def _axis(axis: str, robot: RobotBatch, _: int) -> Files:
 def _landings(robot: RobotBatch, seed: int) -> Files:
     # The paper's yaw is to the right.
     angles = [(np.radians(row.pitch_deg), np.radians(-row.yaw_deg)) for row in landing_table().rows]
-    yield "landings.csv", _by_column(list(shoot_ground(robot, angles, LANDINGS, seed)))
+    yield "landings.csv", _by_column(list(shoot_landings(robot, angles, LANDINGS, seed)))
 
 
 def _shots(robot: RobotBatch, seed: int) -> Files:
