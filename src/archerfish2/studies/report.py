@@ -15,19 +15,19 @@ from archerfish2.paper.conditions import assumed_conditions
 from archerfish2.reports.report import Report
 from archerfish2.reports.style import Figure, look, new_figure, plot_style
 from archerfish2.reports.table import Estimate, Table, entry_texts
-from archerfish2.studies.study import LearningCurve, StepResponse, Study
+from archerfish2.studies.study import OURS, SIX_NUMBERS, LearningCurve, StepResponse, Study
 
 INTRODUCED = {
-    "policy": "policy: ours, trained by analytic policy gradient; it sees the memory of a tracker, or a few frames.",
-    "six-numbers": "six-numbers: PPO on the six numbers that the paper's policy sees, which have no speed in them.",
-    "kalman": "kalman: the paper's baseline, tuned: a Kalman filter, whose intercept is commanded.",
-    "kalman-paper": "kalman-paper: the same with the settings by which the paper's unprinted conditions were chosen.",
-    "kalman-lq": "kalman-lq: the same filter with commands that account for the gimbal's lag (preview LQ).",
-    "imm-lq": "imm-lq: interacting multiple models for targets that turn, preview LQ.",
-    "parabola-lq": "parabola-lq: is given the targets' motion rule, eq (7); preview LQ.",
-    "no-lead": "no-lead: aims where the target was seen, preview LQ.",
-    "oracle": "oracle: is given the target's future path, so that lag and dispersion alone make it miss.",
-    "perfect": "perfect: the barrel is where it should be at each shot, so that dispersion alone makes it miss.",
+    "policy": "ours: trained by analytic policy gradient; sees a tracker's memory, without sensing a few frames",
+    "six-numbers": "PPO on the six numbers that the paper's policy sees, which have no speed in them",
+    "kalman": "the paper's baseline, tuned: a Kalman filter, whose intercept is commanded",
+    "kalman-paper": "the same with the settings by which the paper's unprinted conditions were chosen",
+    "kalman-lq": "the same filter with commands that account for the gimbal's lag (preview LQ)",
+    "imm-lq": "interacting multiple models for targets that turn, preview LQ",
+    "parabola-lq": "is given the targets' motion rule, eq (7); preview LQ",
+    "no-lead": "aims where the target was seen, preview LQ",
+    "oracle": "is given the target's future path, so that lag and dispersion alone make it miss",
+    "perfect": "the barrel is where it should be at each shot, so that dispersion alone makes it miss",
 }
 """What each controller is, in a line."""
 INFORMED = ("parabola-lq", "oracle", "perfect")
@@ -40,20 +40,23 @@ def study_report(study: Study) -> Report:
     results, cells = study.results, _in_order(study)
     evaluated = evaluation_report(results.replace(cells=cells))
     lost = drops(cells, study.robot, study.virtual)
-    shown = default_comparisons(cells)
-    main = [pair for pair in shown if pair.command_limit == "gate"] or shown
+    pairs = [pair for pair in default_comparisons(cells) if pair.controller in (OURS, SIX_NUMBERS)]
+    gated = [pair for pair in pairs if pair.command_limit == "gate"]
     controllers = tables.by_controller(cells)
     quick = (QUICK,) if study.quick else ()
     return Report(
         title=f"Archerfish: {f'the robot {study.robot}' if not study.landings else 'the paper, reproduced'}",
         headline=_headline(study, cells),
-        known=(*(INTRODUCED[name] for name in INTRODUCED if name in controllers), *evaluated.known),
+        known=tuple(dict.fromkeys(evaluated.known)),
         doubts=(*quick, *_unusable(study), *evaluated.doubts),
         tables=(
+            Table(
+                "Controllers", ("name", "what it is"), tuple((name, INTRODUCED.get(name, "")) for name in controllers)
+            ),
             *tables.rate_tables([cell for cell in cells if cell.world == study.virtual], results.tasks),
             *_drop_table(lost, study),
             *tables.rate_tables([cell for cell in cells if cell.world != study.virtual], results.tasks),
-            *tables.mean_difference_tables(main),
+            *tables.mean_difference_tables(gated or pairs),
             *_part_table(study),
             *_step_table(study.steps),
             *_landing_table(study),
@@ -100,22 +103,23 @@ def _headline(study: Study, cells: Sequence[Cell]) -> str:
     world = study.virtual or cells[0].world
     own = [cell for cell in cells if cell.world == world and cell.command_limit == "gate" and cell.motion == "dynamic"]
     by_name = tables.by_controller(own)
-    if "policy" not in by_name:
+    if OURS not in by_name:
         return evaluation_report(study.results).headline
-    rate, interval = entry_texts(tables.mean(by_name["policy"]))
-    said = [f"{world}: the policy hits with {rate}\u00a0% ({interval}) of all shots at moving targets"]
-    pairs = tables.by_pair(pair for pair in default_comparisons(own) if pair.controller == "policy")
-    for informed, what in ((False, "the best that is given no more than a robot measures"), (True, "")):
-        others = {}
-        for (_, name), found in pairs.items():
-            if (name in INFORMED) == informed and name != "oracle":
-                others[name] = tables.mean(found)
-        if others:
-            name = min(others, key=lambda name: _value(others[name]))
-            difference, interval = entry_texts(others[name])
-            given = what or "which is given their motion rule"
-            said.append(f"{difference} ({interval}) points to {name}, {given}")
-    shares = [cell.rate / cell.bound for cell in by_name["policy"] if cell.bound]
+    rate, interval = entry_texts(tables.mean(by_name[OURS]))
+    said = [f"On {world} the policy hits with {rate}\u00a0% ({interval}) of all shots at moving targets"]
+    differences: dict[str, Estimate | None] = {}
+    for (name, against), found in tables.by_pair(default_comparisons(own)).items():
+        if name == OURS:
+            differences[against] = tables.mean(found)
+    measured = [name for name in differences if name not in INFORMED]
+    if measured:
+        name = min(measured, key=lambda name: _value(differences[name]))
+        difference, interval = entry_texts(differences[name])
+        said.append(f"{difference} ({interval}) points against {name}, the best controller that has only measurements")
+    if "parabola-lq" in differences:
+        difference, interval = entry_texts(differences["parabola-lq"])
+        said.append(f"{difference} ({interval}) points against parabola-lq, which is given the targets' motion rule")
+    shares = [cell.rate / cell.bound for cell in by_name[OURS] if cell.bound]
     said += [f"at least {100 * min(shares):.1f}\u00a0% of what is proven to be possible"] if shares else []
     return "; ".join(said) + "."
 

@@ -8,8 +8,8 @@ from typing import Any, get_args
 
 from archerfish2.evaluation.results import Cell
 from archerfish2.studies.paper_figures import figure_4, table_1
-from archerfish2.studies.study import Axis, LearningCurve, Study
-from archerfish2.studies.transfer import OURS, QUICK_STEPS, SIX_NUMBERS, evaluation, timed, training, transfer
+from archerfish2.studies.study import OURS, SIX_NUMBERS, Axis, LearningCurve, Study
+from archerfish2.studies.transfer import QUICK_STEPS, evaluation, timed, training, transfer
 from archerfish2.studies.workers import Job, run_jobs
 from archerfish2.task import Task
 

@@ -11,6 +11,8 @@ from archerfish2.records.record import Record, Struct
 from archerfish2.reports.report import Report
 from archerfish2.robot import Part, PartVerdict
 
+OURS, SIX_NUMBERS = "policy", "six-numbers"
+"""Names of the policy as `train` trains it, and of the one that sees the paper's six numbers."""
 _Curve = Annotated[tuple[Number, ...], Meta(min_length=1, max_length=100_000)]
 Axis = Literal["pitch", "yaw"]
 Origin = Literal["paper", "robot"]

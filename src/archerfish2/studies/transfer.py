@@ -22,15 +22,13 @@ from archerfish2.learning.config import TrainConfig
 from archerfish2.learning.train import train
 from archerfish2.robot import Robot
 from archerfish2.studies.paper_figures import recorded_step
-from archerfish2.studies.study import Axis, StepResponse, Study
+from archerfish2.studies.study import OURS, SIX_NUMBERS, Axis, StepResponse, Study
 from archerfish2.studies.workers import Job, run_jobs
 from archerfish2.task import Task
 from archerfish2.virtual_robot.virtual_robot import VirtualRobot
 
 COMPARED = ("oracle", "parabola-lq", "imm-lq", "kalman-lq", "kalman")
 """Classical controllers, the one with the most work first."""
-OURS, SIX_NUMBERS = "policy", "six-numbers"
-"""Names of the policy as `train` trains it, and of the one that sees the paper's six numbers."""
 QUICK_STEPS, QUICK_ENGAGEMENTS = 300_000, 20
 
 

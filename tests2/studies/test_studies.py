@@ -1,0 +1,197 @@
+"""Studies: what they store, their report, and the figures of the paper."""
+
+import itertools
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import archerfish2 as af
+from archerfish2.cli.report import WriteReport
+from archerfish2.cli.transfer import Transfer
+from archerfish2.controllers.registry import make_controller
+from archerfish2.evaluation import tables
+from archerfish2.identification.simulation import simulate
+from archerfish2.logs.recording import Recording
+from archerfish2.reports.table import Estimate
+from archerfish2.studies import transfer as transfer_module
+from archerfish2.studies.paper_figures import figure_4, recorded_step, table_1
+from archerfish2.studies.report import INTRODUCED, drops
+from archerfish2.studies.reproduce import BASELINES, _in_table, learning_curves, paper_evaluations, paper_trainings
+from archerfish2.studies.study import Study
+from archerfish2.studies.transfer import COMPARED, check_settings
+
+INFANTRY = Path(__file__).parents[1] / "infantry"
+
+
+@pytest.fixture(scope="module")
+def study():
+    pytest.importorskip("mujoco")
+    robot, virtual = af.Robot.load(INFANTRY), af.VirtualRobot.load("infantry")
+    controllers = {"policy": make_controller("no-lead", robot, af.Task.load("paper")), "kalman": "kalman"}
+    shared = {"task": "paper", "engagements": 2, "tuning": "start"}
+    simulated, shot = (af.evaluate(controllers, robot, world=world, **shared) for world in (None, virtual))
+    paper = af.evaluate({**controllers, "parabola-lq": "parabola-lq"}, **shared)
+    shot = shot.replace(cells=[_in_table(cell, "virtual infantry") for cell in shot.cells])
+    landings, muzzle = table_1()
+    return Study(
+        results=paper.join(simulated, shot),
+        robot="infantry",
+        virtual="virtual infantry",
+        parts={"yaw": {"usable": False, "headline": "order 3"}},
+        steps=[{"source": "paper", "axis": "yaw", "size_deg": 10, "time_s": [0, 1], "measured_deg": [0, 10],
+                "model_deg": [0, 9], "fit_percent": 90.0}],
+        landings=landings,
+        muzzle=muzzle,
+        curves=[{"targets": "static", "seed": 0, "decisions": [1, 2], "mean_reward": [-0.1, -0.05]}],
+        durations={"training": 60.0},
+    )  # fmt: skip
+
+
+def test_every_rate_of_the_report_is_that_of_the_stored_hits(study, tmp_path):
+    study.save(tmp_path / "results.json")
+    stored = json.loads((tmp_path / "results.json").read_text())["results"]["cells"]
+    rates = {}
+    for cell in stored:
+        shots = len(cell["hits_by_engagement"]) * cell["decisions_each"]
+        place = cell["world"], cell["command_limit"], cell["motion"], cell["controller"]
+        rates.setdefault(place, []).append(100 * sum(cell["hits_by_engagement"]) / shots)
+    found = 0
+    for table in Study.load(tmp_path).report.tables:
+        if match := re.match(r".*(static|dynamic) targets: (.*), limit (\w+), engagements", table.title):
+            motion, world, limit = match.groups()
+            for name, *entries in table.rows:
+                if (place := (world, limit, motion, name)) in rates:
+                    expected = [*rates[place], np.mean(rates[place])]
+                    assert_allclose([entry.value for entry in entries], expected)
+                    found += len(entries)
+    assert found == 5 * 2 * (3 + 2 + 2)
+
+
+def test_drops_are_of_the_same_engagements_and_are_in_the_report(study):
+    lost = drops(study.results.cells, "infantry", "virtual infantry")
+    assert len(lost) == 2 * 8
+    for pair in lost:
+        simulated, shot = (
+            cell
+            for world in ("infantry", "virtual infantry")
+            for cell in study.results.cells
+            if (cell.world, cell.controller, cell.motion, cell.range_m)
+            == (world, pair.controller, pair.motion, pair.range_m)
+        )
+        assert pair.difference == pytest.approx((simulated.hits - shot.hits) / simulated.decisions)
+    table = next(table for table in study.report.tables if table.title.startswith("Drop in points"))
+    mean = tables.mean([pair for pair in lost if pair.controller == "kalman"])
+    assert next(row for row in table.rows if row[0] == "kalman")[3] == mean
+    assert isinstance(mean, Estimate)
+
+
+def test_the_report_says_who_is_who_what_is_printed_and_what_is_in_doubt(study, tmp_path):
+    report = study.report
+    assert re.match(r"On virtual infantry the policy hits with [\d.]+.% \(.*\) of all shots at moving", report.headline)
+    assert "points against kalman, the best controller that has only measurements" in report.headline
+    titles = [table.title.partition(":")[0] for table in report.tables]
+    assert titles[1:4] == ["Table IV, static targets", "Table V, dynamic targets", "Drop in points"]
+    assert "Table II, static targets" in titles
+    assert "Table I" in titles
+    controllers = report.tables[0].rows
+    assert controllers == tuple((name, INTRODUCED[name]) for name in ("policy", "kalman", "parabola-lq"))
+    assert "yaw was used, though not usable: order 3" in report.doubts
+    assert [("paper: PPO (printed)", "78.00")] == [row[:2] for row in report.tables[1].rows if "PPO" in row[0]]
+    report.write_page(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    assert page.count("<svg") == len(report.figures) == 5
+    assert re.findall(r'(?:src|href)="(?!#)', page) == []
+
+
+def test_a_robot_of_one_s_own_has_a_report_without_the_paper(study):
+    own = study.results.replace(cells=[cell for cell in study.results.cells if cell.world != "paper"])
+    cells = [cell.replace(table=None) for cell in own.cells]
+    text = str(study.replace(results=own.replace(cells=cells), landings=(), curves=(), steps=()).report)
+    assert text.startswith("Archerfish: the robot infantry\n")
+    assert "paper" not in text.replace("task paper", "").replace("Task paper", "").replace("paper's baseline", "")
+
+
+def test_the_command_writes_the_page_again_and_names_what_is_no_result(study, tmp_path, capsys, refused):
+    study.save(tmp_path / "results.json")
+    WriteReport(tmp_path).run()
+    assert f"open {tmp_path / 'report.html'}" in capsys.readouterr().out
+    (tmp_path / "other.json").write_text("{}")
+    refused(r'other.json: field schema: expected "archerfish.results/4" or', WriteReport(tmp_path / "other.json").run)
+
+
+def test_the_printed_axes_are_identified_from_their_logs(tmp_path):
+    response = figure_4("yaw", tmp_path, 0)
+    assert response.fit_percent > 99.5
+    assert {path.name for path in tmp_path.glob("*.csv")} == {
+        f"yaw_{name}.csv" for name in ("sweep", "step", "step_validation")
+    }
+    assert af.PlantRecord.load(tmp_path / "yaw.json").axis == "yaw"
+
+
+def test_table_1_has_the_printed_points_and_a_model_that_misses_them_by_six_percent():
+    points, muzzle = table_1()
+    errors = [point.model_m / point.measured_m - 1.0 for point in points]
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(0.0623, abs=5e-4)
+    assert [(point.pitch_deg, point.yaw_deg) for point in points][:2] == [(5.0, 5.0), (5.0, 0.0)]
+    assert muzzle["drag_per_m"] == 0.019
+
+
+def test_a_recorded_step_is_compared_with_its_model_from_the_step_on(tmp_path):
+    plant = af.PlantRecord.second_order(5.0, 0.7, period_s=0.001, axis="yaw")
+    command = np.concatenate([np.zeros(100), np.full(900, 0.2)])
+    angle = simulate(plant, command[:, None])[:, 0] + 0.01
+    Recording.from_arrays(command, angle, 0.001).write_csv(tmp_path / "step.csv")
+    step = recorded_step("yaw", tmp_path / "step.csv", plant)
+    assert step.fit_percent == pytest.approx(100.0, abs=1e-3)
+    assert (step.size_deg, step.time_s[:2], len(step.time_s)) == (pytest.approx(11.459), (0.0, 0.005), 180)
+
+
+def test_trainings_and_evaluations_are_those_of_the_paper_s_tables(tmp_path):
+    jobs = paper_trainings(tmp_path, 3, quick=False)
+    assert [job.name for job in jobs[:2]] == ["gate-policy", "gate-six-numbers"]
+    assert len(jobs) == 3 * 2 + 2 * 3
+    assert {job.arguments["seed"] for job in jobs} == {3, 4, 5}
+    evaluations = paper_evaluations(tmp_path, 500, 3)
+    assert len(evaluations) == 2 * (len(BASELINES) + 2) + 2
+    assert set(COMPARED) < set(BASELINES) <= INTRODUCED.keys()
+    for name, seed in itertools.product(("static", "dynamic"), (0, 1)):
+        folder = tmp_path / f"{name}-curve-{seed}"
+        folder.mkdir()
+        (folder / "log.jsonl").write_text('{"decisions": 10, "mean_reward": -0.2}\n' * 2)
+    curves = learning_curves(tmp_path)
+    assert [(curve.targets, curve.seed) for curve in curves] == [
+        ("dynamic", 0),
+        ("dynamic", 1),
+        ("static", 0),
+        ("static", 1),
+    ]
+    assert curves[0].mean_reward == (-0.2, -0.2)
+
+
+def test_settings_of_a_study_are_checked_before_the_work(refused, tmp_path):
+    refused("seeds must be one or more different whole numbers from 0 on, got \\[1, 1\\]", check_settings, (1, 1), 2, 1)
+    refused("engagements must be at least 2, got 1; choose more", check_settings, (1,), 1, 1)
+    refused("workers must be at least 1, got -1; choose more", Transfer(workers=-1, out=tmp_path / "out").run)
+    refused("no robot 'infantri'", Transfer(robot="infantri", out=tmp_path / "out").run)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_a_robot_goes_from_logs_to_hit_rates(monkeypatch, tmp_path, capsys):
+    pytest.importorskip("mujoco")
+    monkeypatch.setattr(transfer_module, "QUICK_STEPS", 40_000)
+    Transfer(quick=True, engagements=2, out=tmp_path / "out").run("--quick")
+    study = Study.load(tmp_path / "out")
+    assert {cell.controller for cell in study.results.cells} == {*COMPARED, "policy", "six-numbers"}
+    assert (study.robot, study.virtual, study.quick) == ("infantry", "virtual infantry", True)
+    assert len(study.steps) == 6
+    own = af.identify_robot(tmp_path / "out" / "logs", name="infantry", seed=0).record
+    assert own.digest() == af.Robot.load(tmp_path / "out" / "robot").digest()
+    again = af.evaluate(tmp_path / "out" / "policies" / "policy-0", tmp_path / "out" / "robot", "paper", engagements=2)
+    expected = [cell.hits for cell in study.results.cells if (cell.world, cell.controller) == ("infantry", "policy")]
+    assert [cell.hits for cell in again.cells] == expected
+    assert "open" in capsys.readouterr().out
