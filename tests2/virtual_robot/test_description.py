@@ -53,11 +53,15 @@ def test_a_robot_has_the_numbers_of_its_file_as_floats(name) -> None:
     assert {type(value) for value in msgspec.to_builtins(robot.camera).values()} == {float}
 
 
-def test_a_missing_field_or_table_is_named(refusal) -> None:
+def test_a_missing_or_misspelt_field_or_table_is_named(refusal) -> None:
     for table, key in FIELDS:
         assert f"field {table}: missing field {key}; " in refusal(changed(table, key, ""))
-    assert refusal(INFANTRY.replace("[" + TABLES["camera"], "")).startswith("missing field camera; ")
+        misspelt = key[:2] + key[3:]
+        message = refusal(changed(table, key, f"{misspelt} = 1.0"))
+        assert message.startswith(f"field {table}.{misspelt}: ")
+        assert key in message
     assert refusal(INFANTRY.replace("[" + TABLES["limits.yaw"], "")).startswith("field limits: missing field yaw; ")
+    assert "no such field; did you mean camera?" in refusal(INFANTRY.replace("[camera]", "[cammera]"))
 
 
 @pytest.mark.parametrize("value", ["'1'", "true", "[1.0]", "{}", "nan", "inf", "-inf", "1" + 400 * "0", "2020-01-01"])
@@ -74,23 +78,13 @@ def test_a_negative_value_is_refused_with_its_bound(refusal) -> None:
             assert re.match(rf"field {table}.{key}: expected \w+ >=? \d\S*, got -1; ", message)
 
 
-def test_a_misspelt_field_is_refused_with_the_right_name(refusal) -> None:
-    for table, key in FIELDS:
-        message = refusal(changed(table, key, f"{key[:2]}{key[3:]} = 1.0"))
-        assert message.startswith(f"field {table}.{key[:2]}{key[3:]}: ")
-        assert key in message
-
-
 @pytest.mark.parametrize(
     ("table", "key", "line", "words"),
     [
-        ("gimbal.yaw", "armature_kg_m2", "armature_g_cm2 = 1", 'has the unit "g_cm2", expected armature_kg_m2; '),
         ("muzzle", "speed_m_s", "speed_km_per_min = 1", 'unit "km_per_min", expected speed_m_s; convert the value'),
         ("gimbal.yaw", "armature_kg_m2", "armature = 1", "does not say its unit, expected armature_kg_m2; name it so"),
         ("camera", "rate_hz", "rate_hz = 80\nexposure_us = 2", "there is no such field; fields are "),
-        ("limits.yaw", "low_deg", "low_deg = 1\ncammera.x = 1", "limits.yaw.cammera: there is no such field; fields"),
         ("gimbal.yaw", "low_deg", "low_deg = 90", "field gimbal.yaw.low_deg: expected < high_deg, got 90 and 80; "),
-        ("gimbal.yaw", "low_deg", "low_deg = 80", "field gimbal.yaw.low_deg: expected < high_deg"),
         ("firmware.pitch", "command_low_deg", "command_low_deg = 11", "expected < command_high_deg, got 11 and 10"),
         ("camera", "latency_low_ms", "latency_low_ms = 41", "expected ≤ latency_high_ms, got 41 and 40"),
         ("firmware.yaw", "command_high_deg", "command_high_deg = 81", "-75…81°, expected within gimbal.yaw -80…80°"),
@@ -116,33 +110,22 @@ def test_a_latency_may_be_fixed_and_a_later_format_is_named_before_its_fields(tm
     assert "expected archerfish.robot/1" in refusal("[wheels]\n[schema]\nformat = 'archerfish.robot/2'\nname = 'a'")
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (b"[schema]\nformat = ", "is not TOML ("),
-        (b"a = 1\na = 1", "is not TOML ("),
-        (b"a = 1" + 5000 * b"0", "is not TOML ("),
-        (b"a = " + 5000 * b"[" + 5000 * b"]", "is not TOML ("),
-        (b"\xff\xfe\x00", "is not UTF-8 text (byte 0); save it as UTF-8"),
-        (b"", "field schema: missing field format; "),
-        (f"gimbal = 3\n[{TABLES['schema']}".encode(), "field gimbal: expected table, got int"),
-        (64_000_001 * b"#", "has 64000001 bytes, expected at most 64000000; "),
-    ],
-)
-def test_a_file_that_is_not_a_robot_is_refused(refusal, content, words) -> None:
-    assert words in refusal(content)
+def test_a_file_that_is_not_a_robot_is_refused(refusal) -> None:
+    for content in ("[schema]\nformat = ", "a = 1\na = 1", "a = 1" + 5000 * "0", "a = " + 5000 * "[" + 5000 * "]"):
+        assert refusal(content).startswith("is not TOML (")
+    assert refusal(b"\xff\xfe\x00") == "is not UTF-8 text (byte 0); save it as UTF-8"
+    assert refusal("").startswith("field schema: missing field format; ")
+    assert refusal(f"gimbal = 3\n[{TABLES['schema']}").startswith("field gimbal: expected table, got int; ")
+    assert refusal(64_000_001 * b"#").startswith("has 64000001 bytes, expected at most 64000000; ")
 
 
 def test_an_unknown_robot_is_refused_with_the_known_ones(tmp_path) -> None:
-    expected = {
-        "infanty": "no robot 'infanty'; known are infantry, worn, ",
-        "": "no robot ''; known are infantry, worn, ",
-    }
-    expected[tmp_path / "absent.toml"] = "there is no such file"
-    expected[tmp_path] = "is a folder, expected a robot's description; known are infantry"
-    for name, words in expected.items():
-        with pytest.raises(InputError, match=words):
-            load_robot(name)
+    with pytest.raises(InputError, match="no robot 'infanty'; known are infantry, worn, or give a TOML file"):
+        load_robot("infanty")
+    with pytest.raises(InputError, match=r"absent\.toml: there is no such file"):
+        load_robot(tmp_path / "absent.toml")
+    with pytest.raises(InputError, match="is a folder, expected a robot's description; known are infantry"):
+        load_robot(tmp_path)
 
 
 def mutated(draw):
@@ -161,17 +144,15 @@ def mutated(draw):
 
 
 def test_a_damaged_file_is_a_valid_robot_or_refused_in_one_line_that_names_it(tmp_path) -> None:
-    draw, path, outcomes = random.Random(0), tmp_path / "damaged.toml", []
-    for _ in range(800):
+    draw, path, accepted = random.Random(0), tmp_path / "damaged.toml", 0
+    for _ in range(600):
         path.write_bytes(mutated(draw))
         try:
             robot = load_robot(path)
         except InputError as error:
             assert str(error).startswith(f"{path}: ")
             assert str(error).isprintable()
-            outcomes.append("refused")
         else:
             assert msgspec.convert(msgspec.to_builtins(robot), RobotDescription) == robot
-            outcomes.append("accepted")
-    assert outcomes.count("accepted") > 20
-    assert outcomes.count("refused") > 400
+            accepted += 1
+    assert 20 < accepted < 300

@@ -55,9 +55,8 @@ def _problem(error: msgspec.ValidationError, content: dict[str, Any]) -> tuple[s
     """Return what is wrong in a file, and the remedy."""
     if "unknown field" in str(error) and (unknown := _unknown_field(content, RobotDescription, "")):
         return unknown
-    text = (
-        fault(error, content).replace("object missing required", "missing").replace("expected object", "expected table")
-    )
+    text = fault(error, content).replace("expected object", "expected table")
+    text = text.replace("object missing required", "missing")
     if str(error).startswith("Invalid enum value"):
         kind: Any = RobotDescription
         for name in re.findall(r"\w+", str(error).rpartition("$")[2]):
