@@ -90,7 +90,7 @@ def table_1() -> tuple[tuple[LandingPoint, ...], dict[str, float]]:
     found = identify_muzzle(Shots(pitch, yaw, np.array([row.real_m for row in rows])))
     points = []
     for row, model_m in zip(rows, found.expected.tolist(), strict=True):
-        angles = {"pitch_deg": row.pitch_deg, "yaw_deg": 0.0 - row.yaw_deg}
+        angles = {"pitch_deg": row.pitch_deg, "yaw_deg": row.yaw_deg}
         points.append(LandingPoint(**angles, printed_model_m=row.simulated_m, measured_m=row.real_m, model_m=model_m))
     muzzle = found.record
     fitted = {"speed_m_s": muzzle.speed, "height_m": muzzle.height, "drag_per_m": muzzle.drag}

@@ -44,7 +44,7 @@ class LandingPoint(Struct, frozen=True, kw_only=True):
     pitch_deg: Number
     """Angle α, muzzle up positive [°]."""
     yaw_deg: Number
-    """Angle β, to the left [°]."""
+    """Angle β, to the right, as printed [°]."""
     printed_model_m: Number
     """The paper's simulated distance d₁ [m]."""
     measured_m: Number

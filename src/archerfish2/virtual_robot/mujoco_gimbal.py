@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish2.errors import InputError
-from archerfish2.virtual_robot.description import TICK_S, Gimbal, GimbalAxis
-from archerfish2.virtual_robot.pellets import GRAVITY_M_S2
+from archerfish2.virtual_robot.description import GRAVITY_M_S2, TICK_S, Gimbal, GimbalAxis
 
 Array = NDArray[np.float64]
 

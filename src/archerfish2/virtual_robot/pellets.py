@@ -6,13 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from archerfish2.virtual_robot.description import GRAVITY_M_S2
+
 Array = NDArray[np.float64]
 Event = Callable[[Array, Array], Array]
 """From time of flight [s], shape (B,), and position [m], shape (B, 3), to a number that is zero at the event and below
 zero before it, shape (B,)."""
 
-GRAVITY_M_S2 = 9.81
-"""[m/s²]."""
 _STEP_S = 0.03
 """The cubic through the ends of a step is within 1e-8 m of the flight at 18 m/s, and within 1e-7 m at 28 m/s."""
 _STEPS = 100
