@@ -4,6 +4,7 @@ import random
 import re
 import tomllib
 from importlib.resources import files
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -156,3 +157,8 @@ def test_a_damaged_file_is_a_valid_robot_or_refused_in_one_line_that_names_it(tm
             assert msgspec.convert(msgspec.to_builtins(robot), RobotDescription) == robot
             accepted += 1
     assert 20 < accepted < 300
+
+
+def test_each_field_of_a_description_is_on_the_page_of_the_virtual_robot():
+    page = Path(__file__).parents[2].joinpath("docs2", "virtual_robot.md").read_text()
+    assert [key for _, key in FIELDS if f"`{key}`" not in page] == []
