@@ -45,8 +45,7 @@ class Reproduce(RunsStudy):
         workers = self.workers or usual_workers()
         check_settings((self.seed,), min(self.engagements, self.robot_engagements), workers)
         VirtualRobot.load(self.robot)
-        inputs = [self.robot] if Path(self.robot).is_file() else []
-        with self.written(self.out, "reproduce", options, inputs, ("results.json", "report.html")) as folder:
+        with self.filled(self.out, "reproduce", options, self.robot) as folder:
             study = reproduce(
                 folder,
                 robot=self.robot,

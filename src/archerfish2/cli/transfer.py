@@ -1,5 +1,8 @@
 """`archerfish2 transfer`: from a virtual robot's logs to a policy on that robot."""
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -21,6 +24,17 @@ class RunsStudy(Writes):
     """Short trainings and few engagements, for a first look; the figures are not to be quoted."""
     workers: Annotated[int, shown("N", "(default: one per core, at most 4)")] = 0
     """Processes to use."""
+
+    @contextmanager
+    def filled(self, out: Path, command: str, options: str, robot: str) -> Iterator[Path]:
+        """Yield a folder to fill, as `written`; a study that is stopped says what is left of it."""
+        inputs = [robot] if Path(robot).is_file() else []
+        try:
+            with self.written(out, command, options, inputs, ("results.json", "report.html")) as folder:
+                yield folder
+        except KeyboardInterrupt:
+            print(f"nothing in {out} has changed; begin again: archerfish2 {command} {options}", file=sys.stderr)  # noqa: T201
+            raise
 
 
 @dataclass(frozen=True)
@@ -55,8 +69,7 @@ class Transfer(RunsStudy):
         check_settings(self.seeds, self.engagements, workers)
         name = VirtualRobot.load(self.robot).name
         out = self.out or Path("runs") / f"transfer-{name}"
-        inputs = [self.robot] if Path(self.robot).is_file() else []
-        with self.written(out, "transfer", options, inputs, ("results.json", "report.html")) as folder:
+        with self.filled(out, "transfer", options, self.robot) as folder:
             study = transfer(
                 self.robot,
                 folder,
