@@ -9,19 +9,18 @@ from numpy.typing import NDArray
 from archerfish2.errors import InputError
 from archerfish2.messages import Detections, Feedback
 from archerfish2.virtual_robot.description import TICK_S, RobotDescription
-from archerfish2.virtual_robot.flights import Flight, Landing, Received, Truth
+from archerfish2.virtual_robot.flights import Flight, Landing, Received, TrueState
 from archerfish2.virtual_robot.frames import gimbal_axes, into_gimbal
 from archerfish2.virtual_robot.links import CameraLink, CommandLink, FeedbackLink
-from archerfish2.virtual_robot.muzzle import LastShot, Launch, after_shot, allowed, deficit_at, launch
+from archerfish2.virtual_robot.muzzle import Fired, LastShot, Launch, after_shot, allowed, deficit_at, launch
 from archerfish2.virtual_robot.noise import NoiseStream
 from archerfish2.virtual_robot.pellets import Arrival, Event, fly
 from archerfish2.virtual_robot.servo import Servo
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
-class Target(Protocol):
+class MovingPlate(Protocol):
     """Something that moves."""
 
     def position(self, time: Array) -> Array:
@@ -66,7 +65,7 @@ class RobotBatch:
         """Present time on the robot's clock [s]."""
         return self._tick * TICK_S
 
-    def reset(self, start_angle: Array, target: Target, *, lead_s: float = 0.0) -> Received:
+    def reset(self, start_angle: Array, target: MovingPlate, *, lead_s: float = 0.0) -> Received:
         """Begin with the same noise as the last time: the gimbal rests under a command.
 
         Args:
@@ -99,7 +98,7 @@ class RobotBatch:
         self._shots = 0
         return self.advance(lead)
 
-    def retarget(self, target: Target) -> None:
+    def retarget(self, target: MovingPlate) -> None:
         """Replace the target; its position is needed at times of the robot's clock."""
         self._target = target
 
@@ -136,7 +135,7 @@ class RobotBatch:
             sent,
         )
 
-    def shoot(self, normals: Array, fire: Flags | None = None) -> Flight:
+    def shoot(self, normals: Array, fire: Fired | None = None) -> Flight:
         """Fire one pellet now at the target, and follow it to the target's plane.
 
         Args:
@@ -153,7 +152,7 @@ class RobotBatch:
         miss = np.where(fired[:, None], arrival.position[:, 1:] - plate[:, 1:], np.nan)
         return Flight(miss, np.where(fired, arrival.time, np.nan), self._servo.physics.angle, measured, fired)
 
-    def shoot_down(self, normals: Array, fire: Flags | None = None) -> Landing:
+    def shoot_down(self, normals: Array, fire: Fired | None = None) -> Landing:
         """Fire one pellet now, and follow it to the ground; arguments as for `shoot`, shape (B, 3) and (B,)."""
         ground = -self.description.muzzle.height_m
         fired, launched, arrival, measured = self._fired(
@@ -164,12 +163,12 @@ class RobotBatch:
         distance, lateral = np.where(fired, [np.hypot(forward, left), left], np.nan)
         return Landing(distance, lateral, measured)
 
-    def truth(self) -> Truth:
+    def truth(self) -> TrueState:
         """Return the true mechanics, for tests and plots, never for controllers."""
         servo = self._servo
-        return Truth(servo.physics.angle, servo.physics.rate, self._commands.in_force, servo.torque)
+        return TrueState(servo.physics.angle, servo.physics.rate, self._commands.in_force, servo.torque)
 
-    def _fired(self, normals: Array, fire: Flags | None, event: Event) -> tuple[Flags, Launch, Arrival, Array]:
+    def _fired(self, normals: Array, fire: Fired | None, event: Event) -> tuple[Fired, Launch, Arrival, Array]:
         """Return which robots fired, their pellets, where these arrive, and the measured speeds [m/s], shape (B,)."""
         muzzle, rules, physics = self.description.muzzle, self.description.referee, self._servo.physics
         fired = np.ones(self.batch, bool) if fire is None else np.array(fire, bool)

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from archerfish2.virtual_robot.description import TICK_S
 
 Array = NDArray[np.float64]
-ROUNDING = 1e-9
-"""Of times [s] and numbers of ticks."""
+ROUNDING_S = 1e-9
+"""Times are as precise as this [s], and numbers of messages, too."""
 
 
 class Channel:
@@ -51,19 +51,19 @@ class Channel:
         """Take what has arrived by a moment.
 
         Args:
-          until: the moment [s].
+          until: the moment [s], finite.
           ticks: since the last call.
 
         Returns:
           Arrivals in order [s], shape (B, M), and contents, shape (B, M, width), NaN where there is none. M is how many
           may arrive in so many ticks at the rate, else how many have arrived; what exceeds it stays.
         """
-        arrived = self._arrival <= until + ROUNDING
+        arrived = self._arrival <= until + ROUNDING_S
         place = np.cumsum(arrived, axis=1) - 1
         if self._rate_hz is None:
             size = int(np.max(place, initial=-1)) + 1
         else:
-            size = math.floor((ticks * TICK_S + 1e-3 * self._spread_ms) * self._rate_hz + ROUNDING) + 1
+            size = math.floor((ticks * TICK_S + 1e-3 * self._spread_ms) * self._rate_hz + ROUNDING_S) + 1
         taken = arrived & (place < size)
         batch, waiting, width = self._content.shape
         arrival, content = np.full((batch, size), np.nan), np.full((batch, size, width), np.nan)

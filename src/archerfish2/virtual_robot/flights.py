@@ -36,7 +36,7 @@ class Landing(NamedTuple):
     muzzle_speed_measured: Array  # by the speed sensor [m/s], (B,)
 
 
-class Truth(NamedTuple):
+class TrueState(NamedTuple):
     """The true mechanics, for tests and plots, never for controllers."""
 
     angle: Array  # pitch and yaw [rad], (B, 2)

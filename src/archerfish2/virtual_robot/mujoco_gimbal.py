@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from archerfish2.errors import InputError
 from archerfish2.virtual_robot.description import TICK_S, Gimbal, GimbalAxis
-from archerfish2.virtual_robot.pellets import GRAVITY
+from archerfish2.virtual_robot.pellets import GRAVITY_M_S2
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ _PER_MODEL = 64
 """Gimbals in a model at most: with more, a gimbal's step takes no less time."""
 
 
-def gimbal_model(gimbal: Gimbal, count: int = 1) -> str:
+def gimbal_mjcf(gimbal: Gimbal, count: int = 1) -> str:
     """Return equal gimbals as MJCF; pitch turns about −y, so that the muzzle rises with its angle.
 
     Args:
@@ -46,7 +46,7 @@ def gimbal_model(gimbal: Gimbal, count: int = 1) -> str:
     # accepted for all islands together, and the dense Jacobian rounds otherwise than the sparse one: either would let
     # a gimbal's motion depend on how many are beside it.
     return f"""<mujoco model="gimbals">
-  <option timestep="{TICK_S}" integrator="implicitfast" gravity="0 0 -{GRAVITY}" solver="PGS" tolerance="1e-12"
+  <option timestep="{TICK_S}" integrator="implicitfast" gravity="0 0 -{GRAVITY_M_S2}" solver="PGS" tolerance="1e-12"
       jacobian="sparse">
     <flag contact="disable" warmstart="disable"/>
   </option>
@@ -77,7 +77,7 @@ class MujocoGimbal:
         # Equal shares; the last models may have a gimbal that is not read.
         count = math.ceil(batch / models)
         # One thread: the robots of several processes share the cores.
-        self._models = Batch(mujoco.MjModel.from_xml_string(gimbal_model(gimbal, count)), models, 1)
+        self._models = Batch(mujoco.MjModel.from_xml_string(gimbal_mjcf(gimbal, count)), models, 1)
         self._position, self._velocity = self._models.bind("qpos"), self._models.bind("qvel")
         self._applied, self._bias = self._models.bind("qfrc_applied"), self._models.bind("qfrc_bias")
         self._spare = np.zeros((models * count - batch, 2))

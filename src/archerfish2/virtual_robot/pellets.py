@@ -11,7 +11,7 @@ Event = Callable[[Array, Array], Array]
 """From time of flight [s], shape (B,), and position [m], shape (B, 3), to a number that is zero at the event and below
 zero before it, shape (B,)."""
 
-GRAVITY = 9.81
+GRAVITY_M_S2 = 9.81
 """[m/s²]."""
 _STEP_S = 0.03
 """The cubic through the ends of a step is within 1e-8 m of the flight at 18 m/s, and within 1e-7 m at 28 m/s."""
@@ -69,7 +69,7 @@ def _slope(state: Array, drag: float) -> Array:
     slope = np.empty_like(state)
     slope[0] = state[1]
     slope[1] = -drag * np.sqrt(x**2 + y**2 + z**2) * state[1]
-    slope[1, 2] -= GRAVITY
+    slope[1, 2] -= GRAVITY_M_S2
     return slope
 
 

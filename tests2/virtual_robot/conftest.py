@@ -1,0 +1,43 @@
+"""Virtual robots to test with."""
+
+import re
+from importlib import resources
+
+import pytest
+
+pytest.importorskip("mujoco")
+
+QUIET = {
+    "firmware.pitch.gyro_noise_rad_per_s": 0,
+    "firmware.yaw.gyro_noise_rad_per_s": 0,
+    "camera.lateral_sd_mm": 0,
+    "camera.range_sd_percent": 0,
+    "camera.miss_probability": 0,
+    "camera.stamp_jitter_ms": 0,
+}
+EXACT = {"speed_sd_m_s", "droop_per_shot_m_s", "boresight_pitch_deg", "boresight_yaw_deg"}
+EXACT |= {"dispersion_pitch_deg", "dispersion_yaw_deg"}
+
+
+@pytest.fixture
+def changed_robot(tmp_path):
+    """Return infantry with other values, named as `gimbal.yaw.friction_n_m`, without noise unless `noisy`."""
+    from archerfish2.virtual_robot.virtual_robot import VirtualRobot
+
+    original = resources.files("archerfish2").joinpath("virtual_robot", "robots", "infantry.toml").read_text()
+
+    def change(values=None, *, noisy=False, exact=False):
+        values = (
+            ({} if noisy else QUIET) | dict.fromkeys((f"muzzle.{name}" for name in EXACT if exact), 0) | (values or {})
+        )
+        text = original
+        for place, value in values.items():
+            table, _, key = place.rpartition(".")
+            pattern = rf"(?s)(\[{re.escape(table)}\](?:(?!\n\[).)*?\n{key} = )[^\n]*"
+            text, count = re.subn(pattern, lambda found, value=value: f"{found[1]}{value}", text)
+            assert count == 1, place
+        path = tmp_path / "changed.toml"
+        path.write_text(text)
+        return VirtualRobot.load(path)
+
+    return change
