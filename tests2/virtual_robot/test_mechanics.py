@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from archerfish2.virtual_robot.firmware import encoder_angle, filtered_rate, firmware_torque, make_drive, motor_torque
 from archerfish2.virtual_robot.mujoco_gimbal import MujocoGimbal
 
+pytest.importorskip("mujoco")
 GRAVITY, TICK_S, ZERO = 9.81, 1e-3, np.zeros((1, 2))
 FAR = {f"gimbal.{axis}.{side}_deg": at for axis in ("pitch", "yaw") for side, at in (("low", -200), ("high", 200))}
 SMOOTH = FAR | {f"gimbal.{axis}.friction_n_m": 0 for axis in ("pitch", "yaw")}
@@ -115,11 +116,13 @@ def test_the_current_lags_and_the_back_emf_leaves_less_torque(drive):
             assert found == pytest.approx(max(-9.0, 0.741 * (sign * 24.0 - 0.741 * rate) / 3.6))
 
 
-def test_the_integral_changes_only_away_from_the_torque_limit_and_within_its_own(drive):
+def test_torque_and_integral_by_hand_within_their_limits_and_that_of_the_rate(drive):
     made, integral = drive(), np.array([[0.0, 0.1]])
     small = 28 * 0.01  # rate that the angle loop requests for 0.01 rad
-    for command, torque, after in ((1.0, 1.2, 0.1), (-1.0, -1.2, 0.1), (0.01, 1.1 * small + 0.1, 0.1 + 7e-3 * small)):
-        grown, found = firmware_torque(made, integral, np.array([[0.0, command]]), ZERO, ZERO)
+    # At the torque's limit the integral changes only away from it; no more than 12 rad/s are requested.
+    limited = [(1.0, 0.0, 1.2, 0.1), (-1.0, 0.0, -1.2, 0.1), (1.0, 11.8, 1.1 * 0.2 + 0.1, 0.1 + 7e-3 * 0.2)]
+    for command, rate, torque, after in (*limited, (0.01, 0.0, 1.1 * small + 0.1, 0.1 + 7e-3 * small)):
+        grown, found = firmware_torque(made, integral, np.array([[0.0, command]]), ZERO, np.array([[0.0, rate]]))
         assert_allclose([found[0, 1], grown[0, 1]], [torque, after], rtol=1e-12)
     for _ in range(9000):
         integral, _ = firmware_torque(made, integral, np.array([[0.01, -0.01]]), ZERO, ZERO)
