@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[1]
 VERBS = ["read_log", "identify_axis", "identify_muzzle", "identify_sensing", "identify_robot", "excite"]
 VERBS += ["train", "resume", "evaluate", "rollout", "tune", "export", "make_world", "make_environment"]
 NOUNS = ["Recording", "Robot", "PlantRecord", "MuzzleRecord", "Task", "Policy", "TrainConfig", "Results", "InputError"]
+NOUNS += ["VirtualRobot"]
 
 
 def test_the_front_door_has_few_names_which_all_load():

@@ -18,7 +18,7 @@ from archerfish.simulation.setting import make_world as make_first_world
 from archerfish2.arrays import register
 from archerfish2.controllers.policy.network import Layer, Normaliser
 from archerfish2.controllers.policy.observation import ObserverFacts, make_observer
-from archerfish2.controllers.policy.observer import Decisions, Detections, Memory
+from archerfish2.controllers.policy.observer import Decisions, DetectionMemory, Memory
 from archerfish2.controllers.policy.policy import Policy, PolicyFacts
 from archerfish2.evaluation.draws import draw
 from archerfish2.evaluation.run import count
@@ -74,7 +74,7 @@ def memory_of(kind: str, theirs: Any, seen: Any) -> Memory:
         return Memory(tracks, decisions, None, (), seen.gimbal_age, base, zero)
     many = kind == "multimodel"
     tracks = Tracks(place, own, theirs.plate_age, Track(*(theirs.fast if many else theirs.track)), None, None, None)
-    detections, histories = Detections(theirs.bearing, 0.0 * theirs.bearing), (theirs.history,) if not many else ()
+    detections, histories = DetectionMemory(theirs.bearing, 0.0 * theirs.bearing), (theirs.history,) if not many else ()
     if many:
         models = ModelTracks(Track(*theirs.models.track), theirs.models.probability)
         tracks = tracks._replace(slow=Track(*theirs.slow), innovation=theirs.innovation, models=models)

@@ -1,4 +1,6 @@
+import importlib
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -49,3 +51,13 @@ def test_rates_are_compared_with_those_of_policies_and_of_the_filter_with_the_pa
 def test_each_equation_of_the_paper_is_found_in_the_source_by_its_number():
     source = "".join(path.read_text().lower() for path in Path(archerfish2.__file__).parent.rglob("*.py"))
     assert [number for number in range(1, 17) if f"eq ({number})" not in source] == []
+
+
+def test_the_map_of_the_paper_has_each_equation_table_and_figure_and_names_what_there_is():
+    page = Path(__file__).parents[2].joinpath("docs2", "paper.md").read_text()
+    labels = re.findall(r"(?m)^\| (?:Eq|Table|Figs?\.?) ([^ ]+) \|", page.partition("## What the paper")[0])
+    expected = [*(f"({number})" for number in range(1, 17)), *["I", "II", "III", "IV", "V"], "1–3", *"456"]
+    assert labels == expected
+    for name in re.findall(r"`archerfish2\.([\w.]+)`", page):
+        module, _, function = name.rpartition(".")
+        assert callable(getattr(importlib.import_module(f"archerfish2.{module}"), function))

@@ -17,8 +17,13 @@ from archerfish2.cli.signals import Stopped, stop_requests
 from archerfish2.errors import InputError, one_line
 
 INPUT_ERROR = 2
-_NAMES = ("identify", "identify axis", "identify muzzle", "identify sensing", "excite", "train", "evaluate", "export")
-COMMANDS = {each: (f"archerfish2.cli.{each.replace(' ', '_')}", each.title().replace(" ", "")) for each in _NAMES}
+_IDENTIFY = ("identify", "identify axis", "identify muzzle", "identify sensing")
+_NAMES = ("record", *_IDENTIFY, "excite", "train", "evaluate", "export", "transfer", "reproduce", "report")
+_CLASSES = {"record": "RecordRobot", "report": "WriteReport"}  # whose usual names are those of other things
+COMMANDS = {
+    name: (f"archerfish2.cli.{name.replace(' ', '_')}", _CLASSES.get(name, name.title().replace(" ", "")))
+    for name in _NAMES
+}
 """Command → module and class. Named, not imported: a command waits for the libraries of no other one."""
 _OVERVIEW = """\
 usage: archerfish2 COMMAND [OPTIONS]

@@ -44,7 +44,7 @@ def direction(angle: Array) -> Array:
 def pellet_at_muzzle(muzzle: Muzzle, angle: Array, rate: Array, normals: Array) -> tuple[Array, Array]:
     """Position and velocity of a pellet as it leaves the muzzle.
 
-    Eq (6) prints the disturbance angles alone; the gimbal's angles are added to them (docs/errata.md). A muzzle away
+    Eq (6) prints the disturbance angles alone; the gimbal's angles are added to them (docs2/paper.md). A muzzle away
     from the pivot moves with the gimbal, which adds ω × r.
 
     Args:

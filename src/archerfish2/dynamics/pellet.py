@@ -26,7 +26,7 @@ class Crossing(NamedTuple):
 
 
 def drag_acceleration(velocity: Array, drag: Array, gravity: float = GRAVITY) -> Array:
-    """Acceleration of a pellet with quadratic drag along its velocity: eq (4), corrected (docs/errata.md).
+    """Acceleration of a pellet with quadratic drag along its velocity: eq (4), corrected (docs2/paper.md).
 
     Args:
       velocity: [m/s], shape B + (3,).

@@ -29,7 +29,7 @@ def rigid_derivative(axis: RigidAxis, state: RigidState, torque: Array) -> Rigid
     """Return the time derivative of the state, eq (2) and eq (3) corrected.
 
     θ̈ = −(g/l) sin θ − b θ̇/(m l²) + T/(m l²), as eq (1) demands. Eq (2) and eq (3) print the damping term without θ̇
-    and the torque without 1/(m l²) (docs/errata.md).
+    and the torque without 1/(m l²) (docs2/paper.md).
 
     Args:
       axis: parameters, shape B.

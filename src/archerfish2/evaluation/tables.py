@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 FEW = 2
 """So many motions have a table each, as in the paper; more of them share one, each the mean of its ranges."""
 
-Item = TypeVar("Item", "Cell", "CellDifference")
+Item = TypeVar("Item")
 Show: TypeAlias = Callable[[list[Any]], Entry]
 
 INTERVAL = "In parentheses or below: the 95 % interval, over engagements; all: the mean."

@@ -1,7 +1,7 @@
 """Proximal policy optimisation (PPO2), eqs (9) and (10), with the paper's network and settings as defaults.
 
 Readings of the paper: the "attenuation factors" 0.001 and 0.003 are learning rates, and the critic estimates the value
-of a state (docs/errata.md).
+of a state (docs2/paper.md).
 """
 
 import math

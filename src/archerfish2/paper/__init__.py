@@ -1,7 +1,7 @@
 """The numbers that the paper prints, those that it leaves open, and how we read its damaged parts.
 
 The numbers are in the JSON files beside the modules, with their legibility; nothing printed is typed anywhere else.
-docs/errata.md has the reasons for our readings.
+docs2/paper.md has the reasons for our readings.
 """
 
 import functools

@@ -55,7 +55,7 @@ def printed_plants() -> dict[str, PlantRecord]:
 def _plant(axis: str) -> PlantRecord:
     A, B, C = (printed_matrix(axis, name) for name in "ABC")
     period = facts("gimbal")["sample_period_s"]["reading"]
-    source = f"the paper, eqs ({A.equation}) and ({C.equation}), read as in docs/errata.md"
+    source = f"the paper, eqs ({A.equation}) and ({C.equation}), read as in docs2/paper.md"
     plant = PlantRecord.from_state_space(A.values, B.values, C.values, 0.0, period)
     plant = plant.replace(axis=axis, provenance={"source": source})
     gain = facts("gimbal")[axis]["B"].get("scaled_to_dc_gain")

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
+in_worker: Callable[[Any], None] | None = None
+"""Gets the share that is done of what a bar would show, in a process that works for another one."""
 _display: list[Any] = []  # rich's, while a bar is on; a bar inside another gets a line of it
 
 
@@ -25,7 +27,8 @@ def bar(what: str, total: float, unit: str) -> Iterator[Callable[..., None]]:
       A function advance(done, note="") of how much is done by now, and of what is being done.
     """
     if multiprocessing.parent_process() is not None:
-        yield lambda *_, **__: None
+        report = in_worker or (lambda _: None)
+        yield lambda done, note="": report(min(done / total, 1.0))  # noqa: ARG005
         return
     with ExitStack() as stack:
         is_bar = sys.stderr.isatty() and "ipykernel" not in sys.modules

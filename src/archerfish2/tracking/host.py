@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish2.dynamics.muzzle import direction
-from archerfish2.messages import Detections, Feedback
+from archerfish2.messages import Detections, Feedback, Numbers
 
-Numbers = NDArray[np.float64]
 REMEMBERED_S = 0.25
 """Reports and frames are kept for so long [s]; no frame arrives later than that after its exposure."""
 

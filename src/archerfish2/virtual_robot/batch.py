@@ -154,9 +154,9 @@ class RobotBatch:
 
     def shoot_down(self, normals: Array, fire: Fired | None = None) -> Landing:
         """Fire one pellet now, and follow it to the ground; arguments as for `shoot`, shape (B, 3) and (B,)."""
-        ground = -self.description.muzzle.height_m
+        floor_m = -self.description.muzzle.height_m
         fired, launched, arrival, measured = self._fired(
-            normals, fire, lambda _, place: np.asarray(ground - place[:, 2])
+            normals, fire, lambda _, place: np.asarray(floor_m - place[:, 2])
         )
         level = self._servo.physics.angle * [0.0, 1.0]
         forward, left, _ = into_gimbal(gimbal_axes(level), arrival.position - launched.position).T

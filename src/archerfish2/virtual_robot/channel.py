@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from archerfish2.virtual_robot.description import TICK_S
 
 Array = NDArray[np.float64]
-ROUNDING_S = 1e-9
-"""Times are as precise as this [s], and numbers of messages, too."""
+ARRIVAL_ROUNDING = 1e-9
+"""Of times [s] and numbers of ticks."""
 
 
 class Channel:
@@ -58,12 +58,12 @@ class Channel:
           Arrivals in order [s], shape (B, M), and contents, shape (B, M, width), NaN where there is none. M is how many
           may arrive in so many ticks at the rate, else how many have arrived; what exceeds it stays.
         """
-        arrived = self._arrival <= until + ROUNDING_S
+        arrived = self._arrival <= until + ARRIVAL_ROUNDING
         place = np.cumsum(arrived, axis=1) - 1
         if self._rate_hz is None:
             size = int(np.max(place, initial=-1)) + 1
         else:
-            size = math.floor((ticks * TICK_S + 1e-3 * self._spread_ms) * self._rate_hz + ROUNDING_S) + 1
+            size = math.floor((ticks * TICK_S + 1e-3 * self._spread_ms) * self._rate_hz + ARRIVAL_ROUNDING) + 1
         taken = arrived & (place < size)
         batch, waiting, width = self._content.shape
         arrival, content = np.full((batch, size), np.nan), np.full((batch, size, width), np.nan)

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 from archerfish2.virtual_robot.description_bounds import (
-    Angle,
+    AboveZero,
+    AngleDeg,
     Aside,
     Finite,
     Frequency,
     NotNegative,
-    Offset,
+    OffsetM,
     Opening,
-    Positive,
+    Probability,
     Ratio,
-    Share,
     Spread,
     Ticks,
     Tilt,
@@ -31,23 +31,23 @@ TICK_S = 0.001
 class GimbalAxis:
     """[gimbal.pitch] and [gimbal.yaw]: joint and motor of an axis."""
 
-    low_deg: Angle
+    low_deg: AngleDeg
     """Mechanical stop at the smallest angle."""
-    high_deg: Angle
+    high_deg: AngleDeg
     """Mechanical stop at the largest angle."""
-    armature_kg_m2: Positive
+    armature_kg_m2: AboveZero
     """Inertia of the rotor and whatever else turns with this joint alone."""
     damping_n_m_s_per_rad: NotNegative
     """Viscous friction."""
     friction_n_m: NotNegative
     """Coulomb friction."""
-    torque_limit_n_m: Positive
+    torque_limit_n_m: AboveZero
     """Largest torque of the motor, by its current limit."""
-    supply_v: Positive
+    supply_v: AboveZero
     """Voltage of the supply."""
-    motor_constant_v_s_per_rad: Positive
+    motor_constant_v_s_per_rad: AboveZero
     """Back EMF per speed, which equals the torque per current [N·m/A]."""
-    resistance_ohm: Positive
+    resistance_ohm: AboveZero
     """Resistance of the winding; supply and back EMF limit the current through it."""
     current_lag_ms: NotNegative
     """Time constant of the current loop."""
@@ -59,7 +59,7 @@ class GimbalAxis:
 class YawBody:
     """[gimbal.yaw_body]: what turns with the yaw axis, less what pitches."""
 
-    inertia_kg_m2: Positive
+    inertia_kg_m2: AboveZero
     """About the yaw axis."""
 
 
@@ -67,19 +67,19 @@ class YawBody:
 class PitchBody:
     """[gimbal.pitch_body]: what pitches, with its centre of mass relative to the pivot."""
 
-    mass_kg: Positive
+    mass_kg: AboveZero
     """Mass."""
-    forward_m: Offset
+    forward_m: OffsetM
     """Centre of mass: towards the muzzle."""
-    left_m: Offset
+    left_m: OffsetM
     """Centre of mass: to the left."""
-    up_m: Offset
+    up_m: OffsetM
     """Centre of mass: up."""
-    roll_inertia_kg_m2: Positive
+    roll_inertia_kg_m2: AboveZero
     """About the barrel's direction, through the centre of mass."""
-    pitch_inertia_kg_m2: Positive
+    pitch_inertia_kg_m2: AboveZero
     """About the pitch axis' direction, through the centre of mass."""
-    yaw_inertia_kg_m2: Positive
+    yaw_inertia_kg_m2: AboveZero
     """About the third direction, through the centre of mass."""
 
 
@@ -101,27 +101,27 @@ class Gimbal:
 class FirmwareAxis:
     """[firmware.pitch] and [firmware.yaw]: the cascade of an axis, angle P → rate PI → torque."""
 
-    angle_gain_per_s: Positive
+    angle_gain_per_s: AboveZero
     """Asked rate per angle error."""
-    rate_limit_rad_per_s: Positive
+    rate_limit_rad_per_s: AboveZero
     """Largest rate that the angle loop asks."""
-    rate_gain_n_m_s_per_rad: Positive
+    rate_gain_n_m_s_per_rad: AboveZero
     """Torque per rate error."""
     integral_gain_n_m_per_rad: NotNegative
     """Torque per integrated rate error."""
     integral_limit_n_m: NotNegative
     """Largest torque of the integral; it also rests while the motor is at its limit and the error pushes on."""
-    command_low_deg: Angle
+    command_low_deg: AngleDeg
     """Commands below are raised to it."""
-    command_high_deg: Angle
+    command_high_deg: AngleDeg
     """Commands above are lowered to it."""
-    encoder_counts_per_turn: Positive
+    encoder_counts_per_turn: AboveZero
     """Resolution of the encoder."""
     angle_per_encoder: Ratio
     """True angle over the encoder's, which the firmware brings to the command: the axis' steady gain."""
     gyro_noise_rad_per_s: NotNegative
     """Standard deviation of the rate gyro, each tick."""
-    gyro_cutoff_hz: Positive
+    gyro_cutoff_hz: AboveZero
     """Corner of the gyro's low-pass filter."""
 
 
@@ -149,7 +149,7 @@ class Link:
     """Longest."""
     command_quantum_deg: NotNegative
     """Step of the angles on the wire; 0 is none."""
-    command_loss: Share
+    command_loss: Probability
     """Probability that a command never arrives."""
     feedback_rate_hz: Frequency
     """How often the robot reports its angles."""
@@ -161,7 +161,7 @@ class Link:
     """Step of reported angles; 0 is none."""
     feedback_rate_quantum_deg_per_s: NotNegative
     """Step of reported rates; 0 is none."""
-    feedback_loss: Share
+    feedback_loss: Probability
     """Probability that a report never arrives."""
     feedback_source: Literal["imu", "encoder"]
     """Whose angle is reported: the true one (of an attitude sensor) or the encoder's, which the firmware controls."""
@@ -189,17 +189,17 @@ class Camera:
     """Noise across the line of sight, each way, in length at the plate."""
     range_sd_percent: NotNegative
     """Noise along the line of sight, of the distance."""
-    miss_probability: Share
+    miss_probability: Probability
     """Probability that the plate is not found in a frame that shows it."""
     field_of_view_yaw_deg: Opening
     """Whole width of the picture; a plate outside is not found."""
     field_of_view_pitch_deg: Opening
     """Whole height of the picture."""
-    forward_m: Offset
+    forward_m: OffsetM
     """Position relative to the pivot at zero angles: towards the muzzle."""
-    left_m: Offset
+    left_m: OffsetM
     """To the left."""
-    up_m: Offset
+    up_m: OffsetM
     """Up."""
     misalignment_yaw_deg: Tilt
     """The camera looks this far left of the barrel, unknown to the host."""
@@ -211,13 +211,13 @@ class Camera:
 class MuzzleTable:
     """[muzzle]: how pellets leave, and the air that they fly through."""
 
-    speed_m_s: Positive
+    speed_m_s: AboveZero
     """Mean speed of a pellet from rested friction wheels."""
     speed_sd_m_s: NotNegative
     """Its standard deviation from shot to shot."""
     droop_per_shot_m_s: NotNegative
     """Speed that a shot takes from the next ones."""
-    droop_recovery_ms: Positive
+    droop_recovery_ms: AboveZero
     """Time constant with which the wheels regain it."""
     dispersion_pitch_deg: Spread
     """Standard deviation of the elevation from shot to shot."""
@@ -227,13 +227,13 @@ class MuzzleTable:
     """Mean elevation of the shots above the barrel."""
     boresight_yaw_deg: Aside
     """Mean azimuth of the shots, left of the barrel."""
-    forward_m: Offset
+    forward_m: OffsetM
     """Muzzle relative to the pivot at zero angles: forward."""
-    left_m: Offset
+    left_m: OffsetM
     """To the left."""
-    up_m: Offset
+    up_m: OffsetM
     """Up."""
-    height_m: Positive
+    height_m: AboveZero
     """Height of the pivot above the ground."""
     drag_per_m: NotNegative
     """Quadratic drag k: a pellet slows down by k v²."""
@@ -245,13 +245,13 @@ class MuzzleTable:
 class RefereeTable:
     """[referee]: what counts and what is allowed."""
 
-    hit_radius_m: Positive
+    hit_radius_m: AboveZero
     """A pellet that crosses the plate's plane this near to its centre hits."""
-    max_rate_hz: Positive
+    max_rate_hz: AboveZero
     """Most shots per second."""
     heat_per_shot: NotNegative
     """Heat of one shot."""
-    heat_limit: Positive
+    heat_limit: AboveZero
     """A shot that would pass it is not allowed."""
     cooling_per_s: NotNegative
     """Heat that is lost per second."""
@@ -261,13 +261,13 @@ class RefereeTable:
 class LimitsAxis:
     """[limits.pitch] and [limits.yaw]: what the team knows that it may ask."""
 
-    low_deg: Angle
+    low_deg: AngleDeg
     """Smallest angle."""
-    high_deg: Angle
+    high_deg: AngleDeg
     """Largest angle."""
-    max_rate_rad_per_s: Positive
+    max_rate_rad_per_s: AboveZero
     """Largest rate of the commanded angle."""
-    max_acceleration_rad_per_s2: Positive
+    max_acceleration_rad_per_s2: AboveZero
     """Largest acceleration of the commanded angle."""
 
 

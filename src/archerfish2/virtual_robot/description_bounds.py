@@ -15,11 +15,11 @@ class Bounds(NamedTuple):
     """Whether the smallest value itself is out."""
 
 
-Positive = Annotated[float, Bounds(0.0, open_low=True)]
+AboveZero = Annotated[float, Bounds(0.0, open_low=True)]
 NotNegative = Annotated[float, Bounds(0.0)]
 Finite = Annotated[float, Bounds()]
-Share = Annotated[float, Bounds(0.0, 1.0)]
-Angle = Annotated[float, Bounds(-360.0, 360.0)]
+Probability = Annotated[float, Bounds(0.0, 1.0)]
+AngleDeg = Annotated[float, Bounds(-360.0, 360.0)]
 """[°]."""
 Tilt = Annotated[float, Bounds(-45.0, 45.0)]
 """[°]."""
@@ -29,7 +29,7 @@ Spread = Annotated[float, Bounds(0.0, 10.0)]
 """[°]."""
 Opening = Annotated[float, Bounds(1.0, 179.0)]
 """[°]."""
-Offset = Annotated[float, Bounds(-1.0, 1.0)]
+OffsetM = Annotated[float, Bounds(-1.0, 1.0)]
 """[m]."""
 Frequency = Annotated[float, Bounds(1.0, 1000.0)]
 """[Hz], no faster than the firmware."""

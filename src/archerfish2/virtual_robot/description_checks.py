@@ -6,7 +6,7 @@ from typing import Any
 from archerfish2.errors import InputError
 from archerfish2.virtual_robot.description import RobotDescription
 
-AXES = ("pitch", "yaw")
+_AXES = ("pitch", "yaw")
 
 
 def check_description(robot: RobotDescription) -> None:
@@ -22,7 +22,7 @@ def check_description(robot: RobotDescription) -> None:
 
 
 def _check_order(robot: RobotDescription) -> None:
-    for axis in AXES:
+    for axis in _AXES:
         _ordered(getattr(robot.gimbal, axis), f"gimbal.{axis}", "low_deg", "high_deg")
         _ordered(getattr(robot.firmware, axis), f"firmware.{axis}", "command_low_deg", "command_high_deg")
         _ordered(getattr(robot.limits, axis), f"limits.{axis}", "low_deg", "high_deg")
@@ -40,7 +40,7 @@ def _ordered(table: Any, name: str, low: str, high: str, *, equal: bool = False)
 
 def _check_nesting(robot: RobotDescription) -> None:
     """Limits lie within the commands that the firmware takes, and these within the stops."""
-    for axis in AXES:
+    for axis in _AXES:
         stops, commands, limits = (getattr(part, axis) for part in (robot.gimbal, robot.firmware, robot.limits))
         gain = commands.angle_per_encoder
         reached = sorted([gain * commands.command_low_deg, gain * commands.command_high_deg])

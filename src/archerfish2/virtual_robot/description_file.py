@@ -60,7 +60,7 @@ def load_robot(name_or_path: str | Path) -> RobotDescription:
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: is not TOML ({error}); mend that place") from error
     except (RecursionError, OSError) as error:
-        raise InputError(f"{path}: can't be read ({error}); write it anew") from error
+        raise InputError(f"{path}: can't be read ({error}); write it again") from error
     return parse_robot(content, str(path))
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from archerfish2.messages import CommandSent
 from archerfish2.virtual_robot.camera import detect
-from archerfish2.virtual_robot.channel import ROUNDING_S, Channel
+from archerfish2.virtual_robot.channel import ARRIVAL_ROUNDING, Channel
 from archerfish2.virtual_robot.description import TICK_S, Camera, Link
 from archerfish2.virtual_robot.firmware import Drive, encoder_angle
 from archerfish2.virtual_robot.noise import NoiseStream
@@ -43,7 +43,7 @@ class CommandLink:
         times = TICK_S * np.arange(first, first + ticks)
         arrival, content = self._channel.take(TICK_S * (first + ticks - 1), ticks)
         known = np.concatenate([self.in_force[:, None], content[..., 1:]], axis=1)
-        count = np.sum(arrival[:, None, :] <= times[:, None] + ROUNDING_S, axis=2)
+        count = np.sum(arrival[:, None, :] <= times[:, None] + ARRIVAL_ROUNDING, axis=2)
         in_force = known[np.arange(len(known)), count.T]
         if ticks:
             self.in_force = in_force[-1]
@@ -64,9 +64,9 @@ class FeedbackLink:
         """Send the reports that are due in the ticks from `first` on that a motion covers."""
         link, per_tick = self._link, self._link.feedback_rate_hz * TICK_S
         # Each is due in the first tick at or after its moment.
-        end = math.floor((first + len(motion.gyro) - 1 - self._start) * per_tick + ROUNDING_S) + 1
+        end = math.floor((first + len(motion.gyro) - 1 - self._start) * per_tick + ARRIVAL_ROUNDING) + 1
         due = np.arange(self._reported, end)
-        ticks = np.ceil(due / per_tick - ROUNDING_S).astype(np.int64) + self._start
+        ticks = np.ceil(due / per_tick - ARRIVAL_ROUNDING).astype(np.int64) + self._start
         uniform = self._noise.rows(self._reported, due.size)
         self._reported = end
         angle = motion.angle[ticks - first]
@@ -100,7 +100,7 @@ class CameraLink:
         """Expose and detect the frames that are due in the ticks from `first` on that a motion covers."""
         camera, period = self._camera, 1.0 / self._camera.rate_hz
         end = (first + len(motion.gyro)) * TICK_S
-        due = np.ceil((end - self._begin) / period - ROUNDING_S).astype(np.int64)
+        due = np.ceil((end - self._begin) / period - ARRIVAL_ROUNDING).astype(np.int64)
         count = np.maximum(due - self._exposed, 0)[:, None]
         if not count.any():
             return

@@ -1,12 +1,17 @@
 """A virtual robot, by name or from its description: it is recorded, and shot with, as a real one would be."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Self
 
+from archerfish2 import storage
+from archerfish2.errors import InputError
+from archerfish2.reports.progress import bar
 from archerfish2.robot import Robot, RobotLike
 from archerfish2.task import Task, TaskLike
 from archerfish2.virtual_robot.description import RobotDescription
-from archerfish2.virtual_robot.description_file import load_robot
+from archerfish2.virtual_robot.description_file import load_robot, robot_path
+from archerfish2.virtual_robot.record import PARTS, recordings, write_columns, write_limits, write_tape
 from archerfish2.virtual_robot.world import RobotWorld
 
 
@@ -17,9 +22,9 @@ class VirtualRobot:
     messages alone.
     """
 
-    def __init__(self, description: RobotDescription) -> None:
-        """Take a description; `VirtualRobot.load` reads one."""
-        self.description = description
+    def __init__(self, description: RobotDescription, source: bytes = b"") -> None:
+        """Take a description, and the text that it was read from; `VirtualRobot.load` reads one."""
+        self.description, self.source = description, source
 
     @classmethod
     def load(cls, robot: str | Path = "infantry") -> Self:
@@ -31,12 +36,47 @@ class VirtualRobot:
         Raises:
           InputError: if there is none of that name, or the file is not a robot's.
         """
-        return cls(load_robot(robot))
+        return cls(load_robot(robot), robot_path(robot).read_bytes())
 
     @property
     def name(self) -> str:
         """Name."""
         return self.description.schema.name
+
+    def record(self, folder: str | Path, *, seed: int = 0, parts: Iterable[str] = (), overwrite: bool = False) -> Path:
+        """Record all that an identification needs, and what its result is compared with, into a folder.
+
+        Args:
+          folder: for the logs, limits.json and tape.json; `identify_robot` reads it. robot.toml in it is a copy of the
+            description, which no identification reads.
+          seed: of the robot's noise and of the dispersion.
+          parts: of `PARTS` (axes, timing, shots, landings), all if none are named.
+          overwrite: whether files in the folder that no recording wrote may be replaced.
+
+        Returns:
+          The folder.
+
+        Raises:
+          InputError: if there is no such part, or the folder can't be written.
+        """
+        folder, chosen = Path(folder), [*parts] or [*PARTS]
+        if unknown := sorted(set(chosen) - PARTS.keys()):
+            raise InputError(f"parts: there is no {unknown[0]!r}, expected some of {', '.join(PARTS)}; name these")
+        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+            raise InputError(f"seed must be a whole number, at least 0, got {seed!r}; choose another")
+        facts = {"robot": self.name, "seed": seed, "parts": chosen}
+        with storage.output_folder(folder, "record", (), overwrite, facts, ("limits.json", "tape.json")) as written:
+            made = recordings(self.description, seed)
+            with bar("recording", len(chosen), "recordings") as advance:
+                for place, part in enumerate(chosen):
+                    advance(place, part)
+                    for name, columns in made[part]():
+                        write_columns(written / name, columns, 4 if part in ("shots", "landings") else 9)
+                advance(len(chosen))
+            write_limits(written / "limits.json", self.description)
+            write_tape(written / "tape.json", self.description)
+            storage.write_bytes(written / "robot.toml", self.source)
+        return folder
 
     def world(self, robot: RobotLike = None, task: TaskLike = "any") -> RobotWorld:
         """Return the virtual robot as a world to shoot in; `evaluate` and `rollout` take the virtual robot itself.

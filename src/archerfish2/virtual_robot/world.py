@@ -13,6 +13,7 @@ from archerfish2.dynamics.aiming import line_of_sight
 from archerfish2.dynamics.command_limits import limit_command
 from archerfish2.dynamics.muzzle import direction
 from archerfish2.errors import InputError
+from archerfish2.messages import Numbers
 from archerfish2.protocols import Barrel, Base, Command, Engagement, Frames, GimbalFeedback, Seen, Shot, Truth
 from archerfish2.robot import Robot
 from archerfish2.simulation.world import make_world, scored
@@ -23,7 +24,6 @@ from archerfish2.virtual_robot.batch import RobotBatch
 from archerfish2.virtual_robot.description import TICK_S, RobotDescription
 from archerfish2.virtual_robot.flights import Received
 
-Numbers = NDArray[np.float64]
 LEAD_S = 0.2
 """The robot has run for so long when an engagement begins, with the target before it [s]."""
 
@@ -122,7 +122,7 @@ class RobotWorld:
         after = RunningEngagement(robots, host, angle, (angle - before) / self.period_s, state.decisions + 1)
         crosses, miss = ~np.isnan(flight.flight_time), np.asarray(flight.miss, np.float32)
         margin = self._hit_radius - np.linalg.norm(miss, axis=-1)
-        shot = scored(flight.fired, 0.0 * margin, miss, margin, crosses, flight.flight_time, flight.angle)
+        shot = scored(flight.fired, 0.0 * angle[:, 0], miss, margin, crosses, flight.flight_time, flight.angle)
         single: Shot = map_arrays(_single, shot)
         return after, single
 

@@ -36,7 +36,7 @@ class Decisions(NamedTuple):
     aim: Array  # pitch, yaw [rad] and distance [m] of the latest detection, (3,); None with trackers
 
 
-class Detections(NamedTuple):
+class DetectionMemory(NamedTuple):
     """The latest detection at the last decisions, the newest last, B + (detections,); of one, without that axis."""
 
     azimuth: Array  # [rad]
@@ -48,7 +48,7 @@ class Memory(NamedTuple):
 
     tracks: Tracks
     decisions: Decisions
-    detections: Any  # Detections; None without trackers
+    detections: Any  # DetectionMemory; None without trackers
     histories: tuple[Array, ...]  # Legendre coefficients, B + (d,) each
     gimbal_age: Array  # of the latest feedback [s], B
     base: Base  # now
@@ -200,14 +200,14 @@ class Observer:
         distance = xp.sqrt(xp.sum(relative**2, axis=-1, keepdims=True))
         return Decisions(seen.gimbal.angle, seen.command, xp.concat([angle, distance], axis=-1))
 
-    def _detection(self, tracks: Tracks, azimuth: Array) -> Detections | None:
+    def _detection(self, tracks: Tracks, azimuth: Array) -> DetectionMemory | None:
         """Return the latest detection as the own pivot saw it, with the azimuth nearest to an earlier one, shape B."""
         if self.trackers.fast is None:
             return None
         relative = tracks.place - tracks.own
-        return Detections(azimuth_near(relative, azimuth), level_distance(relative))
+        return DetectionMemory(azimuth_near(relative, azimuth), level_distance(relative))
 
 
-def _samples(detection: Detections | None) -> tuple[Array, ...]:
+def _samples(detection: DetectionMemory | None) -> tuple[Array, ...]:
     """Return the newest samples of the histories: azimuth, distance, azimuth for long; none without trackers."""
     return () if detection is None else (*detection, detection.azimuth)

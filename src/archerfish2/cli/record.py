@@ -1,0 +1,54 @@
+"""`archerfish2 record`: the logs of a virtual robot."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from archerfish2.cli.options import shown
+from archerfish2.virtual_robot.virtual_robot import VirtualRobot
+
+
+@dataclass(frozen=True)
+class RecordRobot:
+    """Record the logs of a virtual robot, as a team records those of its own.
+
+    - writes one folder, which archerfish2 identify reads: sweeps and steps of both axes, shots at plates and at the
+      ground, timing of camera and link, limits.json, tape.json, and a copy of the robot's description
+    - each recording can be made alone; what is there of earlier ones in the folder is replaced
+
+    Robots:
+      infantry    a robot in good repair
+      worn        the same after a season: more friction, a slower and wider muzzle
+      FILE.toml   one of your own (docs2/virtual_robot.md)
+
+    Examples:
+      archerfish2 record --out logs
+      archerfish2 record worn --seed 1 --out worn-logs
+      archerfish2 record my-robot.toml --parts yaw timing --out some-logs
+    """
+
+    robot: Annotated[tyro.conf.Positional[str], shown("[ROBOT]")] = "infantry"
+    """Name of a virtual robot, or its TOML file."""
+    parts: Annotated[tuple[Literal["landings", "yaw", "pitch", "timing", "shots"], ...], shown("NAME…")] = ()
+    """Of landings, yaw, pitch, timing and shots; all if none are named."""
+    seed: int = 0
+    """Of the robot's noise and of the dispersion."""
+    out: Annotated[Path | None, shown("FOLDER")] = None
+    """Folder for the logs; runs/NAME-logs if not given."""
+    overwrite: Annotated[bool, shown()] = False
+    """Replace files in that folder that this command did not write."""
+
+    def run(self, _: str = "") -> None:
+        """Record, print."""
+        begun = time.monotonic()
+        robot = VirtualRobot.load(self.robot)
+        out = self.out or Path("runs") / f"{robot.name}-logs"
+        robot.record(out, seed=self.seed, parts=self.parts, overwrite=self.overwrite)
+        logs = len([*out.glob("*.csv")])
+        print(  # noqa: T201
+            f"{robot.name}: {logs} logs, limits.json and tape.json in {out}, {time.monotonic() - begun:.0f} s\n"
+            f"next: archerfish2 identify {out} --out {robot.name}"
+        )

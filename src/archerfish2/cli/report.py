@@ -1,0 +1,44 @@
+"""`archerfish2 report`: a page from stored results."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from archerfish2.cli.options import shown
+from archerfish2.errors import file_error
+from archerfish2.evaluation.results import Results
+from archerfish2.records.json_files import read_json
+from archerfish2.reports.report import Report
+from archerfish2.studies.study import Study
+
+
+@dataclass(frozen=True)
+class WriteReport:
+    """Write the page of stored results again, and print them.
+
+    - reads results.json of archerfish2 evaluate, transfer or reproduce; computes nothing again
+
+    Examples:
+      archerfish2 report runs/reproduce
+      archerfish2 report my-robot/evaluation --out page.html
+    """
+
+    results: Annotated[tyro.conf.Positional[Path], shown("FOLDER|FILE.json")]
+    """results.json, or its folder."""
+    out: Annotated[Path | None, shown("FILE.html")] = None
+    """The page; report.html beside the results if not given."""
+
+    def run(self, _: str = "") -> None:
+        """Read, write, print."""
+        path = self.results if self.results.suffix == ".json" else self.results / "results.json"
+        out = self.out or path.with_name("report.html")
+        content = read_json(path, "evaluate again")
+        schema = content.get("schema") if isinstance(content, dict) else None
+        if schema not in (Results.schema, Study.schema):
+            expected = f'expected "{Results.schema}" or "{Study.schema}", got {schema!r}'
+            raise file_error(path, f"field schema: {expected}", "name results of evaluate, transfer or reproduce")
+        page: Report = Study.load(path).report if schema == Study.schema else Results.load(path).report()
+        page.write_page(out)
+        print(f"{page}\n\nopen {out}")  # noqa: T201

@@ -1,0 +1,83 @@
+"""`archerfish2 transfer`: from a virtual robot's logs to a policy on that robot."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from archerfish2.cli.options import Writes, shown
+from archerfish2.studies.study import Study
+from archerfish2.studies.transfer import check_settings, transfer
+from archerfish2.studies.workers import usual_workers
+from archerfish2.virtual_robot.virtual_robot import VirtualRobot
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunsStudy(Writes):
+    """What commands take that run a study."""
+
+    quick: Annotated[bool, shown()] = False
+    """Short trainings and few engagements, for a first look; the figures are not to be quoted."""
+    workers: Annotated[int, shown("N", "(default: one per core, at most 4)")] = 0
+    """Processes to use."""
+
+
+@dataclass(frozen=True)
+class Transfer(RunsStudy):
+    """Take a virtual robot from its logs to a policy that shoots with it, and measure what the step costs.
+
+    - records it, identifies it from the logs alone, trains a policy for it and tunes the classical controllers in the
+      identified simulator, then evaluates all there and on the robot, in the same engagements
+    - writes report.html (start there), results.json, and the folders logs, robot and policies
+    - is a script of archerfish2 record, identify, train and evaluate, with their defaults
+
+    Some five minutes on two processor cores, for each further seed a minute. Ctrl-C leaves the folder as it was.
+
+    Examples:
+      archerfish2 transfer
+      archerfish2 transfer worn --seeds 0 1 2
+      archerfish2 transfer my-robot.toml --quick
+    """
+
+    robot: Annotated[tyro.conf.Positional[str], shown("[ROBOT]")] = "infantry"
+    """Name of a virtual robot (infantry, worn), or its TOML file (docs2/virtual_robot.md)."""
+    seeds: tuple[int, ...] = (0,)
+    """Of the trainings; the first one also that of noise and engagements."""
+    engagements: int = 400
+    """Per cell, of 50 shots each."""
+    out: Annotated[Path | None, shown("FOLDER")] = None
+    """Folder for everything; runs/transfer-NAME if not given."""
+
+    def run(self, options: str = "") -> None:
+        """Run the study, write, print."""
+        workers = self.workers or usual_workers()
+        check_settings(self.seeds, self.engagements, workers)
+        name = VirtualRobot.load(self.robot).name
+        out = self.out or Path("runs") / f"transfer-{name}"
+        inputs = [self.robot] if Path(self.robot).is_file() else []
+        with self.written(out, "transfer", options, inputs, ("results.json", "report.html")) as folder:
+            study = transfer(
+                self.robot,
+                folder,
+                seeds=self.seeds,
+                engagements=self.engagements,
+                workers=workers,
+                quick=self.quick,
+            )
+            finish(study, folder)
+        show(study, out)
+
+
+def finish(study: Study, folder: Path) -> None:
+    """Write a study and its page into a folder, without the locks of what was made in it."""
+    study.save(folder / "results.json")
+    study.report.write_page(folder / "report.html")
+    for lock in folder.rglob("*.lock"):
+        lock.unlink()
+
+
+def show(study: Study, out: Path) -> None:
+    """Print a study, and where it is."""
+    minutes = sum(study.durations.values()) / 60.0
+    print(f"{study}\n\n{minutes:.1f} minutes\nopen {out / 'report.html'}; every count is in {out / 'results.json'}")  # noqa: T201

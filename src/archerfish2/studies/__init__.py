@@ -1,0 +1,1 @@
+"""Studies: scripts of the public functions, which take a robot from its logs to hit rates, and lay out the paper."""
