@@ -10,7 +10,6 @@ from archerfish2.virtual_robot.camera import detect
 from archerfish2.virtual_robot.channel import Channel
 from archerfish2.virtual_robot.noise import NoiseStream
 
-pytest.importorskip("mujoco")
 OFFSET_S = 6.5e-3  # from the stamp of a frame to its exposure
 
 

@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 from archerfish2.virtual_robot.firmware import encoder_angle, filtered_rate, firmware_torque, make_drive, motor_torque
 from archerfish2.virtual_robot.mujoco_gimbal import MujocoGimbal
 
-pytest.importorskip("mujoco")
 GRAVITY, TICK_S, ZERO = 9.81, 1e-3, np.zeros((1, 2))
 FAR = {f"gimbal.{axis}.{side}_deg": at for axis in ("pitch", "yaw") for side, at in (("low", -200), ("high", 200))}
 SMOOTH = FAR | {f"gimbal.{axis}.friction_n_m": 0 for axis in ("pitch", "yaw")}
