@@ -5,7 +5,7 @@ from importlib import resources
 
 import pytest
 
-pytest.importorskip("mujoco")
+from archerfish2.virtual_robot.virtual_robot import VirtualRobot
 
 QUIET = {
     "firmware.pitch.gyro_noise_rad_per_s": 0,
@@ -22,8 +22,7 @@ EXACT |= {"dispersion_pitch_deg", "dispersion_yaw_deg"}
 @pytest.fixture
 def changed_robot(tmp_path):
     """Return infantry with other values, named as `gimbal.yaw.friction_n_m`, without noise unless `noisy`."""
-    from archerfish2.virtual_robot.virtual_robot import VirtualRobot
-
+    pytest.importorskip("mujoco")
     original = resources.files("archerfish2").joinpath("virtual_robot", "robots", "infantry.toml").read_text()
 
     def change(values=None, *, noisy=False, exact=False):

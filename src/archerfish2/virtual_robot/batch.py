@@ -12,7 +12,7 @@ from archerfish2.virtual_robot.description import TICK_S, RobotDescription
 from archerfish2.virtual_robot.flights import Flight, Landing, Received, TrueState
 from archerfish2.virtual_robot.frames import gimbal_axes, into_gimbal
 from archerfish2.virtual_robot.links import CameraLink, CommandLink, FeedbackLink
-from archerfish2.virtual_robot.muzzle import LastShot, Launch, after_shot, allowed, deficit_at, launch
+from archerfish2.virtual_robot.muzzle import Fired, LastShot, Launch, after_shot, allowed, deficit_at, launch
 from archerfish2.virtual_robot.noise import NoiseStream
 from archerfish2.virtual_robot.pellets import Arrival, Event, fly
 from archerfish2.virtual_robot.servo import Servo
@@ -135,7 +135,7 @@ class RobotBatch:
             sent,
         )
 
-    def shoot(self, normals: Array, fire: NDArray[np.bool_] | None = None) -> Flight:
+    def shoot(self, normals: Array, fire: Fired | None = None) -> Flight:
         """Fire one pellet now at the target, and follow it to the target's plane.
 
         Args:
@@ -152,7 +152,7 @@ class RobotBatch:
         miss = np.where(fired[:, None], arrival.position[:, 1:] - plate[:, 1:], np.nan)
         return Flight(miss, np.where(fired, arrival.time, np.nan), self._servo.physics.angle, measured, fired)
 
-    def shoot_down(self, normals: Array, fire: NDArray[np.bool_] | None = None) -> Landing:
+    def shoot_down(self, normals: Array, fire: Fired | None = None) -> Landing:
         """Fire one pellet now, and follow it to the ground; arguments as for `shoot`, shape (B, 3) and (B,)."""
         floor_m = -self.description.muzzle.height_m
         fired, launched, arrival, measured = self._fired(
@@ -168,9 +168,7 @@ class RobotBatch:
         servo = self._servo
         return TrueState(servo.physics.angle, servo.physics.rate, self._commands.in_force, servo.torque)
 
-    def _fired(
-        self, normals: Array, fire: NDArray[np.bool_] | None, event: Event
-    ) -> tuple[NDArray[np.bool_], Launch, Arrival, Array]:
+    def _fired(self, normals: Array, fire: Fired | None, event: Event) -> tuple[Fired, Launch, Arrival, Array]:
         """Return which robots fired, their pellets, where these arrive, and the measured speeds [m/s], shape (B,)."""
         muzzle, rules, physics = self.description.muzzle, self.description.referee, self._servo.physics
         fired = np.ones(self.batch, bool) if fire is None else np.array(fire, bool)

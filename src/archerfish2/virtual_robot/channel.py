@@ -51,7 +51,7 @@ class Channel:
         """Take what has arrived by a moment.
 
         Args:
-          until: the moment [s].
+          until: the moment [s], finite.
           ticks: since the last call.
 
         Returns:

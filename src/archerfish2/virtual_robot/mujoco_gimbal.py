@@ -63,7 +63,7 @@ def _joint(axis: GimbalAxis) -> str:
 
 
 class MujocoGimbal:
-    """B gimbals in MuJoCo, with `angle` [rad] and `rate` [rad/s], shape (B, 2) each: pitch and yaw."""
+    """B gimbals in MuJoCo; after `reset`, `angle` [rad] and `rate` [rad/s] are those of pitch and yaw, shape (B, 2)."""
 
     def __init__(self, gimbal: Gimbal, batch: int) -> None:
         try:
@@ -80,8 +80,7 @@ class MujocoGimbal:
         self._position, self._velocity = self._models.bind("qpos"), self._models.bind("qvel")
         self._applied, self._bias = self._models.bind("qfrc_applied"), self._models.bind("qfrc_bias")
         self._spare = np.zeros((models * count - batch, 2))
-        self.angle: Array = np.zeros((batch, 2))
-        self.rate: Array = np.zeros((batch, 2))
+        self._batch = batch
 
     def reset(self, angle: Array, rate: Array | None = None) -> None:
         """Put the gimbals at their angles [rad], shape (B, 2), at rest if no rates [rad/s] are given."""
@@ -111,4 +110,4 @@ class MujocoGimbal:
 
     def _pitch_yaw(self, joints: Array) -> Array:
         """Order values of the models' joints as pitch and yaw of the gimbals, shape (models, joints) → (B, 2)."""
-        return np.ascontiguousarray(joints.reshape(-1, 2)[: len(self.angle), ::-1])
+        return np.ascontiguousarray(joints.reshape(-1, 2)[: self._batch, ::-1])

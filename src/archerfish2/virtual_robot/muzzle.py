@@ -9,6 +9,7 @@ from archerfish2.virtual_robot.description import MuzzleTable, RefereeTable
 from archerfish2.virtual_robot.frames import gimbal_axes, into_base
 
 Array = NDArray[np.float64]
+Fired = NDArray[np.bool_]
 _ROUNDING = 1e-9
 
 
@@ -40,16 +41,14 @@ def heat_at(referee: RefereeTable, last: LastShot, time: float) -> Array:
     return np.maximum(last.heat - lost, 0.0)
 
 
-def allowed(referee: RefereeTable, last: LastShot, time: float) -> NDArray[np.bool_]:
+def allowed(referee: RefereeTable, last: LastShot, time: float) -> Fired:
     """Return which robots may fire at a time [s] by rate and heat, shape (B,)."""
     waited = time - last.time >= 1.0 / referee.max_rate_hz - _ROUNDING
     left = referee.heat_limit - heat_at(referee, last, time)
     return waited & (left >= (1.0 - _ROUNDING) * referee.heat_per_shot)
 
 
-def after_shot(
-    muzzle: MuzzleTable, referee: RefereeTable, last: LastShot, time: float, fired: NDArray[np.bool_]
-) -> LastShot:
+def after_shot(muzzle: MuzzleTable, referee: RefereeTable, last: LastShot, time: float, fired: Fired) -> LastShot:
     """Return what is left after a time [s] at which some robots fired, shape (B,)."""
     deficit = deficit_at(muzzle, last, time) + muzzle.droop_per_shot_m_s
     heat = heat_at(referee, last, time) + referee.heat_per_shot
