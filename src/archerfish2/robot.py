@@ -73,6 +73,8 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         has no verdict that says so.
     """
 
+    name: Name = "robot"
+    """By which results call the robot."""
     pitch: PlantRecord
     """Pitch axis."""
     yaw: PlantRecord

@@ -164,7 +164,7 @@ def test_what_is_unlike_the_training_of_a_policy_is_said():
     unlike = "targets paper (here pass), limit gate (here box), lateral_m 0.7 (here 0.1), another robot's records"
     assert results.remarks == (f"ours was trained for {unlike}.",)
     assert f"{results.remarks[0]}" in repr(results).replace("\n", " ")
-    assert results.remarks[0] in results.report().doubts
+    assert results.remarks[0] in results.report.doubts
 
 
 def test_accelerations_count_from_the_rest_that_an_engagement_begins_with():

@@ -10,7 +10,6 @@ from archerfish2.cli.options import shown
 from archerfish2.errors import file_error
 from archerfish2.evaluation.results import Results
 from archerfish2.records.json_files import read_json
-from archerfish2.reports.report import Report
 from archerfish2.studies.study import Study
 
 
@@ -39,6 +38,6 @@ class WriteReport:
         if schema not in (Results.schema, Study.schema):
             expected = f'expected "{Results.schema}" or "{Study.schema}", got {schema!r}'
             raise file_error(path, f"field schema: {expected}", "name results of evaluate, transfer or reproduce")
-        page: Report = Study.load(path).report if schema == Study.schema else Results.load(path).report()
+        page = (Study if schema == Study.schema else Results).load(path).report
         page.write_page(out)
         print(f"{page}\n\nopen {out}")  # noqa: T201

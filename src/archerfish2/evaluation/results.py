@@ -254,17 +254,18 @@ class Results(Record, frozen=True, kw_only=True):
 
         return hit_rates(self.cells)
 
+    @property
     def report(self) -> "Report":
-        """Return the report, which prints, and writes a page."""
+        """The report, which prints, and writes a page."""
         from archerfish2.evaluation.report import evaluation_report
 
         return evaluation_report(self)
 
     def __repr__(self) -> str:
-        return str(self.report())
+        return str(self.report)
 
     def _repr_html_(self) -> str:
-        return self.report()._repr_html_()
+        return self.report._repr_html_()
 
 
 def _file(path: str | Path) -> Path:

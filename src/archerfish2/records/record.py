@@ -36,6 +36,8 @@ class _Checked(msgspec.StructMeta):
         if unknown := sorted(fields.keys() - {*self.__struct_fields__}):
             known = ", ".join(self.__struct_fields__)
             raise InputError(f"{self.__name__}: there is no field {unknown[0]}; fields are {known}")
+        if not values and (missing := [name for name in required(self) if name not in fields]):
+            raise InputError(f"{self.__name__}: needs {', '.join(missing)} as well; give what is missing")
         return super().__call__(*values, **fields)
 
     @property
@@ -78,6 +80,12 @@ class Struct(
 
 
 _fields = functools.cache(msgspec.structs.fields)
+
+
+@functools.cache
+def required(kind: type[Struct]) -> tuple[str, ...]:
+    """Return the names of a record's fields that have no default."""
+    return tuple(field.name for field in _fields(kind) if field.required)
 
 
 class Record(Struct, frozen=True, kw_only=True):

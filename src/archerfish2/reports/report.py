@@ -109,11 +109,16 @@ class Result(Reported):
         """Name of the part, and of its files: the axis of a plant; other results have a fixed one."""
         return str(self.record.axis)
 
-    def save(self, folder: str | Path) -> None:
-        """Write PART.json, the record, and PART.html, its page, into a folder that exists.
+    def save(self, path: str | Path) -> None:
+        """Write the record, and its page beside it.
+
+        Args:
+          path: of the record, which ends in .json, or a folder, for PART.json and PART.html.
 
         Raises:
           InputError: if a file can't be written.
         """
-        self.record.save(Path(folder) / f"{self.part}.json")
-        self.report.write_page(Path(folder) / f"{self.part}.html")
+        path = Path(path)
+        file = path if path.suffix == ".json" else path / f"{self.part}.json"
+        self.record.save(file)
+        self.report.write_page(file.with_suffix(".html"))

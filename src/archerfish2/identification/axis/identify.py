@@ -4,7 +4,7 @@ from __future__ import annotations  # so that help() names the types, rather tha
 
 import itertools
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -251,7 +251,7 @@ def read_sources(
 def _sources(group: Any) -> list[Source]:
     """Return the logs of a group, which may be one; arrays and data frames are one."""
     one = isinstance(group, str | Path | Log | Recording | Mapping) or hasattr(group, "columns")
-    return [group] if one or hasattr(group, "shape") else list(group)
+    return list(group) if isinstance(group, Iterable) and not one and not hasattr(group, "shape") else [group]
 
 
 def _log(source: Source) -> Log:
