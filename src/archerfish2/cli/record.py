@@ -17,7 +17,8 @@ class RecordRobot:
 
     - writes one folder, which archerfish2 identify reads: sweeps and steps of both axes, shots at plates and at the
       ground, timing of camera and link, limits.json, tape.json, and a copy of the robot's description
-    - each recording can be made alone; what is there of earlier ones in the folder is replaced
+    - --parts records some of them alone; all logs of an earlier recording in the folder are removed, those of other
+      parts, too: name another folder to keep them
 
     Robots:
       infantry    a robot in good repair

@@ -22,7 +22,7 @@ _AXES = ("pitch", "yaw")
 SWEEP_DEG, SWEEP_HZ, SWEEP_S = 1.0, (2.0, 50.0), 10.0
 STEP_DEG, HOLD_S = 2.0, 2.0
 LARGE_STEPS_DEG = {"pitch": (2.0, -5.0, -15.0), "yaw": (2.0, 10.0, 30.0)}
-"""Steps that no fit uses: small ones, and such as saturate the motor. They end at the limits of the axis."""
+"""Steps that no fit uses: small ones, and such as saturate the motor."""
 PLATES_M, PLATE_PITCH_DEG, SINGLE, BURST = (1.5, 2.5, 3.5, 4.5), 2.0, 5, 50
 LANDINGS = 20
 """Shots at the ground at each of the nine pairs of angles of Table I."""
@@ -87,14 +87,14 @@ def _axis(axis: str, robot: RobotBatch, _: int) -> Files:
         "sweep_validation": sweep(-amplitude, high_hz, low_hz, SWEEP_S),  # the other way round: no fit has seen it
         "step_validation": steps(size, HOLD_S, held_back=True),
     }
-    limits = getattr(robot.description.limits, axis)
     for degrees in LARGE_STEPS_DEG[axis]:
-        held = np.radians(np.clip(degrees, limits.low_deg, limits.high_deg))
-        signals[f"step_{abs(degrees):g}deg"] = np.concatenate([np.zeros(300), np.full(1000, held)])
+        signals[f"step_{abs(degrees):g}deg"] = np.concatenate([np.zeros(300), np.full(1000, np.radians(degrees))])
+    limits = getattr(robot.description.limits, axis)
+    low, high = np.radians([limits.low_deg, limits.high_deg])
     for name, signal in signals.items():
         commands = np.zeros((len(signal), 2))
         place = _AXES.index(axis)
-        commands[:, place] = signal
+        commands[:, place] = np.clip(signal, low, high)  # the firmware would bound it, and the log not have it
         robot.reset(commands[:1], Plate(3.0))
         played = inject_commands(robot, commands)
         reports = played.received.feedback

@@ -48,7 +48,7 @@ class VirtualRobot:
 
         Args:
           folder: for the logs, limits.json and tape.json; `identify_robot` reads it. robot.toml in it is a copy of the
-            description, which no identification reads.
+            description, which no identification reads. Logs of an earlier recording in it are removed.
           seed: of the robot's noise and of the dispersion.
           parts: of `PARTS` (axes, timing, shots, landings), all if none are named.
           overwrite: whether files in the folder that no recording wrote may be replaced.
@@ -75,7 +75,8 @@ class VirtualRobot:
                 advance(len(chosen))
             write_limits(written / "limits.json", self.description)
             write_tape(written / "tape.json", self.description)
-            storage.write_bytes(written / "robot.toml", self.source)
+            if self.source:
+                storage.write_bytes(written / "robot.toml", self.source)
         return folder
 
     def world(self, robot: RobotLike = None, task: TaskLike = "any") -> RobotWorld:
