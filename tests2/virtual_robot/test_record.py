@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from archerfish2.cli.record import RecordRobot
+from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.records.limits import LimitsRecord
 from archerfish2.virtual_robot.record import PARTS
 from archerfish2.virtual_robot.recorder import steps, sweep
@@ -100,3 +101,15 @@ def test_the_command_says_where_the_logs_are_and_what_comes_next(tmp_path, capsy
     assert printed.startswith("infantry: 1 logs, limits.json and tape.json in runs/infantry-logs")
     assert printed.endswith("next: archerfish2 identify runs/infantry-logs --out infantry\n")
     refused("no robot 'infantri'; known are infantry, worn", RecordRobot("infantri").run)
+
+
+@pytest.mark.slow
+def test_the_command_delay_of_a_robot_with_much_friction_is_identified(tmp_path):
+    logs = VirtualRobot.load("worn").record(tmp_path / "logs", parts=["timing"])
+    commands = np.genfromtxt(logs / "timing_commands.csv", delimiter=",", names=True)
+    latency = 1e3 * (commands["received_s"] - commands["sent_s"]).mean()
+    found = identify_sensing(
+        logs / "timing_sweep.csv", logs / "timing_plate.csv", steps=[logs / "timing_steps.csv"]
+    ).record.link
+    # The bus, the current's lag, and a report that is 1 to 3 ms old: some milliseconds after the command is received.
+    assert latency < 1e3 * found.command_delay < latency + 8.0

@@ -130,9 +130,13 @@ def _onset(since: Array, yaw: Array) -> float | None:
     def misfit(onset: float) -> float:
         moving = np.maximum(time - onset, 0.0)
         design = np.column_stack([np.ones(count), moving**2, moving**3])
-        return float(np.sum((travelled - design @ np.linalg.lstsq(design, travelled)[0]) ** 2))
+        weights = np.linalg.lstsq(design, travelled)[0]
+        backwards = weights[1] < 0  # an early onset followed by motion to the other side fits about as well
+        return np.inf if backwards else float(np.sum((travelled - design @ weights) ** 2))
 
-    return float(min(np.linspace(-0.1, 0.9, 201), key=misfit) * since[count - 1])
+    misfits = {onset: misfit(onset) for onset in np.linspace(-0.1, 0.9, 201).tolist()}
+    best = min(misfits, key=misfits.__getitem__)
+    return best * float(since[count - 1]) if np.isfinite(misfits[best]) else None
 
 
 def sweep_latency(delay: Array, offset: Estimate, source: str) -> Estimate:
