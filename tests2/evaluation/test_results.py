@@ -214,7 +214,7 @@ def test_the_papers_figures_are_one_row_each_whoever_shoots():
 def test_results_without_a_cell_are_printed_and_reported():
     empty = evaluated([], OTHERS, 4)
     assert "Seed 0, commit abc, 0 cells." in repr(empty)
-    assert empty.report().headline == "No controller was evaluated."
+    assert empty.report.headline == "No controller was evaluated."
 
 
 def test_a_notebook_shows_every_rate():
@@ -270,7 +270,7 @@ def test_the_plot_has_a_panel_per_motion_and_every_controller_looks_different():
 
 
 def test_the_page_has_a_headline_for_any_policy_and_the_cells_beside_the_papers(tmp_path):
-    TABLES.report().write_page(tmp_path / "report.html")
+    TABLES.report.write_page(tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
     rate, interval = entry_texts(mean([each for each in TABLES.cells if each.controller == "policy"]))
     assert f"policy: {rate}\u00a0% ({interval}) of all decisions hit (paper, limit gate" in page

@@ -96,7 +96,7 @@ class Evaluate(Writes, ForRobot):
                 tuning=self._tuning(controllers, robot, task),
             )
             results.save(folder)
-            results.report().write_page(folder / "report.html")
+            results.report.write_page(folder / "report.html")
         took = ", ".join(f"{stage} {seconds:.0f} s" for stage, seconds in results.durations.items())
         print(f"{results}\n\n{took}\nopen {out / 'report.html'}; every count is in {out / 'results.json'}")  # noqa: T201
 
