@@ -109,11 +109,12 @@ class Result(Reported):
         """Name of the part, and of its files: the axis of a plant; other results have a fixed one."""
         return str(self.record.axis)
 
-    def save(self, folder: str | Path) -> None:
-        """Write PART.json, the record, and PART.html, its page, into a folder that exists.
+    def save(self, path: str | Path) -> None:
+        """Write the record, and its page beside it: PART.json and PART.html into a folder, or to a path with .json.
 
         Raises:
           InputError: if a file can't be written.
         """
-        self.record.save(Path(folder) / f"{self.part}.json")
-        self.report.write_page(Path(folder) / f"{self.part}.html")
+        file = Path(path) if str(path).endswith(".json") else Path(path, f"{self.part}.json")
+        self.record.save(file)
+        self.report.write_page(file.with_suffix(".html"))
