@@ -4,7 +4,7 @@ from __future__ import annotations  # so that help() names the types, rather tha
 
 import itertools
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -251,6 +251,9 @@ def read_sources(
 def _sources(group: Any) -> list[Source]:
     """Return the logs of a group, which may be one; arrays and data frames are one."""
     one = isinstance(group, str | Path | Log | Recording | Mapping) or hasattr(group, "columns")
+    if not (one or isinstance(group, Iterable)):
+        expected = "expected files, recordings, mappings of names to arrays, or data frames"
+        raise InputError(f"identify_axis: {expected}, got one of type {type(group).__name__}; give one or several")
     return [group] if one or hasattr(group, "shape") else list(group)
 
 
