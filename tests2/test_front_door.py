@@ -63,6 +63,34 @@ def test_a_robot_and_a_task_are_given_to_every_verb_alike(tmp_path):
     )
 
 
+def test_an_argument_of_another_type_is_refused_by_its_name(refused):
+    for value in (5, None, [5], {"a": 5}, b"x"):
+        for verb in (af.evaluate, af.rollout, lambda given: af.export(given, "x.c")):
+            refused("controller: expected a name, .*, got one of type", verb, value)
+        if value is not None:
+            refused("world: expected .*, got one of type", af.evaluate, "no-lead", world=value, engagements=2)
+    for verb in (af.identify_axis, af.identify_muzzle):
+        refused(f"{verb.__name__}: expected .*, got one of type int; give one", verb, 5)
+    refused("excite: axis: expected pitch or yaw, got 5", af.excite, 5)
+
+
+def test_a_notebook_shows_of_an_error_its_line_alone(refused):
+    with pytest.raises(af.InputError) as error:
+        af.Task(period_s=0)
+    # IPython calls this, if an exception has it, for the lines to show.
+    assert error.value._render_traceback_() == [f"InputError: {error.value}"]
+
+
+def test_the_page_of_evaluation_has_all_fields_of_a_task_with_their_defaults():
+    page = (ROOT / "docs2" / "evaluation.md").read_text()
+    table = page.partition("### Fields")[2].partition("\n## ")[0]
+    rows = dict(re.findall(r"^\| `(\w+)` \| `?(.*?)`? \|", table, re.MULTILINE))
+    usual = {name: getattr(af.Task(name="x"), name) for name in af.Task.__struct_fields__}
+    assert list(rows) == list(usual)
+    shown = {name: text for name, text in rows.items() if name not in ("name", "lengths_s", "ranges_m")}
+    assert shown == {name: re.sub(r"[()\"']", "", str(usual[name])) for name in shown}
+
+
 @pytest.mark.parametrize("robots", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_the_readme_trains_and_evaluates_for_the_paper_s_robot_and_for_a_folder(robots, monkeypatch, tmp_path, capsys):
     pytest.importorskip("gymnasium")

@@ -9,9 +9,10 @@ import matplotlib as mpl
 import pytest
 
 from archerfish2.reports.progress import bar
-from archerfish2.reports.report import Report, Reported
+from archerfish2.reports.report import Report, Reported, Result
 from archerfish2.reports.style import look, new_figure, plot_style, svg_text
 from archerfish2.reports.table import Estimate, Table, entry_texts, number, tables_text
+from archerfish2.robot import Robot
 
 ESTIMATES = [
     (Estimate(98.765, 97.0, 100.0, "%"), ("98.8", "97.0–100")),
@@ -83,12 +84,23 @@ def test_a_page_needs_nothing_but_itself_and_escapes_every_text(tmp_path, refuse
     refused("can't be written", REPORT.write_page, tmp_path / "new" / "page.html" / "inside.html")
 
 
+def test_a_result_is_saved_into_a_folder_or_to_the_path_of_its_record(tmp_path):
+    record = Robot.paper().pitch
+    result = type("Found", (Result,), {"record": record, "report": REPORT})()
+    result.save(tmp_path / "new")
+    result.save(tmp_path / "f1.json")
+    for path in (tmp_path / "new" / "pitch.json", tmp_path / "f1.json"):
+        assert repr(type(record).load(path)) == repr(record)
+        assert path.with_suffix(".html").is_file()
+
+
 @pytest.mark.parametrize("shown", ["lines", "notebook"])
 def test_without_a_terminal_progress_is_a_line_at_once_and_one_a_minute_or_a_line_that_changes(
     shown, monkeypatch, capsys
 ):
     clock, texts, said = [0.0], [], SimpleNamespace(update=lambda each, raw: texts.append(each["text/plain"]))
     monkeypatch.setattr("time.monotonic", lambda: clock[0])
+    monkeypatch.setitem(sys.modules, "jax", said)
     if shown == "notebook":
         display = SimpleNamespace(display=lambda *_, **__: said)
         for name, module in {"ipykernel": said, "IPython": said, "IPython.display": display}.items():
@@ -99,7 +111,7 @@ def test_without_a_terminal_progress_is_a_line_at_once_and_one_a_minute_or_a_lin
         advance(4000)
     found = texts if shown == "notebook" else capsys.readouterr().err.splitlines()
     assert len(found) == {"notebook": 21, "lines": 5}[shown]
-    assert found[0] == "evaluating: 0 of 4,000 shots, 0.0 min"
+    assert found[0] == "evaluating: 0 of 4,000 shots, 0.0 min; compiling"
     assert "evaluating: 1,200 of 4,000 shots, 2.0 min, about 4.7 min left; oracle" in found
 
 

@@ -15,6 +15,10 @@ class InputError(ValueError):
         self.code = code
         """Short, stable name of the fault ("time-backward"), for programs that act on it; None where none is given."""
 
+    def _render_traceback_(self) -> list[str]:
+        """Return what a notebook shows: the message, for the code in between is not the user's."""
+        return [f"{type(self).__name__}: {self}"]
+
 
 def file_error(path: str | Path, problem: str, remedy: str, code: str | None = None) -> InputError:
     """Build the error for a file.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol, Self, get_args
 
 import numpy as np
-from msgspec import Meta, field
+from msgspec import Meta, field, structs
 
 from archerfish2.dynamics.command_limits import CommandLimits, named_limits
 from archerfish2.dynamics.linear_axis import GimbalModel, gimbal_model
@@ -28,6 +28,8 @@ SHORTEST_PERIOD_S, LONGEST_DELAY_S = 1e-5, 1.0
 """Of the plants of a gimbal [s]: what lies beyond is no gimbal, and would make its model huge."""
 Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f\ud800-\udfff]{1,100}\Z")]
 Part = Literal["pitch", "yaw", "muzzle", "sensing", "limits"]
+# What is not given is one of these two objects, so that a robot that has it is known to assume it.
+_assumed_muzzle, _assumed_limits = functools.cache(paper_muzzle), functools.cache(gate_limits)
 RECORDS = dict(zip(get_args(Part), (PlantRecord, PlantRecord, MuzzleRecord, SensingRecord, LimitsRecord), strict=True))
 """The parts of a robot; each has a file of its own."""
 
@@ -68,9 +70,11 @@ class _Written(RobotFacts, frozen=True, kw_only=True):
 class Robot(RobotFacts, frozen=True, kw_only=True):
     """A robot, as far as it has been identified; the rest is assumed, and named.
 
+    Plants are needed; muzzle and limits are the paper's where they are not given, and are in `assumed` then.
+
     Raises:
       InputError: if a plant can't be that of a gimbal's axis (swapped, of several inputs, not stable, of no gain) and
-        has no verdict that says so.
+        has no verdict that says so; or if a field is missing.
     """
 
     name: Name = "robot"
@@ -79,17 +83,20 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
     """Pitch axis."""
     yaw: PlantRecord
     """Yaw axis."""
-    muzzle: MuzzleRecord
+    muzzle: MuzzleRecord = field(default_factory=_assumed_muzzle)
     """Muzzle."""
     sensing: SensingRecord | None = None
     """Camera and link; None where both are immediate and perfect."""
-    limits: LimitsRecord
+    limits: LimitsRecord = field(default_factory=_assumed_limits)
     """Limits of the commands."""
     folder: Path | None = None
     """Where it was loaded from."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        is_assumed = {"muzzle": self.muzzle is _assumed_muzzle(), "limits": self.limits is _assumed_limits()}
+        assumed = tuple(part for part in RECORDS if part in self.assumed or is_assumed.get(part))
+        structs.force_setattr(self, "assumed", assumed)
         for axis, plant in (("pitch", self.pitch), ("yaw", self.yaw)):
             has_verdict = axis in self.parts and not self.parts[axis].usable
             if not has_verdict and (fault := axis_fault(plant, axis)):
@@ -129,7 +136,6 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
             raise file_error(folder, f"expected a folder with {missing[0]}.json", "name that of a robot")
         if not is_written:
             facts = facts.replace(assumed=tuple(part for part in RECORDS if part not in found))
-            found = {"muzzle": paper_muzzle(), "limits": gate_limits()} | found
         try:
             robot = cls(name=facts.name, assumed=facts.assumed, parts=facts.parts, folder=folder, **found)
         except InputError as error:
@@ -183,8 +189,14 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
             raise file_error(place, one_line(problem), one_line(remedy))
 
     def save(self, folder: str | Path) -> None:
-        """Write all records and robot.json, which comes last, into a folder; what is there of a robot is replaced."""
+        """Write all records and robot.json, which comes last, into a folder; what is there of a robot is replaced.
+
+        Raises:
+          InputError: if a file can't be written, or the folder has the name of a file.
+        """
         folder = Path(folder)
+        if folder.suffix == ".json":
+            raise file_error(folder, "is the name of a file, expected that of a folder", "save a robot into a folder")
         records = [part for part in RECORDS if getattr(self, part) is not None]
         for part in records:
             getattr(self, part).save(folder / f"{part}.json")

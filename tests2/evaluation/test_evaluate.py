@@ -1,6 +1,7 @@
 """Evaluations: what is paired, named, counted, tuned, refused and shown."""
 
 import math
+from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
 
@@ -80,10 +81,10 @@ REFUSED = [
     ("controllers", ("kalman", "kalmn"), "got 'kalmn'; perhaps you meant kalman"),
     ("controllers", Path("nowhere"), "controller must be one of kalman, .*, got 'nowhere'"),
     ("controllers", {"": "no-lead"}, "controllers: a name must have 1…1000 characters, got ''"),
-    ("controllers", ["no-lead", ["kalman"]], "controller: expected one, got a list"),
+    ("controllers", ["no-lead", ["kalman"]], "controller: expected a name, .* got one of type list; give"),
     ("controllers", ("no-lead", short), r"test_evaluate.py:short: line \d+: KeyError"),
     ("robot", OTHER, "kalman-paper has settings of the paper's robot alone, got other"),
-    ("world", object(), "a object lacks name, compiled, period_s"),
+    ("world", object(), "world: expected ./FILE.py:NAME, .* got one of type object"),
     *((name, value, f"{name} must be a whole number, .*, got {value!r}; choose another") for name, value in COUNTS),
 ]
 
@@ -123,8 +124,30 @@ def test_tasks_of_other_conditions_are_joined_under_their_own_names(refused):
     ]
 
 
-def test_engagements_have_room_in_memory(refused):
+def test_engagements_have_room_in_memory_and_in_the_file_of_results(refused, monkeypatch, tmp_path):
     refused("engagements must be a whole number, 1….* room for", af.rollout, "no-lead", task=TASK, engagements=10**9)
+    monkeypatch.setattr("archerfish2.evaluation.draws.MOST_COUNTS", 2 * 2 * 4)  # cells, controllers, engagements
+    task = TASK.replace(ranges_m=((1.0, 2.0), (2.0, 3.0)))
+    pair = ["no-lead", Held()]
+    refused("2…4, which results.json has room for, got 5", af.evaluate, pair, task=task, engagements=5)
+    results = af.evaluate(pair, task=task, engagements=4)
+    results.save(tmp_path / "all.json")
+    monkeypatch.setattr("archerfish2.evaluation.results.MOST_COUNTS", 15)
+    refused(r"more.json: 16 engagements of all cells, .* at most 15", results.save, tmp_path / "more.json")
+    assert [path.name for path in tmp_path.iterdir()] == ["all.json"]
+
+
+def test_progress_says_which_controller_is_compiled_first(monkeypatch):
+    pytest.importorskip("jax")
+    shown = []
+
+    @contextmanager
+    def bar(*_):
+        yield lambda *progress: shown.append(progress)
+
+    monkeypatch.setattr("archerfish2.reports.progress.bar", bar)
+    af.evaluate(["no-lead", Held()], task=TASK, engagements=4)
+    assert shown == [(0, "compiling, no-lead"), (200, "no-lead"), (200, "Held"), (400, "Held")]
 
 
 def test_a_decision_without_fire_is_a_miss_and_changes_no_other_shot():

@@ -96,7 +96,7 @@ def test_a_system_is_a_plant_if_it_is_in_discrete_time(refused):
     lag = signal.StateSpace([[-2.0]], [[2.0]], [[1.0]], [[0.0]])
     plant = PlantRecord.from_state_space(lag.to_discrete(0.01), delay_samples=3)
     assert (plant.A.item(), plant.sample_period_s, plant.delay_samples) == (pytest.approx(np.exp(-0.02)), 0.01, 3)
-    refused(r"a period dt above 0 s.*got dt None; discretise .*c2d", PlantRecord.from_state_space, lag)
+    refused(r"a period dt above 0 s.*got dt None; discretise .*c2d.*cont2discrete", PlantRecord.from_state_space, lag)
     refused("got dt 0;", PlantRecord.from_state_space, lag.A, lag.B, lag.C, lag.D, 0)
 
 
@@ -114,6 +114,22 @@ def test_beside_a_plant_of_one_s_own_the_rest_of_the_paper_s_robot_is_assumed():
     assert Robot.paper().replace(yaw=Robot.paper().yaw).assumed == ("pitch", "muzzle", "limits")
     other = Robot.paper().replace(limits=Robot.paper().limits, muzzle=Robot.paper().muzzle)
     assert (other.assumed, other.name) == ((), "paper, other limits and muzzle")
+
+
+def test_a_robot_of_two_plants_alone_assumes_muzzle_and_limits(tmp_path, robot, refused):
+    found = Robot(pitch=robot.pitch, yaw=robot.yaw)
+    assert (found.name, found.assumed, found.replace(muzzle=robot.muzzle).assumed) == (
+        "robot",
+        ("muzzle", "limits"),
+        ("limits",),
+    )
+    found.save(tmp_path / "mine")
+    assert plain(Robot.load(tmp_path / "mine").replace(folder=None)) == plain(found)
+    assert Robot(pitch=robot.pitch, yaw=robot.yaw, muzzle=robot.muzzle, limits=robot.limits).assumed == ()
+    refused("Robot: field yaw is missing; give yaw", Robot, pitch=robot.pitch)
+    refused("Robot: field yaw: expected a PlantRecord, got str", Robot, pitch=robot.pitch, yaw="yaw.json")
+    refused("robot.json: is the name of a file, .*; save a robot into a folder", found.save, tmp_path / "robot.json")
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
 def test_a_robot_is_read_back_and_what_is_replaced_is_no_longer_assumed_or_judged(tmp_path, robot, refused):

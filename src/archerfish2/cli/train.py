@@ -43,8 +43,8 @@ class Train(ForRobot):
     reward: Annotated[str | None, shown("NAME")] = None
     """What a shot is worth; ./FILE.py:NAME is your own."""
     steps: Annotated[int | None, shown("N")] = None
-    """Decisions to train for; 20 million, in about ten minutes on two idle processor cores, or for the paper's targets
-    2 to 8. A million is enough for a first look."""
+    """Decisions to train for, rounded to whole iterations; 20 million, in about ten minutes on two idle
+    processor cores, or for the paper's targets 2 to 8. A million is enough for a first look."""
     set: Annotated[tuple[str, ...], shown("NAME=VALUE…")] = ()
     """Any other setting, such as ppo.epochs=2 or checkpoint_every_s=10 (docs2/training.md lists them)."""
     seed: Annotated[int | None, shown("N", "(default: 0)")] = None
@@ -105,5 +105,5 @@ class Train(ForRobot):
 
 
 def _announce(robot: Robot, task: Task, config: TrainConfig, out: Path) -> None:
-    what = f"{config.trainer}, observation {config.kind}, {config.settings.steps:,} decisions"
+    what = f"{config.trainer}, observation {config.kind}, {config.settings.trained:,} decisions"
     print(f"training for {robot.name}, task {task.name}: {what}; progress: {out / 'log.jsonl'}", flush=True)  # noqa: T201

@@ -94,9 +94,10 @@ def load_controller(controller: ControllerLike, blocks: tuple[Any, ...] = ()) ->
     Raises:
       InputError: if it can't be read or found, or there are several.
     """
-    kind = type(controller).__name__
-    if kind in ("list", "tuple", "set", "dict"):
-        raise InputError(f"controller: expected one, got a {kind}; give a name, a policy or an object")
+    kind = type(controller)
+    if kind.__module__ == "builtins" and not (isinstance(controller, str) or callable(controller)):
+        expected = "a name, a policy or its folder, an object with reset and step, or a function of robot and task"
+        raise InputError(f"controller: expected {expected}, got one of type {kind.__name__}; give one of these")
     if isinstance(controller, Path) and str(controller) in NAMES:
         return str(controller)
     if isinstance(controller, str | Path) and is_policy(controller):

@@ -17,12 +17,16 @@ PURPOSES = {"evaluation": 0, "tuning": 1, "calibration": 2, "stopping": 3}
 """Streams of random numbers that never meet: what is tuned or calibrated is judged on other draws."""
 MOST_NUMBERS = 1_000_000_000
 """Of float32 that are held at once: 4 GB."""
+MOST_COUNTS = 10_000_000
+"""Of engagements in results: their file is read up to 64 MB, and a count takes up to six characters."""
 _PATH = 24  # numbers of a target's path, and of its copy while cells are joined, for each uniform one, at most
 _FIRST = 6  # uniform draws whose stream the normals continue
 
 
-def check_counts(engagements: Any, seed: Any, least: int, cells: Sequence[TaskCell], numbers: int) -> None:
-    """Refuse what is no number of engagements, more of them than fit into memory, and what is no seed.
+def check_counts(
+    engagements: Any, seed: Any, least: int, cells: Sequence[TaskCell], numbers: int, counts: int = 1
+) -> None:
+    """Refuse what is no number of engagements, more of them than fit into memory or a file, and what is no seed.
 
     Args:
       engagements: as given.
@@ -30,13 +34,16 @@ def check_counts(engagements: Any, seed: Any, least: int, cells: Sequence[TaskCe
       least: engagements of a cell.
       cells: that are drawn together.
       numbers: that are held for each decision.
+      counts: that results have for each engagement.
 
     Raises:
       InputError: saying what is expected.
     """
-    most = MOST_NUMBERS // sum(cell.decisions * numbers + _PATH * cell.scenario.uniforms for cell in cells)
+    in_memory = MOST_NUMBERS // sum(cell.decisions * numbers + _PATH * cell.scenario.uniforms for cell in cells)
+    most = min(in_memory, MOST_COUNTS // counts)
+    room = "results.json has" if most < in_memory else "4 GB have"
     for name, value, low, high, expected in (
-        ("engagements", engagements, least, most, f"{least}…{most}, which 4 GB have room for"),
+        ("engagements", engagements, least, most, f"{least}…{most}, which {room} room for"),
         ("seed", seed, 0, math.inf, "at least 0"),
     ):
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value <= high:

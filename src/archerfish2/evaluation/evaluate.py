@@ -13,7 +13,7 @@ from archerfish2.evaluation.contenders import Contender, as_contenders, prepared
 from archerfish2.evaluation.draws import check_counts, draw
 from archerfish2.evaluation.published import is_paper, printed_for, with_bounds
 from archerfish2.evaluation.results import Cell, Results
-from archerfish2.evaluation.run import Counted, count, count_perfect_aim
+from archerfish2.evaluation.run import Counted, count, count_perfect_aim, is_compiled
 from archerfish2.evaluation.tuning import settings
 from archerfish2.plugins import find_plugin
 from archerfish2.reports import progress
@@ -47,7 +47,7 @@ def evaluate(
       task: or its name or TOML file.
       world: where to shoot instead of in the robot's simulator: a `World`, a function of robot and task that returns
         one, "./FILE.py:NAME" of either, or anything with `world(robot, task)`.
-      engagements: per cell, at least 2; at most as many as 4 GB have room for.
+      engagements: per cell, at least 2; at most as many as 4 GB, and results.json, have room for.
       seed: of engagements and dispersion.
       tuning: of classical controllers. "kept": searched for where nothing is kept for robot and task, on draws that no
         evaluation has, and written to tuning.json in the robot's folder, or for a robot without one in the user's
@@ -60,7 +60,8 @@ def evaluate(
     robot, task = Robot.of(robot), Task.of(task)
     arena, contenders = find_world(world, robot, task), as_contenders(controllers)
     parts = [task.replace(lengths_s=(length,)) for length in task.lengths]
-    check_counts(engagements, seed, 2, parts[-1].cells(), arena.normals)
+    counts = len(contenders) * sum(len(part.cells()) for part in parts)
+    check_counts(engagements, seed, 2, parts[-1].cells(), arena.normals, counts)
     made = [prepared(contenders, arena, robot, part) for part in parts]
     checked = time.monotonic()
     tunings = settings(contenders, tuning, robot, task)
@@ -79,8 +80,10 @@ def evaluate(
                 def report(members: int, before: int = done, name: str = contender.name) -> None:
                     advance(before + members * normals.shape[1], name)  # noqa: B023 (called in this round alone)
 
-                report(0)
                 controller = controllers_of_length[place]
+                # Up to the first progress a program that was not run before is compiled.
+                first = "compiling, " if is_compiled(arena) and is_compiled(controller) else ""
+                advance(done, f"{first}{contender.name}")
                 if controller is None:
                     counted = count_perfect_aim(arena, engagement, normals)
                 else:

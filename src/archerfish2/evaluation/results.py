@@ -8,8 +8,9 @@ import msgspec
 from msgspec import Meta, field
 
 from archerfish2.controllers.tuning import Tuning
-from archerfish2.errors import InputError, one_line
+from archerfish2.errors import InputError, file_error, one_line
 from archerfish2.evaluation.comparison import Comparison, compare
+from archerfish2.evaluation.draws import MOST_COUNTS
 from archerfish2.evaluation.hit_rate import hit_rate
 from archerfish2.records.record import Record, Share, Struct
 from archerfish2.reports.table import Estimate
@@ -186,8 +187,11 @@ class Results(Record, frozen=True, kw_only=True):
         """Write results.json; `path` is the file or its folder.
 
         Raises:
-          InputError: if it can't be written.
+          InputError: if it can't be written, or would be larger than what is read.
         """
+        if (counts := sum(cell.engagements for cell in self.cells)) > MOST_COUNTS:
+            problem = f"{counts} engagements of all cells, expected at most {MOST_COUNTS}, to be read again"
+            raise file_error(path, problem, "save the results in parts, before they are joined")
         super().save(_file(path))
 
     def join(self, *others: "Results | Iterable[Results]") -> "Results":

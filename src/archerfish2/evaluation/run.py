@@ -63,7 +63,7 @@ def count(
             largest = max(largest, counted.yaw_acceleration or 0.0)
             progress(first + size)
         return Counted(np.concatenate(fired), np.concatenate(hit), largest)
-    if _compiled(world) and _compiled(controller):
+    if is_compiled(world) and is_compiled(controller):
         by_decision, hits, bend, finite = _run("count", world, controller, engagement, normals)
         if finite:
             return Counted(by_decision.T, hits.T, float(bend) / world.period_s**2)
@@ -87,7 +87,7 @@ def decisions(world: World, controller: Controller, engagement: Engagement, norm
       InputError: if a command is not finite, where one of the two can't be compiled.
     """
     axis = normals.ndim - 2
-    if _compiled(world) and _compiled(controller):
+    if is_compiled(world) and is_compiled(controller):
         in_force, (seen, command, shot) = _run("rollout", world, controller, engagement, normals)
         return map_arrays(lambda values: np.moveaxis(values, 0, axis), (seen, command, in_force, shot))
     begin, see, step = (_method(world, name) for name in ("begin", "see", "step"))
@@ -118,8 +118,13 @@ def count_perfect_aim(world: Any, engagement: Engagement, normals: Array) -> Cou
       engagement: N of them.
       normals: standard normals of all decisions, shape (N, T, world.normals).
     """
-    hit = _run("perfect", world, engagement, normals) if _compiled(world) else _perfect(world, engagement, normals)
+    hit = _run("perfect", world, engagement, normals) if is_compiled(world) else _perfect(world, engagement, normals)
     return Counted(np.ones_like(hit.T), np.asarray(hit).T, None)
+
+
+def is_compiled(value: Any) -> bool:
+    """Whether a world or controller runs in compiled programs."""
+    return has_jax() and bool(getattr(value, "compiled", is_tree(value)))
 
 
 def _perfect(world: Any, engagement: Engagement, normals: Array) -> Array:
@@ -133,17 +138,13 @@ def _perfect(world: Any, engagement: Engagement, normals: Array) -> Array:
     return world.shoot(engagement, times, angle, 0.0 * angle, times > 0.0, drawn).margin >= 0.0
 
 
-def _compiled(value: Any) -> bool:
-    return has_jax() and bool(getattr(value, "compiled", is_tree(value)))
-
-
 def _run(name: str, *arguments: Any) -> Any:
     jax = import_jax()
     return jax.tree.map(np.asarray, _programs()[name](*jax.tree.map(jax.numpy.asarray, arguments)))
 
 
 def _method(value: Any, name: str) -> Callable[..., Any]:
-    if not _compiled(value):
+    if not is_compiled(value):
         function: Callable[..., Any] = getattr(value, name)
         return function
     return functools.partial(_programs()[name], import_jax().tree.map(import_jax().numpy.asarray, value))

@@ -286,6 +286,8 @@ def excite(
     Raises:
       InputError: if a command does not fit the limits, or logs of them would not determine a plant.
     """
+    if axis not in ("pitch", "yaw"):
+        raise InputError(f"excite: axis: expected pitch or yaw, got {axis!r}; give one of these")
     rng, settings = np.random.default_rng(seed), settings or ExcitationSettings()
     limits = limits or getattr(gate_limits(), axis)
     period_s = plant.sample_period_s if plant else settings.sample_period_s

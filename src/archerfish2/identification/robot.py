@@ -62,9 +62,9 @@ class RobotResult(Reported):
           InputError: if a file can't be written.
         """
         folder = Path(folder)
+        self.record.save(folder)
         for part, report in self.reports.items():
             report.write_page(folder / f"{part}.html")
-        self.record.save(folder)
         self.report.write_page(folder / "robot.html")
         write_json(folder / "report.json", plain(self.report.to_dict()))
 

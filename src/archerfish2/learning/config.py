@@ -12,6 +12,8 @@ from archerfish2.records.record import Share, Struct
 from archerfish2.robot import Robot
 from archerfish2.task import DRAWN, Task
 
+CHUNK = 4
+"""Iterations per compiled call of a training; between calls there are checkpoints, and it can be stopped."""
 MAX_LOG_STD = 20.0
 """Largest magnitude of a logarithm of a standard deviation: far beyond any that learns."""
 MAX_BATCH = 2**20
@@ -48,6 +50,11 @@ class _Sized(Struct, frozen=True, kw_only=True):
     def iterations(self) -> int:
         """Updates of the whole training."""
         return max(1, round((self.steps or 0) / self.batch))
+
+    @property
+    def trained(self) -> int:
+        """Decisions of the whole training: `steps`, rounded to whole iterations, then up to whole calls."""
+        return -(-self.iterations // CHUNK) * CHUNK * self.batch
 
     def _check(self, parts: int, number: int, names: str) -> None:
         if number % parts:

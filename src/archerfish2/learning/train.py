@@ -19,7 +19,7 @@ from archerfish2.controllers.policy.observation import observer_facts
 from archerfish2.controllers.policy.observer import Observer
 from archerfish2.controllers.policy.policy import Policy, PolicyFacts
 from archerfish2.errors import InputError
-from archerfish2.learning.config import ConfigLike, TrainConfig
+from archerfish2.learning.config import CHUNK, ConfigLike, TrainConfig
 from archerfish2.learning.environment import make_environment
 from archerfish2.learning.reward import RewardFunction
 from archerfish2.learning.run_folder import Begun, RunFolder, new_run, resumed_run
@@ -32,8 +32,6 @@ from archerfish2.task import DRAWN, EQ_7, Task, TaskLike
 
 Callback = Callable[[dict[str, Any]], None]
 """What a training calls after each iteration; see `train`."""
-CHUNK = 4
-"""Iterations per compiled call; between calls there are checkpoints, and a training can be stopped."""
 _LOOK = "look at the robot's records and the motion, and at a reward and blocks of your own"
 _REMEDIES = {"observation": _LOOK, "reward": _LOOK, "action": "lower the learning rates or log_std"}
 
@@ -186,8 +184,8 @@ def _run(environment: Any, begun: Begun, folder: RunFolder | None, callback: Cal
     state = trainer.begin(arrays, config, jax.random.key(begun.seed))
     state, rows = (folder.restore(state), folder.rows) if folder else (state, [])
     state = shards.placed(state, config.shards, learner.SPLIT)
-    total, stored = -(-config.iterations // CHUNK) * CHUNK, time.monotonic()
-    with progress.bar("training", total * config.batch, "decisions") as advance, _stop_requests() as stop:
+    total, stored = config.trained // config.batch, time.monotonic()
+    with progress.bar("training", config.trained, "decisions") as advance, _stop_requests() as stop:
         while len(rows) < total and not stop:
             state, metrics = trainer.advance(arrays, config, state, CHUNK)
             new, fault = _rows({name: np.asarray(each) for name, each in metrics.items()}, len(rows), config.batch)

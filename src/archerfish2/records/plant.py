@@ -126,7 +126,7 @@ class PlantRecord(Record, frozen=True, kw_only=True):
             A, B, C, D, dt = A.A, A.B, A.C, A.D, A.dt
         if B is None or not dt or dt is True:
             problem = f"expected matrices and a period dt above 0 s, or what has them as control.ss, got dt {dt}"
-            remedy = "discretise a continuous model (for instance control.c2d(system, 0.001))"
+            remedy = "discretise a continuous model (control.c2d(system, 0.001) or scipy.signal.cont2discrete)"
             raise InputError(f"PlantRecord.from_state_space: {problem}; {remedy}")
         A, B, C, D = (np.atleast_2d(matrix) for matrix in (A, B, C, D))
         D = np.full((len(C), B.shape[-1]), D[0, 0]) if D.size == 1 else D

@@ -36,8 +36,9 @@ class _Checked(msgspec.StructMeta):
         if unknown := sorted(fields.keys() - {*self.__struct_fields__}):
             known = ", ".join(self.__struct_fields__)
             raise InputError(f"{self.__name__}: there is no field {unknown[0]}; fields are {known}")
-        if not values and (missing := [name for name in required(self) if name not in fields]):
-            raise InputError(f"{self.__name__}: needs {', '.join(missing)} as well; give what is missing")
+        missing = [field.name for field in _fields(self) if field.required and field.name not in fields]
+        if missing and not values:
+            raise InputError(f"{self.__name__}: field {missing[0]} is missing; give {', '.join(missing)}")
         return super().__call__(*values, **fields)
 
     @property
@@ -65,6 +66,7 @@ class Struct(
                 value = msgspec.convert(value, kind, dec_hook=decode)
             except msgspec.ValidationError as error:
                 text, parts = fault(error, value, f".{name}"), (kind, *get_args(kind))
+                text = text.replace("expected object", f"expected a {getattr(kind, '__name__', 'record')}")
                 if choices := [str(word) for part in parts if get_origin(part) is Literal for word in get_args(part)]:
                     text += f", expected one of {', '.join(choices)}"
                 raise InputError(f"{type(self).__name__}: {text}; correct it") from error

@@ -35,8 +35,10 @@ def bar(what: str, total: float, unit: str) -> Iterator[Callable[..., None]]:
         show, start = _bar(what, total, unit, stack) if is_bar else _lines(what, total, unit), time.monotonic()
 
         def advance(done: float, note: str = "") -> None:
-            show(min(done, total), max(time.monotonic() - start, 1e-3), note)
+            show(min(done, total), time.monotonic() - start, note)
 
+        # The first progress of a compiled program comes after its compilation.
+        show(0.0, 0.0, "compiling" if "jax" in sys.modules else "")
         yield advance
 
 
@@ -46,19 +48,17 @@ def _bar(what: str, total: float, unit: str, stack: ExitStack) -> Callable[[floa
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     if not _display:
-        names = ("{task.description}", "{task.fields[rate]}", "{task.fields[note]}")
-        describe, rate, note = (TextColumn(name) for name in names)
-        columns = (describe, BarColumn(bar_width=12), MofNCompleteColumn(), rate, TimeRemainingColumn(), note)
+        columns: list[Any] = [TextColumn("{task.description}"), BarColumn(bar_width=12), MofNCompleteColumn()]
+        columns += [TextColumn("{task.fields[rate]}"), TimeRemainingColumn(), TextColumn("{task.fields[note]}")]
         console = Console(stderr=True, force_terminal=True, force_jupyter=False)
         _display.append(stack.enter_context(Progress(*columns, console=console)))
         stack.callback(_display.clear)
-    # The first progress of a compiled program comes after its compilation.
-    display, first = _display[0], "compiling" if "jax" in sys.modules else ""
-    task = display.add_task(what, total=total, rate="", note=first)
+    display = _display[0]
+    task = display.add_task(what, total=total, rate="", note="")
     if len(display.tasks) > 1:
         stack.callback(display.remove_task, task)
     rate_text = f"{{:,.3g}} {unit}/s".format
-    return lambda done, s, note: display.update(task, completed=done, rate=rate_text(done / s), note=note)
+    return lambda done, s, note: display.update(task, completed=done, rate=rate_text(done / max(s, 1e-3)), note=note)
 
 
 def _lines(what: str, total: float, unit: str) -> Callable[[float, float, str], None]:
@@ -77,5 +77,4 @@ def _lines(what: str, total: float, unit: str) -> Callable[[float, float, str], 
             left = f", about {seconds / 60 * (total - done) / done:.1f} min left" if 0 < done < total else ""
             write(f"{what}: {done:,.0f} of {total:,.0f} {unit}, {seconds / 60:.1f} min{left}{note and f'; {note}'}")
 
-    show(0.0, 0.0, "")
     return show

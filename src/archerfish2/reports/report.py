@@ -110,15 +110,11 @@ class Result(Reported):
         return str(self.record.axis)
 
     def save(self, path: str | Path) -> None:
-        """Write the record, and its page beside it.
-
-        Args:
-          path: of the record, which ends in .json, or a folder, for PART.json and PART.html.
+        """Write the record, and its page beside it: PART.json and PART.html into a folder, or to a path with .json.
 
         Raises:
           InputError: if a file can't be written.
         """
-        path = Path(path)
-        file = path if path.suffix == ".json" else path / f"{self.part}.json"
+        file = Path(path) if str(path).endswith(".json") else Path(path, f"{self.part}.json")
         self.record.save(file)
         self.report.write_page(file.with_suffix(".html"))

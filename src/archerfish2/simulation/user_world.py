@@ -39,6 +39,9 @@ def find_world(world: WorldLike | None, robot: Robot, task: Task) -> World:
     """
     if world is None:
         return make_world(robot, task)
+    if type(world).__module__ == "builtins" and not (isinstance(world, str) or callable(world)):
+        expected = "./FILE.py:NAME, a World, a function of robot and task, or what has world(robot, task)"
+        raise InputError(f"world: expected {expected}, got one of type {type(world).__name__}; give one of these")
     plugin = find_plugin(world, "world")
     with plugin.running():
         found: Any = plugin.value

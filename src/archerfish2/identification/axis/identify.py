@@ -251,7 +251,10 @@ def read_sources(
 def _sources(group: Any) -> list[Source]:
     """Return the logs of a group, which may be one; arrays and data frames are one."""
     one = isinstance(group, str | Path | Log | Recording | Mapping) or hasattr(group, "columns")
-    return list(group) if isinstance(group, Iterable) and not one and not hasattr(group, "shape") else [group]
+    if not (one or isinstance(group, Iterable)):
+        expected = "expected files, recordings, mappings of names to arrays, or data frames"
+        raise InputError(f"identify_axis: {expected}, got one of type {type(group).__name__}; give one or several")
+    return [group] if one or hasattr(group, "shape") else list(group)
 
 
 def _log(source: Source) -> Log:

@@ -1,6 +1,6 @@
 """`identify_muzzle`: from shots to a muzzle record, with its report."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -137,6 +137,9 @@ def identify_muzzle(
       InputError: if a given value is out of range, the shots can't be what they are said to be, or they can't separate
         the parameters; the message names the measurement that is missing.
     """
+    if not isinstance(shots, Shots | Iterable | Path):
+        expected = f"expected Shots, a file or several, got one of type {type(shots).__name__}"
+        raise InputError(f"identify_muzzle: {expected}; give one of these")
     if not isinstance(shots, Shots):
         shots = read_shots(*[shots] if isinstance(shots, str | Path) else shots)
     given = {"length": length_m, "height": height_m, "drag": None if drag == "estimate" else drag}
