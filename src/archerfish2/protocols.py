@@ -228,10 +228,6 @@ def own_controller(controller: Any, robot: Any, task: Any) -> Controller:
     Raises:
       InputError: if it can't be found, its code fails, or it is no controller.
     """
-    is_none = not isinstance(controller, str) and not callable(controller)
-    if is_none and not any(hasattr(controller, name) for name in ("reset", "step", "predict")):
-        expected = "a name, a policy or its folder, an object with reset and step, or a function of robot and task"
-        raise InputError(f"controller: expected {expected}, got a {type(controller).__name__}; give one of these")
     plugin = find_plugin(controller, "controller")
     with plugin.running():
         built: Any = plugin.value

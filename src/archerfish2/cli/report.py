@@ -38,6 +38,6 @@ class WriteReport:
         if schema not in (Results.schema, Study.schema):
             expected = f'expected "{Results.schema}" or "{Study.schema}", got {schema!r}'
             raise file_error(path, f"field schema: {expected}", "name results of evaluate, transfer or reproduce")
-        page: Report = Study.load(path).report if schema == Study.schema else Results.load(path).report
+        page = (Study if schema == Study.schema else Results).load(path).report
         page.write_page(out)
         print(f"{page}\n\nopen {out}")  # noqa: T201

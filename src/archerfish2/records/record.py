@@ -84,12 +84,6 @@ class Struct(
 _fields = functools.cache(msgspec.structs.fields)
 
 
-@functools.cache
-def required(kind: type[Struct]) -> tuple[str, ...]:
-    """Return the names of a record's fields that have no default."""
-    return tuple(field.name for field in _fields(kind) if field.required)
-
-
 class Record(Struct, frozen=True, kw_only=True):
     """A record with a file of its own."""
 
