@@ -57,6 +57,19 @@ def test_a_table_fits_its_width_with_intervals_beside_or_below():
     assert below == ["row " + 4 * "       88.4", "    " + 4 * "  87.1–89.6"]
 
 
+def test_texts_in_a_column_of_numbers_are_aligned_with_them_and_others_to_the_left(tmp_path):
+    rows = (("a", 25000, "why"), ("b", "7", "because"))
+    table = Table("", ("name", "count", "reason"), rows)
+    assert tables_text([table]).split("\n") == [
+        "name   count  reason",
+        "a     25\u2009000  why",
+        "b          7  because",
+    ]
+    Report(title="", headline="", tables=(table,)).write_page(tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    assert re.findall(r'class="text">(\w+)<', page) == ["name", "reason", "why", "because"]
+
+
 def test_a_notebook_shows_reports_and_figures_and_text_holds_its_tables(monkeypatch):
     expected = str(REPORT)
     monkeypatch.setattr("rich.console._is_jupyter", lambda: True)

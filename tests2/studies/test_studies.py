@@ -72,7 +72,10 @@ def study():
                 "model_deg": [0, 9], "fit_percent": 90.0}],
         landings=landings,
         muzzle=muzzle,
-        curves=[{"targets": "static", "seed": 0, "decisions": [1, 2], "mean_reward": [-0.1, -0.05]}],
+        curves=[
+            {"targets": targets, "seed": 0, "decisions": [1, 2], "mean_reward": [-0.1, -0.05]}
+            for targets in ("dynamic", "static")
+        ],
         durations={"training": 60.0},
     )  # fmt: skip
 
@@ -109,6 +112,9 @@ def test_drops_are_of_the_same_engagements_and_are_in_the_report(study):
     mean = tables.mean([pair for pair in lost if pair.controller == "kalman"])
     assert next(row for row in table.rows if row[0] == "kalman")[3] == mean
     assert isinstance(mean, Estimate)
+    assert [row[0] for row in table.rows] == list(NAMES)
+    largest = max(pair.difference for pair in lost if pair.controller == "kalman")
+    assert next(row for row in table.rows if row[0] == "kalman")[4].value == pytest.approx(100 * largest)
 
 
 def test_the_report_says_who_is_who_what_is_printed_and_what_is_in_doubt(study, tmp_path):
@@ -125,8 +131,22 @@ def test_the_report_says_who_is_who_what_is_printed_and_what_is_in_doubt(study, 
     assert [row[:2] for row in report.tables[1].rows if "PPO" in row[0]] == [("paper: PPO (printed)", "78.00")]
     report.write_page(tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
-    assert page.count("<svg") == len(report.figures) == 6
+    assert page.count("<svg") == len(report.figures) == 7
+    assert [caption[:6] for caption, _ in report.figures[-2:]] == ["Fig. 5", "Fig. 6"]
     assert re.findall(r'(?:src|href)="(?!#)', page) == []
+
+
+def test_the_report_names_the_least_share_of_the_bound_and_whose_muzzle_is_assumed(study):
+    bounded = [one.replace(bound=1.0, bound_error=0.0) if one.world == "paper" else one for one in study.results.cells]
+    facts = {"robot": "infantry", "muzzle": "18 m/s"}
+    robots = {"infantry": facts, "virtual infantry": {**facts, "world": "module:World"}}
+    known = study.replace(results=study.results.replace(cells=bounded, robots=robots)).report.known
+    for limit in ("gate", "box"):
+        own = [one for one in bounded if (one.world, one.command_limit, one.controller) == ("paper", limit, "policy")]
+        least = 100 * min(sum(one.hits_by_engagement) / (3 * 50) for one in own)
+        said = f"The policy has at least {least:.1f}\u00a0% of the bound in every cell (paper, limit {limit}"
+        assert [line for line in known if line.startswith(said)] != []
+    assert {"Muzzle of infantry: 18 m/s.", "Muzzle that controllers assume on virtual infantry: 18 m/s."} <= {*known}
 
 
 def test_a_robot_of_one_s_own_has_a_report_without_the_paper(study):

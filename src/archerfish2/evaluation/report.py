@@ -60,7 +60,8 @@ def _known(results: Results, pairs: Sequence[CellDifference]) -> list[str]:
     said += [tables.DIFFERENCES, "results.compare(a, b) has those of any two controllers by cell."] if pairs else []
     said += [tables.BOUNDS] if any(cell.bound is not None for cell in cells) else []
     for name, facts in results.robots.items():
-        said += [f"Muzzle of {name}: {facts['muzzle']}."] if facts.get("muzzle") else []
+        whose = f"that controllers assume on {name}" if facts.get("world") else f"of {name}"
+        said += [f"Muzzle {whose}: {facts['muzzle']}."] if facts.get("muzzle") else []
         said += [f"Assumed of {name}, not identified: {facts['assumed']}."] if facts.get("assumed") else []
     return said + [_conditions(task) for task in results.tasks]
 

@@ -35,6 +35,10 @@ class Table(NamedTuple):
     rows: tuple[tuple[Entry, ...], ...]  # an entry per column
     note: str = ""  # below it
 
+    def text_columns(self) -> list[bool]:
+        """Return of each column whether it has texts alone, as the first one: these are aligned to the left."""
+        return [all(isinstance(row[place], str) for row in self.rows) for place in range(len(self.columns))]
+
 
 def entry_texts(entry: Entry) -> tuple[str, str]:
     """Return an entry and its interval as text; the interval is empty where there is none.
@@ -100,7 +104,7 @@ def _table_text(table: Table, width: int) -> str:
     from rich.console import Console
     from rich.table import Table as RichTable
 
-    headings = [one_line(name) for name in table.columns]
+    headings, is_text = [one_line(name) for name in table.columns], table.text_columns()
     rows = [[entry_texts(entry) for entry in row] for row in table.rows]
     for form, gap in (("{} ({})", 2), ("{} ({})", 1), ("{}\n{}", 2), ("{}\n{}", 1)):
         texts = [[form.format(*pair) if pair[1] else pair[0] for pair in row] for row in rows]
@@ -116,7 +120,7 @@ def _table_text(table: Table, width: int) -> str:
     for number, places in enumerate(_parts([column + gap for column in widest], width + gap)):
         drawn = RichTable(box=None, pad_edge=False, padding=(0, gap, 0, 0))
         for place in places:
-            drawn.add_column(headings[place], justify="right" if place else "left", overflow="fold")
+            drawn.add_column(headings[place], justify="left" if is_text[place] else "right", overflow="fold")
         for row in texts:
             drawn.add_row(*(row[place] for place in places))
         console.print("\n" if number else "", drawn, sep="", end="")

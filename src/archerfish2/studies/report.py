@@ -1,7 +1,7 @@
 """The report of a study: one page with a headline, the paper's tables and figures, and the step to the robot."""
 
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -21,13 +21,13 @@ INTRODUCED = {
     "policy": "ours: trained by analytic policy gradient; sees a tracker's memory, without sensing a few frames",
     "six-numbers": "PPO on the six numbers that the paper's policy sees, which have no speed in them",
     "kalman": "the paper's baseline, tuned: a Kalman filter, whose intercept is commanded",
-    "kalman-paper": "the same with the settings by which the paper's unprinted conditions were chosen",
-    "kalman-lq": "the same filter with commands that account for the gimbal's lag (preview LQ)",
+    "kalman-paper": "kalman with the settings by which the paper's unprinted conditions were chosen",
+    "kalman-lq": "the filter of kalman, with commands that account for the gimbal's lag (preview LQ)",
     "imm-lq": "interacting multiple models for targets that turn, preview LQ",
     "parabola-lq": "is given the targets' motion rule, eq (7); preview LQ",
     "no-lead": "aims where the target was seen, preview LQ",
-    "oracle": "is given the target's future path, so that lag and dispersion alone make it miss",
-    "perfect": "the barrel is where it should be at each shot, so that dispersion alone makes it miss",
+    "oracle": "is given the target's path, so that lag and dispersion alone make it miss",
+    "perfect": "no controller: the barrel is where it should be at each shot, so that dispersion alone makes it miss",
 }
 """What each controller is, in a line."""
 INFORMED = ("parabola-lq", "oracle", "perfect")
@@ -39,15 +39,16 @@ def study_report(study: Study) -> Report:
     """Return the report of a study, which prints, and writes a page."""
     results, cells = study.results, _in_order(study)
     evaluated = evaluation_report(results.replace(cells=cells))
-    lost = drops(cells, study.robot, study.virtual)
     pairs = [pair for pair in default_comparisons(cells) if pair.controller in (OURS, SIX_NUMBERS)]
     gated = [pair for pair in pairs if pair.command_limit == "gate"]
     controllers = tables.by_controller(cells)
+    lost = drops(cells, study.robot, study.virtual)
+    lost.sort(key=lambda pair: list(controllers).index(pair.controller))
     quick = (QUICK,) if study.quick else ()
     return Report(
         title=f"Archerfish: {f'the robot {study.robot}' if not study.landings else 'the paper, reproduced'}",
         headline=_headline(study, cells),
-        known=tuple(dict.fromkeys(evaluated.known)),
+        known=(*dict.fromkeys(evaluated.known), *_shares(cells)),
         doubts=(*quick, *_unusable(study), *evaluated.doubts),
         tables=(
             Table(
@@ -119,9 +120,15 @@ def _headline(study: Study, cells: Sequence[Cell]) -> str:
     if "parabola-lq" in differences:
         difference, interval = entry_texts(differences["parabola-lq"])
         said.append(f"{difference} ({interval}) points against parabola-lq, which is given the targets' motion rule")
-    shares = [cell.rate / cell.bound for cell in by_name[OURS] if cell.bound]
-    said += [f"at least {100 * min(shares):.1f}\u00a0% of what is proven to be possible"] if shares else []
     return "; ".join(said) + "."
+
+
+def _shares(cells: Sequence[Cell]) -> Iterator[str]:
+    """Say of each place with bounds which share of them the policy has at least."""
+    bounded = [cell for cell in cells if cell.controller == OURS and cell.bound]
+    for place, own in tables.grouped(bounded, lambda cell: cell.place).items():
+        least = min(100.0 * cell.rate / (cell.bound or 1.0) for cell in own)
+        yield f"The policy has at least {least:.1f}\u00a0% of the bound in every cell ({tables.place_text(*place)})."
 
 
 def _value(estimate: Estimate | None) -> float:
@@ -139,11 +146,12 @@ def _drop_table(lost: Sequence[CellDifference], study: Study) -> list[Table]:
         return []
     motions = list(tables.grouped(lost, lambda pair: pair.motion))
     rows = []
-    for (name, _), own in tables.by_pair(lost).items():
+    for own in tables.by_pair(lost).values():
         means = [tables.mean([pair for pair in own if pair.motion == motion]) for motion in motions]
-        rows.append((name, *means, tables.mean(own), max(_value(pair.estimate) for pair in own)))
+        largest = max((pair.estimate for pair in own), key=lambda estimate: estimate.value)
+        rows.append((tables.controller_text(own), *means, tables.mean(own), largest))
     title = f"Drop in points: hit rate in the simulator {study.robot} less that on {study.virtual}"
-    return [Table(title, ("controller", *motions, "all", "largest"), tuple(rows))]
+    return [Table(title, ("controller", *motions, "all", "largest of a cell"), tuple(rows))]
 
 
 def _part_table(study: Study) -> list[Table]:
@@ -157,9 +165,9 @@ def _step_table(steps: Sequence[StepResponse]) -> list[Table]:
     names = {"paper": "Fig. 4: the printed axes, identified from noisy logs", "robot": "Steps that no fit has used"}
     made = []
     for source, own in tables.grouped(steps, lambda step: step.source).items():
-        rows = tuple((step.axis, step.size_deg, round(step.fit_percent, 2)) for step in own)
+        rows = tuple((f"{step.axis}, {_degrees(step.size_deg)}", _alone(step.fit_percent, "%")) for step in own)
         note = "" if source == "paper" else "Large steps reach the motor's limits, which a linear model lacks."
-        made.append(Table(names[source], ("axis", "size [°]", "fit [%]"), rows, note))
+        made.append(Table(names[source], ("step", "fit [%]"), rows, note))
     return made
 
 
@@ -167,8 +175,8 @@ def _landing_table(study: Study) -> list[Table]:
     rows, errors = [], []
     for point in study.landings:
         errors.append(100.0 * (point.model_m / point.measured_m - 1.0))
-        shown = point.printed_model_m, point.measured_m, round(point.model_m, 3), round(errors[-1], 2)
-        rows.append((f"{point.pitch_deg:g}°, {point.yaw_deg:g}°", *shown))
+        shown = point.printed_model_m, point.measured_m, point.model_m, _alone(errors[-1], "points")
+        rows.append((f"{_degrees(point.pitch_deg)}, {_degrees(point.yaw_deg)}", *shown))
     if not rows:
         return []
     fitted = ", ".join(f"{name} {value:.4g}" for name, value in study.muzzle.items())
@@ -180,19 +188,28 @@ def _landing_table(study: Study) -> list[Table]:
     ]
 
 
+def _degrees(angle_deg: float) -> str:
+    return f"{angle_deg:g}°".replace("-", "−")
+
+
+def _alone(value: float, unit: str) -> Estimate:
+    """Return an estimate without an interval."""
+    return Estimate(value, float("nan"), float("nan"), unit)
+
+
 def _conditions() -> Table:
     """Return what was assumed, as docs2/paper.md gives reasons for."""
     c = assumed_conditions()
     rows = (
-        ("decision period [s]", c.control_period_s),
-        ("engagement [s]", c.engagement_s),
+        ("decision period [s]", f"{c.control_period_s:g}"),
+        ("engagement [s]", f"{c.engagement_s:g}"),
         ("gimbal at the start, pitch and yaw [°]", f"{np.degrees(c.start_pitch):g}, {np.degrees(c.start_yaw):g}"),
-        ("lateral offset of targets, up to [m]", c.max_lateral_offset),
-        ("lateral speed of targets, up to [m/s]", c.max_lateral_speed),
-        ("height of targets above the muzzle [m]", c.armor_height),
+        ("lateral offset of targets, up to [m]", f"{c.max_lateral_offset:g}"),
+        ("lateral speed of targets, up to [m/s]", f"{c.max_lateral_speed:g}"),
+        ("height of targets above the muzzle [m]", f"{c.armor_height:g}"),
         ("muzzle speed, and its spread [m/s]", f"{c.muzzle_speed:g}, {c.muzzle_speed_sd:g}"),
-        ("dispersion in pitch and yaw [°]", round(float(np.degrees(c.dispersion)), 3)),
-        ("drag [1/m]", c.drag),
+        ("dispersion in pitch and yaw [°]", f"{np.degrees(c.dispersion):g}"),
+        ("drag [1/m]", f"{c.drag:g}"),
     )
     note = (
         "The paper doesn't print these. They were chosen so that the tuned Kalman filter has the printed Kalman rates."
@@ -220,10 +237,11 @@ def _step_figures(steps: Sequence[StepResponse]) -> list[tuple[str, functools.pa
 
 def _curve_figures(curves: Sequence[LearningCurve]) -> list[tuple[str, functools.partial[Figure]]]:
     numbers = {"static": "Fig. 5", "dynamic": "Fig. 6"}
-    groups = tables.grouped(curves, lambda curve: curve.targets).items()
+    groups = tables.grouped(curves, lambda curve: curve.targets)
     return [
-        (f"{numbers[targets]}: reward in training, {targets} targets", functools.partial(draw_curves, own))
-        for targets, own in groups
+        (f"{number}: reward in training, {targets} targets", functools.partial(draw_curves, groups[targets]))
+        for targets, number in numbers.items()
+        if targets in groups
     ]
 
 
@@ -238,7 +256,7 @@ def draw_steps(steps: Sequence[StepResponse]) -> Figure:
             for panel, step in zip(row, own, strict=False):
                 panel.plot(step.time_s, step.measured_deg, **{**look(0), "marker": ""}, label="gimbal")
                 panel.plot(step.time_s, step.model_deg, **{**look(1), "marker": ""}, label="identified model")
-                panel.set_title(f"{step.axis}, {step.size_deg:g}°: fit {step.fit_percent:.1f} %")
+                panel.set_title(f"{step.axis}, {_degrees(step.size_deg)}: fit {step.fit_percent:.1f} %")
             for unused in row[len(own) :]:
                 unused.set_visible(False)
         for panel in panels[-1]:
