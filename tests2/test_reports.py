@@ -113,12 +113,11 @@ def test_without_a_terminal_progress_is_a_line_at_once_and_one_a_minute_or_a_lin
 ):
     clock, texts, said = [0.0], [], SimpleNamespace(update=lambda each, raw: texts.append(each["text/plain"]))
     monkeypatch.setattr("time.monotonic", lambda: clock[0])
-    monkeypatch.setitem(sys.modules, "jax", said)
     if shown == "notebook":
         display = SimpleNamespace(display=lambda *_, **__: said)
         for name, module in {"ipykernel": said, "IPython": said, "IPython.display": display}.items():
             monkeypatch.setitem(sys.modules, name, module)
-    with bar("evaluating", 4000, "shots") as advance:
+    with bar("evaluating", 4000, "shots", "compiling") as advance:
         for clock[0] in range(0, 200, 10):
             advance(10 * clock[0], "oracle")
         advance(4000)

@@ -308,7 +308,8 @@ def axis_fault(plant: PlantRecord, axis: str) -> str:
     matrices = [plant.A[None], plant.draws["A"]] if plant.draws else [plant.A[None]]
     largest = float(np.max(np.abs(np.linalg.eigvals(np.concatenate(matrices)))))
     if largest >= 1.0:
-        return f"{axis} has a pole of magnitude {largest:.4g}, expected less than 1; close its loop on an angle command"
+        remedy = "close its loop on an angle command, or discretise a continuous model"
+        return f"{axis} has a pole of magnitude {largest:.4g}, expected less than 1; {remedy}"
     gain = plant.dc_gain[0, 0]
     return (
         "" if gain > 0.0 else f"{axis} has a steady gain of {gain:.4g}, expected more than 0; check the sign of its log"

@@ -305,13 +305,16 @@ def test_a_reward_that_was_edited_is_another_reward(tmp_path, monkeypatch, stopp
 
 
 def test_progress_is_shown_up_to_the_total(monkeypatch):
-    calls = []
-    monkeypatch.setattr(
-        progress, "bar", lambda what, total, unit: nullcontext(lambda done, note="": calls.append((total, done, note)))
-    )
-    af.train(task="paper", config=CONFIG)
-    assert [done for _, done, _ in calls] == [640, 1280, 1920]
-    assert calls[-1][0] == 1920
+    begun, calls = [], []
+
+    def bar(*given):
+        begun.append(given)
+        return nullcontext(lambda done, note: calls.append(done))
+
+    monkeypatch.setattr(progress, "bar", bar)
+    af.train(task="paper", config=CONFIG, steps=1800)  # rounded to whole iterations, in calls of four
+    assert begun == [("training", 1920, "decisions", "compiling")]
+    assert calls == [640, 1280, 1920]
 
 
 def test_count_and_time_left_fit_into_80_columns(monkeypatch):

@@ -25,7 +25,7 @@ FAULTS = [
 ]
 AXIS_FAULTS = [
     ({"B": np.ones((1, 2)), "D": np.zeros((1, 2)), "input_names": ("a", "b")}, "yaw has 2 inputs"),
-    ({"A": np.ones((1, 1))}, "yaw has a pole of magnitude 1, expected less"),
+    ({"A": np.ones((1, 1))}, "yaw has a pole of magnitude 1, expected less .* or discretise a continuous model"),
     ({"C": -np.ones((1, 1))}, "yaw has a steady gain of -1, expected more than 0"),
     ({"delay_samples": 101}, "yaw has a delay of 1.01 s, expected 1 s or less"),
     ({"sample_period_s": 9e-6}, "yaw has a sampling period of 9e-06 s"),

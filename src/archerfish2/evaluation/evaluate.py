@@ -69,7 +69,8 @@ def evaluate(
     is_tabled = world is None and is_paper(robot.record_digests(), task)
     cells, done = list[Cell](), 0
     total = engagements * sum(cell.decisions for part in parts for cell in part.cells()) * len(contenders)
-    with progress.bar("evaluating", total, "shots") as advance:
+    compiling = "compiling" if is_compiled(arena) else ""
+    with progress.bar("evaluating", total, "shots", compiling) as advance:
         for part, controllers_of_length in zip(parts, made, strict=True):
             task_cells = part.cells()
             engagement, normals = draw(task_cells, engagements, seed, "evaluation", arena.normals, arena.plants)
@@ -81,9 +82,8 @@ def evaluate(
                     advance(before + members * normals.shape[1], name)  # noqa: B023 (called in this round alone)
 
                 controller = controllers_of_length[place]
-                # Up to the first progress a program that was not run before is compiled.
-                first = "compiling, " if is_compiled(arena) and is_compiled(controller) else ""
-                advance(done, f"{first}{contender.name}")
+                begins = f"{compiling}, " if compiling and is_compiled(controller) else ""
+                advance(done, f"{begins}{contender.name}")
                 if controller is None:
                     counted = count_perfect_aim(arena, engagement, normals)
                 else:

@@ -13,6 +13,7 @@ from __future__ import annotations  # so that help() names the types, rather tha
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
+from archerfish2.compiled import has_jax
 from archerfish2.controllers.registry import make_controller
 from archerfish2.controllers.tuning import GRIDS, Tuning, TuningLike, entry, keep, kept, tuning_at
 from archerfish2.errors import InputError, one_line
@@ -69,7 +70,7 @@ def tune(controller: str, robot: RobotLike = None, task: TaskLike = "any") -> Tu
     tuning = kept(controller, robot, task)
     if tuning is None:
         begun = entry(controller, robot, task)
-        with progress.bar("tuning", BUDGET, "settings") as advance:
+        with progress.bar("tuning", BUDGET, "settings", "compiling" if has_jax() else "") as advance:
 
             def report(tried: int, best: float) -> None:
                 advance(tried, f"{controller}, best {100 * best:.1f} %")

@@ -185,7 +185,7 @@ def _run(environment: Any, begun: Begun, folder: RunFolder | None, callback: Cal
     state, rows = (folder.restore(state), folder.rows) if folder else (state, [])
     state = shards.placed(state, config.shards, learner.SPLIT)
     total, stored = config.trained // config.batch, time.monotonic()
-    with progress.bar("training", config.trained, "decisions") as advance, _stop_requests() as stop:
+    with progress.bar("training", config.trained, "decisions", "compiling") as advance, _stop_requests() as stop:
         while len(rows) < total and not stop:
             state, metrics = trainer.advance(arrays, config, state, CHUNK)
             new, fault = _rows({name: np.asarray(each) for name, each in metrics.items()}, len(rows), config.batch)

@@ -15,13 +15,14 @@ _display: list[Any] = []  # rich's, while a bar is on; a bar inside another gets
 
 
 @contextmanager
-def bar(what: str, total: float, unit: str) -> Iterator[Callable[..., None]]:
+def bar(what: str, total: float, unit: str, note: str = "") -> Iterator[Callable[..., None]]:
     """Show how far a block is, and about how long it will take.
 
     Args:
       what: is being done.
       total: when it is done.
       unit: of the total, in the plural.
+      note: what is done before the first progress, which a compiled program makes after its compilation.
 
     Yields:
       A function advance(done, note="") of how much is done by now, and of what is being done.
@@ -37,8 +38,7 @@ def bar(what: str, total: float, unit: str) -> Iterator[Callable[..., None]]:
         def advance(done: float, note: str = "") -> None:
             show(min(done, total), time.monotonic() - start, note)
 
-        # The first progress of a compiled program comes after its compilation.
-        show(0.0, 0.0, "compiling" if "jax" in sys.modules else "")
+        show(0.0, 0.0, note)
         yield advance
 
 
