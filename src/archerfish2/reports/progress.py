@@ -32,7 +32,7 @@ def bar(what: str, total: float, unit: str, note: str = "") -> Iterator[Callable
         yield lambda done, note="": report(min(done / total, 1.0))  # noqa: ARG005
         return
     with ExitStack() as stack:
-        is_bar = sys.stderr.isatty() and "ipykernel" not in sys.modules
+        is_bar = sys.stderr.isatty() and not _in_notebook()
         show, start = _bar(what, total, unit, stack) if is_bar else _lines(what, total, unit), time.monotonic()
 
         def advance(done: float, note: str = "") -> None:
@@ -61,11 +61,17 @@ def _bar(what: str, total: float, unit: str, stack: ExitStack) -> Callable[[floa
     return lambda done, s, note: display.update(task, completed=done, rate=rate_text(done / max(s, 1e-3)), note=note)
 
 
+def _in_notebook() -> bool:
+    """Whether a notebook's kernel runs this; a program may have loaded ipykernel for another reason."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return getattr(shell, "kernel", None) is not None
+
+
 def _lines(what: str, total: float, unit: str) -> Callable[[float, float, str], None]:
     """Return what shows the same in lines: at once, at the end, and between at most one a minute."""
     write: Any = functools.partial(print, file=sys.stderr, flush=True)
     every_s, due = 60.0, 0.0
-    if "ipykernel" in sys.modules:
+    if _in_notebook():
         display = importlib.import_module("IPython.display").display
         if shown := display({"text/plain": ""}, raw=True, display_id=True):  # None without a notebook
             write, every_s = lambda text: shown.update({"text/plain": text}, raw=True), 0.5

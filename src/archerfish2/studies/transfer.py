@@ -59,7 +59,7 @@ def transfer(
     task, decisions = Task.load("paper"), QUICK_STEPS if quick else None
     with timed(durations, "training"):
         trainings = [
-            training(task, policies / f"{OURS}-{each}", seed=each, robot=records, steps=decisions) for each in seeds
+            training(task, policies / f"{OURS}-{own}", seed=own, robot=records, steps=decisions) for own in seeds
         ]
         trainings += [
             training(task, policies / SIX_NUMBERS, seed=seed, robot=records, observation="paper", steps=decisions)
@@ -68,7 +68,7 @@ def transfer(
         run_jobs("training", [*trainings, *tunings], workers)
     with timed(durations, "evaluation"):
         contenders: list[tuple[str, Any]] = [(name, name) for name in COMPARED]
-        contenders += [(OURS, policies / f"{OURS}-{each}") for each in seeds]
+        contenders += [(OURS, policies / f"{OURS}-{own}") for own in seeds]
         contenders += [(SIX_NUMBERS, policies / SIX_NUMBERS)]
         count = min(engagements, QUICK_ENGAGEMENTS) if quick else engagements
         jobs = [
