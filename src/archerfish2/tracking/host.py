@@ -21,7 +21,7 @@ class Reports(NamedTuple):
 
     sampled_s: Numbers  # rising, (B, L)
     angle: Numbers  # pitch, and yaw without jumps of a turn [rad], (B, L, 2)
-    rate: Numbers  # [rad/s], (B, L, 2)
+    rate: Numbers  # of the last report [rad/s], (B, 2)
 
 
 class WaitingFrames(NamedTuple):
@@ -54,9 +54,10 @@ def new_host(guess: Numbers) -> Host:
       guess: where a plate is assumed until a frame shows it, in O [m], shape (B, 3).
     """
     count = len(guess)
-    none, angles = np.full((count, 1), -np.inf), np.zeros((count, 1, 2))
+    none = np.full((count, 1), -np.inf)
     frames = WaitingFrames(none, np.zeros((count, 1, 3)))
-    return Host(Reports(none, angles, angles), frames, SeenPlate(guess, none[:, 0], np.zeros(count, bool)))
+    reports = Reports(none, np.zeros((count, 1, 2)), np.zeros((count, 2)))
+    return Host(reports, frames, SeenPlate(guess, none[:, 0], np.zeros(count, bool)))
 
 
 def with_messages(host: Host, feedback: Feedback, detections: Detections, offset_s: float, now_s: float) -> Host:
@@ -103,30 +104,43 @@ def from_camera(position: Numbers, angle: Numbers) -> Numbers:
 
 def _with_reports(reports: Reports, feedback: Feedback, now_s: float) -> Reports:
     """Add reports and forget old ones; yaw goes on without jumps where the wire's wraps."""
+    latest_s, latest_angle = reports.sampled_s[:, -1:], reports.angle[:, -1:]
     sampled = np.where(np.isnan(feedback.sampled_s), -np.inf, feedback.sampled_s)
-    new = _in_order(Reports(sampled, feedback.angle, feedback.rate))
+    sampled, angle, rate = _in_order(sampled, feedback.angle, feedback.rate)
+    rates = np.concatenate([reports.rate[:, None], rate], axis=1)
+    newest = np.argmax(np.concatenate([latest_s, sampled], axis=1), axis=1)
     # With the latest report in the place of each that is missing, those of before need not move: there are hundreds.
-    latest, missing = Reports(*(field[:, -1:] for field in reports)), np.isinf(new.sampled_s)
-    new = Reports(
-        np.where(missing, latest.sampled_s, new.sampled_s),
-        np.where(missing[..., None], latest.angle, new.angle),
-        np.where(missing[..., None], latest.rate, new.rate),
-    )
-    known = np.isfinite(latest.sampled_s)[..., None]
-    angle = np.concatenate([np.where(known, latest.angle, new.angle[:, :1]), new.angle], axis=1)
-    turns = np.cumsum(np.rint(np.diff(angle[..., 1], axis=1) / (2.0 * np.pi)), axis=1)
-    new = new._replace(angle=np.stack([new.angle[..., 0], new.angle[..., 1] - 2.0 * np.pi * turns], axis=-1))
-    joined = Reports(*(np.concatenate(pair, axis=1) for pair in zip(reports, new, strict=True)))
-    if np.any(new.sampled_s < latest.sampled_s):
-        joined = _in_order(joined)
-    kept = _kept(joined.sampled_s, now_s)
-    return Reports(*(field[:, -kept:] for field in joined))
+    missing = np.isinf(sampled)
+    angle = _unwrapped(latest_angle, np.where(missing[..., None], latest_angle, angle), np.isfinite(latest_s))
+    sampled = np.where(missing, latest_s, sampled)
+    times = np.concatenate([reports.sampled_s, sampled], axis=1)
+    angles = np.concatenate([reports.angle, angle], axis=1)
+    if np.any(sampled < latest_s):
+        times, angles = _in_order(times, angles)
+    kept = _kept(times, now_s)
+    return Reports(times[:, -kept:], angles[:, -kept:], rates[np.arange(len(rates)), newest])
 
 
-def _in_order(reports: Reports) -> Reports:
-    """Return the reports in the order of their times."""
-    trial, order = np.arange(len(reports.sampled_s))[:, None], np.argsort(reports.sampled_s, axis=1, kind="stable")
-    return Reports(*(field[trial, order] for field in reports))
+def _unwrapped(before: Numbers, angle: Numbers, known: NDArray[np.bool_]) -> Numbers:
+    """Return angles, shape (B, N, 2), with whole turns of yaw removed, so that it goes on from the one before.
+
+    Args:
+      before: angle of the report before, shape (B, 1, 2).
+      angle: of the reports, in order.
+      known: whether there was a report before, shape (B, 1).
+    """
+    yaw = np.concatenate([np.where(known, before[..., 1], angle[:, :1, 1]), angle[..., 1]], axis=1)
+    turns = np.rint(np.diff(yaw, axis=1) / (2.0 * np.pi))
+    if not turns.any():
+        return angle
+    whole = 2.0 * np.pi * np.cumsum(turns, axis=1)
+    return np.stack([angle[..., 0], angle[..., 1] - whole], axis=-1)
+
+
+def _in_order(times: Numbers, *fields: Numbers) -> list[Numbers]:
+    """Return times, shape (B, N), and fields, shape (B, N, …), in the order of the times."""
+    trial, order = np.arange(len(times))[:, None], np.argsort(times, axis=1, kind="stable")
+    return [field[trial, order] for field in (times, *fields)]
 
 
 def _with_frames(frames: WaitingFrames, detections: Detections, offset_s: float, now_s: float) -> WaitingFrames:

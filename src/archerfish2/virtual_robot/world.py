@@ -98,7 +98,7 @@ class RobotWorld:
         age = np.where(is_new, np.minimum(now_s - plate.exposed_s, GUESS_AGE_S)[:, None], 0.0)
         position = np.where(is_new[..., None], plate.position[:, None], 0.0)
         frames = Frames(is_new, age, is_new[..., None], position[..., None, :], 0.0 * age[..., None])
-        feedback = GimbalFeedback(reports.angle[:, -1], reports.rate[:, -1], now_s - reports.sampled_s[:, -1])
+        feedback = GimbalFeedback(reports.angle[:, -1], reports.rate, now_s - reports.sampled_s[:, -1])
         seen = Seen(
             elapsed=zero + (self.period_s if state.decisions else 0.0),
             gimbal=feedback,
