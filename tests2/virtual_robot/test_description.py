@@ -91,6 +91,7 @@ def test_a_negative_value_is_refused_with_its_bound(refusal) -> None:
         ("firmware.yaw", "command_high_deg", "command_high_deg = 81", "-75…81°, expected within gimbal.yaw -80…80°"),
         ("firmware.pitch", "angle_per_encoder", "angle_per_encoder = 1.2", "expected within gimbal.pitch -28…13°"),
         ("limits.yaw", "high_deg", "high_deg = 76", "-75…76°, expected within the commands of firmware.yaw -75…75°"),
+        ("limits.pitch", "low_deg", "low_deg = 2", "2…10°, expected to include 0°, where recordings begin"),
         ("gimbal.pitch_body", "roll_inertia_kg_m2", "roll_inertia_kg_m2 = 1", "the sum of the others, 0.0157, got 1"),
         ("gimbal.pitch_body", "mass_kg", "mass_kg = 50", "needs 13.2 N·m, expected at most what the motor holds"),
         ("gimbal.pitch", "supply_v", "supply_v = 0.1", "1.2 N·m by torque_limit_n_m and 0.0206 N·m by supply_v"),

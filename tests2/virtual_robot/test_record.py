@@ -98,7 +98,7 @@ def test_the_command_says_where_the_logs_are_and_what_comes_next(tmp_path, capsy
     monkeypatch.chdir(tmp_path)
     RecordRobot(parts=("shots",), seed=3).run()
     printed = capsys.readouterr().out
-    assert printed.startswith("infantry: 1 logs, limits.json and tape.json in runs/infantry-logs")
+    assert printed.startswith("infantry: 1 log, limits.json and tape.json in runs/infantry-logs")
     assert printed.endswith("next: archerfish2 identify runs/infantry-logs --out infantry\n")
     refused("no robot 'infantri'; known are infantry, worn", RecordRobot("infantri").run)
 

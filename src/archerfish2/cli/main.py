@@ -2,6 +2,7 @@
 
 import contextlib
 import difflib
+import gc
 import importlib
 import inspect
 import io
@@ -56,8 +57,11 @@ def program() -> NoReturn:
         print(f"archerfish2: {stopped.word}", file=sys.stderr)  # noqa: T201
         sys.stdout.flush()
         sys.stderr.flush()
-        os._exit(stopped.status)  # the usual end would free what a compiler's threads still use
-    sys.exit(0)
+        status = stopped.status
+    else:
+        sys.exit(0)
+    gc.collect()  # frees the semaphores of worker processes, of which Python would warn
+    os._exit(status)  # the usual end would free what a compiler's threads still use
 
 
 def main(arguments: Sequence[str]) -> None:

@@ -48,8 +48,9 @@ class RecordRobot:
         robot = VirtualRobot.load(self.robot)
         out = self.out or Path("runs") / f"{robot.name}-logs"
         robot.record(out, seed=self.seed, parts=self.parts, overwrite=self.overwrite)
-        logs = len([*out.glob("*.csv")])
+        count = len([*out.glob("*.csv")])
+        logs = "1 log" if count == 1 else f"{count} logs"
         print(  # noqa: T201
-            f"{robot.name}: {logs} logs, limits.json and tape.json in {out}, {time.monotonic() - begun:.0f} s\n"
+            f"{robot.name}: {logs}, limits.json and tape.json in {out}, {time.monotonic() - begun:.0f} s\n"
             f"next: archerfish2 identify {out} --out {robot.name}"
         )

@@ -208,8 +208,9 @@ def _run(environment: Any, begun: Begun, folder: RunFolder | None, callback: Cal
                 folder.save(state)
                 stored = time.monotonic()
     if stop:  # once more, to whoever handled it before
-        message = f"continue with archerfish2 train --resume {folder.path}" if folder else "nothing is kept"
-        print(message, file=sys.stderr)  # noqa: T201
+        if progress.in_worker is None:  # else the process that this one works for says what remains
+            message = f"continue with archerfish2 train --resume {folder.path}" if folder else "nothing is kept"
+            print(message, file=sys.stderr)  # noqa: T201
         signal.raise_signal(stop[0])
         raise KeyboardInterrupt  # where that one returned
     policy = _policy(environment.observer, state, folder.begun if folder else begun, rows)

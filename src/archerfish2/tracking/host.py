@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish2.dynamics.muzzle import direction
 from archerfish2.messages import Detections, Feedback, Numbers
 
 REMEMBERED_S = 0.25
@@ -95,11 +94,10 @@ def angle_at(reports: Reports, moment: Numbers) -> Numbers:
 
 def from_camera(position: Numbers, angle: Numbers) -> Numbers:
     """Turn a place in the camera's frame, shape B + (3,), into O by pitch and yaw [rad], shape B + (2,)."""
-    forward = direction(angle)
-    yaw = angle[..., 1]
-    left = np.stack([-np.sin(yaw), np.cos(yaw), 0.0 * yaw], axis=-1)
-    upward = np.cross(forward, left)
-    return np.asarray(position[..., :1] * forward + position[..., 1:2] * left + position[..., 2:] * upward)
+    (x, y, z), (pitch, yaw) = np.moveaxis(position, -1, 0), np.moveaxis(angle, -1, 0)
+    level = x * np.cos(pitch) - z * np.sin(pitch)
+    height = x * np.sin(pitch) + z * np.cos(pitch)
+    return np.stack([level * np.cos(yaw) - y * np.sin(yaw), level * np.sin(yaw) + y * np.cos(yaw), height], axis=-1)
 
 
 def _with_reports(reports: Reports, feedback: Feedback, now_s: float) -> Reports:

@@ -346,6 +346,11 @@ def _check_nesting(axis: str, stops: GimbalAxis, commands: FirmwareAxis, limits:
             f"field limits.{axis}: low_deg and high_deg are {limits.low_deg:g}…{limits.high_deg:g}°, expected within "
             f"the commands of firmware.{axis} {low:g}…{high:g}°"
         )
+    if not limits.low_deg <= 0.0 <= limits.high_deg:
+        raise InputError(
+            f"field limits.{axis}: low_deg and high_deg are {limits.low_deg:g}…{limits.high_deg:g}°, expected to "
+            "include 0°, where recordings begin"
+        )
 
 
 def _check_load(body: PitchBody, motor: GimbalAxis) -> None:

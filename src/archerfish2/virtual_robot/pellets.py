@@ -46,9 +46,10 @@ def fly(position: Array, velocity: Array, drag: float, event: Event) -> Arrival:
         following = _step(state, drag)
         time = np.full(len(position), (index + 1) * _STEP_S)
         ends = flying & (event(time, following[0].T) >= 0.0)
-        start, end = np.where(ends, state, start), np.where(ends, following, end)
-        begin_s[ends] = index * _STEP_S
-        flying &= ~ends
+        if ends.any():
+            start, end = np.where(ends, state, start), np.where(ends, following, end)
+            begin_s[ends] = index * _STEP_S
+            flying &= ~ends
         if not flying.any():
             break
         state = following

@@ -43,14 +43,16 @@ class VirtualRobot:
         """Name."""
         return self.description.schema.name
 
-    def record(self, folder: str | Path, *, seed: int = 0, parts: Iterable[str] = (), overwrite: bool = False) -> Path:
+    def record(
+        self, folder: str | Path, *, seed: int = 0, parts: str | Iterable[str] = (), overwrite: bool = False
+    ) -> Path:
         """Record all that an identification needs, and what its result is compared with, into a folder.
 
         Args:
           folder: for the logs, limits.json and tape.json; `identify_robot` reads it. robot.toml in it is a copy of the
             description, which no identification reads. Logs of an earlier recording in it are removed.
           seed: of the robot's noise and of the dispersion.
-          parts: of `PARTS` (axes, timing, shots, landings), all if none are named.
+          parts: one or some of `PARTS` (axes, timing, shots, landings), all if none are named.
           overwrite: whether files in the folder that no recording wrote may be replaced.
 
         Returns:
@@ -59,7 +61,8 @@ class VirtualRobot:
         Raises:
           InputError: if there is no such part, or the folder can't be written.
         """
-        folder, chosen = Path(folder), [*parts] or [*PARTS]
+        folder = Path(folder)
+        chosen = [parts] if isinstance(parts, str) else [*parts] or [*PARTS]
         if unknown := sorted(set(chosen) - PARTS.keys()):
             raise InputError(f"parts: there is no {unknown[0]!r}, expected some of {', '.join(PARTS)}; name these")
         if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
