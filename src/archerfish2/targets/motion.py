@@ -83,10 +83,8 @@ class Disc:
 
     def at(self, time: Array) -> Plates:
         """Return the plate at times [s] of shape B or (N,) + B."""
-        extra = time.ndim + 1 - self.normal_yaw.ndim
-        motion = (
-            map_arrays(lambda array: array.reshape((1,) * extra + array.shape), self.motion) if extra else self.motion
-        )
+        lead = (1,) * (time.ndim + 1 - self.normal_yaw.ndim)
+        motion = map_arrays(lambda array: array.reshape(lead + array.shape), self.motion) if lead else self.motion
         zero = 0.0 * time[..., None]
         return Plates(motion.position(time)[..., None, :], lift(self.normal_yaw, zero) + zero)
 
