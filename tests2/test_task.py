@@ -11,7 +11,7 @@ from archerfish2.task import DRAWN, Task
 FAULTS = {
     "period_s = 0": "field period_s: expected float >= 0.0001, got 0",
     "ranges_m = [[2, 1]]": "ranges_m and lengths_s: expected the smaller one first",
-    "lenghts_s = [1]": "there is no field lenghts_s; fields are name, motion, ranges_m, lengths_s,",
+    "lenghts_s = [1]": "there is no field lenghts_s; perhaps you meant lengths_s",
     'motion = "strfe"': "field motion: expected one of paper, static,",
     'motion = "./mine.py:Mine"': "code that only a file names is not run",
     "ranges_m = " + 9999 * "[": "recursion",
@@ -41,7 +41,7 @@ def test_what_a_motion_gives_a_task_changes_with_it_and_a_range_keeps_its_engage
         lengths_s=(1.0,)
     )  # given, as it happens
     assert (Task().lengths, Task.load("paper").lengths, Task(lengths_s=(2.0,)).lengths) == ((1.0, 3.0), (1.0,), (2.0,))
-    refused("Task: there is no field lenght; fields are name, motion", Task().replace, lenght=2)
+    refused("Task: there is no field width; fields are name, motion", Task().replace, width=2)
     whole, near, own = (Task(motion="static", **each).cells() for each in RANGES)
     assert [each.stream for each in (whole[1], near[0], *own)] == [1, 1, 1004, 1]
 

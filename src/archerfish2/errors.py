@@ -4,6 +4,8 @@ One type, so that the command line can print any of them in one line and end wit
 keeps its traceback.
 """
 
+import difflib
+from collections.abc import Iterable
 from pathlib import Path
 
 
@@ -30,6 +32,12 @@ def file_error(path: str | Path, problem: str, remedy: str, code: str | None = N
       code: short, stable name of the fault.
     """
     return InputError(f"{path}: {problem}; {remedy}", code)
+
+
+def meant(name: str, known: Iterable[str], otherwise: str) -> str:
+    """Return the remedy for an unknown name: the nearest of those that there are, or if none is near another one."""
+    near = difflib.get_close_matches(name.lower(), [*known], 1, cutoff=0.7)
+    return f"perhaps you meant {near[0]}" if near else otherwise
 
 
 def one_line(text: str) -> str:

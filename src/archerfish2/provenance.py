@@ -24,7 +24,9 @@ def code_commit() -> str:
     try:
         top = Path(git(["git", "rev-parse", "--show-toplevel"]).strip())
         # An installed package may lie inside the repository of another project, whose commit says nothing of it.
-        is_own = top / "src" / _HERE.name == _HERE and 'name = "archerfish"' in (top / "pyproject.toml").read_text()
+        is_own = top / "src" / _HERE.name == _HERE and 'name = "archerfish"' in (top / "pyproject.toml").read_text(
+            "utf-8"
+        )
         described = git(["git", "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]).strip()
     except (OSError, subprocess.SubprocessError):
         return "unknown"

@@ -12,7 +12,7 @@ from msgspec import Meta, field, structs
 from archerfish2.dynamics.command_limits import CommandLimits, named_limits
 from archerfish2.dynamics.linear_axis import GimbalModel, gimbal_model
 from archerfish2.dynamics.muzzle import Muzzle, muzzle_from_record
-from archerfish2.errors import InputError, file_error, one_line
+from archerfish2.errors import InputError, file_error, meant, one_line
 from archerfish2.paper.conditions import assumed_conditions, paper_muzzle
 from archerfish2.paper.gimbal import gate_limits, printed_plants
 from archerfish2.plugins import find_plugin
@@ -133,7 +133,9 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         found: dict[str, Any] = {part: RECORDS[part].load(path) for part, path in files.items() if path.exists()}
         needed = {"pitch", "yaw", *facts.records, *(("muzzle", "limits") if is_written else ())}
         if missing := sorted(needed - found.keys()):
-            raise file_error(folder, f"expected a folder with {missing[0]}.json", "name that of a robot")
+            robots = [path.parent.name for path in folder.parent.glob("*/pitch.json")]
+            remedy = meant(folder.name, robots, "name that of a robot")
+            raise file_error(folder, f"expected a folder with {missing[0]}.json", remedy)
         if not is_written:
             facts = facts.replace(assumed=tuple(part for part in RECORDS if part not in found))
         try:

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Meta, structs
 
 from archerfish2.arrays import Array, lift, namespace, select, single_precision, tree
-from archerfish2.errors import InputError, file_error, one_line
+from archerfish2.errors import InputError, file_error, meant, one_line
 from archerfish2.plugins import Plugin, is_plugin, names_code, names_object, registered_name
 from archerfish2.protocols import Engagement, Plates
 from archerfish2.records.json_files import plain
@@ -310,7 +310,8 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
             return self.motion if self.motion in DRAWN else "paper"
         if not is_plugin(self.motion, "motion"):
             expected = f"expected one of {', '.join((*EQ_7, *DRAWN))} or ./FILE.py:NAME"
-            raise InputError(f"Task: field motion: {expected}, got {self.motion!r}; correct it")
+            remedy = meant(self.motion, (*EQ_7, *DRAWN), "correct it")
+            raise InputError(f"Task: field motion: {expected}, got {self.motion!r}; {remedy}")
         if (name := self.motion.rpartition(":")[2]) in (*EQ_7, *DRAWN):
             raise InputError(f"{self.motion}: {name} is the name of a motion of ours; give yours another one")
         found = find_motion(self.motion)

@@ -22,7 +22,7 @@ FAULTS = {
     "--task papr": "archerfish2: papr: field motion: expected one of paper, static, ",
     "--nonsense 1": "archerfish2: Unrecognized options: --nonsense, 1; archerfish2 evaluate --help explains",
     "--set period_s": "archerfish2: --set takes NAME=VALUE, ",
-    "--set lenght_s=1": "archerfish2: Task: there is no field lenght_s; fields are name, motion, ",
+    "--set lenght_s=1": "archerfish2: Task: there is no field lenght_s; perhaps you meant lengths_s",
     "--engagements four": "archerfish2: Error parsing --engagements: invalid literal for int() with base 10: 'four'; ",
 }
 

@@ -9,7 +9,7 @@ from archerfish2.controllers.policy.blocks import OBSERVATIONS
 pytest.importorskip("jax")
 SMALL = "gradient.environments=32 gradient.hidden=16 gradient.window=5"
 FAULTS = {
-    "--set gradient.hiden=3": "field gradient: object contains unknown field hiden",
+    "--set gradient.hiden=3": "GradientConfig: there is no field hiden; perhaps you meant hidden",
     "--set hidden": "--set takes NAME=VALUE, and no value for a part and for a field of it, got hidden",
     "--set ppo=3 ppo.epochs=2": "got ppo.epochs=2; write for instance",
     "--reward nearest": "reward must be one of eq-8, hit, smooth-hit",

@@ -103,17 +103,18 @@ def test_the_printed_second_pair_of_pitch_is_not_determined_by_a_sweep():
     assert [each.determined for each in poles] == [True, *[False] * (len(poles) - 1)]
 
 
-def test_the_command_writes_what_to_play_and_reports_the_outcome(tmp_path, capsys):
+def test_the_command_writes_what_to_play_and_reports_the_outcome(tmp_path):
     LimitsRecord(pitch=LIMITS, yaw=LIMITS).save(tmp_path / "limits.json")
-    Excite(axis="pitch", limits=tmp_path / "limits.json", duration_s=2.0, out=tmp_path / "plan").run()
+    ending = Excite(axis="pitch", limits=tmp_path / "limits.json", duration_s=2.0, out=tmp_path / "plan").run()
     names = [f"pitch_{kind}{end}.csv" for kind in ("sweep", "step") for end in ("", "_validation")]
     others = {"pitch_excitation.html", "pitch_excitation.json", "run.json", "run.lock"}
     assert {each.name for each in (tmp_path / "plan").iterdir()} == {*names, *others}
     table = np.loadtxt(tmp_path / "plan" / names[0], delimiter=",", skiprows=1)
     assert_allclose(table[:, 1], plan_command("sweep", LIMITS, ExcitationSettings(duration_s=2.0), PERIOD))
     assert_allclose(table[:, 0], PERIOD * np.arange(3000), atol=1e-9)
-    printed = capsys.readouterr().out
-    assert all(text in printed for text in ("Steps jump", "steady gain", "validation.csv  held back", "4584", "-7.73°"))
+    assert all(
+        text in ending.found for text in ("Steps jump", "steady gain", "validation.csv  held back", "4584", "-7.73°")
+    )
 
 
 def test_a_command_is_not_written_over_a_log(tmp_path, refused):

@@ -200,7 +200,7 @@ def test_stamps_since_1970_change_nothing():
     assert alone.time_offset - 1.7e9 == pytest.approx(6.99e-3, abs=1e-5)
 
 
-def test_the_command_line_writes_what_python_gives(tmp_path, capsys, sweep):
+def test_the_command_line_writes_what_python_gives(tmp_path, sweep):
     plate, texts = sweep.plate, {"fmt": "%.17g", "delimiter": ",", "comments": ""}
     gimbal, seen = np.column_stack(sweep.sweep[:4]), np.column_stack([plate.time, plate.position, plate.receive])
     gimbal[:, 1:] = np.degrees(gimbal[:, 1:])
@@ -208,14 +208,14 @@ def test_the_command_line_writes_what_python_gives(tmp_path, capsys, sweep):
     seen[:, [2, 3]] *= -1  # into the optical frame
     np.savetxt(tmp_path / "plate.csv", seen, header="time_s,z,x,y,receive_s", **texts)
     files = tmp_path / "sweep.csv", tmp_path / "plate.csv"
-    IdentifySensing(*files, frame="optical", degrees=True, out=tmp_path / "out").run()
+    ending = IdentifySensing(*files, frame="optical", degrees=True, out=tmp_path / "out").run()
     expected = identify_sensing(sweep.sweep, sweep.plate)
     record = SensingRecord.load(tmp_path / "out" / "sensing.json")
     for name, estimate in expected.estimates.items():
         part, field = name.split(".")
         assert getattr(getattr(record, part), field) == pytest.approx(estimate.value, rel=1e-9)
     assert list(record.provenance["inputs"]) == ["sweep.csv", "plate.csv"]
-    assert expected.report.headline in capsys.readouterr().out
+    assert expected.report.headline in ending.found
 
 
 def track(yaw, time=TIME):

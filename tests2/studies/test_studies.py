@@ -157,10 +157,9 @@ def test_a_robot_of_one_s_own_has_a_report_without_the_paper(study):
     assert "paper" not in text.replace("task paper", "").replace("Task paper", "").replace("paper's baseline", "")
 
 
-def test_the_command_writes_the_page_again_and_names_what_is_no_result(study, tmp_path, capsys, refused):
+def test_the_command_writes_the_page_again_and_names_what_is_no_result(study, tmp_path, refused):
     study.save(tmp_path / "results.json")
-    WriteReport(tmp_path).run()
-    assert f"open {tmp_path / 'report.html'}" in capsys.readouterr().out
+    assert WriteReport(tmp_path).run().where == f"open {tmp_path / 'report.html'}"
     (tmp_path / "other.json").write_text("{}")
     refused(r'other.json: field schema: expected "archerfish.results/4" or', WriteReport(tmp_path / "other.json").run)
 
@@ -224,10 +223,10 @@ def test_settings_of_a_study_are_checked_before_the_work(refused, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_robot_goes_from_logs_to_hit_rates(monkeypatch, tmp_path, capsys):
+def test_a_robot_goes_from_logs_to_hit_rates(monkeypatch, tmp_path):
     pytest.importorskip("mujoco")
     monkeypatch.setattr(transfer_module, "QUICK_STEPS", 40_000)
-    Transfer(quick=True, engagements=2, out=tmp_path / "out").run("--quick")
+    ending = Transfer(quick=True, engagements=2, out=tmp_path / "out").run("--quick")
     study = Study.load(tmp_path / "out")
     assert {cell.controller for cell in study.results.cells} == {*COMPARED, "policy", "six-numbers"}
     assert (study.robot, study.virtual, study.quick) == ("infantry", "virtual infantry", True)
@@ -237,4 +236,4 @@ def test_a_robot_goes_from_logs_to_hit_rates(monkeypatch, tmp_path, capsys):
     again = af.evaluate(tmp_path / "out" / "policies" / "policy-0", tmp_path / "out" / "robot", "paper", engagements=2)
     expected = [cell.hits for cell in study.results.cells if (cell.world, cell.controller) == ("infantry", "policy")]
     assert [cell.hits for cell in again.cells] == expected
-    assert "open" in capsys.readouterr().out
+    assert ending.then.startswith("archerfish2 evaluate")

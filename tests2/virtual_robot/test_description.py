@@ -62,7 +62,7 @@ def test_a_missing_or_misspelt_field_or_table_is_named(refusal) -> None:
         assert message.startswith(f"field {table}.{misspelt}: ")
         assert key in message
     assert refusal(INFANTRY.replace("[" + TABLES["limits.yaw"], "")).startswith("field limits: missing field yaw; ")
-    assert "no such field; did you mean camera?" in refusal(INFANTRY.replace("[camera]", "[cammera]"))
+    assert "no such field; perhaps you meant camera" in refusal(INFANTRY.replace("[camera]", "[cammera]"))
 
 
 @pytest.mark.parametrize("value", ["'1'", "true", "[1.0]", "{}", "nan", "inf", "-inf", "1" + 400 * "0", "2020-01-01"])

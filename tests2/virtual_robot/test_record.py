@@ -1,12 +1,14 @@
 """The logs of a virtual robot: one folder, which an identification reads."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from archerfish2.cli.main import main
 from archerfish2.cli.record import RecordRobot
 from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.records.limits import LimitsRecord
@@ -96,11 +98,12 @@ def test_a_recording_that_fails_leaves_the_logs_of_the_one_before(shots, monkeyp
 
 def test_the_command_says_where_the_logs_are_and_what_comes_next(tmp_path, capsys, refused, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    RecordRobot(parts=("shots",), seed=3).run()
-    printed = capsys.readouterr().out
-    assert printed.startswith("infantry: 1 log, limits.json and tape.json in runs/infantry-logs")
-    assert printed.endswith("next: archerfish2 identify runs/infantry-logs --out infantry\n")
-    refused("no robot 'infantri'; known are infantry, worn", RecordRobot("infantri").run)
+    main(["record", "--parts", "shots", "--seed", "3"])
+    found, _, where, then = capsys.readouterr().out.splitlines()
+    assert found == "infantry: 1 log, limits.json and tape.json"
+    assert re.fullmatch(r"all is in runs/infantry-logs \(\d+ s\)", where)
+    assert then == "next: archerfish2 identify runs/infantry-logs --out infantry"
+    refused("no robot 'infantri'; perhaps you meant infantry", RecordRobot("infantri").run)
 
 
 @pytest.mark.slow

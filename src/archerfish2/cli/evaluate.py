@@ -3,6 +3,7 @@
 import hashlib
 import json
 import re
+import shlex
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from archerfish2.cli.options import ForRobot, Writes, assigned, shown
+from archerfish2.cli.options import Ending, ForRobot, Writes, assigned, shown
 from archerfish2.controllers.registry import is_policy, load_controller
 from archerfish2.controllers.tuning import GRIDS, TuningLike
 from archerfish2.evaluation.evaluate import USUAL, evaluate
@@ -77,8 +78,8 @@ class Evaluate(Writes, ForRobot):
     out: Annotated[Path | None, shown("FOLDER")] = None
     """Folder for the results; ROBOT/evaluation, or runs/evaluate without a robot, and in it one for each other task."""
 
-    def run(self, options: str = "") -> None:
-        """Evaluate, write, print; `options` are as typed, for run.json."""
+    def run(self, options: str = "") -> Ending:
+        """Evaluate, write; `options` are as typed, for run.json."""
         robot, task = Robot.of(self.robot, accept_unusable=self.accept_unusable), self._task()
         out = self.out or self._folder(task)
         controllers: Any = self.controllers or (*self._own_policy(), *USUAL)
@@ -98,7 +99,10 @@ class Evaluate(Writes, ForRobot):
             results.save(folder)
             results.report.write_page(folder / "report.html")
         took = ", ".join(f"{stage} {seconds:.0f} s" for stage, seconds in results.durations.items())
-        print(f"{results}\n\n{took}\nopen {out / 'report.html'}; every count is in {out / 'results.json'}")  # noqa: T201
+        where = f"{took}\nopen {out / 'report.html'}; every count is in {out / 'results.json'}"
+        words = [str(self.robot)] if self.folder else []
+        words += ["--task", self.task] if self.task != "any" else []
+        return Ending(f"{results}", where, shlex.join(["archerfish2", "view", *words]))
 
     def _task(self) -> Task:
         """Return the task with the fields that are otherwise."""

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from archerfish2.cli.options import Writes, shown
+from archerfish2.cli.options import Ending, Writes, shown
 from archerfish2.identification.excitation import ExcitationKind, ExcitationSettings, excite
 from archerfish2.paper.gimbal import gate_limits
 from archerfish2.records.json_files import plain, write_json
@@ -76,8 +76,8 @@ class Excite(Writes):
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/excite")
     """Folder for what is written."""
 
-    def run(self, options: str = "") -> None:
-        """Plan, predict, write, print; `options` are as typed, for run.json."""
+    def run(self, options: str = "") -> Ending:
+        """Plan, predict, write; `options` are as typed, for run.json."""
         limits = getattr(LimitsRecord.load(self.limits) if self.limits else gate_limits(), self.axis)
         low, high = self.range_deg or (None, None)
         travel = {"low": low, "high": high}
@@ -97,7 +97,10 @@ class Excite(Writes):
             found.save(folder)
             found.report.write_page(folder / f"{self.axis}_excitation.html")
             write_json(folder / f"{self.axis}_excitation.json", plain(found.report.to_dict()))
-        print(f"{found.report}\n\nopen {self.out / self.axis}_excitation.html; the commands are beside it")  # noqa: T201
+        where = f"open {self.out / self.axis}_excitation.html; the commands are in the same folder"
+        return Ending(
+            f"{found.report}", where, f"play them, record the angle, then archerfish2 identify axis {self.axis} LOGS"
+        )
 
 
 def _radians(degrees: dict[str, float | None]) -> dict[str, float]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from archerfish2.cli.options import ForRobot, shown
+from archerfish2.cli.options import Ending, ForRobot, shown
 from archerfish2.codegen.export import export
 from archerfish2.controllers.registry import NAMES
 from archerfish2.errors import InputError
@@ -34,8 +34,8 @@ class Export(ForRobot):
     """Settings of a classical controller: those that are kept, which are searched for where there are none, or those
     where the search begins."""
 
-    def run(self, _: str = "") -> None:
-        """Export, print."""
+    def run(self, _: str = "") -> Ending:
+        """Export."""
         controller = self.controller or str(self.folder / "policy" if self.folder else Path("runs/train"))
         if not self.controller and not Path(controller).exists():
             raise InputError(f"{controller}: no such policy; train it, or name --controller")
@@ -46,4 +46,4 @@ class Export(ForRobot):
         written, step = f"{out}", "docs2/export.md runs it in Python and C++"
         if out.suffix == ".c":
             written, step = f"{out} and {out.with_suffix('.h')}", f"cc -O2 -ffp-contract=off -c {out} (docs2/export.md)"
-        print(f"{report}\n\nwrote {written}\nnext: {step}")  # noqa: T201
+        return Ending(f"{report}", f"wrote {written}", step)

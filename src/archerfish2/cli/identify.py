@@ -6,14 +6,16 @@ from typing import Annotated
 
 import tyro
 
+from archerfish2.cli.options import Ending
 from archerfish2.identification.robot import identify_robot
 
 
 @dataclass(frozen=True)
 class Identify:
-    """Identify a robot from the folder of its logs; identify axis, muzzle and sensing do one part from named files.
+    """Identify a robot from the folder of its logs.
 
     - takes every part that there are logs of; the others are the paper's, and are named
+    - identify axis, identify muzzle and identify sensing do one part, from files of any name
     - prints what is known, how sure that is, what is usable, and what to record next
     - writes the robot's records, robot.html with a page for each part, report.json and run.json
 
@@ -40,9 +42,14 @@ class Identify:
     overwrite: Annotated[bool, tyro.conf.arg(help_behavior_hint="")] = False
     """Replace files in that folder that this command did not write."""
 
-    def run(self, _: str = "") -> None:
-        """Identify, write, print."""
+    def run(self, _: str = "") -> Ending:
+        """Identify, write."""
         out = self.out or Path("runs") / self.logs.resolve().name
         found = identify_robot(self.logs, out=out, name=self.name, seed=self.seed, overwrite=self.overwrite)
-        then = f"; next: archerfish2 train {out}" if found.report.usable else ""
-        print(f"{found}\n\nopen {out / 'robot.html'}{then}")  # noqa: T201
+        usable = f"archerfish2 train {out}"
+        then = (
+            usable
+            if found.report.usable
+            else f"record what is asked for above, and identify again; or {usable} --accept-unusable"
+        )
+        return Ending(f"{found}", f"open {out / 'robot.html'}", then)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from archerfish2.cli.options import Writes, shown
+from archerfish2.cli.options import Ending, Writes, shown
 from archerfish2.identification.axis.identify import identify_axis
 from archerfish2.logs.log import read_log
 from archerfish2.records.json_files import plain, write_json
@@ -55,8 +55,8 @@ class IdentifyAxis(Writes):
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/identify")
     """Folder for what is written."""
 
-    def run(self, options: str = "") -> None:
-        """Read, identify, write, print; `options` are as typed, for run.json."""
+    def run(self, options: str = "") -> Ending:
+        """Read, identify, write; `options` are as typed, for run.json."""
         read = partial(
             read_log, inputs=self.input, outputs=self.output, time=self.time, sample_period_s=self.sample_period_s
         )
@@ -76,4 +76,9 @@ class IdentifyAxis(Writes):
             )
             found.save(folder)
             write_json(folder / names[-1], plain(found.report.to_dict()))
-        print(f"{found}\n\nopen {self.out / self.axis}.html; the plant is in {self.out / self.axis}.json")  # noqa: T201
+        other = "yaw" if self.axis == "pitch" else "pitch"
+        then = f"archerfish2 identify axis {other} LOGS --out {self.out}"
+        if (self.out / f"{other}.json").exists():
+            then = f"archerfish2 train {self.out}"
+        where = f"open {self.out / self.axis}.html; the plant is in {self.out / self.axis}.json"
+        return Ending(f"{found}", where, then)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from archerfish2.cli.options import Writes, shown
+from archerfish2.cli.options import Ending, Writes, shown
 from archerfish2.identification.muzzle.identify import PELLET_DRAG, identify_muzzle
 from archerfish2.logs.shots import COLUMNS, ShotColumns, read_shots
 
@@ -43,12 +43,13 @@ class IdentifyMuzzle(Writes):
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/muzzle")
     """Folder for what is found."""
 
-    def run(self, options: str = "") -> None:
-        """Identify, write, print; `options` are as typed, for run.json."""
+    def run(self, options: str = "") -> Ending:
+        """Identify, write; `options` are as typed, for run.json."""
         shots, names = read_shots(*self.files, columns=self.columns), ("muzzle.json", "muzzle.html")
         with self.written(self.out, "identify muzzle", options, self.files, names) as folder:
             result = identify_muzzle(
                 shots, height_m=self.height_m, length_m=self.length_m, drag=self.drag, seed=self.seed
             )
             result.save(folder)
-        print(f"{result.report}\n\nopen {self.out / 'muzzle.html'}")  # noqa: T201
+        then = f"archerfish2 train {self.out}, once its folder has both axes (archerfish2 identify axis)"
+        return Ending(f"{result.report}", f"open {self.out / 'muzzle.html'}", then)

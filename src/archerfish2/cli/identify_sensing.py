@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from archerfish2.cli.options import Writes, shown
+from archerfish2.cli.options import Ending, Writes, shown
 from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.logs.timing import Frame
 
@@ -56,11 +56,12 @@ class IdentifySensing(Writes):
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/identify")
     """Folder for the record and its page."""
 
-    def run(self, options: str = "") -> None:
-        """Identify, write, print; `options` are as typed, for run.json."""
+    def run(self, options: str = "") -> Ending:
+        """Identify, write; `options` are as typed, for run.json."""
         logs = {name: each for name, each in vars(self).items() if name not in ("out", "overwrite")}
         given = (self.sweep, self.detections, *self.steps, self.target, self.target_steps, self.commands, self.feedback)
         with self.written(self.out, "identify sensing", options, given, ("sensing.json", "sensing.html")) as folder:
             result = identify_sensing(**logs)
             result.save(folder)
-        print(f"{result}\n\nopen {self.out / 'sensing.html'}")  # noqa: T201
+        then = f"archerfish2 train {self.out}, once its folder has both axes (archerfish2 identify axis)"
+        return Ending(f"{result}", f"open {self.out / 'sensing.html'}", then)

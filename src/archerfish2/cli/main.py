@@ -1,7 +1,8 @@
 """The command line: finds the command, prints faults in one line, and ends with the right status."""
 
+import ast
 import contextlib
-import difflib
+import dataclasses
 import gc
 import importlib
 import inspect
@@ -10,12 +11,15 @@ import itertools
 import os
 import shlex
 import sys
+import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NoReturn
 
 from archerfish2 import __version__
+from archerfish2.cli.options import Ending
 from archerfish2.cli.signals import Stopped, stop_requests
-from archerfish2.errors import InputError, one_line
+from archerfish2.errors import InputError, meant, one_line
 
 INPUT_ERROR = 2
 _IDENTIFY = ("identify", "identify axis", "identify muzzle", "identify sensing")
@@ -44,6 +48,9 @@ def program() -> NoReturn:
     # Many threads make the small matrix products of a robot's model slower; set before NumPy is imported.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal of another encoding has no place for some characters
+            stream.reconfigure(errors="replace")
     try:
         with stop_requests():
             try:
@@ -79,18 +86,25 @@ def main(arguments: Sequence[str]) -> None:
         if name == "--version":
             print(__version__)  # noqa: T201
         elif name in ("--help", "-h"):
-            lines = [f"  {each:<17} {_command(each).__doc__.partition(chr(10))[0]}" for each in COMMANDS]
+            lines = [f"  {command:<17} {_summary(command)}" for command in COMMANDS]
             print(_OVERVIEW.format(version=__version__, commands="\n".join(lines)))  # noqa: T201
         elif name not in COMMANDS:
-            near = difflib.get_close_matches(name, COMMANDS, 1)
-            meant = f"perhaps you meant {near[0]}" if near else "archerfish2 --help lists them"
-            raise InputError(f"there is no command {name!r}, expected one of {', '.join(COMMANDS)}; {meant}")
+            remedy = meant(name, COMMANDS, "archerfish2 --help lists them")
+            raise InputError(f"there is no command {name!r}, expected one of {', '.join(COMMANDS)}; {remedy}")
         else:
-            options = arguments[words:]
-            _options(name, options).run(shlex.join(options))
+            options, begun = arguments[words:], time.monotonic()
+            ending = _options(name, options).run(shlex.join(options))
+            if ending:
+                print(_last_lines(ending, time.monotonic() - begun))  # noqa: T201
     except InputError as error:
         print(f"archerfish2: {one_line(str(error))}", file=sys.stderr)  # noqa: T201
         sys.exit(INPUT_ERROR)
+
+
+def _last_lines(ending: Ending, seconds: float) -> str:
+    took = f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.1f} minutes"
+    following = f"\nnext: {ending.then}" if ending.then else ""
+    return f"{ending.found}\n\n{ending.where} ({took}){following}"
 
 
 def _options(name: str, arguments: Sequence[str]) -> Any:
@@ -108,7 +122,19 @@ def _options(name: str, arguments: Sequence[str]) -> Any:
         _, *rows = (line.strip("│ ") for line in printed.getvalue().splitlines())  # a title, the fault, a rule, help
         parts = (list(part) for rule, part in itertools.groupby(rows, lambda row: not row.strip("─-")) if not rule)
         fault = " ".join(next(parts, []))
-        raise InputError(f"{fault.rstrip('.')}; archerfish2 {name} --help explains the options") from end
+        known = ["--" + field.name.replace("_", "-") for field in dataclasses.fields(_command(name))]
+        unknown = [word for word in arguments if word.startswith("--") and word.partition("=")[0] not in known]
+        remedy = meant(unknown[0] if unknown else "", known, f"archerfish2 {name} --help explains the options")
+        raise InputError(f"{fault.rstrip('.')}; {remedy}") from end
+
+
+def _summary(name: str) -> str:
+    """Return the first line of a command's docstring, as its file has it: to import all commands takes seconds."""
+    module, options = COMMANDS[name]
+    file = Path(__file__).with_name(f"{module.rpartition('.')[2]}.py")
+    classes = [part for part in ast.parse(file.read_bytes()).body if isinstance(part, ast.ClassDef)]
+    texts = {part.name: ast.get_docstring(part) or "" for part in classes}
+    return texts[options].partition("\n")[0]
 
 
 def _command(name: str) -> Any:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import tyro
 
@@ -13,6 +13,14 @@ from archerfish2 import storage
 from archerfish2.errors import InputError
 from archerfish2.robot import Robot
 from archerfish2.task import Task
+
+
+class Ending(NamedTuple):
+    """What a command prints last; how long it took is added."""
+
+    found: str  # what came out
+    where: str  # what was written, and what to open
+    then: str = ""  # what to type next
 
 
 def shown(metavar: str = "", default: str = "") -> Any:

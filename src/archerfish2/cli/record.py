@@ -1,13 +1,12 @@
 """`archerfish2 record`: the logs of a virtual robot."""
 
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
-from archerfish2.cli.options import shown
+from archerfish2.cli.options import Ending, shown
 from archerfish2.virtual_robot.virtual_robot import VirtualRobot
 
 
@@ -42,15 +41,12 @@ class RecordRobot:
     overwrite: Annotated[bool, shown()] = False
     """Replace files in that folder that this command did not write."""
 
-    def run(self, _: str = "") -> None:
-        """Record, print."""
-        begun = time.monotonic()
+    def run(self, _: str = "") -> Ending:
+        """Record."""
         robot = VirtualRobot.load(self.robot)
         out = self.out or Path("runs") / f"{robot.name}-logs"
         robot.record(out, seed=self.seed, parts=self.parts, overwrite=self.overwrite)
         count = len([*out.glob("*.csv")])
         logs = "1 log" if count == 1 else f"{count} logs"
-        print(  # noqa: T201
-            f"{robot.name}: {logs}, limits.json and tape.json in {out}, {time.monotonic() - begun:.0f} s\n"
-            f"next: archerfish2 identify {out} --out {robot.name}"
-        )
+        found = f"{robot.name}: {logs}, limits.json and tape.json"
+        return Ending(found, f"all is in {out}", f"archerfish2 identify {out} --out {robot.name}")

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from archerfish2.cli.options import shown
+from archerfish2.cli.options import Ending, shown
 from archerfish2.errors import file_error
 from archerfish2.evaluation.results import Results
 from archerfish2.records.json_files import read_json
@@ -29,8 +29,8 @@ class WriteReport:
     out: Annotated[Path | None, shown("FILE.html")] = None
     """The page; report.html beside the results if not given."""
 
-    def run(self, _: str = "") -> None:
-        """Read, write, print."""
+    def run(self, _: str = "") -> Ending:
+        """Read, write."""
         path = self.results if self.results.suffix == ".json" else self.results / "results.json"
         out = self.out or path.with_name("report.html")
         content = read_json(path, "evaluate again")
@@ -40,4 +40,4 @@ class WriteReport:
             raise file_error(path, f"field schema: {expected}", "name results of evaluate, transfer or reproduce")
         page = (Study if schema == Study.schema else Results).load(path).report
         page.write_page(out)
-        print(f"{page}\n\nopen {out}")  # noqa: T201
+        return Ending(f"{page}", f"open {out}")

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from archerfish2.cli.options import shown
-from archerfish2.cli.transfer import RunsStudy, finish, show
+from archerfish2.cli.options import Ending, shown
+from archerfish2.cli.transfer import RunsStudy, ending, finish
 from archerfish2.studies.reproduce import reproduce
 from archerfish2.studies.transfer import check_settings
 from archerfish2.studies.workers import usual_workers
@@ -40,8 +40,8 @@ class Reproduce(RunsStudy):
     out: Annotated[Path, shown("FOLDER")] = Path("runs/reproduce")
     """Folder for everything."""
 
-    def run(self, options: str = "") -> None:
-        """Run the study, write, print."""
+    def run(self, options: str = "") -> Ending:
+        """Run the study, write."""
         workers = self.workers or usual_workers()
         check_settings((self.seed,), min(self.engagements, self.robot_engagements), workers)
         VirtualRobot.load(self.robot)
@@ -56,4 +56,4 @@ class Reproduce(RunsStudy):
                 quick=self.quick,
             )
             finish(study, folder)
-        show(study, self.out)
+        return ending(study, self.out, "archerfish2 identify LOGS, with those of your own robot")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from archerfish2.cli.options import ForRobot, assigned, shown
+from archerfish2.cli.options import Ending, ForRobot, assigned, shown
 from archerfish2.controllers.policy.policy import Policy
 from archerfish2.errors import InputError
 from archerfish2.learning.config import TrainConfig
@@ -55,17 +55,15 @@ class Train(ForRobot):
     """Continue the unfinished training of a folder. No other option is needed, but for code of your own: a --task,
     --observation or --reward that names some is given again, for code that only a file names is not run."""
 
-    def run(self, _: str = "") -> None:
-        """Train, print."""
+    def run(self, _: str = "") -> Ending:
+        """Train."""
         out = self.resume or self.out or (self.folder / "policy" if self.folder else Path("runs/train"))
         policy = self._resumed(out) if self.resume else self._trained(out)
         last: Any = policy.facts and policy.facts.training
         explored = ", with exploration" if last["config"]["trainer"] == "ppo" else ""
-        print(  # noqa: T201
-            f"{last['decisions']:,} decisions; of the latest shots {last['hit_share']:.1%} hit{explored}\n"
-            f"policy: {out / 'policy.safetensors'}; curve: {out / 'curve.svg'}\n"
-            f"next: {self._evaluation(out, read_run(out))}"
-        )
+        found = f"{last['decisions']:,} decisions; of the latest shots {last['hit_share']:.1%} hit{explored}"
+        where = f"open {out / 'curve.svg'}; the policy is {out / 'policy.safetensors'}"
+        return Ending(found, where, self._evaluation(out, read_run(out)))
 
     def _trained(self, out: Path) -> Policy:
         robot, task = self.robot_and_task()

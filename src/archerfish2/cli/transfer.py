@@ -9,7 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from archerfish2.cli.options import Writes, shown
+from archerfish2.cli.options import Ending, Writes, shown
 from archerfish2.studies.study import Study
 from archerfish2.studies.transfer import check_settings, transfer
 from archerfish2.studies.workers import usual_workers
@@ -63,8 +63,8 @@ class Transfer(RunsStudy):
     out: Annotated[Path | None, shown("FOLDER")] = None
     """Folder for everything; runs/transfer-NAME if not given."""
 
-    def run(self, options: str = "") -> None:
-        """Run the study, write, print."""
+    def run(self, options: str = "") -> Ending:
+        """Run the study, write."""
         workers = self.workers or usual_workers()
         check_settings(self.seeds, self.engagements, workers)
         name = VirtualRobot.load(self.robot).name
@@ -79,7 +79,8 @@ class Transfer(RunsStudy):
                 quick=self.quick,
             )
             finish(study, folder)
-        show(study, out)
+        robot = out / "robot"
+        return ending(study, out, f"archerfish2 evaluate {robot}; archerfish2 view {robot}")
 
 
 def finish(study: Study, folder: Path) -> None:
@@ -90,7 +91,6 @@ def finish(study: Study, folder: Path) -> None:
         lock.unlink()
 
 
-def show(study: Study, out: Path) -> None:
-    """Print a study, and where it is."""
-    minutes = sum(study.durations.values()) / 60.0
-    print(f"{study}\n\n{minutes:.1f} minutes\nopen {out / 'report.html'}; every count is in {out / 'results.json'}")  # noqa: T201
+def ending(study: Study, out: Path, then: str) -> Ending:
+    """Return what is printed of a study in a folder, and what to type next."""
+    return Ending(f"{study}", f"open {out / 'report.html'}; every count is in {out / 'results.json'}", then)

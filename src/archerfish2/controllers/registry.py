@@ -4,7 +4,6 @@ A classical controller is a predictor, which says where the target will be, and 
 commands.
 """
 
-import difflib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -20,7 +19,7 @@ from archerfish2.controllers.predictors.interacting_models import InteractingMod
 from archerfish2.controllers.predictors.parabola import ParabolaFilter, make_parabola_aware
 from archerfish2.controllers.predictors.predictor import Predictor
 from archerfish2.controllers.tuning import Tuning, tuning_at
-from archerfish2.errors import InputError
+from archerfish2.errors import InputError, meant
 from archerfish2.paper.conditions import assumed_conditions, paper_tuning
 from archerfish2.plugins import FORMS, find_plugin, is_plugin
 from archerfish2.protocols import Controller, own_controller
@@ -140,8 +139,8 @@ def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | 
         make_predictor, make_law = CLASSICAL[name]
         return single_precision(make_law(make_predictor(robot, task, tuning), robot, task, tuning))
     if name and not is_plugin(name, "controller") and not name.endswith(".py"):
-        near = difflib.get_close_matches(name.lower(), NAMES, 1)
-        meant = f"perhaps you meant {near[0]}" if near else "name one of these"
         expected = f"{', '.join(NAMES)}, or one of your own ({FORMS})"
-        raise InputError(f"controller must be one of {expected}, got {name!r}; {meant}")
+        raise InputError(
+            f"controller must be one of {expected}, got {name!r}; {meant(name, NAMES, 'name one of these')}"
+        )
     return own_controller(name or controller, robot, task)

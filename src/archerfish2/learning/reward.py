@@ -5,7 +5,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from archerfish2.arrays import Array, namespace, tree
-from archerfish2.errors import InputError
+from archerfish2.errors import InputError, meant
 from archerfish2.plugins import FORMS, Plugin, find_plugin, is_plugin
 from archerfish2.protocols import Command, Seen, Shot
 
@@ -93,5 +93,7 @@ def make_reward(reward: str | RewardFunction, hit_radius_m: float) -> Any:
     if isinstance(reward, str) and reward in REWARDS:
         return Reward(*(np.asarray(number) for number in (*REWARDS[reward], hit_radius_m)))
     if isinstance(reward, str) and not is_plugin(reward, "reward"):
-        raise InputError(f"reward must be one of {', '.join(REWARDS)}, or one of your own ({FORMS}), got {reward!r}")
+        expected = f"{', '.join(REWARDS)}, or one of your own ({FORMS})"
+        remedy = meant(reward, REWARDS, "name one of these")
+        raise InputError(f"reward must be one of {expected}, got {reward!r}; {remedy}")
     return UserReward(find_plugin(reward, "reward"))

@@ -81,7 +81,7 @@ class RunFolder:
 
     def log(self, new: list[dict[str, Any]]) -> None:
         """Write further rows to the log."""
-        with storage.writing(self.path / LOG), (self.path / LOG).open("a") as stream:
+        with storage.writing(self.path / LOG), (self.path / LOG).open("a", encoding="utf-8") as stream:
             stream.writelines(json.dumps(row, allow_nan=False) + "\n" for row in new)
 
     def save(self, learner: Any) -> None:

@@ -1,14 +1,14 @@
 """Records: strict structs whose fields are checked, whether a file or a program makes them."""
 
 import functools
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
 import msgspec
 from msgspec import Meta
 
-from archerfish2.errors import InputError
+from archerfish2.errors import InputError, meant
 from archerfish2.records.json_files import Number, decode, fault, plain, read_struct, write_json
 
 Text = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f\ud800-\udfff]*\Z", max_length=1000)]
@@ -33,13 +33,22 @@ class _Checked(msgspec.StructMeta):
     """The type of records, so that an unknown field is named as in a file, with those that there are."""
 
     def __call__(self, *values: Any, **fields: Any) -> Any:
-        if unknown := sorted(fields.keys() - {*self.__struct_fields__}):
-            known = ", ".join(self.__struct_fields__)
-            raise InputError(f"{self.__name__}: there is no field {unknown[0]}; fields are {known}")
+        self.check_names(fields)
         missing = [field.name for field in _fields(self) if field.required and field.name not in fields]
         if missing and not values:
             raise InputError(f"{self.__name__}: field {missing[0]} is missing; give {', '.join(missing)}")
         return super().__call__(*values, **fields)
+
+    def check_names(self, fields: Mapping[str, Any]) -> None:
+        """Refuse a field that there is not.
+
+        Raises:
+          InputError: naming it.
+        """
+        if unknown := sorted(fields.keys() - {*self.__struct_fields__}):
+            known = self.__struct_fields__
+            remedy = meant(unknown[0], known, f"fields are {', '.join(known)}")
+            raise InputError(f"{self.__name__}: there is no field {unknown[0]}; {remedy}")
 
     @property
     def __signature__(self) -> Any:
@@ -62,14 +71,18 @@ class Struct(
         for field in _fields(type(self)):
             name, kind, value = field.name, field.type, getattr(self, field.name)
             value = value if isinstance(value, msgspec.Struct) else plain(value)
+            if isinstance(value, dict) and isinstance(kind, _Checked):
+                kind.check_names(value)
             try:
                 value = msgspec.convert(value, kind, dec_hook=decode)
             except msgspec.ValidationError as error:
                 text, parts = fault(error, value, f".{name}"), (kind, *get_args(kind))
                 text = text.replace("expected object", f"expected a {getattr(kind, '__name__', 'record')}")
+                remedy = "correct it"
                 if choices := [str(word) for part in parts if get_origin(part) is Literal for word in get_args(part)]:
                     text += f", expected one of {', '.join(choices)}"
-                raise InputError(f"{type(self).__name__}: {text}; correct it") from error
+                    remedy = meant(str(value), choices, remedy)
+                raise InputError(f"{type(self).__name__}: {text}; {remedy}") from error
             msgspec.structs.force_setattr(self, name, value)
 
     def replace(self, **changes: Any) -> Self:

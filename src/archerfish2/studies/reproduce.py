@@ -122,7 +122,7 @@ def learning_curves(policies: Path) -> tuple[LearningCurve, ...]:
     curves = list[LearningCurve]()
     for path in sorted(policies.glob("*-curve-*")):
         targets: Any = path.name.partition("-")[0]
-        rows = [json.loads(line) for line in (path / "log.jsonl").read_text().splitlines()]
+        rows = [json.loads(line) for line in (path / "log.jsonl").read_text("utf-8").splitlines()]
         seed = int(path.name.rpartition("-")[2])
         columns = {name: tuple(row[name] for row in rows) for name in ("decisions", "mean_reward")}
         curves.append(LearningCurve(targets=targets, seed=seed, **columns))

@@ -1,6 +1,5 @@
 """Reading a robot's TOML file: strict, so that a misspelt field or a wrong unit never passes for a default."""
 
-import difflib
 import re
 import tomllib
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import Any, get_args, get_type_hints
 
 import msgspec
 
-from archerfish2.errors import InputError, file_error, one_line
+from archerfish2.errors import InputError, file_error, meant, one_line
 from archerfish2.records.json_files import fault
 from archerfish2.storage import read_bytes
 from archerfish2.virtual_robot.description import RobotDescription
@@ -34,7 +33,7 @@ def robot_path(name_or_path: str | Path) -> Path:
     path = _ROBOTS / f"{name_or_path}.toml" if str(name_or_path) in names else Path(name_or_path)
     known = f"known are {', '.join(names)}, or give a TOML file (docs2/virtual_robot.md)"
     if not str(name_or_path) or (path.suffix != ".toml" and not path.exists()):
-        raise InputError(f"no robot {str(name_or_path)!r}; {known}")
+        raise InputError(f"no robot {str(name_or_path)!r}; {meant(str(name_or_path), names, known)}")
     if path.is_dir():
         raise file_error(path, "is a folder, expected a robot's description", known)
     return path
@@ -96,5 +95,4 @@ def _misnamed(name: str, fields: list[str]) -> tuple[str, str]:
             if unit:
                 return f'has the unit "{unit[0][1:]}", expected {field}', "convert the value"
             return f"does not say its unit, expected {field}", "name it so, in that unit"
-    near = difflib.get_close_matches(name, fields, n=1)
-    return "there is no such field", f"did you mean {near[0]}?" if near else f"fields are {', '.join(fields)}"
+    return "there is no such field", meant(name, fields, f"fields are {', '.join(fields)}")

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Self
 
 from archerfish2 import storage
-from archerfish2.errors import InputError
+from archerfish2.errors import InputError, meant
 from archerfish2.reports.progress import bar
 from archerfish2.robot import Robot, RobotLike
 from archerfish2.task import Task, TaskLike
@@ -64,7 +64,8 @@ class VirtualRobot:
         folder = Path(folder)
         chosen = [parts] if isinstance(parts, str) else [*parts] or [*PARTS]
         if unknown := sorted(set(chosen) - PARTS.keys()):
-            raise InputError(f"parts: there is no {unknown[0]!r}, expected some of {', '.join(PARTS)}; name these")
+            remedy = meant(str(unknown[0]), PARTS, "name these")
+            raise InputError(f"parts: there is no {unknown[0]!r}, expected some of {', '.join(PARTS)}; {remedy}")
         if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
             raise InputError(f"seed must be a whole number, at least 0, got {seed!r}; choose another")
         facts = {"robot": self.name, "seed": seed, "parts": chosen}

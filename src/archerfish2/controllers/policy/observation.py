@@ -15,7 +15,7 @@ from archerfish2.arrays import single_precision
 from archerfish2.controllers.policy.blocks import OBSERVATIONS
 from archerfish2.controllers.policy.observer import Observer
 from archerfish2.dynamics.muzzle import Muzzle
-from archerfish2.errors import InputError
+from archerfish2.errors import InputError, meant
 from archerfish2.plugins import find_plugin
 from archerfish2.records.record import Share, Struct
 from archerfish2.robot import Robot
@@ -98,7 +98,8 @@ def observer_facts(observation: str | tuple[str, ...], robot: Robot, task: Task,
     """
     kind, *own = (observation,) if isinstance(observation, str) else observation or ("",)
     if kind not in OBSERVATIONS:
-        raise InputError(f"observation must be one of {', '.join(OBSERVATIONS)}, got {kind!r}; then blocks of your own")
+        remedy = meant(str(kind), OBSERVATIONS, "name one, then blocks of your own")
+        raise InputError(f"observation must be one of {', '.join(OBSERVATIONS)}, got {kind!r}; {remedy}")
     tracker = None
     if kind in ACCELERATION:
         if robot.sensing is None and kind == "tracked":
