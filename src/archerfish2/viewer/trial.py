@@ -1,0 +1,182 @@
+"""One trial: some engagements of a controller, with what there is to see at any moment."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from archerfish2.dynamics.aiming import intercept
+from archerfish2.dynamics.muzzle import Muzzle, direction
+from archerfish2.dynamics.pellet import flat_fire_drop, flat_fire_position
+from archerfish2.evaluation.hit_rate import HitRate, hit_rate, paired_difference
+from archerfish2.evaluation.rollout import Trajectory, draw_in_turn, run_engagements
+from archerfish2.protocols import Shot
+from archerfish2.simulation.world import make_world
+from archerfish2.viewer.choice import Choice, Setup, chosen_controller, chosen_robot, chosen_task
+from archerfish2.viewer.motions import Floats
+
+AFTER_S = 0.3
+"""Shown of an engagement after its last shot: pellets land [s]."""
+
+
+class Trial(NamedTuple):
+    """N engagements of T decisions; the pellet of decision i leaves at (i + 1) periods, if it fires one."""
+
+    period_s: float  # between decisions [s]
+    hit_radius: float  # largest miss that hits [m]
+    muzzle: Muzzle  # best estimate, ()
+    motions: tuple[str, ...]  # of the engagements' targets
+    angle: Floats  # pitch and yaw at the decisions and after the last [rad], (N, T + 1, 2)
+    command: Floats  # in force then [rad], (N, T + 1, 2)
+    place: Floats  # plate at multiples of the period [m], (N, M, 3) with M > T
+    hit: NDArray[np.bool_]  # (N, T)
+    flight_time: Floats  # [s], infinite of a pellet that was not fired or crosses no plate, (N, T)
+    miss: Floats  # left and up of the plate's centre [m], (N, T, 2)
+    start: Floats  # of the pellets [m], (N, T, 3)
+    velocity: Floats  # of the pellets there [m/s], (N, T, 3)
+    error: Floats  # gimbal less the angles of perfect aim [rad], NaN where not yet known, (N, T, 2)
+
+    @property
+    def fired_at(self) -> Floats:
+        """When the pellets leave [s], shape (T,)."""
+        return self.period_s * np.arange(1, self.hit.shape[1] + 1)
+
+    @property
+    def shown_s(self) -> float:
+        """How long one engagement is shown [s]."""
+        return float(self.period_s * (self.place.shape[1] - 1))
+
+    @property
+    def hits(self) -> NDArray[np.int_]:
+        """Hits of each engagement, shape (N,)."""
+        return np.asarray(self.hit.sum(axis=1))
+
+
+class Moment(NamedTuple):
+    """What is to be seen at one moment of one engagement."""
+
+    angle: Floats  # pitch and yaw of the gimbal [rad], (2,)
+    command: Floats  # in force [rad], (2,)
+    place: Floats  # plate [m], (3,)
+    pellets: Floats  # in flight [m], (k, 3)
+    misses: Floats  # of those that have crossed the plate's plane, left and up [m], (j, 2)
+    hit: NDArray[np.bool_]  # of those, (j,)
+
+
+def run_trial(setup: Setup, choice: Choice) -> Trial:
+    """Let a controller shoot in the engagements of a choice, in NumPy, so that another choice compiles nothing.
+
+    Raises:
+      InputError: if the choice can't be simulated.
+    """
+    robot, task = chosen_robot(setup, choice), chosen_task(setup, choice)
+    world, cells = make_world(robot, task), task.cells()
+    engagement, normals = draw_in_turn(cells, choice.engagements, choice.seed, world)
+    trajectory = run_engagements(world, chosen_controller(setup, choice), engagement, normals, may_compile=False)
+    motions = tuple(cells[number % len(cells)].motion for number in range(choice.engagements))
+    return trial_of(trajectory, world.muzzle, task.period_s, task.hit_radius_m, motions)
+
+
+def trial_of(
+    trajectory: Trajectory, muzzle: Muzzle, period_s: float, hit_radius: float, motions: tuple[str, ...]
+) -> Trial:
+    """Return what there is to see of a rollout.
+
+    Args:
+      trajectory: of N engagements.
+      muzzle: best estimate, shape ().
+      period_s: of decisions [s].
+      hit_radius: largest miss that hits [m].
+      motions: names of the N targets' motions.
+    """
+    count, steps = trajectory.hit.shape
+    target, begun = trajectory.engagement.target, trajectory.engagement.start[:, None]
+
+    def plate(times: Any) -> Floats:
+        times = np.asarray(times, np.float32)
+        return np.asarray(target.at(np.broadcast_to(times, (len(times), count))).position[..., 0, :])
+
+    shown = period_s * np.arange(steps + 1 + round(AFTER_S / period_s))
+    shot, fired_at = trajectory.shot, np.broadcast_to(shown[1 : steps + 1, None], (steps, count)).astype(np.float32)
+    crossed_at = fired_at + np.nan_to_num(shot.flight_time.T)
+    start, velocity = pellets_of(shot, np.moveaxis(plate(crossed_at), 0, 1), muzzle)
+    return Trial(
+        period_s,
+        hit_radius,
+        muzzle,
+        motions,
+        angle=np.concatenate([begun, shot.angle], axis=1),
+        command=np.concatenate([begun, trajectory.in_force], axis=1),
+        place=np.moveaxis(plate(shown[:, None]), 0, 1),
+        hit=trajectory.hit,
+        flight_time=np.where(np.isfinite(shot.flight_time), shot.flight_time, np.inf),
+        miss=shot.miss,
+        start=start,
+        velocity=velocity,
+        error=shot.angle - np.moveaxis(np.asarray(intercept(plate, fired_at, muzzle).angle), 0, 1),
+    )
+
+
+def pellets_of(shot: Shot, plate: Floats, muzzle: Muzzle) -> tuple[Floats, Floats]:
+    """Return where pellets start and how fast: flat fire through the muzzle and the point where they cross the plate.
+
+    Args:
+      shot: of shape B.
+      plate: its centre when the pellets cross it [m], shape B + (3,).
+      muzzle: best estimate; only drag and length count, shape ().
+
+    Returns:
+      Start [m] and velocity [m/s], shape B + (3,) each; of a pellet that was not fired they mean nothing.
+    """
+    start = np.asarray(float(muzzle.length) * direction(shot.angle))
+    end = plate + np.concatenate([np.zeros_like(shot.miss[..., :1]), shot.miss], axis=-1)
+    time, drag = np.where(shot.flight_time > 0.0, shot.flight_time, 1.0), float(muzzle.drag)
+    line = end - start
+    for _ in range(3):  # the drop depends a little on the speed
+        length = np.linalg.norm(line, axis=-1)
+        speed = (np.expm1(drag * length) / drag if drag else length) / time
+        line = end - start
+        line[..., 2] += flat_fire_drop(time, drag * speed)
+    return start, line * (speed / np.linalg.norm(line, axis=-1))[..., None]
+
+
+def moment(trial: Trial, number: int, time: float) -> Moment:
+    """Return what is to be seen of an engagement at a time since it began [s]."""
+    flight, at = trial.flight_time[number], time / trial.period_s
+    crossed = trial.fired_at + flight <= time
+    flying = np.isfinite(flight) & (trial.fired_at <= time) & ~crossed
+    since = (time - trial.fired_at)[flying]
+    flown = flat_fire_position(trial.velocity[number][flying], np.full(len(since), float(trial.muzzle.drag)), since)
+    return Moment(
+        angle=_between(trial.angle[number], at),
+        command=trial.command[number][min(int(at) + 1, trial.command.shape[1] - 1)],
+        place=_between(trial.place[number], at),
+        pellets=trial.start[number][flying] + flown,
+        misses=trial.miss[number][crossed],
+        hit=trial.hit[number][crossed],
+    )
+
+
+def _between(rows: Floats, at: float) -> Floats:
+    """Return a row between two rows, the last one beyond the end, shape (M, n) → (n,)."""
+    first = min(max(int(at), 0), len(rows) - 1)
+    second, share = min(first + 1, len(rows) - 1), min(max(at - first, 0.0), 1.0)
+    return np.asarray((1.0 - share) * rows[first] + share * rows[second])
+
+
+def rate_text(rate: HitRate) -> str:
+    """Return a hit rate with its interval."""
+    return f"{100 * rate.rate:.1f} % ({100 * rate.low:.1f}–{100 * rate.high:.1f})"
+
+
+def trial_text(trial: Trial) -> str:
+    """Return hits and hit rate of a whole trial."""
+    rate = hit_rate(trial.hits, trial.hit.shape[1])
+    return f"{rate.hits} of {rate.decisions} hit, {rate_text(rate)}"
+
+
+def difference_text(trial: Trial, other: Trial) -> str:
+    """Return by how many points a trial's rate is above another's in the same engagements, with its interval."""
+    found = paired_difference(trial.hits, other.hits, trial.hit.shape[1])
+    points = [f"{100 * value:+.1f}".replace("-", "−") for value in found]
+    return f"{points[0]} points ({points[1]} to {points[2]})"
