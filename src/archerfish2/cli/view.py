@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 from archerfish2.cli.options import ForRobot, shown
+from archerfish2.controllers.registry import is_policy
 from archerfish2.errors import InputError
-from archerfish2.viewer.choice import Choice, Setup, first_choice, make_setup, own_policy
+from archerfish2.viewer.choice import Choice, Setup, first_choice, make_setup
 from archerfish2.viewer.film import check_film, write_film
 from archerfish2.viewer.trial import run_trial, trial_text
 
@@ -50,9 +51,9 @@ class View(ForRobot):
         elif not all(map(importlib.util.find_spec, ("viser", "websockets"))):
             raise InputError("the page needs viser, which is not installed; pip install 'archerfish[view]'")
         robot, task = self.robot_and_task()
-        own = own_policy(self.folder)
-        first = [self.controller or (own[0] if own else "kalman")]
-        setup = make_setup(robot, task, [*first, *own])
+        first = [self.controller] if self.controller else []
+        own = [] if is_policy(self.controller) else self.own_policy()
+        setup = make_setup(robot, task, [*first, *own, "kalman"])
         distance = {} if self.distance_m is None else {"distance": self.distance_m}
         choice = first_choice(setup, engagements=self.engagements, seed=self.seed, **distance)
         trial = run_trial(setup, choice)  # a controller that can't be used is refused before anything is shown

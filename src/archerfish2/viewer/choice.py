@@ -1,8 +1,7 @@
 """What is chosen on the page, and the world, the task and the controller that follow from it."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from archerfish2.controllers.registry import NAMES
@@ -19,14 +18,8 @@ HALF_RANGE_M = 0.05
 """Distances of a trial's targets differ by so much from the chosen one [m]."""
 FEEDBACK_RATE_HZ = 1000.0
 """Of the link of a robot without sensing record to which a latency is added [Hz]."""
-LIMITS = {
-    "distance": (1.0, 8.0),
-    "speed": (0.0, 3.0),
-    "dispersion": (0.0, 4.0),
-    "camera_latency": (0.0, 0.1),
-    "command_latency": (0.0, 0.1),
-}
-"""Field of `Choice` → smallest and largest value that the page offers."""
+DISTANCES_M, SPEEDS_M_S = (1.0, 8.0), (0.0, 3.0)
+"""Distances and speeds that the page offers [m], [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -105,15 +98,16 @@ def first_choice(setup: Setup, **changes: Any) -> Choice:
     Raises:
       InputError: if a distance or a number of engagements is out of bounds.
     """
-    task, low, high = setup.task, *LIMITS["distance"]
+    task, (near, far) = setup.task, DISTANCES_M
     middle = 0.5 * (task.ranges_m[0][0] + task.ranges_m[-1][1])
-    usual: dict[str, Any] = {"controller": next(iter(setup.controllers)), "motion": task.motion}
-    usual |= {"distance": min(max(middle, low), high), "speed": min(task.max_speed_m_s, LIMITS["speed"][1])}
-    choice = Choice(**{**usual, **changes})
-    if not low <= choice.distance <= high:
-        raise InputError(f"the distance must be {low:g}…{high:g} m, got {choice.distance:g}; choose one of these")
+    distance, speed = min(max(middle, near), far), min(task.max_speed_m_s, SPEEDS_M_S[1])
+    choice = replace(Choice(next(iter(setup.controllers)), task.motion, distance, speed), **changes)
+    if not near <= choice.distance <= far:
+        raise InputError(f"the distance must be {near:g}…{far:g} m, got {choice.distance:g}; choose one of these")
     if not 2 <= choice.engagements <= 200:
         raise InputError(f"engagements must be 2…200, got {choice.engagements}; intervals take at least 2")
+    if choice.seed < 0:
+        raise InputError(f"seed must be at least 0, got {choice.seed}; choose another")
     return choice
 
 
@@ -139,10 +133,9 @@ def chosen_robot(setup: Setup, choice: Choice) -> Robot:
 
 def _exact_sensing(task: Task) -> SensingRecord:
     """Return a camera and a link without noise and latency."""
-    exact = dict.fromkeys(("time_offset", "stamp_jitter", "bearing_sd", "elevation_sd", "range_sd"), 0.0)
-    exact |= dict.fromkeys(("miss_probability", "outlier_share", "latency"), 0.0)
-    rate_hz = 1.0 / task.period_s
-    camera = CameraRecord(rate_hz=rate_hz, noise_range=1.0, latency_basis="exposure", **exact)
+    names = "time_offset stamp_jitter bearing_sd elevation_sd range_sd miss_probability outlier_share latency"
+    exact: dict[str, Any] = dict.fromkeys(names.split(), 0.0)
+    camera = CameraRecord(rate_hz=1.0 / task.period_s, noise_range=1.0, latency_basis="exposure", **exact)
     return SensingRecord(camera=camera, link=LinkRecord(feedback_rate_hz=FEEDBACK_RATE_HZ, command_latency=0.0))
 
 
@@ -164,9 +157,3 @@ def chosen_controller(setup: Setup, choice: Choice) -> Any:
         raise InputError(f"controller must be one of {names}, got {choice.controller!r}; name one of these")
     contender = setup.controllers[choice.controller]
     return contender.make(setup.robot, chosen_task(setup, choice), setup.tunings.get(choice.controller))
-
-
-def own_policy(folder: Path | None) -> list[str]:
-    """Return the trained policy of a robot's folder, none without."""
-    policy = folder and folder / "policy"
-    return [str(policy)] if policy and (policy / "policy.safetensors").is_file() else []

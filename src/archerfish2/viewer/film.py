@@ -75,27 +75,13 @@ def ellipse(trial: Trial, choice: Choice) -> list[float]:
 
 
 def _engagement(trial: Trial, number: int) -> dict[str, Any]:
-    flights = trial.flight_time[number]
-    shots = [
-        {
-            "time": float(f"{fired_at:.{_DIGITS}f}"),
-            "flight": float(f"{flights[at]:.{_DIGITS + 1}f}") if np.isfinite(flights[at]) else None,
-            "hit": bool(trial.hit[number, at]),
-            "miss": _rounded(np.nan_to_num(trial.miss[number, at])),
-            "start": _rounded(trial.start[number, at]),
-            "velocity": _rounded(np.nan_to_num(trial.velocity[number, at])),
-        }
-        for at, fired_at in enumerate(trial.fired_at)
-    ]
-    return {
-        "motion": trial.motions[number],
-        "gimbal": _rounded(trial.angle[number]),
-        "command": _rounded(trial.command[number]),
-        "plate": _rounded(trial.place[number]),
-        "error": _rounded(trial.error[number]),
-        "shots": shots,
-    }
+    """Return the fields of an engagement; null stands for a shot that was not fired or crosses nothing."""
+    fields = {"gimbal": trial.angle, "command": trial.command, "plate": trial.place, "error": trial.error}
+    fields |= {"flight_time": trial.flight_time, "miss": trial.miss, "start": trial.start, "velocity": trial.velocity}
+    listed = {name: _listed(values[number]) for name, values in fields.items()}
+    return {"motion": trial.motions[number], "hit": trial.hit[number].tolist(), **listed}
 
 
-def _rounded(values: Floats) -> Any:
-    return np.round(np.asarray(values, np.float64), _DIGITS).tolist()
+def _listed(values: Floats) -> Any:
+    rounded = np.round(values.astype(np.float64), _DIGITS)
+    return np.where(np.isfinite(rounded), rounded, np.array(None)).tolist()

@@ -3,8 +3,7 @@
 So a shot is scored when its pellet has crossed the plate's plane.
 """
 
-import itertools
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,16 +17,8 @@ from archerfish2.viewer.trial import Trial, pellets_of
 
 LONGEST_S = 30.0
 """A run ends after this, and another begins [s]."""
-
-
-class _Fired(NamedTuple):
-    """A decision whose shot is not yet scored."""
-
-    time: Floats  # of the shot [s], (1,)
-    angle: Floats  # of the gimbal [rad], (1, 2)
-    rate: Floats  # of the gimbal [rad/s], (1, 2)
-    fire: Any  # (1,)
-    normals: Floats  # (1, n)
+UNKNOWN_FLIGHT_S = 0.2
+"""Taken for the flight time where there is no pellet, or it crosses nothing [s]."""
 
 
 class HandRun:
@@ -50,8 +41,10 @@ class HandRun:
         self._seen = self._world.see(self._state)
         self._memory = self._controller.reset(self._seen)
         self._angles, self._commands = [start[0]], [start[0]]
-        self._pending: list[_Fired] = []
-        self._scored: list[tuple[Any, ...]] = []  # (hit, flight time, miss, start, velocity, error) of each decision
+        self._pending: list[tuple[Any, ...]] = []  # (time, angle, rate, fire, normals) of shots that are not yet scored
+        self._scored = 0
+        sizes = {"hit": (), "flight_time": (), "miss": (2,), "start": (3,), "velocity": (3,), "error": (2,)}
+        self._fields = {name: np.full((1, self._steps, *size), np.nan) for name, size in sizes.items()}
 
     def _draw(self) -> Floats:
         return self._generator.standard_normal((1, self._world.normals)).astype(np.float32)
@@ -83,36 +76,31 @@ class HandRun:
         self._commands.append(self._seen.command[0])
         _, rate = self._world.hardware.angle_and_rate(self._state.hardware, self._engagement)
         time = np.array([self.elapsed], np.float32)
-        self._pending.append(_Fired(time, shot.angle, rate, shot.fired, normals))
+        self._pending.append((time, shot.angle, rate, shot.fired, normals))
         self._score()
 
     def _score(self) -> None:
         """Score the pellets that have crossed the plate's plane by now, in the order of their shots."""
-        fired = _Fired(*(np.stack(values) for values in zip(*self._pending, strict=True)))
-        shots = self._world.shoot(self._engagement, *fired)
-        crossed = np.where(np.isfinite(shots.flight_time), fired.time + shots.flight_time, fired.time + 0.2)
-        for time, crossed_at, values in zip(fired.time, crossed, zip(*shots, strict=True), strict=True):
+        times, *rest = (np.stack(values) for values in zip(*self._pending, strict=True))
+        shots = self._world.shoot(self._engagement, times, *rest)
+        crossed = times + np.nan_to_num(shots.flight_time, nan=UNKNOWN_FLIGHT_S)
+        for time, crossed_at, values in zip(times, crossed, zip(*shots, strict=True), strict=True):
             if crossed_at[0] > self.elapsed:
                 break
             shot, muzzle = Shot(*values), self._world.muzzle
             start, velocity = pellets_of(shot, self._path.at(crossed_at).position[:, 0], muzzle)
             aim = intercept(lambda times: self._path.at(times).position[..., 0, :], time, muzzle).angle
-            hit, flight = shot.fired & (shot.margin >= 0.0), np.nan_to_num(shot.flight_time, nan=np.inf)
-            self._scored.append((hit, flight, shot.miss, start, velocity, shot.angle - aim))
+            hit = shot.fired & (shot.margin >= 0.0)
+            found = (hit, shot.flight_time, shot.miss, start, velocity, shot.angle - aim)
+            for field, value in zip(self._fields.values(), found, strict=True):
+                field[0, self._scored] = value[0]
+            self._scored += 1
             self._pending.pop(0)
 
     def trial(self) -> Trial:
         """Return what there is to see so far, as a trial of one engagement."""
         count = len(self._angles) - 1
-        empty = (False, np.inf, *(np.full(size, np.nan) for size in (2, 3, 3, 2)))
-        rows = [*([value[0] for value in values] for values in self._scored)]
-        rows = [*rows, *itertools.repeat([*empty], count - len(rows))]
-        shapes = ((), (), (2,), (3,), (3,), (2,))
-        columns = zip(*rows, strict=True) if rows else ((),) * len(shapes)
-        fields = [
-            np.asarray(column, bool if place == 0 else np.float64).reshape(1, count, *shape)
-            for place, (column, shape) in enumerate(zip(columns, shapes, strict=True))
-        ]
-        angle, command, place = np.stack(self._angles)[None], np.stack(self._commands)[None], self._path.places[None]
-        facts = self._task.period_s, self._task.hit_radius_m, self._world.muzzle, (HAND,)
-        return Trial(*facts, angle, command, place.copy(), *fields)
+        fields = {name: values[:, :count].copy() for name, values in self._fields.items()}
+        fields |= {"hit": fields["hit"] == 1.0, "place": self._path.places[None].copy()}
+        fields |= {"angle": np.stack(self._angles)[None], "command": np.stack(self._commands)[None]}
+        return Trial(self._task.period_s, self._task.hit_radius_m, self._world.muzzle, (HAND,), **fields)

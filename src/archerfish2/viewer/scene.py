@@ -19,8 +19,6 @@ PLATE_M = (0.135, 0.125)
 """Width and height of a small armor module [m]."""
 BOARD_SCALE, BOARD_REACH_M = 6.0, 0.14
 """Magnification of the board that shows the plate's plane, and what it shows of it to each side [m]."""
-MOST_PELLETS = 32
-"""Drawn in flight at once."""
 PELLET_SIZE_M = 0.034
 """As drawn [m]: twice a pellet's."""
 Point = tuple[float, float, float]
@@ -49,10 +47,12 @@ class Scene:
         self._scene.add_line_segments("/robot/command/ray", ray, PELLET, thickness=0.006)
         self._target = self._build_target()
         self._shots = self._points("/target/shots", 0.017)
-        self._board = self._build_board()
+        self._board = self._scene.add_frame("/board", show_axes=False)
+        side, turned = 2.0 * BOARD_SCALE * BOARD_REACH_M, (0.5, 0.5, -0.5, -0.5)
+        self._scene.add_image("/board/back", _board_picture(), side, side, wxyz=turned, position=(0.02, 0.0, 0.0))
         self._enlarged = self._points("/board/shots", 0.042)
         self._pellets = self._points("/pellets", PELLET_SIZE_M)
-        self._crossed = self._in_flight = -1
+        self._crossed = -1
 
     def _draw_surroundings(self) -> None:
         # Without a graphics card, light from an environment takes over a second per picture, and lamps a twentieth.
@@ -60,8 +60,7 @@ class Scene:
         self._scene.configure_default_lights(cast_shadow=False)
         self._scene.add_light_ambient("/light", intensity=1.3)
         self._scene.add_light_directional("/lamp", intensity=1.2, position=(-3.0, -2.0, 2.0), cast_shadow=False)
-        colours = {"cell_color": PALE, "section_color": (190, 196, 205)}
-        self._scene.add_grid("/floor", 14.0, 8.0, position=(4.0, 0.0, FLOOR_Z), **colours)
+        self._scene.add_grid("/floor", 14.0, 8.0, position=(4.0, 0.0, FLOOR_Z), cell_color=PALE, section_color=PALE)
 
     def _build_robot(self) -> tuple[Any, Any]:
         scene, half = self._scene, math.sqrt(0.5)
@@ -71,34 +70,23 @@ class Scene:
             scene.add_cylinder(f"/robot/wheel_{number}", 0.09, 0.06, INK, wxyz=(half, half, 0.0, 0.0), position=place)
         scene.add_cylinder("/robot/column", 0.09, 0.12, STEEL, position=(0.0, 0.0, FLOOR_Z + 0.26))
         yaw = scene.add_frame("/robot/yaw", show_axes=False)
-        scene.add_box("/robot/yaw/base", STEEL, (0.2, 0.22, 0.03), position=(0.0, 0.0, -0.12))
-        for name, y in (("left", 0.1), ("right", -0.1)):
-            scene.add_box(f"/robot/yaw/fork_{name}", STEEL, (0.08, 0.02, 0.2), position=(0.0, y, -0.03))
+        scene.add_box("/robot/yaw/fork", STEEL, (0.08, 0.22, 0.1), position=(0.0, 0.0, -0.1))
         pitch = scene.add_frame("/robot/yaw/pitch", show_axes=False)
         scene.add_box("/robot/yaw/pitch/head", (80, 110, 150), (0.2, 0.14, 0.11), position=(-0.01, 0.0, 0.0))
-        pose = {"wxyz": (half, 0.0, half, 0.0), "position": (0.2, 0.0, 0.0)}
-        scene.add_cylinder("/robot/yaw/pitch/barrel", 0.019, 0.24, INK, **pose)
+        scene.add_box("/robot/yaw/pitch/barrel", INK, (0.24, 0.036, 0.036), position=(0.2, 0.0, 0.0))
         return yaw, pitch
 
     def _build_target(self) -> Any:
         scene, (width, height) = self._scene, PLATE_M
         target = scene.add_frame("/target", show_axes=False)
         scene.add_box("/target/plate", (70, 76, 86), (0.012, width, height), position=(0.008, 0.0, 0.0))
-        for name, side in (("left", 0.5), ("right", -0.5)):
-            place = (0.0, side * (width + 0.016), 0.0)
-            scene.add_box(f"/target/light_{name}", (86, 180, 233), (0.02, 0.012, height), position=place)
+        scene.add_box("/target/lights", (86, 180, 233), (0.012, width + 0.03, height), position=(0.01, 0.0, 0.0))
         scene.add_box("/target/pole", PALE, (0.02, 0.02, 0.36), position=(0.02, 0.0, -0.24))
         return target
 
-    def _build_board(self) -> Any:
-        side, pose = 2.0 * BOARD_SCALE * BOARD_REACH_M, {"wxyz": (0.5, 0.5, -0.5, -0.5), "position": (0.02, 0.0, 0.0)}
-        board = self._scene.add_frame("/board", show_axes=False)
-        self._scene.add_image("/board/back", _board_picture(), side, side, **pose)  # without shades, as a box has them
-        return board
-
     def _points(self, name: str, size: float) -> Any:
         style = {"point_shape": "circle", "precision": "float32", "point_shading": "flat"}
-        return self._scene.add_point_cloud(name, _HIDDEN, MISS, point_size=size, **style)
+        return self._scene.add_point_cloud(name, _HIDDEN, PELLET, point_size=size, **style)
 
     def arrange(self, distance: float, hit_radius: float, ellipse: list[float]) -> None:
         """Put the board beside the target, and draw hit circle and dispersion ellipse.
@@ -116,7 +104,7 @@ class Scene:
         rings["/board/ellipse"] = (_ring(BOARD_SCALE * left, BOARD_SCALE * up, -0.04), GREEN, 0.014)
         for name, (ring, colour, thickness) in rings.items():
             self._scene.add_line_segments(name, ring, colour, thickness=thickness)
-        self._crossed = self._in_flight = -1
+        self._crossed = -1
 
     def draw(self, shown: Moment) -> None:
         """Draw a moment of an engagement."""
@@ -124,21 +112,15 @@ class Scene:
         self._pitch.wxyz = turn(float(shown.angle[0]), 0.0)
         self._command.wxyz = turn(*(float(angle) for angle in shown.command))
         self._target.position = tuple(float(part) for part in shown.place)
-        flying = shown.pellets[-MOST_PELLETS:].astype(np.float32)
-        if len(flying) or self._in_flight != 0:
-            self._pellets.colors = np.array(PELLET, np.uint8)
-            self._pellets.points = flying if len(flying) else _HIDDEN
-        self._in_flight = len(flying)
-        if len(shown.misses) != self._crossed:
-            self._draw_shots(shown.misses, shown.hit)
-
-    def _draw_shots(self, misses: Floats, hit: NDArray[np.bool_]) -> None:
-        self._crossed = len(misses)
-        colours = np.where(hit[:, None], HIT, MISS).astype(np.uint8)
+        self._pellets.points = shown.pellets.astype(np.float32) if len(shown.pellets) else _HIDDEN
+        if len(shown.misses) == self._crossed:
+            return
+        self._crossed = len(shown.misses)
+        colours = np.where(shown.hit[:, None], HIT, MISS).astype(np.uint8)
         reaches = ((self._shots, 1.0, 1.5 * BOARD_REACH_M), (self._enlarged, BOARD_SCALE, BOARD_REACH_M))
         for cloud, scale, reach in reaches:  # what passes farther off is drawn at the edge
-            places = scale * np.clip(misses, -reach, reach)
-            points = np.concatenate([np.full((len(places), 1), -0.05), places], axis=1).astype(np.float32)
+            places = scale * np.clip(shown.misses, -reach, reach)
+            points = np.pad(places, ((0, 0), (1, 0)), constant_values=-0.05).astype(np.float32)
             cloud.points = points if len(points) else _HIDDEN
             cloud.colors = colours if len(points) else np.array([MISS], np.uint8)
 
@@ -161,9 +143,7 @@ def _board_picture(pixels: int = 280) -> NDArray[np.uint8]:
     picture = np.full((pixels, pixels, 3), 252, np.uint8)
     away = np.abs((np.arange(pixels) + 0.5) * 2 * BOARD_REACH_M / pixels - BOARD_REACH_M)
     picture[(away[:, None] <= PLATE_M[1] / 2) & (away[None, :] <= PLATE_M[0] / 2)] = PALE
-    inside = picture[3:-3, 3:-3].copy()
-    picture[:] = STEEL
-    picture[3:-3, 3:-3] = inside
+    picture[np.maximum(away[:, None], away) > BOARD_REACH_M - 0.002] = STEEL
     return picture
 
 

@@ -6,7 +6,6 @@ Origin of its request, the second in its Host.
 """
 
 import contextlib
-import errno
 import http
 import inspect
 import io
@@ -22,24 +21,12 @@ from archerfish2.errors import InputError
 LOOPBACK = "127.0.0.1"
 NAMES = (LOOPBACK, "localhost")
 """Under which the page may be asked for."""
-POLICY = (
-    "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; worker-src 'self' blob: data:; "
-    "style-src 'self' 'unsafe-inline' blob: data:; font-src 'self' blob: data:; img-src 'self' blob: data:; "
-    "connect-src 'self' blob: data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-)
-"""What the page may load: nothing from elsewhere; viser's client is one file that unpacks itself."""
-
-
-class PageServer(viser.ViserServer):
-    """viser's server without its tunnel to the outside, which any client could ask for."""
-
-    def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002
-        """Publish nothing."""
-        return None
+POLICY = "default-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; frame-ancestors 'none'"
+"""What the page may load: nothing from elsewhere; no other page may show it in a frame, to have it clicked unseen."""
 
 
 @contextlib.contextmanager
-def page_server(port: int) -> Iterator[PageServer]:
+def page_server(port: int) -> Iterator[Any]:
     """Serve on loopback while a block runs.
 
     Args:
@@ -49,16 +36,17 @@ def page_server(port: int) -> Iterator[PageServer]:
       InputError: if the port can't be had.
     """
     check_port(port)
-    silent, served = contextlib.redirect_stdout(io.StringIO()), list[int]()
-    with silent, _guarded(served):
-        server = PageServer(host=LOOPBACK, port=port, label="Archerfish", verbose=False)
+    served, silence = list[int](), contextlib.redirect_stdout(io.StringIO())  # viser prints on standard output
+    with _guarded(served), silence:
+        server: Any = viser.ViserServer(host=LOOPBACK, port=port, label="Archerfish", verbose=False)
+        server.request_share_url = lambda **_: None  # any client could ask for the tunnel
     try:
         if not served:  # better no page than one without the check
             raise RuntimeError(f"viser {viser.__version__} does not serve through websockets, so it can't be guarded")
         server.gui.configure_theme(show_share_button=False)
         yield server
     finally:
-        with contextlib.redirect_stdout(io.StringIO()):
+        with silence:
             server.stop()
 
 
@@ -70,16 +58,11 @@ def check_port(port: int) -> None:
     """
     if not 0 <= port < 2**16:
         raise InputError(f"--port must be 0…65535, got {port}; choose one of these")
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server: closing connections don't count
-        try:
-            probe.bind((LOOPBACK, port))
-            probe.listen(1)
-        except OSError as error:
-            problem = "is taken" if error.errno == errno.EADDRINUSE else f"can't be had ({error.strerror})"
-            raise InputError(
-                f"--port {port} {problem}; give another one from 1024 on, or 0 for any free one"
-            ) from error
+    try:
+        socket.create_server((LOOPBACK, port)).close()
+    except OSError as error:
+        remedy = "give another one from 1024 on, or 0 for any free one"
+        raise InputError(f"--port {port} can't be had ({error.strerror}); {remedy}") from error
 
 
 def refusal(hosts: Sequence[str], origins: Sequence[str]) -> str:
@@ -89,7 +72,7 @@ def refusal(hosts: Sequence[str], origins: Sequence[str]) -> str:
       hosts: its Host headers.
       origins: its Origin headers; programs that are no browser send none.
     """
-    if len(hosts) != 1 or hosts[0].lower().rpartition(":")[0] not in NAMES:
+    if len(hosts) != 1 or hosts[0].lower().partition(":")[0] not in NAMES:
         return f"the page is not served under the name {', '.join(hosts) or '(none)'}"
     if len(origins) > 1 or any(origin.lower() != f"http://{hosts[0].lower()}" for origin in origins):
         return f"a page of {', '.join(origins)} may not use this one"

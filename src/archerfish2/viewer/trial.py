@@ -9,7 +9,7 @@ from archerfish2.dynamics.aiming import intercept
 from archerfish2.dynamics.muzzle import Muzzle, direction
 from archerfish2.dynamics.pellet import flat_fire_drop, flat_fire_position
 from archerfish2.evaluation.hit_rate import HitRate, hit_rate, paired_difference
-from archerfish2.evaluation.rollout import Trajectory, draw_in_turn, run_engagements
+from archerfish2.evaluation.rollout import draw_in_turn, run_engagements
 from archerfish2.protocols import Shot
 from archerfish2.simulation.world import make_world
 from archerfish2.viewer.choice import Choice, Setup, chosen_controller, chosen_robot, chosen_task
@@ -30,7 +30,7 @@ class Trial(NamedTuple):
     command: Floats  # in force then [rad], (N, T + 1, 2)
     place: Floats  # plate at multiples of the period [m], (N, M, 3) with M > T
     hit: NDArray[np.bool_]  # (N, T)
-    flight_time: Floats  # [s], infinite of a pellet that was not fired or crosses no plate, (N, T)
+    flight_time: Floats  # [s], NaN of a pellet that was not fired or crosses no plate, (N, T)
     miss: Floats  # left and up of the plate's centre [m], (N, T, 2)
     start: Floats  # of the pellets [m], (N, T, 3)
     velocity: Floats  # of the pellets there [m/s], (N, T, 3)
@@ -69,51 +69,35 @@ def run_trial(setup: Setup, choice: Choice) -> Trial:
     Raises:
       InputError: if the choice can't be simulated.
     """
-    robot, task = chosen_robot(setup, choice), chosen_task(setup, choice)
-    world, cells = make_world(robot, task), task.cells()
-    engagement, normals = draw_in_turn(cells, choice.engagements, choice.seed, world)
-    trajectory = run_engagements(world, chosen_controller(setup, choice), engagement, normals, may_compile=False)
-    motions = tuple(cells[number % len(cells)].motion for number in range(choice.engagements))
-    return trial_of(trajectory, world.muzzle, task.period_s, task.hit_radius_m, motions)
-
-
-def trial_of(
-    trajectory: Trajectory, muzzle: Muzzle, period_s: float, hit_radius: float, motions: tuple[str, ...]
-) -> Trial:
-    """Return what there is to see of a rollout.
-
-    Args:
-      trajectory: of N engagements.
-      muzzle: best estimate, shape ().
-      period_s: of decisions [s].
-      hit_radius: largest miss that hits [m].
-      motions: names of the N targets' motions.
-    """
-    count, steps = trajectory.hit.shape
-    target, begun = trajectory.engagement.target, trajectory.engagement.start[:, None]
+    task, count = chosen_task(setup, choice), choice.engagements
+    world, cells = make_world(chosen_robot(setup, choice), task), task.cells()
+    engagement, normals = draw_in_turn(cells, count, choice.seed, world)
+    played = run_engagements(world, chosen_controller(setup, choice), engagement, normals, may_compile=False)
 
     def plate(times: Any) -> Floats:
-        times = np.asarray(times, np.float32)
-        return np.asarray(target.at(np.broadcast_to(times, (len(times), count))).position[..., 0, :])
+        """Return the plates at times [s] of shape (K, N) or (K, 1), shape (K, N, 3)."""
+        times = np.broadcast_to(times, (len(times), count)).astype(np.float32)
+        return np.asarray(engagement.target.at(times).position[..., 0, :])
 
-    shown = period_s * np.arange(steps + 1 + round(AFTER_S / period_s))
-    shot, fired_at = trajectory.shot, np.broadcast_to(shown[1 : steps + 1, None], (steps, count)).astype(np.float32)
-    crossed_at = fired_at + np.nan_to_num(shot.flight_time.T)
-    start, velocity = pellets_of(shot, np.moveaxis(plate(crossed_at), 0, 1), muzzle)
+    steps, begun, shot = played.hit.shape[1], engagement.start[:, None], played.shot
+    shown_at = task.period_s * np.arange(steps + 1 + round(AFTER_S / task.period_s))[:, None]
+    fired_at = np.broadcast_to(shown_at[1 : steps + 1], (steps, count))
+    crossed = np.moveaxis(plate(fired_at + np.nan_to_num(shot.flight_time.T)), 0, 1)
+    start, velocity = pellets_of(shot, crossed, world.muzzle)
     return Trial(
-        period_s,
-        hit_radius,
-        muzzle,
-        motions,
+        period_s=task.period_s,
+        hit_radius=task.hit_radius_m,
+        muzzle=world.muzzle,
+        motions=tuple(cells[number % len(cells)].motion for number in range(count)),
         angle=np.concatenate([begun, shot.angle], axis=1),
-        command=np.concatenate([begun, trajectory.in_force], axis=1),
-        place=np.moveaxis(plate(shown[:, None]), 0, 1),
-        hit=trajectory.hit,
-        flight_time=np.where(np.isfinite(shot.flight_time), shot.flight_time, np.inf),
+        command=np.concatenate([begun, played.in_force], axis=1),
+        place=np.moveaxis(plate(shown_at), 0, 1),
+        hit=played.hit,
+        flight_time=shot.flight_time,
         miss=shot.miss,
         start=start,
         velocity=velocity,
-        error=shot.angle - np.moveaxis(np.asarray(intercept(plate, fired_at, muzzle).angle), 0, 1),
+        error=shot.angle - np.moveaxis(np.asarray(intercept(plate, fired_at, world.muzzle).angle), 0, 1),
     )
 
 
