@@ -4,7 +4,6 @@ import hashlib
 import json
 import re
 import shlex
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,7 +81,7 @@ class Evaluate(Writes, ForRobot):
         """Evaluate, write; `options` are as typed, for run.json."""
         robot, task = Robot.of(self.robot, accept_unusable=self.accept_unusable), self._task()
         out = self.out or self._folder(task)
-        controllers: Any = self.controllers or (*self._own_policy(), *USUAL)
+        controllers: Any = self.controllers or (*self.own_policy(), *USUAL)
         if self.blocks:
             controllers = [load_controller(name, self.blocks) if is_policy(name) else name for name in controllers]
         inputs = (self.task, *(name.rpartition(":")[0] for name in self.controllers))
@@ -133,14 +132,3 @@ class Evaluate(Writes, ForRobot):
             return "start"
         other = Task.load(self.tuning).replace(command_limit=task.command_limit)
         return {name: tune(name, robot, other) for name in controllers if isinstance(name, str) and name in GRIDS}
-
-    def _own_policy(self) -> list[str]:
-        """Return the policy of the robot's folder, none without; say so of one that is not finished."""
-        folder = self.folder and self.folder / "policy"
-        if folder is None or not is_policy(folder):
-            return []
-        if (folder / "policy.safetensors").is_file():
-            return [str(folder)]
-        left_out = f"{folder} is not finished and left out; continue it: archerfish2 train --resume {folder}"
-        print(left_out, file=sys.stderr)  # noqa: T201
-        return []

@@ -1,6 +1,7 @@
 """Options that several commands have, declared once."""
 
 import json
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import tyro
 
 from archerfish2 import storage
+from archerfish2.controllers.registry import is_policy
 from archerfish2.errors import InputError
 from archerfish2.robot import Robot
 from archerfish2.task import Task
@@ -70,6 +72,17 @@ class ForRobot:
     def folder(self) -> Path | None:
         """The robot's; None of the paper's."""
         return None if self.robot in (None, "paper") else Path(str(self.robot))
+
+    def own_policy(self) -> list[str]:
+        """Return the policy of the robot's folder, none without; say so of one that is not finished."""
+        folder = self.folder and self.folder / "policy"
+        if folder is None or not is_policy(folder):
+            return []
+        if (folder / "policy.safetensors").is_file():
+            return [str(folder)]
+        left_out = f"{folder} is not finished and left out; continue it: archerfish2 train --resume {folder}"
+        print(left_out, file=sys.stderr)  # noqa: T201
+        return []
 
     def robot_and_task(self) -> tuple[Robot, Task]:
         """Read what is named."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations  # so that help() names the types, rather than what they stand for
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from archerfish2.evaluation.tuning import settings
 from archerfish2.protocols import Command, Controller, Engagement, Seen, Shot, World
 from archerfish2.robot import Robot, RobotLike
 from archerfish2.simulation.user_world import WorldLike, find_world
-from archerfish2.task import Task, TaskLike
+from archerfish2.task import Task, TaskCell, TaskLike
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -121,19 +122,38 @@ def rollout(
     made: Any = prepared([contender], arena, robot, part).get(0)
     if contender.is_tuned:
         made = contender.make(robot, part, settings([contender], tuning, robot, task).get(contender.name))
+    return run_engagements(arena, made, *draw_in_turn(cells, engagements, seed, arena))
+
+
+def draw_in_turn(cells: Sequence[TaskCell], engagements: int, seed: int, world: World) -> tuple[Engagement, Array]:
+    """Draw engagements, one of each of the S cells after the other, and the normals of all their decisions.
+
+    Args:
+      cells: of one length.
+      engagements: N, of which number i is of cell i modulo S.
+      seed: of the draws.
+      world: that they are for.
+
+    Returns:
+      Engagements of shape (N,) and normals of shape (N, T, world.normals).
+
+    Raises:
+      InputError: as `draw`.
+    """
     of_cell = -(-engagements // len(cells))
-    engagement, normals = draw(cells, of_cell, seed, "evaluation", arena.normals, arena.plants)
+    engagement, normals = draw(cells, of_cell, seed, "evaluation", world.normals, world.plants)
     in_turn = [place % len(cells) * of_cell + place // len(cells) for place in range(engagements)]
-    engagement = map_arrays(lambda values: values[in_turn], engagement)
-    return run_engagements(arena, made, engagement, normals[in_turn])
+    return map_arrays(lambda values: values[in_turn], engagement), normals[in_turn]
 
 
-def run_engagements(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Trajectory:
+def run_engagements(
+    world: World, controller: Controller, engagement: Engagement, normals: Array, *, may_compile: bool = True
+) -> Trajectory:
     """Let a controller shoot and return everything of every decision; arguments and shapes as of `decisions`."""
     axis = normals.ndim - 2  # of the decisions
     period_s, batch = np.float32(world.period_s), normals.shape[:axis]
     times = np.arange(normals.shape[axis], dtype=np.float32) * period_s
     fired_at = np.moveaxis(np.broadcast_to(times + period_s, (*batch, len(times))), axis, 0)
     target = np.moveaxis(np.asarray(engagement.target.at(fired_at).position[..., 0, :]), 0, axis)
-    seen, command, in_force, shot = decisions(world, controller, engagement, normals)
+    seen, command, in_force, shot = decisions(world, controller, engagement, normals, may_compile=may_compile)
     return Trajectory(times, seen, command, in_force, shot, target, engagement)

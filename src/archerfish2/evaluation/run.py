@@ -74,7 +74,9 @@ def count(
     return Counted(shot.fired, shot.fired & (shot.margin >= 0.0), float(bend) / world.period_s**2)
 
 
-def decisions(world: World, controller: Controller, engagement: Engagement, normals: Array) -> Any:
+def decisions(
+    world: World, controller: Controller, engagement: Engagement, normals: Array, *, may_compile: bool = True
+) -> Any:
     """Let a controller shoot and return what was seen, commanded, in force and shot at all decisions, B + (T, ...).
 
     Args:
@@ -82,16 +84,18 @@ def decisions(world: World, controller: Controller, engagement: Engagement, norm
       controller: any.
       engagement: of any batch shape B.
       normals: standard normals of all decisions, shape B + (T, world.normals).
+      may_compile: whether JAX may be used where it is there.
 
     Raises:
-      InputError: if a command is not finite, where one of the two can't be compiled.
+      InputError: if a command is not finite, where one of the two is not compiled.
     """
     axis = normals.ndim - 2
-    if is_compiled(world) and is_compiled(controller):
+    if may_compile and is_compiled(world) and is_compiled(controller):
         in_force, (seen, command, shot) = _run("rollout", world, controller, engagement, normals)
         return map_arrays(lambda values: np.moveaxis(values, 0, axis), (seen, command, in_force, shot))
-    begin, see, step = (_method(world, name) for name in ("begin", "see", "step"))
-    reset, decide = (_method(controller, name) for name in ("reset", "step"))
+    method: Any = _method if may_compile else getattr
+    begin, see, step = (method(world, name) for name in ("begin", "see", "step"))
+    reset, decide = (method(controller, name) for name in ("reset", "step"))
     state = begin(engagement, normals)
     truth = world.truth(engagement) if getattr(controller, "needs_truth", False) else None
     seen = map_arrays(np.array, see(state))  # copies: PyTorch takes no arrays that are read-only, as JAX's are

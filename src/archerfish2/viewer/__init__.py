@@ -1,0 +1,1 @@
+"""A browser page that plays engagements of a robot, and a film of them in one file."""
