@@ -1,4 +1,4 @@
-"""Every shot of the built-in controllers, as in the first edition (tests2/against_first/write_outcomes.py)."""
+"""Every shot of the built-in controllers, as an independent implementation of the same formulas shot it (version 0.1)."""
 
 import base64
 import functools
@@ -18,7 +18,7 @@ from archerfish2.task import Task
 
 HERE = Path(__file__).parent
 STORED = {path.stem: read_json(path) for path in sorted((HERE / "outcomes").glob("*.json")) if path.stem != "tuning"}
-QUICK = {  # those that compile in `make test`; the others are in `make test-slow`, and live in `make test-first`
+QUICK = {  # those that compile in `make test`; the others are in `make test-slow`
     *(("paper-gate", each) for each in STORED["paper-gate"]),
     *(("paper-box", each) for each in ("kalman", "kalman-paper", "perfect")),
     *(("infantry", each) for each in ("kalman-lq", "parabola-lq")),
@@ -42,11 +42,11 @@ def engagements(name):
 
 
 @pytest.mark.parametrize(("name", "controller"), CASES)
-def test_a_controller_hits_where_it_hit_in_the_first_edition(name, controller, monkeypatch) -> None:
+def test_a_controller_hits_where_it_hit_in_version_0_1(name, controller, monkeypatch) -> None:
     pytest.importorskip("jax")
     monkeypatch.setattr(run, "LARGEST", 300)  # engagements of several parts
     robot, task, world, drawn = engagements(name)
-    if robot.sensing:  # the first edition's trackers took the azimuth's noise for the elevation, too
+    if robot.sensing:  # version 0.1's trackers took the azimuth's noise for the elevation, too
         camera = robot.sensing.camera.replace(elevation_sd=robot.sensing.camera.bearing_sd)
         robot = robot.replace(sensing=robot.sensing.replace(camera=camera))
     stored, (cells, _, _) = STORED[name][controller], STORED[name]["setting"]["shape"]
@@ -57,6 +57,6 @@ def test_a_controller_hits_where_it_hit_in_the_first_edition(name, controller, m
         hit = run.count(world, make_controller(controller, robot, task, tuning), *drawn).hit
     expected = np.unpackbits(np.frombuffer(base64.b64decode(stored["hits"]), np.uint8), count=hit.size)
     differ = (hit.ravel() != expected).reshape(cells, -1).sum(axis=1)
-    # As many as the first edition differs from itself in batches of another size, twice; or 0.1 %.
+    # As many as version 0.1 differs from itself in batches of another size, twice; or 0.1 %.
     allowed = np.maximum(np.ceil(1e-3 * hit.size / cells), 2 * np.array(stored["differ"]))
     assert np.all(differ <= allowed), f"{differ.tolist()} shots of each cell differ, of {hit.size // cells}"

@@ -171,7 +171,7 @@ def read_folder(folder: Path) -> LogFolder:
 
 
 def read_limits(folder: Path, settings: LogFolder) -> dict[Part, LimitsRecord]:
-    """Return the limits of logs.toml, else those of limits.json, also of the first edition; nothing without either.
+    """Return the limits of logs.toml, else those of limits.json, also of version 0.1; nothing without either.
 
     Raises:
       InputError: if limits.json is damaged, with the line of logs.toml that can take its place.
