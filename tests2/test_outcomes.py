@@ -1,4 +1,4 @@
-"""Every shot of the built-in controllers, as an independent implementation of the same formulas shot it (version 0.1)."""
+"""Every shot of the built-in controllers, as version 0.1, another implementation of the same formulas, shot it."""
 
 import base64
 import functools
