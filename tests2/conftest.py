@@ -108,16 +108,25 @@ def refused():
     return check
 
 
-LAB = "shared/second_edition/reference/infantry_logs"
+@pytest.fixture(scope="session")
+def shared():
+    """Return a path in the folder `shared` beside the clone; where it is not there, the test is skipped."""
+
+    def path(place):
+        found = (each / "shared" / place for each in ROOT.parents)
+        return next(filter(Path.exists, found), None) or pytest.skip(f"no shared/{place} beside the clone")
+
+    return path
+
+
+LAB = "second_edition/reference/infantry_logs"
 
 
 @pytest.fixture(scope="session")
-def lab_folder(tmp_path_factory):
+def lab_folder(tmp_path_factory, shared):
     """Return a copy of the folder of logs of a robot: sweeps, steps, shots and timing."""
-    found = next((each / LAB for each in ROOT.parents if (each / LAB).is_dir()), None)
-    if found is None:
-        pytest.skip(f"no folder {LAB} with a robot's logs beside the clone")
-    copied = Path(shutil.copytree(found, tmp_path_factory.mktemp("lab") / "logs", copy_function=shutil.copyfile))
+    place = tmp_path_factory.mktemp("lab") / "logs"
+    copied = Path(shutil.copytree(shared(LAB), place, copy_function=shutil.copyfile))
     for each in (copied, *filter(Path.is_dir, copied.rglob("*"))):
         each.chmod(0o755)  # the original may be read-only
     limits = copied / "limits.json"  # which the second edition writes with the same fields

@@ -3,7 +3,6 @@
 import functools
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from archerfish2.identification.statistics import long_run_covariance, sample_me
 from archerfish2.logs.shots import ShotColumns, Shots, read_shots
 from archerfish2.records.muzzle import MuzzleRecord
 
-DATA = next((each / "shared/data" for each in Path(__file__).parents if (each / "shared/data").is_dir()), Path("none"))
 TRUTH = {"speed": 18.0, "speed_sd": 0.4, "pitch_offset": 0.007, "pitch_sd": 0.006, "yaw_offset": -0.004}
 TRUTH |= {"yaw_sd": 0.005, "drag": 0.019, "height": 0.4}
 FIVE = (-6, -3, 0, 3, 6)
@@ -209,18 +207,16 @@ def test_impossible_or_insufficient_shots_are_refused_with_their_code(code, chan
     assert caught.value.code == code
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="the shared data are not there")
-def test_whole_speeds_are_rounded_values_and_the_intervals_hold_the_truth():
-    result = identify_muzzle(DATA / "cases/whole_speeds.csv")
+def test_whole_speeds_are_rounded_values_and_the_intervals_hold_the_truth(shared):
+    result = identify_muzzle(shared("data/cases/whole_speeds.csv"))
     assert codes(result) == {"rounded-speeds", "open-interval"}
     truth = {"speed": 17.84, "speed_sd": 0.22, "pitch_sd": np.radians(0.18), "yaw_sd": np.radians(0.2)}
     assert all(result.estimates[name].low <= value <= result.estimates[name].high for name, value in truth.items())
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="the shared data are not there")
-def test_table_1_does_not_fit_by_as_much_as_in_the_first_edition():
+def test_table_1_does_not_fit_by_as_much_as_in_the_first_edition(shared):
     columns = ShotColumns(pitch_deg="alpha_deg", yaw_deg="beta_deg", distance_m="d_real_m")
-    result = identify_muzzle(read_shots(DATA / "robomaster/paper_table1_landing.csv", columns=columns))
+    result = identify_muzzle(read_shots(shared("data/robomaster/paper_table1_landing.csv"), columns=columns))
     assert_allclose(result.lack_of_fit[:2], [6.0, -8.3], atol=0.1)
     assert result.lack_of_fit.p_value == pytest.approx(3e-4, rel=0.1)
     assert "open-interval" in codes(result)

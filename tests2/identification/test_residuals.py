@@ -1,7 +1,5 @@
 """Tests of residuals: how often they fail for a good model, and what they find; and the plots of an axis."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -16,8 +14,6 @@ from archerfish2.logs.recording import Recording
 from archerfish2.records.plant import PlantRecord
 from archerfish2.reports.style import svg_text
 
-SHARED = "shared/data/identification/quarter_drone"
-DATA = next((each / SHARED for each in Path(__file__).parents if (each / SHARED).is_dir()), None)
 COUNT = 800
 INPUTS = {
     "coloured": lambda rng: coloured(rng, 0.95),
@@ -79,10 +75,10 @@ def test_the_plots_draw_a_run_responses_and_correlations():
     assert len(figures[0].axes[0].lines[0].get_xdata()) == 2000  # where the residual is largest
 
 
-@pytest.mark.skipif(DATA is None, reason=f"no folder {SHARED} with recorded logs beside the clone")
 @pytest.mark.parametrize(("column", "feedback"), [(1, False), (3, True)], ids=["set point", "actuator"])
-def test_in_a_recorded_loop_the_actuator_depends_on_the_output(column, feedback):
-    table = np.loadtxt(DATA / "sinal4_multiseno_malha_fechada.csv", delimiter=",", skiprows=1)
+def test_in_a_recorded_loop_the_actuator_depends_on_the_output(column, feedback, shared):
+    path = shared("data/identification/quarter_drone/sinal4_multiseno_malha_fechada.csv")
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
     log = Recording.from_arrays(table[:, column], table[:, 2], 0.01)
     run = free_run(fit_axis([log], 4).plant, log.inputs, log.outputs)
     assert residual_tests((log.outputs - run.outputs)[:, 0], log.inputs).feedback is feedback

@@ -17,7 +17,6 @@ from archerfish2.logs.recording import Recording
 identify_rigid = runpy.run_path(str(Path(__file__).parents[2] / "examples2" / "rigid_axis_fit.py"))["identify_rigid"]
 
 ROOT = Path(__file__).parents[2]
-CASE = next((each / "shared/data/cases" for each in ROOT.parents if (each / "shared/data/cases").is_dir()), None)
 PERIOD, COUNT = 0.02, 300
 INERTIA, DAMPING, MOMENT, PHASE, OFFSET = 0.02, 0.05, 0.4, -1.2, 0.03
 TRUTH = {
@@ -97,9 +96,8 @@ def test_a_second_log_narrows_the_interval_and_units_count():
     assert value[2:] == pytest.approx(value[0], rel=1e-5)
 
 
-@pytest.mark.skipif(CASE is None, reason="no folder shared/data/cases beside the clone")
-def test_the_case_of_a_turned_rate_is_refused_and_gives_the_truth_where_it_is_turned_back_or_left_out(refused):
-    path = CASE / "rigid_rate_sign.csv"
+def test_the_case_of_a_turned_rate_is_refused_and_gives_the_truth_where_it_is_turned_back_or_left_out(refused, shared):
+    path = shared("data/cases/rigid_rate_sign.csv")
     refused("its sign is turned", identify_rigid, [path], "yaw", rate="rate")
     log = read_log(path, inputs="torque", outputs=("angle", "rate"))
     for source, rate in ((path, None), (log, "-rate")):

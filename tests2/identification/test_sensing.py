@@ -1,7 +1,6 @@
 """Camera and link: simulated recordings with known truth, SciPy, counts by hand, and logs that people stamp by 1970."""
 
 import re
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,8 +17,6 @@ from archerfish2.identification.statistics import mean_estimate, sample_mean, sc
 from archerfish2.logs.timing import DetectionLog, GimbalLog, read_detections, read_gimbal_log
 from archerfish2.records.sensing import SensingRecord
 
-SHARED = next((each / "shared" for each in Path(__file__).parents if (each / "shared" / "data").is_dir()), Path())
-EPOCH = SHARED / "data" / "cases" / "sensing_epoch"
 TICK, QUANTUM, FEEDBACK_S = 0.001, 2 * np.pi / 8192, 0.003
 TIME, GRID = np.arange(0, 20, 0.002), np.arange(1600) / 80
 
@@ -184,9 +181,9 @@ def test_coordinates_of_few_digits_have_their_rounding_as_noise(sweep, decimals)
     assert rounded.record.camera.time_offset == pytest.approx(found.record.camera.time_offset, abs=1e-3)
 
 
-@pytest.mark.skipif(not EPOCH.is_dir(), reason="the recordings of people, shared/data/cases, are not here")
-def test_stamps_since_1970_change_nothing():
-    gimbal, plate = read_gimbal_log(EPOCH / "sweep.csv"), read_detections(EPOCH / "plate.csv")
+def test_stamps_since_1970_change_nothing(shared):
+    folder = shared("data/cases/sensing_epoch")
+    gimbal, plate = read_gimbal_log(folder / "sweep.csv"), read_detections(folder / "plate.csv")
     estimates = []
     for shift in (-1.7e9, 1e5 - 1.7e9, 0.0):
         moved_plate = plate._replace(time=plate.time + shift, receive=plate.receive + shift)

@@ -1,7 +1,5 @@
 """Time stamps → equal intervals, and recordings in memory."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -12,9 +10,6 @@ from archerfish2.logs.recording import Recording, held_mean
 from archerfish2.logs.stamps import period_findings
 
 PERIOD, COUNT = 0.01, 600
-SHARED = next(
-    (each / "shared/data" for each in Path(__file__).parents if (each / "shared/data").is_dir()), Path("none")
-)
 
 
 def axis():
@@ -148,11 +143,10 @@ RECORDED = [
 ]
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="needs the recorded logs in ../shared/data, beside the repository")
 @pytest.mark.parametrize(("name", "u", "y", "clock", "expected"), RECORDED)
-def test_recorded_logs_are_read(name, u, y, clock, expected):
+def test_recorded_logs_are_read(name, u, y, clock, expected, shared):
     stamps = {"time": clock} if isinstance(clock, str) else {"sample_period_s": clock}
-    log = read_log(SHARED / name, inputs=[u], outputs=[y], **stamps)
+    log = read_log(shared(f"data/{name}"), inputs=[u], outputs=[y], **stamps)
     assert codes(log).keys() == set(expected)
     lengths = [1598, 3424, 1012] if name == DRONE else [log.samples]
     assert [len(each) for each in log.recordings] == pytest.approx(lengths, rel=0.005)

@@ -1,7 +1,6 @@
 """The logs of a virtual robot: one folder, which an identification reads."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from archerfish2.virtual_robot.record import PARTS
 from archerfish2.virtual_robot.recorder import steps, sweep
 from archerfish2.virtual_robot.virtual_robot import VirtualRobot
 
-LAB = Path(__file__).parents[3] / "shared" / "second_edition" / "reference" / "infantry_logs"
+LAB = "second_edition/reference/infantry_logs"
 
 
 @pytest.fixture(scope="module")
@@ -35,18 +34,16 @@ def test_a_recording_is_complete_and_says_what_it_holds(shots):
     assert columns["speed_m_s"][columns["burst"] == 1][-20:].mean() < columns["speed_m_s"][columns["burst"] == 0].mean()
 
 
-@pytest.mark.skipif(not LAB.is_dir(), reason="the shared logs are not there")
-def test_shots_are_those_of_the_first_edition_to_the_byte(shots):
-    assert (shots / "shots.csv").read_bytes() == (LAB / "shots.csv").read_bytes()
+def test_shots_are_those_of_the_first_edition_to_the_byte(shots, shared):
+    assert (shots / "shots.csv").read_bytes() == (shared(LAB) / "shots.csv").read_bytes()
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not LAB.is_dir(), reason="the shared logs are not there")
-def test_all_logs_are_those_of_the_first_edition_to_the_byte(tmp_path):
-    logs = VirtualRobot.load("infantry").record(tmp_path / "logs")
-    expected = {path.name for path in LAB.glob("*.csv")}
+def test_all_logs_are_those_of_the_first_edition_to_the_byte(tmp_path, shared):
+    lab, logs = shared(LAB), VirtualRobot.load("infantry").record(tmp_path / "logs")
+    expected = {path.name for path in lab.glob("*.csv")}
     assert {path.name for path in logs.glob("*.csv")} == expected
-    assert [name for name in expected if (logs / name).read_bytes() != (LAB / name).read_bytes()] == []
+    assert [name for name in expected if (logs / name).read_bytes() != (lab / name).read_bytes()] == []
 
 
 def test_a_sweep_goes_through_its_band_and_steps_are_uneven_between_rests():
