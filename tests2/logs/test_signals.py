@@ -121,19 +121,16 @@ def test_a_wrapped_input_is_averaged_as_its_unwrapped_twin(tmp_path, apart):
     assert_allclose(logs[1].recordings[0].inputs, logs[0].recordings[0].inputs, atol=1e-9)
 
 
-def test_a_wrapped_angle_is_unwrapped_although_the_log_has_gaps(tmp_path):
-    yaw, time = 5 * np.sin(2 * TIME), TIME + (TIME > 2) + 3 * (TIME > 5)
-    log = read(tmp_path, U, (response(yaw) + np.pi) % (2 * np.pi) - np.pi, time)
-    assert (codes(log), len(log.recordings)) == ({"gap", "angle-wrap"}, 3)
+ROWS = np.arange(COUNT)
+WRAPPED = {"gap": (ROWS, TIME + (TIME > 2) + 3 * (TIME > 5)), "time-duplicate": (ROWS.repeat(2), TIME)}
+
+
+@pytest.mark.parametrize("code", WRAPPED)
+def test_a_wrapped_angle_is_unwrapped_although_the_log_has_gaps_or_every_row_twice(tmp_path, code):
+    (rows, time), yaw = WRAPPED[code], 5 * np.sin(2 * TIME)
+    log = read(tmp_path, U[rows], ((response(yaw) + np.pi) % (2 * np.pi) - np.pi)[rows], time[rows])
+    assert codes(log) == {code, "angle-wrap"}
     assert_allclose(np.concatenate([part.outputs[:, 0] for part in log.recordings]), response(yaw), atol=1e-9)
-
-
-def test_a_wrapped_angle_of_which_every_row_is_there_twice_is_unwrapped(tmp_path):
-    yaw = 5 * np.sin(2 * TIME)
-    rows = np.arange(COUNT).repeat(2)
-    log = read(tmp_path, U[rows], ((response(yaw) + np.pi) % (2 * np.pi) - np.pi)[rows], TIME[rows])
-    assert codes(log) == {"time-duplicate", "angle-wrap"}
-    assert_allclose(log.recordings[0].outputs[:, 0], response(yaw), atol=1e-9)
 
 
 def test_steps_and_random_levels_are_not_unwrapped(tmp_path):
