@@ -1,5 +1,6 @@
 """Settings of JAX and of the linear algebra for every process of a run, and the fixtures that all tests share."""
 
+import contextlib
 import copy
 import functools
 import json
@@ -98,26 +99,36 @@ def run_python():
 
 @pytest.fixture(scope="session")
 def refused():
-    """Check that a call is refused in one line: refused(pattern, function, *arguments, **named)."""
+    """Check that a call is refused in one line; return the error: refused(pattern, function, *arguments, **named)."""
 
     def check(pattern, call, *arguments, **named):
         with pytest.raises(InputError, match=pattern) as error:
             call(*arguments, **named)
         assert "\n" not in str(error.value)
+        return error.value
 
     return check
 
 
-LAB = "shared/second_edition/reference/infantry_logs"
+@pytest.fixture(scope="session")
+def shared():
+    """Return a path in the folder `shared` beside the clone; where it is not there, the test is skipped."""
+
+    def path(place):
+        found = (each / "shared" / place for each in ROOT.parents)
+        return next(filter(Path.exists, found), None) or pytest.skip(f"no shared/{place} beside the clone")
+
+    return path
+
+
+LAB = "second_edition/reference/infantry_logs"
 
 
 @pytest.fixture(scope="session")
-def lab_folder(tmp_path_factory):
+def lab_folder(tmp_path_factory, shared):
     """Return a copy of the folder of logs of a robot: sweeps, steps, shots and timing."""
-    found = next((each / LAB for each in ROOT.parents if (each / LAB).is_dir()), None)
-    if found is None:
-        pytest.skip(f"no folder {LAB} with a robot's logs beside the clone")
-    copied = Path(shutil.copytree(found, tmp_path_factory.mktemp("lab") / "logs", copy_function=shutil.copyfile))
+    place = tmp_path_factory.mktemp("lab") / "logs"
+    copied = Path(shutil.copytree(shared(LAB), place, copy_function=shutil.copyfile))
     for each in (copied, *filter(Path.is_dir, copied.rglob("*"))):
         each.chmod(0o755)  # the original may be read-only
     limits = copied / "limits.json"  # which the second edition writes with the same fields
@@ -153,17 +164,50 @@ def _mutated(content, draw):
     return (text[:-1] + "," + text[1:] if kind == "double" else text).encode()
 
 
+FIELDS = 'nan - 1e400 1e308 1e-320 -0 " 0x1 1_0 1,5 # , ; \n \0 999 \u06f3'.encode().split(b" ")
+
+
+def _damaged(content, draw):
+    """Change bytes of a file that is not JSON, or what stands between its commas or line ends."""
+    first, length = draw.randrange(len(content)), draw.choice((1, 1, 4, 100, 10**6))
+    if draw.random() < 0.6:
+        changed = draw.choice((b"", draw.randbytes(length), bytes(length), b"\xff" * length))[:1000]
+        return content[:first] + changed + content[first + length :]
+    pieces = content.split(mark := draw.choice((b",", b"\n")))
+    place = draw.randrange(len(pieces))
+    taken = pieces[place : place + draw.choice((1, 1, 3, 20))]
+    pieces[place : place + len(taken)] = draw.choice(([], 2 * taken, [draw.choice(FIELDS)]))
+    return mark.join(pieces)
+
+
+def _toml(table, place=""):
+    lines = [f"{name} = {json.dumps(value)}" for name, value in table.items() if not isinstance(value, dict)]
+    for name, value in table.items():
+        if isinstance(value, dict):
+            lines += [f"[{place}{name}]", _toml(value, f"{place}{name}.")]
+    return "\n".join(lines)
+
+
+def _as_toml(content):
+    """Write the tables of a JSON object as TOML; what is no object stays as it is, and some are cut."""
+    with contextlib.suppress(ValueError, AttributeError, RecursionError):
+        content = _toml(json.loads(content)).encode("utf-8", "surrogatepass")
+    return content[: len(content) - len(content) % 3 * 7]
+
+
 @pytest.fixture(params=[1, pytest.param(7, marks=pytest.mark.slow)])
 def mutated(request):
-    """Read a JSON file mutated `count` times, and yield what is read; the rest is refused in one line.
+    """Read a file mutated `count` times, and yield what is read; the rest is refused in one line.
 
-    Each within a second and 200 MB. Call it as mutated(path, read, count, seed=…, convert=…), the latter of contents.
+    Each within a second and 200 MB, or the limits `most`. Call it as mutated(path, read, count, seed=…, convert=…), the
+    latter of contents; a file whose name ends with .toml has JSON at first, and is read as TOML.
     """
 
-    def run(path, read, count, seed=0, convert=lambda content: content):
-        original = path.read_bytes()
+    def run(path, read, count, seed=0, convert=None, most=(1.0, 200e6)):
+        original, convert = path.read_bytes(), convert or (_as_toml if path.suffix == ".toml" else bytes)
         for number in range(count * request.param):
-            path.write_bytes(convert(_mutated(original, random.Random(f"{seed} {number}"))))
+            change = _mutated if original[:1] == b"{" else _damaged
+            path.write_bytes(convert(change(original, random.Random(f"{seed} {number}"))))
             tracemalloc.start()
             started, result = time.process_time(), None
             try:
@@ -172,7 +216,7 @@ def mutated(request):
                 assert "\n" not in str(error)
             spent, peak = time.process_time() - started, tracemalloc.get_traced_memory()[1]
             tracemalloc.stop()
-            assert (spent < 1.0, peak < 200e6) == (True, True)
+            assert (spent < most[0], peak < most[1]) == (True, True)
             if result is not None:
                 yield result
 

@@ -1,11 +1,16 @@
+"""Trees of arrays, and where compiled programs are kept."""
+
 import dataclasses
 import inspect
 import pickle
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from archerfish2 import compiled
 from archerfish2.arrays import leaves, map_arrays, single_precision, tree
 
 
@@ -15,22 +20,6 @@ class Part:
     right: Any = None
     count: int = 1
     name: str = ""
-
-
-BEFORE_JAX = """
-import numpy as np
-from archerfish2.arrays import map_arrays, tree
-part = tree()(type("Part", (), {"__annotations__": {"left": object, "right": object}}))(np.ones(2), None)
-assert map_arrays(lambda each: 2.0 * each, part).left.tolist() == [2.0, 2.0]
-"""
-
-
-def test_trees_work_without_jax_and_with_it_when_it_comes_later(run_python) -> None:
-    run_python(BEFORE_JAX, blocked=("jax",))
-    later = (
-        "import jax\nfrom archerfish2.arrays import single_precision\npart = single_precision(type(part)(1.0, None))\n"
-    )
-    run_python(f"{BEFORE_JAX}{later}assert jax.jit(lambda each: each)(part).left == 1.0")
 
 
 def test_a_tree_has_the_signature_of_its_fields_and_goes_through_pickle() -> None:
@@ -56,3 +45,21 @@ def test_none_is_skipped_and_the_rest_of_a_part_is_that_of_the_first() -> None:
         map_arrays(np.add, Part(np.ones(2)), Part(np.ones(2), np.ones(2)))
     with pytest.raises(TypeError, match="name must be fields, with a default if left out"):
         tree(left_out=("name",))(type("Bad", (), {"__annotations__": {"name": str}}))
+
+
+CODE = "from archerfish2.compiled import import_jax\nprint(import_jax().config.jax_compilation_cache_dir)"
+
+
+def test_programs_are_kept_in_the_folder_that_is_named_or_in_that_of_jax(run_python, tmp_path):
+    names = {"ARCHERFISH_CACHE": str(tmp_path), "JAX_COMPILATION_CACHE_DIR": ""}
+    assert Path(run_python(CODE, **names).strip()).relative_to(tmp_path).parts[0] == "jax"
+    assert run_python(CODE, **names | {"JAX_COMPILATION_CACHE_DIR": "/own"}) == "/own\n"
+
+
+def test_the_cache_is_the_users_unless_it_is_off_and_without_jax_the_error_says_what_to_install(monkeypatch, refused):
+    monkeypatch.delenv("ARCHERFISH_CACHE", raising=False)
+    assert compiled.cache_folder("jax").parts[-2:] == ("archerfish", "jax")
+    monkeypatch.setenv("ARCHERFISH_CACHE", "off")
+    assert compiled.cache_folder("jax") is None
+    monkeypatch.setitem(sys.modules, "jax", None)
+    refused("pip install", compiled.import_jax)

@@ -11,7 +11,7 @@ import pytest
 from archerfish2.reports.progress import bar
 from archerfish2.reports.report import Report, Reported, Result
 from archerfish2.reports.style import look, new_figure, plot_style, svg_text
-from archerfish2.reports.table import Estimate, Table, entry_texts, number, tables_text
+from archerfish2.reports.table import Estimate, Table, entry_texts, tables_text
 from archerfish2.robot import Robot
 
 ESTIMATES = [
@@ -45,29 +45,11 @@ def test_estimates_have_the_digits_that_their_intervals_give_reason_for(entry, e
     assert entry_texts(entry) == expected
 
 
-def test_numbers_are_written_for_people():
-    written = [number(each) for each in (0.00349, -12.345, 1.5e-7, 0.0, 25000, 2026, None, math.inf)]
-    assert written == ["0.003490", "−12.35", "1.5e−07", "0", "25\u2009000", "2026", "–", "–"]
-
-
 def test_a_table_fits_its_width_with_intervals_beside_or_below():
     wide = Table("Wide", ("name", *"abcd"), (("row", *[Estimate(88.4, 87.1, 89.6, "%")] * 4),))
     beside, below = (tables_text([wide], width).split("\n")[2:] for width in (75, 60))
     assert beside == ["row " + 4 * " 88.4 (87.1–89.6)"]
     assert below == ["row " + 4 * "       88.4", "    " + 4 * "  87.1–89.6"]
-
-
-def test_texts_in_a_column_of_numbers_are_aligned_with_them_and_others_to_the_left(tmp_path):
-    rows = (("a", 25000, "why"), ("b", "7", "because"))
-    table = Table("", ("name", "count", "reason"), rows)
-    assert tables_text([table]).split("\n") == [
-        "name   count  reason",
-        "a     25\u2009000  why",
-        "b          7  because",
-    ]
-    Report(title="", headline="", tables=(table,)).write_page(tmp_path / "page.html")
-    page = (tmp_path / "page.html").read_text()
-    assert re.findall(r'class="text">(\w+)<', page) == ["name", "reason", "why", "because"]
 
 
 def test_a_notebook_shows_reports_and_figures_and_text_holds_its_tables(monkeypatch):
@@ -108,9 +90,7 @@ def test_a_result_is_saved_into_a_folder_or_to_the_path_of_its_record(tmp_path):
 
 
 @pytest.mark.parametrize("shown", ["lines", "notebook"])
-def test_without_a_terminal_progress_is_a_line_at_once_and_one_a_minute_or_a_line_that_changes(
-    shown, monkeypatch, capsys
-):
+def test_without_a_terminal_progress_is_a_line_a_minute_or_one_that_changes(shown, monkeypatch, capsys):
     clock, texts, said = [0.0], [], SimpleNamespace(update=lambda each, raw: texts.append(each["text/plain"]))
     monkeypatch.setattr("time.monotonic", lambda: clock[0])
     if shown == "notebook":

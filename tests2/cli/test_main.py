@@ -3,6 +3,7 @@
 import importlib
 import json
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -12,7 +13,50 @@ import pytest
 
 from archerfish2.cli.main import COMMANDS, main
 from archerfish2.cli.options import ForRobot
+from archerfish2.controllers.policy.blocks import OBSERVATIONS
+from archerfish2.controllers.registry import NAMES
 from archerfish2.robot import Robot
+from archerfish2.task import DRAWN, EQ_7
+
+FAULTS = {
+    "evaluate --controllers kalmn": "archerfish2: controller must be one of kalman, ",
+    "evaluate --task papr": "archerfish2: papr: field motion: expected one of paper, static, ",
+    "evaluate --nonsense 1": "archerfish2: Unrecognized options: --nonsense, 1; archerfish2 evaluate --help explains",
+    "evaluate --set period_s": "archerfish2: --set takes NAME=VALUE, ",
+    "evaluate --set lenght_s=1": "archerfish2: Task: there is no field lenght_s; perhaps you meant lengths_s",
+    "evaluate --engagements four": "invalid literal for int() with base 10: 'four'; ",
+    "train --set gradient.hiden=3": "GradientConfig: there is no field hiden; perhaps you meant hidden",
+    "train --set hidden": "--set takes NAME=VALUE, and no value for a part and for a field of it, got hidden",
+    "train --set ppo=3 ppo.epochs=2": "got ppo.epochs=2; write for instance",
+    "train --set ppo.epochs=2 ppo=3": "got ppo=3; write for instance",
+    "train --set hidden=3": "there is no field hidden",
+    "train --set ppo.epochs=2": "--set ppo.epochs=2 is not of the trainer gradient",
+    "train --reward nearest": "reward must be one of eq-8, hit, smooth-hit",
+    "train --observation six": "observation must be one of paper, history, tracked, multimodel, got 'six'",
+    "train --observation tracked": "observation tracked needs a robot with sensing.json",
+    "train --steps 0": "steps must be a whole number of 1 to 2^53, got 0",
+    "train --resume none": "none: has no training",
+    "train --trainer pp": "invalid choice",
+}
+
+
+@pytest.mark.parametrize("words", FAULTS)
+def test_a_fault_ends_with_one_line_and_status_2(tmp_path, monkeypatch, capsys, words):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit, match="2"):
+        main(words.split())
+    assert FAULTS[words] in (message := capsys.readouterr().err)
+    assert (message.count("\n"), [*tmp_path.iterdir()]) == (1, [])
+
+
+NAMED = {"evaluate": {*NAMES, "perfect", *EQ_7, *DRAWN}, "train": {*OBSERVATIONS, "eq-8", "smooth-hit", "ppo"}}
+
+
+@pytest.mark.parametrize("command", NAMED)
+def test_help_names_every_choice(command, capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main([command, "--help"])
+    assert NAMED[command] <= {*re.split("[ ,:(\n]", capsys.readouterr().out)}
 
 
 def test_run_json_has_the_options_that_main_was_given(tmp_path, monkeypatch):

@@ -115,17 +115,6 @@ def test_flights_solve_their_differential_equations(velocity, flat_within):
     assert_allclose(there, [5.0, flat.lateral, flat.height], atol=1e-12)
 
 
-@pytest.mark.parametrize(("yaw_deg", "off_by"), [(0.0, 0.013), (20.0, 0.050)])
-def test_eq_5_which_takes_each_coordinate_alone_is_off_by_centimetres_and_flat_fire_is_not(yaw_deg, off_by):
-    level = np.array([np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg)), 0.0])
-    velocity, plane_x = 18.0 * level, 5.0 * level[0]
-    flat, quadratic = (np.array(crossing(0.0 * level, velocity, plane_x, DRAG)) for crossing in CROSSINGS)
-    time = np.expm1(DRAG * plane_x) / (DRAG * velocity[0])  # x = log1p(k v t) / k, likewise y; no drag along z
-    eq_5 = [np.log1p(DRAG * velocity[1] * time) / DRAG, -9.81 / 2 * time**2]
-    assert np.hypot(*(eq_5 - quadratic[:2])) == pytest.approx(off_by, abs=5e-4)
-    assert np.hypot(*(flat - quadratic)[:2]) < 5e-5
-
-
 @pytest.mark.parametrize("drag", [0.0, 1e-8, 1e-4, 1e-3])
 def test_a_vanishing_drag_leaves_the_parabola_in_float32(drag):
     velocity, time = np.array([18.0, -2.0, 1.5], np.float32), 5.0 / 18.0

@@ -80,14 +80,7 @@ def test_a_mean_counts_estimates_by_their_weights_and_its_interval_holds_the_tru
     assert held / 400 > 0.91
 
 
-@pytest.mark.parametrize("hits", [np.ones(4), np.ones((2, 4), int), np.ones(1, int)])
-def test_what_are_no_hits_of_engagements_is_refused(hits, refused):
-    refused(r"hits is .* of shape .*, expected whole numbers of at least 2 engagements", hit_rate, hits, 5)
-
-
-def test_more_hits_than_decisions_are_refused(refused):
-    refused("hits is int64 of shape .*, expected whole numbers of at least 2 engagements, 0…5", hit_rate, [1, 6], 5)
-
-
-def test_unlike_numbers_of_engagements_are_not_paired(refused):
+def test_what_are_no_hits_of_engagements_or_of_others_is_refused(refused):
+    for hits in (np.ones(4), np.ones((2, 4), int), np.ones(1, int), [1, 6]):
+        refused("hits is .* of shape .*, expected whole numbers of at least 2 engagements, 0…5", hit_rate, hits, 5)
     refused("4 engagements and hits_b 3, expected as many", paired_difference, [1] * 4, [1] * 3, 5)

@@ -183,14 +183,6 @@ def test_the_first_output_decides_and_a_rate_may_have_no_steady_gain():
     assert [each.value for each in result.dc_gain] == pytest.approx([1, 0], abs=2e-3)
 
 
-def test_a_simulation_begins_at_rest_and_keeps_the_delay(found):
-    response = found.simulate(np.ones(100))[:, 0]
-    delay = found.record.delay_samples
-    assert delay > 0
-    assert_allclose(response[:delay], 0, atol=1e-12)
-    assert np.abs(response[delay:]).min() > 0 if found.record.D.any() else response[delay] == 0
-
-
 def test_a_dead_time_between_two_samples_is_the_same_delay_in_text_table_and_record():
     fine = PlantRecord.second_order(4.0, 0.6, 5.5 * PERIOD_S, PERIOD_S / 2)
     y = simulate(fine, STEPS.repeat(2)[:, None])[::2]
@@ -205,30 +197,40 @@ def test_a_dead_time_between_two_samples_is_the_same_delay_in_text_table_and_rec
     assert (plants.rows[0][1].value, orders.rows[0][1]) == (pytest.approx(25), 5)
 
 
-def test_logs_of_one_name_in_two_folders_are_two_in_the_provenance(tmp_path):
-    paths = [tmp_path / run / "sweep.csv" for run in ("monday", "tuesday")]
-    for seed, path in enumerate(paths):
-        path.parent.mkdir()
-        recorded(SWEEP, seed=seed).write_csv(path)
-    hashes = identify_axis(paths, order=2).record.provenance["inputs"]
-    assert set(hashes) == {str(path) for path in paths}
-    assert len(set(hashes.values())) == 2
-
-
 def test_a_log_that_is_resampled_to_divide_the_decisions_is_said():
     log = Recording.from_arrays(recorded(SWEEP).inputs, recorded(SWEEP).outputs, 3e-3)
     read = read_sources([log], divides_s=0.02)
     assert [finding.code for finding in read.findings] == ["other-period"]
-    assert "3.333 ms" in read.findings[0].message
+    assert read.fitted[0].period_s == pytest.approx(0.02 / 6)
     assert read_sources([recorded(SWEEP)], divides_s=0.02).findings == ()
 
 
-def test_periods_are_brought_together_and_divide_the_decisions():
-    slow = recorded(SWEEP)
-    finer = Recording.from_arrays(np.repeat(STEPS, 2), recorded(STEPS).outputs.repeat(2), PERIOD_S / 2)
-    assert identify_axis([slow, finer], order=2).record.sample_period_s == PERIOD_S
-    other = Recording.from_arrays(slow.inputs, slow.outputs, 3e-3)
-    assert identify_axis([other], order=2, divides_s=0.02).record.sample_period_s == pytest.approx(0.02 / 6)
+ARRAYS = {"time_s": TIME, "u": SWEEP, "y": STEPS}
+FRAME = type("Frame", (), {"columns": (*ARRAYS,), "__getitem__": lambda _, name: ARRAYS[name]})()
+
+
+@pytest.mark.parametrize("logs", [ARRAYS, [ARRAYS], FRAME, (FRAME,), Recording.from_arrays(SWEEP, STEPS, PERIOD_S)])
+def test_arrays_by_name_and_frames_are_logs(logs):
+    (log,) = read_sources(logs).fitted
+    assert log.period_s == pytest.approx(PERIOD_S)
+    assert np.array_equal(log.outputs[:, 0], STEPS)
+
+
+@pytest.mark.parametrize("arguments", [(SWEEP, STEPS, 0.01), (np.stack([TIME, SWEEP, STEPS], 1),), (list(SWEEP),)])
+def test_arrays_without_names_lead_to_a_recording(arguments, refused):
+    refused(r"pass archerfish\.Recording\.from_arrays\(u, y, period_s\)", identify_axis, *arguments)
+
+
+def test_of_very_many_pieces_the_longest_are_fitted_and_that_is_said():
+    pieces = [Recording.from_arrays(SWEEP[place : place + 50], STEPS[350:400] + TIME[:50], 0.01) for place in range(60)]
+    read = read_sources([*pieces, Recording.from_arrays(SWEEP, STEPS, 0.01)])
+    assert (len(read.fitted), max(map(len, read.fitted))) == (40, 2000)
+    (finding,) = read.findings
+    assert (finding.code, finding.samples) == ("many-pieces", 21 * 50)
+
+
+def test_a_period_of_no_gimbal_is_a_finding():
+    assert [each.code for each in read_sources(Recording.from_arrays(SWEEP, STEPS, 5)).findings] == ["time-unit"]
 
 
 QUIET = Recording.from_arrays(SWEEP, np.random.default_rng(0).normal(size=len(SWEEP)), PERIOD_S, source="quiet.csv")
@@ -248,9 +250,9 @@ def test_logs_that_determine_nothing_are_refused(code):
     assert code in {error.value.code, None}
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), [("order", "2"), ("max_delay", -1), ("seed", -2), ("feedthrough", "no"), ("axis", "roll/2")]
-)
-def test_an_argument_that_fits_no_fit_is_refused_by_its_name(name, value):
-    with pytest.raises(InputError, match=f"{name}: expected .*, got {value!r}"):
-        identify_axis([QUIET], **{name: value})
+WRONG = [("order", "2"), ("max_delay", -1), ("seed", -2), ("feedthrough", "no"), ("axis", "roll/2")]
+
+
+@pytest.mark.parametrize(("name", "value"), WRONG)
+def test_an_argument_that_fits_no_fit_is_refused_by_its_name(name, value, refused):
+    refused(f"{name}: expected .*, got {value!r}", identify_axis, [QUIET], **{name: value})

@@ -5,7 +5,6 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
-from archerfish2.errors import InputError
 from archerfish2.identification.axis.identify import identify_axis
 from archerfish2.identification.axis.plateaus import plateau_gain
 from archerfish2.identification.excitation import ExcitationSettings, plan_command
@@ -97,11 +96,10 @@ def test_a_gain_of_zero_is_a_gain_like_others():
     assert result.report.usable
 
 
-def test_plateaus_of_several_inputs_are_refused():
+def test_plateaus_of_several_inputs_are_refused(refused):
     u = np.random.default_rng(0).normal(size=(400, 2))
     log = Recording.from_arrays(u, u @ [1.0, 0.5], 0.01, input_names=("u", "v"))
-    with pytest.raises(InputError, match="one input and one output, got 2 and 1; give numbers, or leave it out"):
-        identify_axis(log, dc_gain="plateaus")
+    refused("one input and one output, got 2 and 1; give numbers", identify_axis, log, dc_gain="plateaus")
 
 
 def test_levels_that_are_entered_from_one_side_alone_tell_no_gain():

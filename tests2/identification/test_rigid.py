@@ -11,13 +11,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from archerfish2.logs.log import read_log
 from archerfish2.logs.recording import Recording
 
 identify_rigid = runpy.run_path(str(Path(__file__).parents[2] / "examples2" / "rigid_axis_fit.py"))["identify_rigid"]
 
 ROOT = Path(__file__).parents[2]
-CASE = next((each / "shared/data/cases" for each in ROOT.parents if (each / "shared/data/cases").is_dir()), None)
 PERIOD, COUNT = 0.02, 300
 INERTIA, DAMPING, MOMENT, PHASE, OFFSET = 0.02, 0.05, 0.4, -1.2, 0.03
 TRUTH = {
@@ -60,17 +58,6 @@ def test_a_clean_log_gives_the_parameters_back(kind):
 
 
 @pytest.mark.parametrize("kind", TRUTH)
-@pytest.mark.parametrize(("rho", "least"), [(0.0, 0.85), (0.9, 0.8)])
-def test_intervals_cover_under_white_and_coloured_noise(kind, rho, least):
-    # 8 logs of 3 or 4 parameters, which are not independent: three standard deviations are some 15 %. Fixed seeds.
-    covered = []
-    for seed in range(8):
-        estimates = identify_rigid([recording(kind, seed=seed, rho=rho)], kind, friction="none").estimates
-        covered += [each.low <= TRUTH[kind][name] <= each.high for name, each in estimates.items()]
-    assert np.mean(covered) >= least
-
-
-@pytest.mark.parametrize("kind", TRUTH)
 def test_friction_is_found_and_does_not_pass_for_damping(kind):
     torque, states = simulated(kind, 0.06)
     angle = states[:, 0] + 0.005 * np.random.default_rng(0).standard_normal(COUNT)
@@ -79,40 +66,6 @@ def test_friction_is_found_and_does_not_pass_for_damping(kind):
     assert found["friction"] == pytest.approx(0.06, rel=0.05)
     assert (found["damping"], found["inertia"]) == (pytest.approx(DAMPING, rel=0.03), pytest.approx(INERTIA, rel=0.01))
     assert identify_rigid([log], kind, friction="none").estimates["damping"].value > 1.2 * DAMPING
-
-
-def test_friction_that_is_none_is_left_out_unless_it_is_to_be_estimated():
-    find = functools.partial(identify_rigid, [recording("yaw")], "yaw", segment_s=1.0)
-    friction = find(friction="coulomb").estimates["friction"]
-    assert ("friction" in find().estimates, friction.low < 0.002, friction.high < 0.01) == (False, True, True)
-
-
-def test_a_second_log_narrows_the_interval_and_units_count():
-    log, find = functools.partial(recording, "pitch"), functools.partial(identify_rigid, kind="pitch", friction="none")
-    degrees = replace(log(), outputs=np.degrees(log().outputs), output_names=("angle_deg", "gyro_deg"))
-    several = [find([log()]), find([log(), log(seed=1)]), find([degrees], rate="gyro_deg")]
-    several.append(find([log(scale=-0.741)], torque_per_unit=-0.741))
-    value, low, high = np.transpose([each.estimates["inertia"][:3] for each in several])
-    assert (high - low)[1] == pytest.approx((high - low)[0] / np.sqrt(2), rel=0.3)
-    assert value[2:] == pytest.approx(value[0], rel=1e-5)
-
-
-@pytest.mark.skipif(CASE is None, reason="no folder shared/data/cases beside the clone")
-def test_the_case_of_a_turned_rate_is_refused_and_gives_the_truth_where_it_is_turned_back_or_left_out(refused):
-    path = CASE / "rigid_rate_sign.csv"
-    refused("its sign is turned", identify_rigid, [path], "yaw", rate="rate")
-    log = read_log(path, inputs="torque", outputs=("angle", "rate"))
-    for source, rate in ((path, None), (log, "-rate")):
-        found = identify_rigid([source], "yaw", friction="none", rate=rate).estimates
-        assert (found["inertia"].value, found["damping"].value) == pytest.approx((0.018, 0.03), rel=1e-3)
-
-
-def test_what_a_log_leaves_open_is_named():
-    sine = 0.05 * np.sin(2 * np.pi * 7 * PERIOD * np.arange(COUNT))
-    torque, angle = MOMENT * np.sin(-1.0 - PHASE) + sine, -1.0 - sine / INERTIA / (14 * np.pi) ** 2
-    log = Recording.from_arrays(torque, angle + 1e-3 * np.random.default_rng(0).standard_normal(COUNT), PERIOD)
-    report = identify_rigid([log], "pitch", friction="none").report
-    assert (report.usable, "gravity_moment is not determined: record a log" in str(report)) == (False, True)
 
 
 REFUSED = {

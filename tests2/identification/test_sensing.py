@@ -1,7 +1,6 @@
 """Camera and link: simulated recordings with known truth, SciPy, counts by hand, and logs that people stamp by 1970."""
 
 import re
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,12 +13,10 @@ from archerfish2.cli.identify_sensing import IdentifySensing
 from archerfish2.identification.sensing.alignment import gimbal_track, rough_offset, spherical
 from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.identification.sensing.timing import command_delays, frame_timing, step_latency
-from archerfish2.identification.statistics import mean_estimate, sample_mean, scatter_estimate
+from archerfish2.identification.statistics import mean_estimate, scatter_estimate
 from archerfish2.logs.timing import DetectionLog, GimbalLog, read_detections, read_gimbal_log
 from archerfish2.records.sensing import SensingRecord
 
-SHARED = next((each / "shared" for each in Path(__file__).parents if (each / "shared" / "data").is_dir()), Path())
-EPOCH = SHARED / "data" / "cases" / "sensing_epoch"
 TICK, QUANTUM, FEEDBACK_S = 0.001, 2 * np.pi / 8192, 0.003
 TIME, GRID = np.arange(0, 20, 0.002), np.arange(1600) / 80
 
@@ -113,11 +110,9 @@ def test_offset_and_delays_are_found_and_their_intervals_have_the_truth(found):
 def test_a_full_set_leaves_only_the_commands_stamps_missing(found, tmp_path):
     _, result = found[0]
     assert ["timing_commands.csv" in each for each in result.report.next_steps] == [True, False]
-    assert (repr(result), result.report.usable) == (str(result.report), True)
-    assert re.search(r"camera 80 Hz, .*\nframes a second +80\.0\d\n", repr(result), re.DOTALL)
+    assert result.report.usable
     result.save(tmp_path)
     assert SensingRecord.load(tmp_path / "sensing.json").camera.latency == result.record.camera.latency
-    assert '<p class="verdict good">Usable</p>' in (tmp_path / "sensing.html").read_text()
     assert (len(result.plot().axes), result.counts["target steps"]) == (1, (14, 14))
 
 
@@ -184,9 +179,9 @@ def test_coordinates_of_few_digits_have_their_rounding_as_noise(sweep, decimals)
     assert rounded.record.camera.time_offset == pytest.approx(found.record.camera.time_offset, abs=1e-3)
 
 
-@pytest.mark.skipif(not EPOCH.is_dir(), reason="the recordings of people, shared/data/cases, are not here")
-def test_stamps_since_1970_change_nothing():
-    gimbal, plate = read_gimbal_log(EPOCH / "sweep.csv"), read_detections(EPOCH / "plate.csv")
+def test_stamps_since_1970_change_nothing(shared):
+    folder = shared("data/cases/sensing_epoch")
+    gimbal, plate = read_gimbal_log(folder / "sweep.csv"), read_detections(folder / "plate.csv")
     estimates = []
     for shift in (-1.7e9, 1e5 - 1.7e9, 0.0):
         moved_plate = plate._replace(time=plate.time + shift, receive=plate.receive + shift)
@@ -266,12 +261,9 @@ def bearing(offset):
 
 def test_bearings_that_can_not_be_aligned_are_refused(refused):
     tone = 0.3 * np.sin(2 * np.pi * 2 * TIME)
-    for yaw, azimuth, complaint in (
-        (chirp(TIME), -bearing(0.0), "check signs"),
-        (2 * chirp(TIME), bearing(0.0), r"mirrors the yaw at no offset, and moves by 0\.5.* times"),
-        (tone, 0.1 - np.interp(STAMPS, TIME, tone), "repeats itself"),
-    ):
-        refused(complaint, rough_offset, track(yaw), STAMPS, azimuth)
+    refused("check signs", rough_offset, track(chirp(TIME)), STAMPS, -bearing(0.0))
+    refused(r"mirrors the yaw .* 0\.5.* times", rough_offset, track(2 * chirp(TIME)), STAMPS, bearing(0.0))
+    refused("repeats itself", rough_offset, track(tone), STAMPS, 0.1 - np.interp(STAMPS, TIME, tone))
     assert rough_offset(track(tone), STAMPS, 0.1 - np.interp(STAMPS + 0.02, TIME, tone), 0.2) == pytest.approx(0.02)
     refused("covers fewer than 20 detections", rough_offset, track(chirp(TIME)), STAMPS + 18, bearing(0.0), 1.0)
 
@@ -297,11 +289,6 @@ def test_the_interval_of_the_period_has_it_under_jitter_and_misses(jitter):
     assert np.mean(shares) == pytest.approx(0.1, abs=0.003)
 
 
-def test_the_interval_of_the_period_has_it_for_a_timer_that_each_frame_restarts():
-    stamps = np.cumsum(1 / 80 + 5e-4 * np.random.default_rng(0).standard_normal((60, 1600)), axis=1)
-    assert sum(period.low <= 1 / 80 <= period.high for period, _ in map(frame_timing, stamps)) >= 50
-
-
 @pytest.mark.parametrize("correlation", [0.0, 0.7])
 def test_the_intervals_of_a_latency_have_it_though_messages_depend_on_one_another(correlation):
     noise = np.random.default_rng(0).standard_normal((300, 900))
@@ -310,20 +297,6 @@ def test_the_intervals_of_a_latency_have_it_though_messages_depend_on_one_anothe
     least = 262 if correlation else 271  # 271: 1 in 1000 sets; correlated ones may fall a little short
     assert sum(each.low <= 0 <= each.high for each in means) >= least
     assert correlation or sum(each.low <= 1 <= each.high for each in deviations) >= least
-
-
-@pytest.mark.parametrize("count", [5, 10, 20, 100])
-def test_the_interval_of_a_mean_has_it_for_few_values_too(count):
-    samples = np.random.default_rng(0).standard_normal((1000, count))
-    for found in ([mean_estimate(each) for each in samples], [sample_mean(each) for each in samples]):
-        assert sum(each.low <= 0 <= each.high for each in found) >= 928  # of 95 %: all but 1 in 1000 sets
-    assert np.isnan(sample_mean(samples[0, :1]).low)
-
-
-def test_four_steps_of_the_command_are_too_few_for_a_delay(sweep):
-    steps = [steps_log(np.full(count, 0.012), rate=200.0) for count in (4, 5)]
-    four, five = (identify_sensing(sweep.sweep, sweep.plate, steps=[each]).estimates for each in steps)
-    assert ("link.command_delay" in four, np.isfinite(five["link.command_jitter"].high)) == (False, True)
 
 
 def steps_log(delays, **robot):
@@ -338,11 +311,6 @@ def test_each_step_has_its_delay_saturated_or_not(limit, quantum):
     delays = 1e-3 * np.array([5, 9, 13, 7, 15, 11])
     found, _ = command_delays([steps_log(delays, rate=1000.0, limit=limit, quantum=quantum)])
     assert_allclose(found, delays + FEEDBACK_S, atol=2e-3 if quantum else 5e-4)
-
-
-def test_a_slow_log_gives_delays_to_a_part_of_its_period_and_a_sweep_none(sweep):
-    assert command_delays([steps_log(np.full(8, 0.012), rate=200.0)])[0].mean() == pytest.approx(0.015, abs=1.5e-3)
-    assert command_delays([sweep.sweep])[1] == 0
 
 
 MOMENTS = 2.0 + 1.1 * np.arange(20) + np.random.default_rng(5).uniform(0, 0.1, 20)

@@ -1,9 +1,7 @@
 """ROS bags of both ROS editions and three formats: what is read, repaired and refused."""
 
-import random
 import sqlite3
 import sys
-import time
 from resource import RUSAGE_SELF, getrusage
 
 import numpy as np
@@ -11,7 +9,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.io import savemat
 
-from archerfish2.errors import InputError
 from archerfish2.logs.log import read_log, signals_in
 
 pytest.importorskip("rosbags")
@@ -84,10 +81,8 @@ def test_the_signals_of_a_bag_are_its_numbers_by_topic_and_joint(tmp_path):
 
 def test_joints_are_found_by_name_and_messages_of_other_joints_left_out(tmp_path):
     names = [(("pitch", "yaw"), ("yaw", "pitch"), ("yaw",), ("roll", "pitch", "yaw"))[k % 4] for k in range(COUNT)]
-    axes = [
-        (t, joints(t, [y if each == "yaw" else -1 for each in j], names=j))
-        for t, y, j in zip(AT, Y, names, strict=True)
-    ]
+    yaws = [[y if each == "yaw" else -1 for each in own] for y, own in zip(Y, names, strict=True)]
+    axes = [(t, joints(t, angles, names=own)) for t, angles, own in zip(AT, yaws, names, strict=True)]
     wheels = [(t + 4_000_000, joints(t, (5, -5), names=("left", "right"))) for t in AT[::3]]
     commands = [(t, joints(t, [u], names=["yaw"])) for t, u in zip(AT, U, strict=True)]
     path = write(tmp_path, {"/axis": axes + wheels, "/command": commands})
@@ -122,7 +117,6 @@ REFUSED = {
     "no joint": (ONE, "/axis/roll/position", axis(), "no-column", 'none with "roll"; it has .*"yaw"'),
     "no field": ("/axis/torque", YAW, axis(), "no-column", 'message 1 of .*; the fields of .* "name", "position"'),
     "an array": ("/axis/position", YAW, axis(), "no-column", r'of 2; name .*position\[0]", or a joint, as'),
-    "no element": ("/axis/effort[2]", YAW, axis(), "no-column", "has no .*IndexError"),
     "from the end": ("/axis/effort[-1]", YAW, axis(), "no-column", "has no .*AttributeError"),
     "a method": ("/axis/effort.__len__", YAW, axis(), "no-column", "has no .*TypeError"),
     "empty fields": ("/axis/yaw/velocity", YAW, axis(), "no-column", "has no .*IndexError"),
@@ -134,10 +128,9 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("inputs", "outputs", "topics", "code", "complaint"), REFUSED.values(), ids=REFUSED)
-def test_what_can_not_be_taken_from_a_bag_is_refused(tmp_path, inputs, outputs, topics, code, complaint):
-    with pytest.raises(InputError, match=f"^{tmp_path}[^\n]*{complaint}[^\n]*$") as error:
-        read_log(write(tmp_path, topics), inputs=inputs, outputs=outputs)
-    assert error.value.code == code
+def test_what_can_not_be_taken_from_a_bag_is_refused(tmp_path, inputs, outputs, topics, code, complaint, refused):
+    path = write(tmp_path, topics)
+    assert refused(f"^{tmp_path}.*{complaint}", read_log, path, inputs=inputs, outputs=outputs).code == code
 
 
 def test_a_damaged_message_lost_ones_and_a_missing_library_are_named(tmp_path, refused, monkeypatch):
@@ -158,24 +151,15 @@ ARRAYS = {".npz": lambda path, **arrays: np.savez(path, **arrays), ".mat": lambd
 
 
 @pytest.mark.parametrize("ending", [*PLUGINS, *ARRAYS])
-@pytest.mark.parametrize("count", [40, pytest.param(2000, marks=pytest.mark.slow)])
-def test_a_damaged_file_is_refused_in_one_line_or_gives_a_sound_recording(tmp_path, ending, count):
+def test_a_damaged_file_is_refused_in_one_line_or_gives_a_sound_recording(tmp_path, ending, mutated):
     store = ROS1 if ending == ".bag" else ROS2
     path, names = tmp_path / f"damaged{ending}", SAME if ending in PLUGINS else {}
     ARRAYS.get(ending, lambda *_, **__: None)(path, time_s=1e-9 * AT, u=U, y=Y)
-    content = (path if path.exists() else write(tmp_path, axis(0, store), ending, store)).read_bytes()
-    count //= 10 if ending == ".mat" and count < 2000 else 1  # each in a process of its own
-    codes, read, before = set(), 0, getrusage(RUSAGE_SELF).ru_maxrss
-    for number in range(count):
-        draw, started = random.Random(number), time.process_time()
-        first, length = draw.randrange(len(content)), draw.choice((1, 1, 4, 100, 10**6))
-        changed = draw.choice((b"", draw.randbytes(length), bytes(length), b"\xff" * length))[:1000]
-        path.write_bytes(content[:first] + changed + content[first + length :])
-        try:
-            read += len(read_log(path, **names).recordings) > 0
-        except InputError as error:
-            codes.add(error.code)
-            assert "\n" not in str(error)
-        assert time.process_time() - started < 10
+    if ending in PLUGINS:
+        path.write_bytes(write(tmp_path, axis(0, store), ending, store).read_bytes())
+    count, before = 4 if ending == ".mat" else 40, getrusage(RUSAGE_SELF).ru_maxrss  # each .mat in its own process
+    # A length that a damaged bag states is asked of the system at once, which gives no memory before it is written to.
+    most = (10.0, float("inf"))
+    read = [log for log in mutated(path, lambda: read_log(path, **names), count, most=most) if log.recordings]
+    assert read or ending == ".mat"
     assert getrusage(RUSAGE_SELF).ru_maxrss - before < 1e6  # [kB]
-    assert (read > 0, None in codes, "damaged" in codes) == (True, False, True) or ending == ".mat"

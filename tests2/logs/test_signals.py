@@ -1,7 +1,6 @@
 """Wrapped angles and counters, repeated feedback, faults of sensors; and whether the plant is right in the end."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +10,7 @@ from scipy.signal import cont2discrete, lfilter
 from archerfish2.identification.axis.fit import fit_axis
 from archerfish2.logs.log import read_log
 
-COUNT, PERIOD, PLACE = 1600, 0.005, "shared/data/cases"
-CASES = next((each / PLACE for each in Path(__file__).parents if (each / PLACE).is_dir()), None)
+COUNT, PERIOD = 1600, 0.005
 RNG = np.random.default_rng(0)
 U = np.repeat(RNG.uniform(-10, 10, 90), RNG.integers(20, 120, 90))[:COUNT]
 TIME = PERIOD * np.arange(COUNT)
@@ -58,13 +56,11 @@ CASE = [  # names of signals; natural frequency [Hz], steady gain, delay and its
 ]
 
 
-@pytest.mark.skipif(CASES is None, reason=f"no folder {PLACE} beside the clone")
 @pytest.mark.parametrize(("name", "signals", "expected", "findings"), CASE)
-def test_the_cases_give_the_plant_that_made_them(name, signals, expected, findings):
+def test_the_cases_give_the_plant_that_made_them(name, signals, expected, findings, shared):
     pytest.importorskip("rosbags" if name.endswith(".mcap") else "numpy")
-    log = read_log(
-        CASES / name, inputs=signals[0], outputs=signals[1], time="TimeUS" if name[:4] == "time" else "time_s"
-    )
+    path, time = shared("data/cases") / name, "TimeUS" if name[:4] == "time" else "time_s"
+    log = read_log(path, inputs=signals[0], outputs=signals[1], time=time)
     *found, delay = plant(log)
     assert_allclose(found, (expected[0], 0.7, expected[1]), rtol=5e-3)
     assert abs(delay - expected[2]) <= expected[3] + 1e-9
@@ -125,19 +121,16 @@ def test_a_wrapped_input_is_averaged_as_its_unwrapped_twin(tmp_path, apart):
     assert_allclose(logs[1].recordings[0].inputs, logs[0].recordings[0].inputs, atol=1e-9)
 
 
-def test_a_wrapped_angle_is_unwrapped_although_the_log_has_gaps(tmp_path):
-    yaw, time = 5 * np.sin(2 * TIME), TIME + (TIME > 2) + 3 * (TIME > 5)
-    log = read(tmp_path, U, (response(yaw) + np.pi) % (2 * np.pi) - np.pi, time)
-    assert (codes(log), len(log.recordings)) == ({"gap", "angle-wrap"}, 3)
+ROWS = np.arange(COUNT)
+WRAPPED = {"gap": (ROWS, TIME + (TIME > 2) + 3 * (TIME > 5)), "time-duplicate": (ROWS.repeat(2), TIME)}
+
+
+@pytest.mark.parametrize("code", WRAPPED)
+def test_a_wrapped_angle_is_unwrapped_although_the_log_has_gaps_or_every_row_twice(tmp_path, code):
+    (rows, time), yaw = WRAPPED[code], 5 * np.sin(2 * TIME)
+    log = read(tmp_path, U[rows], ((response(yaw) + np.pi) % (2 * np.pi) - np.pi)[rows], time[rows])
+    assert codes(log) == {code, "angle-wrap"}
     assert_allclose(np.concatenate([part.outputs[:, 0] for part in log.recordings]), response(yaw), atol=1e-9)
-
-
-def test_a_wrapped_angle_of_which_every_row_is_there_twice_is_unwrapped(tmp_path):
-    yaw = 5 * np.sin(2 * TIME)
-    rows = np.arange(COUNT).repeat(2)
-    log = read(tmp_path, U[rows], ((response(yaw) + np.pi) % (2 * np.pi) - np.pi)[rows], TIME[rows])
-    assert codes(log) == {"time-duplicate", "angle-wrap"}
-    assert_allclose(log.recordings[0].outputs[:, 0], response(yaw), atol=1e-9)
 
 
 def test_steps_and_random_levels_are_not_unwrapped(tmp_path):

@@ -1,20 +1,14 @@
 """Time stamps → equal intervals, and recordings in memory."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.signal import lfilter
 
 from archerfish2.logs.log import read_log
-from archerfish2.logs.recording import Recording, held_mean
-from archerfish2.logs.stamps import period_findings
+from archerfish2.logs.recording import Recording
 
 PERIOD, COUNT = 0.01, 600
-SHARED = next(
-    (each / "shared/data" for each in Path(__file__).parents if (each / "shared/data").is_dir()), Path("none")
-)
 
 
 def axis():
@@ -122,15 +116,6 @@ def test_an_input_with_stamps_of_its_own_is_averaged_between_the_outputs(tmp_pat
     assert_allclose(recording.inputs[:-1, 0], expected[:-1], atol=0.01)
 
 
-def test_what_is_held_is_averaged_as_an_integral():
-    rng = np.random.default_rng(0)
-    time, signal = np.cumsum(rng.uniform(0.5, 1.5, 40)), rng.standard_normal((40, 2))
-    edges = np.sort(rng.uniform(time[0], time[-1] + 3, 30))
-    fine = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(20_000) + 0.5) / 20_000
-    expected = signal[np.searchsorted(time, fine, side="right") - 1].mean(axis=1)
-    assert_allclose(held_mean(time, signal, edges), expected, atol=2e-4)
-
-
 def test_stamps_in_another_unit_that_no_name_states_are_suspected(tmp_path):
     time, u, y = axis()
     for unit, scale in {"time_ms": 1e3, "time_us": 1e6, "time_ns": 1e9}.items():
@@ -138,6 +123,7 @@ def test_stamps_in_another_unit_that_no_name_states_are_suspected(tmp_path):
         (finding,) = log.findings
         assert (finding.code, finding.severity, unit in finding.remedy) == ("time-unit", "warning", True)
         assert log.recordings[0].period_s == pytest.approx(PERIOD)
+    assert codes(read(tmp_path, u, u, y, sample_period_s=5)) == {"time-unit": "warning"}
 
 
 DRONE = "identification/quarter_drone/14_drone_seq_20260529_195254.csv"
@@ -148,11 +134,10 @@ RECORDED = [
 ]
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="needs the recorded logs in ../shared/data, beside the repository")
 @pytest.mark.parametrize(("name", "u", "y", "clock", "expected"), RECORDED)
-def test_recorded_logs_are_read(name, u, y, clock, expected):
+def test_recorded_logs_are_read(name, u, y, clock, expected, shared):
     stamps = {"time": clock} if isinstance(clock, str) else {"sample_period_s": clock}
-    log = read_log(SHARED / name, inputs=[u], outputs=[y], **stamps)
+    log = read_log(shared(f"data/{name}"), inputs=[u], outputs=[y], **stamps)
     assert codes(log).keys() == set(expected)
     lengths = [1598, 3424, 1012] if name == DRONE else [log.samples]
     assert [len(each) for each in log.recordings] == pytest.approx(lengths, rel=0.005)
@@ -189,12 +174,3 @@ def test_arrays_with_even_stamps_are_a_recording_and_others_are_read_as_a_file_i
     (expected,) = read(tmp_path, time[rows], u[rows], y[rows]).recordings
     assert_array_equal(np.hstack([even.inputs, even.outputs]), np.hstack([expected.inputs, expected.outputs]))
     refused("time does not increase", Recording.from_arrays, u, y, time=-time)
-
-
-def test_a_period_in_milliseconds_is_suspected(tmp_path):
-    _, u, y = axis()
-    (finding,) = period_findings(Recording.from_arrays(u, y, 5))
-    assert finding[:3] == ("time-unit", "warning", "recording")
-    assert finding.message == "has a sample every 5 s, as no gimbal is logged"
-    assert codes(read(tmp_path, u, u, y, sample_period_s=5)) == {"time-unit": "warning"}
-    assert period_findings(Recording.from_arrays(u, y, 0.005)) == ()

@@ -7,14 +7,9 @@ import pytest
 
 from archerfish2.virtual_robot.virtual_robot import VirtualRobot
 
-QUIET = {
-    "firmware.pitch.gyro_noise_rad_per_s": 0,
-    "firmware.yaw.gyro_noise_rad_per_s": 0,
-    "camera.lateral_sd_mm": 0,
-    "camera.range_sd_percent": 0,
-    "camera.miss_probability": 0,
-    "camera.stamp_jitter_ms": 0,
-}
+NOISE = "lateral_sd_mm range_sd_percent miss_probability stamp_jitter_ms"
+QUIET = {f"firmware.{axis}.gyro_noise_rad_per_s": 0 for axis in ("pitch", "yaw")}
+QUIET |= {f"camera.{name}": 0 for name in NOISE.split()}
 EXACT = {"speed_sd_m_s", "droop_per_shot_m_s", "boresight_pitch_deg", "boresight_yaw_deg"}
 EXACT |= {"dispersion_pitch_deg", "dispersion_yaw_deg"}
 
@@ -26,11 +21,8 @@ def changed_robot(tmp_path):
     original = resources.files("archerfish2").joinpath("virtual_robot", "robots", "infantry.toml").read_text()
 
     def change(values=None, *, noisy=False, exact=False):
-        values = (
-            ({} if noisy else QUIET) | dict.fromkeys((f"muzzle.{name}" for name in EXACT if exact), 0) | (values or {})
-        )
-        text = original
-        for place, value in values.items():
+        text, without = original, {f"muzzle.{name}": 0 for name in EXACT if exact} | ({} if noisy else QUIET)
+        for place, value in (without | (values or {})).items():
             table, _, key = place.rpartition(".")
             pattern = rf"(?s)(\[{re.escape(table)}\](?:(?!\n\[).)*?\n{key} = )[^\n]*"
             text, count = re.subn(pattern, lambda found, value=value: f"{found[1]}{value}", text)

@@ -1,6 +1,6 @@
 """Descriptions of virtual robots: what is not a valid one is refused in one line that names file and field."""
 
-import random
+import json
 import re
 import tomllib
 from importlib.resources import files
@@ -79,29 +79,29 @@ def test_a_negative_value_is_refused_with_its_bound(refusal) -> None:
             assert re.match(rf"field {table}.{key}: expected \w+ >=? \d\S*, got -1; ", message)
 
 
-@pytest.mark.parametrize(
-    ("table", "key", "line", "words"),
-    [
-        ("muzzle", "speed_m_s", "speed_km_per_min = 1", 'unit "km_per_min", expected speed_m_s; convert the value'),
-        ("gimbal.yaw", "armature_kg_m2", "armature = 1", "does not say its unit, expected armature_kg_m2; name it so"),
-        ("camera", "rate_hz", "rate_hz = 80\nexposure_us = 2", "there is no such field; fields are "),
-        ("gimbal.yaw", "low_deg", "low_deg = 90", "field gimbal.yaw.low_deg: expected < high_deg, got 90 and 80; "),
-        ("firmware.pitch", "command_low_deg", "command_low_deg = 11", "expected < command_high_deg, got 11 and 10"),
-        ("camera", "latency_low_ms", "latency_low_ms = 41", "expected ≤ latency_high_ms, got 41 and 40"),
-        ("firmware.yaw", "command_high_deg", "command_high_deg = 81", "-75…81°, expected within gimbal.yaw -80…80°"),
-        ("firmware.pitch", "angle_per_encoder", "angle_per_encoder = 1.2", "expected within gimbal.pitch -28…13°"),
-        ("limits.yaw", "high_deg", "high_deg = 76", "-75…76°, expected within the commands of firmware.yaw -75…75°"),
-        ("limits.pitch", "low_deg", "low_deg = 2", "2…10°, expected to include 0°, where recordings begin"),
-        ("gimbal.pitch_body", "roll_inertia_kg_m2", "roll_inertia_kg_m2 = 1", "the sum of the others, 0.0157, got 1"),
-        ("gimbal.pitch_body", "mass_kg", "mass_kg = 50", "needs 13.2 N·m, expected at most what the motor holds"),
-        ("gimbal.pitch", "supply_v", "supply_v = 0.1", "1.2 N·m by torque_limit_n_m and 0.0206 N·m by supply_v"),
-        ("link", "command_loss", "command_loss = 1.5", "field link.command_loss: expected float <= 1.0, got 1.5; "),
-        ("firmware", "bus_delay_ms", "bus_delay_ms = 1.5", "field firmware.bus_delay_ms: expected int, got float"),
-        ("link", "feedback_source", "feedback_source = 'eye'", "enum value 'eye', expected imu or encoder"),
-        ("schema", "format", "format = 'archerfish.robot/2'", "robot/2', expected archerfish.robot/1; "),
-        ("schema", "name", "name = '../up'", "field schema.name: expected str matching regex"),
-    ],
-)  # fmt: skip
+CONTRADICTIONS = [
+    ("muzzle", "speed_m_s", "speed_km_per_min = 1", 'unit "km_per_min", expected speed_m_s; convert the value'),
+    ("gimbal.yaw", "armature_kg_m2", "armature = 1", "does not say its unit, expected armature_kg_m2; name it so"),
+    ("camera", "rate_hz", "rate_hz = 80\nexposure_us = 2", "there is no such field; fields are "),
+    ("gimbal.yaw", "low_deg", "low_deg = 90", "field gimbal.yaw.low_deg: expected < high_deg, got 90 and 80; "),
+    ("firmware.pitch", "command_low_deg", "command_low_deg = 11", "expected < command_high_deg, got 11 and 10"),
+    ("camera", "latency_low_ms", "latency_low_ms = 41", "expected ≤ latency_high_ms, got 41 and 40"),
+    ("firmware.yaw", "command_high_deg", "command_high_deg = 81", "-75…81°, expected within gimbal.yaw -80…80°"),
+    ("firmware.pitch", "angle_per_encoder", "angle_per_encoder = 1.2", "expected within gimbal.pitch -28…13°"),
+    ("limits.yaw", "high_deg", "high_deg = 76", "-75…76°, expected within the commands of firmware.yaw -75…75°"),
+    ("limits.pitch", "low_deg", "low_deg = 2", "2…10°, expected to include 0°, where recordings begin"),
+    ("gimbal.pitch_body", "roll_inertia_kg_m2", "roll_inertia_kg_m2 = 1", "the sum of the others, 0.0157, got 1"),
+    ("gimbal.pitch_body", "mass_kg", "mass_kg = 50", "needs 13.2 N·m, expected at most what the motor holds"),
+    ("gimbal.pitch", "supply_v", "supply_v = 0.1", "1.2 N·m by torque_limit_n_m and 0.0206 N·m by supply_v"),
+    ("link", "command_loss", "command_loss = 1.5", "field link.command_loss: expected float <= 1.0, got 1.5; "),
+    ("firmware", "bus_delay_ms", "bus_delay_ms = 1.5", "field firmware.bus_delay_ms: expected int, got float"),
+    ("link", "feedback_source", "feedback_source = 'eye'", "enum value 'eye', expected imu or encoder"),
+    ("schema", "format", "format = 'archerfish.robot/2'", "robot/2', expected archerfish.robot/1; "),
+    ("schema", "name", "name = '../up'", "field schema.name: expected str matching regex"),
+]
+
+
+@pytest.mark.parametrize(("table", "key", "line", "words"), CONTRADICTIONS)
 def test_a_wrong_field_or_a_contradiction_is_explained(refusal, table, key, line, words) -> None:
     assert words in refusal(changed(table, key, line))
 
@@ -113,51 +113,24 @@ def test_a_latency_may_be_fixed_and_a_later_format_is_named_before_its_fields(tm
 
 
 def test_a_file_that_is_not_a_robot_is_refused(refusal) -> None:
-    for content in ("[schema]\nformat = ", "a = 1\na = 1", "a = 1" + 5000 * "0", "a = " + 5000 * "[" + 5000 * "]"):
-        assert refusal(content).startswith("is not TOML (")
+    assert refusal("[schema]\nformat = ").startswith("is not TOML (")
     assert refusal(b"\xff\xfe\x00") == "is not UTF-8 text (byte 0); save it as UTF-8"
     assert refusal("").startswith("field schema: missing field format; ")
     assert refusal(f"gimbal = 3\n[{TABLES['schema']}").startswith("field gimbal: expected table, got int; ")
-    assert refusal(64_000_001 * b"#").startswith("has 64000001 bytes, expected at most 64000000; ")
 
 
-def test_an_unknown_robot_is_refused_with_the_known_ones(tmp_path) -> None:
-    with pytest.raises(InputError, match="no robot 'infanty'; known are infantry, worn, or give a TOML file"):
-        load_robot("infanty")
-    with pytest.raises(InputError, match=r"absent\.toml: there is no such file"):
-        load_robot(tmp_path / "absent.toml")
-    with pytest.raises(InputError, match="is a folder, expected a robot's description; known are infantry"):
-        load_robot(tmp_path)
+def test_an_unknown_robot_is_refused_with_the_known_ones(tmp_path, refused) -> None:
+    refused("no robot 'infanty'; perhaps you meant infantry", load_robot, "infanty")
+    refused(r"absent\.toml: there is no such file", load_robot, tmp_path / "absent.toml")
+    refused("is a folder, expected a robot's description; known are infantry", load_robot, tmp_path)
 
 
-def mutated(draw):
-    """Return the infantry robot's file with one or two random faults."""
-    lines, values = INFANTRY.splitlines(), "nan -inf 1e999 -1 0 1e-9 9999999 true [] {} '' \"\\u0000\" 1979-05-27 = ]"
-    for _ in range(draw.choice((1, 1, 2))):
-        line = draw.randrange(len(lines))
-        key, _, value = lines[line].partition(" = ")
-        renamed, other = "".join(draw.sample(key, len(key))), draw.choice(re.split(" ", values))
-        replaced = ["", f"{renamed} = {value}", f"{lines[line]}\n" * 2, f"{lines[line]}0", f"'{key} - at `$.x`' = 1"]
-        lines[line] = draw.choice([*replaced, f"{key} = {other}", f"{key} = {other}"])
-    content = bytearray("\n".join(lines).encode())
-    if draw.random() < 0.2:
-        content[draw.randrange(len(content))] ^= 1 << draw.randrange(8)
-    return content[: draw.randrange(len(content))] if draw.random() < 0.1 else content
-
-
-def test_a_damaged_file_is_a_valid_robot_or_refused_in_one_line_that_names_it(tmp_path) -> None:
-    draw, path, accepted = random.Random(0), tmp_path / "damaged.toml", 0
-    for _ in range(600):
-        path.write_bytes(mutated(draw))
-        try:
-            robot = load_robot(path)
-        except InputError as error:
-            assert str(error).startswith(f"{path}: ")
-            assert str(error).isprintable()
-        else:
-            assert msgspec.convert(msgspec.to_builtins(robot), RobotDescription) == robot
-            accepted += 1
-    assert 20 < accepted < 300
+def test_any_mutated_file_is_a_robot_or_refused(tmp_path, mutated) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(json.dumps(tomllib.loads(INFANTRY)))
+    read = [*mutated(path, lambda: load_robot(path), 200)]
+    assert len(read) > 10
+    assert all(msgspec.convert(msgspec.to_builtins(robot), RobotDescription) == robot for robot in read)
 
 
 def test_each_field_of_a_description_is_on_the_page_of_the_virtual_robot():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from archerfish2.arrays import leaves, map_arrays
+from archerfish2.arrays import leaves
 from archerfish2.protocols import Engagement, aim
 from archerfish2.robot import Robot
 from archerfish2.targets.motion import disc
@@ -37,9 +37,8 @@ def world(changed_robot):
 
 def engaged(count, place=(3.0, 0.5, 0.0), velocity=(0.0, 0.0, 0.0), start=(0.0, 0.0)):
     line = Line(np.tile(place, (count, 1)), np.tile(velocity, (count, 1)))
-    return Engagement(
-        disc(line, line.place), np.tile(np.float32(start), (count, 1)), np.zeros(count, int), np.ones(count)
-    )
+    starts = np.tile(np.float32(start), (count, 1))
+    return Engagement(disc(line, line.place), starts, np.zeros(count, int), np.ones(count))
 
 
 def normals(count, decisions, seed=0):
@@ -64,7 +63,7 @@ def swinging(decisions):
     return np.stack([0.0 * yaw, yaw], axis=-1)
 
 
-def test_equal_engagements_have_equal_noise_others_other_and_a_batch_is_its_members(world):
+def test_equal_engagements_have_equal_noise_and_others_other(world):
     engagement, drawn, robots = engaged(3), normals(3, 6), world(noisy=True)
     drawn[2] = drawn[0]
     seen, shots = shot(robots, engagement, drawn, swinging(6))
@@ -73,8 +72,6 @@ def test_equal_engagements_have_equal_noise_others_other_and_a_batch_is_its_memb
         assert_array_equal(one, other)
         assert_array_equal(one[0], one[2])
     assert not np.array_equal(shots[-1].miss[0], shots[-1].miss[1])
-    alone = map_arrays(lambda values: values[1:2], engagement)
-    assert_array_equal(shot(robots, alone, drawn[1:2], swinging(6))[1][-1].miss[0], shots[-1].miss[1])
 
 
 def test_commands_keep_the_limits_whatever_is_commanded(world):
@@ -110,16 +107,6 @@ def test_a_moving_target_is_seen_where_it_was_at_the_exposure(world):
             assert_allclose(step.frames.position[:, 0, 0], expected, atol=1e-3)
 
 
-def test_a_right_time_offset_leaves_a_still_plate_still_and_a_wrong_one_moves_it(world):
-    away = {}
-    for error in (0.0, 0.01):
-        seen, _ = shot(world(offset=OFFSET + error), engaged(2), normals(2, 40), swinging(40))
-        places = [step.frames.position[:, 0, 0, 1][step.frames.received[:, 0]] for step in seen[5:]]
-        away[error] = np.abs(np.concatenate(places) - 0.5).max()
-    assert away[0.0] < 0.002  # reports each millisecond, to a hundredth of a degree
-    assert away[0.01] > 0.03  # some 2 rad/s for 10 ms at 3 m
-
-
 def test_the_computer_has_the_record_and_not_the_description(world):
     # Another clock that is recorded as it is shows the same; the same clock recorded wrongly does not.
     arguments = engaged(2), normals(2, 10), swinging(10)
@@ -135,11 +122,10 @@ def test_the_computer_has_the_record_and_not_the_description(world):
     assert_allclose(truth.muzzle.speed, INFANTRY.muzzle.speed)
 
 
-@pytest.mark.parametrize("start", [(0.0, 0.0), (0.1, -0.6)])
-def test_a_target_is_not_seen_until_the_gimbal_turns_to_it(world, start):
+def test_a_target_is_not_seen_until_the_gimbal_turns_to_it(world):
     # 72° to the left, of a camera that sees 50° to either side.
-    engagement = engaged(2, (1.0, 3.0, 0.0), start=start)
-    seen, _ = shot(world(), engagement, normals(2, 5), [start] * 5)
+    engagement = engaged(2, (1.0, 3.0, 0.0), start=(0.1, -0.6))
+    seen, _ = shot(world(), engagement, normals(2, 5), [(0.1, -0.6)] * 5)
     assert not any(step.frames.received.any() or step.frames.position.any() for step in seen)
     seen, _ = shot(world(), engagement, normals(2, 40), [(0.0, 1.2)] * 40)
     position = seen[-1].frames.position[:, 0, 0]
