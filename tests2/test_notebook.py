@@ -1,9 +1,12 @@
 """The ten lines of the front door in a kernel of Jupyter: tables and pictures are inside the outputs."""
 
+from pathlib import Path
+
 import nbclient
 import nbformat
 import pytest
 
+ROOT = Path(__file__).parents[1]
 CELLS = (
     "import numpy as np, archerfish2 as af",
     "from archerfish2.evaluation import run\nrun.has_jax = lambda: False",  # nothing is compiled
@@ -56,3 +59,14 @@ def test_a_bar_is_one_output_and_what_is_shown_of_an_object_is_short(outputs):
     for last in ("robot", "task", "shots"):
         [shown] = outputs[last]
         assert len(shown.data["text/plain"]) < 500, last
+
+
+@pytest.mark.slow
+def test_the_notebook_of_the_examples_runs_and_draws(tmp_path):
+    notebook = nbformat.read(ROOT / "examples2" / "notebook.ipynb", 4)
+    for cell in notebook.cells:
+        cell.source = cell.source.replace("engagements=50", "engagements=4")
+    folder = {"metadata": {"path": str(tmp_path)}}
+    nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3", resources=folder).execute()
+    outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
+    assert sum("image/png" in output.get("data", {}) for output in outputs) == 2

@@ -1,0 +1,51 @@
+"""The pages: what is made from scripts is up to date and runs, links lead somewhere, and there are few lines."""
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = {path.stem: path.read_text() for path in sorted((ROOT / "docs2").glob("*.md"))}
+ROOT_PAGES = {"readme", "contributing_next", "changelog_next"}
+"""Pages that lie in the root after the rename: their links start there."""
+
+
+def anchors(text):
+    """Return the anchors of a page's headings, as GitHub and the site make them."""
+    headings = re.findall(r"^#+ (.*)$", re.sub(r"```.*?```", "", text, flags=re.DOTALL), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def test_what_is_made_from_scripts_is_up_to_date():
+    made = runpy.run_path(str(ROOT / "docs2" / "make_pages.py"))["made"]()
+    stale = [path.name for path, text in made.items() if not path.exists() or path.read_text() != text]
+    assert stale == [], "python docs2/make_pages.py"
+
+
+def test_links_lead_to_files_and_headings():
+    wrong = []
+    for name, text in PAGES.items():
+        folder = ROOT if name in ROOT_PAGES else ROOT / "docs2"
+        for link in re.findall(r"\]\((?!https?:)([^)\s]+)\)", text):
+            file, _, anchor = link.partition("#")
+            path = folder / file if file else ROOT / "docs2" / f"{name}.md"
+            if not path.exists() or (anchor and anchor not in anchors(path.read_text())):
+                wrong.append((name, link))
+    assert wrong == []
+
+
+@pytest.mark.parametrize(
+    "number", [pytest.param(2, marks=pytest.mark.slow), 3, pytest.param(4, marks=pytest.mark.slow)]
+)
+def test_a_tutorial_runs(number, tmp_path, monkeypatch, capsys):
+    pytest.importorskip("mujoco" if number == 4 else "jax")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ARCHERFISH_CACHE", "off")
+    [script] = (ROOT / "examples2").glob(f"tutorial_{number}_*.py")
+    small = re.sub(r"engagements=\d+", "engagements=8", script.read_text()).replace("300_000", "20_000")
+    exec(compile(small, str(script), "exec"), {"__name__": "tutorial"})
+    assert re.search(
+        {2: r"policy − kalman", 3: r"dynamic targets: ", 4: r"% on the virtual robot"}[number], capsys.readouterr().out
+    )
