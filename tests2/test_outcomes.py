@@ -2,11 +2,13 @@
 
 import base64
 import functools
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from archerfish2.arrays import map_arrays
 from archerfish2.controllers.registry import make_controller
 from archerfish2.controllers.tuning import Tuning
 from archerfish2.evaluation import run
@@ -18,16 +20,12 @@ from archerfish2.task import Task
 
 HERE = Path(__file__).parent
 STORED = {path.stem: read_json(path) for path in sorted((HERE / "outcomes").glob("*.json")) if path.stem != "tuning"}
-QUICK = {  # those that compile in `make test`; the others are in `make test-slow`
-    *(("paper-gate", each) for each in STORED["paper-gate"]),
-    *(("paper-box", each) for each in ("kalman", "kalman-paper", "perfect")),
-    *(("infantry", each) for each in ("kalman-lq", "parabola-lq")),
-}
-CASES = [
-    pytest.param(name, each, marks=[pytest.mark.slow] * ((name, each) not in QUICK))
-    for name, stored in STORED.items()
-    for each in sorted(stored.keys() - {"setting"})
-]
+COMPILED = {("paper-gate", "perfect"), ("paper-gate", "kalman-lq"), ("infantry", "kalman-lq")}
+"""Those that `make test` compiles; the others are compiled in `make test-slow`, and shoot in NumPy in both."""
+PAIRS = [(name, controller) for name, stored in STORED.items() for controller in sorted(stored.keys() - {"setting"})]
+CASES = [pytest.param(*pair, marks=[] if pair in COMPILED else [pytest.mark.slow]) for pair in PAIRS]
+FEW = 80
+"""Engagements of all cells together that shoot in NumPy."""
 
 
 @functools.cache
@@ -41,22 +39,43 @@ def engagements(name):
     return robot, task, world, drawn
 
 
-@pytest.mark.parametrize(("name", "controller"), CASES)
-def test_a_controller_hits_where_it_hit_in_version_0_1(name, controller, monkeypatch) -> None:
-    pytest.importorskip("jax")
-    monkeypatch.setattr(run, "LARGEST", 300)  # engagements of several parts
-    robot, task, world, drawn = engagements(name)
+def built(name, controller):
+    """Return a controller as it was when the outcomes were stored."""
+    robot, task, *_ = engagements(name)
     if robot.sensing:  # version 0.1's trackers took the azimuth's noise for the elevation, too
         camera = robot.sensing.camera.replace(elevation_sd=robot.sensing.camera.bearing_sd)
         robot = robot.replace(sensing=robot.sensing.replace(camera=camera))
-    stored, (cells, _, _) = STORED[name][controller], STORED[name]["setting"]["shape"]
+    tuning = STORED[name][controller]["tuning"]
+    return make_controller(controller, robot, task, tuning and Tuning(**tuning))
+
+
+def check(name, controller, hit):
+    """Compare hits, shape (cells, engagements, decisions), with those of the first engagements of each cell."""
+    stored, shape = STORED[name][controller], STORED[name]["setting"]["shape"]
+    bits = np.unpackbits(np.frombuffer(base64.b64decode(stored["hits"]), np.uint8), count=math.prod(shape))
+    differ = (hit != bits.reshape(shape)[:, : hit.shape[1]]).sum(axis=(1, 2))
+    # As many as version 0.1 differs from itself in batches of another size, twice; or 0.1 %.
+    allowed = np.maximum(np.ceil(1e-3 * hit[0].size), 2 * np.array(stored["differ"]))
+    assert np.all(differ <= allowed), f"{differ.tolist()} shots of each cell differ, of {hit[0].size}"
+
+
+@pytest.mark.parametrize(("name", "controller"), CASES)
+def test_a_compiled_controller_hits_where_it_hit_in_version_0_1(name, controller, monkeypatch) -> None:
+    pytest.importorskip("jax")
+    monkeypatch.setattr(run, "LARGEST", 300)  # engagements of several parts
+    *_, world, drawn = engagements(name)
     if controller == "perfect":
         hit = run.count_perfect_aim(world, *drawn).hit
     else:
-        tuning = stored["tuning"] and Tuning(**stored["tuning"])
-        hit = run.count(world, make_controller(controller, robot, task, tuning), *drawn).hit
-    expected = np.unpackbits(np.frombuffer(base64.b64decode(stored["hits"]), np.uint8), count=hit.size)
-    differ = (hit.ravel() != expected).reshape(cells, -1).sum(axis=1)
-    # As many as version 0.1 differs from itself in batches of another size, twice; or 0.1 %.
-    allowed = np.maximum(np.ceil(1e-3 * hit.size / cells), 2 * np.array(stored["differ"]))
-    assert np.all(differ <= allowed), f"{differ.tolist()} shots of each cell differ, of {hit.size // cells}"
+        hit = run.count(world, built(name, controller), *drawn).hit
+    check(name, controller, hit.reshape(STORED[name]["setting"]["shape"]))
+
+
+@pytest.mark.parametrize(("name", "controller"), [pair for pair in PAIRS if pair[1] != "perfect"])
+def test_a_controller_hits_in_numpy_where_it_hit_in_version_0_1(name, controller) -> None:
+    *_, world, (engagement, normals) = engagements(name)
+    cells, count, decisions = STORED[name]["setting"]["shape"]
+    first = np.ravel(np.arange(cells)[:, None] * count + np.arange(FEW // cells))
+    few = map_arrays(lambda values: values[first], engagement)
+    *_, shot = run.decisions(world, built(name, controller), few, normals[first], may_compile=False)
+    check(name, controller, (shot.fired & (shot.margin >= 0.0)).reshape(cells, -1, decisions))
