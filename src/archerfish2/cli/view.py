@@ -8,13 +8,13 @@ from typing import Annotated
 from archerfish2.cli.options import ForRobot, shown
 from archerfish2.controllers.registry import is_policy
 from archerfish2.errors import InputError
-from archerfish2.viewer.choice import Choice, Setup, first_choice, make_setup
+from archerfish2.viewer.choice import Setup, TrialChoice, first_choice, make_setup
 from archerfish2.viewer.film import check_film, write_film
 from archerfish2.viewer.trial import run_trial, trial_text
 
 
 @dataclass(frozen=True)
-class View(ForRobot):
+class ViewRobot(ForRobot):
     """Open a page in the browser to play with engagements, or write a film of them.
 
     - shows robot, pellets, plate, hits and misses, the aim error and the hit rate with its interval; choose controller,
@@ -66,7 +66,7 @@ class View(ForRobot):
         write_film(self.export, setup, choice, trial)
         print(f"wrote {self.export}\nnext: open it in a browser; it needs no other file")  # noqa: T201
 
-    def _serve(self, setup: Setup, choice: Choice) -> None:
+    def _serve(self, setup: Setup, choice: TrialChoice) -> None:
         from archerfish2.viewer.page import Page, serve_page  # needs viser
         from archerfish2.viewer.server import page_server
 

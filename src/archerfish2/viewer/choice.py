@@ -1,5 +1,6 @@
 """What is chosen on the page, and the world, the task and the controller that follow from it."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -23,7 +24,7 @@ DISTANCES_M, SPEEDS_M_S = (1.0, 8.0), (0.0, 3.0)
 
 
 @dataclass(frozen=True)
-class Choice:
+class TrialChoice:
     """What makes one trial; equal choices give equal trials."""
 
     controller: str
@@ -79,39 +80,37 @@ def make_setup(robot: Robot, task: Task, controllers: Iterable[Any] = ()) -> Set
     is_paper = robot.digest() == Robot.paper().digest()
     names = [name for name in NAMES if is_paper or name != "kalman-paper"]
     contenders = as_contenders(list(dict.fromkeys([*controllers, *names])))
-    if len({contender.name for contender in contenders}) < len(contenders):
-        raise InputError("two controllers have one name; give one of them another folder")
     world = make_world(robot, part)
     prepared([contender for contender in contenders if contender.kind == "user"], world, robot, part)
-    found = {each.name: kept(each.given, robot, task) for each in contenders if each.is_tuned}
+    by_name = {contender.name: contender for contender in contenders}
+    found = {name: kept(contender.given, robot, task) for name, contender in by_name.items() if contender.is_tuned}
+    if len(by_name) < len(contenders):
+        raise InputError("two controllers have one name; give one of them another folder")
     tunings = {name: tuning for name, tuning in found.items() if tuning is not None}
-    return Setup(robot, part, {each.name: each for each in contenders}, tunings, task.name)
+    return Setup(robot, part, by_name, tunings, task.name)
 
 
-def first_choice(setup: Setup, **changes: Any) -> Choice:
+def first_choice(setup: Setup, **changes: Any) -> TrialChoice:
     """Return what is chosen at first: the task as it is, at the middle of its distances.
 
     Args:
       setup: of the page.
-      changes: fields of `Choice` that are given.
+      changes: fields of `TrialChoice` that are given.
 
     Raises:
-      InputError: if a distance or a number of engagements is out of bounds.
+      InputError: if a distance, a number of engagements or a seed is out of bounds.
     """
     task, (near, far) = setup.task, DISTANCES_M
     middle = 0.5 * (task.ranges_m[0][0] + task.ranges_m[-1][1])
     distance, speed = min(max(middle, near), far), min(task.max_speed_m_s, SPEEDS_M_S[1])
-    choice = replace(Choice(next(iter(setup.controllers)), task.motion, distance, speed), **changes)
-    if not near <= choice.distance <= far:
-        raise InputError(f"the distance must be {near:g}…{far:g} m, got {choice.distance:g}; choose one of these")
-    if not 2 <= choice.engagements <= 200:
-        raise InputError(f"engagements must be 2…200, got {choice.engagements}; intervals take at least 2")
-    if choice.seed < 0:
-        raise InputError(f"seed must be at least 0, got {choice.seed}; choose another")
+    choice = replace(TrialChoice(next(iter(setup.controllers)), task.motion, distance, speed), **changes)
+    for name, (low, high) in {"distance": DISTANCES_M, "engagements": (2, 200), "seed": (0, math.inf)}.items():
+        if not low <= (value := getattr(choice, name)) <= high:
+            raise InputError(f"{name} must be {low:g}…{high:g}, got {value:g}; choose one of these")
     return choice
 
 
-def chosen_robot(setup: Setup, choice: Choice) -> Robot:
+def chosen_robot(setup: Setup, choice: TrialChoice) -> Robot:
     """Return the robot with what the page adds: other dispersion, and latencies of camera and commands.
 
     A robot without sensing record gets a camera and a link with no fault but the latency.
@@ -139,14 +138,14 @@ def _exact_sensing(task: Task) -> SensingRecord:
     return SensingRecord(camera=camera, link=LinkRecord(feedback_rate_hz=FEEDBACK_RATE_HZ, command_latency=0.0))
 
 
-def chosen_task(setup: Setup, choice: Choice) -> Task:
+def chosen_task(setup: Setup, choice: TrialChoice) -> Task:
     """Return the task with the motion, the distance and the largest speed that are chosen."""
     near, far = choice.distance - HALF_RANGE_M, choice.distance + HALF_RANGE_M
     motion = choice.motion if choice.motion in motion_names(setup.task)[:-1] else setup.task.motion
     return setup.task.replace(motion=motion, ranges_m=((near, far),), max_speed_m_s=choice.speed)
 
 
-def chosen_controller(setup: Setup, choice: Choice) -> Any:
+def chosen_controller(setup: Setup, choice: TrialChoice) -> Any:
     """Build the controller, which knows the robot as it was loaded: what the page adds is unknown to it.
 
     Raises:

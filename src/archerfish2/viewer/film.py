@@ -9,11 +9,11 @@ import numpy as np
 
 from archerfish2.errors import file_error
 from archerfish2.storage import check_regular, write_bytes
-from archerfish2.viewer.choice import Choice, Setup
-from archerfish2.viewer.motions import Floats
+from archerfish2.viewer.choice import Setup, TrialChoice
+from archerfish2.viewer.motions import FloatArray
 from archerfish2.viewer.trial import Trial, trial_text
 
-MARK = '<meta name="generator" content="archerfish view">'
+FILM_MARK = '<meta name="generator" content="archerfish view">'
 """In every film, and in no other file."""
 ELLIPSE_SCALE = math.sqrt(-2.0 * math.log(0.05))
 """Half axes of the ellipse that holds 95 % of a normal distribution, in standard deviations."""
@@ -29,11 +29,11 @@ def check_film(path: Path) -> None:
     if path.suffix not in (".html", ".htm"):
         raise file_error(path, "expected a name that ends with .html", "choose such a name")
     check_regular(path)
-    if path.exists() and MARK.encode() not in path.read_bytes()[:2000]:
+    if path.exists() and FILM_MARK.encode() not in path.read_bytes()[:2000]:
         raise file_error(path, "was not written by archerfish view", "name another file, or remove it")
 
 
-def write_film(path: Path, setup: Setup, choice: Choice, trial: Trial) -> None:
+def write_film(path: Path, setup: Setup, choice: TrialChoice, trial: Trial) -> None:
     """Write a trial as a film.
 
     Raises:
@@ -49,29 +49,26 @@ def write_film(path: Path, setup: Setup, choice: Choice, trial: Trial) -> None:
     write_bytes(path, template.render(film=film, text=text).encode())
 
 
-def film_content(setup: Setup, choice: Choice, trial: Trial) -> dict[str, Any]:
+def film_content(setup: Setup, choice: TrialChoice, trial: Trial) -> dict[str, Any]:
     """Return what a film shows, for JSON: lengths in m, angles in rad, times in s, names of fields with their unit."""
-    note = setup.note(choice.controller)
-    kind = f"{choice.motion}, {choice.distance:g} m, seed {choice.seed}"
-    text = f"{kind}: {trial_text(trial)}, 95 % interval over engagements"
+    text = f"{choice.motion}, {choice.distance:g} m, seed {choice.seed}: {trial_text(trial)}, 95 % over engagements"
     return {
         "schema": "archerfish.film/1",
         "title": f"{choice.controller} on the robot {setup.robot.name}",
-        "text": f"{text}. {note}",
+        "text": f"{text}. {setup.note(choice.controller)}",
         "period_s": trial.period_s,
         "shown_s": round(trial.shown_s, 9),
         "hit_radius_m": trial.hit_radius,
         "distance_m": choice.distance,
         "drag": float(trial.muzzle.drag),
-        "ellipse_m": ellipse(trial, choice),
+        "ellipse_m": ellipse(trial, choice.distance),
         "engagements": [_engagement(trial, number) for number in range(len(trial.hit))],
     }
 
 
-def ellipse(trial: Trial, choice: Choice) -> list[float]:
-    """Return half axes, up and left, of the ellipse that holds 95 % of the pellets of a perfect aim [m]."""
-    spread = choice.dispersion * choice.distance * ELLIPSE_SCALE * np.asarray(trial.muzzle.sd)
-    return [float(half) for half in np.round(spread, _DIGITS)]
+def ellipse(trial: Trial, distance: float) -> Any:
+    """Return half axes, up and left [m], of the ellipse of 95 % of a perfect aim's pellets at a distance [m]."""
+    return _listed(distance * ELLIPSE_SCALE * np.asarray(trial.muzzle.sd))
 
 
 def _engagement(trial: Trial, number: int) -> dict[str, Any]:
@@ -82,6 +79,6 @@ def _engagement(trial: Trial, number: int) -> dict[str, Any]:
     return {"motion": trial.motions[number], "hit": trial.hit[number].tolist(), **listed}
 
 
-def _listed(values: Floats) -> Any:
+def _listed(values: FloatArray) -> Any:
     rounded = np.round(values.astype(np.float64), _DIGITS)
     return np.where(np.isfinite(rounded), rounded, np.array(None)).tolist()

@@ -11,11 +11,11 @@ from archerfish2.dynamics.aiming import intercept
 from archerfish2.errors import InputError
 from archerfish2.protocols import Engagement, Shot
 from archerfish2.simulation.world import make_world
-from archerfish2.viewer.choice import Choice, Setup, chosen_controller, chosen_robot, chosen_task
-from archerfish2.viewer.motions import HAND, Floats, HandPath, follow
+from archerfish2.viewer.choice import Setup, TrialChoice, chosen_controller, chosen_robot, chosen_task
+from archerfish2.viewer.motions import HAND, FloatArray, HandPath, follow
 from archerfish2.viewer.trial import Trial, pellets_of
 
-LONGEST_S = 30.0
+LONGEST_RUN_S = 30.0
 """A run ends after this, and another begins [s]."""
 UNKNOWN_FLIGHT_S = 0.2
 """Taken for the flight time where there is no pellet, or it crosses nothing [s]."""
@@ -24,17 +24,17 @@ UNKNOWN_FLIGHT_S = 0.2
 class HandRun:
     """A run that continues by one decision at a time."""
 
-    def __init__(self, setup: Setup, choice: Choice, place: Floats) -> None:
+    def __init__(self, setup: Setup, choice: TrialChoice, place: FloatArray) -> None:
         task = chosen_task(setup, choice)
         self._world, self._controller = make_world(chosen_robot(setup, choice), task), chosen_controller(setup, choice)
         if getattr(self._controller, "needs_truth", False):
             problem = f"{choice.controller} needs the target's path in advance, which a dragged target has not"
             raise InputError(f"{problem}; choose another controller")
-        self._task, self._speed, self._steps = task, choice.speed, round(LONGEST_S / task.period_s)
+        self._task, self._speed, self._steps = task, choice.speed, round(LONGEST_RUN_S / task.period_s)
         self._path = HandPath(place, self._steps + 2)
-        self._velocity: Floats = np.zeros(3)
+        self._velocity: FloatArray = np.zeros(3)
         start = np.array([task.start], np.float32)
-        duration = np.full(1, LONGEST_S, np.float32)
+        duration = np.full(1, LONGEST_RUN_S, np.float32)
         self._engagement = Engagement(self._path, start, np.zeros(1, np.int32), duration)
         self._generator = np.random.default_rng([choice.seed, 73])
         self._state = self._world.begin(self._engagement, self._draw()[:, None])
@@ -46,7 +46,7 @@ class HandRun:
         sizes = {"hit": (), "flight_time": (), "miss": (2,), "start": (3,), "velocity": (3,), "error": (2,)}
         self._fields = {name: np.full((1, self._steps, *size), np.nan) for name, size in sizes.items()}
 
-    def _draw(self) -> Floats:
+    def _draw(self) -> FloatArray:
         return self._generator.standard_normal((1, self._world.normals)).astype(np.float32)
 
     @property
@@ -55,7 +55,7 @@ class HandRun:
         return self._task.period_s * (len(self._angles) - 1)
 
     @property
-    def place(self) -> Floats:
+    def place(self) -> FloatArray:
         """Where the target is [m], shape (3,)."""
         return np.asarray(self._path.places[-1])
 
@@ -64,7 +64,7 @@ class HandRun:
         """Whether its time is over."""
         return len(self._angles) > self._steps
 
-    def step(self, hand: Floats) -> None:
+    def step(self, hand: FloatArray) -> None:
         """Let a period pass, with the hand at a place [m], shape (3,)."""
         place, self._velocity = follow(self.place, self._velocity, hand, self._speed, self._task.period_s)
         self._path.add(self.elapsed + self._task.period_s, place)

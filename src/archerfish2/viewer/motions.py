@@ -13,7 +13,7 @@ REACTION_S = 0.12
 """Time constant with which a dragged target takes up the speed of the hand [s]."""
 LOW_M, HIGH_M = (0.8, -2.5, -0.3), (8.0, 2.5, 1.0)
 """Bounds of a dragged target [m]."""
-Floats = NDArray[np.floating]
+FloatArray = NDArray[np.floating]
 
 
 def motion_names(task: Task) -> tuple[str, ...]:
@@ -26,7 +26,7 @@ class HandPath:
 
     plates = 1
 
-    def __init__(self, place: Floats, capacity: int) -> None:
+    def __init__(self, place: FloatArray, capacity: int) -> None:
         self._times, self._places = np.zeros(capacity), np.zeros((capacity, 3))
         self._places[0], self._known = place, 1
 
@@ -37,18 +37,18 @@ class HandPath:
         position = np.stack(axes, axis=-1, dtype=np.float32)[..., None, :]
         return Plates(position, np.full(position.shape[:-1], np.pi, np.float32))
 
-    def add(self, time: float, place: Floats) -> None:
+    def add(self, time: float, place: FloatArray) -> None:
         """Add a moment [s] and a place [m], shape (3,)."""
         self._times[self._known], self._places[self._known] = time, place
         self._known += 1
 
     @property
-    def places(self) -> Floats:
+    def places(self) -> FloatArray:
         """All places so far [m], shape (N, 3)."""
         return self._places[: self._known]
 
 
-def follow(place: Floats, velocity: Floats, hand: Floats, speed: float, period_s: float) -> tuple[Floats, Floats]:
+def follow(place: FloatArray, velocity: FloatArray, hand: FloatArray, speed: float, period_s: float) -> FloatArray:
     """Move a target for a period towards where the hand holds it, at a bounded speed.
 
     Args:
@@ -59,10 +59,10 @@ def follow(place: Floats, velocity: Floats, hand: Floats, speed: float, period_s
       period_s: [s].
 
     Returns:
-      Place [m] and velocity [m/s] after the period, shape (3,) each.
+      Place [m] and velocity [m/s] after the period, shape (2, 3).
     """
     desired = (np.clip(hand, LOW_M, HIGH_M) - place) / REACTION_S
     length = float(np.linalg.norm(desired))
     desired = desired * min(1.0, speed / length) if length > 0.0 else desired
     velocity = velocity + (desired - velocity) * min(1.0, period_s / REACTION_S)
-    return place + period_s * velocity, velocity
+    return np.stack([place + period_s * velocity, velocity])

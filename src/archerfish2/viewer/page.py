@@ -11,7 +11,7 @@ import numpy as np
 
 from archerfish2.errors import InputError
 from archerfish2.evaluation.hit_rate import hit_rate
-from archerfish2.viewer.choice import Choice, Setup
+from archerfish2.viewer.choice import Setup, TrialChoice
 from archerfish2.viewer.film import ellipse
 from archerfish2.viewer.hand import HandRun
 from archerfish2.viewer.motions import HAND
@@ -39,7 +39,7 @@ def serve_page(server: Any, page: "Page") -> None:
 class Page:
     """The page. One thread turns it; the callbacks of the controls, in others, leave functions for it to call."""
 
-    def __init__(self, server: Any, setup: Setup, first: Choice) -> None:
+    def __init__(self, server: Any, setup: Setup, first: TrialChoice) -> None:
         self._server, self._setup = server, setup
         self.calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         """Called at the next turn."""
@@ -49,11 +49,11 @@ class Page:
         options = {"scale": 0.45, "disable_rotations": True, "depth_test": False, "visible": False}
         self._arrows = server.scene.add_transform_controls("/hand", **options)
         self._time, self._duration, self._playing = 0.0, 1.0, True  # [s], [s]
-        self._choice: Choice | None = None
+        self._choice: TrialChoice | None = None
         self._trial: Trial | None = None
         self._run: HandRun | None = None
         self._behind_s = 0.0  # that a dragged target's world is behind the clock
-        self._before: tuple[Choice, Trial] | None = None
+        self._before: tuple[TrialChoice, Trial] | None = None
         self._compared, self._number, self._shown_at = "", -1, -1.0
         self.turn(0.0)
         server.on_client_connect(self._connected)
@@ -98,7 +98,7 @@ class Page:
         if self._trial is not None:
             self._show(self._trial, chosen)
 
-    def _begin(self, chosen: Choice) -> None:
+    def _begin(self, chosen: TrialChoice) -> None:
         """Make the trial of a choice, and play it from its beginning."""
         self._choice, self._compared, self._number = chosen, "", -1
         self._time, self._playing, self._arrows.visible = 0.0, True, chosen.motion == HAND
@@ -114,9 +114,9 @@ class Page:
                 name, text = self._before[0].controller, difference_text(self._trial, self._before[1])
                 self._compared = f"{chosen.controller} − {name}: {text}, same engagements"
             self._before = (chosen, self._trial)
-        self._scene.arrange(chosen.distance, self._trial.hit_radius, ellipse(self._trial, chosen))
+        self._scene.arrange(chosen.distance, self._trial.hit_radius, ellipse(self._trial, chosen.distance))
 
-    def _continue(self, run: HandRun, chosen: Choice, elapsed: float) -> None:
+    def _continue(self, run: HandRun, chosen: TrialChoice, elapsed: float) -> None:
         """Let the world of a dragged target continue, decision by decision."""
         self._behind_s = min(self._behind_s + elapsed * self.pace, LONGEST_STEP_S)
         while self._behind_s >= self._setup.task.period_s and not run.is_over:
@@ -127,7 +127,7 @@ class Page:
         if run.is_over:
             self._run = HandRun(self._setup, chosen, run.place.copy())
 
-    def _show(self, trial: Trial, chosen: Choice) -> None:
+    def _show(self, trial: Trial, chosen: TrialChoice) -> None:
         is_run = self._run is not None
         number = 0 if is_run else min(int(self._time / trial.shown_s + 1e-9), len(trial.hit) - 1)
         since, now = self._time - (0.0 if is_run else number * trial.shown_s), time.monotonic()
@@ -145,7 +145,7 @@ class Page:
         self._number, self._shown_at = number, now
 
 
-def _trial_rows(trial: Trial, chosen: Choice, number: int, since: float) -> list[str]:
+def _trial_rows(trial: Trial, chosen: TrialChoice, number: int, since: float) -> list[str]:
     crossed = trial.fired_at + trial.flight_time[number] <= since
     return [
         f"Engagement {number + 1} of {len(trial.hit)} ({trial.motions[number]}, {chosen.distance:.1f} m)",
@@ -154,7 +154,7 @@ def _trial_rows(trial: Trial, chosen: Choice, number: int, since: float) -> list
     ]
 
 
-def _run_rows(trial: Trial, chosen: Choice) -> list[str]:
+def _run_rows(trial: Trial, chosen: TrialChoice) -> list[str]:
     crossed, block = trial.hit[0][: np.isfinite(trial.error[0, :, 0]).sum()], 50
     hits = crossed[: len(crossed) // block * block].reshape(-1, block).sum(axis=1)
     rate = rate_text(hit_rate(hits, block)) if len(hits) > 1 else f"interval after {2 * block} shots"

@@ -7,8 +7,8 @@ import numpy as np
 from viser import uplot
 
 from archerfish2.targets.kinds import KINDS
-from archerfish2.viewer.choice import DISTANCES_M, SPEEDS_M_S, Choice, Setup
-from archerfish2.viewer.motions import Floats, motion_names
+from archerfish2.viewer.choice import DISTANCES_M, SPEEDS_M_S, Setup, TrialChoice
+from archerfish2.viewer.motions import FloatArray, motion_names
 from archerfish2.viewer.scene import VIEWPOINTS
 
 PACES = {"real time": 1.0, "half": 0.5, "a fifth": 0.2, "a twentieth": 0.05}
@@ -22,13 +22,13 @@ SLIDERS = {
     "camera_latency": ("Camera latency [s]", 0.0, 0.1, 0.005, _LATE),
     "command_latency": ("Command latency [s]", 0.0, 0.1, 0.005, _LATE),
 }
-"""Field of `Choice` → label, smallest and largest value, step and explanation of its slider."""
+"""Field of `TrialChoice` → label, smallest and largest value, step and explanation of its slider."""
 
 
 class Panel:
     """The controls beside the picture; what they do, the page does."""
 
-    def __init__(self, server: Any, setup: Setup, first: Choice, page: Any) -> None:
+    def __init__(self, server: Any, setup: Setup, first: TrialChoice, page: Any) -> None:
         gui, names = server.gui, tuple(setup.controllers)
         other = "kalman" if first.controller == "kalman-lq" else "kalman-lq"
         self._first, self._seed, self._handled = first, first.seed, 0.0
@@ -74,7 +74,7 @@ class Panel:
         self._handled = time = self._time.value
         page.calls.put(lambda: page.scrub(time))
 
-    def choice(self) -> Choice:
+    def choice(self) -> TrialChoice:
         """Return what is chosen now."""
         return replace(self._first, seed=self._seed, **{field: it.value for field, it in self._inputs.items()})
 
@@ -100,7 +100,7 @@ class Panel:
         if abs(self._time.value - value) >= 0.01:
             self._handled = self._time.value = value
 
-    def plot(self, time: Floats, error: Floats) -> None:
+    def plot(self, time: FloatArray, error: FloatArray) -> None:
         """Plot errors of pitch and yaw [rad], shape (N, 2), over time [s], shape (N,)."""
         if time.size:
             self._plot.data = (time, *(1e3 * error.astype(np.float64).T))

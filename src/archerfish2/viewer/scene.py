@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish2.viewer.motions import Floats
+from archerfish2.viewer.motions import FloatArray
 from archerfish2.viewer.trial import Moment
 
-HIT, MISS, PELLET = (0, 114, 178), (213, 94, 0), (230, 159, 0)
+HIT_COLOUR, MISS_COLOUR, PELLET_COLOUR = (0, 114, 178), (213, 94, 0), (230, 159, 0)
 """Colours that a colour-blind person distinguishes."""
-INK, STEEL, DARK, PALE, GREEN = (40, 44, 52), (132, 140, 152), (58, 63, 72), (225, 229, 235), (0, 158, 115)
+BLACK, STEEL, DARK, PALE, GREEN = (40, 44, 52), (132, 140, 152), (58, 63, 72), (225, 229, 235), (0, 158, 115)
 FLOOR_Z = -0.42
 """Height of the floor [m]."""
 PLATE_M = (0.135, 0.125)
@@ -44,7 +44,7 @@ class Scene:
         self._yaw, self._pitch = self._build_robot()
         self._command = self._scene.add_frame("/robot/command", show_axes=False)
         ray = np.array([[[0.35, 0.0, 0.0], [1.1, 0.0, 0.0]]])
-        self._scene.add_line_segments("/robot/command/ray", ray, PELLET, thickness=0.006)
+        self._scene.add_line_segments("/robot/command/ray", ray, PELLET_COLOUR, thickness=0.006)
         self._target = self._build_target()
         self._shots = self._points("/target/shots", 0.017)
         self._board = self._scene.add_frame("/board", show_axes=False)
@@ -67,13 +67,13 @@ class Scene:
         scene.add_box("/robot/chassis", DARK, (0.52, 0.42, 0.12), position=(0.0, 0.0, FLOOR_Z + 0.15))
         for number, (x, y) in enumerate(((0.2, 0.24), (0.2, -0.24), (-0.2, 0.24), (-0.2, -0.24))):
             place = (x, y, FLOOR_Z + 0.09)
-            scene.add_cylinder(f"/robot/wheel_{number}", 0.09, 0.06, INK, wxyz=(half, half, 0.0, 0.0), position=place)
+            scene.add_cylinder(f"/robot/wheel_{number}", 0.09, 0.06, BLACK, wxyz=(half, half, 0.0, 0.0), position=place)
         scene.add_cylinder("/robot/column", 0.09, 0.12, STEEL, position=(0.0, 0.0, FLOOR_Z + 0.26))
         yaw = scene.add_frame("/robot/yaw", show_axes=False)
         scene.add_box("/robot/yaw/fork", STEEL, (0.08, 0.22, 0.1), position=(0.0, 0.0, -0.1))
         pitch = scene.add_frame("/robot/yaw/pitch", show_axes=False)
         scene.add_box("/robot/yaw/pitch/head", (80, 110, 150), (0.2, 0.14, 0.11), position=(-0.01, 0.0, 0.0))
-        scene.add_box("/robot/yaw/pitch/barrel", INK, (0.24, 0.036, 0.036), position=(0.2, 0.0, 0.0))
+        scene.add_box("/robot/yaw/pitch/barrel", BLACK, (0.24, 0.036, 0.036), position=(0.2, 0.0, 0.0))
         return yaw, pitch
 
     def _build_target(self) -> Any:
@@ -86,7 +86,7 @@ class Scene:
 
     def _points(self, name: str, size: float) -> Any:
         style = {"point_shape": "circle", "precision": "float32", "point_shading": "flat"}
-        return self._scene.add_point_cloud(name, _HIDDEN, PELLET, point_size=size, **style)
+        return self._scene.add_point_cloud(name, _HIDDEN, PELLET_COLOUR, point_size=size, **style)
 
     def arrange(self, distance: float, hit_radius: float, ellipse: list[float]) -> None:
         """Put the board beside the target, and draw hit circle and dispersion ellipse.
@@ -100,7 +100,7 @@ class Scene:
         up, left = (max(half, 1e-4) for half in ellipse)
         big = BOARD_SCALE * hit_radius
         rings = {"/target/circle": (_ring(hit_radius, hit_radius, -0.004), (255, 255, 255), 0.003)}
-        rings["/board/circle"] = (_ring(big, big, -0.04), INK, 0.014)
+        rings["/board/circle"] = (_ring(big, big, -0.04), BLACK, 0.014)
         rings["/board/ellipse"] = (_ring(BOARD_SCALE * left, BOARD_SCALE * up, -0.04), GREEN, 0.014)
         for name, (ring, colour, thickness) in rings.items():
             self._scene.add_line_segments(name, ring, colour, thickness=thickness)
@@ -116,13 +116,13 @@ class Scene:
         if len(shown.misses) == self._crossed:
             return
         self._crossed = len(shown.misses)
-        colours = np.where(shown.hit[:, None], HIT, MISS).astype(np.uint8)
+        colours = np.where(shown.hit[:, None], HIT_COLOUR, MISS_COLOUR).astype(np.uint8)
         reaches = ((self._shots, 1.0, 1.5 * BOARD_REACH_M), (self._enlarged, BOARD_SCALE, BOARD_REACH_M))
         for cloud, scale, reach in reaches:  # what passes farther off is drawn at the edge
             places = scale * np.clip(shown.misses, -reach, reach)
             points = np.pad(places, ((0, 0), (1, 0)), constant_values=-0.05).astype(np.float32)
             cloud.points = points if len(points) else _HIDDEN
-            cloud.colors = colours if len(points) else np.array([MISS], np.uint8)
+            cloud.colors = colours if len(points) else np.array([MISS_COLOUR], np.uint8)
 
 
 def turn(pitch: float, yaw: float) -> tuple[float, float, float, float]:
@@ -131,7 +131,7 @@ def turn(pitch: float, yaw: float) -> tuple[float, float, float, float]:
     return (cy * cp, -sy * sp, cy * sp, sy * cp)
 
 
-def _ring(y: float, z: float, x: float, corners: int = 48) -> Floats:
+def _ring(y: float, z: float, x: float, corners: int = 48) -> FloatArray:
     """Return line segments of an ellipse in the plane of a plate, shape (corners, 2, 3)."""
     angle = np.linspace(0.0, 2.0 * np.pi, corners + 1)
     points = np.stack([np.full(corners + 1, x), y * np.cos(angle), z * np.sin(angle)], axis=-1)

@@ -19,9 +19,9 @@ import websockets.asyncio.server as transport
 from archerfish2.errors import InputError
 
 LOOPBACK = "127.0.0.1"
-NAMES = (LOOPBACK, "localhost")
+HOSTS = (LOOPBACK, "localhost")
 """Under which the page may be asked for."""
-POLICY = "default-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; frame-ancestors 'none'"
+CONTENT_POLICY = "default-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; frame-ancestors 'none'"
 """What the page may load: nothing from elsewhere; no other page may show it in a frame, to have it clicked unseen."""
 
 
@@ -72,7 +72,7 @@ def refusal(hosts: Sequence[str], origins: Sequence[str]) -> str:
       hosts: its Host headers.
       origins: its Origin headers; programs that are no browser send none.
     """
-    if len(hosts) != 1 or hosts[0].lower().partition(":")[0] not in NAMES:
+    if len(hosts) != 1 or hosts[0].lower().partition(":")[0] not in HOSTS:
         return f"the page is not served under the name {', '.join(hosts) or '(none)'}"
     if len(origins) > 1 or any(origin.lower() != f"http://{hosts[0].lower()}" for origin in origins):
         return f"a page of {', '.join(origins)} may not use this one"
@@ -106,7 +106,7 @@ def _checked(behind: Callable[[Any, Any], Any] | None) -> Callable[[Any, Any], A
         answer = behind(connection, request) if behind else None
         answer = await answer if inspect.isawaitable(answer) else answer
         if answer is not None:
-            answer.headers["Content-Security-Policy"] = POLICY
+            answer.headers["Content-Security-Policy"] = CONTENT_POLICY
         return answer
 
     return process_request

@@ -12,8 +12,8 @@ from archerfish2.evaluation.hit_rate import HitRate, hit_rate, paired_difference
 from archerfish2.evaluation.rollout import draw_in_turn, run_engagements
 from archerfish2.protocols import Shot
 from archerfish2.simulation.world import make_world
-from archerfish2.viewer.choice import Choice, Setup, chosen_controller, chosen_robot, chosen_task
-from archerfish2.viewer.motions import Floats
+from archerfish2.viewer.choice import Setup, TrialChoice, chosen_controller, chosen_robot, chosen_task
+from archerfish2.viewer.motions import FloatArray
 
 AFTER_S = 0.3
 """Shown of an engagement after its last shot: pellets land [s]."""
@@ -26,18 +26,18 @@ class Trial(NamedTuple):
     hit_radius: float  # largest miss that hits [m]
     muzzle: Muzzle  # best estimate, ()
     motions: tuple[str, ...]  # of the engagements' targets
-    angle: Floats  # pitch and yaw at the decisions and after the last [rad], (N, T + 1, 2)
-    command: Floats  # in force then [rad], (N, T + 1, 2)
-    place: Floats  # plate at multiples of the period [m], (N, M, 3) with M > T
+    angle: FloatArray  # pitch and yaw at the decisions and after the last [rad], (N, T + 1, 2)
+    command: FloatArray  # in force then [rad], (N, T + 1, 2)
+    place: FloatArray  # plate at multiples of the period [m], (N, M, 3) with M > T
     hit: NDArray[np.bool_]  # (N, T)
-    flight_time: Floats  # [s], NaN of a pellet that was not fired or crosses no plate, (N, T)
-    miss: Floats  # left and up of the plate's centre [m], (N, T, 2)
-    start: Floats  # of the pellets [m], (N, T, 3)
-    velocity: Floats  # of the pellets there [m/s], (N, T, 3)
-    error: Floats  # gimbal less the angles of perfect aim [rad], NaN where not yet known, (N, T, 2)
+    flight_time: FloatArray  # [s], NaN of a pellet that was not fired or crosses no plate, (N, T)
+    miss: FloatArray  # left and up of the plate's centre [m], (N, T, 2)
+    start: FloatArray  # of the pellets [m], (N, T, 3)
+    velocity: FloatArray  # of the pellets there [m/s], (N, T, 3)
+    error: FloatArray  # gimbal less the angles of perfect aim [rad], NaN where not yet known, (N, T, 2)
 
     @property
-    def fired_at(self) -> Floats:
+    def fired_at(self) -> FloatArray:
         """When the pellets leave [s], shape (T,)."""
         return self.period_s * np.arange(1, self.hit.shape[1] + 1)
 
@@ -55,15 +55,15 @@ class Trial(NamedTuple):
 class Moment(NamedTuple):
     """What is to be seen at one moment of one engagement."""
 
-    angle: Floats  # pitch and yaw of the gimbal [rad], (2,)
-    command: Floats  # in force [rad], (2,)
-    place: Floats  # plate [m], (3,)
-    pellets: Floats  # in flight [m], (k, 3)
-    misses: Floats  # of those that have crossed the plate's plane, left and up [m], (j, 2)
+    angle: FloatArray  # pitch and yaw of the gimbal [rad], (2,)
+    command: FloatArray  # in force [rad], (2,)
+    place: FloatArray  # plate [m], (3,)
+    pellets: FloatArray  # in flight [m], (k, 3)
+    misses: FloatArray  # of those that have crossed the plate's plane, left and up [m], (j, 2)
     hit: NDArray[np.bool_]  # of those, (j,)
 
 
-def run_trial(setup: Setup, choice: Choice) -> Trial:
+def run_trial(setup: Setup, choice: TrialChoice) -> Trial:
     """Let a controller shoot in the engagements of a choice, in NumPy, so that another choice compiles nothing.
 
     Raises:
@@ -74,7 +74,7 @@ def run_trial(setup: Setup, choice: Choice) -> Trial:
     engagement, normals = draw_in_turn(cells, count, choice.seed, world)
     played = run_engagements(world, chosen_controller(setup, choice), engagement, normals, may_compile=False)
 
-    def plate(times: Any) -> Floats:
+    def plate(times: Any) -> FloatArray:
         """Return the plates at times [s] of shape (K, N) or (K, 1), shape (K, N, 3)."""
         times = np.broadcast_to(times, (len(times), count)).astype(np.float32)
         return np.asarray(engagement.target.at(times).position[..., 0, :])
@@ -101,7 +101,7 @@ def run_trial(setup: Setup, choice: Choice) -> Trial:
     )
 
 
-def pellets_of(shot: Shot, plate: Floats, muzzle: Muzzle) -> tuple[Floats, Floats]:
+def pellets_of(shot: Shot, plate: FloatArray, muzzle: Muzzle) -> tuple[FloatArray, FloatArray]:
     """Return where pellets start and how fast: flat fire through the muzzle and the point where they cross the plate.
 
     Args:
@@ -141,7 +141,7 @@ def moment(trial: Trial, number: int, time: float) -> Moment:
     )
 
 
-def _between(rows: Floats, at: float) -> Floats:
+def _between(rows: FloatArray, at: float) -> FloatArray:
     """Return a row between two rows, the last one beyond the end, shape (M, n) → (n,)."""
     first = min(max(int(at), 0), len(rows) - 1)
     second, share = min(first + 1, len(rows) - 1), min(max(at - first, 0.0), 1.0)
