@@ -18,7 +18,7 @@ FLAGS = (
     "--use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader --ignore-gpu-blocklist "
     "--window-size=700,600 --force-device-scale-factor=0.5"  # few pixels, which the processor draws
 )
-PATIENCE_S = 60.0
+PATIENCE_S = 240.0
 
 
 @pytest.fixture

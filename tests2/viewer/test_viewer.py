@@ -4,6 +4,7 @@ import http.client
 import json
 import re
 import socket
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,14 +13,17 @@ from archerfish2.cli.main import main
 from archerfish2.controllers.registry import make_controller
 from archerfish2.controllers.tuning import entry, keep
 from archerfish2.evaluation.rollout import rollout, run_engagements
-from archerfish2.protocols import Engagement, aim
+from archerfish2.protocols import Engagement
 from archerfish2.robot import Robot
 from archerfish2.simulation.world import make_world
-from archerfish2.targets.motion import Path, disc
+from archerfish2.targets import motion
 from archerfish2.task import Task
 from archerfish2.viewer.choice import chosen_robot, chosen_task, first_choice, make_setup
+from archerfish2.viewer.film import ellipse
 from archerfish2.viewer.hand import HandRun
 from archerfish2.viewer.trial import moment, run_trial
+
+INFANTRY = Path(__file__).parents[1] / "infantry"
 
 
 @pytest.fixture(scope="module")
@@ -31,10 +35,8 @@ def setup():
 
 def rolled(setup, choice, robot=None):
     """Return the rollout of a choice by the public verb, which compiles where it can."""
-    task = chosen_task(setup, choice)
-    return rollout(
-        "kalman", robot or setup.robot, task, engagements=choice.engagements, seed=choice.seed, tuning="start"
-    )
+    task, words = chosen_task(setup, choice), {"engagements": choice.engagements, "seed": choice.seed}
+    return rollout("kalman", robot or setup.robot, task, tuning="start", **words)
 
 
 def test_a_trial_is_the_rollout_of_robot_and_task_as_chosen(setup):
@@ -43,6 +45,8 @@ def test_a_trial_is_the_rollout_of_robot_and_task_as_chosen(setup):
     np.testing.assert_allclose(trial.miss, shots.shot.miss, atol=3e-4)
     np.testing.assert_allclose(trial.angle[:, 1:], shots.shot.angle, atol=1e-4)
     np.testing.assert_allclose(trial.place[:, 1:51], shots.target, atol=1e-6)
+    spread = np.array([setup.robot.muzzle.pitch_sd, setup.robot.muzzle.yaw_sd])
+    np.testing.assert_allclose(ellipse(trial, 2.0), 2.448 * 2.0 * 2.0 * spread, rtol=1e-3)  # χ² of 2: 5.991 = 2.448²
     assert trial.motions == ("still", "parabola", "pass", "strafe")
     assert not np.allclose(trial.miss, rolled(setup, choice).shot.miss, atol=1e-2)  # half the dispersion
     late = run_trial(setup, first_choice(setup, motion="circle", command_latency=0.08, camera_latency=0.03))
@@ -50,7 +54,7 @@ def test_a_trial_is_the_rollout_of_robot_and_task_as_chosen(setup):
 
 
 def test_a_pellet_flies_from_the_muzzle_to_where_it_was_scored():
-    setup = make_setup(Robot.load("tests2/infantry"), Task.of("dynamic"))
+    setup = make_setup(Robot.load(INFANTRY), Task.of("dynamic"))
     assert {"oracle", "kalman"} <= setup.controllers.keys() and "kalman-paper" not in setup.controllers
     trial = run_trial(setup, first_choice(setup, controller="oracle", engagements=2))
     fired_at, flight = trial.fired_at[30], trial.flight_time[1, 30]
@@ -72,7 +76,7 @@ def test_shots_at_a_dragged_target_are_those_at_a_target_whose_path_is_known(set
     np.testing.assert_allclose(trial.place[0, -1], [2.5, 0.5, -0.3], atol=0.05)  # no lower than a target may be
     assert np.linalg.norm(np.diff(trial.place[0], axis=0), axis=1).max() <= 1.0 * 0.02 + 1e-9
     places = trial.place.astype(np.float32)
-    target = disc(Path(places, 0.0 * period, period), places[:, 0])
+    target = motion.disc(motion.Path(places, 0.0 * period, period), places[:, 0])
     engagement = Engagement(target, np.zeros((1, 2), np.float32), np.zeros(1, np.int32), 130 * period)
     world = make_world(setup.robot, setup.task)
     drawn = np.random.default_rng([4, 73]).standard_normal((131, world.normals))[1:, None].astype(np.float32)
@@ -104,7 +108,7 @@ def test_the_film_is_one_complete_file_with_the_positions_of_the_rollout(tmp_pat
 
 def test_a_classical_controller_has_the_tuning_that_is_kept_beside_the_robot(tmp_path):
     folder, task = tmp_path / "robot", Task.of("strafe")
-    Robot.load("tests2/infantry").save(folder)
+    Robot.load(INFANTRY).save(folder)
     robot = Robot.load(folder)
     before = make_setup(robot, task)
     assert "NOT tuned" in before.note("kalman") and before.note("oracle") == ""
@@ -116,24 +120,15 @@ def test_a_classical_controller_has_the_tuning_that_is_kept_beside_the_robot(tmp
     assert not np.array_equal(run_trial(after, choice).miss, run_trial(before, choice).miss)
 
 
-class Broken:
-    """A user's controller whose code fails."""
-
-    def reset(self, seen, truth=None):
-        return ()
-
-    def step(self, state, seen):
-        return state, aim(seen.command[..., :1])
-
-
-def test_bad_input_ends_with_one_line_and_status_2(tmp_path, capsys, monkeypatch, refused):
+def test_bad_input_ends_with_one_line_and_status_2(tmp_path, setup, capsys, monkeypatch, refused):
     (tmp_path / "mine.html").write_text("<p>mine</p>")
     (tmp_path / "folder.html").mkdir()
     with socket.create_server(("127.0.0.1", 0)) as taken:
         cases = {
             "controller must be one of": ["--controller", "nobody"],
-            "must be 1…8 m": ["--distance-m", "20"],
-            "engagements must be": ["--engagements", "1"],
+            "distance must be 1…8": ["--distance-m", "20"],
+            "engagements must be 2…200": ["--engagements", "1"],
+            "seed must be": ["--seed", "-1"],
             "must be 0…65535": ["--port", "65536"],
             "already in use": ["--port", str(taken.getsockname()[1])],
             "was not written by archerfish view": ["--export", str(tmp_path / "mine.html")],
@@ -151,8 +146,6 @@ def test_bad_input_ends_with_one_line_and_status_2(tmp_path, capsys, monkeypatch
         main(["view"])
     assert "pip install 'archerfish[view]'" in capsys.readouterr().err
     monkeypatch.undo()
-    refused("angle of shape", make_setup, Robot.paper(), Task.of("any"), [Broken()])
-    setup = make_setup(Robot.paper(), Task.of("any"))
     choice = first_choice(setup, controller="oracle", motion="dragged by hand")
     refused("oracle needs the target's path", HandRun, setup, choice, np.array([3.0, 0.0, 0.0]))
 

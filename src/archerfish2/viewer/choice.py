@@ -1,5 +1,6 @@
 """What is chosen on the page, and the world, the task and the controller that follow from it."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -79,13 +80,14 @@ def make_setup(robot: Robot, task: Task, controllers: Iterable[Any] = ()) -> Set
     is_paper = robot.digest() == Robot.paper().digest()
     names = [name for name in NAMES if is_paper or name != "kalman-paper"]
     contenders = as_contenders(list(dict.fromkeys([*controllers, *names])))
-    if len({contender.name for contender in contenders}) < len(contenders):
-        raise InputError("two controllers have one name; give one of them another folder")
     world = make_world(robot, part)
     prepared([contender for contender in contenders if contender.kind == "user"], world, robot, part)
-    found = {each.name: kept(each.given, robot, task) for each in contenders if each.is_tuned}
+    by_name = {contender.name: contender for contender in contenders}
+    found = {name: kept(contender.given, robot, task) for name, contender in by_name.items() if contender.is_tuned}
+    if len(by_name) < len(contenders):
+        raise InputError("two controllers have one name; give one of them another folder")
     tunings = {name: tuning for name, tuning in found.items() if tuning is not None}
-    return Setup(robot, part, {each.name: each for each in contenders}, tunings, task.name)
+    return Setup(robot, part, by_name, tunings, task.name)
 
 
 def first_choice(setup: Setup, **changes: Any) -> TrialChoice:
@@ -96,18 +98,15 @@ def first_choice(setup: Setup, **changes: Any) -> TrialChoice:
       changes: fields of `TrialChoice` that are given.
 
     Raises:
-      InputError: if a distance or a number of engagements is out of bounds.
+      InputError: if a distance, a number of engagements or a seed is out of bounds.
     """
     task, (near, far) = setup.task, DISTANCES_M
     middle = 0.5 * (task.ranges_m[0][0] + task.ranges_m[-1][1])
     distance, speed = min(max(middle, near), far), min(task.max_speed_m_s, SPEEDS_M_S[1])
     choice = replace(TrialChoice(next(iter(setup.controllers)), task.motion, distance, speed), **changes)
-    if not near <= choice.distance <= far:
-        raise InputError(f"the distance must be {near:g}…{far:g} m, got {choice.distance:g}; choose one of these")
-    if not 2 <= choice.engagements <= 200:
-        raise InputError(f"engagements must be 2…200, got {choice.engagements}; intervals take at least 2")
-    if choice.seed < 0:
-        raise InputError(f"seed must be at least 0, got {choice.seed}; choose another")
+    for name, (low, high) in {"distance": DISTANCES_M, "engagements": (2, 200), "seed": (0, math.inf)}.items():
+        if not low <= (value := getattr(choice, name)) <= high:
+            raise InputError(f"{name} must be {low:g}…{high:g}, got {value:g}; choose one of these")
     return choice
 
 

@@ -51,27 +51,24 @@ def write_film(path: Path, setup: Setup, choice: TrialChoice, trial: Trial) -> N
 
 def film_content(setup: Setup, choice: TrialChoice, trial: Trial) -> dict[str, Any]:
     """Return what a film shows, for JSON: lengths in m, angles in rad, times in s, names of fields with their unit."""
-    note = setup.note(choice.controller)
-    kind = f"{choice.motion}, {choice.distance:g} m, seed {choice.seed}"
-    text = f"{kind}: {trial_text(trial)}, 95 % interval over engagements"
+    text = f"{choice.motion}, {choice.distance:g} m, seed {choice.seed}: {trial_text(trial)}, 95 % over engagements"
     return {
         "schema": "archerfish.film/1",
         "title": f"{choice.controller} on the robot {setup.robot.name}",
-        "text": f"{text}. {note}",
+        "text": f"{text}. {setup.note(choice.controller)}",
         "period_s": trial.period_s,
         "shown_s": round(trial.shown_s, 9),
         "hit_radius_m": trial.hit_radius,
         "distance_m": choice.distance,
         "drag": float(trial.muzzle.drag),
-        "ellipse_m": ellipse(trial, choice),
+        "ellipse_m": ellipse(trial, choice.distance),
         "engagements": [_engagement(trial, number) for number in range(len(trial.hit))],
     }
 
 
-def ellipse(trial: Trial, choice: TrialChoice) -> list[float]:
-    """Return half axes, up and left, of the ellipse that holds 95 % of the pellets of a perfect aim [m]."""
-    spread = choice.dispersion * choice.distance * ELLIPSE_SCALE * np.asarray(trial.muzzle.sd)
-    return [float(half) for half in np.round(spread, _DIGITS)]
+def ellipse(trial: Trial, distance: float) -> Any:
+    """Return half axes, up and left [m], of the ellipse of 95 % of a perfect aim's pellets at a distance [m]."""
+    return _listed(distance * ELLIPSE_SCALE * np.asarray(trial.muzzle.sd))
 
 
 def _engagement(trial: Trial, number: int) -> dict[str, Any]:

@@ -48,9 +48,7 @@ class HandPath:
         return self._places[: self._known]
 
 
-def follow(
-    place: FloatArray, velocity: FloatArray, hand: FloatArray, speed: float, period_s: float
-) -> tuple[FloatArray, FloatArray]:
+def follow(place: FloatArray, velocity: FloatArray, hand: FloatArray, speed: float, period_s: float) -> FloatArray:
     """Move a target for a period towards where the hand holds it, at a bounded speed.
 
     Args:
@@ -61,10 +59,10 @@ def follow(
       period_s: [s].
 
     Returns:
-      Place [m] and velocity [m/s] after the period, shape (3,) each.
+      Place [m] and velocity [m/s] after the period, shape (2, 3).
     """
     desired = (np.clip(hand, LOW_M, HIGH_M) - place) / REACTION_S
     length = float(np.linalg.norm(desired))
     desired = desired * min(1.0, speed / length) if length > 0.0 else desired
     velocity = velocity + (desired - velocity) * min(1.0, period_s / REACTION_S)
-    return place + period_s * velocity, velocity
+    return np.stack([place + period_s * velocity, velocity])

@@ -114,7 +114,7 @@ class Page:
                 name, text = self._before[0].controller, difference_text(self._trial, self._before[1])
                 self._compared = f"{chosen.controller} − {name}: {text}, same engagements"
             self._before = (chosen, self._trial)
-        self._scene.arrange(chosen.distance, self._trial.hit_radius, ellipse(self._trial, chosen))
+        self._scene.arrange(chosen.distance, self._trial.hit_radius, ellipse(self._trial, chosen.distance))
 
     def _continue(self, run: HandRun, chosen: TrialChoice, elapsed: float) -> None:
         """Let the world of a dragged target continue, decision by decision."""

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from archerfish2.viewer.motions import FloatArray
 from archerfish2.viewer.trial import Moment
 
-HIT_COLOUR, MISS_COLOUR, PELLET = (0, 114, 178), (213, 94, 0), (230, 159, 0)
+HIT_COLOUR, MISS_COLOUR, PELLET_COLOUR = (0, 114, 178), (213, 94, 0), (230, 159, 0)
 """Colours that a colour-blind person distinguishes."""
-LINE_COLOUR, STEEL, DARK, PALE, GREEN = (40, 44, 52), (132, 140, 152), (58, 63, 72), (225, 229, 235), (0, 158, 115)
+BLACK, STEEL, DARK, PALE, GREEN = (40, 44, 52), (132, 140, 152), (58, 63, 72), (225, 229, 235), (0, 158, 115)
 FLOOR_Z = -0.42
 """Height of the floor [m]."""
 PLATE_M = (0.135, 0.125)
@@ -44,7 +44,7 @@ class Scene:
         self._yaw, self._pitch = self._build_robot()
         self._command = self._scene.add_frame("/robot/command", show_axes=False)
         ray = np.array([[[0.35, 0.0, 0.0], [1.1, 0.0, 0.0]]])
-        self._scene.add_line_segments("/robot/command/ray", ray, PELLET, thickness=0.006)
+        self._scene.add_line_segments("/robot/command/ray", ray, PELLET_COLOUR, thickness=0.006)
         self._target = self._build_target()
         self._shots = self._points("/target/shots", 0.017)
         self._board = self._scene.add_frame("/board", show_axes=False)
@@ -67,15 +67,13 @@ class Scene:
         scene.add_box("/robot/chassis", DARK, (0.52, 0.42, 0.12), position=(0.0, 0.0, FLOOR_Z + 0.15))
         for number, (x, y) in enumerate(((0.2, 0.24), (0.2, -0.24), (-0.2, 0.24), (-0.2, -0.24))):
             place = (x, y, FLOOR_Z + 0.09)
-            scene.add_cylinder(
-                f"/robot/wheel_{number}", 0.09, 0.06, LINE_COLOUR, wxyz=(half, half, 0.0, 0.0), position=place
-            )
+            scene.add_cylinder(f"/robot/wheel_{number}", 0.09, 0.06, BLACK, wxyz=(half, half, 0.0, 0.0), position=place)
         scene.add_cylinder("/robot/column", 0.09, 0.12, STEEL, position=(0.0, 0.0, FLOOR_Z + 0.26))
         yaw = scene.add_frame("/robot/yaw", show_axes=False)
         scene.add_box("/robot/yaw/fork", STEEL, (0.08, 0.22, 0.1), position=(0.0, 0.0, -0.1))
         pitch = scene.add_frame("/robot/yaw/pitch", show_axes=False)
         scene.add_box("/robot/yaw/pitch/head", (80, 110, 150), (0.2, 0.14, 0.11), position=(-0.01, 0.0, 0.0))
-        scene.add_box("/robot/yaw/pitch/barrel", LINE_COLOUR, (0.24, 0.036, 0.036), position=(0.2, 0.0, 0.0))
+        scene.add_box("/robot/yaw/pitch/barrel", BLACK, (0.24, 0.036, 0.036), position=(0.2, 0.0, 0.0))
         return yaw, pitch
 
     def _build_target(self) -> Any:
@@ -88,7 +86,7 @@ class Scene:
 
     def _points(self, name: str, size: float) -> Any:
         style = {"point_shape": "circle", "precision": "float32", "point_shading": "flat"}
-        return self._scene.add_point_cloud(name, _HIDDEN, PELLET, point_size=size, **style)
+        return self._scene.add_point_cloud(name, _HIDDEN, PELLET_COLOUR, point_size=size, **style)
 
     def arrange(self, distance: float, hit_radius: float, ellipse: list[float]) -> None:
         """Put the board beside the target, and draw hit circle and dispersion ellipse.
@@ -102,7 +100,7 @@ class Scene:
         up, left = (max(half, 1e-4) for half in ellipse)
         big = BOARD_SCALE * hit_radius
         rings = {"/target/circle": (_ring(hit_radius, hit_radius, -0.004), (255, 255, 255), 0.003)}
-        rings["/board/circle"] = (_ring(big, big, -0.04), LINE_COLOUR, 0.014)
+        rings["/board/circle"] = (_ring(big, big, -0.04), BLACK, 0.014)
         rings["/board/ellipse"] = (_ring(BOARD_SCALE * left, BOARD_SCALE * up, -0.04), GREEN, 0.014)
         for name, (ring, colour, thickness) in rings.items():
             self._scene.add_line_segments(name, ring, colour, thickness=thickness)
