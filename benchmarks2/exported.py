@@ -1,15 +1,14 @@
 """Controllers as C and as ONNX: their difference from NumPy, the time of a decision, and the size of the file.
 
-`python benchmarks2/exported.py` reads a policy of each kind of the first edition from ../shared, compiles it and the
-classical controllers with `cc -std=c99 -O3 -march=native`, and lets a C program decide on 200 recorded situations, with
-a memory of its own. Times are medians of decisions, NumPy's of the same run. Goals: 5e-5 rad; 5 µs for history and
-tracked, 15 µs for multimodel. Writes results/exported.json.
+`python benchmarks2/exported.py` compiles an untrained policy of each kind of observation and the classical controllers
+with `cc -std=c99 -O3 -march=native`, and lets a C program decide in 200 situations, with a memory of its own.
+Times are medians of decisions, NumPy's of the same run. Goals: 5e-5 rad; 5 µs for history and tracked, 15 µs for
+multimodel. Writes results/exported.json.
 """
 
 import json
 import platform
 import re
-import runpy
 import subprocess
 import tempfile
 import time
@@ -19,14 +18,14 @@ from typing import Any
 import numpy as np
 
 import archerfish2 as af
+from alternating import ROOT
 from archerfish2.codegen import check
 from archerfish2.codegen.c99 import print_c
 from archerfish2.codegen.decision import FIELDS, Gated, example_decisions, trace_decision
 from archerfish2.codegen.onnx import print_onnx
 from archerfish2.controllers.registry import make_controller
+from policies import KINDS, untrained
 
-ROOT = Path(__file__).parents[1]
-REFERENCE = ROOT.parent / "shared" / "second_edition" / "reference"
 CLASSICAL, DECISIONS, ROUNDS = ("kalman", "kalman-lq", "imm-lq"), 200, 100
 PROGRAM = """
 #include "x.h"
@@ -102,19 +101,13 @@ def measured(gated: Gated) -> dict[str, Any]:
 
 def main() -> None:
     """Measure, print, write."""
-    if not REFERENCE.is_dir():
-        raise SystemExit(f"this reads policies of the first edition, and {REFERENCE} is not there")
-    tests = runpy.run_path(str(ROOT / "tests2" / "against_first" / "test_policies.py"))
-    infantry, rows = af.Robot.load(ROOT / "tests2" / "infantry"), dict[str, Any]()
-    cases: dict[str, Any] = {
-        kind: (tests["read_first"](REFERENCE / "policies" / name), infantry if "infantry" in name else af.Robot.paper())
-        for kind, name in tests["POLICIES"].items()
-    }
-    task = af.Task.load("any")
-    cases |= {name: (make_controller(name, infantry, task), infantry) for name in CLASSICAL}
+    infantry, task, rows = af.Robot.load(ROOT / "tests2" / "infantry"), af.Task.load("any"), dict[str, Any]()
+    limits = infantry.command_limits(task)
+    cases = {name: untrained(name) for name in KINDS}
+    cases |= {name: Gated(make_controller(name, infantry, task), limits, task.period_s) for name in CLASSICAL}
     print(f"{'':12} {'difference':>10} {'C p50':>9} {'C p99':>9} {'NumPy':>9} {'ONNX':>11} {'object':>9} {'stack':>7}")
-    for name, (controller, robot) in cases.items():
-        row = rows[name] = measured(Gated(controller, robot.command_limits(task), task.period_s))
+    for name, gated in cases.items():
+        row = rows[name] = measured(gated)
         times = f"{row['p50_us']:6.2f} µs {row['p99_us']:6.2f} µs {row['numpy_us']:6.0f} µs {row['onnx']['us']:8.0f} µs"
         sizes = f"{row['object_bytes'] / 1024:5.0f} KiB {row['stack_bytes']:7d}"
         print(f"{name:12} {row['difference_rad']:10.1e} {times} {sizes}", flush=True)

@@ -4,7 +4,7 @@
 logs that have limits and two seeds, and writes nothing. The recorded logs are those of ../shared/data, beside the
 repository; each is fitted in its first half and run free in its second (drone, steps: multisine and steps; hoop: random
 and fixed steps), inputs and output less their training means, the constant from the training part. Beside the figures
-are those of the first edition, from results/identification_first.json.
+is the reference, what release 0.2 found (results/identification_reference.json).
 """
 
 import argparse
@@ -29,7 +29,7 @@ from rigs import Array
 
 PLACES = [each / "shared" / "data" / "identification" for each in Path(__file__).parents[2:]]
 DATA = next(filter(Path.is_dir, PLACES), PLACES[0])
-FIRST = RESULTS / "identification_first.json"
+REFERENCE = RESULTS / "identification_reference.json"
 Signals: TypeAlias = tuple[Array, Array]  # inputs (N, m) and output (N, 1)
 LIMITS = {
     "robot arm": (96.3, 97.1),
@@ -46,7 +46,7 @@ TESTED = (
     "flexible structure",
 )  # of the rest a half predicts no other
 PRINTED_LIMITS = {0.01: (99.95, 99.8), 0.05: (99.8, 99.6)}  # noise → least median fit of sweep and step [%]
-FITTED, BELOW = 50.0, 1.0  # least fit of a log that counts [%], points by which one may be below the first edition
+FITTED, BELOW = 50.0, 1.0  # least fit of a log that counts [%], points by which one may be below the reference
 SEEDS, DELAYS, STRUCTURE = 20, (0, 5, 13, 20), (4, None)
 SWEEP, STEP = linear_sweep(10.0, PERIOD_S), step(1.0, PERIOD_S)
 WHITE = np.random.default_rng(1_000_000).standard_normal(3000)
@@ -177,7 +177,7 @@ def clean(job: tuple[str, int, int | None]) -> dict[str, Any]:
 
 
 def figures(
-    rows: list[dict[str, Any]], sweeps: list[dict[str, Any]], exact: list[dict[str, Any]], first: dict[str, Any]
+    rows: list[dict[str, Any]], sweeps: list[dict[str, Any]], exact: list[dict[str, Any]], reference: dict[str, Any]
 ) -> list[Bar]:
     """Return the figures with their limits."""
     found = {(row["log"], row["order"]): row for row in rows}
@@ -186,9 +186,9 @@ def figures(
         for part, least in zip(("test", "training"), limits, strict=True):
             bars.append(Bar(f"{name}, order 4: {part} fit, %", found[name, 4][part] or -np.inf, least))
     for part, names in (("test", TESTED), ("training", tuple(LOGS))):
-        pins = {name: first[name]["chosen"][part] or 0.0 for name in names if (name, "chosen") in found}
+        pins = {name: reference[name]["chosen"][part] or 0.0 for name in names if (name, "chosen") in found}
         leads = [(found[name, "chosen"][part] or 0.0) - pin for name, pin in pins.items() if pin >= FITTED]
-        words, bound = f"order chosen, {part} fit of {len(leads)} logs over the first edition's", part == "test"
+        words, bound = f"order chosen, {part} fit of {len(leads)} logs over the reference's", part == "test"
         bars.append(Bar(f"{words}: mean, points", float(np.mean(leads)), 0.0 if bound else None))
         bars.append(Bar(f"{words}: least, points", min(leads), -BELOW if bound else None))
     for noise, limits in PRINTED_LIMITS.items():
@@ -206,15 +206,15 @@ def figures(
     return bars
 
 
-def tables(rows: list[dict[str, Any]], sweeps: list[dict[str, Any]], first: dict[str, Any]) -> list[Table]:
-    """Return recorded logs beside the first edition, and printed axes."""
+def tables(rows: list[dict[str, Any]], sweeps: list[dict[str, Any]], reference: dict[str, Any]) -> list[Table]:
+    """Return recorded logs and the reference, and printed axes."""
     lines: list[tuple[Any, ...]] = []
     for row in rows:
-        pin = first.get(row["log"], {}).get(str(row["order"]), {})
+        pin = reference.get(row["log"], {}).get(str(row["order"]), {})
         found = (row["test"], row["training"], pin.get("test"), pin.get("training"))
         structure = (row["found_order"], pin.get("found_order"), row["delay"], pin.get("delay"))
         lines.append((f"{row['log']}, order {row['order']}", *found, *structure, row["seconds"]))
-    headings = ("", "test", "training", "first: test", "training", "order", "first", "delay", "first", "s")
+    headings = ("", "test", "training", "reference: test", "training", "order", "reference", "delay", "reference", "s")
     medians: list[tuple[Any, ...]] = []
     for key in dict.fromkeys((row["axis"], row["noise"], row["order"]) for row in sweeps):
         some = [row for row in sweeps if (row["axis"], row["noise"], row["order"]) == key]
@@ -237,7 +237,7 @@ def main() -> None:
     if not DATA.is_dir():
         parser.exit(2, f"{DATA}: there is no such folder; the recorded logs belong there\n")
     names, seeds = (list(LIMITS), 2) if options.quick else (list(LOGS), SEEDS)
-    first = json.loads(FIRST.read_text())["logs"]
+    reference = json.loads(REFERENCE.read_text())["logs"]
     rows = list(run(recorded, [(name, order) for name in names for order in STRUCTURE], options.workers))
     noisy = [(axis, noise, seed, 4) for axis in printed_plants() for noise in PRINTED_LIMITS for seed in range(seeds)]
     chosen = [(axis, noise, seed, None) for axis, noise, seed, _ in noisy if seed < 3]
@@ -245,8 +245,8 @@ def main() -> None:
     late = [(axis, delay, order) for axis in printed_plants() for delay in DELAYS for order in STRUCTURE]
     exact = list(run(clean, late, options.workers))
     conditions = {"seeds": seeds, "noises": list(PRINTED_LIMITS), "delays": DELAYS, "limits": LIMITS}
-    bars, shown = figures(rows, sweeps, exact, first), tables(rows, sweeps, first)
-    others = {"first_edition": first, "printed": sweeps, "clean": exact}
+    bars, shown = figures(rows, sweeps, exact, reference), tables(rows, sweeps, reference)
+    others = {"reference": reference, "printed": sweeps, "clean": exact}
     finish("identification", bars, shown, conditions, rows, not options.quick, **others)
 
 

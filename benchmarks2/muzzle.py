@@ -1,7 +1,7 @@
 """How often the 95 % intervals of `identify_muzzle` hold the truth, over simulated sets of shots.
 
 Pellets fly under 3-D quadratic drag, not by the model that is fitted. Each case is a kind of recording; two have 5 %
-ricochets, one has speeds that drift in rapid fire. The draws are those of the first edition's benchmark.
+ricochets, one has speeds that drift in rapid fire.
 `python benchmarks2/muzzle.py [SETS]` (30 sets of each case if not given) prints coverage by case and pooled by quantity
 (goal: 93–97 %), medians and the lack of fit of the paper's Table I, and writes results/muzzle.json.
 """

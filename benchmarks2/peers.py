@@ -9,8 +9,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PINNED = Path(__file__).with_name("peers.txt")
-"""Its packages, and what the second edition needs itself."""
-FOLDER = Path(os.environ.get("ARCHERFISH_PEERS", Path.home() / ".cache" / "archerfish" / "peers")) / "second_edition"
+"""Its packages, and what Archerfish needs itself."""
+FOLDER = Path(os.environ.get("ARCHERFISH_PEERS", Path.home() / ".cache" / "archerfish" / "peers")) / "trainings"
 SURROUNDINGS = {**os.environ, "JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT / "src"), "TF_CPP_MIN_LOG_LEVEL": "3"}
 """Environment variables of every process that is measured."""
 

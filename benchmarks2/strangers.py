@@ -5,8 +5,8 @@ results/strangers.json, a row for each log; about 30 minutes with `--workers 2`.
 `--only 3 17` prints these alone; neither writes.
 
 A verdict is right if it says of the plant what is true of it: usable means a fit of at least 80 % of a noise-free log
-of the rig that was held back, and a steady gain right within 5 %. A log that is refused is right if the first edition's
-best plant of it wasn't usable (results/strangers_truth.json).
+of the rig that was held back, and a steady gain right within 5 %. A log that is refused is right if release 0.2 found
+no usable plant of it either, also with the order known (results/strangers_truth.json).
 """
 
 import argparse
@@ -150,19 +150,19 @@ def _delay_inside(row: Row) -> bool:
 
 
 def tables(rows: list[Row]) -> list[Table]:
-    """Return the shares by fault beside the first edition's, and the wrong verdicts by their cause."""
+    """Return the shares by fault with the reference, and the wrong verdicts by their cause."""
     by_fault = []
     for fault in sorted({row.fault for row in rows}):
         some = [row for row in rows if row.fault == fault]
         codes = Counter(code for row in some for code in row.codes.split()).most_common(2)
         verdicts = Counter(row.verdict for row in some)
         right = 100 * sum(row.right for row in some) / len(some)
-        first = TRUTH["first_edition"]["right_by_fault"].get(fault)
+        reference = TRUTH["reference"]["right_by_fault"].get(fault)
         found = ", ".join(f"{code} {count}" for code, count in codes)
         counted = (verdicts["usable"], sum(row.good for row in some), verdicts["refused"])
-        by_fault.append((fault, len(some), right, first, *counted, found))
+        by_fault.append((fault, len(some), right, reference, *counted, found))
     causes = Counter(cause(row) for row in rows if not row.right)
-    headings = ("fault", "logs", "right, %", "first edition", "usable", "truly", "refused", "findings")
+    headings = ("fault", "logs", "right, %", "reference", "usable", "truly", "refused", "findings")
     wrong = tuple((name, count) for name, count in causes.most_common())
     return [Table("by fault", headings, tuple(by_fault)), Table("wrong verdicts", ("class", "logs"), wrong)]
 
