@@ -48,7 +48,8 @@ def api():
         "# API\n\nThe names of `import archerfish2 as af`: verbs first, then types. `help(af.train)` explains one."
     )
     authors = "`archerfish2.authors` has what a controller, target, block, reward or world of your own needs."
-    return "\n".join([heading, authors, "", *rows, "", *[f"::: archerfish2.{name}" for name in names], ""])
+    details = ["::: archerfish2", "    options:", f"      members: [{', '.join(names)}]"]
+    return "\n".join([heading, authors, "", *rows, "", *details, ""])
 
 
 def made():

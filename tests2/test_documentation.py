@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from archerfish2.learning.config import GradientConfig
+
 ROOT = Path(__file__).parents[1]
 PAGES = {path.stem: path.read_text() for path in sorted((ROOT / "docs2").glob("*.md"))}
 ROOT_PAGES = {"readme", "contributing_next", "changelog_next"}
@@ -49,3 +51,16 @@ def test_a_tutorial_runs(number, tmp_path, monkeypatch, capsys):
     assert re.search(
         {2: r"policy − kalman", 3: r"dynamic targets: ", 4: r"% on the virtual robot"}[number], capsys.readouterr().out
     )
+
+
+@pytest.mark.slow
+def test_the_ten_lines_of_readme_run(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("jax")
+    monkeypatch.chdir(tmp_path)
+    [lines] = re.findall(r"```python\n(.*?)```", PAGES["readme"], re.DOTALL)
+    # As small as in the other tests, whose programs it shares.
+    small = GradientConfig(environments=32, hidden=16, window=5, steps=640)
+    monkeypatch.setattr("archerfish2.learning.train.with_given", lambda config, *_: config.replace(gradient=small))
+    exec(lines.replace("engagements=100", "engagements=4"), {})
+    assert re.search(r"policy − kalman.*of 200 shots hit.*policy.c decides", capsys.readouterr().out, re.DOTALL)
+    assert {path.name for path in tmp_path.iterdir()} == {"rates.png", "policy.c", "policy.h"}
