@@ -1,11 +1,14 @@
 """The pages: what is made from scripts is up to date and runs, links lead somewhere, and there are few lines."""
 
+import importlib
 import re
 import runpy
+import shlex
 from pathlib import Path
 
 import pytest
 
+from archerfish2.cli.main import COMMANDS, main
 from archerfish2.learning.config import GradientConfig
 
 ROOT = Path(__file__).parents[1]
@@ -36,6 +39,19 @@ def test_links_lead_to_files_and_headings():
             if not path.exists() or (anchor and anchor not in anchors(path.read_text())):
                 wrong.append((name, link))
     assert wrong == []
+
+
+def test_commands_of_pages_and_help_are_understood(monkeypatch):
+    commands = [getattr(importlib.import_module(module), options) for module, options in COMMANDS.values()]
+    run = list[type]()
+    for command in commands:
+        monkeypatch.setattr(command, "run", lambda command, _: run.append(type(command)))
+    texts = [text.replace("\\\n", " ") for text in (*PAGES.values(), *(command.__doc__ for command in commands))]
+    typed = [line for text in texts for line in re.findall(r"^ *(?:\$ )?archerfish2 (.+)$", text, re.MULTILINE)]
+    for line in typed:
+        main(shlex.split(line, comments=True))
+    assert len(run) == len(typed)
+    assert {*run} == {*commands}
 
 
 @pytest.mark.parametrize(
