@@ -18,7 +18,7 @@ from pathlib import Path
 import alternating
 
 DECISIONS = {"ppo": 153_600, "gradient": 51_200}
-"""Trainer → decisions; with two thirds of PPO's, or fewer than a gradient's call has, a seed is below the column."""
+"""Trainer → decisions, which are enough with the seeds that are checked; two thirds of PPO's are too few."""
 TIMED, CHECKED = (0, 1, 2), (10, 11, 12, 13, 14)
 """Seeds of the trainings."""
 ENGAGEMENTS = 200
