@@ -4,7 +4,7 @@
 logs that have limits and two seeds, and writes nothing. The recorded logs are those of ../shared/data, beside the
 repository; each is fitted in its first half and run free in its second (drone, steps: multisine and steps; hoop: random
 and fixed steps), inputs and output less their training means, the constant from the training part. Beside the figures
-is the reference, what release 0.2 found (results/identification_reference.json).
+is the reference, what release 0.1 found (results/identification_reference.json).
 """
 
 import argparse

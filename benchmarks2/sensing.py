@@ -1,7 +1,7 @@
-"""Camera and link on simulated recordings with known truth: errors and coverage, with those of release 0.2.
+"""Camera and link on simulated recordings with known truth: errors and coverage, with those of release 0.1.
 
 `python benchmarks2/sensing.py` simulates 240 recordings (sensing_recordings.py) and identifies them. Goals: each rms
-error at most 1.1 times the reference, which is that of release 0.2 on the same recordings; intervals of 95 % that have
+error at most 1.1 times the reference, which is that of release 0.1 on the same recordings; intervals of 95 % that have
 the truth in 93 to 97 % of the recordings, of which a perfect method misses a quantity in seven. Writes
 results/sensing.json, where the reference stays.
 """

@@ -188,7 +188,7 @@ def figures(rows: list[dict[str, Any]]) -> list[Bar]:
         least = float(np.median([fits[row["index"]] for row in of["peers"]])) if of["peers"] else None
         bars.append(Bar(f"median fit, and that of {name}, %", ours, least))
     earlier = [PEERS["reference"][row["index"]] for row in of["peers"]]
-    bars.append(Bar("median fit of release 0.2 (reference), %", float(np.median(earlier)) if earlier else np.nan))
+    bars.append(Bar("median fit of release 0.1 (reference), %", float(np.median(earlier)) if earlier else np.nan))
     for name, field in (("order 2", "gain_error_percent"), ("order chosen", "chosen_gain_error_percent")):
         for logs in ("steps", "cut"):
             right = (row[field] is not None and abs(row[field]) <= GAIN_ERROR for row in of[logs])

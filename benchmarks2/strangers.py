@@ -5,7 +5,7 @@ results/strangers.json, a row for each log; about 30 minutes with `--workers 2`.
 `--only 3 17` prints these alone; neither writes.
 
 A verdict is right if it says of the plant what is true of it: usable means a fit of at least 80 % of a noise-free log
-of the rig that was held back, and a steady gain right within 5 %. A log that is refused is right if release 0.2 found
+of the rig that was held back, and a steady gain right within 5 %. A log that is refused is right if release 0.1 found
 no usable plant of it either, also with the order known (results/strangers_truth.json).
 """
 

@@ -1,7 +1,7 @@
-"""Trained policies against those of release 0.2, by their hit rates on the same engagements.
+"""Trained policies against those of release 0.1, by their hit rates on the same engagements.
 
 `python benchmarks2/trained_policies.py FOLDER` evaluates the policies of FOLDER/NAME-SEED: paper-box, history-gate,
-tracked-infantry and kinds-infantry. The rates of three policies of each kind of release 0.2 are in
+tracked-infantry and kinds-infantry. The rates of three policies of each kind of release 0.1 are in
 results/trained_policies_reference.json. Goals: mean difference of each kind within 0.3 points or above, no cell below
 -1.0. `--train` makes those that are not there. Writes results/trained_policies.json.
 """
