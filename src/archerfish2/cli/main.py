@@ -18,7 +18,7 @@ from archerfish2.errors import InputError, one_line
 
 INPUT_ERROR = 2
 _IDENTIFY = ("identify", "identify axis", "identify muzzle", "identify sensing")
-_NAMES = ("record", *_IDENTIFY, "excite", "train", "evaluate", "export", "transfer", "reproduce", "report")
+_NAMES = ("record", *_IDENTIFY, "excite", "train", "evaluate", "export", "transfer", "reproduce", "sweep", "report")
 _CLASSES = {"record": "RecordRobot", "report": "WriteReport"}  # whose usual names are those of other things
 COMMANDS = {
     name: (f"archerfish2.cli.{name.replace(' ', '_')}", _CLASSES.get(name, name.title().replace(" ", "")))
