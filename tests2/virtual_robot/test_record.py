@@ -11,7 +11,7 @@ from archerfish2.cli.record import RecordRobot
 from archerfish2.identification.sensing.identify import identify_sensing
 from archerfish2.records.limits import LimitsRecord
 from archerfish2.virtual_robot.record import PARTS
-from archerfish2.virtual_robot.recorder import steps, sweep
+from archerfish2.virtual_robot.recorder import chirp, steps
 from archerfish2.virtual_robot.virtual_robot import VirtualRobot
 
 LAB = Path(__file__).parents[3] / "shared" / "second_edition" / "reference" / "infantry_logs"
@@ -50,7 +50,7 @@ def test_all_logs_are_those_of_the_first_edition_to_the_byte(tmp_path):
 
 
 def test_a_sweep_goes_through_its_band_and_steps_are_uneven_between_rests():
-    signal = sweep(0.1, 2.0, 50.0, 10.0)
+    signal = chirp(0.1, 2.0, 50.0, 10.0)
     crossings = np.flatnonzero(np.diff(np.signbit(signal[500:-500])))
     # In its first second the frequency goes from 2 to 6.8 Hz, in its last one to 50 Hz.
     assert np.count_nonzero(crossings < 1000) == pytest.approx(2 * 4.4, abs=1)

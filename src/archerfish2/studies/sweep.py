@@ -28,12 +28,11 @@ from archerfish2.errors import InputError, file_error, one_line
 from archerfish2.evaluation.draws import check_counts
 from archerfish2.learning.config import ConfigLike, GradientConfig, PpoConfig, TrainConfig
 from archerfish2.learning.train import with_given
-from archerfish2.provenance import code_commit, library_versions
 from archerfish2.records.json_files import plain, read_json, write_json
 from archerfish2.robot import Robot, RobotLike
 from archerfish2.simulation.world import make_world
 from archerfish2.studies.sweep_ray import run_on_ray
-from archerfish2.studies.sweep_results import Swept, compared
+from archerfish2.studies.sweep_results import Swept, pooled_settings
 from archerfish2.studies.sweep_trial import HITS, TrialHits, run_trial, with_parameters
 from archerfish2.studies.workers import Job, run_jobs, usual_workers
 from archerfish2.task import Task, TaskLike
@@ -94,11 +93,16 @@ def sweep(
     robot, task, folder, vary = Robot.of(robot), Task.of(task), Path(out), vary or {}
     base = with_given(TrainConfig.of(config), None, steps, None)
     workers = usual_workers() if workers is None else workers
-    for name, value in (("seeds", seeds), ("batch", batch), ("workers", workers), ("trials", trials or 1)):
+    for name, value in (
+        ("seeds", seeds),
+        ("batch", batch),
+        ("workers", workers),
+        ("trials", 1 if trials is None else trials),
+    ):
         if type(value) is not int or not 1 <= value <= MOST_SETTINGS:
             raise InputError(f"{name} must be a whole number of 1 to {MOST_SETTINGS}, got {value!r}; choose another")
-    cells = task.replace(lengths_s=task.lengths[-1:]).cells()
-    check_counts(engagements, seed, 2, cells, make_world(robot, task).normals)
+    longest = task.replace(lengths_s=task.lengths[-1:])
+    check_counts(engagements, seed, 2, longest.cells(), make_world(robot, longest).normals)
     for library in ("optuna", *(["ray"] if ray else [])):
         if importlib.util.find_spec(library) is None:
             raise InputError(f"a sweep needs {library}, which is not installed; pip install 'archerfish[sweep]'")
@@ -112,42 +116,37 @@ def sweep(
     given = {"robot": robot, "task": task, "config": base, "engagements": engagements}
     with storage.locked(folder):
         _claim(folder, facts | {"seed": seed})
-        study = _study(folder / _STUDY, space)
-        found = list[list[TrialHits]]()
+        study, found = _study(folder / _STUDY, space), list[list[TrialHits]]()
         for first in range(0, total, together):
-            places = range(first, min(first + together, total))
-            for place in places[len(_asked(study)) - first :]:
+            places, trainings = range(first, min(first + together, total)), dict[tuple[int, int], Path]()
+            for place in places[len(_proposed(study)) - first :]:
                 study.sampler = _sampler(seed, place, total, None if trials else grid[place])
                 study.ask(space)
-            jobs = list[Job]()
+            proposed = _proposed(study)
+            parameters = [trial.params for trial in proposed]
             for place, own in itertools.product(places, range(seed, seed + seeds)):
-                arguments = {
-                    "parameters": _asked(study)[place].params,
-                    "seed": own,
-                    "folder": _trial(folder, place, own),
-                }
-                if not (arguments["folder"] / HITS).exists():
-                    jobs.append(Job(run_trial, given | arguments, name=f"setting {place}, seed {own}"))
+                same = parameters.index(parameters[place])  # what is proposed once more is not trained once more
+                trainings[same, own] = folder / "trials" / f"{same:04d}-{own}"
+            jobs = list[Job]()
+            for (place, own), path in trainings.items():
+                arguments = given | {"parameters": parameters[place], "seed": own, "folder": path}
+                if not (path / HITS).exists():
+                    jobs.append(Job(run_trial, arguments, name=f"setting {place}, seed {own}"))
             if jobs:
                 run_on_ray(jobs, workers, ray) if ray else run_jobs("sweep", jobs, workers)
+            hits = {key: TrialHits.load(path / HITS) for key, path in trainings.items()}
             for place in places:
-                found.append([TrialHits.load(_trial(folder, place, own) / HITS) for own in range(seed, seed + seeds)])
+                same = parameters.index(parameters[place])
+                found.append([hits[same, own] for own in range(seed, seed + seeds)])
                 rate = float(np.mean([one.rate for one in found[-1]]))
-                study.tell(_asked(study)[place].number, rate, skip_if_finished=True)
-        parameters = [{name: trial.params[name] for name in space} for trial in _asked(study)]
-        facts = {"robot": robot.name, "task": task.name, "seed": seed, "commit": code_commit(), **library_versions()}
-        swept = Swept(compared(parameters, found), f"{robot.name}, task {task.name}", facts)
+                study.tell(proposed[place].number, rate, skip_if_finished=True)
+        swept = Swept(pooled_settings(parameters, found), f"{robot.name}, task {task.name}")
         swept.save(folder)
         if swept.best is not None:
-            kept = _trial(folder, swept.best.number, seed + swept.best.middle)
             shutil.rmtree(folder / "best", ignore_errors=True)
-            shutil.copytree(kept, folder / "best")
+            kept = f"{swept.best.number:04d}-{seed + swept.best.middle}"
+            shutil.copytree(folder / "trials" / kept, folder / "best")
     return swept
-
-
-def _trial(folder: Path, place: int, seed: int) -> Path:
-    """Return the folder of a training."""
-    return folder / "trials" / f"{place:04d}-{seed}"
 
 
 def _distribution(name: str, given: Any) -> Any:
@@ -242,13 +241,13 @@ def _study(path: Path, space: Mapping[str, Any]) -> Any:
             storage.write_bytes(path, whole + b"\n" if whole else b"")
     record = JournalStorage(JournalFileBackend(str(path)))
     study = optuna.create_study(storage=record, study_name="sweep", direction="maximize", load_if_exists=True)
-    for trial in _asked(study):
+    for trial in _proposed(study):
         if trial.params.keys() != space.keys():
             study.tell(trial.number, state=optuna.trial.TrialState.FAIL)
     return study
 
 
-def _asked(study: Any) -> list[Any]:
+def _proposed(study: Any) -> list[Any]:
     """Return the proposals in their order, without those that are void."""
     return [trial for trial in study.get_trials(deepcopy=False) if trial.state.name != "FAIL"]
 

@@ -44,10 +44,12 @@ def run_on_ray(jobs: Sequence[Job], workers: int, address: str) -> None:
     own: dict[str, Any] = {"num_cpus": workers, "include_dashboard": False, "_node_ip_address": "127.0.0.1"}
     before = signal.getsignal(signal.SIGTERM)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             ray.init(address=address, log_to_driver=False, logging_level="ERROR", **(own if address == "local" else {}))
-        signal.signal(signal.SIGTERM, before)  # Ray's would end the process
+    except (ConnectionError, RuntimeError, ValueError, OSError) as error:
+        raise _fault(address, error, "start a cluster with ray start") from error
+    try:
+        signal.signal(signal.SIGTERM, before)  # Ray's own ends the process at once
         task = ray.remote(num_cpus=1, max_retries=RETRIES, runtime_env={"env_vars": ONE_THREAD})(_files)
         pending = {task.remote(job.function, job.arguments): job for job in jobs}
         with progress.bar("sweep", len(jobs), "trainings") as advance:
@@ -58,14 +60,16 @@ def run_on_ray(jobs: Sequence[Job], workers: int, address: str) -> None:
                     write_bytes(job.arguments["folder"] / name, content)
                 advance(len(jobs) - len(pending), job.name)
     except ray.exceptions.RayTaskError as error:
-        raise error.cause from None
-    except (ray.exceptions.RayError, ConnectionError, RuntimeError, ValueError, OSError) as error:
-        if isinstance(error, InputError):
-            raise
-        text = one_line(str(error).strip().partition("\n")[0])[:200]
-        raise InputError(f"ray {address}: {text}; start a cluster with ray start, or leave --ray out") from error
+        raise error.cause from error
+    except ray.exceptions.RayError as error:
+        raise _fault(address, error, "use fewer workers, if memory is short") from error
     finally:
         ray.shutdown()
+
+
+def _fault(address: str, error: Exception, remedy: str) -> InputError:
+    text = one_line(str(error).strip().partition("\n")[0])[:200]
+    return InputError(f"ray {address}: {text}; {remedy}, or leave --ray out")
 
 
 def _files(function: Callable[..., None], arguments: dict[str, Any]) -> dict[str, bytes]:

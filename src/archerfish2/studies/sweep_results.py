@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from archerfish2.evaluation.hit_rate import CONFIDENCE, hit_rate, weighted_mean
+from archerfish2.provenance import code_commit, library_versions
 from archerfish2.reports.report import Report, Reported
 from archerfish2.reports.style import Figure, look, new_figure, plot_style
-from archerfish2.reports.table import Entry, Estimate, Table
+from archerfish2.reports.table import Entry, Estimate, Table, entry_texts
 from archerfish2.storage import write_bytes
 from archerfish2.studies.sweep_trial import TrialHits
 
@@ -37,7 +38,9 @@ class Compared(NamedTuple):
         return int(np.argsort(self.rates, kind="stable")[(len(self.rates) - 1) // 2])
 
 
-def compared(parameters: Sequence[Mapping[str, Any]], found: Sequence[Sequence[TrialHits]]) -> tuple[Compared, ...]:
+def pooled_settings(
+    parameters: Sequence[Mapping[str, Any]], found: Sequence[Sequence[TrialHits]]
+) -> tuple[Compared, ...]:
     """Pool the trainings of each setting.
 
     Trainings share their engagements, so hits are added up in each of them; to that interval comes, in squares,
@@ -94,8 +97,6 @@ class Swept(Reported):
     """In their order."""
     trained_for: str
     """Robot and task."""
-    provenance: dict[str, Any]
-    """Seed, commit and versions."""
 
     @property
     def best(self) -> Compared | None:
@@ -106,40 +107,37 @@ class Swept(Reported):
     def to_dicts(self) -> list[dict[str, Any]]:
         """Return a row per setting for a data frame; rates in %."""
         rows = []
-        for setting in self.settings:
-            row = {
-                "setting": setting.number,
-                **setting.parameters,
-                "hits": setting.hits,
-                "decisions": setting.decisions,
-            }
-            row |= {"rate": setting.rate.value, "low": setting.rate.low, "high": setting.rate.high}
-            row |= {f"rate_of_seed_{place}": rate for place, rate in enumerate(setting.rates)}
-            rows.append({**row, "problem": setting.problem})
+        for one in self.settings:
+            counts = {"hits": one.hits, "decisions": one.decisions, "rate": one.rate.value}
+            interval = {"low": one.rate.low, "high": one.rate.high}
+            by_seed = {f"rate_of_seed_{place}": rate for place, rate in enumerate(one.rates)}
+            rows.append(
+                {"setting": one.number, **one.parameters, **counts, **interval, **by_seed, "problem": one.problem}
+            )
         return rows
 
     @property
     def report(self) -> Report:
         """The report, which prints, and writes a page."""
-        best, names = self.best, [*self.settings[0].parameters]
         rows = list[tuple[Entry, ...]]()
         for one in self.settings:
-            parameters, counts = map(str, one.parameters.values()), f"{one.hits} of {one.decisions}"
-            rows.append((str(one.number), *parameters, counts, one.rate, _range(one)))
-        columns = ("setting", *names, "hits of decisions", "rate [%]", "trainings [%]")
+            parameters, counts = map(_shown, one.parameters.values()), f"{one.hits} of {one.decisions}"
+            lowest, highest = f"{min(one.rates):.1f}", f"{max(one.rates):.1f}"
+            spread = "failed" if one.problem else lowest if lowest == highest else f"{lowest}–{highest}"
+            rows.append((str(one.number), *parameters, counts, one.rate, spread))
+        columns = ("setting", *self.settings[0].parameters, "hits of decisions", "rate [%]", "trainings [%]")
         note = "In parentheses: the 95 % interval, over engagements and seeds; trainings: the lowest and the highest."
-        failed = [f"setting {one.number}: {one.problem}" for one in self.settings if one.problem]
         return Report(
             title=f"Sweep for {self.trained_for}",
-            headline=_headline(best, self.settings),
-            known=("Measured on engagements of the stream tuning, which no evaluation has, alike for all settings.",),
-            doubts=tuple(failed),
-            next_steps=(
-                () if best is None else ("Evaluate the policy that is kept: of many, the best one looks too good.",)
-            ),
+            headline=_headline(self.best, self.settings),
+            known=("Measured in engagements that no evaluation has, the same for all settings.",),
+            doubts=tuple(f"setting {one.number}: {one.problem}" for one in self.settings if one.problem),
+            next_steps=("Evaluate the policy that is kept: of many, the best one looks too good.",)
+            if self.best
+            else (),
             tables=(Table("Hit rates", columns, tuple(rows), note),),
             figures=(("Hit rate against what is varied, with 95 % intervals", self.plot),),
-            provenance=self.provenance,
+            provenance={"commit": code_commit(), **library_versions()},
         )
 
     def plot(self) -> Figure:
@@ -149,20 +147,18 @@ class Swept(Reported):
         with plot_style():
             figure, axes = new_figure(len(names), 1, height=2.8 * len(names))
             for name, panel in zip(names, axes[:, 0], strict=True):
-                values = [setting.parameters.get(name, "all") for setting in whole]
-                at: list[Any] = values
-                is_number = all(type(value) in (int, float) for value in values)
-                if is_number and min(values, default=0) > 0 and max(values) >= 10 * min(values):
-                    panel.set_xscale("log")
-                if not is_number:
+                values: list[Any] = [setting.parameters.get(name, "all") for setting in whole]
+                if not all(type(value) in (int, float) for value in values):
                     labels = list(dict.fromkeys(map(str, values)))
-                    at = [labels.index(str(value)) for value in values]
+                    values = [labels.index(str(value)) for value in values]
                     panel.set_xticks(range(len(labels)), labels)
+                elif whole and 0 < 10 * min(values) < max(values):
+                    panel.set_xscale("log")
                 rates = [setting.rate for setting in whole]
                 below = [rate.value - rate.low for rate in rates]
                 above = [rate.high - rate.value for rate in rates]
                 style = {**look(0), "linestyle": ""}
-                panel.errorbar(at, [rate.value for rate in rates], yerr=(below, above), **style, capsize=2)
+                panel.errorbar(values, [rate.value for rate in rates], yerr=(below, above), **style, capsize=2)
                 panel.set(xlabel=name, ylabel="hits [%]")
         return figure
 
@@ -180,16 +176,16 @@ class Swept(Reported):
         self.report.write_page(folder / "report.html")
 
 
-def _range(setting: Compared) -> str:
-    low, high = min(setting.rates), max(setting.rates)
-    return "failed" if setting.problem else f"{low:.1f}–{high:.1f}"
+def _shown(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _headline(best: Compared | None, settings: Sequence[Compared]) -> str:
     if best is None:
-        return f"No training came to a policy: {settings[0].problem}."
-    given = ", ".join(f"{name} = {value}" for name, value in best.parameters.items()) or "the only one"
-    rate = best.rate
-    text = f"Best is setting {best.number} ({given}): {rate.value:.1f} % ({rate.low:.1f}–{rate.high:.1f})"
-    level = [one for one in settings if one is not best and not one.problem and one.rate.high >= rate.low]
-    return f"{text}; the intervals of {len(level)} other settings overlap with its own." if level else f"{text}."
+        return f"No training came to a policy: {settings[0].problem}"
+    given = ", ".join(f"{name} = {_shown(value)}" for name, value in best.parameters.items())
+    rate, interval = entry_texts(best.rate)
+    text = f"Best is setting {best.number}{given and f' ({given})'}: {rate} % ({interval})"
+    # The rate of a setting that failed is no number.
+    level = sum(one.rate.high >= best.rate.low for one in settings if one is not best)
+    return text + f"; of {len(settings) - 1} others {level} have an interval that overlaps" * (len(settings) > 1)
