@@ -15,7 +15,7 @@ from archerfish2.records.limits import LimitsRecord
 from archerfish2.virtual_robot import record
 from archerfish2.virtual_robot.batch import RobotBatch
 from archerfish2.virtual_robot.firing_range import Plate
-from archerfish2.virtual_robot.recorder import inject_commands, steps, sweep
+from archerfish2.virtual_robot.recorder import chirp, inject_commands, steps
 from archerfish2.virtual_robot.virtual_robot import VirtualRobot
 
 LAB = "second_edition/reference/infantry_logs"
@@ -52,7 +52,7 @@ def test_all_logs_are_those_of_the_first_edition_to_the_byte(tmp_path, shared):
 
 
 def test_a_sweep_goes_through_its_band_and_steps_are_uneven_between_rests():
-    signal = sweep(0.1, 2.0, 50.0, 10.0)
+    signal = chirp(0.1, 2.0, 50.0, 10.0)
     crossings = np.flatnonzero(np.diff(np.signbit(signal[500:-500])))
     # In its first second the frequency goes from 2 to 6.8 Hz, in its last one to 50 Hz.
     assert np.count_nonzero(crossings < 1000) == pytest.approx(2 * 4.4, abs=1)

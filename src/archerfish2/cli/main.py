@@ -23,7 +23,19 @@ from archerfish2.errors import InputError, meant, one_line
 
 INPUT_ERROR = 2
 _IDENTIFY = ("identify", "identify axis", "identify muzzle", "identify sensing")
-_NAMES = ("record", *_IDENTIFY, "excite", "train", "evaluate", "view", "export", "transfer", "reproduce", "report")
+_NAMES = (
+    "record",
+    *_IDENTIFY,
+    "excite",
+    "train",
+    "evaluate",
+    "view",
+    "export",
+    "transfer",
+    "reproduce",
+    "sweep",
+    "report",
+)
 _CLASSES = {
     "record": "RecordRobot",
     "report": "WriteReport",

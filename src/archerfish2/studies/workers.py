@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from archerfish2.errors import InputError
 from archerfish2.reports import progress
 
-_ONE_THREAD = {
+ONE_THREAD = {
     "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
@@ -71,8 +71,8 @@ def usual_workers() -> int:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(_ONE_THREAD)
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(ONE_THREAD)
     try:
         yield
     finally:
@@ -118,7 +118,7 @@ def _watch(what: str, jobs: Sequence[Job], futures: Sequence[Future[Any]], share
                     place, share = shares.get_nowait()
                 except queue.Empty:
                     break
-                done[place], name = max(done[place], share * jobs[place].work), jobs[place].name
+                done[place], name = max(done[place], 0.99 * share * jobs[place].work), jobs[place].name
             for future in finished:
                 future.result()
                 done[futures.index(future)] = jobs[futures.index(future)].work

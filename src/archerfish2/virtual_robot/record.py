@@ -15,7 +15,7 @@ from archerfish2.records.limits import AxisLimits, LimitsRecord
 from archerfish2.virtual_robot.batch import RobotBatch
 from archerfish2.virtual_robot.description import TICK_S, RobotDescription
 from archerfish2.virtual_robot.firing_range import Plate, shoot_landings, shoot_plates
-from archerfish2.virtual_robot.recorder import Played, between_rests, inject_commands, send_commands, steps, sweep
+from archerfish2.virtual_robot.recorder import Played, between_rests, chirp, inject_commands, send_commands, steps
 
 Array = NDArray[np.float64]
 _AXES = ("pitch", "yaw")
@@ -82,9 +82,9 @@ def _axis(axis: str, robot: RobotBatch, _: int) -> Files:
     amplitude, size = np.radians([SWEEP_DEG, STEP_DEG]).tolist()
     low_hz, high_hz = SWEEP_HZ
     signals = {
-        "sweep": sweep(amplitude, low_hz, high_hz, SWEEP_S),
+        "sweep": chirp(amplitude, low_hz, high_hz, SWEEP_S),
         "step": steps(size, HOLD_S),
-        "sweep_validation": sweep(-amplitude, high_hz, low_hz, SWEEP_S),  # the other way round: no fit has seen it
+        "sweep_validation": chirp(-amplitude, high_hz, low_hz, SWEEP_S),  # the other way round: no fit has seen it
         "step_validation": steps(size, HOLD_S, held_back=True),
     }
     for degrees in LARGE_STEPS_DEG[axis]:
@@ -135,7 +135,7 @@ def _timing(robot: RobotBatch, seed: int) -> Files:
     reach = _REACH * float(np.radians(min(-limits.low_deg, limits.high_deg)))
     amplitude, size = (min(float(np.radians(degrees)), reach) for degrees in (TIMING_SWEEP_DEG, TIMING_STEP_DEG))
     low_hz, high_hz = TIMING_HZ
-    swept = _sent(robot, _SteppingPlate(0.0, np.empty(0)), sweep(amplitude, low_hz, high_hz, TIMING_SWEEP_S))
+    swept = _sent(robot, _SteppingPlate(0.0, np.empty(0)), chirp(amplitude, low_hz, high_hz, TIMING_SWEEP_S))
     yield "timing_sweep.csv", _of_both_axes(swept)
     yield "timing_plate.csv", _detected(swept)
     levels = np.repeat(size * (np.arange(TIMING_STEPS) % 2 == 0), round(_HOLD_S / TICK_S))

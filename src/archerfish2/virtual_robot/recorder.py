@@ -38,7 +38,7 @@ class Played(NamedTuple):
         return np.asarray(np.concatenate([start[None], self.sent])[place])
 
 
-def sweep(amplitude: float, low_hz: float, high_hz: float, duration_s: float) -> Array:
+def chirp(amplitude: float, low_hz: float, high_hz: float, duration_s: float) -> Array:
     """Return a sine whose frequency goes linearly from `low_hz` to `high_hz`, between two rests, a value a tick, (N,).
 
     Args:
