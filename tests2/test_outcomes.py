@@ -21,7 +21,7 @@ STORED = {path.stem: read_json(path) for path in sorted((HERE / "outcomes").glob
 QUICK = {  # those that compile in `make test`; the others are in `make test-slow`, and live in `make test-first`
     *(("paper-gate", each) for each in STORED["paper-gate"]),
     *(("paper-box", each) for each in ("kalman", "kalman-paper", "perfect")),
-    *(("infantry", each) for each in ("kalman-lq", "parabola-lq")),
+    ("infantry", "kalman-lq"),
 }
 CASES = [
     pytest.param(name, each, marks=[pytest.mark.slow] * ((name, each) not in QUICK))
