@@ -100,7 +100,6 @@ def test_a_world_is_found_by_name_or_given_and_its_camera_is_late():
 CELL = "/tmp/ipykernel_7/12.py"
 NOTEBOOK = next(each for each in re.findall("```python\n(.*?)```", PAGE, re.DOTALL) if "class Zigzag" in each)
 PARTS, CALLS = NOTEBOOK.split("\n\nprint(", 1)
-CLOSURE = "def times(factor):\n    return lambda place, speed, _: factor * place\n"
 PRODUCTS = """def make(content):
     class Still:
         def position(self, time): return self.place
@@ -125,6 +124,7 @@ CONTENTS = [  # of m, with one of two numbers
     "def f(a): return a\nm = functools.partial(f, {})",
     "class K:\n    def __init__(self): self.a = {}\n    def m(self): return self.a\nm = K().m",
     "@functools.lru_cache\ndef m(): return {}",
+    "def times(factor):\n    return lambda place, speed, _: factor * place\nm = times({})",
 ]
 LQG = """class LQG:
     compiled = False
@@ -170,20 +170,6 @@ def test_a_target_in_numpy_alone_is_drawn_by_compiled_programs_too(notebook, agr
     refused("lengths_s: zigzag is sampled, for at most 3 s, got .4.0,.", af.Task(motion=zigzag, lengths_s=(4.0,)).cells)
 
 
-def test_an_object_of_a_notebook_is_known_by_its_content(notebook):
-    scaled, other = (
-        f"SCALE = 1.0\n{PARTS.replace('self.speed * (', 'SCALE * self.speed * (')}",
-        PARTS.replace("0.25", "0.2"),
-    )
-    codes = [PARTS, other, scaled, scaled.replace("SCALE = 1.0", "SCALE = 2.0"), PARTS]
-    motions = [af.Task(motion=notebook(code).zigzag).motion for code in codes]
-    assert (motions[0], len(set(motions))) == (motions[-1], 4)
-    made = [af.Task(motion=notebook(CLOSURE).times(factor)).motion for factor in (1.0, 2.0)]
-    assert made[0] != made[1]  # equal source that refers to other numbers
-    blocks = [lambda observer, view: view.distance, lambda observer, view: 0.0 * view.distance]  # in one line
-    assert len(set(af.TrainConfig(observation=("history", *blocks)).observation)) == 3
-
-
 @pytest.mark.parametrize("code", CONTENTS)
 def test_an_object_of_another_content_is_another_one(notebook, code):
     made = [notebook(f"import functools, numpy as np\n{code.format(n)}\n").m for n in (1, 2, 1)]
@@ -215,9 +201,8 @@ def test_no_file_names_an_object(notebook, tmp_path, refused):
 def test_a_block_has_what_is_seen_at_its_decision(notebook):
     config = af.TrainConfig(observation=("history", notebook(PARTS).turning))
     environment, rng = af.make_environment("tests2/infantry", "dynamic", config=config), np.random.default_rng(0)
-    fresh = environment.fresh(
-        rng.standard_normal((2, 11), np.float32), rng.random((2, environment.uniforms), np.float32)
-    )
+    uniforms = rng.random((2, environment.uniforms), np.float32)
+    fresh = environment.fresh(rng.standard_normal((2, 11), np.float32), uniforms)
     state, step = environment.step(fresh[0], np.ones((2, 2)), rng.standard_normal((2, 11), np.float32), fresh)
     assert_allclose(step.observation[:, -2:], 0.1 * environment.world.see(state.world).gimbal.rate, rtol=1e-6)
 
@@ -229,23 +214,13 @@ def test_mistakes_in_a_notebook_are_named_with_cell_and_line(notebook, refused):
     refused("is a PPO with predict; wrap it: authors.Player", af.evaluate, model, task=TASK, engagements=2)
 
 
-PROMISED = """Barrel Base Command Controller Detection DirectAim Engagement Frames GimbalFeedback Observer Plates Player
-Predictor RewardFunction Seen Shot Target Truth View World aim aim_at first_detection intercept make_preview_aim
-map_arrays namespace select tree update_with_frames"""
-
-
-def test_what_authors_need_is_one_module_whose_names_stay():
-    assert (sorted(authors.__all__), all(hasattr(authors, name) for name in authors.__all__)) == (
-        PROMISED.split(),
-        True,
-    )
-    assert [name for name in authors.__all__ if f"`{name}" not in authors.__doc__] == []
+def test_what_authors_need_is_one_module():
+    assert [name for name in authors.__all__ if f"`{name}" not in authors.__doc__ or not hasattr(authors, name)] == []
     # The fit of a rigid axis takes the identification apart.
     codes = [path.read_text() for path in EXAMPLES.glob("*.py") if not path.stem.startswith(("rigid_axis", "tutorial"))]
     codes += re.findall("```python\n(.*?)```", PAGE, re.DOTALL)
-    imports = [
-        node for code in codes for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Import | ast.ImportFrom)
-    ]
+    nodes = [node for code in codes for node in ast.walk(ast.parse(code))]
+    imports = [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)]
     modules = {getattr(node, "module", None) or node.names[0].name for node in imports}
     assert {name for name in modules if name.startswith("archerfish2")} == {"archerfish2", "archerfish2.authors"}
 

@@ -58,17 +58,14 @@ def test_a_robot_and_a_task_are_given_to_every_verb_alike(tmp_path):
     for robot in (None, "paper", tmp_path / "robot", str(tmp_path / "robot"), af.Robot.paper(), result):
         assert af.make_world(robot, "static").name == "paper"
     af.Task(motion="static", period_s=0.04).save(tmp_path / "slow.toml")
-    assert [af.make_world(task=task).period_s for task in ("any", tmp_path / "slow.toml")] == pytest.approx(
-        [0.02, 0.04]
-    )
+    periods = [af.make_world(task=task).period_s for task in ("any", tmp_path / "slow.toml")]
+    assert periods == pytest.approx([0.02, 0.04])
 
 
 def test_an_argument_of_another_type_is_refused_by_its_name(refused):
     for value in (5, None, [5], {"a": 5}, b"x"):
         for verb in (af.evaluate, af.rollout, lambda given: af.export(given, "x.c")):
             refused("controller: expected a name, .*, got one of type", verb, value)
-        if value is not None:
-            refused("world: expected .*, got one of type", af.evaluate, "no-lead", world=value, engagements=2)
     for verb in (af.identify_axis, af.identify_muzzle):
         refused(f"{verb.__name__}: expected .*, got one of type int; give one", verb, 5)
     refused("excite: axis: expected pitch or yaw, got 5", af.excite, 5)
@@ -99,20 +96,15 @@ def test_the_readme_trains_and_evaluates_for_the_paper_s_robot_and_for_a_folder(
     monkeypatch.chdir(tmp_path)
     shutil.copytree(ROOT / "tests2" / "infantry", "my-robot")
     section = (ROOT / "README.md").read_text().partition("## From Python")[2].partition("The first edition's parts")[0]
-    blocks = [
-        textwrap.dedent(each) for each in re.findall(r"^ ```python\n(.*?)^ ```", section, re.MULTILINE | re.DOTALL)
-    ]
+    indented = re.findall(r"^ ```python\n(.*?)^ ```", section, re.MULTILINE | re.DOTALL)
+    blocks = [textwrap.dedent(each) for each in indented]
     assert (len(blocks), sum(each.count("\n") for each in blocks[:2])) == (3, 10)
     # As small as in the other tests, whose programs it shares.
     small = GradientConfig(environments=32, hidden=16, window=5, steps=640)
     monkeypatch.setattr("archerfish2.learning.train.with_given", lambda config, *_: config.replace(gradient=small))
     exec("".join([*blocks[:robots], blocks[2]]).replace("engagements=100", "engagements=4"), {})
-    assert re.search(
-        "policy − kalman.*\npolicy −" if robots > 1 else "policy − kalman", capsys.readouterr().out, re.DOTALL
-    )
-    assert robots == 1 or {"policy.safetensors", "curve.svg"} <= {
-        each.name for each in (tmp_path / "my-robot" / "policy").iterdir()
-    }
+    assert capsys.readouterr().out.count("policy − kalman ") >= robots
+    assert robots == 1 or (tmp_path / "my-robot" / "policy" / "curve.svg").is_file()
 
 
 def test_ten_lines_lead_to_results(monkeypatch, tmp_path, capsys):

@@ -6,9 +6,8 @@ from numpy.testing import assert_allclose
 from scipy import io, signal
 
 from archerfish2.identification.axis.fit import fit_axis
-from archerfish2.identification.axis.output_error import jacobian, leverage, refine, solve
-from archerfish2.identification.axis.sections import free_numbers, response, sections_of, state_matrices
-from archerfish2.identification.axis.spectrum import Experiment, begun_log, lines_of, local_power, noise_power, thinned
+from archerfish2.identification.axis.sections import response, sections_of, state_matrices
+from archerfish2.identification.axis.spectrum import begun_log
 from archerfish2.identification.simulation import free_run, simulate
 from archerfish2.logs.log import read_log
 from archerfish2.logs.recording import Recording
@@ -47,9 +46,8 @@ def noisy(y, share, rng):
 
 
 def held_levels(rng, levels=60):
-    return np.concatenate(
-        [np.full(k, v) for k, v in zip(rng.integers(5, 40, levels), rng.uniform(-1, 1, levels), strict=True)]
-    )
+    lengths = rng.integers(5, 40, levels)
+    return rng.uniform(-1, 1, levels).repeat(lengths)
 
 
 def step_from_rest(seed):
@@ -95,39 +93,10 @@ def test_the_printed_axes_are_found_under_noise(noise, least):
     fits = []
     for true in printed_plants().values():
         sweep, step = (simulate(true, u) for u in (SWEEP, STEP))
-        for seed in range(3):
+        for seed in range(2):
             found = fit_axis([log(SWEEP, noisy(sweep[:, 0], noise, np.random.default_rng(seed)))], 4).plant
             fits.append([fit_percent(sweep, simulate(found, SWEEP)), fit_percent(step, simulate(found, STEP))])
     assert np.all(np.median(fits, axis=0) >= least), np.median(fits, axis=0)
-
-
-def test_leverage_is_the_number_of_parameters_and_noise_is_corrected_by_it():
-    rng, time = np.random.default_rng(0), np.arange(400)
-    u, y = np.sin(1e-3 * time**2)[:, None], rng.standard_normal((400, 1))
-    logs = [Experiment(u, y), Experiment(u, y[::-1], pad=400, rest=50)]
-    fit = refine([np.array([-1.2, 0.5])], [each.at(3) for each in logs], 5, 1e-4)
-    first, second = leverage(fit, [each.at(3) for each in logs])
-    # Two poles, three numerators; of each log two transients, and of one the level of its rest. A line has two rows.
-    assert 2 * (first.sum() + second.sum()) == pytest.approx(2 + 3 + 2 * 2 + 1, abs=1e-6)
-    assert first[0, :10].mean() > 3 * first.mean()  # the sweep is slow
-    squares = rng.standard_exponential(200)
-    assert_allclose(local_power(squares, np.full(200, 0.5)), 2 * local_power(squares, np.ones(200)))
-
-
-def test_the_gradient_is_that_of_differences():
-    rng = np.random.default_rng(4)
-    u, other = rng.standard_normal((2, 400, 1))
-    y = np.stack([second_order(u[:, 0], 0.02, 0.3, 3), second_order(u[:, 0], 0.1, 0.5, 2)], axis=1)
-    logs = [Experiment(u, y + rng.standard_normal(y.shape)), Experiment(other, rng.standard_normal(y.shape), pad=400)]
-    theta, step = np.array([-0.9, 1.4, 0.6, 0.3, -1.1]), 1e-5
-    for feedthrough in (False, True):
-        data = lines_of(logs, thinned(logs, 200), 3, feedthrough)
-        fit = solve(sections_of(theta), data)
-        found = 2 * jacobian(fit, data, theta) @ fit.residual.reshape(-1)
-        costs = [[solve(sections_of(theta + s * e), data).cost for s in (step, -step)] for e in np.eye(5)]
-        assert_allclose(found, [(high - low) / (2 * step) for high, low in costs], rtol=1e-6, atol=1e-6)
-    assert_allclose(free_numbers(sections_of(theta)), theta)
-    assert refine(sections_of(theta), data, 30, 1e-9).cost < 0.999 * fit.cost
 
 
 def test_the_sections_the_matrices_and_scipy_respond_alike():
@@ -186,18 +155,12 @@ def test_several_logs_of_two_outputs_give_one_plant():
 def test_units_change_nothing_and_a_given_delay_is_kept():
     recording, delay = cut_in_motion(9)
     first = fit_axis([recording], 2, delay, feedthrough=False)
-    scaled = fit_axis(
-        [log(1e4 * recording.inputs + 7e5, 1e-5 * recording.outputs - 3, 0.01)], 2, delay, feedthrough=False
-    )
+    other = log(1e4 * recording.inputs + 7e5, 1e-5 * recording.outputs - 3, 0.01)
+    scaled = fit_axis([other], 2, delay, feedthrough=False)
     assert (first.structure.delay, first.plant.D.item(), scaled.plant.sample_period_s) == (delay, 0.0, 0.01)
     assert_allclose(scaled.poles, first.poles, rtol=1e-6)
     assert_allclose(scaled.plant.dc_gain, 1e-9 * first.plant.dc_gain, rtol=1e-6)
     assert fit_axis([recording], 2, 3).structure.delay == 3
-
-
-def test_an_input_that_moves_in_its_first_sample_alone_is_told_from_no_transient():
-    pulse = Experiment(np.eye(400, 1), np.random.default_rng(0).standard_normal((400, 1)))
-    assert np.abs(solve(sections_of(np.array([-0.9, 1.4])), [pulse.at(0, False)]).numerators).max() < 1
 
 
 def test_a_long_delay_is_found_where_an_even_longer_one_is_allowed():
@@ -214,13 +177,6 @@ def test_a_long_log_a_long_delay_and_a_double_pole():
     assert_allclose(found.plant.dc_gain, 1, atol=5e-3)
     double = signal.lfilter([0.0, 0.01], np.poly([0.9, 0.9]), u[:3000])
     assert_allclose(fit_axis([log(u[:3000], double)], 2).poles, 0.9, atol=1e-4)
-
-
-def test_the_noise_of_a_residual_is_smooth_over_octaves():
-    frequency = np.arange(1, 5001)
-    true = 1 + 1e3 / frequency
-    found = noise_power(true * np.random.default_rng(0).exponential(size=5000))
-    assert np.abs(np.log(found / true))[20:].max() < 0.5
 
 
 def halves(table, inputs, output):

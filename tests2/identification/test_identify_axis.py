@@ -8,7 +8,6 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import signal, stats
 
-from archerfish2.errors import InputError
 from archerfish2.identification.axis.bootstrap import draw_plants, interval
 from archerfish2.identification.axis.fit import fit_axis
 from archerfish2.identification.axis.identify import identify_axis, read_sources
@@ -60,15 +59,10 @@ def test_a_log_that_is_repeated_counts_once_and_one_that_is_fitted_is_not_held_b
     slower = Recording.from_arrays(steps.inputs[::2], steps.outputs[::2], 2 * PERIOD_S, source="slower")
     read = read_sources([log, replace(log, source="copy"), slower], log)
     assert read.held_back == []
-    assert [(each.code, each.place, each.samples) for each in read.findings] == [
-        ("repeated-log", "copy", 2000),
-        ("not-held-back", "sweep", 0),
-        ("other-period", "sweep", 0),
-    ]
-    assert [(each.source, len(each), each.period_s) for each in read.fitted] == [
-        ("sweep", 1000, 2 * PERIOD_S),
-        ("slower", 1000, 2 * PERIOD_S),
-    ]
+    findings = [f"{each.code} {each.place} {each.samples}" for each in read.findings]
+    assert findings == ["repeated-log copy 2000", "not-held-back sweep 0", "other-period sweep 0"]
+    fitted = [(each.source, len(each), each.period_s) for each in read.fitted]
+    assert fitted == [(name, 1000, 2 * PERIOD_S) for name in ("sweep", "slower")]
 
 
 def test_a_log_of_another_sign_is_named_and_nothing_else_is_blamed():
@@ -77,7 +71,6 @@ def test_a_log_of_another_sign_is_named_and_nothing_else_is_blamed():
     found = identify_axis([logs[0], turned], validate=logs[1], order=2)
     (reason,) = found.report.reasons
     assert reason.startswith("turned: this log alone has a steady gain of -1.03, the others one of 1.03: bring all")
-    assert identify_axis(logs, validate=logs[1], order=2).report.usable
 
 
 def test_a_pole_that_alternates_behind_an_operator_stays_real():
@@ -128,12 +121,11 @@ def test_intervals_hold_what_they_state(memory):
     assert 0.7 < drawn_sd.mean() / found.std(ddof=1) < 1.35
 
 
-def test_a_drift_is_part_of_the_structure_where_it_explains_the_log():
-    drifting = recorded(SWEEP, 0.01, drift=1.0)
-    result = identify_axis([drifting])
+def test_a_drift_is_part_of_the_structure_where_it_explains_the_log(found):
+    result = identify_axis([recorded(SWEEP, 0.01, drift=1.0)])
     assert all(each.drift for each in result.candidates if each.weight)
     assert result.dc_gain[0].value == pytest.approx(1.03, rel=0.02)
-    assert not any(each.drift for each in identify_axis([recorded(SWEEP)]).candidates if each.weight)
+    assert not any(each.drift for each in found.candidates if each.weight)
 
 
 def test_a_gain_that_no_log_reaches_is_not_known_and_the_next_step_is_a_command():
@@ -151,16 +143,11 @@ def test_noise_is_told_from_what_the_input_still_explains():
     assert "Past inputs still explain" in " ".join(result.report.doubts)
 
 
-def test_a_gain_is_held_where_it_is_given_or_from_the_plateaus():
-    logs = [recorded(SWEEP), recorded(STEPS, seed=1)]
-    given, plateaus = identify_axis(logs, order=2, dc_gain=1.2), identify_axis(logs, order=2, dc_gain="plateaus")
+def test_a_gain_is_held_where_it_is_given():
+    given = identify_axis([recorded(SWEEP), recorded(STEPS, seed=1)], order=2, dc_gain=1.2)
     assert given.record.dc_gain.item() == pytest.approx(1.2, rel=1e-4)
     assert "The steady gain is 1.2" in str(given.report)  # without an interval of rounding errors
     assert "contradicts the logs" in given.report.reasons[0]
-    expected = plateau_gain(logs)
-    assert plateaus.dc_gain[0][:3] == pytest.approx(expected[:3], rel=1e-4)
-    assert expected.low < 1.03 < expected.high
-    assert plateau_gain(logs[:1]) is None
 
 
 def test_the_slope_of_plateaus_is_that_of_a_regression():
@@ -191,10 +178,8 @@ def test_a_dead_time_between_two_samples_is_the_same_delay_in_text_table_and_rec
     assert (plant.delay_samples, bool(plant.D.any())) == (6, True)
     first = int(np.argmax(np.abs(result.simulate(np.ones(20))) > 1e-9))
     assert first - 1 == plant.dead_time_samples == result.dead_time_samples.value == 5
-    assert "delay 25 ms" in repr(plant)
     assert "order 2, delay 25.00 ms" in result.report.headline
-    plants, _, orders = result.report.tables
-    assert (plants.rows[0][1].value, orders.rows[0][1]) == (pytest.approx(25), 5)
+    assert result.report.tables[0].rows[0][1].value == pytest.approx(25)
 
 
 def test_a_log_that_is_resampled_to_divide_the_decisions_is_said():
@@ -243,11 +228,9 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("code", REFUSED)
-def test_logs_that_determine_nothing_are_refused(code):
+def test_logs_that_determine_nothing_are_refused(code, refused):
     call, complaint = REFUSED[code]
-    with pytest.raises(InputError, match=complaint) as error:
-        call()
-    assert code in {error.value.code, None}
+    assert code in {refused(complaint, call).code, None}
 
 
 WRONG = [("order", "2"), ("max_delay", -1), ("seed", -2), ("feedthrough", "no"), ("axis", "roll/2")]

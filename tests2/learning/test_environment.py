@@ -33,10 +33,8 @@ def test_every_engagement_lasts_its_own_length_and_the_first_ones_are_staggered(
     assert len(set(state.left[whole == 15])) == 10
     left, lasted = state.left.copy(), np.zeros(count, int)
     for step in range(1, 60):
-        fresh = ENVIRONMENT.fresh(*draws(ENVIRONMENT, count, step))
-        state, given = ENVIRONMENT.step(
-            state, np.zeros((count, 2), np.float32), draws(ENVIRONMENT, count, 99 + step)[0], fresh
-        )
+        fresh, (normals, _) = ENVIRONMENT.fresh(*draws(ENVIRONMENT, count, step)), draws(ENVIRONMENT, count, 99 + step)
+        state, given = ENVIRONMENT.step(state, np.zeros((count, 2), np.float32), normals, fresh)
         lasted += 1
         ended = given.truncated
         assert_array_equal(lasted[ended], left[ended])
@@ -80,18 +78,15 @@ def test_rewards_are_those_of_eq_8_and_of_hits():
     miss = np.array([[0.03, 0.04], [0.0, 0.06], [0.3, -0.4], [np.nan, np.nan]])
     margin = np.array([0.01, 0.0, -0.44, -1e3])  # the last sends no pellet
     shot = Shot(fired=np.array([True, True, True, False]), miss=miss, margin=margin, **SHOT)
-    rewards = [
-        Reward(*map(np.asarray, (*each, 0.06)))(shot, None, None) for each in ((1, 0, 0), (1, 0.1, 0), (0, 1, 0.01))
-    ]
+    weights = (1, 0, 0), (1, 0.1, 0), (0, 1, 0.01)
+    rewards = [Reward(*map(np.asarray, (*each, 0.06)))(shot, None, None) for each in weights]
     assert_allclose(rewards[0], [-0.05, -0.06, -0.5, -1.06])
     assert_allclose(rewards[1], [0.05, 0.04, -0.5, -1.06])
     assert_allclose(rewards[2], [1 / (1 + np.exp(-1.0)), 0.5, 0.0, 0.0], atol=1e-12)
 
 
 def test_a_users_reward_gets_shot_command_and_what_is_seen_after_it(refused):
-    environment = af.make_environment(
-        task=TASK, reward=lambda shot, command, seen: seen.elapsed + command.angle[..., 1]
-    )
+    environment = af.make_environment(task=TASK, reward=lambda _, command, seen: seen.elapsed + command.angle[..., 1])
     state, _ = environment.begin(*draws(environment, 3))
     _, given = environment.step(state, np.zeros((3, 2), np.float32), draws(environment, 3)[0], (state, None))
     aim = environment.observer.view(state.memory).aim

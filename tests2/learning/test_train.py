@@ -1,8 +1,7 @@
 """Trainings: their folders, how they end, and how they continue."""
 
+import dataclasses
 import hashlib
-import inspect
-import io
 import json
 import os
 import re
@@ -30,10 +29,8 @@ GRADIENT = GradientConfig(**SMALL, window=5, steps=32 * 5 * 12)
 PPO = PpoConfig(**SMALL, rollout=5, minibatches=2, epochs=1, steps=32 * 5 * 12)
 CONFIG = TrainConfig(gradient=GRADIENT, ppo=PPO, checkpoint_every_s=0.0)
 CODE = "import archerfish2.cli.main as m, archerfish2.learning.train as t\n{}m.program()"
-WORDS = (
-    "train --task paper --set checkpoint_every_s=0 gradient.environments=32 gradient.hidden=16 gradient.window=5 "
-    "--steps 1920 --out"
-)
+SETTINGS = "checkpoint_every_s=0 gradient.environments=32 gradient.hidden=16 gradient.window=5"
+WORDS = f"train --task paper --set {SETTINGS} --steps 1920 --out"
 
 
 def weights(policy):
@@ -60,67 +57,44 @@ def expected():
 
 
 @pytest.fixture
-def stopped(monkeypatch):
-    """Have a training end after a number of compiled calls."""
+def begin(monkeypatch):
+    """Leave an unfinished training, which is stopped after a number of compiled calls."""
 
-    def after(calls, error=KeyboardInterrupt):
-        left, whole = [calls], learners.Trainer.advance
+    def run(out, calls=1, **given):
+        whole, left = learners.Trainer.advance, iter(range(calls))
 
         def advance(*arguments):
-            left[0] -= 1
-            if left[0] < 0:
-                raise error
+            if next(left, None) is None:
+                raise KeyboardInterrupt
             return whole(*arguments)
 
-        monkeypatch.setattr(learners.Trainer, "advance", advance)
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(learners.Trainer, "advance", advance)
+            af.train(**{"task": "paper", "config": CONFIG, **given}, out=out)
 
-    return after
-
-
-def begin(stopped, monkeypatch, out, **given):
-    """Leave an unfinished training."""
-    stopped(1)
-    with pytest.raises(KeyboardInterrupt):
-        af.train(**{"task": "paper", "config": CONFIG, **given}, out=out)
-    monkeypatch.undo()
+    return run
 
 
 @pytest.mark.parametrize("trainer", ["gradient", "ppo"])
-def test_a_training_that_was_stopped_continues_to_the_same_weights(tmp_path, trainer, stopped, expected, monkeypatch):
-    whole, out = expected(trainer), tmp_path / "out"
-    stopped(2)
-    with pytest.raises(KeyboardInterrupt):
-        af.train(task="paper", config=CONFIG, trainer=trainer, out=out)
+def test_a_training_that_was_stopped_continues_to_the_same_weights(tmp_path, trainer, begin, expected):
+    out = tmp_path / "out"
+    begin(out, 2, trainer=trainer)
     assert {each.name for each in out.iterdir()} >= {"run.json", "log.jsonl", "checkpoint.safetensors"}
-    monkeypatch.undo()
     policy = af.resume(out)
-    assert weights(policy) == whole == weights(af.Policy.load(out))
-    assert {each.name for each in out.iterdir()} == {
-        "run.json",
-        "run.lock",
-        "log.jsonl",
-        "curve.svg",
-        "policy.safetensors",
-    }
+    assert weights(policy) == expected(trainer) == weights(af.Policy.load(out))
+    files = {"run.json", "run.lock", "log.jsonl", "curve.svg", "policy.safetensors"}
+    assert {each.name for each in out.iterdir()} == files
     rows = [json.loads(line) for line in (out / "log.jsonl").read_text().splitlines()]
     assert [row["iteration"] for row in rows] == list(range(1, 13))
     assert {"mean_reward", "hit_share", "gradient_norm"} <= rows[0].keys()
     assert ("value_error" in rows[0]) == (trainer == "ppo")
 
 
-def test_nothing_is_given_beside_a_folder_that_its_training_would_ignore(tmp_path, stopped, monkeypatch, refused):
-    begin(stopped, monkeypatch, tmp_path)
-    code = {"task": "motion static", "reward": "reward hit", "blocks": "block ./mine.py:clock"}
-    for name, what in code.items():
-        given = what.partition(" ")[2]
-        refused(
-            f"has no {what} of your own, and continues with its own settings",
-            af.resume,
-            tmp_path,
-            **{name: (given,) if name == "blocks" else given},
-        )
-    assert {"steps", "seed", "robot", "config", "out"}.isdisjoint(inspect.signature(af.resume).parameters)
-    assert not (tmp_path / run_folder.POLICY).exists()
+def test_nothing_is_given_beside_a_folder_that_its_training_would_ignore(tmp_path, begin, refused):
+    begin(tmp_path, 0)
+    complaint = "has no (motion|reward|block) .* of your own, and continues with its own settings"
+    for name, given in {"task": "static", "reward": "hit", "blocks": ("./mine.py:clock",)}.items():
+        refused(complaint, af.resume, tmp_path, **{name: given})
 
 
 def test_what_a_callback_gets_is_the_log_and_what_it_raises_leaves_a_checkpoint(tmp_path, expected, refused):
@@ -148,20 +122,17 @@ def test_settings_may_be_a_dictionary_and_a_policy_shows_itself_in_a_line(refuse
     assert weights(policy) == expected("gradient")
     said = r"observation history, task paper, seed 0, robot paper, [\d.]+% of the latest shots of its training hit"
     assert re.fullmatch(rf"Policy\({said}\)", repr(policy))
-    refused("there is no field lr; fields are .*learning_rate", GradientConfig, lr=1)
     refused("there is no field sed; fields are trainer, ", af.train, config={"sed": 1})
     refused("config: expected a TrainConfig or a dictionary, got a str", af.train, config="paper")
-    refused("trainer: invalid enum value 'pp', expected one of gradient, ppo", af.train, trainer="pp")
 
 
-def test_a_training_that_continues_with_other_libraries_or_code_says_so(tmp_path, stopped, monkeypatch):
-    begin(stopped, monkeypatch, tmp_path)
+def test_a_training_that_continues_with_other_libraries_or_code_says_so(tmp_path, begin):
+    begin(tmp_path)
     run = json.loads((tmp_path / "run.json").read_text())
     run["train"] |= {"commit": "0" * 40, "versions": run["train"]["versions"] | {"jax": "0.0.1"}}
     (tmp_path / "run.json").write_text(json.dumps(run))
-    with pytest.warns(
-        UserWarning, match="continued with commit 0+ → .*, jax 0.0.1 → .*may not be those of an unbroken"
-    ):
+    said = "continued with commit 0+ → .*, jax 0.0.1 → .*may not be those of an unbroken"
+    with pytest.warns(UserWarning, match=said):
         policy = af.resume(tmp_path)
     (later,) = run_folder.read_run(tmp_path).resumed
     assert policy.facts.training["commits"] == ["0" * 40, policy.facts.commit]
@@ -176,12 +147,8 @@ def test_a_training_is_in_single_precision_whatever_jax_is_set_to(expected):
         assert weights(af.train(task="paper", config=CONFIG)) == whole
 
 
-def test_a_damaged_checkpoint_gives_way_to_the_one_before(tmp_path, stopped, expected, monkeypatch, refused):
-    whole = expected("gradient")
-    stopped(2)
-    with pytest.raises(KeyboardInterrupt):
-        af.train(task="paper", config=CONFIG, out=tmp_path)
-    monkeypatch.undo()
+def test_a_damaged_checkpoint_gives_way_to_the_one_before(tmp_path, begin, expected, refused):
+    begin(tmp_path, 2)
     newest, before = tmp_path / run_folder.CHECKPOINT, tmp_path / run_folder.PREVIOUS
     content = bytearray(newest.read_bytes())
     content[-9] ^= 1
@@ -191,7 +158,7 @@ def test_a_damaged_checkpoint_gives_way_to_the_one_before(tmp_path, stopped, exp
     refused("no checkpoint is whole .*damaged.*begin the training again", af.resume, tmp_path)
     before.write_bytes(kept)
     with pytest.warns(UserWarning, match="damaged.*continuing from the checkpoint before"):
-        assert weights(af.resume(tmp_path)) == whole
+        assert weights(af.resume(tmp_path)) == expected("gradient")
 
 
 def test_a_signal_checkpoints_and_ends_and_a_kill_loses_nothing(tmp_path, expected):
@@ -200,10 +167,8 @@ def test_a_signal_checkpoints_and_ends_and_a_kill_loses_nothing(tmp_path, expect
     process = start(f"{WORDS} {out}", raised.format(int(signal.SIGTERM)))
     begun, *said = process.communicate(timeout=120)[1].splitlines()
     assert begun.startswith("training: 0 of ")
-    assert (said[-2:], process.returncode) == (
-        [f"continue with archerfish2 train --resume {out}", "archerfish2: terminated"],
-        143,
-    )
+    assert said[-2:] == [f"continue with archerfish2 train --resume {out}", "archerfish2: terminated"]
+    assert process.returncode == 143
     assert (out / run_folder.CHECKPOINT).exists()
     process = start(f"train --resume {out}", raised.format(int(signal.SIGKILL)))
     process.communicate(timeout=120)
@@ -227,28 +192,19 @@ def test_a_handler_that_returns_ends_no_training_as_finished(tmp_path, monkeypat
     assert weights(af.resume(tmp_path)) == expected("gradient")
 
 
-def test_a_folder_has_one_writer_and_an_earlier_training_stays_until_the_end(tmp_path, stopped, monkeypatch, refused):
+def test_a_folder_has_one_writer_and_an_earlier_training_stays_until_the_end(tmp_path, begin, refused):
     out, before = tmp_path / "out", tmp_path / "out.before"
     first = af.train(task="paper", config=CONFIG, out=out)
     refused("has a finished training", af.resume, out)
-    stopped(1)
-    with pytest.raises(KeyboardInterrupt):
-        af.train(task="paper", config=CONFIG, seed=1, out=out)
+    begin(out, seed=1)
     assert weights(af.Policy.load(before)) == weights(first)
-    refused(
-        f"has an unfinished training; continue it: --resume {out}, in Python af.resume", af.train, task="paper", out=out
-    )
-    monkeypatch.undo()
+    refused(f"has an unfinished training; continue it: --resume {out}, in", af.train, task="paper", out=out)
     with run_folder.resumed_run(out):
         refused("in use by another process", af.resume, out)
     assert weights(af.resume(out)) != weights(first)
     assert not before.exists()
     (out / "mine.txt").touch()
     refused("has files of something else, as mine.txt", af.train, task="paper", out=out)
-    (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "mine.txt").touch()
-    refused("has files of something else, as mine.txt", af.train, task="paper", out=tmp_path / "other")
-    assert [each.name for each in (tmp_path / "other").iterdir()] == ["mine.txt"]
     refused("has no training", af.resume, tmp_path / "none")
 
 
@@ -272,7 +228,7 @@ def test_a_window_is_no_longer_than_the_shortest_engagement(refused):
     refused("rollout = 25 exceeds an engagement of 10", af.train, task=task, trainer="ppo")
 
 
-def test_a_reward_of_a_users_own_is_checked_and_does_not_hold_the_folder(tmp_path, monkeypatch, refused):
+def test_a_reward_of_a_users_own_is_checked_and_does_not_hold_the_folder(tmp_path, begin, monkeypatch, refused):
     (tmp_path / "mine.py").write_text(
         "def one(shot, command, seen): return 1.0\n"
         "def branch(shot, command, seen): return shot.margin if shot.margin[0] > 0 else -shot.margin\n"
@@ -284,22 +240,22 @@ def test_a_reward_of_a_users_own_is_checked_and_does_not_hold_the_folder(tmp_pat
     for name, complaint in complaints.items():
         refused(complaint, af.train, task="paper", config=CONFIG, reward=f"./mine.py:{name}", out="out")
     for name, wrong in (("seed", -1), ("seed", 2.0), ("steps", 0)):
-        refused(
-            f"^{name} must be a whole number of .*, got {wrong}", af.train, task="paper", **{name: wrong}, out="out"
-        )
-    assert af.train(task="paper", config=CONFIG, trainer="ppo", reward="./mine.py:step", out="out").facts.seed == 0
+        refused(f"^{name} must be a whole number of .*, got {wrong}", af.train, task="paper", **{name: wrong})
+    begin("out", 0, trainer="ppo", reward="./mine.py:step")
 
 
-def test_a_reward_that_was_edited_is_another_reward(tmp_path, monkeypatch, stopped, refused):
-    file, runs = tmp_path / "mine.py", []
+def test_a_reward_that_was_edited_is_another_reward(tmp_path, begin, refused):
+    file, given = tmp_path / "mine.py", []
     for number in (0.0, 1.0):
         file.write_text(f"def one(shot, command, seen): return {number} + 0.1 * shot.margin\n")
-        policy = af.train(task="paper", config=CONFIG, reward=f"{file}:one", out=tmp_path / str(number))
-        (digest,) = run_folder.read_run(tmp_path / str(number)).code.values()
-        assert digest == hashlib.sha256(file.read_bytes()).hexdigest()
-        runs.append(policy.facts.training["mean_reward"])
-    assert runs[1] == pytest.approx(runs[0] + 1.0, abs=0.1)
-    begin(stopped, monkeypatch, tmp_path / "out", reward=f"{file}:one")
+        environment = af.make_environment(task="paper", reward=f"{file}:one")
+        zeros = [np.zeros((1, each), np.float32) for each in (environment.normals, environment.uniforms, 2)]
+        fresh = environment.fresh(*zeros[:2])
+        given.append(environment.step(fresh[0], zeros[2], zeros[0], fresh)[1].reward)
+    assert given[1] == pytest.approx(given[0] + 1.0)
+    begin(tmp_path / "out", 0, reward=f"{file}:one")
+    (digest,) = run_folder.read_run(tmp_path / "out").code.values()
+    assert digest == hashlib.sha256(file.read_bytes()).hexdigest()
     file.write_text(file.read_text() + "\n")
     refused("one has changed since the training was begun", af.resume, tmp_path / "out", reward=f"{file}:one")
 
@@ -317,50 +273,39 @@ def test_progress_is_shown_up_to_the_total(monkeypatch):
     assert calls == [640, 1280, 1920]
 
 
-def test_count_and_time_left_fit_into_80_columns(monkeypatch):
-    terminal = io.StringIO()
-    terminal.isatty = lambda: True
-    monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setattr("sys.stderr", terminal)
-    with progress.bar("training", 20_004_864, "decisions") as advance:
-        advance(5_734_400, "85.2% hit")
-    assert re.search(r"5734400/20004864.*decisions/s.*-:--:--.*85.2% hit", terminal.getvalue())
+def without_number(*given, **more):
+    """Make an environment whose hits are worth NaN."""
+    environment = af.make_environment(*given, **more)
+    return dataclasses.replace(environment, reward=dataclasses.replace(environment.reward, hit=np.float32("nan")))
 
 
-def test_a_training_that_diverges_keeps_the_last_good_learner(tmp_path, refused):
-    wild = CONFIG.replace(ppo=PPO.replace(actor_learning_rate=1e6))
-    refused(r"diverged after \d+ decisions, in iteration \d+: \w+ not finite", af.train, task="paper", config=wild,
-            trainer="ppo", out=tmp_path)  # fmt: skip
-    fault = json.loads((tmp_path / run_folder.FAULT).read_text())
-    assert fault["first"] in learners.WATCHED
+WILD = CONFIG.replace(ppo=PPO.replace(actor_learning_rate=1e6))
+DIVERGING = [("ppo", WILD, af.make_environment, [*learners.WATCHED]), ("gradient", CONFIG, without_number, ["reward"])]
+
+
+@pytest.mark.parametrize(("trainer", "config", "make", "first"), DIVERGING, ids=["rate", "reward"])
+def test_a_training_that_diverges_keeps_a_learner(trainer, config, make, first, tmp_path, monkeypatch, refused):
+    monkeypatch.setattr(train, "make_environment", make)
+    complaint = r"diverged after \d+ decisions, in iteration \d+: \w+ not finite"
+    refused(complaint, af.train, task="paper", config=config, trainer=trainer, out=tmp_path)
+    assert json.loads((tmp_path / run_folder.FAULT).read_text())["first"] in first
     assert (tmp_path / run_folder.CHECKPOINT).exists()
 
 
 @pytest.mark.slow
-def test_code_of_a_users_own_is_given_again_and_may_not_change(tmp_path, stopped, monkeypatch, refused):
-    (tmp_path / "mine.py").write_text(
-        "from archerfish2.arrays import namespace\n"
-        "def near(shot, command, seen): return namespace(shot.margin).clip(shot.margin, -0.5, 0.06)\n"
-        "def clock(observer, view): return view.memory.clock[..., None]\n"
-    )
+def test_code_of_a_users_own_is_given_again(tmp_path, begin, monkeypatch, refused):
+    (tmp_path / "mine.py").write_text("def clock(observer, view): return view.memory.clock[..., None]\n")
     monkeypatch.chdir(tmp_path)
-    config = CONFIG.replace(observation=("history", "./mine.py:clock"))
-    stopped(1)
-    with pytest.raises(KeyboardInterrupt):
-        af.train(task="paper", config=config, reward="./mine.py:near", out="out")
-    monkeypatch.undo()
-    monkeypatch.chdir(tmp_path)
+    begin("out", config=CONFIG.replace(observation=("history", "./mine.py:clock")))
     refused("has a block .*mine.py:clock of your own; give it again", af.resume, "out")
-    policy = af.resume("out", blocks=("./mine.py:clock",), reward="./mine.py:near")
-    assert policy.facts.observer.observation[0] == "history"
+    policy = af.resume("out", blocks=("./mine.py:clock",))
+    assert policy.observer.layout()[-1] == ("clock", 1)
     refused("blocks of a user's own", af.Policy.load, "out")
     loaded = af.Policy.load("out", blocks=("./mine.py:clock",))
-    assert loaded.observer.layout()[-1] == ("clock", 1)
     assert np.isfinite(af.rollout(loaded, task=af.Task.load("static"), engagements=4).in_force).all()
 
 
-def test_a_robot_in_memory_of_which_a_part_is_not_usable_is_refused():
+def test_a_robot_in_memory_of_which_a_part_is_not_usable_is_refused(refused):
     verdict = {"usable": False, "headline": "fit 40 %", "reasons": ("It explains 40 %.",), "next_step": "Record it"}
     robot = af.Robot.paper().replace(parts={"yaw": verdict})
-    with pytest.raises(af.InputError, match=r"paper: yaw: is not usable: It explains 40 %\.; Record it"):
-        af.train(robot, "paper", steps=1000)
+    refused(r"paper: yaw: is not usable: It explains 40 %\.; Record it", af.train, robot, "paper", steps=1000)

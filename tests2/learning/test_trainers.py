@@ -1,6 +1,5 @@
 """The two trainers, part by part against calculations by hand, and the defaults of their settings."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -14,7 +13,7 @@ from archerfish2.learning.config import GradientConfig, PpoConfig, TrainConfig
 jax = pytest.importorskip("jax")
 jnp = jax.numpy
 
-from archerfish2.learning import gradient, learner, ppo, shards  # noqa: E402
+from archerfish2.learning import gradient, learner, ppo  # noqa: E402
 from archerfish2.learning.shards import AXIS, averaged, largest, over_shards, placed  # noqa: E402
 
 PAPER, INFANTRY = af.Robot.paper(), af.Robot.load("tests2/infantry")
@@ -126,32 +125,6 @@ def test_the_gradient_of_a_window_is_its_slope(quick_jit):
         assert ended.any()
 
 
-@pytest.mark.parametrize("trainer", ["gradient", pytest.param("ppo", marks=pytest.mark.slow)])
-def test_a_number_that_is_not_finite_is_named_and_leaves_the_learner_before_it(trainer):
-    made = gradient.GRADIENT if trainer == "gradient" else ppo.PPO
-    config = GradientConfig(**SMALL, window=5) if trainer == "gradient" else PpoConfig(
-        **SMALL, rollout=5, minibatches=2, epochs=1, discount=0.9)  # fmt: skip
-    config = config.replace(steps=10_000)
-    environment = jax.tree.map(jnp.asarray, af.make_environment(PAPER, "static", config=TrainConfig(trainer=trainer)))
-    state = placed(made.begin(environment, config, jax.random.key(0)), 2, learner.SPLIT)
-    after, metrics = made.advance(environment, config, state, 4)
-    assert np.all(np.asarray(metrics["watched"]) <= np.array(list(learner.WATCHED.values())))
-    common = {"mean_reward", "hit_share", "gradient_norm", "watched"}
-    assert metrics.keys() - common == (
-        set() if trainer == "gradient" else {"value_error", "divergence", "clipped_share", "std"}
-    )
-    layers = after.actor.layers
-    lost = (layers[0]._replace(bias=layers[0].bias * jnp.nan), *layers[1:])
-    lost = placed(after._replace(actor=after.actor._replace(layers=lost)), 2, learner.SPLIT)
-    poor = dataclasses.replace(environment, reward=dataclasses.replace(environment.reward, hit=jnp.float32(jnp.nan)))
-    for where, before, first in ((environment, lost, ("observation", "action")), (poor, after, ("reward",))):
-        kept, metrics = made.advance(where, config, before, 4)
-        bad = ~(np.asarray(metrics["watched"]) <= np.array(list(learner.WATCHED.values())))
-        assert {list(learner.WATCHED)[int(np.argmax(each))] for each in bad} <= {*first}
-        for ours, theirs in zip(jax.tree.leaves(kept), jax.tree.leaves(before), strict=True):
-            assert_array_equal(*(jax.random.key_data(e) if e.dtype == before.key.dtype else e for e in (ours, theirs)))
-
-
 def test_iterations_end_with_the_one_before_the_first_bad_one_in_any_shard():
     def iteration(environment, settings, before, sizes):
         assert sizes["environments"] == 2
@@ -167,22 +140,6 @@ def test_iterations_end_with_the_one_before_the_first_bad_one_in_any_shard():
     assert (int(kept.iteration), metrics["number"].tolist()) == (2, [1, 2, 3, 3])
     assert_array_equal(kept.observation, 4.0 * rows)
     assert np.isinf(metrics["watched"][:, 2]).tolist() == [False, False, True, True]
-
-
-@pytest.mark.slow
-def test_shards_on_a_device_each_and_side_by_side_on_one_train_alike(monkeypatch):
-    environment = jax.tree.map(jnp.asarray, af.make_environment(PAPER, "static"))
-    config = GradientConfig(**SMALL, window=5, steps=10_000)
-    begun = gradient.GRADIENT.begin(environment, config, jax.random.key(0))
-    apart = placed(begun, 2, learner.SPLIT)
-    for _ in range(2):
-        apart, _ = gradient.GRADIENT.advance(environment, config, apart, 2)
-    monkeypatch.setattr(shards, "_have_devices", lambda count: False)
-    together, _ = gradient.GRADIENT.advance(environment, config, begun, 4)
-    assert len(apart.observation.sharding.device_set) == 2
-    assert len(together.observation.sharding.device_set) == 1
-    for ours, theirs in zip(*(jax.tree.leaves(each.actor) for each in (apart, together)), strict=True):
-        assert_allclose(ours, theirs, atol=1e-5)
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])  # there are two devices; four shards run side by side on one

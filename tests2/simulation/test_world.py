@@ -80,18 +80,6 @@ def test_a_pellet_that_flies_away_from_the_plate_crosses_nothing():
     assert np.isnan(shot.flight_time).all()
 
 
-@pytest.mark.parametrize("record", [None, LATE])
-def test_the_limits_hold_whatever_is_asked_and_without_a_command_a_gimbal_rests(record):
-    there = world("gate", sensing=record)
-    engagement, normals, commands = drawn(there, (20,), 40)
-    seen, shot = run(there, engagement, normals, 40.0 * commands)
-    for angle in (seen.command, shot.angle, seen.gimbal.angle):
-        assert np.all((angle >= np.radians([-25.0, -75.0]) - 1e-6) & (angle <= np.radians([10.0, 75.0]) + 1e-6))
-    acceleration = np.abs(np.diff(np.float64(seen.command), n=2, axis=0)).max((0, 1)) / 0.02**2
-    assert_allclose(acceleration, there.limits.max_acceleration, rtol=5e-3)
-    assert not run(there, engagement, normals, 0.0 * commands)[1].angle.any()
-
-
 @pytest.mark.parametrize("record", [None, IMMEDIATE])
 def test_an_engagement_chooses_its_plant_and_its_muzzle(record):
     muzzle = MUZZLE.replace(intervals={"yaw_offset": (-0.02, 0.02)})
@@ -118,20 +106,6 @@ def test_without_latency_and_noise_camera_and_link_change_nothing():
     found = [run(each, *drawn(linked, (20,), 40)) for each in (plain, linked)]
     for ours, theirs in zip(*((*seen.frames, seen.gimbal.angle, shot.miss) for seen, shot in found), strict=True):
         assert_allclose(theirs, ours, atol=1e-4)
-
-
-def test_commands_act_late():
-    late, delayed = world(sensing=sensing(command_latency=0.015)), world(delay=15)
-    angle, expected = (run(each, *drawn(late, (5,), 12))[1].angle for each in (late, delayed))
-    assert np.ptp(angle) > 0.05
-    assert_allclose(angle, expected, atol=1e-5)
-
-
-def test_feedback_shows_the_gimbal_as_it_was():
-    worlds = [world(sensing=sensing(feedback_latency=0.0035 + late)) for late in (0.0, 0.06)]
-    new, old = (run(each, *drawn(each, (5,), 12))[0].gimbal for each in worlds)
-    assert_allclose(old.angle[3:], new.angle[:-3], atol=1e-6)
-    assert np.all((new.age > 0.0034) & (new.age < 0.0046))
 
 
 def test_frames_show_what_was_and_some_are_missed():
