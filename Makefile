@@ -5,30 +5,23 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
-# Those that write the library's settings or pages are run by hand.
-BENCHMARKS := $(filter-out benchmarks/tables.py benchmarks/tuning.py,\
-  $(shell grep -l __main__ benchmarks/*.py benchmarks2/*.py 2>/dev/null))
+BENCHMARKS := $(shell grep -l __main__ benchmarks/*.py)
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
-# Of the first edition, what runs its commands and its documentation: at most three minutes on two cores.
-FIRST_EDITION := tests/documentation $(addprefix tests/test_,$(addsuffix .py,docstrings documentation layers \
-  paper_map robot_side)) $(addprefix tests/cli/test_,$(addsuffix .py,evaluate excite export identify \
-  identify_muzzle identify_sensing main outputs parsing record train_and_evaluate view))
 
 # A stamp is the last thing that an installation writes: a half-made one has none, and is started anew.
 INSTALLED := $(VENV)/.installed
 DOCS_INSTALLED := $(VENV)/.installed-docs
 
-.PHONY: help install reproduce test test-first test-slow coverage check bench docs
+.PHONY: help install reproduce test test-slow coverage check bench docs
 
 help:
 	@echo "make install    make .venv, with the program in .venv/bin"
 	@echo "make reproduce  run the whole paper and write runs/reproduce/report.html"
-	@echo "make test       run the tests, and those of the first edition's commands and documentation"
-	@echo "make test-first run all tests of the first edition, and compare the second with it"
+	@echo "make test       run the tests"
 	@echo "make test-slow  run the tests that take minutes"
 	@echo "make coverage   run the tests, and fail where they leave out more than 5 % of the lines"
 	@echo "make check      lint, formatting, order of the packages and types"
-	@echo "make bench      run the benchmarks and write benchmarks/results/ and benchmarks2/results/"
+	@echo "make bench      run the benchmarks and write benchmarks/results/"
 	@echo "make docs       build the documentation into site/"
 
 install: $(INSTALLED)
@@ -37,20 +30,14 @@ reproduce: $(INSTALLED)
 	$(BIN)/archerfish reproduce
 
 test: $(INSTALLED)
-	@failed=""; $(PYTEST) --dist worksteal --ignore tests2/against_first tests2 || failed=tests2; \
-	$(PYTEST) --dist loadfile $(FIRST_EDITION) || failed="$$failed tests"; \
-	test -z "$$failed" || { echo "failed:$$failed" >&2; exit 1; }
-
-test-first: $(INSTALLED)
-	$(PYTEST) --dist loadfile tests
-	$(PYTEST) --dist worksteal -m against_first tests2
+	$(PYTEST) --dist worksteal
 
 test-slow: $(INSTALLED)
-	$(PYTEST) --dist worksteal -m slow --ignore tests2/against_first tests2
+	$(PYTEST) --dist worksteal -m slow
 
 coverage: $(INSTALLED)
 	$(BIN)/coverage erase
-	$(BIN)/coverage run -m pytest -n auto --maxprocesses 4 --dist worksteal --ignore tests2/against_first tests2
+	$(BIN)/coverage run -m pytest -n auto --maxprocesses 4 --dist worksteal
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report
 

@@ -1,146 +1,108 @@
-"""Find unprinted conditions that bring our Kalman baseline to the paper's Kalman columns, and how unique they are.
+"""Find unprinted conditions with which our Kalman baseline reaches the paper's Kalman columns, and how unique they are.
 
-Tries a grid of round numbers with the tuned baseline, on draws that neither tuning nor evaluation uses, and measures
-the chosen set (src/archerfish/paper/conditions.json) with many engagements. Writes benchmarks/results/calibration.json,
-whose field `calibration` is what conditions.json carries.
+`python benchmarks/calibration.py` tries a grid of round numbers with `kalman-paper` under `box`, on draws that neither
+tuning nor evaluation uses, tries the promising ones again on other draws, and measures those that are assumed with many
+engagements. Writes results/calibration.json, whose field `calibration` is what src/archerfish/paper/conditions.json
+has. `--final` only measures the assumed ones, and writes nothing.
 """
 
+import argparse
 import itertools
 import math
-from dataclasses import replace
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from rich.console import Console
-from rich.progress import track
-from rich.table import Table
-
-from archerfish.controllers.roster import Workbench, make_controller
-from archerfish.dynamics.command_limits import box_limits
-from archerfish.dynamics.linear_axis import gimbal_model
-from archerfish.dynamics.muzzle import muzzle_from_record
-from archerfish.evaluation.suites import Suite, draw_trials, table_suites
-from archerfish.evaluation.trial import fight
-from archerfish.paper.conditions import Conditions, assumed_conditions
-from archerfish.paper.gimbal import gate_limits, printed_plants
+import archerfish as af
+from alternating import ROOT
+from archerfish.controllers.registry import make_controller
+from archerfish.controllers.tuning import Tuning
+from archerfish.evaluation.draws import draw
+from archerfish.evaluation.run import count
+from archerfish.paper.conditions import assumed_conditions, calibration, paper_tuning
 from archerfish.paper.tables import printed_rate
-from archerfish.records import storage
-from archerfish.simulation.setting import make_world, paper_muzzle
-from machine import describe_machine
+from archerfish.provenance import provenance
+from archerfish.records.json_files import plain, write_json
+from archerfish.simulation.world import make_world
 
-RESULT = Path(__file__).parent / "results" / "calibration.json"
-SEED = 0
-SEARCH_ENGAGEMENTS = 150
-PROMISING = 4.0
-RESCORE_ENGAGEMENTS = 1000
-FINAL_ENGAGEMENTS = 3000
-GRID: dict[str, tuple[float, ...]] = {
-    "max_lateral_offset": (0.5, 0.6, 0.7, 0.8),
-    "max_lateral_speed": (0.2, 0.25, 0.3, 0.35, 0.4, 0.5),
-    "muzzle_speed": (15.0, 18.0, 22.0, 25.0),
-    "dispersion": tuple(math.radians(degrees) for degrees in (0.1, 0.2, 0.3)),
-    "engagement_s": (0.8, 1.0, 1.2),
+SEED = 0  # of the search; the final measurement has the next, the promising sets the one after
+SEARCHED, AGAIN, FINAL = 150, 1000, 3000  # engagements of each cell
+PROMISING, NEAR = 4.0, 3.0  # root mean square of the residuals [points]
+
+
+class Set(NamedTuple):
+    """Conditions that are not printed."""
+
+    max_lateral_offset: float  # [m]
+    max_lateral_speed: float  # [m/s]
+    muzzle_speed: float  # [m/s]
+    dispersion_deg: float  # [°]
+    engagement_s: float  # [s]
+
+
+GRID = {
+    "max_lateral_offset": ("m", (0.5, 0.6, 0.7, 0.8)),
+    "max_lateral_speed": ("m/s", (0.2, 0.25, 0.3, 0.35, 0.4, 0.5)),
+    "muzzle_speed": ("m/s", (15.0, 18.0, 22.0, 25.0)),
+    "dispersion_deg": ("°", (0.1, 0.2, 0.3)),
+    "engagement_s": ("s", (0.8, 1.0, 1.2)),
 }
+"""Field of `Set` → unit and what is tried."""
 
 
-def kalman_cells(conditions: Conditions, engagements: int, seed: int) -> list[tuple[Suite, float]]:
-    """Hit rates [%] of the Kalman baseline under `box` in the eight cells."""
-    plants, limits = printed_plants(), gate_limits()
-    muzzle = paper_muzzle(conditions)
-    world = make_world(plants["pitch"], plants["yaw"], muzzle, limits, "box", conditions)
-    model = gimbal_model(plants["pitch"], plants["yaw"], conditions.control_period_s)
-    bench = Workbench(model, muzzle_from_record(muzzle), box_limits(limits), conditions)
-    suites = table_suites(conditions)
-    trials = draw_trials(suites, engagements, conditions.decisions, seed, "calibration")
-    hit = fight(world, make_controller("kalman", bench), trials).hits(conditions.hit_radius)
-    rates = 100 * hit.reshape(len(suites), -1).mean(axis=1)
-    return [(suite, float(rate)) for suite, rate in zip(suites, rates, strict=True)]
-
-
-def residuals(cells: list[tuple[Suite, float]]) -> list[float]:
-    """Ours less the paper's [percentage points]."""
+def residuals(tried: Set, engagements: int, seed: int) -> list[tuple[Any, ...]]:
+    """Return table, range [m], hit rate [%] and what it is above the paper's [points], of the eight cells."""
+    robot, sd = af.Robot.paper(), math.radians(tried.dispersion_deg)
+    robot = robot.replace(muzzle=robot.muzzle.replace(speed=tried.muzzle_speed, pitch_sd=sd, yaw_sd=sd))
+    task = af.Task.load("paper").replace(
+        command_limit="box",
+        lateral_m=tried.max_lateral_offset,
+        max_speed_m_s=tried.max_lateral_speed,
+        lengths_s=(tried.engagement_s,),
+    )
+    world, cells = make_world(robot, task), task.cells()
+    drawn = draw(cells, engagements, seed, "calibration", world.normals, world.plants)
+    # The baseline of the paper's robot alone, here for robots with other muzzles.
+    controller = make_controller("kalman", robot, task, Tuning(**paper_tuning("box")["kalman-paper"]))
+    hit = count(world, controller, *drawn).hit.reshape(len(cells), -1)
     found = []
-    for suite, rate in cells:
-        printed = printed_rate(suite.table, suite.range_m, "kalman")
-        assert printed is not None
-        found.append(rate - printed)
+    for cell, share in zip(cells, hit.mean(axis=1), strict=True):
+        table = "II" if cell.motion == "static" else "III"
+        rate, printed = 100 * float(share), printed_rate(table, cell.range_m, "kalman-paper")
+        found.append((table, cell.range_m, round(rate, 2), round(rate - (printed or math.nan), 2)))
     return found
 
 
-def rmse(values: list[float]) -> float:
-    """Root mean square."""
-    return math.sqrt(sum(value**2 for value in values) / len(values))
-
-
-def search(base: Conditions) -> list[dict[str, Any]]:
-    """Try the whole grid."""
-    tried = []
-    for values in track(list(itertools.product(*GRID.values())), "calibrating"):
-        chosen = dict(zip(GRID, values, strict=True))
-        cells = kalman_cells(replace(base, **chosen), SEARCH_ENGAGEMENTS, SEED)
-        tried.append({**chosen, "rmse_points": rmse(residuals(cells))})
-    tried.sort(key=lambda row: row["rmse_points"])
-    return tried
-
-
-def rescore(base: Conditions, tried: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Measure the promising sets again on other draws: the search's few engagements flatter some and wrong others."""
-    promising = [row for row in tried if row["rmse_points"] < PROMISING]
-    for row in track(promising, "measuring again"):
-        chosen = {name: row[name] for name in GRID}
-        row["rmse_points"] = rmse(residuals(kalman_cells(replace(base, **chosen), RESCORE_ENGAGEMENTS, SEED + 2)))
-    return sorted(promising, key=lambda row: row["rmse_points"])
-
-
-def final(base: Conditions, promising: list[dict[str, Any]], tried: int) -> dict[str, Any]:
-    """Measure the chosen set, as the field `calibration` of conditions.json."""
-    cells = kalman_cells(base, FINAL_ENGAGEMENTS, SEED + 1)
-    missed = residuals(cells)
-    within = [row for row in promising if row["rmse_points"] < 3.0]
-    spans = {name: sorted({row[name] for row in within}) for name in GRID}
-    told = "; ".join(f"{name.replace('_', ' ')} {_span(name, values)}" for name, values in spans.items() if values)
-    return {
-        "cells": [
-            {
-                "table": suite.table,
-                "range_m": list(suite.range_m),
-                "ours_percent": round(rate, 2),
-                "residual_points": round(residual, 2),
-            }
-            for (suite, rate), residual in zip(cells, missed, strict=True)
-        ],
-        "rmse_points": round(rmse(missed), 2),
-        "engagements": FINAL_ENGAGEMENTS,
-        "sets_tried": tried,
-        "sets_within_3_points": len(within),
-        "note": (
-            f"Not unique: among the sets within 3 points are {told}; the best comes to "
-            f"{promising[0]['rmse_points']:.1f} points. The chosen one is round, not the best."
-        ),
-    }
-
-
-def _span(name: str, values: list[float]) -> str:
-    low, high = (math.degrees(each) if name == "dispersion" else each for each in (values[0], values[-1]))
-    unit = {"muzzle_speed": "m/s", "max_lateral_speed": "m/s", "dispersion": "°", "engagement_s": "s"}.get(name, "m")
-    return f"{low:.3g}–{high:.3g} {unit}"
+def rmse(found: list[tuple[Any, ...]]) -> float:
+    """Return the root mean square of residuals [points]."""
+    return math.sqrt(sum(row[-1] ** 2 for row in found) / len(found))
 
 
 def main() -> None:
     """Search, measure, print and write."""
-    base = assumed_conditions()
-    tried = search(base)
-    promising = rescore(base, tried)
-    calibration = final(base, promising, len(tried))
-    table = Table(*GRID, "RMSE points", title=f"best sets, {RESCORE_ENGAGEMENTS} engagements a cell")
-    for row in promising[:15]:
-        table.add_row(*(f"{row[name]:.4g}" for name in (*GRID, "rmse_points")))
-    console = Console(width=140)
-    console.print(table)
-    console.print(calibration)
-    conditions = {"seed": SEED, "stream": "calibration", "search_engagements": SEARCH_ENGAGEMENTS}
-    content = {"machine": describe_machine(), "conditions": conditions, "calibration": calibration, "sets": promising}
-    storage.write_json(RESULT, content)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--final", action="store_true")
+    options, c = parser.parse_args(), assumed_conditions()
+    assumed = Set(c.max_lateral_offset, c.max_lateral_speed, c.muzzle_speed, math.degrees(c.dispersion), c.engagement_s)
+    final = residuals(assumed, FINAL, SEED + 1)
+    print(f"assumed: {rmse(final):.2f} points, {calibration().rmse_points} in conditions.json", *final, sep="\n")
+    if options.final:
+        return
+    grid = [Set(*values) for values in itertools.product(*GRID)]
+    promising = [tried for tried in grid if rmse(residuals(tried, SEARCHED, SEED)) < PROMISING]
+    scores = sorted((rmse(residuals(tried, AGAIN, SEED + 2)), tried) for tried in promising)
+    near = [tried for score, tried in scores if score < NEAR]
+    spans = []
+    for name, (unit, _) in GRID.items():
+        values = [getattr(tried, name) for tried in near]
+        spans.append(f"{name.removesuffix('_deg').replace('_', ' ')} {min(values):.3g}–{max(values):.3g} {unit}")
+    note = f"Not unique: among the sets within {NEAR:g} points are {'; '.join(spans)}; the best comes to "
+    note += f"{scores[0][0]:.1f} points. The chosen one is round, not the best."
+    made = {"columns": ["table", "range_m", "ours_percent", "residual_points"], "cells": final}
+    made |= {"rmse_points": round(rmse(final), 2), "engagements": FINAL, "sets_tried": len(grid)}
+    made |= {"sets_within_3_points": len(near), "note": note}
+    sets = [{"rmse_points": round(score, 2), **tried._asdict()} for score, tried in scores]
+    print(note)
+    content = {"calibration": made, "sets": sets, "provenance": provenance(SEED)}
+    write_json(ROOT / "benchmarks" / "results" / "calibration.json", plain(content))
 
 
 if __name__ == "__main__":

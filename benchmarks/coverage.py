@@ -1,178 +1,148 @@
-"""Do the 95 % intervals of an identified axis hold the truth 95 times in a hundred? White noise and AR(0.9) noise.
+"""Do the 95 % intervals of an identified axis contain the truth 95 times in a hundred? White and AR(0.9) noise.
 
-Simulated logs of the printed pitch axis (a 2–50 Hz sweep and a step each), and of axes whose delay a noisy sweep leaves
-open: steady gain, the poles that a log is said to determine, and the gain at five frequencies.
+`python benchmarks/coverage.py` identifies simulated logs of the printed pitch axis (a sweep and a step each) and of
+axes whose delay a noisy sweep doesn't determine, and writes results/coverage.json: for each axis and noise the steady
+gain, the gain at five frequencies, and frequency and damping of the poles that are reported as determined. A quarter of
+an hour with `--workers 2`; `--logs 10` takes so many of each axis, and writes nothing.
 """
 
 import argparse
-import sys
-import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import lfilter
-from scipy.stats import binomtest
 
-from archerfish.identification.axis.gimbal import AxisIdentification, identify_axis
-from archerfish.identification.axis.state_space import plant_poles, simulate
-from archerfish.identification.excitation.signals import linear_sweep, step
-from archerfish.identification.validation.frequency import plant_response
+from archerfish.identification.axis.bootstrap import interval
+from archerfish.identification.axis.identify import identify_axis
+from archerfish.identification.frequency import frequency_response
+from archerfish.identification.simulation import simulate
+from archerfish.logs.recording import Recording
 from archerfish.paper.gimbal import printed_plants
-from archerfish.records.plant import PlantRecord, dc_gain
-from archerfish.records.provenance import provenance
-from archerfish.records.recording import Recording, make_recording
-from archerfish.records.storage import write_json
-from machine import describe_machine
+from archerfish.records.plant import PlantRecord
+from archerfish.reports.table import Table
+from bars import Bar, finish, run, share
+from rigs import Array, draw_noise
 
-RESULT = Path(__file__).parent / "results" / "coverage.json"
-SEED = 2026
-COLOURS = {"white": 0.0, "AR(0.9)": 0.9}
-"""Kind of noise → coefficient of its first-order recursion."""
-BARS = {"white": (0.90, 0.98), "AR(0.9)": (0.85, 1.0)}
+SEED, PERIOD_S, STEP_S = 2026, 1e-3, 1.0
+NOISES = ("white", "AR(0.9)")
 FREQUENCIES_HZ = np.array([3.0, 6.0, 10.0, 20.0, 40.0])
-STEP_S = 1.0
-PERIOD_S = 1e-3
+INSIDE, WORST, POOLED = (90.0, 98.0), 85.0, (93.0, 97.0)  # of a row, of all but some, of a quantity [%]
+MOST_OUTSIDE = 3
 
 
 class Case(NamedTuple):
     """An axis, and how it is logged and identified."""
 
     name: str
-    """What it is called in tables."""
     plant: PlantRecord
-    """The truth."""
-    noise: float
-    """Standard deviation of the noise over that of the clean output."""
-    order: int
-    """Order of the identified plant."""
-    logs: int
-    """Logs per kind of noise."""
+    noise: float  # standard deviation over that of the clean output
+    order: int  # of the identified plant
+    logs: int = 200  # per kind of noise
     sweep_s: float = 10.0
-    """Length of the sweep [s]."""
     with_step: bool = False
-    """Whether a step is logged too."""
 
 
-def cases() -> list[Case]:
-    """Return the axes, the paper's first."""
-    late, damped = second_order(8.0, 0.5, 6), second_order(3.0, 0.9, 12)
-    return [
-        Case("printed pitch, sweep and step, 2 %", printed_plants()["pitch"], 0.02, 4, 320, 5.0, True),
-        Case("8 Hz, 6 samples late, 10 %", late, 0.10, 2, 200),
-        Case("8 Hz, 6 samples late, 2 %", late, 0.02, 2, 200),
-        Case("3 Hz, 12 samples late, 10 %", damped, 0.10, 2, 200),
-        Case("8 Hz, 6 samples late, 10 %, fitted with order 4", late, 0.10, 4, 200),
-    ]
-
-
-def second_order(frequency_hz: float, damping: float, delay: int) -> PlantRecord:
-    """Return an axis of second order and steady gain 1."""
-    pole = np.exp(2 * np.pi * frequency_hz * PERIOD_S * (-damping + 1j * np.sqrt(1 - damping**2)))
+def second_order(natural_hz: float, damping: float, delay: int) -> PlantRecord:
+    """Return an axis of second order and steady gain 1, its delay in samples."""
+    pole = np.exp(2 * np.pi * natural_hz * PERIOD_S * (-damping + 1j * np.sqrt(1 - damping**2)))
     first, second = -2 * pole.real, abs(pole) ** 2
-    A = np.array([[-first, 1.0], [-second, 0.0]])
     B = np.full((2, 1), (1 + first + second) / 2)
-    return PlantRecord(A, B, np.array([[1.0, 0.0]]), np.zeros((1, 1)), delay, PERIOD_S)
+    return PlantRecord.from_state_space([[-first, 1], [-second, 0]], B, [[1, 0]], 0.0, PERIOD_S, delay)
 
 
-@dataclass(frozen=True)
-class Row:
-    """How often the intervals of one quantity held the truth."""
+def linear_sweep(duration_s: float, period_s: float) -> Array:
+    """Return a sine whose frequency rises linearly with time from 2 to 50 Hz, shape (N,)."""
+    time = period_s * np.arange(round(duration_s / period_s))
+    return np.asarray(np.sin(2 * np.pi * (2 * time + 48 * time**2 / (2 * duration_s))))
 
-    case: str
-    """Which axis."""
-    noise: str
-    """Kind of noise."""
-    quantity: str
-    """Which quantity."""
-    covered: int
-    """Intervals that held the truth."""
-    intervals: int
-    """Intervals that there were."""
-    interval_95: tuple[float, float]
-    """Of the share, by Wilson."""
-    low_bar: float
-    """Share that is wanted at least."""
-    high_bar: float
-    """Share that is wanted at most."""
+
+def step(duration_s: float, period_s: float) -> Array:
+    """Return zero, and one from 0.05 s on, shape (N,)."""
+    return (np.arange(round(duration_s / period_s)) >= round(0.05 / period_s)).astype(float)
+
+
+LATE, DAMPED = second_order(8.0, 0.5, 6), second_order(3.0, 0.9, 12)
+CASES = (
+    Case("printed pitch, sweep and step, 2 %", printed_plants()["pitch"], 0.02, 4, 320, 5.0, True),
+    Case("8 Hz, 6 samples late, 10 %", LATE, 0.10, 2),
+    Case("8 Hz, 6 samples late, 2 %", LATE, 0.02, 2),
+    Case("3 Hz, 12 samples late, 10 %", DAMPED, 0.10, 2),
+    Case("8 Hz, 6 samples late, 10 %, with order 4", LATE, 0.10, 4),
+)
+
+
+def logs_of(case: Case, noise: str, index: int) -> Iterator[Recording]:
+    """Yield the logs of an axis under a kind of noise."""
+    rng = np.random.default_rng((SEED, NOISES.index(noise), index))
+    for u in (linear_sweep(case.sweep_s, PERIOD_S), *([step(STEP_S, PERIOD_S)] if case.with_step else [])):
+        clean = simulate(case.plant, u[:, None])[:, 0]
+        yield Recording.from_arrays(u, clean + case.noise * clean.std() * draw_noise(noise, u.size, rng), PERIOD_S)
+
+
+def covered(job: tuple[int, str, int]) -> dict[str, bool]:
+    """Return whether the interval of each quantity contains the truth, for one log."""
+    case = CASES[job[0]]
+    result = identify_axis(list(logs_of(case, *job[1:])), order=case.order)
+    gain, true = result.dc_gain[0], float(case.plant.dc_gain.item())
+    found = {"steady gain": bool(gain.low <= true <= gain.high)}
+    lows, highs = interval(np.abs(frequency_response(result.record, FREQUENCIES_HZ, draws=True)[..., 0, 0]))
+    gains = np.abs(frequency_response(case.plant, FREQUENCIES_HZ)[:, 0, 0])
+    for frequency, low, at, high in zip(FREQUENCIES_HZ, lows, gains, highs, strict=True):
+        found[f"gain at {frequency:g} Hz"] = bool(low <= at <= high)
+    rates = np.log(np.linalg.eigvals(case.plant.A).astype(complex)) / PERIOD_S
+    for each in result.poles:
+        if each.determined and each.damping.value < 1:
+            pole = rates[np.argmin(np.abs(np.abs(rates) / (2 * np.pi) - each.frequency_hz.value))]
+            parts = {"frequency": abs(pole) / (2 * np.pi), "damping": -pole.real / abs(pole)}
+            estimates = {"frequency": each.frequency_hz, "damping": each.damping}
+            for name, value in parts.items():
+                found[f"pole, {name}"] = bool(estimates[name].low <= value <= estimates[name].high)
+    return found
+
+
+def figures(rows: list[dict[str, Any]]) -> list[Bar]:
+    """Return the figures with their limits."""
+    quantities = dict.fromkeys(row["quantity"] for row in rows)
+    bars = [
+        Bar(
+            "rows outside 90–98 %", sum(not INSIDE[0] <= row["percent"] <= INSIDE[1] for row in rows), most=MOST_OUTSIDE
+        ),
+        Bar("worst row, %", min(row["percent"] for row in rows), least=WORST),
+    ]
+    for name in quantities:
+        some = [row for row in rows if row["quantity"] == name]
+        held, of = (sum(row[field] for row in some) for field in ("covered", "intervals"))
+        bars.append(share(f"{name}, all axes, %", [True] * held + [False] * (of - held), *POOLED))
+    return bars
 
 
 def main() -> None:
-    """Run all logs, write the results and print them; exit with 1 if a bar is missed."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--logs", type=int, help="so many logs of each axis, and nothing written")
-    logs = parser.parse_args().logs
-    begun = time.perf_counter()
-    missed = []
-    rows = []
-    for case in cases():
-        for noise in COLOURS:
-            for row in _coverage(case if logs is None else case._replace(logs=logs), noise):
-                rows.append(row)
-                share = row.covered / row.intervals
-                outside = not row.low_bar <= share <= row.high_bar
-                missed += [f"{row.quantity} of {row.case} under {row.noise} noise"] * outside
-                print(
-                    f"{row.case:48} {row.noise:8} {row.quantity:16} {100 * share:5.1f} %  "
-                    f"({row.covered} of {row.intervals}){' outside' * outside}",
-                    flush=True,
-                )
-    if logs is None:
-        _write(rows, time.perf_counter() - begun)
-    if missed:
-        sys.exit(f"outside the bars: {', '.join(missed)}")
-
-
-def _write(rows: list[Row], seconds: float) -> None:
-    conditions = {
-        "seed": SEED,
-        "step_s": STEP_S,
-        "cases": [
-            {"name": each.name, "noise": each.noise, "order": each.order, "logs": each.logs, "sweep_s": each.sweep_s}
-            for each in cases()
-        ],
-    }
-    content = {"conditions": conditions, "machine": describe_machine(), "provenance": provenance(SEED)}
-    write_json(RESULT, {**content, "seconds": seconds, "rows": [asdict(row) for row in rows]})
-
-
-def _coverage(case: Case, noise: str) -> Iterator[Row]:
-    counts: dict[str, list[bool]] = {}
-    for index in range(case.logs):
-        generator = np.random.default_rng((SEED, list(COLOURS).index(noise), index))
-        result = identify_axis(list(_logs(case, COLOURS[noise], generator)), case.order)
-        for quantity, held in _held(case.plant, result):
-            counts.setdefault(quantity, []).append(held)
-    for quantity, held in counts.items():
-        ends = binomtest(sum(held), len(held)).proportion_ci(method="wilson")
-        yield Row(case.name, noise, quantity, sum(held), len(held), (float(ends.low), float(ends.high)), *BARS[noise])
-
-
-def _logs(case: Case, memory: float, generator: np.random.Generator) -> Iterator[Recording]:
-    period = case.plant.sample_period_s
-    for signal in (linear_sweep(case.sweep_s, period), *([step(STEP_S, period)] if case.with_step else [])):
-        clean = simulate(case.plant, signal[:, None])
-        # The recursion's first thousand samples are left out: it begins at rest.
-        drawn = lfilter([np.sqrt(1 - memory**2)], [1.0, -memory], generator.standard_normal(signal.size + 1000))[1000:]
-        yield make_recording(signal, clean[:, 0] + case.noise * clean.std() * drawn, period)
-
-
-def _held(plant: PlantRecord, result: AxisIdentification) -> Iterator[tuple[str, bool]]:
-    ((low, high),) = result.dc_gain_interval
-    yield "steady gain", low <= dc_gain(plant).item() <= high
-    lows, highs = result.gain_interval(FREQUENCIES_HZ)
-    true: NDArray[np.float64] = np.abs(plant_response(plant, FREQUENCIES_HZ)[:, 0, 0])
-    for frequency, low, gain, high in zip(FREQUENCIES_HZ, lows, true, highs, strict=True):
-        yield f"gain at {frequency:g} Hz", bool(low <= gain <= high)
-    poles = plant_poles(plant)
-    for index in np.flatnonzero(result.determined & (result.poles.imag > 0)):
-        pole = poles[np.argmin(np.abs(poles - result.poles[index]))]
-        for part, sd in zip(("real", "imag"), result.pole_sd, strict=True):
-            error = getattr(result.poles[index], part) - getattr(pole, part)
-            yield f"pole, {part} part", bool(abs(error) <= 1.96 * sd[index])
+    """Identify all logs, print and write; exit with 1 if a limit is missed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--logs", type=int, help="of each axis and noise; nothing is then written")
+    parser.add_argument("--workers", type=int, default=1)
+    options = parser.parse_args()
+    rows: list[dict[str, Any]] = []
+    for number, case in enumerate(CASES):
+        for noise in NOISES:
+            jobs = [(number, noise, index) for index in range(options.logs or case.logs)]
+            found = list(run(covered, jobs, options.workers))
+            for quantity in dict.fromkeys(name for each in found for name in each):
+                held = [each[quantity] for each in found if quantity in each]
+                facts = {"case": case.name, "noise": noise, "quantity": quantity, "covered": sum(held)}
+                rows.append({**facts, "intervals": len(held), "percent": 100 * sum(held) / len(held)})
+    names = list(dict.fromkeys(row["quantity"] for row in rows))
+    lines = []
+    for case in CASES:
+        for noise in NOISES:
+            some = {
+                row["quantity"]: row["percent"] for row in rows if (row["case"], row["noise"]) == (case.name, noise)
+            }
+            lines.append((f"{case.name}, {noise}", *(some.get(name) for name in names)))
+    table = Table("intervals that contain the truth, %", ("axis and noise", *names), tuple(lines))
+    cases = [{**case._asdict(), "plant": repr(case.plant)} for case in CASES]
+    conditions = {"seed": SEED, "step_s": STEP_S, "cases": cases}
+    finish("coverage", figures(rows), [table], conditions, rows, options.logs is None)
 
 
 if __name__ == "__main__":

@@ -1,105 +1,48 @@
-"""How fast the environment alone is: in one compiled loop, through the vector adapter, and one at a time."""
+"""Steps of the environments for Gymnasium per second.
 
-import time
+`python benchmarks/environment_speed.py [--against REVISION]`: 256 engagements side by side, on tests/infantry for
+targets of any motion and in the paper's task, and a single environment in the paper's task. The environment without an
+adapter is in training.py. Writes results/environment_speed.json.
+"""
+
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
-import gymnasium
-import jax
-import jax.numpy as jnp
-import numpy as np
-from jax import Array
+import alternating
 
-import archerfish.simulation.registration  # noqa: F401  # registers the environments
-from archerfish.learning.config import PpoConfig
-from archerfish.learning.shards import over_shards, own_key
-from archerfish.simulation.environment import ShootingEnvironment
-from archerfish.simulation.vector_env import ShootingVectorEnv
-
-ROUNDS = 5
-SHARDS = PpoConfig().shards
-ROLLOUT = 100
-"""Steps of a compiled loop: its noise is drawn in one call, as in training."""
+ID = "archerfish.learning.gymnasium:archerfish/Shooting-v0"
+MEMBERS, STEPS = 256, 50
+NAMES = ("vector, kinds", "vector, paper", "single, paper")
 
 
-def environment_speeds(environment: ShootingEnvironment, environments: int, steps: int) -> dict[str, float]:
-    """Return steps per second, all environments together, of each way to run them.
+def prepare() -> alternating.Work:
+    """Return name → steps of environments, which return how many."""
+    import gymnasium
+    import numpy as np
 
-    Args:
-      environment: where.
-      environments: side by side.
-      steps: of the adapters.
-    """
-    single = gymnasium.make("archerfish/Shooting-v0", environment=environment)
-    return {
-        "compiled": _compiled(environment, environments),
-        "vector adapter": _vector(environment, environments, steps),
-        "Gymnasium, one at a time": _loop(single, steps),
-        "the same, unwrapped": _loop(single.unwrapped, steps),
-    }
+    def many(**options: Any) -> Callable[[], int]:
+        envs = gymnasium.make_vec(ID, num_envs=MEMBERS, **options)
+        envs.reset(seed=0)
+        actions = np.zeros((MEMBERS, 2), np.float32)
 
+        def run() -> int:
+            for _ in range(STEPS):
+                envs.step(actions)
+            return STEPS * MEMBERS
 
-def _best(function: Callable[[], Any], steps: int) -> float:
-    """Return the steps per second of the fastest of a few rounds, after one that compiles."""
-    function()
-    times = []
-    for _ in range(ROUNDS):
-        begun = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - begun)
-    return steps / min(times)
+        return run
 
+    env, action = gymnasium.make(ID, task="paper"), np.zeros(2, np.float32)
 
-def _compiled(environment: ShootingEnvironment, environments: int) -> float:
-    arrays = jax.tree.map(jnp.asarray, environment)
-    state, _ = jax.jit(lambda made, *draws: made.begin(*draws))(
-        arrays, *_draws(arrays, environments, jax.random.key(0))
-    )
-    own = environments // SHARDS
+    def one() -> int:
+        env.reset(seed=0)
+        for _ in range(STEPS):
+            env.step(action)
+        return STEPS
 
-    def shard(made: ShootingEnvironment, state: Any, key: Array) -> Any:
-        keys = jax.random.split(own_key(key), 2)
-        normals = jax.random.normal(keys[0], (ROLLOUT, made.normals, own))
-        uniforms = jax.random.uniform(keys[1], (ROLLOUT, made.uniforms, own))
-
-        def step(state: Any, draws: tuple[Array, Array]) -> Any:
-            state, outcome = made.step(state, jnp.zeros((own, 2)), *(each.T for each in draws))
-            # What a training keeps of a step, so that none of it is optimised away.
-            return state, (outcome.observation, outcome.final_observation, outcome.reward)
-
-        return jax.lax.scan(step, state, (normals, uniforms))
-
-    run = jax.jit(over_shards(shard, SHARDS, (False, True, False), True))
-    return _best(lambda: jax.block_until_ready(run(arrays, state, jax.random.key(1))), ROLLOUT * environments)
+    infantry = str(alternating.ROOT / "tests" / "infantry")
+    return dict(zip(NAMES, (many(robot=infantry, task="kinds"), many(task="paper"), one), strict=True))
 
 
-def _draws(made: ShootingEnvironment, environments: int, key: Array) -> tuple[Array, Array]:
-    first, second = jax.random.split(key)
-    normals = jax.random.normal(first, (environments, made.normals))
-    return normals, jax.random.uniform(second, (environments, made.uniforms))
-
-
-def _vector(environment: ShootingEnvironment, environments: int, steps: int) -> float:
-    env = ShootingVectorEnv(environments, environment)
-    env.reset(seed=0)
-    actions = np.zeros((environments, 2), np.float32)
-
-    def run(count: int) -> None:
-        for _ in range(count):
-            env.step(actions)
-
-    rounds = max(1, steps // 10)
-    return _best(partial(run, rounds), rounds * environments)
-
-
-def _loop(env: gymnasium.Env[Any, Any], steps: int) -> float:
-    env.reset(seed=0)
-    action = np.zeros(2, np.float32)
-
-    def run() -> None:
-        for _ in range(steps):
-            if env.step(action)[3]:
-                env.reset()
-
-    return _best(run, steps)
+if __name__ == "__main__":
+    alternating.run(__doc__, __file__, prepare, NAMES, pairs=7)

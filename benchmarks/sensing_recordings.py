@@ -1,15 +1,16 @@
-"""Simulated recordings of a robot's sensing with known truth: what `identify sensing` is tested and measured on.
+"""Simulated recordings of a robot's camera and link, with known truth.
 
 The gimbal lags and saturates, its encoder has steps, its feedback and its commands come late by times that vary; the
-camera has a clock of its own, drops frames, jitters, and now and then finds something else than the plate.
+camera has a clock of its own, drops frames, jitters, and sometimes detects something else than the plate.
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.records.sensing_logs import Detections, GimbalLog
+from archerfish.logs.timing import DetectionLog, GimbalLog
 
 Array = NDArray[np.float64]
 
@@ -20,44 +21,60 @@ TICK = 0.001
 class Robot:
     """The truth behind a recording."""
 
-    fps: float = 80.0
-    """Frames per second [Hz]."""
-    clock: float = 0.137
-    """Camera's clock less the host's [s]."""
-    stamp_jitter: float = 3e-4
-    """Standard deviation of the stamps about the exposures [s]."""
-    exposure_jitter: float = 3e-4
-    """Standard deviation of the exposures about even times [s]."""
-    latency: float = 0.035
-    """Mean time from exposure to receipt [s]."""
-    latency_jitter: float = 0.002
-    """Its standard deviation [s]."""
-    across: float = 0.005
-    """Noise of a detection across the line of sight [m]."""
-    along: float = 0.045
-    """Noise along the line of sight [m]."""
-    missed: float = 0.05
-    """Share of the frames without a detection."""
-    outliers: float = 0.01
-    """Share of the detections that are something else."""
-    command_delay: tuple[float, float] = (0.005, 0.015)
-    """Ends of the uniform delay of a command [s]."""
-    feedback_delay: float = 0.003
-    """Age of the feedback when the host stamps it [s]."""
-    log_rate: float = 500.0
-    """Samples per second of the gimbal log [Hz]."""
-    quantum: float = 2 * np.pi / 8192
-    """Step of the encoder [rad]."""
-    bandwidth: float = 41.0
-    """Natural frequency of the axis [rad/s], damping 0.75."""
-    acceleration: float = 67.0
-    """Largest acceleration of the axis [rad/s²]."""
-    plate: tuple[float, float, float] = (3.0, 0.2, 0.1)
-    """Plate at rest, from the pivot [m]."""
-    camera: tuple[float, float, float] = (0.1, 0.02, 0.05)
-    """Camera, from the pivot, in the gimbal's frame [m]."""
-    tilt: float = 0.02
-    """Pitch of the camera on the gimbal [rad]."""
+    fps: float = 80.0  # frames per second [Hz]
+    clock: float = 0.137  # camera's clock less the host's [s]
+    stamp_jitter: float = 3e-4  # standard deviation of the stamps about the exposures [s]
+    exposure_jitter: float = 3e-4  # standard deviation of the exposures about even times [s]
+    latency: float = 0.035  # mean time from exposure to receipt [s]
+    latency_jitter: float = 0.002  # its standard deviation [s]
+    across: float = 0.005  # noise of a detection across the line of sight [m]
+    along: float = 0.045  # noise along the line of sight [m]
+    missed: float = 0.05  # share of the frames without a detection
+    outliers: float = 0.01  # share of the detections that are something else
+    command_delay: tuple[float, float] = (0.005, 0.015)  # ends of the uniform delay of a command [s]
+    feedback_delay: float = 0.003  # age of the feedback when the host stamps it [s]
+    log_rate: float = 500.0  # samples per second of the gimbal log [Hz]
+    quantum: float = 2 * np.pi / 8192  # step of the encoder [rad]
+    bandwidth: float = 41.0  # natural frequency of the axis [rad/s], damping 0.75
+    acceleration: float = 67.0  # largest acceleration of the axis [rad/s²]
+    plate: tuple[float, float, float] = (3.0, 0.2, 0.1)  # plate at rest, from the pivot [m]
+    camera: tuple[float, float, float] = (0.1, 0.02, 0.05)  # camera, from the pivot, in the gimbal's frame [m]
+    tilt: float = 0.02  # pitch of the camera on the gimbal [rad]
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> Self:
+        """Draw a robot: clocks, delays, mounting and plate are anywhere that they may well be."""
+        return cls(
+            clock=rng.uniform(-0.5, 0.5),
+            latency=rng.uniform(0.015, 0.060),
+            feedback_delay=rng.uniform(0.0, 0.008),
+            stamp_jitter=rng.uniform(2e-4, 1.5e-3),
+            plate=(rng.uniform(1.5, 5.0), rng.uniform(-0.3, 0.3), rng.uniform(-0.3, 0.3)),
+            camera=tuple(rng.uniform(-0.1, 0.1, 3)),
+            tilt=rng.uniform(-0.05, 0.05),
+        )
+
+    def truth(self) -> dict[str, float]:
+        """Return the values that should be found, by the names of the estimates."""
+        apart = np.array(self.plate) - self.camera
+        # The plate's distance from the camera changes as the camera swings; its line of sight stays level enough.
+        bearing = self.across / float(np.linalg.norm(apart))
+        return {
+            "camera.rate_hz": self.fps,
+            "camera.time_offset": self.feedback_delay - self.clock,
+            "camera.stamp_jitter": self.stamp_jitter,
+            "camera.bearing_sd": bearing,
+            "camera.elevation_sd": bearing,
+            "camera.range_sd": self.along,
+            "camera.miss_probability": self.missed,
+            "camera.outlier_share": self.outliers,
+            "camera.latency": self.latency,
+            "latency by the sweep alone": self.latency - self.feedback_delay,
+            "camera.latency_jitter": self.latency_jitter,
+            "link.command_delay": float(np.mean(self.command_delay)) + self.feedback_delay,
+            "link.command_jitter": float(np.ptp(self.command_delay) / np.sqrt(12)),
+            "link.feedback_delay": self.feedback_delay,
+        }
 
 
 def yaw_motion(robot: Robot, command: Array, delays: Array) -> Array:
@@ -95,8 +112,8 @@ def seen_position(robot: Robot, plate: Array, yaw: Array) -> Array:
     return np.stack([c * offset[:, 0] + s * offset[:, 2], offset[:, 1], -s * offset[:, 0] + c * offset[:, 2]], axis=-1)
 
 
-def detections(robot: Robot, exposures: Array, position: Array, rng: np.random.Generator) -> Detections:
-    """Return what the host logs of noise-free sightings: noisy, some missed, some of something else."""
+def detections(robot: Robot, exposures: Array, position: Array, rng: np.random.Generator) -> DetectionLog:
+    """Return what the host logs of noise-free positions: noisy, some missed, some of something else."""
     count = exposures.size
     distance = np.linalg.norm(position, axis=1, keepdims=True)
     sight = position / distance
@@ -107,7 +124,7 @@ def detections(robot: Robot, exposures: Array, position: Array, rng: np.random.G
     stamps = exposures + robot.clock + robot.stamp_jitter * rng.standard_normal(count)
     receive = np.maximum.accumulate(exposures + robot.latency + robot.latency_jitter * rng.standard_normal(count))
     kept = rng.random(count) >= robot.missed
-    return Detections(stamps[kept], (position + noise)[kept], receive[kept], "detections.csv")
+    return DetectionLog(stamps[kept], (position + noise)[kept], receive[kept], "detections.csv")
 
 
 def exposures(robot: Robot, start: float, end: float, rng: np.random.Generator) -> Array:
@@ -118,7 +135,7 @@ def exposures(robot: Robot, start: float, end: float, rng: np.random.Generator) 
 
 def sweep_recording(
     robot: Robot, rng: np.random.Generator, *, seconds: float = 20.0, amplitude: float = np.radians(20)
-) -> tuple[GimbalLog, Detections]:
+) -> tuple[GimbalLog, DetectionLog]:
     """Simulate a plate at rest while the yaw sweeps from 0.2 to 2 Hz."""
     time = np.arange(0, seconds, TICK)
     command = amplitude * np.sin(2 * np.pi * (0.2 * time + 0.9 * time**2 / seconds))
@@ -131,7 +148,7 @@ def sweep_recording(
 
 def step_recording(
     robot: Robot, rng: np.random.Generator, *, steps: int = 24, angle: float = np.radians(8)
-) -> tuple[GimbalLog, Detections, Array]:
+) -> tuple[GimbalLog, DetectionLog, Array]:
     """Simulate command steps, then a target that steps by 0.3 m while the gimbal is at rest.
 
     Returns:

@@ -1,88 +1,73 @@
-"""Tune the classical controllers in the simulator of the printed gimbal, on draws that no evaluation uses.
+"""Tune the classical controllers for the paper's robot and targets, on draws that no evaluation uses.
 
-    python benchmarks/tuning.py
-
-Writes src/archerfish/paper/tuning.json, which every evaluation in that simulator takes its settings from, and every
-setting that was tried to benchmarks/results/tuning.json.
+`python benchmarks/tuning.py` writes src/archerfish/paper/tuning.json, which every evaluation in the paper's
+conditions takes its settings from, and results/tuning.json with every setting that was tried. `--controllers` and
+`--limits` take some of them, and print what they find beside what is in use, but write nothing.
 """
 
-from pathlib import Path
+import argparse
+from collections.abc import Callable
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
+import numpy as np
 
-from archerfish.cli.compilation_cache import keep_compiled
-from archerfish.cli.evaluation_run import EvaluationTask, tune_controllers, tuned_rate, tuning_ground
-from archerfish.cli.setting import SettingFiles, load_setting
-from archerfish.controllers.roster import Tuning
-from archerfish.evaluation.tuning import GRIDS, Neighbours, Tuned
-from archerfish.paper import tuning as paper_tuning
-from archerfish.records import storage
-from archerfish.records.provenance import provenance
-from machine import describe_machine
+import archerfish as af
+from alternating import ROOT
+from archerfish.controllers.registry import make_controller
+from archerfish.controllers.tuning import GRIDS, Tuning
+from archerfish.evaluation.draws import draw
+from archerfish.evaluation.run import count
+from archerfish.evaluation.tuning import search
+from archerfish.paper.conditions import paper_tuning
+from archerfish.provenance import provenance
+from archerfish.records.json_files import plain, write_json
+from archerfish.simulation.world import make_world
 
-RESULT = Path(__file__).parent / "results" / "tuning.json"
-SETTINGS = Path(paper_tuning.__file__).with_name("tuning.json")
-SEED, ENGAGEMENTS, PROBE = 0, 200, 4
-CONTROLLERS = ("kalman-tuned", "kalman-lq", "imm-lq", "parabola-lq")
+SEED, ENGAGEMENTS = 0, 200
 LIMITS = ("gate", "box", "los-2deg")
 
 
+def settings(name: str, tuning: Tuning) -> dict[str, float]:
+    """Return what is tuned of a controller; `acceleration_sd`, which every tuning has, of all."""
+    return {field: getattr(tuning, field) for field in dict.fromkeys(("acceleration_sd", *GRIDS[name]))}
+
+
+def hit_rates(name: str, task: af.Task, engagements: int) -> Callable[[Tuning], float]:
+    """Return the hit rate of a controller in the cells of a task as a function of its settings, 0…1."""
+    robot = af.Robot.paper()
+    world = make_world(robot, task)
+    drawn = draw(task.cells(), engagements, SEED, "tuning", world.normals, world.plants)
+
+    def rate(tuning: Tuning) -> float:
+        return float(np.mean(count(world, make_controller(name, robot, task, tuning), *drawn).hit))
+
+    return rate
+
+
 def main() -> None:
-    """Tune every controller under every command limit."""
-    keep_compiled()
-    setting, stored, trials = load_setting(SettingFiles()), [], []
-    for limit in LIMITS:
-        task = EvaluationTask(setting, limit, 2, SEED, CONTROLLERS)
-        probe = tuning_ground(task, PROBE)
-        for tuned in tune_controllers(task, engagements=ENGAGEMENTS):
-            rate = tuned_rate(task, probe, tuned.controller, tuned.tuning)
-            stored.append({"command_limit": limit, **_settings(tuned), "probe_hit_rate": round(rate, 6)})
-            trials += [
-                {"command_limit": limit, "controller": tuned.controller, **_values(tuned, tuning), "hit_rate": rate}
-                for tuning, rate in tuned.tried
-            ]
-    facts = {"stream": "tuning", "engagements": ENGAGEMENTS, "probe_engagements": PROBE}
-    storage.write_json(SETTINGS, {**facts, "controllers": stored, "provenance": provenance(SEED)})
-    storage.write_json(RESULT, {"machine": describe_machine(), "conditions": {"seed": SEED, **facts}, "trials": trials})
-    _show(stored)
-
-
-def _settings(tuned: Tuned) -> dict[str, Any]:
-    return {
-        "controller": tuned.controller,
-        "settings": _values(tuned, tuned.tuning),
-        "neighbours": {name: _sides(each) for name, each in tuned.neighbours.items()},
-        "hit_rate": tuned.hit_rate,
-        "tried": len(tuned.tried),
-    }
-
-
-def _values(tuned: Tuned, tuning: Tuning) -> dict[str, float]:
-    # The first setting of a controller without a process noise is none of its own.
-    return {name: getattr(tuning, name) for name in ("acceleration_sd", *GRIDS[tuned.controller])}
-
-
-def _sides(neighbours: Neighbours) -> dict[str, dict[str, float] | None]:
-    sides = {"below": neighbours.below, "above": neighbours.above}
-    return {side: None if each is None else {"value": each[0], "hit_rate": each[1]} for side, each in sides.items()}
-
-
-def _show(stored: list[dict[str, Any]]) -> None:
-    table = Table("limit", "controller", "%", "tried", "settings (neighbours, points less)", title="tuned")
-    for each in stored:
-        words = [f"{name} {each['settings'][name]:g} ({_beside(each, name)})" for name in each["neighbours"]]
-        rate = f"{100 * each['hit_rate']:.2f}"
-        table.add_row(each["command_limit"], each["controller"], rate, str(each["tried"]), "\n".join(words))
-    Console(width=140).print(table)
-
-
-def _beside(stored: dict[str, Any], name: str) -> str:
-    return ", ".join(
-        "bound" if side is None else f"{side['value']:g}: {100 * (stored['hit_rate'] - side['hit_rate']):.2f}"
-        for side in stored["neighbours"][name].values()
-    )
+    """Tune, print and write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--controllers", nargs="+", choices=tuple(GRIDS), default=tuple(GRIDS))
+    parser.add_argument("--limits", nargs="+", choices=LIMITS, default=LIMITS)
+    parser.add_argument("--engagements", type=int, default=ENGAGEMENTS, help="of each cell; fewer are not written")
+    options = parser.parse_args()
+    found: list[dict[str, Any]] = []
+    trials: list[dict[str, Any]] = []
+    for limit in options.limits:
+        task, in_use = af.Task.load("paper").replace(command_limit=limit), paper_tuning(limit)
+        for name in options.controllers:
+            rate = hit_rates(name, task, options.engagements)
+            tuned, what = search(name, rate), {"command_limit": limit, "controller": name}
+            chosen = settings(name, tuned.tuning)
+            found.append({**what, "settings": chosen, "hit_rate": tuned.hit_rate, "tried": len(tuned.tried)})
+            trials += [{**what, **settings(name, tuning), "hit_rate": share} for tuning, share in tuned.tried]
+            before = 100 * rate(Tuning(**in_use[name]))
+            print(f"{limit:9} {name:12} {100 * tuned.hit_rate:.2f} %, in use {before:.2f} %   {chosen}", flush=True)
+    whole = set(options.controllers) == set(GRIDS) and set(options.limits) == set(LIMITS)
+    if whole and options.engagements >= ENGAGEMENTS:
+        facts = {"stream": "tuning", "engagements": options.engagements, "provenance": provenance(SEED)}
+        write_json(ROOT / "src" / af.__name__ / "paper" / "tuning.json", plain({**facts, "controllers": found}))
+        write_json(ROOT / "benchmarks" / "results" / "tuning.json", plain({**facts, "trials": trials}))
 
 
 if __name__ == "__main__":

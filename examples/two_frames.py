@@ -1,37 +1,29 @@
-"""Aims ahead by the target's velocity between the last two frames, with no filter and no model of the gimbal."""
+"""Leads by the difference of the last two frames: no filter, and no model of the gimbal. Runs compiled."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from archerfish.controllers.roster import Workbench
-from archerfish.dynamics.array_namespace import Array, namespace
-from archerfish.dynamics.intercept import intercept
-from archerfish.dynamics.muzzle import Muzzle
-from archerfish.sensing.interfaces import Command, Seen, Truth, fire_always
+from archerfish.authors import aim, first_detection, intercept, namespace, select
 
 
 class TwoFrames(NamedTuple):
-    """Leads by the difference of two frames."""
+    muzzle: Any  # for drop, drag and flight time
+    period: Any  # from a decision until its pellet leaves [s]
 
-    muzzle: Muzzle
-    """For drop, drag and flight time."""
-    period: Array
-    """Decision period [s], shape ()."""
+    def reset(self, seen, truth=None):
+        first = first_detection(seen)  # a guess, with fresh = False, where no frame shows anything
+        return first.place, 0.0 * first.place, first.age  # B + (3,), B + (3,), B
 
-    @classmethod
-    def build(cls, bench: Workbench) -> "TwoFrames":
-        """Build it for a robot."""
-        return cls(bench.muzzle, np.asarray(bench.conditions.control_period_s))
+    def step(self, state, seen):
+        (before, velocity, age), latest, xp = state, first_detection(seen), namespace(seen.elapsed)
+        new, age = latest.fresh & (seen.elapsed > 0.0), age + seen.elapsed  # the first step gets reset's frames again
+        between = xp.where(new, age - latest.age, 1.0)[..., None]
+        measured = xp.clip((latest.place - before) / between, -2.0, 2.0)  # frames are noisy, robots no faster [m/s]
+        velocity = xp.where(new[..., None], measured, velocity)
+        place, age = select(new, (latest.place, latest.age), (before, age))
+        delay = self.period + 0.0 * age
+        angle = intercept(lambda time: place + velocity * (age + time)[..., None], delay, self.muzzle).angle
+        return (place, velocity, age), aim(angle)
 
-    def reset(self, seen: Seen, truth: Truth | None = None) -> Array:
-        """Remember the first position [m], shape B + (3,)."""
-        return seen.plate[..., 0, :]
 
-    def step(self, state: Array, seen: Seen) -> tuple[Array, Command]:
-        """Decide, from the position [m] one frame ago, shape B + (3,)."""
-        xp, plate = namespace(state), seen.plate[..., 0, :]
-        velocity = (plate - state) / xp.maximum(seen.elapsed, 1e-6)[..., None]
-        delay = 0.0 * seen.elapsed + self.period  # a command is held for a period, then the pellet leaves
-        aim = intercept(lambda time: plate + velocity * time[..., None], delay, self.muzzle)
-        return plate, fire_always(aim.angle)
+def two_frames(robot, task):
+    return TwoFrames(robot.muzzle_model(), task.period_s)

@@ -1,67 +1,133 @@
-from pathlib import Path
+"""The command evaluate: what it writes and prints, and how it ends."""
 
-import numpy as np
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from unittest.mock import Mock
+
 import pytest
 
-from archerfish.evaluation.results import read_results
-from archerfish.records.policy import TRACKER_FACTS, PolicyRecord, write_policy
+import archerfish as af
+from archerfish.cli.main import main
+from archerfish.cli.signals import stop_requests
 
-pytest.importorskip("jax")
-
-
-def policy(observation: str, size: int, **facts) -> PolicyRecord:
-    """An untrained policy of one layer."""
-    return PolicyRecord(
-        observation=observation,
-        frames=4,
-        weights=(np.zeros((size, 2), np.float32),),
-        biases=(np.zeros(2, np.float32),),
-        mean=np.zeros(size, np.float32),
-        variance=np.ones(size, np.float32),
-        action_scale=np.full(2, 0.1, np.float32),
-        braking=np.full(2, 0.03, np.float32),
-        muzzle={"speed": 18.0, "drag": 0.019, "length": 0.0, "pitch_offset": 0.0, "yaw_offset": 0.0},
-        period_s=0.02,
-        command_limit="gate",
-        tracker=dict.fromkeys(TRACKER_FACTS, 0.01) if observation == "tracked" else {},
-        **facts,
-    )
+# What a shell runs in its background ignores SIGINT, and so would what that starts.
+CODE = "from signal import *; signal(SIGINT, default_int_handler); from archerfish.cli.main import *; program()"
 
 
-@pytest.mark.parametrize(
-    ("one", "other"),
-    [
-        (policy("history", 35, training={"seed": 3}), policy("history", 35, training={"seed": 3})),
-        # A tracked policy is called history in the results, and one without a seed has seed 0.
-        (policy("history", 35, training={"seed": 3}), policy("tracked", 55, training={"seed": 3})),
-        (policy("history", 35, training={"seed": 0}), policy("history", 35)),
-    ],
-)
-def test_policies_that_results_can_not_tell_apart_are_refused(refused, tmp_path: Path, one, other) -> None:
-    for name, each in (("one", one), ("other", other)):
-        write_policy(tmp_path / f"{name}.json", each)
-    assert "history policy of seed" in refused("evaluate", "one.json", "other.json")
+def start(engagements, out):
+    words = f"evaluate --task paper --controllers kalman no-lead --engagements {engagements} --out {out}".split()
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen([sys.executable, "-c", CODE, *words], cwd=Path(__file__).parents[2] / "src", **pipes)
 
 
-def test_shooting_with_a_robot_is_checked_before_anything_is_tuned(refused) -> None:
-    assert "robot" in refused("evaluate", "--on", "nobody", "--sensing", "sensing.json", "--robot", "me")
-    assert "--on needs --sensing" in refused("evaluate", "--on", "infantry")
-    assert "--motion takes the place of eq (7)" in refused("evaluate", "--target", "any", "--motion", "./a.py:Away")
+def test_it_writes_and_prints_every_figure(tmp_path):
+    printed, faults = start(4, tmp_path).communicate(timeout=120)
+    assert all(line.startswith(("tuning: ", "evaluating: ")) for line in faults.splitlines())
+    assert "Table III, dynamic targets: paper, limit gate" in printed
+    assert {each.name for each in tmp_path.iterdir()} == {"results.json", "report.html", "run.json", "run.lock"}
+    assert all(f"{100 * each.rate:.1f} (" in printed for each in af.Results.load(tmp_path).cells)
 
 
-def test_a_motion_is_shot_at_for_one_second_and_for_three(command, tmp_path: Path) -> None:
-    few = ("--target", "pass", "--controllers", "no-lead", "--engagements", "2")
-    status, out, err = command("evaluate", *few, "--out", "shot")
-    assert status == 0, err
-    assert "engagements of 3 s" in " ".join(out.split())
-    cells = read_results(tmp_path / "shot" / "results.json").cells
-    assert {(cell.table, cell.motion, cell.controller, cell.shots) for cell in cells} == {
-        (table, "pass", name, shots)
-        for table, shots in (("motions, 1 s", 100), ("motions, 3 s", 300))
-        for name in ("perfect", "no-lead")
-    }
-    assert len(cells) == 2 * 2 * 4
-    assert all(cell.bound is None and cell.paper is None for cell in cells)
-    page = (tmp_path / "shot" / "report.html").read_text()
-    assert "Other motions, engagements of 3 s, limit gate" in page
-    assert "Table I" not in page.partition("The conditions")[0]
+def test_an_interrupt_leaves_nothing(tmp_path):
+    process = start(100_000, tmp_path / "out")
+    while process.poll() is None and not [*tmp_path.glob("out/.unfinished-*")]:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=60)[1].endswith("archerfish: interrupted\n")
+    assert (process.returncode, [*tmp_path.iterdir()]) == (130, [])
+
+
+def test_a_signal_that_a_destructor_drops_comes_again():
+    # A program that a shell starts in its background ignores SIGINT; SIGTERM it gets.
+    drops = type("Drops", (), {"__del__": lambda _: signal.raise_signal(signal.SIGTERM)})
+    with pytest.raises(KeyboardInterrupt), stop_requests():
+        drops()
+        time.sleep(30)
+
+
+@pytest.fixture
+def called(monkeypatch):
+    """The evaluation, which ends the command when it is called."""
+    evaluate = Mock(side_effect=af.InputError("it was called"))
+    monkeypatch.setattr("archerfish.cli.evaluate.evaluate", evaluate)
+
+    def run(*words):
+        with pytest.raises(SystemExit, match="2"):
+            main(["evaluate", *map(str, words)])
+        return evaluate.call_args
+
+    return run
+
+
+def test_every_option_reaches_the_evaluation(tmp_path, called):
+    af.Robot.paper().replace(parts={"yaw": {"usable": False, "headline": "drifts"}}).save(tmp_path)
+    words = f"{tmp_path} --task static --command-limit box --world ./w.py:W --engagements 7 --seed 3".split()
+    words += ["--out", str(tmp_path / "out"), "--controllers", "no-lead", "--tuning", "start"]
+    assert called(*words) is None
+    (controllers, robot, task), more = called(*words, "--accept-unusable")
+    assert (controllers, robot.name, task.name, task.command_limit) == (("no-lead",), "paper", "static", "box")
+    assert more == {"world": "./w.py:W", "engagements": 7, "seed": 3, "tuning": "start"}
+
+
+def test_fields_of_the_task_are_changed(called):
+    (_, robot, task), _ = called("paper", "--task", "paper", "--set", "max_speed_m_s=1", "lengths_s=[3]")
+    assert task == af.Task.load("paper").replace(max_speed_m_s=1.0, lengths_s=(3.0,))
+    assert robot.digest() == af.Robot.paper().digest()
+
+
+def test_a_task_file_has_the_motion_of_the_command_line(tmp_path, called):
+    motion = f"{Path(__file__).parents[2]}/examples/departure.py:departure"
+    af.Task(motion=motion, lengths_s=(3.0,)).save(tmp_path / "task.toml")
+    (_, _, task), _ = called("--task", tmp_path / "task.toml", "--motion", motion)
+    assert (task.motion, task.lengths) == (motion, (3.0,))
+
+
+def test_the_settings_for_another_task_are_taken(monkeypatch, called):
+    monkeypatch.setattr("archerfish.cli.evaluate.tune", lambda *given: given)
+    words = "--task strafe --tuning any --command-limit box --controllers kalman no-lead"
+    _, more = called(*words.split())
+    ((name, tuned),) = more["tuning"].items()
+    assert (name, tuned[0], tuned[2]) == ("kalman", "kalman", af.Task(command_limit="box"))
+
+
+@pytest.fixture
+def folder(monkeypatch, called):
+    """Return the folder that is taken where none is given."""
+    taken = Mock(side_effect=af.InputError("it was called"))
+    monkeypatch.setattr("archerfish.storage.output_folder", taken)
+    return lambda *words: (called(*words), taken.call_args[0][0])[1]
+
+
+FOLDERS = {
+    "": "evaluation",
+    "--command-limit gate": "evaluation",
+    "--task paper": "evaluation/paper",
+    "--task paper --command-limit box --set period_s=0.04": "evaluation/paper-period_s=0.04-command_limit=box",
+    "--task paper --tuning start": "evaluation/paper-tuning=start",
+}
+
+
+@pytest.mark.parametrize("words", FOLDERS)
+def test_other_conditions_have_another_folder(words, tmp_path, folder):
+    af.Robot.paper().save(tmp_path)
+    assert folder(tmp_path, *words.split()) == tmp_path / FOLDERS[words]
+
+
+def test_code_of_one_name_from_two_files_has_two_folders(tmp_path, folder):
+    af.Task.load("paper").save(tmp_path / "...toml")
+    given = ("--world", "./w.py:W"), ("--world", "./v.py:W"), ("--task", tmp_path / "...toml")
+    found = [folder(*words) for words in given]
+    assert len(set(found)) == 3
+    assert all(path.parent == Path("runs/evaluate") for path in found)
+
+
+def test_an_unfinished_policy_of_the_robot_is_named(tmp_path, called, capsys):
+    af.Robot.paper().save(tmp_path)
+    (tmp_path / "policy").mkdir()
+    (tmp_path / "policy" / "checkpoint.safetensors").write_text("")
+    assert called(tmp_path)[0][0] == ("kalman", "kalman-lq", "oracle")
+    said = f"not finished and left out; continue it: archerfish train --resume {tmp_path}/policy\n"
+    assert said in capsys.readouterr().err

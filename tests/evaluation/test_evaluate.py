@@ -1,155 +1,314 @@
-"""Evaluation with controllers that it has never heard of."""
+"""Evaluations: what is paired, named, counted, tuned, refused and shown."""
 
-import dataclasses
-from typing import Any, NamedTuple
+import json
+import math
+from contextlib import contextmanager
+from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from archerfish.dynamics.aiming import line_of_sight
-from archerfish.evaluation.bounds.cell_bounds import Bound, CellBounds
-from archerfish.evaluation.evaluate import (
-    Entrant,
-    Ground,
-    Outcome,
-    cells,
-    comparisons,
-    compete,
-    ground_bounds,
-    perfect_aim,
-)
-from archerfish.evaluation.suites import draw_trials, table_suites
-from archerfish.paper.conditions import assumed_conditions
-from archerfish.paper.gimbal import gate_limits, printed_plants
-from archerfish.sensing.interfaces import Command, Seen, Truth, fire_always
-from archerfish.simulation.setting import make_world, paper_muzzle
+import archerfish as af
+from archerfish.controllers.aiming.oracle import make_oracle
+from archerfish.controllers.policy.network import Layer, Normaliser
+from archerfish.controllers.policy.observation import make_observer, observer_facts
+from archerfish.controllers.policy.policy import PolicyFacts
+from archerfish.controllers.registry import make_controller
+from archerfish.controllers.tuning import GRIDS, tuning_at
+from archerfish.evaluation import tuning
+from archerfish.evaluation.contenders import as_contenders
+from archerfish.evaluation.draws import draw
+from archerfish.evaluation.run import count
+from archerfish.protocols import aim
 
-CONDITIONS = assumed_conditions()
-ENGAGEMENTS = 6
+ROBOT, TASK, PAPER = af.Robot.paper(), af.Task.load("dynamic").replace(ranges_m=((2, 3),)), af.Task.load("paper")
+OTHER = ROBOT.replace(name="other", muzzle=ROBOT.muzzle.replace(speed=15.0))
+RATES = tuning.rates
+BEST = (3, -1, 0, 2)  # on the grids of kalman
 
 
-class Musketeer(NamedTuple):
-    """Points straight at what it sees, and a little beside it."""
-
-    beside: Any
-    """Pitch and yaw [rad], shape (2,)."""
-
-    def reset(self, seen: Seen, truth: Truth | None = None) -> Any:
-        return 0.0 * seen.elapsed
-
-    def step(self, state: Any, seen: Seen) -> tuple[Any, Command]:
-        sight = line_of_sight(seen.plate[..., 0, :])
-        return state, fire_always(sight + self.beside.reshape((1,) * (sight.ndim - 1) + (2,)))
+def rate(settings):
+    """A hill over the grids of kalman, which would go on beyond the bound of the velocity's decay."""
+    steps = math.log2(settings.acceleration_sd / 4.0) - BEST[0], math.log2(settings.initial_speed / 0.25) - BEST[1]
+    steps += (5.0 * (settings.velocity_decay - 1.2), settings.extra_lead_s / 0.02 - BEST[3])
+    return 0.9 - 0.01 * sum(each**2 for each in steps)
 
 
-@pytest.fixture(scope="module")
-def ground() -> Ground:
-    world = make_world(
-        **printed_plants(),
-        muzzle=paper_muzzle(CONDITIONS),
-        limits=gate_limits(),
-        command_limit="box",
-        conditions=CONDITIONS,
-    )
-    trials = draw_trials(table_suites(CONDITIONS), ENGAGEMENTS, CONDITIONS.decisions, seed=0)
-    return Ground(world, trials, "box", "paper", CONDITIONS)
+class Held:
+    """Aims where the target is, or beside it at some decisions, and fires every n-th."""
+
+    compiled = False
+
+    def __init__(self, every=1, added=None):
+        self.inner, self.every, self.added = make_controller("no-lead", ROBOT, TASK), every, added or {}
+
+    def reset(self, seen, truth=None):
+        return 0, self.inner.reset(seen)
+
+    def step(self, state, seen):
+        inner, command = self.inner.step(state[1], seen)
+        fire = (0.0 * seen.elapsed + state[0]) % self.every == 0.0
+        return (state[0] + 1, inner), aim(command.angle + self.added.get(state[0], 0.0))._replace(fire=fire)
 
 
-@pytest.fixture(scope="module")
-def outcomes(ground: Ground) -> list[Outcome]:
-    straight, beside = (Musketeer(np.array(each, np.float32)) for each in ((0.0, 0.0), (0.0, 0.02)))
-    entrants = [Entrant("athos", straight), Entrant("porthos", beside), Entrant("aramis", straight, policy_seed=4)]
-    return [*compete(ground, entrants), perfect_aim(ground)]
+def policy(kind="history", robot=ROBOT, task=PAPER, seed=0):
+    """A policy that aims where its observer does."""
+    facts = observer_facts(kind, robot, task)
+    observer = make_observer(facts)
+    size = sum(each for _, each in observer.layout())
+    zeros, ones = np.zeros(size, np.float32), np.ones(size, np.float32)
+    actor = (Layer(np.zeros((size, 2), np.float32), np.zeros(2, np.float32)),)
+    facts = PolicyFacts(observer=facts, task=task, robot=robot.record_digests(), seed=seed)
+    return af.Policy(observer, Normaliser(zeros, ones, np.float32(0.0)), actor, facts=facts)
 
 
-def test_every_entrant_has_one_cell_per_suite_under_its_own_name(ground: Ground, outcomes: list[Outcome]) -> None:
-    found = cells(ground, outcomes)
-    assert [cell.controller for cell in found[::8]] == ["athos", "porthos", "aramis", "perfect"]
-    assert {(cell.table, cell.range_m) for cell in found[:8]} == {
-        (suite.table, suite.range_m) for suite in ground.trials.suites
-    }
-    for cell in found:
-        assert (cell.shots, cell.engagements) == (ENGAGEMENTS * CONDITIONS.decisions, ENGAGEMENTS)
-        assert (cell.withheld, cell.counts) == (0, "decisions")
-        assert cell.hits_per_s == pytest.approx(cell.hits / (ENGAGEMENTS * CONDITIONS.engagement_s))
-        assert cell.low <= cell.hits / cell.shots <= cell.high
-        assert cell.hits + cell.misses_slewing + cell.misses_settled == cell.shots
-        assert cell.paper is None
-        assert (cell.setting, cell.command_limit) == ("paper", "box")
-    assert {cell.policy_seed for cell in found[16:24]} == {4}
+def short(robot, task):
+    """A controller for engagements of half a second alone."""
+    return {(0.5,): Held()}[task.lengths_s]
 
 
-def test_every_controller_has_the_bound_that_holds_of_it(ground: Ground, outcomes: list[Outcome]) -> None:
-    bounds = [
-        CellBounds(Bound(0.9 + index / 100, 0.0, "hindsight"), Bound(0.8, 0.002, "combined")) for index in range(8)
-    ]
-    athos, _, _, perfect = outcomes
-    seer = dataclasses.replace(athos, name="seer", needs_truth=True)
-    found = cells(ground, [athos, seer, perfect], bounds)
-    assert {(cell.bound, cell.bound_error, cell.bound_kind) for cell in found[:8]} == {(0.8, 0.002, "combined")}
-    assert [cell.bound for cell in found[8:16]] == [each.hindsight.value for each in bounds]
-    # Perfect aim is a way of scoring: no gimbal moved.
-    assert {cell.bound for cell in found[16:]} == {None}
-    # Who fires the easy shots alone may hit more of them.
-    suites = tuple(dataclasses.replace(each, counts="shots") for each in ground.trials.suites)
-    chosen = dataclasses.replace(ground, trials=dataclasses.replace(ground.trials, suites=suites))
-    assert {cell.bound for cell in cells(chosen, [athos], bounds)} == {None}
-    assert {cell.bound for cell in cells(ground, outcomes)} == {None}
+ELSEWHERE = Held()  # a policy of another robot, as far as an evaluation looks
+ELSEWHERE.facts = PolicyFacts(observer=observer_facts("paper", ROBOT, TASK), task=TASK, robot={"pitch": "another"})
+COUNTS = [*product(("engagements", "seed"), ("10", 10.0, True, -1)), ("engagements", 1), ("engagements", 10**9)]
+REFUSED = [
+    # The first two are found at some decision, the others before anything is shot.
+    ("controllers", Held(added={3: ()}), r"test_evaluate.py:Held: line \d+: ValueError: .* broadcast.*; correct it"),
+    ("controllers", Held(added={9: math.nan}), "a pitch of nan rad at decision 10, in 4 of 4 engagements, expected"),
+    ("controllers", ELSEWHERE, "was trained for another robot than paper; name that robot's folder"),
+    ("controllers", (), "there is none; give one"),
+    ("controllers", ("kalman", "kalmn"), "got 'kalmn'; perhaps you meant kalman"),
+    ("controllers", Path("nowhere"), "controller must be one of kalman, .*, got 'nowhere'"),
+    ("controllers", {"": "no-lead"}, "controllers: a name must have 1…1000 characters, got ''"),
+    ("controllers", ["no-lead", ["kalman"]], "controller: expected a name, .* got one of type list; give"),
+    ("controllers", ("no-lead", short), r"test_evaluate.py:short: line \d+: KeyError"),
+    ("robot", OTHER, "kalman-paper has settings of the paper's robot alone, got other"),
+    ("world", object(), "world: expected ./FILE.py:NAME, .* got one of type object"),
+    *((name, value, f"{name} must be a whole number, .*, got {value!r}; choose another") for name, value in COUNTS),
+]
 
 
-def test_who_needs_the_truth_is_known_by_it(ground: Ground) -> None:
-    class Seer(Musketeer):
-        @property
-        def needs_truth(self) -> bool:
-            return True
-
-    entrants = [Entrant("athos", Musketeer(np.zeros(2, np.float32))), Entrant("seer", Seer(np.zeros(2, np.float32)))]
-    assert [each.needs_truth for each in compete(ground, entrants)] == [False, True]
+@pytest.fixture(autouse=True)
+def uncompiled(monkeypatch):
+    """Evaluate in NumPy, where a test asks for nothing else: to compile takes longer than some engagements."""
+    monkeypatch.setattr("archerfish.evaluation.run.has_jax", lambda: False)
 
 
-def test_bounds_of_a_ground_lie_above_what_is_hit(ground: Ground, outcomes: list[Outcome]) -> None:
-    bounds = ground_bounds(ground, seed=0)
-    assert bounds is not None
-    for cell in cells(ground, outcomes[:1], bounds):
-        assert cell.bound is not None
-        assert cell.rate < cell.bound <= 1.0
+@pytest.fixture
+def searched(monkeypatch):
+    """Names that were searched for, on the hill instead of in a simulator."""
+    names = []
+    monkeypatch.setattr(tuning, "rates", lambda name, robot, task: names.append(name) or rate)
+    monkeypatch.setenv("ARCHERFISH_CACHE", "off")
+    return names
 
 
-def test_counts_are_those_of_the_shots(ground: Ground, outcomes: list[Outcome]) -> None:
-    found = cells(ground, outcomes[:1])
-    settled = CONDITIONS.control_period_s * np.arange(1, CONDITIONS.decisions + 1) >= CONDITIONS.settled_after_s - 1e-9
-    for index, cell in enumerate(found):
-        hit = outcomes[0].hit[index]
-        assert cell.hits == hit.sum()
-        assert cell.misses_settled == (~hit)[:, settled].sum()
+def test_equal_names_get_a_number_and_all_have_the_same_engagements_and_dispersion():
+    results = af.evaluate(["no-lead", Held(), "no-lead", Held()], task=TASK, engagements=4)
+    assert [each.controller for each in results.cells] == ["no-lead", "Held", "no-lead-2", "Held-2"]
+    assert len({each.hits_by_engagement for each in results.cells}) == 1
+    assert af.evaluate("no-lead", task=TASK, engagements=4, seed=1).cells[0].hits != results.cells[0].hits
 
 
-def test_the_same_aim_under_two_names_makes_the_same_shots(outcomes: list[Outcome]) -> None:
-    athos, porthos, aramis, perfect = outcomes
-    np.testing.assert_array_equal(athos.hit, aramis.hit)
-    assert perfect.hit.mean() > athos.hit.mean() > porthos.hit.mean()
+def test_a_cell_of_two_tasks_is_joined_once():
+    beside = af.evaluate("no-lead", task=TASK.replace(motion="paper"), engagements=4)
+    results = af.evaluate(["no-lead", Held()], task=TASK, engagements=4)
+    assert beside.cells[1].hits == results.cells[0].hits
+    assert {each.key for each in beside.join(results).cells} == {each.key for each in beside.cells[:1] + results.cells}
 
 
-def test_trained_entrants_are_compared_in_pairs(ground: Ground, outcomes: list[Outcome]) -> None:
-    found = comparisons(ground, outcomes, against="porthos")
-    assert [(each.controller, each.against, each.policy_seed) for each in found] == [("aramis", "porthos", 4)] * 8
-    for index, each in enumerate(found):
-        expected = outcomes[2].hit[index].mean() - outcomes[1].hit[index].mean()
-        assert each.difference == pytest.approx(expected)
-        assert each.low <= expected <= each.high
-    assert comparisons(ground, outcomes, against="nobody") == []
+def test_engagements_have_room_in_memory_and_in_the_file_of_results(refused, monkeypatch, tmp_path):
+    refused("engagements must be a whole number, 1….* room for", af.rollout, "no-lead", task=TASK, engagements=10**9)
+    monkeypatch.setattr("archerfish.evaluation.draws.MOST_COUNTS", 2 * 2 * 4)  # cells, controllers, engagements
+    task = TASK.replace(ranges_m=((1.0, 2.0), (2.0, 3.0)))
+    pair = ["no-lead", Held()]
+    refused("2…4, which results.json has room for, got 5", af.evaluate, pair, task=task, engagements=5)
+    monkeypatch.setattr("archerfish.evaluation.results.MOST_COUNTS", 15)
+    results = af.evaluate(pair, task=task, engagements=4)
+    refused(r"more.json: 16 engagements of all cells, .* at most 15", results.save, tmp_path / "more.json")
 
 
-def test_progress_hears_of_every_entrant(ground: Ground) -> None:
-    heard: list[str] = []
-    entrants = [Entrant(name, Musketeer(np.zeros(2, np.float32))) for name in ("athos", "porthos")]
-    compete(ground, entrants, heard.append)
-    assert heard == ["athos", "porthos"]
+def test_progress_says_which_controller_is_compiled_first(monkeypatch):
+    pytest.importorskip("jax")
+    monkeypatch.setattr("archerfish.evaluation.run.has_jax", lambda: True)
+    shown = []
+
+    @contextmanager
+    def bar(*_):
+        yield lambda *progress: shown.append(progress)
+
+    monkeypatch.setattr("archerfish.reports.progress.bar", bar)
+    af.evaluate(["no-lead", Held()], task=TASK, engagements=4)
+    assert shown == [(0, "compiling, no-lead"), (200, "no-lead"), (200, "Held"), (400, "Held")]
 
 
-def test_what_was_asked_of_the_yaw_axis_is_the_jump_to_the_target(ground: Ground, outcomes: list[Outcome]) -> None:
-    # Under `box` the first command jumps from rest to the line of sight; the largest one is the largest bearing.
-    vertex = ground.trials.engagements.motion.position(np.zeros(len(ground.trials.draws), np.float32))
-    bearing = np.abs(np.arctan2(vertex[:, 1], vertex[:, 0])).max()
-    asked = outcomes[0].yaw_acceleration
-    assert asked == pytest.approx(bearing / CONDITIONS.control_period_s**2, rel=0.01)
+def test_a_decision_without_fire_is_a_miss_and_changes_no_other_shot():
+    (cell,) = af.evaluate(Held(every=2), task=TASK, engagements=4).cells
+    hit = af.rollout(Held(), task=TASK, engagements=4).hit
+    assert (cell.hits, cell.shots, cell.withheld, cell.decisions) == (hit[:, ::2].sum(), 100, 100, 200)
+
+
+def test_the_papers_figures_stand_beside_what_is_the_papers_alone():
+    both, paper = PAPER.replace(ranges_m=((2, 3),)), policy("paper")
+    given = {"ours": paper, "again": policy("paper", seed=1), "history": policy(), "kalman": "kalman-paper"}
+    given["strafe"] = policy("paper", task=PAPER.replace(motion="strafe"))
+    results = af.evaluate(given, ROBOT, both, engagements=2)
+    assert {cell.table for cell in results.cells} == {"II", "III"}
+    assert {cell.controller for cell in results.cells if cell.paper} == {"ours", "again", "kalman"}
+    assert [repr(results).count(f"paper: {name} (printed)") for name in ("PPO", "Kalman")] == [2, 2]
+    departure = Path(__file__).parents[2] / "examples" / "departure.py"
+    wide, fast, own = ({"hit_radius_m": 0.3}, {"max_speed_m_s": 1.0}, {"motion": f"{departure}:departure"})
+    for robot, changes in ((ROBOT, wide), (ROBOT, fast), (ROBOT, own), (OTHER, {})):
+        unlike = af.evaluate({"ours": paper}, robot, both.replace(**changes), engagements=2)
+        assert {(cell.table, cell.paper) for cell in unlike.cells} == {(None, None)}
+
+
+def test_a_field_that_is_not_as_usual_stands_in_the_heading():
+    results = af.evaluate("no-lead", ROBOT, TASK.replace(hit_radius_m=0.3, name="large"), engagements=2)
+    assert "dynamic targets: paper, task large, limit gate, engagements of 1 s; hit_radius_m 0.3\n" in repr(results)
+
+
+def test_what_is_unlike_the_training_of_a_policy_is_said():
+    ours = {"ours": policy(), "kalman": "no-lead"}
+    assert af.evaluate(ours, ROBOT, TASK, engagements=2).remarks == ()
+    results = af.evaluate(ours, OTHER, TASK.replace(motion="pass", command_limit="box", lateral_m=0.1), engagements=2)
+    unlike = "targets paper (here pass), limit gate (here box), lateral_m 0.7 (here 0.1), another robot's records"
+    assert results.remarks == (f"ours was trained for {unlike}.",)
+    assert f"{results.remarks[0]}" in repr(results).replace("\n", " ")
+    assert results.remarks[0] in results.report.doubts
+
+
+def test_accelerations_count_from_the_rest_that_an_engagement_begins_with():
+    task = TASK.replace(motion="static", start=(0.0, 0.3))
+    (cell,) = af.evaluate("no-lead", task=task, engagements=4).cells
+    shots = af.rollout("no-lead", task=task, engagements=4)
+    yaw = np.stack([shots.in_force, shots.shot.angle])[..., 1].astype(float)
+    bends = np.diff(np.pad(yaw, ((0, 0), (0, 0), (2, 0)), constant_values=0.3), n=2)
+    assert cell.yaw_rad_s2 == pytest.approx(np.abs(bends).max() / 0.02**2, rel=1e-2)
+
+
+def test_a_fault_of_ours_keeps_its_traceback(monkeypatch):
+    def step(self, state, seen):
+        raise KeyError("ours")
+
+    monkeypatch.setattr("archerfish.controllers.aiming.direct.DirectAim.step", step)
+    with pytest.raises(KeyError, match="ours"):
+        af.rollout("kalman-paper", task=TASK, engagements=4)
+
+
+def test_a_search_finds_the_best_setting_and_tries_all_beside_it():
+    found = tuning.search("kalman", rate)
+    tried = [settings for settings, _ in found.tried]
+    assert (found.tuning, found.hit_rate) == (tuning_at("kalman", BEST), max(value for _, value in found.tried))
+    for (axis, grid), by in product(enumerate(GRIDS["kalman"].values()), (-1, 1)):
+        beside = tuning_at("kalman", (*BEST[:axis], BEST[axis] + by, *BEST[axis + 1 :]))
+        assert (beside in tried) == (grid.last is None or by < 0)
+    endless = tuning.search("kalman", lambda settings: 0.5 + settings.extra_lead_s - math.log(settings.initial_speed))
+    assert len(tried) < len(endless.tried) <= tuning.BUDGET
+
+
+def test_what_is_tuned_shoots(searched):
+    best = tuning_at("kalman", BEST)
+    settings = "kept", {"kalman": best}, "start"
+    tuned, given, start = (af.evaluate("kalman", OTHER, TASK, engagements=4, seed=1, tuning=each) for each in settings)
+    assert tuned.tuning == given.tuning == {"other/gate/dynamic/kalman": best}
+    assert start.tuning == {"other/gate/dynamic/kalman": tuning_at("kalman")}
+    assert start.remarks == ('Classical controllers have the settings where the search begins (tuning="start").',)
+    world, controller = af.make_world(OTHER, TASK), make_controller("kalman", OTHER, TASK, best)
+    hit = count(world, controller, *draw(TASK.cells(), 4, 1, "evaluation")).hit
+    assert tuned.cells[0].hits_by_engagement == given.cells[0].hits_by_engagement == (*hit.sum(axis=1),)
+    assert hit.sum() != start.cells[0].hits
+    shots = af.rollout("kalman", OTHER, TASK, engagements=4, seed=1, tuning=best)
+    assert shots.hit.sum() == hit.sum()
+
+
+def test_the_rate_that_is_tuned_is_of_other_draws(searched, monkeypatch):
+    best = tuning_at("kalman", BEST)
+    world, controller = af.make_world(OTHER, TASK), make_controller("kalman", OTHER, TASK, best)
+    monkeypatch.setattr(tuning, "ENGAGEMENTS", 32)
+    expected = count(world, controller, *draw(TASK.cells(), 4, 0, "tuning")).hit.mean()
+    assert RATES("kalman", OTHER, TASK)(best) == pytest.approx(expected)
+
+
+def test_a_terminal_shows_tuning_and_evaluation(searched, monkeypatch, capsys):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    results = af.evaluate(["kalman", "no-lead"], OTHER, TASK, engagements=4)
+    shown = capsys.readouterr().err
+    texts = ("tuning", "settings/s", "kalman, best 89.", "evaluating", "no-lead", "400/400")
+    assert [text for text in texts if text not in shown] == []
+    assert {*results.durations} == {"checks", "tuning", "evaluation"}
+
+
+def test_what_is_no_tuning_is_refused(refused):
+    for value in ("best", {"kalmn": 1}, {"kalman": 2}):
+        refused("tuning: expected .*a Tuning", af.evaluate, "kalman", task=TASK, tuning=value)
+
+
+def test_a_controller_is_made_once_for_each_length(monkeypatch):
+    made = []
+    build = "archerfish.controllers.registry.make_oracle"
+    monkeypatch.setattr(build, lambda robot, task: made.append(task.lengths) or make_oracle(robot, task))
+    results = af.evaluate("oracle", task=TASK.replace(lengths_s=(0.5, 1.0)), engagements=4)
+    assert (made, len(results.cells)) == ([(0.5,), (1.0,)], 2)
+
+
+def test_trainings_that_differ_in_more_than_their_seed_are_two_controllers():
+    trained = [policy(), policy(seed=1), policy("paper", seed=2)]
+    found = as_contenders(trained)
+    assert [f"{each.name} {each.seed}" for each in found] == ["policy 0", "policy 1", "policy-2 2"]
+
+
+def test_a_world_of_one_s_own_is_not_joined_with_ours_of_that_name(refused):
+    ours = af.evaluate("no-lead", task=TASK, engagements=2)
+    own = af.evaluate("no-lead", task=TASK, engagements=2, world=lambda robot, task: af.make_world(robot, task))
+    refused("robots: paper differs", ours.join, own)
+
+
+def test_a_motion_of_one_s_own_has_not_the_name_of_ours(refused):
+    def strafe(place, speed, uniforms):
+        """A motion that is never called."""
+
+    refused("strafe is the name of a motion of ours", af.evaluate, "no-lead", task=strafe)
+
+
+def test_a_tuning_is_kept_for_its_robot_and_task(searched, tmp_path, monkeypatch):
+    monkeypatch.setenv("ARCHERFISH_CACHE", str(tmp_path / "cache"))
+    OTHER.save(tmp_path)
+    places = [af.Robot.load(tmp_path), OTHER]  # a robot's folder, and the user's cache
+    for robot, name in product(places * 2, ("one", "another")):
+        assert af.tune("kalman", robot, TASK.replace(name=name)) == tuning_at("kalman", BEST)
+    assert (len(searched), len([*tmp_path.glob("tuning.json"), *tmp_path.glob("cache/tuning/*.json")])) == (2, 2)
+    af.tune("kalman", places[0], TASK.replace(command_limit="box"))
+    af.tune("kalman", OTHER.replace(muzzle=ROBOT.muzzle.replace(speed=16.0)), TASK)
+    assert len(searched) == 4
+    monkeypatch.setenv("ARCHERFISH_CACHE", "off")
+    af.tune("kalman", OTHER, TASK)
+    for lengths in ((), (1.0,)):
+        af.tune("kalman", ROBOT, af.Task.load("paper").replace(lengths_s=lengths))  # comes with Archerfish
+    assert len(searched) == 5
+    for field in ("version", "grids"):  # of another version of the program, or of code that was edited
+        content = json.loads((tmp_path / "tuning.json").read_text())
+        (tmp_path / "tuning.json").write_text(json.dumps(content | {"tunings": [content["tunings"][0] | {field: "?"}]}))
+        af.tune("kalman", places[0], TASK)
+    assert len(searched) == 7
+
+
+def test_a_name_without_settings_is_not_tuned(refused):
+    for name in ("kalmn", "no-lead", "kalman-paper", 3):
+        refused(f"controller must be one of kalman, .*, got {name!r}", af.tune, name, ROBOT, PAPER)
+
+
+def test_without_jax_the_counts_are_the_same(run_python, monkeypatch):
+    monkeypatch.undo()
+    code = "import archerfish as a\nprint([x.hits for x in a.evaluate(['kalman'], task='paper', engagements=4).cells])"
+    here = [each.hits for each in af.evaluate(["kalman"], task="paper", engagements=4).cells]
+    assert run_python(code, blocked=("jax",)) == f"{here}\n"
+
+
+@pytest.mark.parametrize(("name", "value", "complaint"), REFUSED)
+def test_what_can_not_be_evaluated_is_refused_before_a_shot(name, value, complaint, refused, monkeypatch):
+    monkeypatch.setattr(tuning, "rates", None)
+    if value not in [late for _, late, _ in REFUSED[:2]]:
+        monkeypatch.setattr("archerfish.evaluation.evaluate.count", None)
+    usual = {"controllers": ("no-lead", "kalman-paper"), "task": TASK.replace(lengths_s=(0.5, 1.0)), "engagements": 4}
+    refused(complaint, af.evaluate, **usual | {name: value})

@@ -1,88 +1,49 @@
-"""`archerfish export`: a policy as one file that runs without us."""
+"""`archerfish export`: a controller as a C file or an ONNX model."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-import tyro
-from rich.console import Console
-
-from archerfish.cli.interrupts import without_interrupts
-from archerfish.cli.options import JsonFile, Switch
-from archerfish.cli.outputs import Outputs
-from archerfish.cli.progress import note
-from archerfish.deployment.export import export_policy
-from archerfish.deployment.onnx_model import OPSET
-from archerfish.records import storage
-from archerfish.records.errors import file_error
+from archerfish.cli.options import Ending, ForRobot, shown
+from archerfish.codegen.export import export
+from archerfish.controllers.registry import NAMES
+from archerfish.errors import InputError
 
 
 @dataclass(frozen=True)
-class Export:
-    """Write a policy as an ONNX file that runs without Archerfish.
+class Export(ForRobot):
+    """Write a controller as a C file, or as an ONNX model, that decides as it does here.
 
-    One run of the file is one decision: what the robot sees goes in as it is, pitch and yaw come out. Filters, aim,
-    normalisation and clips are inside; what the policy remembers goes in and out as one array. Its metadata tell units,
-    frame, inputs, decision period and the hash of the policy's record. Needs the extra export.
+    - NAME.c and NAME.h: C99 that calls nothing but math.h, allocates nothing and has no global state: a struct of what
+      is seen in, a command within the robot's limits out; C++ includes the header. Or NAME.onnx
+    - the file is compared with NumPy where a C compiler (or ONNX Runtime) is installed, and has a self-test inside
+    - a policy is exported for the robot and the task that it was trained for; a classical controller is tuned for ROBOT
+      and the task, in a few minutes, unless evaluate has done so
 
     Examples:
-      archerfish export runs/train
-      archerfish export runs/train/policy.json --format onnx --out infantry.onnx
+      archerfish export my-robot
+      archerfish export my-robot --controller imm-lq --out imm_lq.c
+      archerfish export --controller runs/train --out policy.onnx
     """
 
-    policy: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RUN|POLICY")]
-    """Run folder of train, or policy record (policy.json; its arrays lie beside it)."""
-    format: Literal["onnx"] = "onnx"
-    """Format of the file."""
-    out: Annotated[
-        Path | None,
-        tyro.conf.arg(metavar="FILE.onnx", help_behavior_hint="(default: the policy's name, ending in .onnx)"),
-    ] = None
-    """File to write."""
-    check: Switch = True
-    """Leave out the comparison of the file, run by ONNX Runtime where that is installed, with the policy."""
-    seed: int = 0
-    """Not used; nothing is random."""
-    overwrite: bool = False
-    """Replace files that this command did not write; never what it reads."""
-    json: JsonFile = None
-    """Also write the metadata to this file."""
+    controller: Annotated[str, shown("NAME|FOLDER")] = ""
+    """A policy's file or folder, or kalman, kalman-lq, imm-lq, parabola-lq or no-lead; ROBOT/policy, or runs/train."""
+    out: Annotated[Path | None, shown("FILE")] = None
+    """What to write, NAME.c or NAME.onnx; policy.c, or the controller's name, in ROBOT, or here."""
+    tuning: Annotated[Literal["kept", "start"], shown("kept|start", "(default: kept)")] = "kept"
+    """Settings of a classical controller: those that are kept, which are searched for where there are none, or those
+    where the search begins."""
 
-    def outputs(self) -> Outputs:
-        """Return what the command writes."""
-        return Outputs(named=(self.out or _policy_file(self).with_suffix(".onnx"),))
-
-
-def run_export(command: Export) -> dict[str, Any]:
-    """Write the file, print how to call it, and return what --json writes.
-
-    Raises:
-      InputError: if the policy can't be used, the file can't be written, or onnx is missing.
-    """
-    policy = _policy_file(command)
-    if not policy.is_file() and policy != command.policy:
-        raise file_error(command.policy, "is a folder without policy.json", "name a run folder of archerfish train")
-    (out,) = command.outputs().named
-    with without_interrupts():
-        storage.check_writable(out.parent)
-    facts = export_policy(policy, out, command.check)
-    console = Console(highlight=False, soft_wrap=True)
-    kind, period = facts["observation"]["kind"], facts["decision_period_s"]
-    console.print(
-        f"{out}: {kind} policy, opset {OPSET}, {facts['bytes'] / 1024:.0f} KiB, a decision every {1e3 * period:g} ms"
-    )
-    for name, told in facts["inputs"].items():
-        shape = ", ".join(map(str, told["shape"]))
-        unit = f" [{told['unit']}]" if told["unit"] else ""
-        console.print(f"  {name:<11} ({shape}) {told['meaning']}{unit}", markup=False)
-    others = ", ".join(name for name in facts["outputs"] if name != "angle_command")
-    console.print(f"  → angle_command (batch, 2) pitch and yaw before all limits [rad], {others}", markup=False)
-    if facts["checked_rad"] is not None:
-        console.print(f"checked: ONNX Runtime commands the same as NumPy, to {1e6 * facts['checked_rad']:.2g} µrad")
-    elif command.check:
-        note("the file was not run, since onnxruntime is not installed; pip install 'archerfish[export]'")
-    return {"file": str(out), **facts}
-
-
-def _policy_file(command: Export) -> Path:
-    return command.policy / "policy.json" if command.policy.is_dir() else command.policy
+    def run(self, _: str = "") -> Ending:
+        """Export."""
+        controller = self.controller or str(self.folder / "policy" if self.folder else Path("runs/train"))
+        if not self.controller and not Path(controller).exists():
+            raise InputError(f"{controller}: no such policy; train it, or name --controller")
+        stem = controller.replace("-", "_") if controller in NAMES else "policy"
+        out = self.out or (self.folder or Path()) / f"{stem}.c"
+        robot, task = self.robot_and_task()
+        report = export(controller, out, robot, task, tuning=self.tuning)
+        written, step = f"{out}", "docs/export.md runs it in Python and C++"
+        if out.suffix == ".c":
+            written, step = f"{out} and {out.with_suffix('.h')}", f"cc -O2 -ffp-contract=off -c {out} (docs/export.md)"
+        return Ending(f"{report}", f"wrote {written}", step)

@@ -1,48 +1,51 @@
-"""The command line: `archerfish COMMAND`, one short file per command.
+"""The command line: finds the command, prints faults in one line, and ends with the right status."""
 
-A command is a frozen dataclass, whose fields are its options, and a function that runs it and returns what --json
-writes. This module imports nothing that takes long: signals are answered from the first moment on.
-"""
-
-import difflib
+import ast
+import contextlib
+import dataclasses
 import gc
 import importlib
-import multiprocessing.util
+import inspect
+import io
+import itertools
 import os
-import signal
+import shlex
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext, redirect_stdout, suppress
+import time
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NoReturn
 
 from archerfish import __version__
-from archerfish.cli.interrupts import Stopped, stop_requests
-from archerfish.records.errors import InputError, one_line
+from archerfish.cli.options import Ending
+from archerfish.cli.signals import Stopped, stop_requests
+from archerfish.errors import InputError, meant, one_line
 
 INPUT_ERROR = 2
-INTERRUPTED = 130
-TERMINATED = 143
-
+_IDENTIFY = ("identify", "identify axis", "identify muzzle", "identify sensing")
+_NAMES = (
+    "record",
+    *_IDENTIFY,
+    "excite",
+    "train",
+    "evaluate",
+    "view",
+    "export",
+    "transfer",
+    "reproduce",
+    "sweep",
+    "report",
+)
+_CLASSES = {
+    "record": "RecordRobot",
+    "report": "WriteReport",
+    "view": "ViewRobot",
+}  # whose usual names are those of other things
 COMMANDS = {
-    "reproduce": ("archerfish.cli.reproduce", "Reproduce", "run_reproduce"),
-    "excite": ("archerfish.cli.excite", "Excite", "run_excite"),
-    "record": ("archerfish.cli.record", "Record", "run_record"),
-    "range": ("archerfish.cli.range", "Range", "run_range"),
-    "identify gimbal": ("archerfish.cli.identify_gimbal", "IdentifyGimbal", "run_gimbal"),
-    "identify rigid": ("archerfish.cli.identify_rigid", "IdentifyRigid", "run_rigid"),
-    "identify sensing": ("archerfish.cli.identify_sensing", "IdentifySensing", "run_sensing"),
-    "identify muzzle": ("archerfish.cli.identify_muzzle", "IdentifyMuzzle", "run_muzzle"),
-    "transfer": ("archerfish.cli.transfer", "Transfer", "run_transfer"),
-    "train": ("archerfish.cli.train", "Train", "run_train"),
-    "sweep": ("archerfish.cli.sweep", "Sweep", "run_sweep"),
-    "evaluate": ("archerfish.cli.evaluate", "Evaluate", "run_evaluate"),
-    "report": ("archerfish.cli.report", "Report", "run_report"),
-    "export": ("archerfish.cli.export", "Export", "run_export"),
-    "view": ("archerfish.cli.view", "View", "run_view"),
+    name: (f"archerfish.cli.{name.replace(' ', '_')}", _CLASSES.get(name, name.title().replace(" ", "")))
+    for name in _NAMES
 }
-"""Command → module, options, function. Named, not imported: a command waits for the libraries of no other one, and
-Ctrl-C while they load is answered like any other."""
-
+"""Command → module and class. Named, not imported: a command waits for the libraries of no other one."""
 _OVERVIEW = """\
 usage: archerfish COMMAND [OPTIONS]
 
@@ -51,176 +54,105 @@ Archerfish {version}: from gimbal logs to a policy that out-shoots classical aut
 commands:
 {commands}
 
-examples:
-  archerfish reproduce --quick
-  archerfish identify gimbal sweep.csv step.csv --axis pitch --out runs/my-robot
-  archerfish train --command-limit gate --out runs/train
-  archerfish evaluate runs/train/policy.json
-  archerfish view runs/train
-
-archerfish COMMAND --help tells the options of a command; archerfish --version the version.
-A fault ends in one line and status 2, Ctrl-C in status 130, but 0 where it is the way to end (view); neither leaves
-anything half-written. No command writes over what it reads, and without --overwrite over what it did not write itself.
-A training that was stopped goes on with archerfish train --resume FOLDER."""
+archerfish COMMAND --help explains a command and its options; archerfish --version prints the version.
+A fault ends with one line and status 2, Ctrl-C with status 130; neither leaves anything half-written. No command
+replaces what it reads, nor, without --overwrite, what it did not write itself."""
 
 
-def program() -> None:
-    """Run as the console script: like `main`, but after Ctrl-C or SIGTERM the process ends at once.
-
-    The usual way out of the interpreter takes down what a compiler's threads still use, and crashes.
-    """
-    with stop_requests(may_exit=True) as requests:
-        try:
-            main()
-        except SystemExit as ended:
-            if ended.code in (INTERRUPTED, TERMINATED):
-                _exit(ended.code)
-            raise
-        requests.at_once = True
-        if requests.came:
-            _exit(128 + requests.came)
-    gc.freeze()  # the interpreter, on its way out, would look through all that is left for cycles
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        # The interpreter, on its way out, would drop a KeyboardInterrupt.
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
-def _exit(status: int) -> NoReturn:
+def program() -> NoReturn:
+    """Run as a program: the arguments of the process, and its exit status."""
+    # Many threads make the small matrix products of a robot's model slower; set before NumPy is imported.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError):  # the reader has gone
-            stream.flush()
-    # What it shared with workers is given back, else Python complains.
-    multiprocessing.util._exit_function()  # type: ignore[attr-defined]
-    os._exit(status)
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command; a wrong argument or file ends in one line and exit status 2, Ctrl-C in 130, SIGTERM in 143.
-
-    Args:
-      arguments: without the program's name; those of the process if not given.
-    """
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    error: BaseException | None = None
-    with stop_requests() as requests:
-        try:
+        if isinstance(stream, io.TextIOWrapper):  # a terminal of another encoding has no place for some characters
+            stream.reconfigure(errors="replace")
+    try:
+        with stop_requests():
             try:
-                _answer(words)
+                main(sys.argv[1:])
+            finally:
                 sys.stdout.flush()
-            except BaseException as raised:
-                error = raised
-            requests.settle()
-        except Stopped as late:
-            error = late
-            requests.settle()
-        if requests.came and not isinstance(error, Stopped):
-            # Dropped or made into another error by a library, or too late for the command to notice.
-            error = Stopped(requests.came)
-        try:
-            _end(error)
-        finally:
-            del error  # it holds this frame, which holds it
-
-
-def _end(error: BaseException | None) -> None:
-    """Exit with what a command ended by, if that was an error."""
-    if isinstance(error, InputError):
-        _fail(f"error: {error}" + (f" ({error.code})" if error.code else ""), INPUT_ERROR)
-    if isinstance(error, Stopped):
-        _fail(error.told, error.status)
-    if isinstance(error, KeyboardInterrupt):
-        _fail("interrupted; what was unfinished is discarded", INTERRUPTED)
-    if isinstance(error, BrokenPipeError):
-        # The reader of our output has gone; Python would complain once more when it flushes at exit.
+    except BrokenPipeError:  # the reader of the output has gone, and Python would flush once more
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
-    if error is not None:
-        raise error
+    except Stopped as stopped:
+        print(f"archerfish: {stopped.word}", file=sys.stderr)  # noqa: T201
+        sys.stdout.flush()
+        sys.stderr.flush()
+        status = stopped.status
+    else:
+        sys.exit(0)
+    gc.collect()  # frees the semaphores of worker processes, of which Python would warn
+    os._exit(status)  # the usual end would free what a compiler's threads still use
 
 
-def _answer(words: list[str]) -> None:
-    if words == ["--version"]:
-        print(f"archerfish {__version__}")  # noqa: T201
-        return
-    for name in COMMANDS:
-        length = len(name.split())
-        if words[:length] == name.split():
-            kind, function = load(name)
-            run(_read(kind, f"archerfish {name}", words[length:]), function)
-            return
-    if words in (["-h"], ["--help"], ["identify", "-h"], ["identify", "--help"]):
-        print(overview(words[0] if words[1:] else ""))  # noqa: T201
-        return
-    found = f"no command {' '.join(words[:2])!r}" if words else "no command given"
-    raise InputError(f"{found}, expected one of {', '.join(COMMANDS)}; {_meant(words)}see archerfish --help")
-
-
-def _meant(words: Sequence[str]) -> str:
-    """Return the command that a mistyped one is close to, word by word, as the end of a sentence; empty if none is."""
-    names = [name.split() for name in COMMANDS]
-    found: list[str] = []
-    for word in words[:2]:
-        following = {name[len(found)]: None for name in names if len(name) > len(found) and name[: len(found)] == found}
-        found += difflib.get_close_matches(word.lower(), following, 1)
-    return f"perhaps you meant {' '.join(found)}; " if " ".join(found) in COMMANDS else ""
-
-
-def _read(kind: type, program: str, words: Sequence[str]) -> Any:
-    from archerfish.cli.parsing import parse
-
-    command: Any = parse(kind, program, words)
-    # A command that goes on with an earlier one takes the options of that one where the words give none.
-    if hasattr(command, "resumed"):
-        return command.resumed(lambda default: parse(kind, program, words, default))
-    return command
-
-
-def load(name: str) -> tuple[type, Callable[[Any], dict[str, Any]]]:
-    """Return the options of a command and the function that runs it."""
-    module, kind, function = COMMANDS[name]
-    # What is imported stays: looking for cycles in it, while it grows and ever after, is a tenth of the time.
-    collecting = gc.isenabled()
-    gc.disable()
-    try:
-        loaded = importlib.import_module(module)
-    finally:
-        if collecting:
-            gc.enable()
-    gc.freeze()
-    return getattr(loaded, kind), getattr(loaded, function)
-
-
-def overview(beginning: str = "") -> str:
-    """Return what `archerfish --help` prints, with the commands whose names have a beginning."""
-    from archerfish.cli.parsing import summary
-
-    rows = [f"  {name:<17}{summary(load(name)[0])}" for name in COMMANDS if name.startswith(beginning)]
-    return _OVERVIEW.format(version=__version__, commands="\n".join(rows))
-
-
-def run(command: Any, function: Callable[[Any], dict[str, Any]]) -> None:
-    """Run a parsed command and write its JSON where it asks for it.
+def main(arguments: Sequence[str]) -> None:
+    """Run a command.
 
     Args:
-      command: its options.
-      function: runs it and returns what --json writes.
+      arguments: the command and its options.
 
     Raises:
-      InputError: if an argument or a file can't be used.
+      SystemExit: with the status, if it is not 0.
     """
-    from archerfish.cli.json_output import STDOUT, write_json_output
-    from archerfish.cli.outputs import check_outputs
+    words = 2 if " ".join(arguments[:2]) in COMMANDS else 1
+    name = " ".join(arguments[:words]) or "--help"
+    try:
+        if name == "--version":
+            print(__version__)  # noqa: T201
+        elif name in ("--help", "-h"):
+            lines = [f"  {command:<17} {_summary(command)}" for command in COMMANDS]
+            print(_OVERVIEW.format(version=__version__, commands="\n".join(lines)))  # noqa: T201
+        elif name not in COMMANDS:
+            remedy = meant(name, COMMANDS, "archerfish --help lists them")
+            raise InputError(f"there is no command {name!r}, expected one of {', '.join(COMMANDS)}; {remedy}")
+        else:
+            options, begun = arguments[words:], time.monotonic()
+            ending = _options(name, options).run(shlex.join(options))
+            if ending:
+                print(_last_lines(ending, time.monotonic() - begun))  # noqa: T201
+    except InputError as error:
+        print(f"archerfish: {one_line(str(error))}", file=sys.stderr)  # noqa: T201
+        sys.exit(INPUT_ERROR)
 
-    if command.seed not in range(2**32):
-        raise InputError(f"--seed must be within 0…{2**32 - 1}, got {command.seed}")
-    check_outputs(command)
-    # What is printed goes elsewhere, where standard output is to hold JSON and nothing else.
-    with redirect_stdout(sys.stderr) if command.json == STDOUT else nullcontext():
-        result = function(command)
-    if command.json is not None:
-        write_json_output(command.json, result)
+
+def _last_lines(ending: Ending, seconds: float) -> str:
+    took = f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.1f} minutes"
+    following = f"\nnext: {ending.then}" if ending.then else ""
+    return f"{ending.found}\n\n{ending.where} ({took}){following}"
 
 
-def _fail(message: str, status: int) -> None:
-    print(f"archerfish: {one_line(message)}", file=sys.stderr)  # noqa: T201
-    sys.exit(status)
+def _options(name: str, arguments: Sequence[str]) -> Any:
+    """Return the options of a command; a fault in them, which tyro prints as a box of several lines, becomes one."""
+    import tyro
+
+    words: dict[str, Any] = {"prog": f"archerfish {name}", "description": inspect.getdoc(_command(name))}
+    printed = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(printed):
+            return tyro.cli(_command(name), args=arguments, config=(tyro.conf.FlagCreatePairsOff,), **words)
+    except SystemExit as end:
+        if not end.code:
+            raise
+        _, *rows = (line.strip("│ ") for line in printed.getvalue().splitlines())  # a title, the fault, a rule, help
+        parts = (list(part) for rule, part in itertools.groupby(rows, lambda row: not row.strip("─-")) if not rule)
+        fault = " ".join(next(parts, []))
+        known = ["--" + field.name.replace("_", "-") for field in dataclasses.fields(_command(name))]
+        unknown = [word for word in arguments if word.startswith("--") and word.partition("=")[0] not in known]
+        remedy = meant(unknown[0] if unknown else "", known, f"archerfish {name} --help explains the options")
+        raise InputError(f"{fault.rstrip('.')}; {remedy}") from end
+
+
+def _summary(name: str) -> str:
+    """Return the first line of a command's docstring, as its file has it: to import all commands takes seconds."""
+    module, options = COMMANDS[name]
+    file = Path(__file__).with_name(f"{module.rpartition('.')[2]}.py")
+    classes = [part for part in ast.parse(file.read_bytes()).body if isinstance(part, ast.ClassDef)]
+    texts = {part.name: ast.get_docstring(part) or "" for part in classes}
+    return texts[options].partition("\n")[0]
+
+
+def _command(name: str) -> Any:
+    module, options = COMMANDS[name]
+    return getattr(importlib.import_module(module), options)

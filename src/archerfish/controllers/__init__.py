@@ -1,1 +1,5 @@
-"""Everything that turns what is seen into an angle command, behind one small protocol."""
+"""Controllers: they turn what is seen into commands.
+
+`predictors` estimate where a target will be, `aiming` turns that into commands, `policy` is the trained controller.
+`registry` builds all of them by name.
+"""

@@ -1,4 +1,1 @@
-"""One module per physical thing: gimbal axes, pellets, muzzle, targets, command limits.
-
-Pure functions on arrays of NumPy or JAX; states and parameters are NamedTuples; randomness enters as drawn arrays.
-"""
+"""Gimbal, pellet and command limits as pure functions on arrays of any batch shape, NumPy's, JAX's or traced."""

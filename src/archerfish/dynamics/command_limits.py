@@ -1,4 +1,4 @@
-"""What a gimbal may be asked: the limits between any controller and the axes.
+"""Limits of commands, between any controller and the axes, and the fastest slew that keeps them.
 
 Three settings of one function. `box` keeps the angle ranges alone, as the paper prints. `gate` adds the rate and the
 acceleration of the commanded angle that a real gimbal can follow. `los-2deg` instead holds the yaw command within 2°
@@ -10,54 +10,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from archerfish.dynamics.array_namespace import Array, lift, namespace
-from archerfish.records.errors import InputError
+from archerfish.arrays import Array, lift, namespace
+from archerfish.errors import InputError
 from archerfish.records.limits import LimitsRecord
 
 COMMAND_LIMITS = ("box", "gate", "los-2deg")
 """Names of the settings."""
 NEVER = 1e6
 """A limit that never acts: rad, rad/s, rad/s²."""
-
-
 _ROUNDING = 1.0 - 1e-5
 """Share of the acceleration limit that is used, so that second differences of float32 commands keep it too."""
 
 
 class CommandLimits(NamedTuple):
-    """Limits of the pitch and yaw command, shape (2,) each."""
+    """Limits of the pitch and yaw command, shape (2,) each; low and high are B + (2,) where the base turns."""
 
-    low: Array
-    """Smallest angle [rad]."""
-    high: Array
-    """Largest angle [rad]."""
-    max_rate: Array
-    """Largest rate of the command [rad/s]."""
-    max_acceleration: Array
-    """Largest change of that rate per time [rad/s²]."""
-    max_lead: Array
-    """Largest distance of the command from the line of sight [rad]."""
-
-
-def box_limits(record: LimitsRecord) -> CommandLimits:
-    """Angle ranges alone."""
-    low, high = (np.array([getattr(axis, name) for axis in (record.pitch, record.yaw)]) for name in ("low", "high"))
-    never = np.full(2, NEVER)
-    return CommandLimits(low, high, never, never, never)
-
-
-def gate_limits(record: LimitsRecord) -> CommandLimits:
-    """Angle ranges, rate and acceleration."""
-    rate, acceleration = (
-        np.array([getattr(axis, name) for axis in (record.pitch, record.yaw)])
-        for name in ("max_rate", "max_acceleration")
-    )
-    return box_limits(record)._replace(max_rate=rate, max_acceleration=_ROUNDING * acceleration)
-
-
-def line_of_sight_limits(record: LimitsRecord, yaw_lead: float) -> CommandLimits:
-    """Angle ranges, and the yaw command within `yaw_lead` [rad] of the line of sight."""
-    return box_limits(record)._replace(max_lead=np.array([NEVER, yaw_lead]))
+    low: Array  # smallest angle [rad]
+    high: Array  # largest angle [rad]
+    max_rate: Array  # largest rate of the command [rad/s]
+    max_acceleration: Array  # largest change of that rate per time [rad/s²]
+    max_lead: Array  # largest distance of the command from the line of sight [rad]
 
 
 def named_limits(name: str, record: LimitsRecord, yaw_lead: float) -> CommandLimits:
@@ -72,14 +44,20 @@ def named_limits(name: str, record: LimitsRecord, yaw_lead: float) -> CommandLim
       InputError: if the name is unknown.
     """
     if name not in COMMAND_LIMITS:
-        raise InputError(f"command limit must be one of {', '.join(COMMAND_LIMITS)}, got {name!r}")
-    if name == "los-2deg":
-        return line_of_sight_limits(record, yaw_lead)
-    return gate_limits(record) if name == "gate" else box_limits(record)
+        raise InputError(f"command_limit must be one of {', '.join(COMMAND_LIMITS)}, got {name!r}; choose one of them")
+    pitch, yaw = record.pitch, record.yaw
+    low, high = np.array([pitch.low, yaw.low]), np.array([pitch.high, yaw.high])
+    rate = np.array([pitch.max_rate, yaw.max_rate])
+    acceleration = np.array([pitch.max_acceleration, yaw.max_acceleration])
+    never = np.full(2, NEVER)
+    if name == "gate":
+        return CommandLimits(low, high, rate, _ROUNDING * acceleration, never)
+    lead = np.array([NEVER, yaw_lead]) if name == "los-2deg" else never
+    return CommandLimits(low, high, never, never, lead)
 
 
 def limit_command(
-    limits: CommandLimits, desired: Array, previous: Array, previous_rate: Array, sight: Array, period: Array
+    limits: CommandLimits, desired: Array, previous: Array, previous_rate: Array, line_of_sight: Array, period: Array
 ) -> Array:
     """Return the command nearest to the desired one that the limits allow.
 
@@ -91,12 +69,12 @@ def limit_command(
       desired: wanted pitch and yaw command [rad], shape B + (2,).
       previous: command in force until now [rad], shape B + (2,).
       previous_rate: rate at which it was reached [rad/s], shape B + (2,).
-      sight: pitch and yaw of the line of sight [rad], shape B + (2,).
+      line_of_sight: its pitch and yaw [rad], shape B + (2,).
       period: decision period [s].
     """
     xp = namespace(desired, previous)
-    limits = CommandLimits(*(lift(each, desired) for each in limits))
-    desired = xp.clip(desired, sight - limits.max_lead, sight + limits.max_lead)
+    limits = CommandLimits(*(lift(limit, desired) for limit in limits))
+    desired = xp.clip(desired, line_of_sight - limits.max_lead, line_of_sight + limits.max_lead)
     desired = xp.clip(desired, limits.low, limits.high)
     wanted = (desired - previous) / period
     change = limits.max_acceleration * period
@@ -106,7 +84,7 @@ def limit_command(
         -xp.minimum(limits.max_rate, fastest_approach(previous - limits.low, limits.max_acceleration, period)),
         xp.minimum(limits.max_rate, fastest_approach(limits.high - previous, limits.max_acceleration, period)),
     )
-    # What no limit touches is the desired command itself: no rounding by way of the rate.
+    # What no limit touches is the desired command itself: no rounding by a detour over the rate.
     reached = xp.where(rate == wanted, desired, previous + rate * period)
     return xp.clip(reached, limits.low, limits.high)
 
@@ -118,7 +96,7 @@ def fastest_approach(distance: Array, max_acceleration: Array, period: Array) ->
     v ≤ min_N [distance / (N T) + a T (N − 1) / 2]; the smallest is next to N = √(2 distance / (a T²)).
 
     Args:
-      distance: way left [rad], ≥ 0, shape B.
+      distance: left [rad], ≥ 0, shape B.
       max_acceleration: a [rad/s²], shape B.
       period: T [s].
 
@@ -134,3 +112,21 @@ def fastest_approach(distance: Array, max_acceleration: Array, period: Array) ->
         return distance / (count * period) + change * (count - 1.0) / 2.0
 
     return xp.minimum(rate(count), rate(count + 1.0))
+
+
+def approach(aim: Array, command: Array, max_rate: Array, max_acceleration: Array, period: Array | float) -> Array:
+    """Return the next command on the fastest slew to an aim that can stop there: time-optimal switching.
+
+    Args:
+      aim: where to go [rad], shape B + (2,).
+      command: in force now [rad], shape B + (2,).
+      max_rate: of the command [rad per unit of the period], shape (2,).
+      max_acceleration: by how much that rate may change in a unit, shape (2,).
+      period: until the next decision; with 1, rates are moves per decision.
+    """
+    xp = namespace(aim, command)
+    distance = aim - command
+    max_rate, max_acceleration = lift(max_rate, distance), lift(max_acceleration, distance)
+    rate = xp.minimum(max_rate, fastest_approach(xp.abs(distance), max_acceleration, period))
+    # An aim within reach is taken exactly: no rounding by a detour over the rate.
+    return xp.where(xp.abs(distance) <= rate * period * (1.0 + 1e-5), aim, command + xp.sign(distance) * rate * period)

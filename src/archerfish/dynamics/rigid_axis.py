@@ -1,49 +1,35 @@
-"""A gimbal axis as a rigid body, eqs (1)–(3): pitch is a damped pendulum under torque, yaw a damped wheel."""
+"""A gimbal axis as a rigid body, eq (1).
+
+Pitch, eq (2), is a damped pendulum under torque; yaw, eq (3), is a damped wheel.
+"""
 
 from typing import NamedTuple
 
-from archerfish.dynamics.array_namespace import Array, namespace
-from archerfish.dynamics.integration import runge_kutta_4
-from archerfish.dynamics.pellet import GRAVITY
+from archerfish.arrays import Array, namespace
+from archerfish.dynamics.pellet import runge_kutta_4
 
 
 class RigidAxis(NamedTuple):
     """Parameters of one axis; each may have a batch shape."""
 
-    mass: Array
-    """m [kg], shape B."""
-    length: Array
-    """Length l of the swing arm [m], shape B."""
-    damping: Array
-    """b [N m s/rad], shape B."""
-    gravity: Array
-    """g along the plane of the swing [m/s²], shape B; zero for yaw."""
+    mass: Array  # m [kg], B
+    length: Array  # l of the swing arm [m], B
+    damping: Array  # b [N m s/rad], B
+    gravity: Array  # g along the plane of the swing [m/s²], B; zero for yaw
 
 
 class RigidState(NamedTuple):
     """Where an axis is and how fast it turns."""
 
-    angle: Array
-    """From the arm hanging down for pitch, from any direction for yaw [rad], shape B."""
-    rate: Array
-    """[rad/s], shape B."""
-
-
-def pitch_axis(mass: Array, length: Array, damping: Array) -> RigidAxis:
-    """Build the pitch axis of eq (1) from m [kg], l [m] and b [N m s/rad], shape B each."""
-    return RigidAxis(mass, length, damping, GRAVITY + 0.0 * length)
-
-
-def yaw_axis(mass: Array, length: Array, damping: Array) -> RigidAxis:
-    """Build the yaw axis of eq (3), which gravity leaves alone, from m [kg], l [m] and b [N m s/rad], shape B each."""
-    return RigidAxis(mass, length, damping, 0.0 * length)
+    angle: Array  # from the arm hanging down for pitch, from any direction for yaw [rad], B
+    rate: Array  # [rad/s], B
 
 
 def rigid_derivative(axis: RigidAxis, state: RigidState, torque: Array) -> RigidState:
-    """Return the time derivative of the state, eqs (2) and (3) corrected.
+    """Return the time derivative of the state, eq (2) and eq (3) corrected.
 
-    θ̈ = −(g/l) sin θ − b θ̇/(m l²) + T/(m l²), as eq (1) demands. Eqs (2) and (3) print the damping term without θ̇ and
-    the torque without 1/(m l²) (docs/errata.md).
+    θ̈ = −(g/l) sin θ − b θ̇/(m l²) + T/(m l²), as eq (1) demands. Eq (2) and eq (3) print the damping term without θ̇
+    and the torque without 1/(m l²) (docs/paper.md).
 
     Args:
       axis: parameters, shape B.
@@ -59,7 +45,7 @@ def rigid_derivative(axis: RigidAxis, state: RigidState, torque: Array) -> Rigid
 
 
 def dry_friction(axis: RigidAxis, state: RigidState, torque: Array, friction: Array, period: Array) -> Array:
-    """Return the torque of Coulomb friction over a step, which eqs (1)–(3) leave out.
+    """Return the torque of Coulomb friction over a step, which eq (1) leaves out.
 
     It opposes the motion with its full size while the axis slides, and with no more than stops the axis within the
     step, so that an axis at rest stays there under any torque that is smaller (friction implicit in the rate).
@@ -96,9 +82,3 @@ def rigid_step(axis: RigidAxis, state: RigidState, torque: Array, period: Array)
 
     angle, rate = runge_kutta_4(slope, xp.stack(xp.broadcast_arrays(*state)), period)
     return RigidState(angle, rate)
-
-
-def rigid_energy(axis: RigidAxis, state: RigidState) -> Array:
-    """Return kinetic plus potential energy, zero at rest at the lowest point [J], shape B."""
-    height = axis.length * (1.0 - namespace(state.angle).cos(state.angle))
-    return 0.5 * axis.mass * (axis.length * state.rate) ** 2 + axis.mass * axis.gravity * height

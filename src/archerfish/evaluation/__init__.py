@@ -1,1 +1,1 @@
-"""Suites, trials, hit rates with intervals, the comparison with the paper, and the report."""
+"""Evaluation: task × controller → shots → counts with intervals, paired on the same engagements and dispersion."""

@@ -1,136 +1,101 @@
-"""Our cells beside the paper's columns, the oracle and the other controllers."""
+"""Paired differences between the controllers of results, cell by cell."""
 
-import math
-from collections.abc import Iterable, Mapping
-from typing import TypeAlias, TypeVar
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from archerfish.evaluation.results import Cell, Comparison, Drop, Label
+from archerfish.errors import InputError
+from archerfish.evaluation.hit_rate import paired_difference
+from archerfish.reports.report import Report, Reported
+from archerfish.reports.table import Estimate
 
-AnyLabel = TypeVar("AnyLabel", bound=Label)
-
-CellKey: TypeAlias = tuple[str, tuple[float, float]]
-"""Table and range: one of the cells that every controller is measured in."""
+if TYPE_CHECKING:
+    from archerfish.evaluation.results import Cell
 
 
-def policy_seeds(
-    labels: Iterable[Label], *, command_limit: str, controller: str, setting: str = "paper"
-) -> tuple[int | None, ...]:
-    """Return the seeds of a controller's policies, lowest first; (None,) for one without training, () for none at all.
+class CellDifference(NamedTuple):
+    """How far a hit rate is above another in the same engagements with the same dispersion draws."""
 
-    Args:
-      labels: cells or comparisons.
-      command_limit: `box`, `gate` or `los-2deg`.
-      controller: its name.
-      setting: where it was measured.
+    world: str  # these four are the cells' place
+    command_limit: str  # `box`, `gate` or `los-2deg`
+    length_s: float  # of an engagement [s]
+    task: str  # name, where its conditions are not the usual ones
+    motion: str  # of the targets
+    range_m: tuple[float, float]  # smallest and largest distance of the targets [m]
+    controller: str  # the one
+    seed: int | None  # of its training
+    against: str  # the other
+    against_seed: int | None  # of its training
+    difference: float  # rate less the other's, −1 to 1
+    low: float  # lower end of its 95 % interval, paired by engagement
+    high: float  # upper end
+
+    @property
+    def estimate(self) -> Estimate:
+        """The difference with its interval [points]."""
+        return Estimate(100 * self.difference, 100 * self.low, 100 * self.high, "points")
+
+    @property
+    def place(self) -> tuple[str, str, float, str]:
+        """World, command limit, length and task, as of a cell."""
+        return self[:4]
+
+
+class Comparison(Reported, tuple[CellDifference, ...]):
+    """The differences of two controllers; printed with their mean and as tables."""
+
+    @property
+    def report(self) -> Report:
+        """What is shown of it."""
+        from archerfish.evaluation.tables import comparison_report
+
+        return comparison_report(self)
+
+    def to_dicts(self) -> list[dict[str, Any]]:
+        """Return a row per cell, and pair of trainings, for a data frame: its fields, `range_m` in two."""
+        rows = [pair._asdict() for pair in self]
+        for row in rows:
+            row["range_low_m"], row["range_high_m"] = row.pop("range_m")
+        return rows
+
+
+def compare(cells: Sequence["Cell"], a: str, b: str) -> Comparison:
+    """Return the differences of controller `a` to controller `b`; of several trainings each to each.
+
+    Raises:
+      InputError: if one is not there, or they have no engagements in common.
     """
-    wanted = (setting, command_limit, controller)
-    found = {each.policy_seed for each in labels if (each.setting, each.command_limit, each.controller) == wanted}
-    return tuple(sorted(found, key=lambda seed: -1 if seed is None else seed))
+    by_name = {name: [cell for cell in cells if cell.controller == name] for name in (a, b)}
+    for name, own in by_name.items():
+        if not own:
+            there = ", ".join(dict.fromkeys(cell.controller for cell in cells)) or "none"
+            raise InputError(f"compare: there is no controller {name!r}, but {there}; name two of these")
+    if not (found := _differences(by_name[a], by_name[b])):
+        raise InputError(f"compare: {a} and {b} have no engagements in common; evaluate both in one call")
+    return Comparison(found)
 
 
-def cells_of(
-    cells: Iterable[Cell],
-    *,
-    command_limit: str,
-    controller: str,
-    setting: str = "paper",
-    policy_seed: int | None = None,
-) -> dict[CellKey, Cell]:
-    """Pick the cells of one controller.
+def default_comparisons(cells: Sequence["Cell"]) -> list[CellDifference]:
+    """Return the differences that are shown unasked.
 
-    Args:
-      cells: of results.json.
-      command_limit: `box`, `gate` or `los-2deg`.
-      controller: its name.
-      setting: where it was measured.
-      policy_seed: which of several policies; by default the one with the lowest seed, a choice that no result can sway.
-
-    Returns:
-      Table and range → cell, in the order of `cells`; empty if there are none.
+    Each policy and user's controller is compared with each classical one, and each controller with the first, but not
+    perfect aim.
     """
-    return _picked(cells, policy_seed, command_limit=command_limit, controller=controller, setting=setting)
+    kinds = {cell.controller: cell.kind for cell in cells if cell.kind != "perfect"}
+    by_name = {name: [cell for cell in cells if cell.controller == name] for name in kinds}
+    pairs = [(a, b) for a in kinds for b in kinds if kinds[a] != "classical" and kinds[b] == "classical"]
+    pairs += [(a, b) for b in list(kinds)[:1] for a in kinds if a != b and not {(a, b), (b, a)} & {*pairs}]
+    return [pair for a, b in pairs for pair in _differences(by_name[a], by_name[b])]
 
 
-def comparisons_of(
-    comparisons: Iterable[Comparison],
-    *,
-    against: str,
-    command_limit: str,
-    controller: str,
-    setting: str = "paper",
-    policy_seed: int | None = None,
-) -> dict[CellKey, Comparison]:
-    """Pick the paired differences of one controller to the controller named `against`; the rest as in `cells_of`."""
-    pairs = [each for each in comparisons if each.against == against]
-    return _picked(pairs, policy_seed, command_limit=command_limit, controller=controller, setting=setting)
-
-
-def drops_of(
-    drops: Iterable[Drop],
-    *,
-    settled: bool,
-    command_limit: str,
-    controller: str,
-    setting: str,
-    policy_seed: int | None = None,
-) -> dict[CellKey, Drop]:
-    """Pick how far one controller falls from the simulator to the robot `setting`; the rest as in `cells_of`.
-
-    Args:
-      drops: of results.json.
-      settled: whether those of the settled shots alone, or of all shots.
-      command_limit: `box`, `gate` or `los-2deg`.
-      controller: its name.
-      setting: the robot.
-      policy_seed: which of several policies; by default the one with the lowest seed.
-    """
-    kept = [each for each in drops if each.settled == settled]
-    return _picked(kept, policy_seed, command_limit=command_limit, controller=controller, setting=setting)
-
-
-def _picked(labels: Iterable[AnyLabel], policy_seed: int | None, **where: str) -> dict[CellKey, AnyLabel]:
-    labels = list(labels)
-    if policy_seed is None:
-        policy_seed = next(iter(policy_seeds(labels, **where)), None)
-    wanted = (where["setting"], where["command_limit"], where["controller"], policy_seed)
-    return {
-        (each.table, each.range_m): each
-        for each in labels
-        if (each.setting, each.command_limit, each.controller, each.policy_seed) == wanted
-    }
-
-
-def rmse_to_paper(cells: Iterable[Cell]) -> float | None:
-    """Return the root mean square difference to the paper's figures [percentage points], None where it prints none."""
-    squares = [(100 * cell.rate - cell.paper) ** 2 for cell in cells if cell.paper is not None]
-    return math.sqrt(sum(squares) / len(squares)) if squares else None
-
-
-def shares(cells: Mapping[CellKey, Cell], oracle: Mapping[CellKey, Cell]) -> dict[CellKey, float]:
-    """Return each hit rate as a share of the oracle's in the same cell.
-
-    Cells without a shot, or without an oracle that hits, are left out.
-
-    Args:
-      cells: of one controller, by table and range.
-      oracle: of the oracle under the same command limit.
-    """
-    hitting = {key: cell for key, cell in oracle.items() if cell.hits}
-    return {key: cell.rate / hitting[key].rate for key, cell in cells.items() if cell.counted and key in hitting}
-
-
-def bound_shares(cells: Mapping[CellKey, Cell]) -> dict[CellKey, float]:
-    """Return each hit rate as a share of its bound; cells without one are left out."""
-    return {key: cell.rate / cell.bound for key, cell in cells.items() if cell.bound}
-
-
-def pooled_rate(cells: Iterable[Cell]) -> float | None:
-    """Return the hits of all cells per shot of all cells that counts, None without any."""
-    counts = [(cell.hits, cell.counted) for cell in cells]
-    shots = sum(shots for _, shots in counts)
-    return sum(hits for hits, _ in counts) / shots if shots else None
-
-
-def clearly_above(comparisons: Iterable[Comparison]) -> int:
-    """Count the cells in which the whole interval of the difference lies above zero."""
-    return sum(each.low > 0 for each in comparisons)
+def _differences(cells: Iterable["Cell"], others: Iterable["Cell"]) -> list[CellDifference]:
+    """Return the differences of cells to those of others that have the same engagements."""
+    by_engagements: dict[Any, list[Cell]] = {}
+    for other in others:
+        by_engagements.setdefault(other.shot_at, []).append(other)
+    found = []
+    for cell in cells:
+        for other in by_engagements.get(cell.shot_at, ()):
+            names = cell.controller, cell.seed, other.controller, other.seed
+            difference = paired_difference(cell.hits_by_engagement, other.hits_by_engagement, cell.decisions_each)
+            found.append(CellDifference(*cell.place, cell.motion, cell.range_m, *names, *difference))
+    return found

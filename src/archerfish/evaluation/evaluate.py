@@ -1,239 +1,155 @@
-"""Suite × controller → trials → counts; no controller is known here by name."""
+"""The evaluation of any controllers in any world: engagements drawn once, hits counted."""
 
-import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import cast
+from __future__ import annotations  # so that help() names the types, rather than what they stand for
 
-import numpy as np
-from numpy.typing import NDArray
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
-from archerfish.evaluation.bounds.cell_bounds import CellBounds, cell_bounds
-from archerfish.evaluation.hit_rate import Difference, hit_rate, paired_difference, split_misses
-from archerfish.evaluation.results import Acceleration, Cell, Comparison, Label
-from archerfish.evaluation.suites import Suite, Trials
-from archerfish.evaluation.trial import Shots, check_finite, fight, largest_acceleration, perfect_shots
-from archerfish.paper.conditions import Conditions
-from archerfish.paper.tables import printed_rate
-from archerfish.sensing.interfaces import Controller, World
-from archerfish.simulation.environment import PureWorld
+from archerfish import provenance
+from archerfish.controllers.registry import ControllerLike
+from archerfish.controllers.tuning import TuningLike
+from archerfish.evaluation.contenders import Contender, as_contenders, prepared, unlike_training
+from archerfish.evaluation.draws import check_counts, draw
+from archerfish.evaluation.published import is_paper, printed_for, with_bounds
+from archerfish.evaluation.results import Cell, Results
+from archerfish.evaluation.run import Counted, count, count_perfect_aim, is_compiled
+from archerfish.evaluation.tuning import settings
+from archerfish.plugins import find_plugin
+from archerfish.reports import progress
+from archerfish.robot import Robot, RobotLike
+from archerfish.simulation.user_world import WorldLike, find_world
+from archerfish.task import Task, TaskCell, TaskLike
 
-
-@dataclass(frozen=True)
-class Entrant:
-    """A controller under the name that results give it."""
-
-    name: str
-    """Name of the controller in the results."""
-    controller: Controller
-    """Who decides."""
-    policy_seed: int | None = None
-    """Seed of its training, if it was trained."""
+USUAL = ("kalman", "kalman-lq", "oracle")
+"""Who shoots if nobody is named."""
+UNTUNED = 'Classical controllers have the settings where the search begins (tuning="start").'
+"""What results say where none was tuned."""
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What one entrant did in all suites."""
-
-    name: str
-    """Name of the controller in the results."""
-    policy_seed: int | None
-    """Seed of its training, if it was trained."""
-    hit: NDArray[np.bool_]
-    """Whether each decision hit, shape (suites, engagements, decisions)."""
-    fired: NDArray[np.bool_]
-    """Whether each decision fired a shot, shape (suites, engagements, decisions)."""
-    yaw_acceleration: float | None
-    """Largest acceleration of the yaw axis, by command or by motion, mean over a decision period [rad/s²]; None
-    where nothing moved the gimbal."""
-    fallback: NDArray[np.bool_] | None = None
-    """Whether it fell back on a simpler controller, shape (suites, engagements, decisions); None if never."""
-    needs_truth: bool = False
-    """Whether the controller is given the target's path beforehand."""
-
-
-@dataclass(frozen=True)
-class Ground:
-    """Where an evaluation takes place."""
-
-    world: World
-    """The world."""
-    trials: Trials
-    """Engagements and draws, the same for all entrants."""
-    command_limit: str
-    """Name of the command limit."""
-    setting: str
-    """"paper", "identified-<robot>" or "<robot>"."""
-    conditions: Conditions
-    """Hit radius and when an engagement counts as settled."""
-
-
-def compete(
-    ground: Ground, entrants: Iterable[Entrant], progress: Callable[[str], None] = lambda _: None
-) -> list[Outcome]:
-    """Let every entrant fight the same engagements with the same dispersion draws.
+def evaluate(
+    controllers: ControllerLike | Iterable[ControllerLike] | Mapping[str, ControllerLike] = USUAL,
+    robot: RobotLike = None,
+    task: TaskLike = "any",
+    *,
+    world: WorldLike | None = None,
+    engagements: int = 500,
+    seed: int = 0,
+    tuning: TuningLike = "kept",
+) -> Results:
+    """Count the hits of controllers on the same engagements with the same dispersion draws.
 
     Args:
-      ground: where.
-      entrants: who.
-      progress: receives the name of each entrant that is done.
+      controllers: one, several, or a mapping from the names that results give them. Each is a name as
+        `make_controller` takes it or "perfect" for perfect aim, a policy or its file or folder, an object with `reset`
+        and `step`, its class, or a function of robot and task that returns one.
+      robot: its records, their folder, or a result of `identify_robot`; the paper's if not given.
+      task: or its name or TOML file.
+      world: where to shoot instead of in the robot's simulator: a `World`, a function of robot and task that returns
+        one, "./FILE.py:NAME" of either, or anything with `world(robot, task)`.
+      engagements: per cell, at least 2; at most as many as 4 GB, and results.json, have room for.
+      seed: of engagements and dispersion.
+      tuning: of classical controllers. "kept": searched for where nothing is kept for robot and task, on draws that no
+        evaluation has, and written to tuning.json in the robot's folder, or for a robot without one in the user's
+        cache. "start": where that search begins. A `Tuning`, or a mapping from names to one: as given.
+
+    Raises:
+      InputError: if something that was given can't be used, or a user's code fails.
     """
-    outcomes = []
-    for entrant in entrants:
-        shots = fight(ground.world, entrant.controller, ground.trials)
-        needs_truth = bool(getattr(entrant.controller, "needs_truth", False))
-        outcomes.append(replace(_outcome(ground, entrant.name, entrant.policy_seed, shots), needs_truth=needs_truth))
-        progress(entrant.name)
-    return outcomes
+    begun = time.monotonic()
+    robot, task = Robot.of(robot), Task.of(task)
+    arena, contenders = find_world(world, robot, task), as_contenders(controllers)
+    parts = [task.replace(lengths_s=(length,)) for length in task.lengths]
+    counts = len(contenders) * sum(len(part.cells()) for part in parts)
+    check_counts(engagements, seed, 2, parts[-1].cells(), arena.normals, counts)
+    made = [prepared(contenders, arena, robot, part) for part in parts]
+    checked = time.monotonic()
+    tunings = settings(contenders, tuning, robot, task)
+    tuned = time.monotonic()
+    is_tabled = world is None and is_paper(robot.record_digests(), task)
+    cells, done = list[Cell](), 0
+    total = engagements * sum(cell.decisions for part in parts for cell in part.cells()) * len(contenders)
+    compiling = "compiling" if is_compiled(arena) else ""
+    with progress.bar("evaluating", total, "shots", compiling) as advance:
+        for part, controllers_of_length in zip(parts, made, strict=True):
+            task_cells = part.cells()
+            engagement, normals = draw(task_cells, engagements, seed, "evaluation", arena.normals, arena.plants)
+            for place, contender in enumerate(contenders):
+                if contender.is_tuned:
+                    controllers_of_length[place] = contender.make(robot, part, tunings.get(contender.name))
 
+                def report(members: int, before: int = done, name: str = contender.name) -> None:
+                    advance(before + members * normals.shape[1], name)  # noqa: B023 (called in this round alone)
 
-def perfect_aim(ground: Ground) -> Outcome:
-    """Score perfect aim, "perfect": what the dispersion alone leaves."""
-    world = cast(PureWorld, ground.world)  # a robot knows no perfect aim
-    shots = perfect_shots(world, ground.trials)
-    return Outcome("perfect", None, *_by_suite(ground, shots), None)
-
-
-def _outcome(ground: Ground, name: str, policy_seed: int | None, shots: Shots) -> Outcome:
-    check_finite(name, shots.command)
-    period = ground.world.period_s
-    asked = max(largest_acceleration(angles, period, axis=1) for angles in (shots.command, shots.angle))
-    fallback = shots.fallback.reshape((len(ground.trials.suites), -1, shots.fired.shape[-1]))
-    return Outcome(name, policy_seed, *_by_suite(ground, shots), asked, fallback if fallback.any() else None)
-
-
-def _by_suite(ground: Ground, shots: Shots) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which decisions hit, and which fired."""
-    shape = (len(ground.trials.suites), -1, shots.fired.shape[-1])
-    return shots.hits(ground.conditions.hit_radius).reshape(shape), shots.fired.reshape(shape)
-
-
-def ground_bounds(ground: Ground, seed: int) -> list[CellBounds] | None:
-    """Bound what can be hit in every suite; None on a robot.
-
-    Args:
-      ground: where.
-      seed: of its engagements.
-    """
-    radius = ground.conditions.hit_radius
-    return cell_bounds(ground.world, ground.trials, radius, ground.setting, ground.command_limit, seed)
-
-
-def cells(ground: Ground, outcomes: Iterable[Outcome], bounds: Sequence[CellBounds] | None = None) -> list[Cell]:
-    """Count hits: one cell per suite and entrant.
-
-    Args:
-      ground: where.
-      outcomes: of all entrants.
-      bounds: one per suite, from `ground_bounds`; none where there are none.
-    """
-    return [
-        _bounded(_cell(ground, suite, outcome, index), outcome, bounds[index] if bounds else None)
-        for outcome in outcomes
-        for index, suite in enumerate(ground.trials.suites)
-    ]
-
-
-def _cell(ground: Ground, suite: Suite, outcome: Outcome, index: int) -> Cell:
-    hit, fired = outcome.hit[index], outcome.fired[index]
-    fired_at = ground.world.period_s * np.arange(1, hit.shape[-1] + 1)
-    misses = split_misses(hit, fired_at, ground.conditions.settled_after_s, suite.counted(fired))
-    printed = suite.motion is None and suite.counts == "decisions"
-    return Cell(
-        **vars(suite_label(ground, suite, outcome)),
-        **hit_rate(hit, suite.counted(fired))._asdict() | {"shots": int(fired.sum())},
-        misses_slewing=misses.slewing,
-        misses_settled=misses.settled,
-        paper=printed_rate(suite.table, suite.range_m, outcome.name) if printed else None,
-        withheld=int((~fired).sum()),
-        fallbacks=0 if outcome.fallback is None else int(outcome.fallback[index].sum()),
-        hits_per_s=float(hit.sum() / (ground.conditions.control_period_s * hit.size)),
+                controller = controllers_of_length[place]
+                begins = f"{compiling}, " if compiling and is_compiled(controller) else ""
+                advance(done, f"{begins}{contender.name}")
+                if controller is None:
+                    counted = count_perfect_aim(arena, engagement, normals)
+                else:
+                    counted = count(arena, controller, engagement, normals, report)
+                done += counted.hit.size
+                report(len(normals))
+                cells += _cells(task_cells, contender, counted, arena.name, task, is_tabled)
+    ended = time.monotonic()
+    motion = task_cells[-1].scenario.motion
+    remarks = [unlike_training(contender, robot, task) for contender in contenders]
+    remarks += [UNTUNED] if tunings and tuning == "start" else []
+    informed = {c.name for place, c in enumerate(contenders) if getattr(made[0][place], "needs_truth", False)}
+    stages = {"checks": checked - begun, "tuning": tuned - checked, "evaluation": ended - tuned}
+    return Results(
+        seed=seed,
+        commit=provenance.code_commit(),
+        versions=provenance.library_versions(),
+        tasks=(task,),
+        robots={arena.name: _conditions(robot, world)},
+        motions={motion.name: motion.digest} if hasattr(motion, "digest") else {},
+        tuning={f"{arena.name}/{task.command_limit}/{task.name}/{name}": found for name, found in tunings.items()},
+        cells=with_bounds(cells, robot, task, seed, informed=informed) if world is None else tuple(cells),
+        remarks=tuple(remark for remark in remarks if remark),
+        durations={stage: round(seconds, 2) for stage, seconds in stages.items()},
     )
 
 
-def _bounded(cell: Cell, outcome: Outcome, bounds: CellBounds | None) -> Cell:
-    """Add the bound that holds of a controller.
-
-    None does of perfect aim, which moves no gimbal, nor of a rate of fired shots alone.
-    """
-    if bounds is None or outcome.yaw_acceleration is None or cell.counts != "decisions":
-        return cell
-    bound = bounds.hindsight if outcome.needs_truth else bounds.causal
-    return replace(cell, bound=bound.value, bound_error=bound.error, bound_kind=bound.kind)
-
-
-def suite_label(ground: Ground, suite: Suite, outcome: Outcome) -> Label:
-    """Return which controller met which targets where."""
-    return Label(
-        table=suite.table,
-        setting=ground.setting,
-        target=suite.target,
-        range_m=suite.range_m,
-        command_limit=ground.command_limit,
-        controller=outcome.name,
-        policy_seed=outcome.policy_seed,
-        motion=suite.motion,
-        counts=suite.counts,
+def _conditions(robot: Robot, world: WorldLike | None) -> dict[str, str]:
+    """Return what the cells of a world have in common, and their labels don't say."""
+    muzzle, conditions = robot.muzzle, {"robot": robot.name, "digest": robot.digest()}
+    conditions["muzzle"] = (
+        f"{muzzle.speed:.4g} m/s ± {muzzle.speed_sd:.2g}, dispersion {1e3 * muzzle.pitch_sd:.3g} mrad in pitch and "
+        f"{1e3 * muzzle.yaw_sd:.3g} in yaw, drag {muzzle.drag:.3g} 1/m"
     )
+    conditions["assumed"] = ", ".join(robot.assumed)
+    if world is not None:
+        plugin = find_plugin(world, "world")
+        conditions["world"] = f"{plugin.spec} {plugin.digest[:16]}".strip()
+    return conditions
 
 
-def accelerations(ground: Ground, outcomes: Iterable[Outcome]) -> list[Acceleration]:
-    """Say how hard each entrant drove the yaw axis at most."""
-    return [
-        Acceleration(ground.setting, ground.command_limit, each.name, each.policy_seed, each.yaw_acceleration)
-        for each in outcomes
-        if each.yaw_acceleration is not None
-    ]
-
-
-def hardest(found: Iterable[Acceleration]) -> tuple[Acceleration, ...]:
-    """Keep of each entrant the largest acceleration, where several evaluations tell one each."""
-    largest: dict[tuple[str, str, str, int | None], Acceleration] = {}
-    for each in found:
-        key = (each.setting, each.command_limit, each.controller, each.policy_seed)
-        if key not in largest or each.yaw_rad_s2 > largest[key].yaw_rad_s2:
-            largest[key] = each
-    return tuple(largest.values())
-
-
-def comparisons(ground: Ground, outcomes: list[Outcome], against: str) -> list[Comparison]:
-    """Compare every trained entrant with another one, paired by engagement and dispersion draw.
-
-    Where fired shots count and either fired none, there is nothing to compare.
-
-    Args:
-      ground: where it took place.
-      outcomes: of all entrants.
-      against: name of the other.
-    """
-    others = [outcome for outcome in outcomes if outcome.name == against]
-    found = [
-        (suite_label(ground, suite, outcome), suite_difference(suite, outcome, other, index))
-        for other in others
-        for outcome in outcomes
-        if outcome.policy_seed is not None
-        for index, suite in enumerate(ground.trials.suites)
-    ]
-    return [
-        Comparison(**vars(label), against=against, **difference._asdict())
-        for label, difference in found
-        if math.isfinite(difference.difference)
-    ]
-
-
-def suite_difference(
-    suite: Suite, outcome: Outcome, other: Outcome, index: int, decisions: slice = slice(None)
-) -> Difference:
-    """Compare two outcomes in one suite, by what it counts.
-
-    Args:
-      suite: which.
-      outcome: of the one.
-      other: of the other, in the same engagements.
-      index: of the suite in both.
-      decisions: those of each engagement that are looked at; all if not given.
-    """
-    (hit, fired), (theirs, fired_theirs) = (
-        (each.hit[index][:, decisions], each.fired[index][:, decisions]) for each in (outcome, other)
-    )
-    return paired_difference(hit, theirs, suite.counted(fired), suite.counted(fired_theirs))
+def _cells(
+    task_cells: tuple[TaskCell, ...], contender: Contender, counted: Counted, world: str, task: Task, is_tabled: bool
+) -> Iterator[Cell]:
+    """Yield what a contender has in the cells of one length."""
+    by_cell = (len(task_cells), -1, counted.hit.shape[-1])
+    hits = counted.hit.reshape(by_cell).sum(axis=2).tolist()
+    withheld = (~counted.fired).reshape(by_cell).sum(axis=(1, 2)).tolist()
+    changed = task.conditions() != Task().conditions()
+    for place, cell in enumerate(task_cells):
+        table: Any = cell.table if is_tabled and cell.range_m in Task().ranges_m else None
+        yield Cell(
+            world=world,
+            command_limit=task.command_limit,
+            length_s=cell.length_s,
+            task=task.name if changed else "",
+            motion=cell.motion,
+            range_m=cell.range_m,
+            stream=cell.stream,
+            controller=contender.name,
+            seed=contender.seed,
+            kind=contender.kind,
+            table=table,
+            hits_by_engagement=hits[place],
+            decisions_each=cell.decisions,
+            withheld=withheld[place],
+            paper=printed_for(contender.given, table, cell.range_m) if table else None,
+            yaw_rad_s2=counted.yaw_acceleration,
+        )

@@ -1,299 +1,293 @@
-"""The file results.json: everything a run found, and all that its report is made from (docs/results.md)."""
+"""What an evaluation found: hits by cell and engagement, and what they were measured with."""
 
-import math
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeVar
 
-from archerfish.evaluation.paper_results import PaperFigures, Table1
-from archerfish.evaluation.robot_results import RobotIdentification
-from archerfish.evaluation.typed_json import from_json
-from archerfish.paper.conditions import Calibration, Conditions, assumed_conditions, calibration
-from archerfish.records import storage
-from archerfish.records.errors import InputError, file_error
-from archerfish.records.provenance import code_commit, library_versions
+import msgspec
+from msgspec import Meta, field
 
-SCHEMA, _OLDER = "archerfish.results/2", "archerfish.results/1"
-"""In version 1 every decision counted, and withheld shots were not recorded."""
+from archerfish.controllers.tuning import Tuning
+from archerfish.errors import InputError, file_error, one_line
+from archerfish.evaluation.comparison import Comparison, compare
+from archerfish.evaluation.draws import MOST_COUNTS
+from archerfish.evaluation.hit_rate import hit_rate
+from archerfish.records.record import Record, Share, Struct
+from archerfish.reports.table import Estimate
+from archerfish.task import Task
 
-HIT_RATE_TABLES = ("II", "III", "IV", "V")
-"""The paper's tables of hit rates: simulation static and dynamic, real robot static and dynamic."""
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-MOTION_TABLES = {1.0: "motions, 1 s", 3.0: "motions, 3 s"}
-"""Length of an engagement [s] → name of the table of other motions: as short as the paper's, and so long that habits
-can be learned."""
+    from archerfish.reports.report import Report
 
-BOUND_KINDS = ("reach", "hindsight", "combined")
-"""Kinds of bounds on hit rates, from the cheapest to the tightest (docs/bounds.md)."""
-
-TARGETS = ("static", "dynamic")
-"""Kinds of target in the paper's tables."""
-
-COUNTS = ("decisions", "shots")
-"""What a hit rate is counted over: all decisions, of which one that withholds its shot is a miss, or fired shots."""
+Kind = Literal["policy", "classical", "user", "perfect"]
+Value = TypeVar("Value")
+_Text = Annotated[str, Meta(min_length=1, max_length=1000)]
+_Count = Annotated[int, Meta(ge=0, le=1_000_000_000)]
+_Positive = Annotated[float, Meta(ge=0.0, le=1e9)]
 
 
-def check_counts(counts: str) -> None:
-    """Raise InputError if this is not one of `COUNTS`."""
-    if counts not in COUNTS:
-        raise InputError(f"counts must be one of {', '.join(COUNTS)}, got {counts!r}")
+class Cell(Struct, frozen=True, kw_only=True):
+    """What a controller hit in engagements of one kind: counts, of which rate and interval are functions."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class Label:
-    """Which controller met which targets under which conditions."""
-
-    table: str
-    """The paper's table that the figure stands beside: "II", "III", "IV" or "V"; else one of `MOTION_TABLES`."""
-    setting: str
-    """`paper` (printed plants), `identified-<robot>` (a simulator made from a robot's logs) or `<robot>` itself."""
-    target: str
-    """`static` or `dynamic`."""
-    range_m: tuple[float, float]
-    """Smallest and largest distance to the armor (dynamic: to the parabola's vertex) [m]."""
-    command_limit: str
-    """What the world lets a controller ask of the gimbal: `box`, `gate` or `los-2deg`."""
-    controller: str
-    """Name of the controller."""
-    policy_seed: int | None = None
-    """Seed that the policy was trained with; None for what is not trained."""
-    motion: str | None = None
-    """How targets moved, by name, where it was not as eq (7) has it in the paper."""
-    counts: str = "decisions"
-    """What hit rates are counted over: `decisions`, as in the paper's tables, or `shots` that were fired."""
-
-    def __post_init__(self) -> None:
-        check_counts(self.counts)
-        for name, known in (("table", (*HIT_RATE_TABLES, *MOTION_TABLES.values())), ("target", TARGETS)):
-            if getattr(self, name) not in known:
-                raise InputError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
-        if not 0 <= self.range_m[0] < self.range_m[1]:
-            raise InputError(f"range_m must be two distances, the smaller one first, got {list(self.range_m)}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cell(Label):
-    """One hit rate: k hits of the n shots or decisions that count, `counted`."""
-
-    hits: int
-    """Shots that hit."""
-    shots: int
-    """Shots fired; where decisions count, n is these and `withheld`."""
-    engagements: int
-    """Independent engagements that the decisions fall into."""
-    low: float
-    """Lower end of the 95 % interval of the hit rate, 0 to 1."""
-    high: float
-    """Upper end of the 95 % interval of the hit rate, 0 to 1."""
-    misses_slewing: int
-    """Misses while the gimbal was still turning towards the target."""
-    misses_settled: int
-    """Misses afterwards."""
-    paper: float | None = None
-    """The paper's figure [%]; None where it prints none."""
-    withheld: int = 0
-    """Decisions that fired no shot."""
-    fallbacks: int = 0
-    """Decisions at which a policy fell back on a Kalman filter, which had predicted the target better of late."""
-    hits_per_s: float | None = None
-    """Hits per second of engagement [1/s]; None in files that were written before it was counted."""
-    bound: float | None = None
-    """Proven bound on the hit rate, 0 to 1; None of perfect aim, and on a robot, whose axes are not linear."""
-    bound_error: float | None = None
-    """Standard error of the bound for the engagements of this cell, 0 to 1; 0 where chance has no part in it."""
-    bound_kind: str | None = None
-    """`reach`, `hindsight` or `combined`."""
+    world: _Text
+    """Name of the robot, whose simulator it is, of the virtual robot, or of another world."""
+    task: str = ""
+    """Name of the task whose conditions are not the usual ones, as another speed of the targets."""
+    command_limit: _Text
+    """`box`, `gate` or `los-2deg`."""
+    length_s: _Positive
+    """Of an engagement [s]."""
+    motion: _Text
+    """Of the targets, by name."""
+    range_m: tuple[_Positive, _Positive]
+    """Smallest and largest distance of the targets [m]."""
+    stream: _Count
+    """Of random numbers: in cells of unlike streams the engagements differ."""
+    controller: _Text
+    """Its name; contenders of one name differ in their seed."""
+    seed: int | None
+    """That a policy was trained with; None for what is not trained."""
+    kind: Kind
+    """What the controller is; "perfect" is perfect aim, which only dispersion makes miss."""
+    table: Literal["II", "III", "IV", "V"] | None = None
+    """The paper's table that it belongs to."""
+    hits_by_engagement: Annotated[tuple[_Count, ...], Meta(min_length=2)]
+    """Shots that hit, of each engagement."""
+    decisions_each: Annotated[int, Meta(ge=1, le=1_000_000)]
+    """Decisions of an engagement."""
+    withheld: _Count
+    """Decisions without fire in all engagements, which count as misses."""
+    paper: Annotated[float, Meta(ge=0.0, le=100.0)] | None = None
+    """The paper's figure for such a controller [%]."""
+    bound: Share | None = None
+    """Proven bound of the mean hit rate; None where none is published."""
+    bound_error: Share | None = None
+    """Its standard error."""
+    yaw_rad_s2: _Positive | None = None
+    """Largest acceleration of the yaw axis, of command or motion, mean over a decision period [rad/s²]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 0 <= self.hits <= self.shots or self.withheld < 0 or self.shots + self.withheld == 0:
-            found = f"{self.hits} of {self.shots}, {self.withheld} withheld"
-            raise InputError(f"hits must lie between 0 and shots, shots + withheld must be > 0, got {found}")
-        # Of no shots that count there is no rate, and nothing that the interval could miss.
-        if not 0 <= self.low <= (self.rate if self.counted else self.low) <= self.high <= 1:
-            raise InputError(f"the interval {self.low} to {self.high} must hold hits/counted = {self.rate}")
-        if not 0 <= self.fallbacks <= self.shots + self.withheld:
-            raise InputError(f"fallbacks must lie between 0 and shots + withheld, got {self.fallbacks}")
-        if self.misses_slewing + self.misses_settled != self.counted - self.hits:
-            split = f"{self.misses_slewing} and {self.misses_settled}"
-            missed = f"the misses, {self.counted} {self.counts} − {self.hits} hits"
-            raise InputError(f"misses_slewing and misses_settled must add up to {missed}, got {split}")
-        given = [each is not None for each in (self.bound, self.bound_error, self.bound_kind)]
-        if any(given) != all(given):
-            raise InputError("bound, bound_error and bound_kind must be given together, or none of them")
-        if self.bound_kind not in (None, *BOUND_KINDS):
-            raise InputError(f"bound_kind must be one of {', '.join(BOUND_KINDS)}, got {self.bound_kind!r}")
+        most, has_bound = max(self.hits_by_engagement), self.bound is not None
+        for holds, fault in (
+            (self.range_m[0] <= self.range_m[1], f"range_m is {self.range_m}, expected the smaller distance first"),
+            (most <= self.decisions_each, f"{most} hits of {self.decisions_each} decisions in an engagement"),
+            (self.hits <= self.shots, f"{self.hits} of {self.shots} shots hit, expected at most all of them"),
+            (has_bound == (self.bound_error is not None), "has one of bound and bound_error, expected both or neither"),
+        ):
+            if not holds:
+                label = one_line(f"{self.controller[:50]}, {self.motion[:50]}, {self.range_m}")
+                raise InputError(f"Cell of {label}: {fault}; correct it")
 
     @property
-    def counted(self) -> int:
-        """What the rate is counted over: shots, and withheld ones too where decisions count."""
-        return self.shots + self.withheld * (self.counts == "decisions")
+    def hits(self) -> int:
+        """Shots that hit."""
+        return sum(self.hits_by_engagement)
+
+    @property
+    def engagements(self) -> int:
+        """Independent engagements that the decisions belong to."""
+        return len(self.hits_by_engagement)
+
+    @property
+    def decisions(self) -> int:
+        """What the rate is counted over: shots and withheld ones."""
+        return self.engagements * self.decisions_each
+
+    @property
+    def shots(self) -> int:
+        """Decisions with fire."""
+        return self.decisions - self.withheld
 
     @property
     def rate(self) -> float:
-        """Hits per shot or decision that counts, 0 to 1; NaN of none."""
-        return self.hits / self.counted if self.counted else math.nan
+        """Hits per decision, 0 to 1."""
+        return self.hits / self.decisions
+
+    @property
+    def low(self) -> float:
+        """Lower end of the rate's 95 % interval, clustered by engagement."""
+        return hit_rate(self.hits_by_engagement, self.decisions_each).low
+
+    @property
+    def high(self) -> float:
+        """Upper end."""
+        return hit_rate(self.hits_by_engagement, self.decisions_each).high
+
+    @property
+    def estimate(self) -> Estimate:
+        """The rate with its interval [%]."""
+        return Estimate(100 * self.rate, 100 * self.low, 100 * self.high, "%")
+
+    @property
+    def place(self) -> tuple[str, str, float, str]:
+        """World, command limit, length and task: what tables and panels are made for."""
+        return self.world, self.command_limit, self.length_s, self.task
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What no two cells of results have in common."""
+        return *self.place, self.motion, self.range_m, self.controller, self.seed
+
+    @property
+    def shot_at(self) -> tuple[Any, ...]:
+        """What cells of the same engagements have in common."""
+        return *self.place, self.motion, self.range_m, self.stream, self.engagements, self.decisions_each
 
 
-@dataclass(frozen=True, kw_only=True)
-class Comparison(Label):
-    """How far a controller's hit rate lies above another's in the same engagements with the same draws."""
+class Results(Record, frozen=True, kw_only=True):
+    """All that an evaluation found; printed as tables."""
 
-    against: str
-    """Name of the other controller."""
-    difference: float
-    """The controller's rate less the other's, −1 to 1."""
-    low: float
-    """Lower end of its 95 % interval, paired by engagement."""
-    high: float
-    """Upper end of its 95 % interval, paired by engagement."""
+    schema: ClassVar[str] = "archerfish.results/4"  # of the file
+    remedy: ClassVar[str] = "evaluate again"  # where it is damaged
+    seed: int
+    """Of engagements and dispersion."""
+    commit: str
+    """Of the code."""
+    versions: dict[str, str]
+    """Library → version."""
+    tasks: tuple[Task, ...]
+    """What was evaluated."""
+    robots: dict[str, dict[str, str]]
+    """World → the robot's name, digest of its records, and what was assumed of it."""
+    motions: dict[str, str] = field(default_factory=dict)
+    """A user's motion → digest of its code, as it was run; "" where it refers to what has no content."""
+    tuning: dict[str, Tuning]
+    """"world/limit/task/controller" → settings."""
+    cells: tuple[Cell, ...]
+    """Hit rates, in the order of the controllers."""
+    durations: dict[str, _Positive]
+    """Stage → seconds."""
+    remarks: tuple[str, ...] = ()
+    """What was unlike the training of a policy."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not -1 <= self.low <= self.difference <= self.high <= 1:
-            raise InputError(f"the interval {self.low} to {self.high} must hold the difference {self.difference}")
+        if len({cell.key for cell in self.cells}) < len(self.cells):
+            raise InputError("Results: two cells have one label; give unlike ones to `join`")
+        for task in self.tasks:
+            of_name = [other.conditions() for other in self.tasks if other.name == task.name]
+            _joined(f"task {task.name}", of_name)
 
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read results.json.
 
-@dataclass(frozen=True)
-class Acceleration:
-    """What a controller asked of the yaw axis at most."""
+        Args:
+          path: the file or its folder.
 
-    setting: str
-    """As in a cell."""
-    command_limit: str
-    """As in a cell."""
-    controller: str
-    """As in a cell."""
-    policy_seed: int | None
-    """As in a cell."""
-    yaw_rad_s2: float
-    """Largest acceleration of command and motion, mean over a decision period [rad/s²]."""
+        Raises:
+          InputError: if it can't be read, or a field is missing, unknown, of another type or out of range.
+        """
+        return super().load(_file(path))
 
+    def save(self, path: str | Path) -> None:
+        """Write results.json; `path` is the file or its folder.
 
-@dataclass(frozen=True, kw_only=True)
-class Drop(Label):
-    """How far a controller's hit rate falls from the identified simulator to the robot, in the same engagements."""
+        Raises:
+          InputError: if it can't be written, or would be larger than what is read.
+        """
+        if (counts := sum(cell.engagements for cell in self.cells)) > MOST_COUNTS:
+            problem = f"{counts} engagements of all cells, expected at most {MOST_COUNTS}, to be read again"
+            raise file_error(path, problem, "save the results in parts, before they are joined")
+        super().save(_file(path))
 
-    settled: bool
-    """Whether the settled shots alone count."""
-    difference: float
-    """Rate in the simulator less that on the robot, −1 to 1."""
-    low: float
-    """Lower end of its 95 % interval, paired by engagement."""
-    high: float
-    """Upper end of its 95 % interval, paired by engagement."""
+    def join(self, *others: "Results | Iterable[Results]") -> "Results":
+        """Put the results of several worlds, tasks, command limits or policies together; equal parts count once.
 
+        Args:
+          others: results, or lists of them.
 
-@dataclass(frozen=True)
-class Results:
-    """All of results.json; what a run did not compute is empty or None."""
+        Raises:
+          InputError: if evaluation seed, commit or versions differ, or what is there of one cell, robot or tuning; if
+            tasks of one name differ in what labels of cells don't say, such as the speed of the targets; if several
+            have a motion of one name, and its code has no digest.
+        """
+        parts = [self]
+        for other in others:
+            parts += other if isinstance(other, Iterable) else [other]
+        for part in parts:
+            if not isinstance(part, Results):
+                raise InputError(f"join: expected Results, got a {type(part).__name__}; give what `evaluate` returns")
+        code = [{"seed": part.seed, "commit": part.commit, **part.versions} for part in parts]
+        _joined("results", code, "evaluate all with the same")
+        unknown = [name for part in parts for name, digest in part.motions.items() if not digest]
+        if repeated := [name for name in unknown if unknown.count(name) > 1]:
+            problem = f"{repeated[0]} refers to what has no content, so that two of them may differ"
+            raise InputError(f"motions: {problem}; write its code into a file, and name that")
+        stages = dict.fromkeys(stage for part in parts for stage in part.durations)
+        return self.replace(
+            tasks=_unique(task for part in parts for task in part.tasks),
+            robots=_joined("robots", [part.robots for part in parts]),
+            motions=_joined("motions", [part.motions for part in parts]),
+            tuning=_joined("tuning", [part.tuning for part in parts]),
+            cells=_unique(cell for part in parts for cell in part.cells),
+            remarks=_unique(remark for part in parts for remark in part.remarks),
+            durations={stage: sum(part.durations.get(stage, 0.0) for part in parts) for stage in stages},
+        )
 
-    seed: int
-    """Seed that everything else follows from."""
-    commit: str
-    """Commit of the code, with "-dirty" if it was changed."""
-    versions: dict[str, str]
-    """Versions of Python and the libraries."""
-    durations: dict[str, float] = field(default_factory=dict)
-    """Stage → seconds."""
-    quick: bool = False
-    """Whether the run was cut short to try things out; its figures are not to be quoted."""
-    conditions: dict[str, Any] = field(default_factory=dict)
-    """What the engagements were like, as `archerfish.paper.conditions.Conditions`: SI units and radians."""
-    calibration: Calibration | None = None
-    """How well these conditions bring our Kalman baseline to the paper's."""
-    table1: Table1 | None = None
-    """Table I."""
-    identification: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """Axis → facts about its identification."""
-    figures: PaperFigures = field(default_factory=PaperFigures)
-    """Figs. 4–6."""
-    cells: tuple[Cell, ...] = ()
-    """Every hit rate of Tables II–V."""
-    comparisons: tuple[Comparison, ...] = ()
-    """Paired differences of hit rates."""
-    robot: RobotIdentification | None = None
-    """The robot that the second half of the paper is rehearsed with."""
-    drops: tuple[Drop, ...] = ()
-    """From the identified simulator to each robot."""
-    accelerations: tuple[Acceleration, ...] = ()
-    """What the controllers asked of the yaw axis."""
+    def compare(self, a: str, b: str) -> Comparison:
+        """Return the paired differences of controller `a` to controller `b`, cell by cell.
 
-    def __post_init__(self) -> None:
-        counted: dict[tuple[str, str, str, tuple[float, float]], str] = {}
+        Args:
+          a: name of a controller; of several trainings each is compared.
+          b: that of another.
+
+        Raises:
+          InputError: if one is not there, or they have no engagements in common.
+        """
+        return compare(self.cells, a, b)
+
+    def to_dicts(self) -> list[dict[str, Any]]:
+        """Return a row per cell for a data frame: its label, counts, rate and interval."""
+        rows = []
         for cell in self.cells:
-            place = (cell.setting, cell.command_limit, cell.table, cell.range_m)
-            if counted.setdefault(place, cell.counts) != cell.counts:
-                raise InputError(
-                    f"cells of table {cell.table} at {cell.range_m[0]:g}–{cell.range_m[1]:g} m in {cell.setting}, "
-                    f"{cell.command_limit}, count decisions and shots, expected one of them; write two files"
-                )
+            row = msgspec.structs.asdict(cell)
+            row["range_low_m"], row["range_high_m"] = cell.range_m
+            for name in ("range_m", "hits_by_engagement", "decisions_each", "stream"):
+                del row[name]
+            counted = hit_rate(cell.hits_by_engagement, cell.decisions_each)
+            rows.append({**row, **counted._asdict(), "shots": cell.shots, "rate": counted.rate})
+        return rows
+
+    def plot(self) -> "Figure":
+        """Draw hit rate against range, a panel for each motion, world, command limit and length."""
+        from archerfish.evaluation.plots import hit_rates
+
+        return hit_rates(self.cells)
+
+    @property
+    def report(self) -> "Report":
+        """The report, which prints, and writes a page."""
+        from archerfish.evaluation.report import evaluation_report
+
+        return evaluation_report(self)
+
+    def __repr__(self) -> str:
+        return str(self.report)
+
+    def _repr_html_(self) -> str:
+        return self.report._repr_html_()
 
 
-def new_results(
-    *,
-    seed: int,
-    conditions: Conditions,
-    cells: Iterable[Cell] = (),
-    comparisons: Iterable[Comparison] = (),
-    **parts: Any,
-) -> Results:
-    """Gather what a run found, with the commit and the versions of the running code.
-
-    Args:
-      seed: seed that everything else follows from.
-      conditions: what the engagements were like; under the paper's, the calibration of these goes along.
-      cells: hit rates.
-      comparisons: paired differences.
-      parts: any other field of `Results`.
-    """
-    return Results(
-        seed=seed,
-        commit=code_commit(),
-        versions=library_versions(),
-        conditions=asdict(conditions),
-        calibration=calibration() if conditions == assumed_conditions() else None,
-        cells=tuple(cells),
-        comparisons=tuple(comparisons),
-        **parts,
-    )
+def _file(path: str | Path) -> Path:
+    path = Path(path)
+    return path if path.suffix == ".json" else path / "results.json"
 
 
-def results_json(results: Results) -> dict[str, Any]:
-    """Return what results.json holds.
-
-    Raises:
-      InputError: if a value is not finite or of another type than its field.
-    """
-    facts = asdict(results)
-    from_json(Results, facts)
-    return {"schema": SCHEMA, **facts}
+def _unique(found: Iterable[Value]) -> tuple[Value, ...]:
+    """Drop what was there before, by content."""
+    return tuple({msgspec.json.encode(each): each for each in found}.values())
 
 
-def write_results(path: Path, results: Results) -> None:
-    """Write results.json whole.
-
-    Raises:
-      InputError: if a value is not finite or of another type than its field, or the folder can't be written.
-    """
-    try:
-        facts = results_json(results)
-    except InputError as error:
-        raise InputError(f"{path}: not written, {error}") from error
-    storage.write_json(path, facts)
-
-
-def read_results(path: Path) -> Results:
-    """Read results.json.
-
-    Raises:
-      InputError: if the file is no results record, or a field is missing, unknown, of another type or out of range.
-    """
-    facts = storage.read_facts(path, SCHEMA, _OLDER)
-    try:
-        return from_json(Results, facts)
-    except InputError as error:
-        raise file_error(
-            path, str(error), "write it anew with `archerfish reproduce` or `archerfish evaluate`"
-        ) from error
+def _joined(
+    name: str, parts: Iterable[Mapping[str, Value]], remedy: str = "give what differs different names"
+) -> dict[str, Value]:
+    joined: dict[str, Value] = {}
+    for part in parts:
+        for key, value in part.items():
+            if joined.setdefault(key, value) != value:
+                raise InputError(f"{name}: {key} differs: {joined[key]} and {value}; {remedy}")
+    return joined

@@ -1,186 +1,185 @@
 """Tuning of the classical controllers on draws that no evaluation uses: a pattern search with expanding steps.
 
-What a tracker should believe of its target, how far it should lead, and how smooth the commands of a preview should be,
+What a tracker should assume of its target, how far it should lead, and how smooth the commands of a preview should be,
 depends on camera, link, gimbal and command limit. Every setting of a controller has a grid without ends, and settings
 are compared on the same engagements with the same dispersion draws (common random numbers). From a start the search
-looks at the neighbours on the grid of one setting after the other, goes on with doubled steps in a direction in which
-more shots hit (Hooke and Jeeves 1961), and ends where no neighbour hits more: so both neighbours of each chosen value
-have been tried, and none is at an edge of what was.
+tries the neighbours on the grid of one setting after the other, goes on with doubled steps in a direction in which more
+shots hit (Hooke and Jeeves 1961), and ends where no neighbour hits more: so both neighbours of each chosen value have
+been tried, and none is at an edge of what was.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from types import MappingProxyType
+from __future__ import annotations  # so that help() names the types, rather than what they stand for
 
-from archerfish.controllers.roster import Tuning
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+from archerfish.compiled import has_jax
+from archerfish.controllers.registry import make_controller
+from archerfish.controllers.tuning import GRIDS, Tuning, TuningLike, entry, keep, kept, tuning_at
+from archerfish.errors import InputError, one_line
+from archerfish.evaluation.contenders import Contender
+from archerfish.evaluation.draws import draw
+from archerfish.evaluation.run import count
+from archerfish.reports import progress
+from archerfish.robot import Robot, RobotLike
+from archerfish.simulation.world import make_world
+from archerfish.task import Task, TaskLike
 
 BUDGET = 60
 """Settings that are tried at most, per controller."""
 LEAST_GAIN = 2e-4
-"""A setting must hit more often by this to be gone to, as a share of all shots; less is chance."""
+"""A setting must hit more often by this to be taken, as a share of all shots; less is scatter."""
 LONGEST_STEP = 4
 """Of the search, in steps of the grid."""
+ENGAGEMENTS = 512
+"""Of all cells of one length together: 64 in each of the paper's eight."""
+
+Place = tuple[int, ...]  # indices on the grids of all settings
+Progress = Callable[[int, float], None]  # settings tried, best hit rate
 
 
-@dataclass(frozen=True)
-class Grid:
-    """Values of one setting: start · ratioⁱ, or start + step · i, for whole i."""
-
-    start: float
-    """Value at i = 0, where the search begins."""
-    ratio: float = 1.0
-    """Between neighbours."""
-    step: float = 0.0
-    """Between neighbours of a setting that has either sign."""
-    last: int | None = None
-    """Largest i, where the setting has a natural bound."""
-
-    def value(self, index: int) -> float:
-        """Return the value at an index."""
-        return float(f"{self.start * self.ratio**index + self.step * index:.9g}")
-
-
-_LEAD = Grid(0.0, step=0.02)
-_TRACKER = {
-    "acceleration_sd": Grid(4.0, 2.0),
-    "initial_speed": Grid(0.25, 2.0),
-    "velocity_decay": Grid(1.0, 1.25, last=0),
-    "extra_lead_s": _LEAD,
-}
-_SMOOTHING = Grid(0.1, 4.0)
-GRIDS: Mapping[str, Mapping[str, Grid]] = MappingProxyType(
-    {
-        "kalman": _TRACKER,
-        "kalman-tuned": _TRACKER,
-        "kalman-lq": {**_TRACKER, "smoothing": _SMOOTHING},
-        "imm-lq": {
-            "turn_rate": Grid(1.0, 2.0),
-            "acceleration_sd": Grid(0.5, 2.0),
-            "initial_speed": Grid(0.25, 2.0),
-            "smoothing": _SMOOTHING,
-            "extra_lead_s": _LEAD,
-        },
-        "parabola-lq": {"smoothing": _SMOOTHING, "extra_lead_s": _LEAD},
-    }
-)
-"""Controller → what is tuned of it."""
-
-
-@dataclass(frozen=True)
-class Neighbours:
-    """A chosen value between those on either side of it, all other settings as chosen."""
-
-    value: float
-    """Chosen."""
-    below: tuple[float, float] | None
-    """Next value below that was tried, and its hit rate; None at a natural bound."""
-    above: tuple[float, float] | None
-    """The same above."""
-
-
-@dataclass(frozen=True)
-class Tuned:
+class Tuned(NamedTuple):
     """Settings of one controller, and how they were found."""
 
-    controller: str
-    """Its name."""
     tuning: Tuning
     """The best settings."""
     hit_rate: float
-    """Hits per shot with them, over all cells of the tuning draws, 0…1."""
+    """Hits per decision with them, over all cells of the tuning draws, 0…1."""
     tried: tuple[tuple[Tuning, float], ...]
     """Settings tried and their hit rates, in their order."""
-    neighbours: Mapping[str, Neighbours]
-    """Setting → its neighbours."""
 
 
-def starting_point(controller: str) -> Tuning | None:
-    """Return settings that are near the best ones for many robots; None for a controller that has nothing to tune."""
-    grids = GRIDS.get(controller)
-    return None if grids is None else _tuning(grids, (0,) * len(grids))
+def tune(controller: str, robot: RobotLike = None, task: TaskLike = "any") -> Tuning:
+    """Return the settings of a controller for a robot and a task: those that are kept, else searched for and kept.
+
+    They are kept in the robot's folder, tuning.json; those of a robot without folder in the user's cache, and those of
+    the paper's robot and targets come with Archerfish.
+
+    Args:
+      controller: one of `GRIDS`.
+      robot: in whose simulator the controller is tuned; the paper's if not given.
+      task: whose targets are engaged, or its name or TOML file; on the stream "tuning", that no evaluation has.
+
+    Raises:
+      InputError: if nothing is tuned of such a controller, the world can't be built, or what is kept can't be read.
+    """
+    if not isinstance(controller, str) or controller not in GRIDS:
+        expected, given = ", ".join(GRIDS), one_line(repr(controller))[:100]
+        raise InputError(f"tune: controller must be one of {expected}, got {given}; other controllers are not tuned")
+    robot, task = Robot.of(robot), Task.of(task)
+    tuning = kept(controller, robot, task)
+    if tuning is None:
+        begun = entry(controller, robot, task)
+        with progress.bar("tuning", BUDGET, "settings", "compiling" if has_jax() else "") as advance:
+
+            def report(tried: int, best: float) -> None:
+                advance(tried, f"{controller}, best {100 * best:.1f} %")
+
+            found = search(controller, rates(controller, robot, task), report)
+            report(BUDGET, found.hit_rate)
+        tuning = found.tuning
+        keep(begun.replace(tuning=tuning, hit_rate=found.hit_rate, tried=len(found.tried)), robot)
+    return tuning
 
 
-Place = tuple[int, ...]
-"""Indices on the grids of all settings."""
+def settings(contenders: Sequence[Contender], tuning: TuningLike, robot: Robot, task: Task) -> dict[str, Tuning]:
+    """Return the settings of all controllers that are tuned, by the names that results give them.
+
+    Args:
+      contenders: that are to shoot.
+      tuning: as `evaluate` takes it; a controller that a mapping doesn't name has the settings that are kept.
+      robot: its records.
+      task: of any lengths.
+
+    Raises:
+      InputError: if it is nothing of that, or names another controller.
+    """
+    names = {contender.name: str(contender.given) for contender in contenders if contender.is_tuned}
+    if isinstance(tuning, Tuning) and not names:
+        raise InputError(f"tuning: there is none of {contenders[0].name}, only of {', '.join(GRIDS)}; leave it out")
+    given = dict.fromkeys(names, tuning) if isinstance(tuning, Tuning) else tuning
+    known = {*names, *names.values()}
+    if not isinstance(given, Mapping):
+        if given not in ("kept", "start"):
+            expected = '"kept", "start", a Tuning, or a mapping from names of controllers to one'
+            raise InputError(f"tuning: expected {expected}, got {one_line(repr(tuning))[:100]}; give one of these")
+        if given == "start":
+            return {name: tuning_at(controller) for name, controller in names.items()}
+        return {name: tune(controller, robot, task) for name, controller in names.items()}
+    if not all(name in known and isinstance(value, Tuning) for name, value in given.items()):
+        expected = f"a Tuning for {', '.join(names) or 'no controller here'}"
+        raise InputError(f"tuning: expected {expected}, got {one_line(repr(given))[:100]}; correct it")
+    return {name: given.get(name) or given.get(own) or tune(own, robot, task) for name, own in names.items()}
 
 
-@dataclass(frozen=True)
-class _Search:
-    """What has been tried: every setting once, within the budget."""
+def rates(name: str, robot: Robot, task: Task) -> Callable[[Tuning], float]:
+    """Return the hit rate of a controller as a function of its settings, 0…1, always on the same draws."""
+    world, parts = make_world(robot, task), []
+    for length in task.lengths:
+        part = task.replace(lengths_s=(length,))
+        cells = part.cells()
+        engagements = max(1, ENGAGEMENTS // max(len(cells), 8))
+        parts.append((part, draw(cells, engagements, 0, "tuning", world.normals, world.plants)))
 
-    grids: Mapping[str, Grid]
-    compute: Callable[[Tuning], float]
-    found: dict[Place, float] = field(default_factory=dict)
+    def rate(tuning: Tuning) -> float:
+        # A controller that has no use for an engagement's length has one setting for all of them.
+        total = 0.0
+        for part, drawn in parts:
+            controller = make_controller(name, robot, part, tuning)
+            total += float(count(world, controller, *drawn).hit.mean())
+        return total / len(parts)
 
-    def rate(self, at: Place) -> float:
-        if at not in self.found:
-            self.found[at] = self.compute(_tuning(self.grids, at))
-        return self.found[at]
+    return rate
 
-    def beside(self, at: Place, axis: int, by: int) -> Place | None:
+
+def search(name: str, rate: Callable[[Tuning], float], progress: Progress = lambda *_: None) -> Tuned:
+    """Choose the settings that hit most.
+
+    Args:
+      name: of the controller.
+      rate: hit rate with some settings, 0…1.
+      progress: gets how many settings have been tried, and the best hit rate.
+    """
+    grids, found = tuple(GRIDS[name].values()), dict[Place, float]()
+
+    def hit_rate(at: Place) -> float:
+        if at not in found:
+            found[at] = rate(tuning_at(name, at))
+            progress(len(found), max(found.values()))
+        return found[at]
+
+    def beside(at: Place, axis: int, by: int) -> Place | None:
         """Return the place beside another, or None beyond a natural bound."""
-        index, last = at[axis] + by, tuple(self.grids.values())[axis].last
+        index, last = at[axis] + by, grids[axis].last
         return None if last is not None and index > last else (*at[:axis], index, *at[axis + 1 :])
 
-    def neighbours(self, at: Place) -> list[Place]:
-        places = (self.beside(at, axis, by) for axis in range(len(at)) for by in (-1, 1))
-        return [each for each in places if each is not None]
+    def neighbours(at: Place) -> list[Place]:
+        places = (beside(at, axis, by) for axis in range(len(at)) for by in (-1, 1))
+        return [place for place in places if place is not None]
 
-    def affordable(self, there: Place, at: Place) -> bool:
+    def affordable(there: Place, at: Place) -> bool:
         """Whether after another place the budget still does for the neighbours of either."""
-        return all(len(self.found.keys() | {there, *self.neighbours(each)}) <= BUDGET for each in (there, at))
+        return all(len(found.keys() | {there, *neighbours(place)}) <= BUDGET for place in (there, at))
 
-    def improved(self, at: Place, axis: int) -> Place:
+    def improved(at: Place, axis: int) -> Place:
         """Go along one setting while more shots hit, with doubled steps."""
         for direction in (1, -1):
             begun, step = at, direction
-            while (there := self.beside(at, axis, step)) is not None and self.affordable(there, at):
-                if self.rate(there) < self.rate(at) + LEAST_GAIN:
+            while (there := beside(at, axis, step)) is not None and affordable(there, at):
+                if hit_rate(there) < hit_rate(at) + LEAST_GAIN:
                     break
                 at, step = there, max(-LONGEST_STEP, min(2 * step, LONGEST_STEP))
             if at != begun:
                 break
         return at
 
-    def best(self) -> Place:
-        at, before = (0,) * len(self.grids), None
-        self.rate(at)
-        while before != at:
-            before = at
-            for axis in range(len(at)):
-                at = self.improved(at, axis)
-        for each in self.neighbours(at):
-            self.rate(each)
-        return at
-
-
-def _tuning(grids: Mapping[str, Grid], at: Place) -> Tuning:
-    values = {name: grid.value(index) for (name, grid), index in zip(grids.items(), at, strict=True)}
-    return Tuning(**{"acceleration_sd": 0.0, **values})
-
-
-def tune(name: str, rate: Callable[[Tuning], float], grids: Mapping[str, Grid] | None = None) -> Tuned:
-    """Choose the settings that hit most.
-
-    Args:
-      name: of the controller.
-      rate: hit rate with some settings, 0…1; always on the same draws, of the stream "tuning".
-      grids: what is tuned; as `GRIDS` says if not given.
-    """
-    grids = GRIDS[name] if grids is None else grids
-    search = _Search(grids, rate)
-    best = search.best()
-    tried = tuple((_tuning(grids, at), found) for at, found in search.found.items())
-    return Tuned(name, _tuning(grids, best), search.rate(best), tried, _neighbours(search, best))
-
-
-def _neighbours(search: _Search, best: Place) -> dict[str, Neighbours]:
-    def beside(axis: int, name: str, by: int) -> tuple[float, float] | None:
-        at = search.beside(best, axis, by)
-        return None if at is None else (getattr(_tuning(search.grids, at), name), search.rate(at))
-
-    chosen = _tuning(search.grids, best)
-    return {
-        name: Neighbours(getattr(chosen, name), beside(axis, name, -1), beside(axis, name, 1))
-        for axis, name in enumerate(search.grids)
-    }
+    best, before = (0,) * len(grids), None
+    hit_rate(best)
+    while before != best:
+        before = best
+        for axis in range(len(grids)):
+            best = improved(best, axis)
+    for place in neighbours(best):
+        hit_rate(place)
+    tried = tuple((tuning_at(name, at), share) for at, share in found.items())
+    return Tuned(tuning_at(name, best), found[best], tried)

@@ -1,1 +1,1 @@
-"""From logs to models: gimbal axes by simulation least squares, the muzzle by maximum likelihood."""
+"""Identification: from logs to the records of a robot."""

@@ -1,346 +1,264 @@
 """Proximal policy optimisation (PPO2), eqs (9) and (10), with the paper's network and settings as defaults.
 
-One call of `iterate` is one compiled program: rollouts in a batch of environments, advantages, several epochs of
-clipped updates, for a number of iterations, in shards that average their gradients. Everything that a run may want to
-vary without compiling anew (learning rates, discount, the world, the scenario) is an argument.
+Readings of the paper: the "attenuation factors" 0.001 and 0.003 are learning rates, and the critic estimates the value
+of a state (docs/paper.md).
 """
 
-import itertools
-from collections.abc import Callable
-from functools import partial
-from typing import Any, NamedTuple, Protocol
+import math
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
+import optax
 from jax import Array
 
-from archerfish.controllers.network import Layer, Normaliser, forward, normalise
-from archerfish.learning.advantages import advantages
-from archerfish.learning.config import PpoConfig
-from archerfish.learning.gaussian import log_probability
-from archerfish.learning.guard import LIMITS, any_bad, first_fault, guarded, is_bad, rollout_fault
-from archerfish.learning.minibatches import shuffled_minibatches
-from archerfish.learning.normalisation import empty_normaliser, merge
-from archerfish.learning.shards import AXIS, averaged, earliest, over_shards, own_key
-from archerfish.learning.update import (
-    Actor,
-    Batch,
-    Hyper,
-    Measures,
-    Networks,
-    action_mean,
-    begin_networks,
-    normalised,
-    update,
-)
+from archerfish.arrays import lift
+from archerfish.controllers.policy.network import Layer, forward, normalise
+from archerfish.learning import learner as learners
+from archerfish.learning.environment import Environment
+from archerfish.learning.learner import Actor, Learner, Metrics, Trainer, adam_step, magnitude, updated
+from archerfish.learning.shards import averaged, own_key
+
+LAST_RATE = 0.1
+"""Share of the learning rates that annealing leaves."""
+_ADVANTAGE = -2
+"""Its column in a table of decisions."""
+_SETTINGS = ("actor_learning_rate", "critic_learning_rate", "clip", "discount", "trace", "entropy", "gradient_norm",
+             "log_std_floor")  # fmt: skip
 
 
-class Environment(Protocol):
-    """What PPO trains in: a pytree with pure functions; randomness enters as drawn arrays."""
+class Batch(NamedTuple):
+    """Decisions and what came of them.
 
-    @property
-    def normals(self) -> int:
-        """Standard normals that a step needs per batch member."""
-
-    @property
-    def uniforms(self) -> int:
-        """Uniform draws that a step needs per batch member."""
-
-    @property
-    def observed(self) -> int:
-        """How many of an observation's numbers the policy sees, the first ones; the critic sees all."""
-
-    def begin(self, normals: Any, uniforms: Any) -> tuple[Any, Any]:
-        """Begin a batch: state, whose arrays all have the batch's dimension first, and first observations."""
-
-    def step(self, state: Any, action: Any, normals: Any, uniforms: Any) -> tuple[Any, Any]:
-        """Advance a batch: state and outcome (see `simulation.environment.Outcome`)."""
-
-
-class Sizes(NamedTuple):
-    """What the compiled program depends on, named as in `PpoConfig`; another set compiles anew."""
-
-    environments: int
-    rollout: int
-    minibatches: int
-    epochs: int
-    shards: int
-
-
-def sizes(config: PpoConfig) -> Sizes:
-    """Take the sizes out of a configuration."""
-    return Sizes(config.environments, config.rollout, config.minibatches, config.epochs, config.shards)
-
-
-class Learner(NamedTuple):
-    """Everything that training needs to go on."""
-
-    networks: Networks
-    """Actor and critic."""
-    normaliser: Normaliser
-    """Of the observations."""
-    environment: Any
-    """State of the environments."""
-    observation: Array
-    """For the next decision, shape (B, n)."""
-    key: Array
-    """PRNG key of the next iteration."""
-    iteration: Array
-    """Iterations done, shape ()."""
-
-
-_SPLIT: dict[str, Any] = {name: name in ("environment", "observation") for name in Learner._fields}
-SPLIT = Learner(**_SPLIT)
-"""What each shard has a part of."""
-
-
-class Metrics(NamedTuple):
-    """One number per iteration, shape (K,) over K of them."""
-
-    mean_reward: Array
-    """Mean reward per decision."""
-    value_error: Array
-    """Mean squared error of the value over its variance."""
-    divergence: Array
-    """Estimate of the Kullback–Leibler divergence of the update."""
-    clipped_share: Array
-    """Share of the samples that the clipping of eq (10) touched."""
-    std: Array
-    """Mean standard deviation of the actions."""
-    gradient_norm: Any = np.float32(0.0)
-    """Mean norm of the gradients before they are scaled, the larger of actor's and critic's."""
-    hit_share: Any = np.float32(np.nan)
-    """Share of the rollout's decisions that hit; NaN in an environment that does not tell."""
-    fault: Any = np.int32(0)
-    """What made the iteration bad, so that the learner stayed as it was: 0 nothing, else the place in `guard.WATCHED`
-    from 1."""
-
-
-def make_learner(environment: Environment, config: PpoConfig, key: Array, actions: int = 2) -> Learner:
-    """Begin training.
-
-    Args:
-      environment: where.
-      config: settings.
-      key: PRNG key; is consumed.
-      actions: numbers of an action.
+    A column of the observations is a decision: on a CPU the two large matrix products of a gradient then read and write
+    along memory, which takes a fifth off their time. Biases are the weights of the ones before the observation, which
+    takes off a tenth: they cost no pass of their own, forward and back.
     """
-    log_std = jnp.float32(config.log_std)
-    learner: Learner = _begin(environment, log_std, key, config.environments, config.hidden, actions)
-    return learner
+
+    observation: Array  # ones, then the normalised observation, then what the critic alone sees, (1 + n + h, B)
+    action: Array  # as drawn, (B, 2)
+    log_probability: Array  # of the action when it was drawn, (B,)
+    advantage: Array  # A of eq (9), normalised, (B,)
+    target: Array  # what the critic should have returned, (B,)
 
 
-@partial(jax.jit, static_argnames=("batch", "hidden", "actions"))
-def _begin(environment: Environment, log_std: Array, key: Array, batch: int, hidden: int, actions: int) -> Learner:
-    keys = jax.random.split(key, 5)
-    state, observation = environment.begin(
-        jax.random.normal(keys[0], (batch, environment.normals)),
-        jax.random.uniform(keys[1], (batch, environment.uniforms)),
-    )
-    size = observation.shape[-1]
-    # Orthogonal weights; the small last layer of the actor begins with actions near zero.
-    layers = orthogonal_layers(keys[2], (environment.observed, hidden, actions), last_gain=0.01)
-    actor = Actor(layers, jnp.full(actions, log_std))
-    critic = orthogonal_layers(keys[3], (size, hidden, 1), last_gain=1.0)
-    return Learner(
-        networks=begin_networks(actor, critic),
-        normaliser=empty_normaliser(size),
-        environment=state,
-        observation=observation,
-        key=keys[4],
-        iteration=jnp.int32(0),
-    )
-
-
-def orthogonal_layers(key: Array, widths: tuple[int, ...], last_gain: float) -> tuple[Layer, ...]:
-    """Draw the layers of a network: orthogonal weights, no biases.
-
-    Args:
-      key: PRNG key; is consumed.
-      widths: numbers that go in, neurons of each hidden layer, numbers that come out.
-      last_gain: scale of the last layer's weights; √2 of the others'.
-    """
-    gains = [2.0**0.5] * (len(widths) - 2) + [last_gain]
-    keys = jax.random.split(key, len(gains))
-    shapes = itertools.pairwise(widths)
-    return tuple(
-        Layer(jax.nn.initializers.orthogonal(gain)(each, shape, jnp.float32), jnp.zeros(shape[1]))
-        for each, shape, gain in zip(keys, shapes, gains, strict=True)
-    )
-
-
-@partial(jax.jit, static_argnames=("size", "count"))
-def iterate(
-    environment: Environment, settings: Hyper, learner: Learner, size: Sizes, count: int
-) -> tuple[Learner, Metrics]:
-    """Run a number of iterations in one compiled program.
-
-    Args:
-      environment: where to train; its arrays are arguments, so another world of the same shapes compiles nothing.
-      settings: traced settings.
-      learner: where training stands.
-      size: of the batches; compiles once per set.
-      count: iterations.
-
-    Returns:
-      The learner, of before the first bad iteration if there is one, and metrics of shape (count,).
-    """
-    return iterations_in_shards(_iteration, environment, settings, learner, size, count)
-
-
-def iterations_in_shards(
-    iteration: Callable[..., tuple[Learner, Metrics]],
-    environment: Environment,
-    settings: Any,
-    learner: Learner,
-    size: Any,
-    count: int,
-) -> tuple[Learner, Metrics]:
-    """Repeat an iteration in all shards, up to the first bad one.
-
-    Args:
-      iteration: environment, settings, learner, sizes of a shard → learner, metrics; any trainer's.
-      environment: where to train.
-      settings: traced settings, as the iteration takes them.
-      learner: where training stands.
-      size: of the whole, with `environments` and `shards`.
-      count: iterations.
-    """
-    own = size._replace(environments=size.environments // size.shards)
-
-    def shard(environment: Environment, settings: Any, learner: Learner) -> tuple[Learner, Metrics]:
-        return jax.lax.scan(
-            guarded(lambda learner: iteration(environment, settings, learner, own)), learner, length=count
-        )
-
-    run = over_shards(shard, size.shards, (False, False, SPLIT), (SPLIT, False))
-    done: tuple[Learner, Metrics] = run(environment, settings, learner)
-    return done
-
-
-def _iteration(environment: Environment, settings: Hyper, learner: Learner, size: Sizes) -> tuple[Learner, Metrics]:
+def _iteration(
+    environment: Environment, settings: dict[str, Array], learner: Learner, sizes: dict[str, int]
+) -> tuple[Learner, Metrics, Metrics]:
     key, own = jax.random.split(learner.key)
     noise, order = jax.random.split(own_key(own))
-    acted = _rollout(environment, settings, learner, size, noise)
-    progress = jnp.minimum(learner.iteration / settings.anneal_over, 0.9)
-    actions = learner.networks.actor.log_std.size
+    acted, table, metrics, watched = _rollout(environment, settings, learner, sizes, noise)
+    rate = jnp.maximum(1.0 - learner.iteration / settings["anneal_over"], LAST_RATE)
 
-    def minibatch(networks: Networks, columns: Array) -> tuple[Networks, tuple[Measures, Array]]:
-        networks, measures = update(settings, networks, _of_columns(columns, actions), 1.0 - progress, AXIS)
-        return networks, (measures, _update_faults(networks, measures))
+    def minibatch(networks: Any, columns: Array) -> tuple[Any, Metrics]:
+        actions = learner.actor.log_std.size
+        seen = len(columns) - actions - 3
+        return _update(settings, networks, Batch(columns[:seen], columns[seen:-3].T, *columns[-3:]), rate)
 
-    def epoch(networks: Networks, rows: Array) -> tuple[Networks, tuple[Measures, Array]]:
+    def epoch(networks: Any, rows: Array) -> tuple[Any, Metrics]:
         # Dealt out once an epoch: a gather per minibatch and field costs a tenth of the training.
-        columns = jnp.swapaxes(acted.table[rows], 1, 2)
-        columns = columns.at[:, _ADVANTAGE].set(normalised(columns[:, _ADVANTAGE], AXIS))
+        columns = jnp.swapaxes(table[rows], 1, 2)
+        columns = columns.at[:, _ADVANTAGE].set(normalised(columns[:, _ADVANTAGE]))
         return jax.lax.scan(minibatch, networks, columns)
 
-    parts = shuffled_minibatches(order, len(acted.table), size.epochs, size.minibatches)
-    networks, (measures, bad) = jax.lax.scan(epoch, learner.networks, parts)
-    spoilt = first_fault(bad.reshape(-1, len(UPDATED)), UPDATED)
-    fault = jnp.where(acted.fault == 0, spoilt, acted.fault)
-    metrics = Metrics(
-        acted.mean_reward,
-        **jax.tree.map(jnp.mean, measures)._asdict(),
-        std=jnp.mean(jnp.exp(networks.actor.log_std)),
-        hit_share=acted.hit_share,
-        fault=fault,
-    )
-    advanced = acted.learner._replace(networks=networks, key=key, iteration=learner.iteration + 1)
-    return advanced, metrics
+    parts = shuffled_minibatches(order, len(table), sizes["epochs"], sizes["minibatches"])
+    (actor, critic, moments), measured = jax.lax.scan(epoch, (learner.actor, learner.critic, learner.moments), parts)
+    watched["gradient"] = jnp.max(measured["gradient_norm"])
+    metrics |= jax.tree.map(jnp.mean, measured) | {"std": jnp.mean(jnp.exp(actor.log_std))}
+    after = acted._replace(actor=actor, critic=critic, moments=moments, key=key, iteration=learner.iteration + 1)
+    return after, metrics, watched
 
 
-UPDATED = ("gradient", "log_std", "weights")
-"""What may go wrong in a gradient step, in this order."""
+PPO = Trainer(_iteration, _SETTINGS, sizes=("environments", "rollout", "minibatches", "epochs", "shards"), draws=True)
+"""Eqs (9) and (10)."""
 
 
-def _update_faults(networks: Networks, measures: Measures) -> Array:
-    trained = (networks.actor.layers, networks.critic)
-    return jnp.stack(
-        [
-            is_bad(measures.gradient_norm, LIMITS["gradient"]),
-            is_bad(networks.actor.log_std, LIMITS["log_std"]),
-            any_bad(trained, LIMITS["weights"]),
-        ]
-    )
+def _rollout(
+    environment: Environment, settings: dict[str, Array], learner: Learner, sizes: dict[str, int], key: Array
+) -> tuple[Learner, Array, Metrics, Metrics]:
+    """Act for a while; the table has a row per decision: one, observation, action, and the rest of a `Batch`."""
+    actor, critic = learner.actor, learner.critic
+    std, (keys, batch) = jnp.exp(actor.log_std)[None, :], (jax.random.split(key, 3), sizes["environments"])
 
-
-class _Acted(NamedTuple):
-    """What came of acting for a while."""
-
-    learner: Learner
-    table: Array
-    """A row for each decision, see `_of_columns`."""
-    mean_reward: Array
-    hit_share: Array
-    fault: Array
-
-
-def _rollout(environment: Environment, settings: Hyper, learner: Learner, size: Sizes, key: Array) -> _Acted:
-    """Act for a while with the current policy, and judge what came of it."""
-    actor, critic = learner.networks.actor, learner.networks.critic
-    std = jnp.exp(actor.log_std)[None, :]
-
-    def act(carry: tuple[Any, Array], draws: tuple[Array, Array, Array]) -> tuple[tuple[Any, Array], Any]:
+    def act(carry: tuple[Any, Array], draws: tuple[Array, Array]) -> tuple[tuple[Any, Array], Any]:
         state, observation = carry
-        normal = normalise(learner.normaliser, observation)
-        mean = action_mean(actor, normal)
-        noise, normals, uniforms = (each.T for each in draws)
-        action = mean + std * noise
-        state, outcome = environment.step(state, action, normals, uniforms)
-        chance = log_probability(action, mean, actor.log_std)
+        inputs = jnp.concatenate([observation, state.hidden], axis=-1)  # of the critic; the actor takes the first ones
+        normal = normalise(learner.normaliser, inputs)
+        mean = actor.mean(normal)
+        action = mean + std * draws[0].T
+        state, step = environment.step(state, action, draws[1].T, fresh)
+        chosen = log_probability(action, mean, actor.log_std)
         # Here and not for all steps at once: so little stays in the processor's cache.
         value = forward(critic, normal)[..., 0]
-        next_value = forward(critic, normalise(learner.normaliser, outcome.final_observation))[..., 0]
-        return (state, outcome.observation), (observation, normal, action, chance, outcome, value, next_value)
+        final = jnp.concatenate([step.final_observation, step.hidden], axis=-1)
+        next_value = forward(critic, normalise(learner.normaliser, final))[..., 0]
+        hit = step.shot.fired & (step.shot.margin >= 0.0)
+        after = (step.reward, value, next_value, step.terminated, step.truncated)
+        return (state, step.observation), (inputs, normal, action, chosen, after, hit, magnitude(final))
 
-    (state, observation), (raw, normal, action, chance, outcome, values, next_values) = jax.lax.scan(
-        act, (learner.environment, learner.observation), _draws(environment, size, std.size, key)
-    )
-    gained = advantages(
-        outcome.reward,
-        values,
-        next_values,
-        outcome.terminated,
-        outcome.truncated,
-        settings.discount,
-        settings.trace,
-    )
-    numbers = jnp.stack([chance, gained, gained + values], axis=-1)
-    ones = jnp.ones((*gained.shape, 1))
-    table = jnp.concatenate([ones, normal, action, numbers], axis=-1)
-    table = table.reshape(-1, table.shape[-1])
+    # Columns: to draw a few numbers in a row, many times, takes several times as long.
+    of_action = jax.random.normal(keys[0], (sizes["rollout"], std.size, batch))
+    of_world = jax.random.normal(keys[1], (sizes["rollout"], environment.normals, batch))
+    fresh = learners.fresh_engagements(environment, keys[2], batch)
+    (state, observation), played = jax.lax.scan(act, (learner.environment, learner.observation), (of_action, of_world))
+    raw, normal, action, chosen, kept, hits, final = played
+    rewards, values, *rest = kept
+    gained = advantages(rewards, values, *rest, discount=settings["discount"], trace=settings["trace"])
+    numbers = jnp.stack([chosen, gained, gained + values], axis=-1)
+    table = jnp.concatenate([jnp.ones((*gained.shape, 1)), normal, action, numbers], axis=-1)
     # The statistics change between iterations only: rollout and updates see the same numbers.
-    normaliser = merge(learner.normaliser, raw.reshape(-1, raw.shape[-1]), AXIS)
-    return _Acted(
-        learner=learner._replace(environment=state, observation=observation, normaliser=normaliser),
-        table=table,
-        mean_reward=averaged(jnp.mean(outcome.reward), AXIS),
-        hit_share=averaged(jnp.mean(outcome.hit.astype(jnp.float32)), AXIS),
-        fault=earliest(rollout_fault(raw, action, outcome.reward, outcome.final_observation, observation)),
-    )
+    normaliser = updated(learner.normaliser, raw)
+    acted = learner._replace(environment=state, observation=observation, normaliser=normaliser)
+    mean_reward, hit_share = averaged((jnp.mean(rewards), jnp.mean(jnp.float32(hits))))
+    watched = {"observation": magnitude(raw, observation, state.hidden, final), "action": magnitude(action)}
+    watched["reward"] = magnitude(rewards)
+    return acted, table.reshape(-1, table.shape[-1]), {"mean_reward": mean_reward, "hit_share": hit_share}, watched
 
 
-_ADVANTAGE = -2
-"""Its column in the table, see `_of_columns`."""
+def advantages(
+    rewards: Array,
+    values: Array,
+    next_values: Array,
+    terminated: Array,
+    truncated: Array,
+    *,
+    discount: Array | float,
+    trace: Array | float,
+) -> Array:
+    """Estimate the advantage A of eq (9) by an exponentially weighted sum of temporal differences.
 
+        δ_t = r_t + γ (1 − terminated_t) V(s'_t) − V(s_t),    A_t = δ_t + γ λ (1 − ended_t) A_{t+1}
 
-def _of_columns(columns: Array, actions: int) -> Batch:
-    """Take a batch out of columns of one, observation, action, log-probability, advantage and target."""
-    seen = len(columns) - actions - 3
-    return Batch(columns[:seen], columns[seen:-3].T, *columns[-3:])
+    s'_t is the state that follows within the same engagement, so a truncated step bootstraps from the final
+    observation, never from the first one of the next engagement; a terminated step bootstraps from nothing. Both cut
+    the trace.
 
+    Args:
+      rewards: shape (T, B).
+      values: V(s_t), shape (T, B).
+      next_values: V(s'_t), shape (T, B).
+      terminated: shape (T, B).
+      truncated: shape (T, B).
+      discount: γ.
+      trace: λ.
 
-def _draws(environment: Environment, size: Sizes, actions: int, key: Array) -> tuple[Array, Array, Array]:
-    """Draw the noise of actions and environments for a rollout in three calls: many small ones cost a quarter more.
-
-    The numbers of a step lie in columns, `action_noise.T`: to draw a few in a row, many times, takes several times as
-    long.
+    Returns:
+      Advantages, shape (T, B).
     """
-    keys = jax.random.split(key, 3)
-    return (
-        jax.random.normal(keys[0], (size.rollout, actions, size.environments)),
-        jax.random.normal(keys[1], (size.rollout, environment.normals, size.environments)),
-        jax.random.uniform(keys[2], (size.rollout, environment.uniforms, size.environments)),
+    delta = rewards + discount * jnp.where(terminated, 0.0, next_values) - values
+    carried = discount * trace * jnp.where(terminated | truncated, 0.0, 1.0)
+
+    def backwards(following: Array, step: tuple[Array, Array]) -> tuple[Array, Array]:
+        current = step[0] + step[1] * following
+        return current, current
+
+    _, result = jax.lax.scan(backwards, jnp.zeros_like(delta[0]), (delta, carried), reverse=True)
+    return result
+
+
+def normalised(advantage: Array) -> Array:
+    """Shift and scale the advantages of each minibatch, shape (M, B) in each shard, to mean 0 and variance 1."""
+    mean = averaged(jnp.mean(advantage, axis=-1, keepdims=True))
+    variance = averaged(jnp.mean((advantage - mean) ** 2, axis=-1, keepdims=True))
+    return (advantage - mean) / (jnp.sqrt(variance) + 1e-8)
+
+
+def shuffled_minibatches(key: Array, rows: int, epochs: int, parts: int) -> Array:
+    """Deal the rows of a batch into equal parts, in a new order for every epoch.
+
+    Random bits with the row's number in the lowest places, sorted: one sort of plain integers, nine times as fast on a
+    CPU as `jax.random.permutation`, which took a fifth of a training. Rows whose random bits agree stay in order; with
+    18 random bits beside the number of 12,800 rows that happens to one pair in 260,000.
+
+    Args:
+      key: PRNG key; is consumed.
+      rows: of the batch, a multiple of `parts`.
+      epochs: passes over the batch.
+      parts: minibatches per epoch.
+
+    Returns:
+      Row numbers, shape (epochs, parts, rows / parts).
+    """
+    places = (rows - 1).bit_length()
+    numbers = jnp.arange(rows, dtype=jnp.uint32)[None, :]
+    tagged = jax.random.bits(key, (epochs, rows)) >> places << places | numbers
+    orders: Array = jnp.sort(tagged, axis=-1) & (2**places - 1)
+    return orders.reshape(epochs, parts, rows // parts)
+
+
+def _update(settings: dict[str, Array], networks: Any, batch: Batch, rate: Array) -> tuple[Any, Metrics]:
+    """Take a gradient step of the actor and one of the critic, each with its own learning rate."""
+    actor, critic, (actor_moments, critic_moments) = networks
+    slope = jax.value_and_grad(actor_loss, has_aux=True)
+    (_, (divergence, clipped)), actor_gradient = slope(actor, batch, settings["clip"], settings["entropy"])
+    error, critic_gradient = jax.value_and_grad(critic_loss)(critic, batch)
+    moments = jnp.mean(batch.target), jnp.mean(batch.target**2)
+    actor_gradient, critic_gradient, error, (mean, square), divergence, clipped = averaged(
+        (actor_gradient, critic_gradient, error, moments, divergence, clipped)
     )
+    largest, actor_rate = settings["gradient_norm"], rate * settings["actor_learning_rate"]
+    actor, actor_moments = adam_step(actor, actor_gradient, actor_moments, actor_rate, largest)
+    critic_rate = rate * settings["critic_learning_rate"]
+    critic, critic_moments = adam_step(critic, critic_gradient, critic_moments, critic_rate, largest)
+    actor = actor._replace(log_std=jnp.maximum(actor.log_std, settings["log_std_floor"]))
+    measured = {
+        "value_error": 2.0 * error / (jnp.maximum(square - mean**2, 0.0) + 1e-8),
+        "divergence": divergence,
+        "clipped_share": clipped,
+        "gradient_norm": jnp.maximum(optax.tree.norm(actor_gradient), optax.tree.norm(critic_gradient)),
+    }
+    return (actor, critic, (actor_moments, critic_moments)), measured
+
+
+def actor_loss(actor: Actor, batch: Batch, clip: Array, weight: Array) -> tuple[Array, tuple[Array, Array]]:
+    """Return the negative of the clipped objective of eq (10).
+
+        L = mean[min(ρ A, clip(ρ, 1 − ε, 1 + ε) A)],    ρ = π(a | s) / π_old(a | s)
+
+    Args:
+      actor: the policy π.
+      batch: B decisions.
+      clip: ε.
+      weight: of the entropy bonus, which the paper does not have.
+
+    Returns:
+      −L, and estimates of the Kullback–Leibler divergence from π_old and of the share of samples that are clipped.
+    """
+    mean = forward_columns(actor.layers, batch.observation[: 1 + actor.layers[0].weight.shape[0]])
+    log_ratio = log_probability(batch.action, mean.T, actor.log_std) - batch.log_probability
+    ratio = jnp.exp(log_ratio)
+    bounded = jnp.clip(ratio, 1.0 - clip, 1.0 + clip)
+    objective = jnp.mean(jnp.minimum(ratio * batch.advantage, bounded * batch.advantage))
+    entropy = jnp.sum(actor.log_std + 0.5 * (1.0 + math.log(2.0 * math.pi)), axis=-1)
+    divergence, clipped = jnp.mean(ratio - 1.0 - log_ratio), jnp.mean(jnp.abs(ratio - 1.0) > clip)
+    return -objective - weight * entropy, (divergence, clipped)
+
+
+def critic_loss(critic: tuple[Layer, ...], batch: Batch) -> Array:
+    """Return half the mean squared error of the values."""
+    values = forward_columns(critic, batch.observation)[0]
+    return 0.5 * jnp.mean((values - batch.target) ** 2)
+
+
+def forward_columns(layers: tuple[Layer, ...], inputs: Array) -> Array:
+    """Run a network of two layers as `forward` does on columns of one and inputs, shape (1 + n, B) → (outputs, B)."""
+    first, last = layers
+    hidden = jax.nn.relu(jnp.concatenate([first.bias[None, :], first.weight]).T @ inputs)
+    outputs: Array = last.weight.T @ hidden + last.bias[:, None]
+    return outputs
+
+
+def log_probability(action: Array, mean: Array, log_std: Array) -> Array:
+    """Return the logarithm of the normal density of an action.
+
+    Args:
+      action: shape B + (n,).
+      mean: shape B + (n,).
+      log_std: logarithms of the standard deviations, shape (n,).
+
+    Returns:
+      Shape B.
+    """
+    log_std = lift(log_std, action)
+    scaled = (action - mean) * jnp.exp(-log_std)
+    return jnp.sum(-0.5 * scaled**2 - log_std - 0.5 * math.log(2.0 * math.pi), axis=-1)

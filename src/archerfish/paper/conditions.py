@@ -1,20 +1,22 @@
 """The conditions behind Tables II and III: the few that are printed, and those that we assume.
 
 Most are not printed. We chose them once, so that our honestly tuned Kalman baseline lands on the paper's Kalman
-columns; `calibration` holds how well it does, and how far the choice is from unique.
+columns; `calibration` has how well it does, and how far the choice is from unique. Under them the classical controllers
+were tuned once, for the printed gimbal never changes.
 """
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
-from archerfish.records import storage
+import msgspec
+
+from archerfish.paper import facts
+from archerfish.records.muzzle import MuzzleRecord
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """Who is met where, and with what muzzle; SI units and radians, in our right-handed frame."""
+    """Targets, period and muzzle of the paper; SI units and radians, in our right-handed frame."""
 
     range_bins: tuple[tuple[float, float], ...]
     """Bins of the distance X₀ to the armor or the parabola's vertex, drawn uniformly [m] (printed: Tables II–V)."""
@@ -28,8 +30,6 @@ class Conditions:
     """One command and one pellet each [s]."""
     engagement_s: float
     """Length of an engagement [s]."""
-    settled_after_s: float
-    """A miss before this time counts as slewing, after it as settled [s]."""
     start_pitch: float
     """Pitch of the resting gimbal when the engagement begins [rad]."""
     start_yaw: float
@@ -49,86 +49,61 @@ class Conditions:
     drag: float
     """Quadratic drag coefficient k [1/m]."""
     position_noise: float
-    """Standard deviation of the seen target position, along the line of sight and across it [m]."""
+    """Standard deviation of the detected position, along the line of sight and across it [m]."""
     line_of_sight_lead: float
     """Command limit `los-2deg`: largest angle between yaw command and line of sight [rad]."""
     kalman_acceleration_sd: float
     """Process noise of the baseline's Kalman filter, as a standard deviation of the acceleration [m/s²]."""
     kalman_position_sd: float
-    """Measurement noise that the baseline's Kalman filter supposes [m]."""
-
+    """Measurement noise that the baseline's Kalman filter assumes [m]."""
     kalman_extra_lead_s: float
-    """What the baseline leads beyond the control period and the time of flight [s]; it stands for the gimbal's lag."""
-
-    @property
-    def reversal_half_width(self) -> float:
-        """Distance |y − Y₀| at which a moving target turns back [m], from eq (7)."""
-        return math.sqrt(self.parabola_rise / self.parabola_curvature)
-
-    @property
-    def decisions(self) -> int:
-        """Number of decisions, and of pellets, in an engagement."""
-        return round(self.engagement_s / self.control_period_s)
-
-
-@dataclass(frozen=True)
-class CalibrationCell:
-    """Our Kalman baseline beside the paper's, in one cell of Table II or III."""
-
-    table: str
-    """"II" or "III"."""
-    range_m: tuple[float, float]
-    """Bin of the distance [m]."""
-    ours_percent: float
-    """Hit rate of our baseline [%]."""
-    residual_points: float
-    """Ours less the paper's [percentage points]."""
+    """By how much the baseline leads beyond the control period and the flight time [s], for the gimbal's lag."""
 
 
 @dataclass(frozen=True)
 class Calibration:
     """How well the assumed conditions reproduce the paper's Kalman columns."""
 
-    cells: tuple[CalibrationCell, ...]
-    """All eight."""
-    rmse_points: float
-    """Root mean square of the residuals [percentage points]."""
-    engagements: int
-    """Engagements behind each cell."""
-    sets_tried: int
-    """Sets of conditions that were tried."""
-    sets_within_3_points: int
-    """How many of them came within 3 points: how far from unique the choice is."""
-    note: str
-    """What else would fit, and what would not."""
+    cells: tuple[tuple[str, tuple[float, float], float, float], ...]  # table, distances [m], our baseline's hit rate
+    #        [%], and ours less the paper's [percentage points], of all eight cells of Tables II and III
+    rmse_points: float  # root mean square of the residuals [percentage points]
+    engagements: int  # behind each cell
+    sets_tried: int  # of conditions
+    sets_within_3_points: int  # how many of them came within 3 points: how far from unique the choice is
+    note: str  # what else would fit, and what would not
 
 
 def assumed_conditions() -> Conditions:
-    """Return the one set of conditions that stands for the paper's."""
-    facts = _facts()
-    values = dict(_in_radians(name, value) for name, value in (facts["printed"] | facts["assumed"]).items())
-    bins = tuple((float(low), float(high)) for low, high in values.pop("range_bins"))
-    return Conditions(range_bins=bins, **values)
+    """Return the one set of conditions that is used for the paper's."""
+    found = facts("conditions")["printed"] | facts("conditions")["assumed"]
+    degrees = [name for name in found if name.endswith("_deg")]
+    radians = {name.removesuffix("_deg"): math.radians(found.pop(name)) for name in degrees}
+    return msgspec.convert(found | radians, Conditions)
 
 
-def _facts() -> dict[str, Any]:
-    return dict(storage.read_json(Path(__file__).with_name("conditions.json")))
+def calibration() -> Calibration:
+    """Return the residuals of the assumed conditions."""
+    return msgspec.convert(facts("conditions")["calibration"], Calibration)
 
 
-def _in_radians(name: str, value: Any) -> tuple[str, Any]:
-    return (name.removesuffix("_deg"), math.radians(value)) if name.endswith("_deg") else (name, value)
+def paper_muzzle() -> MuzzleRecord:
+    """Return the muzzle of the assumed conditions; its pellets start at the pivot."""
+    c = assumed_conditions()
+    sd = c.dispersion
+    return MuzzleRecord(speed=c.muzzle_speed, speed_sd=c.muzzle_speed_sd, pitch_sd=sd, yaw_sd=sd, drag=c.drag)
 
 
-def calibration() -> Calibration | None:
-    """Return the residuals of the assumed conditions, or None until they have been computed."""
-    facts = _facts()["calibration"]
-    return None if facts is None else calibration_from(facts)
+def paper_tuning(command_limit: str) -> dict[str, dict[str, float]]:
+    """Return the settings of each controller under a command limit, by their names in `Tuning`.
 
+    Those of `kalman-paper` were not tuned under that limit: they are of the conditions that were calibrated with it.
 
-def calibration_from(facts: dict[str, Any]) -> Calibration:
-    """Read the field `calibration` of conditions.json, whose names are those of `Calibration`."""
-    cells = tuple(
-        CalibrationCell(**{**cell, "range_m": (float(cell["range_m"][0]), float(cell["range_m"][1]))})
-        for cell in facts["cells"]
-    )
-    return Calibration(**{**facts, "cells": cells})
+    Args:
+      command_limit: "box", "gate" or "los-2deg".
+    """
+    c = assumed_conditions()
+    settings = {"kalman-paper": {"acceleration_sd": c.kalman_acceleration_sd, "extra_lead_s": c.kalman_extra_lead_s}}
+    for tuned in facts("tuning")["controllers"]:
+        if tuned["command_limit"] == command_limit:
+            settings[tuned["controller"]] = dict(tuned["settings"])
+    return settings

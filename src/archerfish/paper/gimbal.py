@@ -1,93 +1,75 @@
-"""The printed gimbal: the state-space axes of eqs (11)–(16), and the limits of its angles."""
+"""The printed gimbal: two axes in state space, and the limits of their angles.
 
-import functools
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+Pitch is eq (11), whose matrices eq (12) and eq (13) print. Yaw is eq (14), with those of eq (15) and eq (16).
+"""
+
+import math
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from archerfish.paper.legibility import Legibility
-from archerfish.records import storage
+from archerfish.paper import Legibility, facts
+from archerfish.records.json_files import Matrix
 from archerfish.records.limits import AxisLimits, LimitsRecord
 from archerfish.records.plant import PlantRecord
 
 
-@dataclass(frozen=True)
-class PrintedMatrix:
+class PrintedMatrix(NamedTuple):
     """One matrix of the paper, as it is printed and as we read it."""
 
-    equation: int
-    """Number of the equation that prints it."""
-    printed: tuple[tuple[str, ...], ...]
-    """Its entries, row by row, character for character."""
-    values: NDArray[np.float64]
-    """Our reading, before any scaling, in the shape that is printed."""
+    equation: int  # number of the equation that prints it
+    printed: tuple[tuple[str, ...], ...]  # its entries, row by row, character for character
+    values: Matrix  # our reading, before any scaling, in the shape that is printed
     legibility: Legibility
-    """How well it can be read."""
-    note: str
-    """What is odd about it."""
-
-
-@functools.cache
-def _facts() -> dict[str, Any]:
-    return dict(storage.read_json(Path(__file__).with_name("gimbal.json")))
 
 
 def printed_matrix(axis: str, name: str) -> PrintedMatrix:
-    """Return a matrix of eqs (12), (13), (15) or (16).
+    """Return a matrix of eq (12), eq (13), eq (15) or eq (16).
 
     Args:
       axis: "pitch" or "yaw".
       name: "A", "B" or "C".
     """
-    facts = _facts()[axis][name]
-    printed = tuple(tuple(row) for row in facts["printed"])
-    legibility = Legibility(facts["legibility"])
-    reading = facts["reading"] if legibility is Legibility.DAMAGED else _parse(printed)
-    return PrintedMatrix(facts["equation"], printed, np.array(reading), legibility, facts["note"])
-
-
-def _parse(printed: tuple[tuple[str, ...], ...]) -> list[list[float]]:
-    return [[float(entry.replace(" ", "")) for entry in row] for row in printed]
+    found = facts("gimbal")[axis][name]
+    printed = tuple(tuple(row) for row in found["printed"])
+    as_printed = [[float(entry.replace(" ", "")) for entry in row] for row in printed]
+    reading = found["reading"] if found["legibility"] == "damaged" else as_printed
+    return PrintedMatrix(found["equation"], printed, np.array(reading), found["legibility"])
 
 
 def printed_plants() -> dict[str, PlantRecord]:
-    """Return the printed axes of eqs (11)–(16) as "pitch" and "yaw".
+    """Return the printed axes as "pitch", eq (11), and "yaw", eq (14).
 
-    Departures from print: the sampling period, which is not printed, is taken as 1 ms; eqs (11) and (14) give the angle
-    at t + 1 from the state at t, we give it at t; the damaged B_y is scaled so that the DC gain of yaw is 1. Pitch
-    keeps its printed DC gain of 1.031. Angles are in any one unit: both plants map a commanded to a reached angle.
+    Departures from print:
+
+    - The sampling period is not printed. It is taken as 1 ms.
+    - Eq (11) and eq (14) give the angle at t + 1 from the state at t. We give it at t.
+    - The damaged B of eq (15) is scaled so that the DC gain of yaw is 1. Pitch keeps its printed DC gain of 1.031.
+
+    Angles are in any one unit: both plants map a commanded to a reached angle. The paper's frame has y to the right,
+    but an axis whose command and angle both change sign stays the same.
     """
-    return {axis: _plant(axis) for axis in ("pitch", "yaw")}
+    return {"pitch": _plant("pitch"), "yaw": _plant("yaw")}
 
 
 def _plant(axis: str) -> PlantRecord:
-    a, b, c = (printed_matrix(axis, name) for name in ("A", "B", "C"))
-    plant = PlantRecord(
-        A=a.values,
-        B=b.values,
-        C=c.values,
-        D=np.zeros((1, 1)),
-        delay_samples=0,
-        sample_period_s=_facts()["sample_period_s"]["reading"],
-        axis=axis,
-        provenance={"source": f"the paper, eqs ({a.equation}) and ({c.equation}), read as in docs/errata.md"},
-    )
-    gain = _facts()[axis]["B"].get("scaled_to_dc_gain")
+    A, B, C = (printed_matrix(axis, name) for name in "ABC")
+    period = facts("gimbal")["sample_period_s"]["reading"]
+    source = f"the paper, eqs ({A.equation}) and ({C.equation}), read as in docs/paper.md"
+    plant = PlantRecord.from_state_space(A.values, B.values, C.values, 0.0, period)
+    plant = plant.replace(axis=axis, provenance={"source": source})
+    gain = facts("gimbal")[axis]["B"].get("scaled_to_dc_gain")
     return plant if gain is None else plant.with_dc_gain(gain)
 
 
 def gate_limits() -> LimitsRecord:
-    """Return the limits of a gimbal of GM6020 motors with the paper's angle ranges, which the safety gate enforces.
+    """Return the limits of a gimbal of GM6020 motors with the paper's angle ranges, for the command limit `gate`.
 
     The ranges are printed; the rates and accelerations are ours, since the printed linear axes have no limits.
     """
-    facts = storage.read_json(Path(__file__).with_name("limits.json"))
-    return LimitsRecord(_axis_limits(facts["pitch"]), _axis_limits(facts["yaw"]), source=facts["source"])
+    pitch, yaw = (_axis_limits(**facts("limits")[axis]) for axis in ("pitch", "yaw"))
+    return LimitsRecord(pitch=pitch, yaw=yaw, source=facts("limits")["source"])
 
 
-def _axis_limits(facts: dict[str, float]) -> AxisLimits:
-    low, high = np.deg2rad([facts["low_deg"], facts["high_deg"]]).tolist()
-    return AxisLimits(low, high, max_rate=facts["max_rate"], max_acceleration=facts["max_acceleration"])
+def _axis_limits(low_deg: float, high_deg: float, **others: float) -> AxisLimits:
+    return AxisLimits(low=math.radians(low_deg), high=math.radians(high_deg), **others)

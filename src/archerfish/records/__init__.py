@@ -1,4 +1,1 @@
-"""What passes between the stages as files: recordings, plants, muzzles, limits, policies.
-
-Every record has a versioned schema, SI units, and its provenance.
-"""
+"""The records of a robot: plants, muzzle, sensing and limits, one JSON file each."""

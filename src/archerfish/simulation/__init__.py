@@ -1,1 +1,1 @@
-"""The shooting world: reset and step as pure functions, and how its engagements are drawn."""
+"""The simulator: a world from a robot's records, compiled together with any controller."""

@@ -1,1 +1,1 @@
-"""Who is shot at: one file per motion, and one table of the distributions that their parameters are drawn from."""
+"""Targets: how they move, and one table of the distributions that their parameters are drawn from."""

@@ -1,1 +1,1 @@
-"""The browser page: engagements to play with, and recordings to look at."""
+"""A browser page that plays engagements of a robot, and a film of them in one file."""

@@ -1,221 +1,158 @@
-"""What a person chooses on the page, and the world that follows from it."""
+"""What is chosen on the page, and the world, the task and the controller that follow from it."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
-from archerfish.controllers.guarded_policy import controller_from_record
-from archerfish.controllers.own_decision import WatchedController
-from archerfish.controllers.roster import CONTROLLERS, Listed, Tuning, Workbench, build_controller
-from archerfish.dynamics.command_limits import named_limits
-from archerfish.dynamics.linear_axis import gimbal_model
-from archerfish.dynamics.muzzle import muzzle_from_record
-from archerfish.evaluation.tuning import starting_point
-from archerfish.paper.conditions import Conditions
-from archerfish.paper.tuning import paper_settings
-from archerfish.records.errors import InputError
-from archerfish.records.limits import LimitsRecord
-from archerfish.records.muzzle import MuzzleRecord
-from archerfish.records.plant import PlantRecord
-from archerfish.records.policy import PolicyRecord
+from archerfish.controllers.registry import NAMES
+from archerfish.controllers.tuning import Tuning, kept
+from archerfish.errors import InputError
+from archerfish.evaluation.contenders import Contender, as_contenders, prepared, unlike_training
 from archerfish.records.sensing import CameraRecord, LinkRecord, SensingRecord
-from archerfish.sensing.kalman_filter import noise_from_record
-from archerfish.simulation.environment import PureWorld
-from archerfish.simulation.setting import make_world
-from archerfish.targets.own_motion import OwnMotion
-from archerfish.viewer.motions import HAND, MOTIONS
+from archerfish.robot import Robot
+from archerfish.simulation.world import make_world
+from archerfish.task import Task
+from archerfish.viewer.motions import motion_names
 
-SHORTEST_SHOWN_S = 1e-4
-"""Latencies below this are none [s]."""
+HALF_RANGE_M = 0.05
+"""Distances of a trial's targets differ by so much from the chosen one [m]."""
 FEEDBACK_RATE_HZ = 1000.0
-"""Of the link that stands in where no sensing record is given and a latency is asked for [Hz]."""
+"""Of the link of a robot without sensing record to which a latency is added [Hz]."""
+DISTANCES_M, SPEEDS_M_S = (1.0, 8.0), (0.0, 3.0)
+"""Distances and speeds that the page offers [m], [m/s]."""
 
 
 @dataclass(frozen=True)
-class Subject:
-    """The robot on the page, and the policies that may steer it."""
-
-    name: str
-    """"paper" or "identified-<robot>"."""
-    pitch: PlantRecord
-    """Pitch axis."""
-    yaw: PlantRecord
-    """Yaw axis."""
-    muzzle: MuzzleRecord
-    """Muzzle."""
-    sensing: SensingRecord | None
-    """Camera and link; None where they are immediate and perfect."""
-    limits: LimitsRecord
-    """Ranges, rates and accelerations."""
-    conditions: Conditions
-    """Period, hit radius, length of an engagement, and the paper's target."""
-    command_limit: str
-    """"box", "gate" or "los-2deg"."""
-    policies: Mapping[str, PolicyRecord] = field(default_factory=dict)
-    """Name on the page → policy."""
-    own_controllers: Mapping[str, Listed] = field(default_factory=dict)
-    """Name on the page → controller of the user's own, found before the page opens."""
-    own_motions: Mapping[str, OwnMotion] = field(default_factory=dict)
-    """Name on the page → target motion of the user's own, found before the page opens."""
-
-
-@dataclass(frozen=True)
-class Choice:
-    """Everything that makes one trial; equal choices give equal trials. `RANGES` has the bounds of the numbers."""
+class TrialChoice:
+    """What makes one trial; equal choices give equal trials."""
 
     controller: str
-    """A policy's name, one of the classical controllers, or one of the user's own."""
+    """Name of one of the setup's controllers."""
     motion: str
-    """One of `motions.MOTIONS`, of the user's own, or `motions.HAND`."""
-    distance: float = 3.0
-    """From the pivot to the middle of the target's way [m]."""
-    speed: float = 0.35
-    """Of the target [m/s]."""
+    """One of `motions.motion_names`."""
+    distance: float
+    """Of the targets' places [m]."""
+    speed: float
+    """Largest, of eq (7), a user's motion and a dragged target [m/s]."""
     dispersion: float = 1.0
-    """Scale of the muzzle's dispersion angles."""
+    """Factor on the standard deviations of the muzzle's angles."""
     camera_latency: float = 0.0
     """Added to that of the camera [s]."""
     command_latency: float = 0.0
     """Added to that of the commands [s]."""
-    engagements: int = 12
-    """Meetings with a target that one trial is made of."""
+    engagements: int = 16
+    """In a trial."""
     seed: int = 0
-    """Of the targets and the dispersion."""
+    """Of targets and dispersion."""
 
 
-RANGES = {
-    "distance": (1.0, 8.0),
-    "speed": (0.0, 3.0),
-    "dispersion": (0.0, 4.0),
-    "camera_latency": (0.0, 0.1),
-    "command_latency": (0.0, 0.1),
-}
-"""Field of `Choice` → smallest and largest value: m, m/s, 1, s, s."""
-_ROUNDING = 1e-9
+class Setup(NamedTuple):
+    """What stays the same while the page is open."""
+
+    robot: Robot  # as it was loaded
+    task: Task  # of one length
+    controllers: Mapping[str, Contender]  # by the names on the page
+    tunings: Mapping[str, Tuning]  # that are kept for robot and task, by the names on the page
+    tuned_for: str  # name of the task
+
+    def note(self, name: str) -> str:
+        """Say for what a controller is tuned or trained, "" of one that is for any robot and task."""
+        contender, robot = self.controllers[name], self.robot
+        if not contender.is_tuned:
+            return unlike_training(contender, robot, self.task)
+        what = f"tuned for the robot {robot.name} and the task {self.tuned_for}"
+        return f"{name} is {what}." if name in self.tunings else f"{name} is NOT {what}; archerfish evaluate tunes it."
 
 
-def controller_names(subject: Subject) -> tuple[str, ...]:
-    """Return who may steer: the policies, the user's own controllers, then the classical ones."""
-    return tuple(dict.fromkeys((*subject.policies, *subject.own_controllers, *CONTROLLERS)))
+def make_setup(robot: Robot, task: Task, controllers: Iterable[Any] = ()) -> Setup:
+    """Return what a page is for: a robot, a task, the controllers that are given and the classical ones.
 
-
-def motion_names(subject: Subject) -> tuple[str, ...]:
-    """Return how the target may move."""
-    return tuple(dict.fromkeys((*MOTIONS, *subject.own_motions, HAND)))
-
-
-def check_choice(subject: Subject, choice: Choice) -> None:
-    """Refuse a choice that makes no trial; it may come from a stranger at the page, whom nothing else holds to it.
+    Args:
+      robot: that shoots.
+      task: whose conditions hold, for engagements of its first length.
+      controllers: names, policies or objects, as `evaluate` takes them; they come first.
 
     Raises:
-      InputError: naming what is out of range.
+      InputError: if a controller can't be read or used, or the tunings that are kept can't be read.
     """
-    if choice.controller not in controller_names(subject):
-        raise InputError(f"controller must be one of {', '.join(controller_names(subject))}, got {choice.controller!r}")
-    if choice.motion not in motion_names(subject):
-        raise InputError(f"motion must be one of {', '.join(motion_names(subject))}, got {choice.motion!r}")
-    for name, (low, high) in RANGES.items():
-        value = getattr(choice, name)
-        # A slider's step may end a rounding beyond its range; NaN is in none.
-        if not low - _ROUNDING <= value <= high + _ROUNDING:
-            raise InputError(f"{name.replace('_', ' ')} must be within {low:g}…{high:g}, got {value:g}")
-    if choice.engagements < 2:
-        raise InputError(f"engagements must be at least 2, got {choice.engagements}; intervals need several")
+    part = task.replace(lengths_s=task.lengths[:1])
+    is_paper = robot.digest() == Robot.paper().digest()
+    names = [name for name in NAMES if is_paper or name != "kalman-paper"]
+    contenders = as_contenders(list(dict.fromkeys([*controllers, *names])))
+    world = make_world(robot, part)
+    prepared([contender for contender in contenders if contender.kind == "user"], world, robot, part)
+    by_name = {contender.name: contender for contender in contenders}
+    found = {name: kept(contender.given, robot, task) for name, contender in by_name.items() if contender.is_tuned}
+    if len(by_name) < len(contenders):
+        raise InputError("two controllers have one name; give one of them another folder")
+    tunings = {name: tuning for name, tuning in found.items() if tuning is not None}
+    return Setup(robot, part, by_name, tunings, task.name)
 
 
-def chosen_sensing(subject: Subject, choice: Choice) -> SensingRecord | None:
-    """Return the camera and link that a choice asks for: None where they are immediate and perfect.
+def first_choice(setup: Setup, **changes: Any) -> TrialChoice:
+    """Return what is chosen at first: the task as it is, at the middle of its distances.
 
-    Where the robot has no sensing record, a latency brings a link and a camera with no fault but that.
+    Args:
+      setup: of the page.
+      changes: fields of `TrialChoice` that are given.
+
+    Raises:
+      InputError: if a distance, a number of engagements or a seed is out of bounds.
     """
-    late = max(choice.camera_latency, choice.command_latency) >= SHORTEST_SHOWN_S
-    if not late:
-        return subject.sensing
-    sensing = subject.sensing or _plain_sensing(subject.conditions)
+    task, (near, far) = setup.task, DISTANCES_M
+    middle = 0.5 * (task.ranges_m[0][0] + task.ranges_m[-1][1])
+    distance, speed = min(max(middle, near), far), min(task.max_speed_m_s, SPEEDS_M_S[1])
+    choice = replace(TrialChoice(next(iter(setup.controllers)), task.motion, distance, speed), **changes)
+    for name, (low, high) in {"distance": DISTANCES_M, "engagements": (2, 200), "seed": (0, math.inf)}.items():
+        if not low <= (value := getattr(choice, name)) <= high:
+            raise InputError(f"{name} must be {low:g}…{high:g}, got {value:g}; choose one of these")
+    return choice
+
+
+def chosen_robot(setup: Setup, choice: TrialChoice) -> Robot:
+    """Return the robot with what the page adds: other dispersion, and latencies of camera and commands.
+
+    A robot without sensing record gets a camera and a link with no fault but the latency.
+    """
+    robot, muzzle = setup.robot, setup.robot.muzzle
+    if choice.dispersion != 1.0:
+        spread = {name: choice.dispersion * getattr(muzzle, name) for name in ("pitch_sd", "yaw_sd")}
+        intervals = {name: ends for name, ends in muzzle.intervals.items() if name not in spread}
+        robot = robot.replace(muzzle=muzzle.replace(**spread, intervals=intervals))
+    if choice.camera_latency == choice.command_latency == 0.0:
+        return robot
+    sensing = robot.sensing or _exact_sensing(setup.task)
     camera, link = sensing.camera, sensing.link
-    return replace(
-        sensing,
-        camera=replace(
-            camera,
-            latency=(camera.latency or 0.0) + choice.camera_latency,
-            latency_basis=camera.latency_basis or "exposure",
-        ),
-        link=replace(link, command_latency=(link.command_latency or 0.0) + choice.command_latency),
-    )
+    latency = (camera.latency or 0.0) + choice.camera_latency
+    camera = camera.replace(latency=latency, latency_basis=camera.latency_basis or "exposure")
+    link = link.replace(command_latency=(link.command_latency or 0.0) + choice.command_latency)
+    return robot.replace(sensing=sensing.replace(camera=camera, link=link, intervals={}))
 
 
-def _plain_sensing(conditions: Conditions) -> SensingRecord:
-    noise = conditions.position_noise
-    camera = CameraRecord(
-        rate_hz=1.0 / conditions.control_period_s,
-        time_offset=0.0,
-        stamp_jitter=0.0,
-        bearing_sd=noise,
-        elevation_sd=noise,
-        range_sd=noise,
-        noise_range=1.0,
-        miss_probability=0.0,
-        outlier_share=0.0,
-        latency=0.0,
-        latency_basis="exposure",
-    )
-    return SensingRecord(camera, LinkRecord(feedback_rate_hz=FEEDBACK_RATE_HZ, command_latency=0.0))
+def _exact_sensing(task: Task) -> SensingRecord:
+    """Return a camera and a link without noise and latency."""
+    names = "time_offset stamp_jitter bearing_sd elevation_sd range_sd miss_probability outlier_share latency"
+    exact: dict[str, Any] = dict.fromkeys(names.split(), 0.0)
+    camera = CameraRecord(rate_hz=1.0 / task.period_s, noise_range=1.0, latency_basis="exposure", **exact)
+    return SensingRecord(camera=camera, link=LinkRecord(feedback_rate_hz=FEEDBACK_RATE_HZ, command_latency=0.0))
 
 
-def chosen_muzzle(subject: Subject, choice: Choice) -> MuzzleRecord:
-    """Return the muzzle with its dispersion scaled."""
-    scale, muzzle = choice.dispersion, subject.muzzle
-    return replace(muzzle, pitch_sd=scale * muzzle.pitch_sd, yaw_sd=scale * muzzle.yaw_sd, intervals=_kept(muzzle))
+def chosen_task(setup: Setup, choice: TrialChoice) -> Task:
+    """Return the task with the motion, the distance and the largest speed that are chosen."""
+    near, far = choice.distance - HALF_RANGE_M, choice.distance + HALF_RANGE_M
+    motion = choice.motion if choice.motion in motion_names(setup.task)[:-1] else setup.task.motion
+    return setup.task.replace(motion=motion, ranges_m=((near, far),), max_speed_m_s=choice.speed)
 
 
-def _kept(muzzle: MuzzleRecord) -> dict[str, tuple[float, float]]:
-    # The interval of a dispersion is that of the unscaled one.
-    return {name: ends for name, ends in muzzle.intervals.items() if not name.endswith("_sd")}
+def chosen_controller(setup: Setup, choice: TrialChoice) -> Any:
+    """Build the controller, which knows the robot as it was loaded: what the page adds is unknown to it.
 
-
-def chosen_world(subject: Subject, choice: Choice) -> PureWorld:
-    """Build the world of a choice; it runs in NumPy, so a new one compiles nothing."""
-    return make_world(
-        subject.pitch,
-        subject.yaw,
-        chosen_muzzle(subject, choice),
-        subject.limits,
-        subject.command_limit,
-        subject.conditions,
-        sensing=chosen_sensing(subject, choice),
-    )
-
-
-def chosen_controller(subject: Subject, choice: Choice) -> Any:
-    """Build the controller of a choice, which knows the latency of the commands as the robot's own program would."""
-    if choice.controller in subject.policies:
-        return controller_from_record(subject.policies[choice.controller])
-    sensing, conditions = chosen_sensing(subject, choice), subject.conditions
-    latency = (sensing.link.command_latency or 0.0) if sensing else 0.0
-    bench = Workbench(
-        model=gimbal_model(subject.pitch, subject.yaw, conditions.control_period_s, latency),
-        muzzle=muzzle_from_record(chosen_muzzle(subject, choice)),
-        limits=named_limits(subject.command_limit, subject.limits, conditions.line_of_sight_lead),
-        conditions=conditions,
-        # The stand-in camera has no noise; a filter that believed so would not filter.
-        noise=noise_from_record(subject.sensing, 0.0) if subject.sensing else None,
-    )
-    bench = bench._replace(tuning=_tuning(subject, choice.controller))
-    own = subject.own_controllers.get(choice.controller)
-    if own is not None and own.extension is not None:
-        return WatchedController(build_controller(own, bench), own.extension)
-    # Never found by its name: that may be a stranger's word.
-    if choice.controller not in CONTROLLERS:
-        raise InputError(f"controller must be one of {', '.join(controller_names(subject))}, got {choice.controller!r}")
-    return build_controller(Listed(choice.controller, CONTROLLERS[choice.controller], None), bench)
-
-
-def _tuning(subject: Subject, controller: str) -> Tuning | None:
-    """Return the settings of a classical controller: tuned for the printed gimbal, typical for any other robot.
-
-    Nobody waits for a page to tune.
+    Raises:
+      InputError: if there is none of that name, or it can't be made for robot and task.
     """
-    if subject.name != "paper":
-        return starting_point(controller)
-    settings = paper_settings(subject.command_limit).get(controller)
-    return None if settings is None else Tuning(**settings)
+    if choice.controller not in setup.controllers:
+        names = ", ".join(setup.controllers)
+        raise InputError(f"controller must be one of {names}, got {choice.controller!r}; name one of these")
+    contender = setup.controllers[choice.controller]
+    return contender.make(setup.robot, chosen_task(setup, choice), setup.tunings.get(choice.controller))

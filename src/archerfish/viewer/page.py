@@ -1,200 +1,170 @@
-"""The page of trials: choose, watch, drag, compare."""
+"""The page: choose, watch, drag, compare."""
 
-import threading
+import queue
+import re
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from archerfish.records.errors import InputError
-from archerfish.viewer.choice import Choice, Subject
+from archerfish.errors import InputError
+from archerfish.evaluation.hit_rate import hit_rate
+from archerfish.viewer.choice import Setup, TrialChoice
+from archerfish.viewer.film import ellipse
 from archerfish.viewer.hand import HandRun
 from archerfish.viewer.motions import HAND
-from archerfish.viewer.panel import TOLD_EVERY_S, Controls, FilmCallbacks, Player
-from archerfish.viewer.playback import Film, Playback, engagement_at
+from archerfish.viewer.panel import Panel
 from archerfish.viewer.scene import Scene, look_from
-from archerfish.viewer.score import blocks, compared, count_words, difference_words, rate_words, score
-from archerfish.viewer.trial import Floats, Trial, moment, run_trial
-from archerfish.viewer.wording import plain
+from archerfish.viewer.trial import Trial, difference_text, moment, rate_text, run_trial, trial_text
 
-MOST_CATCHING_UP_S = 0.1
-"""What a busy machine loses of a dragged target's time is left out beyond this [s]."""
+PICTURE_S, TEXT_S = 0.04, 0.2
+"""Between two pictures, and between two updates of numbers and plot [s]."""
+LONGEST_STEP_S = 0.2
+"""A busy machine plays slower, rather than jump by more [s]."""
 
 
-class TrialPage:
-    """The page; `turn` is called again and again by one thread, the controls only leave notes for it."""
+def serve_page(server: Any, page: "Page") -> None:
+    """Turn a page while somebody looks at it, until an exception such as Ctrl-C ends it."""
+    before = time.monotonic()
+    while True:
+        time.sleep(PICTURE_S)
+        now = time.monotonic()
+        if server.get_clients():
+            page.turn(min(now - before, LONGEST_STEP_S))
+        before = now
 
-    def __init__(self, server: Any, subject: Subject, first: Choice, other: str) -> None:
-        self._subject, self._server = subject, server
-        self._changed, self._swapped = threading.Event(), threading.Event()
-        self._changed.set()
-        self._film = Film()
-        self._controls = Controls(server, subject, first, other, self._changed.set, self._swapped.set)
-        callbacks = FilmCallbacks(self._film.toggle, self._film.scrub, self._film.set_pace, self._look)
-        self._player = Player(server, callbacks, ("pitch", "yaw"), "Aim error", "mrad")
-        self._scene = Scene(server)
-        self._gizmo = server.scene.add_transform_controls(
-            "/hand", scale=0.45, disable_rotations=True, depth_test=False, visible=False
-        )
-        self._choice = first
+
+class Page:
+    """The page. One thread turns it; the callbacks of the controls, in others, leave functions for it to call."""
+
+    def __init__(self, server: Any, setup: Setup, first: TrialChoice) -> None:
+        self._server, self._setup = server, setup
+        self.calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        """Called at the next turn."""
+        self.pace = 1.0
+        """Seconds shown per second."""
+        self._panel, self._scene = Panel(server, setup, first, self), Scene(server)
+        options = {"scale": 0.45, "disable_rotations": True, "depth_test": False, "visible": False}
+        self._arrows = server.scene.add_transform_controls("/hand", **options)
+        self._time, self._duration, self._playing = 0.0, 1.0, True  # [s], [s]
+        self._choice: TrialChoice | None = None
         self._trial: Trial | None = None
         self._run: HandRun | None = None
-        self._owed = 0.0
-        self._before: tuple[Choice, Trial] | None = None
-        self._compared = ""
-        self._engagement, self._told_at = -1, -1.0
-        look_from(server.initial_camera, "behind the robot", first.distance)
-        # Whoever opens the page finds the trial made, and the film going.
+        self._behind_s = 0.0  # that a dragged target's world is behind the clock
+        self._before: tuple[TrialChoice, Trial] | None = None
+        self._compared, self._number, self._shown_at = "", -1, -1.0
         self.turn(0.0)
-        server.on_client_connect(lambda _: self._film.repeat() if self._run is None else None)
+        server.on_client_connect(self._connected)
 
-    def _look(self, client: Any, view: str) -> None:
-        if client is not None:
-            look_from(client.camera, view, self._choice.distance)
+    def _connected(self, client: Any) -> None:
+        self.look(client, "behind the robot")
+        self.calls.put(lambda: None if self._playing or self._time < self._duration else self.toggle())
+
+    def look(self, client: Any, view: str) -> None:
+        """Let a client look from a viewpoint."""
+        look_from(client.camera, view, self._panel.choice().distance)
+
+    def toggle(self) -> None:
+        """Pause, or continue; from the beginning if it was over."""
+        if not self._playing and self._run is None and self._time >= self._duration:
+            self._time = 0.0
+        self._playing = not self._playing
+
+    def scrub(self, time: float) -> None:
+        """Go to a time [s], and pause."""
+        self._time, self._playing = min(max(time, 0.0), self._duration), False
 
     def turn(self, elapsed: float) -> None:
-        """Answer what was chosen, let some seconds go by, and draw.
+        """React to the controls, let a time pass, and draw.
 
         Args:
           elapsed: since the last turn [s].
         """
-        if self._swapped.is_set():
-            self._swapped.clear()
-            self._controls.swap()
-            self._changed.set()
-        if self._changed.is_set():
-            self._changed.clear()
-            chosen = self._controls.choice()
-            if self._trial is None or chosen != self._choice:
+        while not self.calls.empty():
+            self.calls.get()()
+        try:
+            if (chosen := self._panel.choice()) != self._choice:
                 self._begin(chosen)
-                elapsed = 0.0
-        if self._run is not None:
-            self._continue_run(self._run, elapsed)
-        self._show(self._film.playback if self._run else self._film.advance(elapsed))
-
-    def _begin(self, chosen: Choice) -> None:
-        """Make the trial of a choice, and play it from its beginning."""
-        try:
-            if chosen.motion == HAND:
-                self._begin_run(chosen)
-            else:
-                self._begin_film(chosen)
+            elif self._run is not None and self._playing:
+                self._continue(self._run, chosen, elapsed)
+            elif self._playing:
+                self._time = min(self._time + elapsed * self.pace, self._duration)
+                self._playing = self._time < self._duration
         except InputError as error:
-            self._refuse(error)
-            self._choice = chosen
-            return
-        self._choice = chosen
-        self._engagement = -1
+            self._trial = self._run = None
+            self._panel.say(f"**Not possible:** {plain_text(error)}")
         if self._trial is not None:
-            self._scene.arrange(chosen.distance, self._trial.hit_radius, self._trial.spread)
-        self._gizmo.visible = chosen.motion == HAND
+            self._show(self._trial, chosen)
 
-    def _refuse(self, error: InputError) -> None:
-        """Say why there is nothing to see, until another choice is made."""
-        self._controls.tell(f"**Not possible:** {plain(error)}")
-        self._trial, self._run = None, None
-
-    def _begin_film(self, chosen: Choice) -> None:
-        trial = run_trial(self._subject, chosen)
-        self._compared = ""
-        if self._before is not None and replace(self._before[0], controller=chosen.controller) == chosen:
-            theirs, before = self._before
-            if theirs.controller != chosen.controller:
-                found = compared(trial, before)
-                self._compared = difference_words(chosen.controller, theirs.controller, found)
-        self._before = (chosen, trial)
-        self._trial, self._run = trial, None
-        self._film.begin(trial.shown_s * len(trial.miss))
-
-    def _begin_run(self, chosen: Choice) -> None:
-        place = np.array([chosen.distance, 0.0, self._subject.conditions.armor_height])
-        if self._run is not None and chosen.distance == self._choice.distance:
-            place = self._run.place.copy()
-        self._run = HandRun(self._subject, chosen, place)
-        self._gizmo.position = tuple(place)
-        self._trial, self._compared, self._before = self._run.trial(), "", None
-        self._film.begin(0.0)
-        self._owed = 0.0
-
-    def _continue_run(self, run: HandRun, elapsed: float) -> None:
-        """Let a dragged target's world go on, one decision after the other."""
-        playback, period = self._film.playback, self._subject.conditions.control_period_s
-        if not playback.playing:
-            return
-        self._owed = min(self._owed + elapsed * playback.pace, MOST_CATCHING_UP_S)
-        try:
-            while self._owed >= period and not run.over:
-                run.step(_held_at(self._gizmo.position, run.place))
-                self._owed -= period
-            again = HandRun(self._subject, self._choice, run.place.copy()) if run.over else run
-        except InputError as error:
-            self._refuse(error)
-            return
-        self._trial = run.trial()
-        self._film.grow(run.elapsed)
-        self._run = again
-
-    def _show(self, playback: Playback) -> None:
-        if self._trial is None:
-            return
-        trial = self._trial
-        count = len(trial.miss)
-        if self._run is None:
-            engagement, since = engagement_at(playback.time, trial.shown_s, count)
+    def _begin(self, chosen: TrialChoice) -> None:
+        """Make the trial of a choice, and play it from its beginning."""
+        self._choice, self._compared, self._number = chosen, "", -1
+        self._time, self._playing, self._arrows.visible = 0.0, True, chosen.motion == HAND
+        if chosen.motion == HAND:
+            place = np.array([chosen.distance, 0.0, self._setup.task.height_m])
+            self._run, self._before, self._behind_s = HandRun(self._setup, chosen, place), None, 0.0
+            self._arrows.position = tuple(place)
+            self._trial, self._duration = self._run.trial(), 0.0
         else:
-            engagement, since = 0, playback.time
+            self._run, self._trial = None, run_trial(self._setup, chosen)
+            self._duration = self._trial.shown_s * len(self._trial.hit)
+            if self._before is not None and replace(self._before[0], controller=chosen.controller) == chosen:
+                name, text = self._before[0].controller, difference_text(self._trial, self._before[1])
+                self._compared = f"{chosen.controller} − {name}: {text}, same engagements"
+            self._before = (chosen, self._trial)
+        self._scene.arrange(chosen.distance, self._trial.hit_radius, ellipse(self._trial, chosen.distance))
+
+    def _continue(self, run: HandRun, chosen: TrialChoice, elapsed: float) -> None:
+        """Let the world of a dragged target continue, decision by decision."""
+        self._behind_s = min(self._behind_s + elapsed * self.pace, LONGEST_STEP_S)
+        while self._behind_s >= self._setup.task.period_s and not run.is_over:
+            run.step(np.asarray(self._arrows.position, np.float64))
+            self._behind_s -= self._setup.task.period_s
+        self._trial = run.trial()
+        self._time = self._duration = run.elapsed
+        if run.is_over:
+            self._run = HandRun(self._setup, chosen, run.place.copy())
+
+    def _show(self, trial: Trial, chosen: TrialChoice) -> None:
+        is_run = self._run is not None
+        number = 0 if is_run else min(int(self._time / trial.shown_s + 1e-9), len(trial.hit) - 1)
+        since, now = self._time - (0.0 if is_run else number * trial.shown_s), time.monotonic()
         with self._server.atomic():
-            self._scene.draw(moment(trial, engagement, since))
-        now = time.monotonic()
-        if engagement == self._engagement and now - self._told_at < TOLD_EVERY_S and playback.playing:
+            self._scene.draw(moment(trial, number, since))
+        if number == self._number and now - self._shown_at < TEXT_S and self._playing:
             return
-        self._told_at = now
-        self._player.tell(playback.time, playback.duration, playback.playing)
-        text = self._told_of_run(trial) if self._run else self._told_of_film(trial, engagement, since)
-        self._controls.tell(text)
-        self._plot(trial, engagement)
-        self._engagement = engagement
-
-    def _plot(self, trial: Trial, engagement: int) -> None:
-        """Plot a film's engagement once, and the last seconds of a run as they come."""
-        if self._run is None and engagement == self._engagement:
-            return
-        judged = np.all(np.isfinite(trial.error[engagement]), axis=-1)
-        shown = np.flatnonzero(judged)[-250:]
-        self._player.plot(trial.fired_at[shown], tuple(1e3 * trial.error[engagement][shown].T))
-
-    def _told_of_film(self, trial: Trial, engagement: int, since: float) -> str:
-        now, chosen = score(trial, engagement, since), self._choice
-        self._scene.caption(f"{chosen.controller}: {now.hits} of {now.landed} hit")
-        names = f"**{plain(chosen.controller)}** · {plain(chosen.motion)}"
-        rows = [
-            f"{names} · {chosen.distance:.1f} m · {chosen.speed:.2f} m/s",
-            f"Engagement {engagement + 1} of {len(trial.miss)}: **{now.hits} of {now.landed}** hit",
-            f"So far: {rate_words(now.so_far)}",
-            f"Whole trial: {count_words(trial)}, 95 % intervals by engagement",
-        ]
-        return "\n\n".join([*rows, *([f"*{plain(self._compared)}*"] if self._compared else [])])
-
-    def _told_of_run(self, trial: Trial) -> str:
-        landed = np.isfinite(trial.flight_time[0])
-        hit, chosen = trial.hit[0][landed], self._choice
-        block = self._subject.conditions.decisions
-        self._scene.caption(f"{chosen.controller}: {int(hit.sum())} of {hit.size} hit")
-        x, y, z = trial.place[0, -1]
-        return "\n\n".join(
-            [
-                f"**{plain(chosen.controller)}** · dragged by hand · at most {chosen.speed:.2f} m/s",
-                f"Target at {x:.2f}, {y:.2f}, {z:.2f} m: drag its arrows",
-                f"**{int(hit.sum())} of {hit.size}** hit: {rate_words(blocks(hit, block))} of {block} shots",
-            ]
-        )
+        self._panel.show_time(self._time, self._duration, self._playing)
+        rows = _run_rows(trial, chosen) if is_run else [*_trial_rows(trial, chosen, number, since), self._compared]
+        name, *rows = (plain_text(text) for text in (chosen.controller, *rows, self._setup.note(chosen.controller)))
+        self._panel.say("\n\n".join([f"**{name}**", *filter(None, rows)]))
+        if is_run or number != self._number:
+            known = np.flatnonzero(np.all(np.isfinite(trial.error[number]), axis=-1))[-250:]
+            self._panel.plot(trial.fired_at[known], trial.error[number][known])
+        self._number, self._shown_at = number, now
 
 
-def _held_at(position: Any, place: Floats) -> Floats:
-    """Return where the hand holds the target [m], shape (3,); where it is, if a client says what is no place."""
-    try:
-        wanted: Floats = np.asarray(position, np.float64)
-    except (TypeError, ValueError, OverflowError):
-        return place
-    return wanted if wanted.shape == (3,) and np.all(np.isfinite(wanted)) else place
+def _trial_rows(trial: Trial, chosen: TrialChoice, number: int, since: float) -> list[str]:
+    crossed = trial.fired_at + trial.flight_time[number] <= since
+    return [
+        f"Engagement {number + 1} of {len(trial.hit)} ({trial.motions[number]}, {chosen.distance:.1f} m)",
+        f"{trial.hit[number][crossed].sum()} of {crossed.sum()} hit",
+        f"Whole trial: {trial_text(trial)}",
+    ]
+
+
+def _run_rows(trial: Trial, chosen: TrialChoice) -> list[str]:
+    crossed, block = trial.hit[0][: np.isfinite(trial.error[0, :, 0]).sum()], 50
+    hits = crossed[: len(crossed) // block * block].reshape(-1, block).sum(axis=1)
+    rate = rate_text(hit_rate(hits, block)) if len(hits) > 1 else f"interval after {2 * block} shots"
+    x, y, z = trial.place[0, -1]
+    return [
+        f"Target at {x:.2f}, {y:.2f}, {z:.2f} m, at most {chosen.speed:.2f} m/s: drag its arrows",
+        f"{crossed.sum()} of {len(crossed)} hit, {rate}",
+    ]
+
+
+def plain_text(text: object) -> str:
+    """Return a text that Markdown and HTML show as it is, in one line: names and errors of a user's own code."""
+    return re.sub(r"[!-/:-@\[-`{-~]", lambda found: f"&#{ord(found[0])};", " ".join(str(text).split()))

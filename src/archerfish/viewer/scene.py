@@ -1,4 +1,4 @@
-"""What is seen: robot, target, pellets, hits and misses. x forward, y left, z up, origin at the gimbal's pivot."""
+"""The picture of the page: robot, target, pellets, hits and misses; x forward, y left, z up from the gimbal's pivot."""
 
 import math
 from collections.abc import Callable
@@ -7,52 +7,52 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.viewer.trial import Floats, Moment
+from archerfish.viewer.motions import FloatArray
+from archerfish.viewer.trial import Moment
 
-Place = tuple[float, float, float]
-
-HIT, MISS, PELLET = (0, 114, 178), (213, 94, 0), (230, 159, 0)
-"""Colours that a colour-blind person tells apart."""
-INK, STEEL, DARK, PALE = (40, 44, 52), (132, 140, 152), (58, 63, 72), (225, 229, 235)
-FLOOR = -0.42
+HIT_COLOUR, MISS_COLOUR, PELLET_COLOUR = (0, 114, 178), (213, 94, 0), (230, 159, 0)
+"""Colours that a colour-blind person distinguishes."""
+BLACK, STEEL, DARK, PALE, GREEN = (40, 44, 52), (132, 140, 152), (58, 63, 72), (225, 229, 235), (0, 158, 115)
+FLOOR_Z = -0.42
 """Height of the floor [m]."""
-ARMOR = (0.135, 0.125)
+PLATE_M = (0.135, 0.125)
 """Width and height of a small armor module [m]."""
-ELLIPSE_SCALE = math.sqrt(-2.0 * math.log(0.05))
-"""Half axes of the ellipse that holds 95 % of a normal scatter, in standard deviations."""
-BOARD_SCALE = 6.0
-"""The board shows the armor so many times its size."""
-BOARD_REACH = 0.14
-"""What the board shows of the armor's plane, to each side [m]; what passes farther off is put on its edge."""
-MOST_PELLETS = 32
-"""In flight at once."""
-PELLET_SIZE = 0.034
-"""As drawn [m]: twice a pellet's, to be seen at all."""
-VIEWPOINTS: dict[str, Callable[[float], tuple[Place, Place]]] = {
+BOARD_SCALE, BOARD_REACH_M = 6.0, 0.14
+"""Magnification of the board that shows the plate's plane, and what it shows of it to each side [m]."""
+PELLET_SIZE_M = 0.034
+"""As drawn [m]: twice a pellet's."""
+Point = tuple[float, float, float]
+VIEWPOINTS: dict[str, Callable[[float], tuple[Point, Point]]] = {
     "behind the robot": lambda distance: ((-2.4, -0.85, 1.15), (distance, 0.4, 0.14)),
     "from the side": lambda distance: ((0.5 * distance, -0.95 * distance - 1.2, 0.9), (0.5 * distance, 0.0, 0.0)),
-    "at the armor": lambda distance: ((distance - 0.75, -0.22, 0.12), (distance, 0.05, 0.0)),
+    "at the plate": lambda distance: ((distance - 0.75, -0.22, 0.12), (distance, 0.05, 0.0)),
 }
 """Name on the page → distance of the target [m] → where the camera is and what it looks at [m]."""
 FIELD_OF_VIEW = 0.85
-"""Vertical [rad]: narrower than usual, since the armor is far and small."""
-_HIDDEN = (0.0, 0.0, -50.0)
+"""Vertical [rad]."""
+NARROW, PORTRAIT = 1.1, 0.75
+"""Width by height of a window below which the angle is wider, and below which controls cover its lower part."""
+_HIDDEN = np.array([[0.0, 0.0, -50.0]], np.float32)
 
 
 class Scene:
-    """The nodes of the page's picture, and how a moment is drawn with them."""
+    """The nodes of the picture."""
 
     def __init__(self, server: Any) -> None:
         self._scene = server.scene
         self._draw_surroundings()
         self._yaw, self._pitch = self._build_robot()
-        self._command = self._ray("/robot/command", PELLET)
+        self._command = self._scene.add_frame("/robot/command", show_axes=False)
+        ray = np.array([[[0.35, 0.0, 0.0], [1.1, 0.0, 0.0]]])
+        self._scene.add_line_segments("/robot/command/ray", ray, PELLET_COLOUR, thickness=0.006)
         self._target = self._build_target()
-        self._board = self._build_board()
-        self._pellets = self._points("/pellets", PELLET_SIZE)
-        self._caption = self._scene.add_label("/caption", "", position=(0.0, 0.0, 0.3), anchor="bottom-center")
-        self._landed = -1
-        self._in_flight = -1
+        self._shots = self._points("/target/shots", 0.017)
+        self._board = self._scene.add_frame("/board", show_axes=False)
+        side, turned = 2.0 * BOARD_SCALE * BOARD_REACH_M, (0.5, 0.5, -0.5, -0.5)
+        self._scene.add_image("/board/back", _board_picture(), side, side, wxyz=turned, position=(0.02, 0.0, 0.0))
+        self._enlarged = self._points("/board/shots", 0.042)
+        self._pellets = self._points("/pellets", PELLET_SIZE_M)
+        self._crossed = -1
 
     def _draw_surroundings(self) -> None:
         # Without a graphics card, light from an environment takes over a second per picture, and lamps a twentieth.
@@ -60,171 +60,100 @@ class Scene:
         self._scene.configure_default_lights(cast_shadow=False)
         self._scene.add_light_ambient("/light", intensity=1.3)
         self._scene.add_light_directional("/lamp", intensity=1.2, position=(-3.0, -2.0, 2.0), cast_shadow=False)
-        self._scene.add_grid(
-            "/floor", 14.0, 8.0, position=(4.0, 0.0, FLOOR), cell_color=PALE, section_color=(190, 196, 205)
-        )
+        self._scene.add_grid("/floor", 14.0, 8.0, position=(4.0, 0.0, FLOOR_Z), cell_color=PALE, section_color=PALE)
 
     def _build_robot(self) -> tuple[Any, Any]:
-        scene = self._scene
-        scene.add_box("/robot/chassis", DARK, (0.52, 0.42, 0.12), position=(0.0, 0.0, FLOOR + 0.15))
-        for name, x, y in (("fl", 0.2, 0.24), ("fr", 0.2, -0.24), ("bl", -0.2, 0.24), ("br", -0.2, -0.24)):
-            across = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
-            place = (x, y, FLOOR + 0.09)
-            scene.add_cylinder(f"/robot/wheel_{name}", 0.09, 0.06, INK, wxyz=across, position=place)
-        scene.add_cylinder("/robot/column", 0.09, 0.12, STEEL, position=(0.0, 0.0, FLOOR + 0.26))
+        scene, half = self._scene, math.sqrt(0.5)
+        scene.add_box("/robot/chassis", DARK, (0.52, 0.42, 0.12), position=(0.0, 0.0, FLOOR_Z + 0.15))
+        for number, (x, y) in enumerate(((0.2, 0.24), (0.2, -0.24), (-0.2, 0.24), (-0.2, -0.24))):
+            place = (x, y, FLOOR_Z + 0.09)
+            scene.add_cylinder(f"/robot/wheel_{number}", 0.09, 0.06, BLACK, wxyz=(half, half, 0.0, 0.0), position=place)
+        scene.add_cylinder("/robot/column", 0.09, 0.12, STEEL, position=(0.0, 0.0, FLOOR_Z + 0.26))
         yaw = scene.add_frame("/robot/yaw", show_axes=False)
-        scene.add_box("/robot/yaw/base", STEEL, (0.2, 0.22, 0.03), position=(0.0, 0.0, -0.12))
-        for name, y in (("left", 0.1), ("right", -0.1)):
-            scene.add_box(f"/robot/yaw/fork_{name}", STEEL, (0.08, 0.02, 0.2), position=(0.0, y, -0.03))
+        scene.add_box("/robot/yaw/fork", STEEL, (0.08, 0.22, 0.1), position=(0.0, 0.0, -0.1))
         pitch = scene.add_frame("/robot/yaw/pitch", show_axes=False)
         scene.add_box("/robot/yaw/pitch/head", (80, 110, 150), (0.2, 0.14, 0.11), position=(-0.01, 0.0, 0.0))
-        along = (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0)
-        scene.add_cylinder("/robot/yaw/pitch/barrel", 0.019, 0.24, INK, wxyz=along, position=(0.2, 0.0, 0.0))
+        scene.add_box("/robot/yaw/pitch/barrel", BLACK, (0.24, 0.036, 0.036), position=(0.2, 0.0, 0.0))
         return yaw, pitch
 
-    def _ray(self, name: str, colour: tuple[int, int, int]) -> Any:
-        frame = self._scene.add_frame(name, show_axes=False)
-        ends = np.array([[[0.35, 0.0, 0.0], [1.1, 0.0, 0.0]]])
-        self._scene.add_line_segments(f"{name}/line", ends, colour, thickness=0.006)
-        return frame
-
     def _build_target(self) -> Any:
-        scene = self._scene
+        scene, (width, height) = self._scene, PLATE_M
         target = scene.add_frame("/target", show_axes=False)
-        scene.add_box("/target/plate", (70, 76, 86), (0.012, *ARMOR), position=(0.008, 0.0, 0.0))
-        for name, y in (("left", 0.5), ("right", -0.5)):
-            place = (0.0, y * (ARMOR[0] + 0.016), 0.0)
-            scene.add_box(f"/target/light_{name}", (86, 180, 233), (0.02, 0.012, ARMOR[1]), position=place)
+        scene.add_box("/target/plate", (70, 76, 86), (0.012, width, height), position=(0.008, 0.0, 0.0))
+        scene.add_box("/target/lights", (86, 180, 233), (0.012, width + 0.03, height), position=(0.01, 0.0, 0.0))
         scene.add_box("/target/pole", PALE, (0.02, 0.02, 0.36), position=(0.02, 0.0, -0.24))
-        self._shots = self._points("/target/shots", 0.017)
         return target
 
-    def _build_board(self) -> Any:
-        scene, side = self._scene, 2.0 * BOARD_SCALE * BOARD_REACH
-        board = scene.add_frame("/board", show_axes=False)
-        # An image has no shades, a box would.
-        facing = (0.5, 0.5, -0.5, -0.5)
-        scene.add_image("/board/back", _board_picture(), side, side, wxyz=facing, position=(0.02, 0.0, 0.0))
-        self._ellipse = scene.add_line_segments(
-            "/board/ellipse", self._board_ring(0.01, 0.01), (0, 158, 115), thickness=0.014
-        )
-        self._enlarged = self._points("/board/shots", 0.042)
-        scene.add_label(
-            "/board/title",
-            f"armor ×{BOARD_SCALE:g}: circle = hit, ellipse = 95 % of the dispersion",
-            position=(0.0, 0.0, side / 2 + 0.03),
-            anchor="bottom-center",
-        )
-        return board
-
     def _points(self, name: str, size: float) -> Any:
-        nothing = np.array([_HIDDEN], np.float32)
-        return self._scene.add_point_cloud(
-            name, nothing, MISS, point_size=size, point_shape="circle", precision="float32", point_shading="flat"
-        )
+        style = {"point_shape": "circle", "precision": "float32", "point_shading": "flat"}
+        return self._scene.add_point_cloud(name, _HIDDEN, PELLET_COLOUR, point_size=size, **style)
 
-    @staticmethod
-    def _board_ring(y: float, z: float) -> Floats:
-        return _ring(BOARD_SCALE * y, BOARD_SCALE * z, -0.04)
-
-    def arrange(self, distance: float, hit_radius: float, spread: Floats) -> None:
-        """Put the board beside a target's way, and draw hit circle and dispersion ellipse of a perfect aim.
+    def arrange(self, distance: float, hit_radius: float, ellipse: list[float]) -> None:
+        """Put the board beside the target, and draw hit circle and dispersion ellipse.
 
         Args:
           distance: of the target [m].
           hit_radius: largest miss that hits [m].
-          spread: standard deviation of the dispersion angles, pitch and yaw [rad], shape (2,).
+          ellipse: half axes, up and left, that hold 95 % of a perfect aim's pellets [m].
         """
-        self._board.position = x, y, z = distance + 0.6, 1.45, 0.85
-        self._caption.position = (x, y, z + BOARD_SCALE * BOARD_REACH + 0.2)
-        up, left = (max(ELLIPSE_SCALE * distance * float(each), 1e-4) for each in spread)
-        self._ellipse.points = self._board_ring(left, up).astype(np.float32)
-        ring = _ring(hit_radius, hit_radius, -0.004)
-        self._scene.add_line_segments("/target/circle", ring, (255, 255, 255), thickness=0.003)
-        self._scene.add_line_segments("/board/circle", self._board_ring(hit_radius, hit_radius), INK, thickness=0.014)
-        self._landed = self._in_flight = -1
-
-    def show_target(self, visible: bool) -> None:
-        """Show target and board, or hide them where there is none: in a recording."""
-        self._target.visible = self._board.visible = visible
-
-    def caption(self, text: str) -> None:
-        """Say in the picture what is shown; an exported page has no other words."""
-        if self._caption.text != text:
-            self._caption.text = text
-
-    def point_gimbal(self, angle: Floats, command: Floats) -> None:
-        """Turn the gimbal, and the ray of its command.
-
-        Args:
-          angle: pitch and yaw [rad], shape (2,).
-          command: pitch and yaw [rad], shape (2,).
-        """
-        self._yaw.wxyz = turn(0.0, float(angle[1]))
-        self._pitch.wxyz = turn(float(angle[0]), 0.0)
-        self._command.wxyz = turn(*(float(each) for each in command))
+        self._board.position = (distance + 0.6, 1.45, 0.85)
+        up, left = (max(half, 1e-4) for half in ellipse)
+        big = BOARD_SCALE * hit_radius
+        rings = {"/target/circle": (_ring(hit_radius, hit_radius, -0.004), (255, 255, 255), 0.003)}
+        rings["/board/circle"] = (_ring(big, big, -0.04), BLACK, 0.014)
+        rings["/board/ellipse"] = (_ring(BOARD_SCALE * left, BOARD_SCALE * up, -0.04), GREEN, 0.014)
+        for name, (ring, colour, thickness) in rings.items():
+            self._scene.add_line_segments(name, ring, colour, thickness=thickness)
+        self._crossed = -1
 
     def draw(self, shown: Moment) -> None:
         """Draw a moment of an engagement."""
-        self.point_gimbal(shown.angle, shown.command)
-        self._target.position = tuple(float(each) for each in shown.place)
-        flying = shown.pellets[-MOST_PELLETS:]
-        if len(flying) or self._in_flight != 0:
-            self._pellets.colors = np.array(PELLET, np.uint8)
-            self._pellets.points = flying.astype(np.float32) if len(flying) else np.array([_HIDDEN], np.float32)
-        self._in_flight = len(flying)
-        if len(shown.misses) != self._landed:
-            self._draw_shots(shown.misses, shown.hit)
-
-    def _draw_shots(self, misses: Floats, hit: NDArray[np.bool_]) -> None:
-        self._landed = len(misses)
-        colours = np.where(hit[:, None], HIT, MISS).astype(np.uint8)
-        for cloud, scale, reach in ((self._shots, 1.0, 1.5), (self._enlarged, BOARD_SCALE, BOARD_REACH)):
-            kept = scale * np.clip(misses, -reach, reach)
-            points = np.concatenate([np.full((len(kept), 1), -0.01), kept], axis=1).astype(np.float32)
-            cloud.points = points if len(points) else np.array([_HIDDEN], np.float32)
-            cloud.colors = colours if len(points) else np.array([MISS], np.uint8)
+        self._yaw.wxyz = turn(0.0, float(shown.angle[1]))
+        self._pitch.wxyz = turn(float(shown.angle[0]), 0.0)
+        self._command.wxyz = turn(*(float(angle) for angle in shown.command))
+        self._target.position = tuple(float(part) for part in shown.place)
+        self._pellets.points = shown.pellets.astype(np.float32) if len(shown.pellets) else _HIDDEN
+        if len(shown.misses) == self._crossed:
+            return
+        self._crossed = len(shown.misses)
+        colours = np.where(shown.hit[:, None], HIT_COLOUR, MISS_COLOUR).astype(np.uint8)
+        reaches = ((self._shots, 1.0, 1.5 * BOARD_REACH_M), (self._enlarged, BOARD_SCALE, BOARD_REACH_M))
+        for cloud, scale, reach in reaches:  # what passes farther off is drawn at the edge
+            places = scale * np.clip(shown.misses, -reach, reach)
+            points = np.pad(places, ((0, 0), (1, 0)), constant_values=-0.05).astype(np.float32)
+            cloud.points = points if len(points) else _HIDDEN
+            cloud.colors = colours if len(points) else np.array([MISS_COLOUR], np.uint8)
 
 
 def turn(pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Return the quaternion (w, x, y, z) of a gimbal; our pitch turns against the right-handed sense about y.
-
-    Args:
-      pitch: muzzle up positive [rad].
-      yaw: left positive [rad].
-    """
+    """Return the quaternion (w, x, y, z) of a gimbal's angles [rad], pitch positive with the muzzle up."""
     cy, sy, cp, sp = math.cos(yaw / 2), math.sin(yaw / 2), math.cos(-pitch / 2), math.sin(-pitch / 2)
     return (cy * cp, -sy * sp, cy * sp, sy * cp)
 
 
-def _segments(points: Floats) -> Floats:
+def _ring(y: float, z: float, x: float, corners: int = 48) -> FloatArray:
+    """Return line segments of an ellipse in the plane of a plate, shape (corners, 2, 3)."""
+    angle = np.linspace(0.0, 2.0 * np.pi, corners + 1)
+    points = np.stack([np.full(corners + 1, x), y * np.cos(angle), z * np.sin(angle)], axis=-1)
     return np.stack([points[:-1], points[1:]], axis=1)
 
 
-def _ring(y: float, z: float, x: float, corners: int = 48) -> Floats:
-    """Line segments of an ellipse in the plane of an armor, shape (corners, 2, 3)."""
-    angle = np.linspace(0.0, 2.0 * np.pi, corners + 1)
-    return _segments(np.stack([np.full(corners + 1, x), y * np.cos(angle), z * np.sin(angle)], axis=-1))
-
-
 def _board_picture(pixels: int = 280) -> NDArray[np.uint8]:
-    """Paper with an edge, and the armor on it, shape (pixels, pixels, 3)."""
+    """Return a sheet with an edge, and the plate on it, shape (pixels, pixels, 3)."""
     picture = np.full((pixels, pixels, 3), 252, np.uint8)
-    away = np.abs((np.arange(pixels) + 0.5) * 2 * BOARD_REACH / pixels - BOARD_REACH)
-    plate = (away[:, None] <= ARMOR[1] / 2) & (away[None, :] <= ARMOR[0] / 2)
-    picture[plate] = PALE
-    for edge in (0, 1, 2, -1, -2, -3):
-        picture[edge], picture[:, edge] = STEEL, STEEL
+    away = np.abs((np.arange(pixels) + 0.5) * 2 * BOARD_REACH_M / pixels - BOARD_REACH_M)
+    picture[(away[:, None] <= PLATE_M[1] / 2) & (away[None, :] <= PLATE_M[0] / 2)] = PALE
+    picture[np.maximum(away[:, None], away) > BOARD_REACH_M - 0.002] = STEEL
     return picture
 
 
 def look_from(camera: Any, view: str, distance: float) -> None:
-    """Put a camera to a viewpoint.
+    """Put a camera to one of `VIEWPOINTS`, of a target at a distance [m].
 
-    Args:
-      camera: of a client, or the first one of all.
-      view: one of `VIEWPOINTS`.
-      distance: of the target [m].
+    A narrow window gets a wider angle, and the picture above the controls, which cover its lower part.
     """
-    place, towards = VIEWPOINTS[view](distance)
-    camera.position, camera.look_at, camera.fov = place, towards, FIELD_OF_VIEW
+    (x, y, z), (middle_x, middle_y, middle_z) = VIEWPOINTS[view](distance)
+    aspect = getattr(camera, "aspect", NARROW)
+    lowered = 0.5 * math.hypot(middle_x - x, middle_y - y) if aspect < PORTRAIT else 0.0
+    camera.position, camera.look_at = (x, y, z), (middle_x, middle_y, middle_z - lowered)
+    camera.fov = 2.0 * math.atan(math.tan(0.5 * FIELD_OF_VIEW) * max(1.0, NARROW / aspect))

@@ -1,138 +1,112 @@
-"""The server of the page: viser's, on loopback, with guards before it and no way to publish it."""
+"""The server of the page: viser's on loopback, behind a check of who asks, and without its tunnel to the outside.
+
+A page of someone else, open in the same browser, can reach a server on loopback: by a websocket, which browsers let
+cross from site to site, or under a name of its own that it makes point here (DNS rebinding). The first shows in the
+Origin of its request, the second in its Host.
+"""
 
 import contextlib
 import http
 import inspect
 import io
-import threading
-from collections.abc import Callable, Iterator, Mapping
+import socket
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import viser
 import websockets.asyncio.server as transport
 
-from archerfish.viewer.guard import Allowed, allowed_hosts, check_bindable, places, refusal
-from archerfish.viewer.messages import LONGEST_BYTES, is_acceptable
-from archerfish.viewer.ports import free_port
+from archerfish.errors import InputError
 
-_CONSTRUCTION = threading.Lock()
-POLICY = "; ".join(
-    (
-        "default-src 'none'",
-        # viser's client is one file that unpacks itself: script, styles, fonts, the decoder of its messages.
-        "script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:",
-        "worker-src 'self' blob: data:",
-        "style-src 'self' 'unsafe-inline' blob: data:",
-        "font-src 'self' blob: data:",
-        "img-src 'self' blob: data:",
-        "connect-src 'self' blob: data:",
-        "base-uri 'none'",
-        "form-action 'none'",
-        "frame-ancestors 'none'",
-    )
-)
-"""What the page may load, and from where: nothing from elsewhere, no frames, no plug-ins."""
+LOOPBACK = "127.0.0.1"
+HOSTS = (LOOPBACK, "localhost")
+"""Under which the page may be asked for."""
+CONTENT_POLICY = "default-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; frame-ancestors 'none'"
+"""What the page may load: nothing from elsewhere; no other page may show it in a frame, to have it clicked unseen."""
 
 
-class PageServer(viser.ViserServer):
-    """viser's server without its tunnel to the outside, which any client could ask for."""
-
-    def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002
-        """Publish nothing."""
-        return None
-
-
-def open_server(host: str, port: int, label: str) -> PageServer:
-    """Start the server.
+@contextlib.contextmanager
+def page_server(port: int) -> Iterator[Any]:
+    """Serve on loopback while a block runs.
 
     Args:
-      host: to listen on.
-      port: to listen on; the next free one if it is taken, any if 0.
-      label: title of the page.
+      port: to listen on; any free one if 0.
 
     Raises:
-      InputError: if the host is not this machine's, or no port is free.
+      InputError: if the port can't be had.
     """
-    check_bindable(host)
-    port = free_port(places(host), port)
-    with _guarded(allowed_hosts(host)) as guards, quietly():
-        server = PageServer(host=host, port=port, label=label, verbose=False)
-    server.gui.configure_theme(show_share_button=False)
-    controls = getattr(server.gui, "_gui_input_handle_from_uuid", None)
-    if controls is not None:
-        guards.controls = controls
-    if not guards.serving or controls is None:
-        # Another viser may serve in another way: better no page than one without a guard.
-        close_server(server)
-        raise RuntimeError(f"viser {viser.__version__} does not serve through websockets, so it can't be guarded")
-    return server
+    check_port(port)
+    served, silence = list[int](), contextlib.redirect_stdout(io.StringIO())  # viser prints on standard output
+    with _guarded(served), silence:
+        server: Any = viser.ViserServer(host=LOOPBACK, port=port, label="Archerfish", verbose=False)
+        server.request_share_url = lambda **_: None  # any client could ask for the tunnel
+    try:
+        if not served:  # better no page than one without the check
+            raise RuntimeError(f"viser {viser.__version__} does not serve through websockets, so it can't be guarded")
+        server.gui.configure_theme(show_share_button=False)
+        yield server
+    finally:
+        with silence:
+            server.stop()
 
 
-def close_server(server: PageServer) -> None:
-    """Stop the server."""
-    with quietly():
-        server.stop()
+def check_port(port: int) -> None:
+    """Refuse a port that is out of range or taken: viser would search on, or wait for ever.
+
+    Raises:
+      InputError: saying which.
+    """
+    if not 0 <= port < 2**16:
+        raise InputError(f"--port must be 0…65535, got {port}; choose one of these")
+    try:
+        socket.create_server((LOOPBACK, port)).close()
+    except OSError as error:
+        remedy = "give another one from 1024 on, or 0 for any free one"
+        raise InputError(f"--port {port} can't be had ({error.strerror}); {remedy}") from error
+
+
+def refusal(hosts: Sequence[str], origins: Sequence[str]) -> str:
+    """Say why a request is refused, "" if it is not.
+
+    Args:
+      hosts: its Host headers.
+      origins: its Origin headers; programs that are no browser send none.
+    """
+    if len(hosts) != 1 or hosts[0].lower().partition(":")[0] not in HOSTS:
+        return f"the page is not served under the name {', '.join(hosts) or '(none)'}"
+    if len(origins) > 1 or any(origin.lower() != f"http://{hosts[0].lower()}" for origin in origins):
+        return f"a page of {', '.join(origins)} may not use this one"
+    return ""
 
 
 @contextlib.contextmanager
-def quietly() -> Iterator[None]:
-    """Keep what viser prints of itself from standard output, which belongs to the command line."""
-    with contextlib.redirect_stdout(io.StringIO()):
-        yield
+def _guarded(served: list[int]) -> Iterator[None]:
+    """Have every server that websockets starts in a block check who asks; `served` gets an item for each.
 
-
-class _Guards:
-    """What is known of the servers that viser started."""
-
-    def __init__(self) -> None:
-        self.serving = False
-        self.controls: Mapping[str, Any] = {}
-
-
-@contextlib.contextmanager
-def _guarded(allowed: Allowed) -> Iterator[_Guards]:
-    """Put guards before every server that viser starts in a block: of requests, and of messages.
-
-    viser has no hook for it: the one of websockets, `process_request`, it takes for its own files, and hands it to
-    `serve` itself. So `serve` is wrapped while viser starts, and the guards asked before viser is.
-
-    Yields:
-      Whether a server got guards; it is to be told of the controls, of which no message passes before.
+    viser has no hook for it: it takes `process_request` of websockets for its own files. So `serve` is wrapped.
     """
-    serve, guards = transport.serve, _Guards()
-
-    class Sifted(transport.ServerConnection):
-        async def recv(self, decode: bool | None = None) -> Any:
-            while not is_acceptable(raw := await super().recv(decode), guards.controls.get):
-                pass
-            return raw
+    serve = transport.serve
 
     def guarded_serve(*arguments: Any, process_request: Any = None, **options: Any) -> Any:
-        guards.serving = True
-        options |= {"create_connection": Sifted, "max_size": LONGEST_BYTES}
-        return serve(*arguments, process_request=_guard(allowed, process_request), **options)
+        served.append(1)
+        return serve(*arguments, process_request=_checked(process_request), **options)
 
-    with _CONSTRUCTION:
-        transport.serve = guarded_serve  # type: ignore[assignment, misc]
-        try:
-            yield guards
-        finally:
-            transport.serve = serve  # type: ignore[misc]
+    transport.serve = guarded_serve  # type: ignore[assignment, misc]
+    try:
+        yield
+    finally:
+        transport.serve = serve  # type: ignore[misc]
 
 
-def _guard(allowed: Allowed, behind: Callable[[Any, Any], Any] | None) -> Callable[[Any, Any], Any]:
+def _checked(behind: Callable[[Any, Any], Any] | None) -> Callable[[Any, Any], Any]:
     async def process_request(connection: Any, request: Any) -> Any:
-        refused = refusal(request.headers.get_all("Host"), request.headers.get_all("Origin"), allowed)
-        if refused:
-            # What is no ASCII could not be sent back.
-            told = refused.encode("ascii", "backslashreplace").decode()
-            return connection.respond(http.HTTPStatus.FORBIDDEN, f"archerfish: {told}\n")
-        answer = None if behind is None else behind(connection, request)
+        if refused := refusal(request.headers.get_all("Host"), request.headers.get_all("Origin")):
+            text = refused.encode("ascii", "backslashreplace").decode()
+            return connection.respond(http.HTTPStatus.FORBIDDEN, f"archerfish: {text}\n")
+        answer = behind(connection, request) if behind else None
         answer = await answer if inspect.isawaitable(answer) else answer
         if answer is not None:
-            # No other page may show this one in a frame of its own, to have it clicked unseen.
-            answer.headers["X-Frame-Options"] = "DENY"
-            answer.headers["Content-Security-Policy"] = POLICY
+            answer.headers["Content-Security-Policy"] = CONTENT_POLICY
         return answer
 
     return process_request

@@ -1,203 +1,166 @@
-"""One trial: a controller in a world, with everything that there is to see of it."""
+"""One trial: some engagements of a controller, with what there is to see at any moment."""
 
-import contextlib
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.dynamics.array_namespace import map_arrays
-from archerfish.dynamics.intercept import intercept
-from archerfish.dynamics.muzzle import Muzzle
-from archerfish.dynamics.pellet import flat_fire_position
-from archerfish.records.extensions import own_code
-from archerfish.sensing.interfaces import Engagement
-from archerfish.viewer.choice import Choice, Subject, check_choice, chosen_controller, chosen_world
-from archerfish.viewer.motions import meet
+from archerfish.dynamics.aiming import intercept
+from archerfish.dynamics.muzzle import Muzzle, direction
+from archerfish.dynamics.pellet import flat_fire_drop, flat_fire_position
+from archerfish.evaluation.hit_rate import HitRate, hit_rate, paired_difference
+from archerfish.evaluation.rollout import draw_in_turn, run_engagements
+from archerfish.protocols import Shot
+from archerfish.simulation.world import make_world
+from archerfish.viewer.choice import Setup, TrialChoice, chosen_controller, chosen_robot, chosen_task
+from archerfish.viewer.motions import FloatArray
 
-Floats = NDArray[np.floating[Any]]
-
-AFTERMATH_S = 0.3
-"""What is shown of an engagement after its last shot: the pellets land [s]."""
+AFTER_S = 0.3
+"""Shown of an engagement after its last shot: pellets land [s]."""
 
 
 class Trial(NamedTuple):
-    """B engagements of N decisions; the pellet of decision i leaves at (i + 1) periods, if it fires one."""
+    """N engagements of T decisions; the pellet of decision i leaves at (i + 1) periods, if it fires one."""
 
-    period_s: float
-    """Between decisions [s]."""
-    hit_radius: float
-    """Largest miss that hits [m]."""
-    drag: float
-    """Of the pellets [1/m]."""
-    spread: Floats
-    """Standard deviation of the dispersion angles, pitch and yaw [rad], shape (2,)."""
-    angle: Floats
-    """Pitch and yaw of the gimbal at the decisions and after the last [rad], shape (B, N + 1, 2)."""
-    command: Floats
-    """Command in force then [rad], shape (B, N + 1, 2)."""
-    place: Floats
-    """Armor at the same times and during the aftermath [m], shape (B, M, 3), M > N."""
-    fired: NDArray[np.bool_]
-    """Whether a pellet left the muzzle, shape (B, N)."""
-    fallback: NDArray[np.bool_]
-    """Whether the controller fell back on a simpler one, shape (B, N)."""
-    position: Floats
-    """Pellets as they leave the muzzle [m], shape (B, N, 3)."""
-    velocity: Floats
-    """Their velocity then [m/s], shape (B, N, 3)."""
-    flight_time: Floats
-    """Until they cross the armor's x [s], infinite for one that still flies or was not fired, shape (B, N)."""
-    miss: Floats
-    """Pellet minus armor in y and z there [m], NaN for one that was not fired, shape (B, N, 2)."""
-    error: Floats
-    """Gimbal minus the angles that would have hit, pitch and yaw [rad], shape (B, N, 2)."""
+    period_s: float  # between decisions [s]
+    hit_radius: float  # largest miss that hits [m]
+    muzzle: Muzzle  # best estimate, ()
+    motions: tuple[str, ...]  # of the engagements' targets
+    angle: FloatArray  # pitch and yaw at the decisions and after the last [rad], (N, T + 1, 2)
+    command: FloatArray  # in force then [rad], (N, T + 1, 2)
+    place: FloatArray  # plate at multiples of the period [m], (N, M, 3) with M > T
+    hit: NDArray[np.bool_]  # (N, T)
+    flight_time: FloatArray  # [s], NaN of a pellet that was not fired or crosses no plate, (N, T)
+    miss: FloatArray  # left and up of the plate's centre [m], (N, T, 2)
+    start: FloatArray  # of the pellets [m], (N, T, 3)
+    velocity: FloatArray  # of the pellets there [m/s], (N, T, 3)
+    error: FloatArray  # gimbal less the angles of perfect aim [rad], NaN where not yet known, (N, T, 2)
 
     @property
-    def hit(self) -> NDArray[np.bool_]:
-        """Whether each decision fired a pellet that hit, shape (B, N)."""
-        return np.asarray(self.fired & (np.linalg.norm(self.miss, axis=-1) <= self.hit_radius))
-
-    @property
-    def fired_at(self) -> Floats:
-        """When the pellets leave [s], shape (N,)."""
-        return self.period_s * np.arange(1, self.miss.shape[1] + 1)
+    def fired_at(self) -> FloatArray:
+        """When the pellets leave [s], shape (T,)."""
+        return self.period_s * np.arange(1, self.hit.shape[1] + 1)
 
     @property
     def shown_s(self) -> float:
-        """How long one engagement is shown, with its aftermath [s]."""
+        """How long one engagement is shown [s]."""
         return float(self.period_s * (self.place.shape[1] - 1))
+
+    @property
+    def hits(self) -> NDArray[np.int_]:
+        """Hits of each engagement, shape (N,)."""
+        return np.asarray(self.hit.sum(axis=1))
 
 
 class Moment(NamedTuple):
     """What is to be seen at one moment of one engagement."""
 
-    angle: Floats
-    """Pitch and yaw of the gimbal [rad], shape (2,)."""
-    command: Floats
-    """Command in force [rad], shape (2,)."""
-    place: Floats
-    """Armor [m], shape (3,)."""
-    pellets: Floats
-    """Pellets in flight [m], shape (k, 3)."""
-    misses: Floats
-    """Where the others passed the armor, in y and z from its middle [m], shape (j, 2)."""
-    hit: NDArray[np.bool_]
-    """Whether those hit, shape (j,)."""
+    angle: FloatArray  # pitch and yaw of the gimbal [rad], (2,)
+    command: FloatArray  # in force [rad], (2,)
+    place: FloatArray  # plate [m], (3,)
+    pellets: FloatArray  # in flight [m], (k, 3)
+    misses: FloatArray  # of those that have crossed the plate's plane, left and up [m], (j, 2)
+    hit: NDArray[np.bool_]  # of those, (j,)
 
 
-def run_trial(subject: Subject, choice: Choice) -> Trial:
-    """Let a controller meet the targets of a choice.
+def run_trial(setup: Setup, choice: TrialChoice) -> Trial:
+    """Let a controller shoot in the engagements of a choice, in NumPy, so that another choice compiles nothing.
 
     Raises:
-      InputError: if the choice makes no trial.
+      InputError: if the choice can't be simulated.
     """
-    check_choice(subject, choice)
-    world, controller, conditions = (
-        chosen_world(subject, choice),
-        chosen_controller(subject, choice),
-        subject.conditions,
-    )
-    steps = conditions.decisions
-    engagements = meet(
-        choice.motion,
-        choice.distance,
-        choice.speed,
-        conditions,
-        choice.engagements,
-        world.plants,
-        choice.seed,
-        subject.own_motions,
-    )
-    times = world.period_s * np.arange(steps + 1 + round(AFTERMATH_S / world.period_s))
-    own = subject.own_motions.get(choice.motion)
-    # First of all: what a motion of a user's own raises beyond the engagement, where no path was looked at, is told.
-    with own_code(own.extension) if own else contextlib.nullcontext():
-        place, wanted = positions(engagements, times), wanted_angles(engagements, times[1 : steps + 1], world.muzzle)
-    generator = np.random.default_rng([choice.seed, 72])
-    draws = generator.standard_normal((choice.engagements, steps, world.normals)).astype(np.float32)
-    state = world.begin(engagements, draws[:, -1])
-    seen = world.see(state)
-    truth = world.truth(engagements) if getattr(controller, "needs_truth", False) else None
-    memory = controller.reset(seen, truth)
-    rows = []
-    for step in range(steps):
-        memory, command = controller.step(memory, seen)
-        state, shot = world.shoot(state, command, draws[:, step])
-        seen = world.see(state)
-        pellet = world.pellet(state, draws[:, step])
-        rows.append((shot.angle, seen.command, *pellet, shot.flight_time, shot.miss, shot.fired, command.fallback))
-    angle, command, position, velocity, flight_time, miss, fired, fallback = (
-        np.stack(each, 1) for each in zip(*rows, strict=True)
-    )
-    muzzle = world.muzzle
+    task, count = chosen_task(setup, choice), choice.engagements
+    world, cells = make_world(chosen_robot(setup, choice), task), task.cells()
+    engagement, normals = draw_in_turn(cells, count, choice.seed, world)
+    played = run_engagements(world, chosen_controller(setup, choice), engagement, normals, may_compile=False)
+
+    def plate(times: Any) -> FloatArray:
+        """Return the plates at times [s] of shape (K, N) or (K, 1), shape (K, N, 3)."""
+        times = np.broadcast_to(times, (len(times), count)).astype(np.float32)
+        return np.asarray(engagement.target.at(times).position[..., 0, :])
+
+    steps, begun, shot = played.hit.shape[1], engagement.start[:, None], played.shot
+    shown_at = task.period_s * np.arange(steps + 1 + round(AFTER_S / task.period_s))[:, None]
+    fired_at = np.broadcast_to(shown_at[1 : steps + 1], (steps, count))
+    crossed = np.moveaxis(plate(fired_at + np.nan_to_num(shot.flight_time.T)), 0, 1)
+    start, velocity = pellets_of(shot, crossed, world.muzzle)
     return Trial(
-        period_s=world.period_s,
-        hit_radius=conditions.hit_radius,
-        drag=float(muzzle.drag),
-        spread=np.asarray(muzzle.sd),
-        angle=_from(engagements.start, angle),
-        command=_from(engagements.start, command),
-        place=place,
-        fired=fired,
-        fallback=fallback,
-        position=position,
+        period_s=task.period_s,
+        hit_radius=task.hit_radius_m,
+        muzzle=world.muzzle,
+        motions=tuple(cells[number % len(cells)].motion for number in range(count)),
+        angle=np.concatenate([begun, shot.angle], axis=1),
+        command=np.concatenate([begun, played.in_force], axis=1),
+        place=np.moveaxis(plate(shown_at), 0, 1),
+        hit=played.hit,
+        flight_time=shot.flight_time,
+        miss=shot.miss,
+        start=start,
         velocity=velocity,
-        flight_time=np.where(np.isfinite(flight_time), flight_time, np.inf),
-        miss=miss,
-        error=angle - wanted,
+        error=shot.angle - np.moveaxis(np.asarray(intercept(plate, fired_at, world.muzzle).angle), 0, 1),
     )
 
 
-def _from(start: Floats, later: Floats) -> Floats:
-    return np.concatenate([np.asarray(start)[:, None], later], axis=1)
-
-
-def positions(engagements: Engagement, times: Floats) -> Floats:
-    """Return where the armors are [m], shape (B, M, 3), at times [s] of shape (M,)."""
-    return _places(engagements.motion, np.broadcast_to(times, (engagements.start.shape[0], times.size)))
-
-
-def wanted_angles(engagements: Engagement, fired_at: Floats, muzzle: Muzzle) -> Floats:
-    """Return the angles at which pellets of the mean would hit [rad], shape (B, N, 2).
+def pellets_of(shot: Shot, plate: FloatArray, muzzle: Muzzle) -> tuple[FloatArray, FloatArray]:
+    """Return where pellets start and how fast: flat fire through the muzzle and the point where they cross the plate.
 
     Args:
-      engagements: whom to meet.
-      fired_at: when the pellets leave [s], shape (N,).
-      muzzle: its mean counts.
+      shot: of shape B.
+      plate: its centre when the pellets cross it [m], shape B + (3,).
+      muzzle: best estimate; only drag and length count, shape ().
+
+    Returns:
+      Start [m] and velocity [m/s], shape B + (3,) each; of a pellet that was not fired they mean nothing.
     """
-    fired = np.broadcast_to(fired_at, (engagements.start.shape[0], fired_at.size)).astype(np.float32)
-    return np.asarray(intercept(lambda times: _places(engagements.motion, times), fired, muzzle).angle)
+    start = np.asarray(float(muzzle.length) * direction(shot.angle))
+    end = plate + np.concatenate([np.zeros_like(shot.miss[..., :1]), shot.miss], axis=-1)
+    time, drag = np.where(shot.flight_time > 0.0, shot.flight_time, 1.0), float(muzzle.drag)
+    line = end - start
+    for _ in range(3):  # the drop depends a little on the speed
+        length = np.linalg.norm(line, axis=-1)
+        speed = (np.expm1(drag * length) / drag if drag else length) / time
+        line = end - start
+        line[..., 2] += flat_fire_drop(time, drag * speed)
+    return start, line * (speed / np.linalg.norm(line, axis=-1))[..., None]
 
 
-def _places(motion: Any, times: Floats) -> Floats:
-    """Return where B targets are [m], shape (B, M, 3), at times [s] of shape (B, M).
-
-    A motion of a user's own promises one time for each target, no more. So each target is asked of M times over.
-    """
-    many: Any = map_arrays(lambda each: np.repeat(each, times.shape[1], axis=0), motion)
-    return np.asarray(many.position(times.astype(np.float32).reshape(-1))).reshape(*times.shape, 3)
-
-
-def moment(trial: Trial, engagement: int, time: float) -> Moment:
-    """Return what is to be seen of an engagement at a time since its beginning [s]."""
-    fired_at, flight = trial.fired_at, trial.flight_time[engagement]
-    landed = fired_at + flight <= time
-    flying = trial.fired[engagement] & (fired_at <= time) & ~landed
-    velocity = trial.velocity[engagement][flying]
-    way = flat_fire_position(velocity, np.full(len(velocity), trial.drag), time - fired_at[flying])
+def moment(trial: Trial, number: int, time: float) -> Moment:
+    """Return what is to be seen of an engagement at a time since it began [s]."""
+    flight, at = trial.flight_time[number], time / trial.period_s
+    crossed = trial.fired_at + flight <= time
+    flying = np.isfinite(flight) & (trial.fired_at <= time) & ~crossed
+    since = (time - trial.fired_at)[flying]
+    flown = flat_fire_position(trial.velocity[number][flying], np.full(len(since), float(trial.muzzle.drag)), since)
     return Moment(
-        angle=_between(trial.angle[engagement], time / trial.period_s),
-        command=trial.command[engagement][min(int(time / trial.period_s), trial.command.shape[1] - 1)],
-        place=_between(trial.place[engagement], time / trial.period_s),
-        pellets=trial.position[engagement][flying] + way,
-        misses=trial.miss[engagement][landed],
-        hit=trial.hit[engagement][landed],
+        angle=_between(trial.angle[number], at),
+        command=trial.command[number][min(int(at) + 1, trial.command.shape[1] - 1)],
+        place=_between(trial.place[number], at),
+        pellets=trial.start[number][flying] + flown,
+        misses=trial.miss[number][crossed],
+        hit=trial.hit[number][crossed],
     )
 
 
-def _between(rows: Floats, place: float) -> Floats:
-    """Return a row between two rows, and the last one beyond the end, shape (M, n) → (n,)."""
-    first = int(np.clip(np.floor(place), 0, len(rows) - 1))
-    second, share = min(first + 1, len(rows) - 1), float(np.clip(place - first, 0.0, 1.0))
+def _between(rows: FloatArray, at: float) -> FloatArray:
+    """Return a row between two rows, the last one beyond the end, shape (M, n) → (n,)."""
+    first = min(max(int(at), 0), len(rows) - 1)
+    second, share = min(first + 1, len(rows) - 1), min(max(at - first, 0.0), 1.0)
     return np.asarray((1.0 - share) * rows[first] + share * rows[second])
+
+
+def rate_text(rate: HitRate) -> str:
+    """Return a hit rate with its interval."""
+    return f"{100 * rate.rate:.1f} % ({100 * rate.low:.1f}–{100 * rate.high:.1f})"
+
+
+def trial_text(trial: Trial) -> str:
+    """Return hits and hit rate of a whole trial."""
+    rate = hit_rate(trial.hits, trial.hit.shape[1])
+    return f"{rate.hits} of {rate.decisions} hit, {rate_text(rate)}"
+
+
+def difference_text(trial: Trial, other: Trial) -> str:
+    """Return by how many points a trial's rate is above another's in the same engagements, with its interval."""
+    found = paired_difference(trial.hits, other.hits, trial.hit.shape[1])
+    points = [f"{100 * value:+.1f}".replace("-", "−") for value in found]
+    return f"{points[0]} points ({points[1]} to {points[2]})"

@@ -1,23 +1,21 @@
-"""Reading a robot's TOML file: strict, so that a misspelt key or a wrong unit never passes for a default."""
+"""Reading a robot's TOML file: strict, so that a misspelt field or a wrong unit never passes for a default."""
 
-import difflib
 import re
 import tomllib
-from dataclasses import is_dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_type_hints
 
-from archerfish.records.errors import InputError
-from archerfish.records.text_file import check_readable
-from archerfish.virtual_robot.description import RobotDescription, Schema
-from archerfish.virtual_robot.description_bounds import Bounds, broken_bound
-from archerfish.virtual_robot.description_checks import check_description
+import msgspec
+
+from archerfish.errors import InputError, file_error, meant, one_line
+from archerfish.records.json_files import fault
+from archerfish.storage import read_bytes
+from archerfish.virtual_robot.description import RobotDescription
 
 _ROBOTS = Path(__file__).with_name("robots")
-_LARGEST = 2**20
-_NAME = re.compile(r"[A-Za-z0-9][\w.-]*")
-_UNITS = "kg g m2 s2 n m s v a rad mrad deg turn shot per hz khz mm cm km cm2 mm2 us ms min rpm percent ohm kohm"
-_UNIT_WORDS = frozenset(_UNITS.split())
+_REMEDY = "correct it, docs/virtual_robot.md has every field"
+_UNITS = "kg|g|m2|s2|n|m|s|v|a|rad|mrad|deg|turn|shot|per|hz|khz|mm|cm|km|cm2|mm2|us|ms|min|rpm|percent|ohm|kohm"
+_UNIT = re.compile(rf"(_({_UNITS}))+\Z")
 
 
 def robot_names() -> list[str]:
@@ -31,18 +29,13 @@ def robot_path(name_or_path: str | Path) -> Path:
     Raises:
       InputError: if there is no such robot.
     """
-    if str(name_or_path) in robot_names():
-        return _ROBOTS / f"{name_or_path}.toml"
-    path, known = Path(name_or_path), ", ".join(robot_names())
+    names = robot_names()
+    path = _ROBOTS / f"{name_or_path}.toml" if str(name_or_path) in names else Path(name_or_path)
+    known = f"known are {', '.join(names)}, or give a TOML file (docs/virtual_robot.md)"
     if not str(name_or_path) or (path.suffix != ".toml" and not path.exists()):
-        raise InputError(
-            f"no robot {str(name_or_path)!r}; known are {known}, or pass a TOML file (docs/virtual_robot.md)"
-        )
+        raise InputError(f"no robot {str(name_or_path)!r}; {meant(str(name_or_path), names, known)}")
     if path.is_dir():
-        raise InputError(
-            f"{path}: is a folder, expected a robot's description; known are {known}, or pass a TOML file "
-            "(docs/virtual_robot.md)"
-        )
+        raise file_error(path, "is a folder, expected a robot's description", known)
     return path
 
 
@@ -50,104 +43,56 @@ def load_robot(name_or_path: str | Path) -> RobotDescription:
     """Read a robot by its name or from its TOML file.
 
     Raises:
-      InputError: naming the table and the key, if the file is not a robot's.
+      InputError: naming the table and the field, if there is no such robot or the file is not a robot's.
     """
     path = robot_path(name_or_path)
-    check_readable(path, _LARGEST)
+    text = read_bytes(path, _REMEDY)
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        content = tomllib.loads(text.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: is not TOML ({error}); mend that place") from error
-    except (RecursionError, OSError) as error:
-        raise InputError(f"{path}: can't be read ({error}); write it anew") from error
-    return parse_robot(content, str(path))
-
-
-def parse_robot(content: dict[str, Any], source: str) -> RobotDescription:
-    """Build a robot from the content of its TOML file.
-
-    Args:
-      content: tables and keys.
-      source: where it comes from, for messages.
-
-    Raises:
-      InputError: naming the table and the key.
-    """
+        raise file_error(path, f"is not UTF-8 text (byte {error.start})", "save it as UTF-8") from error
+    except (ValueError, RecursionError) as error:  # Python refuses a number of thousands of digits by a ValueError
+        raise file_error(path, f"is not TOML ({one_line(str(error))[:200]})", "correct that place") from error
     try:
-        # The format first: a file of another one would fail on some key, which would be the wrong complaint.
-        _table(Schema, content.get("schema", {}), "schema")
-        description: RobotDescription = _table(RobotDescription, content, "")
-        check_description(description)
-    except InputError as error:
-        raise InputError(f"{source}: {error}") from error
-    return description
+        # The format first: a file of another one would be refused for some field, which would mislead.
+        return msgspec.convert({"schema": {}} | content, RobotDescription)
+    except msgspec.ValidationError as error:
+        raise file_error(path, *_problem(error, content)) from error
 
 
-def _table(kind: type[Any], content: Any, name: str) -> Any:
-    if not isinstance(content, dict):
-        raise InputError(f"[{name}] is {content!r}, expected a table; begin it with a line [{name}]")
-    kinds = get_type_hints(kind, include_extras=True)
-    for key in content:
-        if key not in kinds:
-            raise InputError(_unknown(key, list(kinds), name))
-    return kind(**{key: _entry(each, key, content, name) for key, each in kinds.items()})
+def _problem(error: msgspec.ValidationError, content: dict[str, Any]) -> tuple[str, str]:
+    """Return what is wrong in a file, and the remedy."""
+    if "unknown field" in str(error) and (unknown := _unknown_field(content, RobotDescription, "")):
+        return unknown
+    text = fault(error, content).replace("expected object", "expected table")
+    text = text.replace("object missing required", "missing")
+    if str(error).startswith("Invalid enum value"):
+        kind: Any = RobotDescription
+        for name in re.findall(r"\w+", str(error).rpartition("$")[2]):
+            kind = get_type_hints(kind)[name]
+        text += f", expected {' or '.join(get_args(kind))}"
+    return text, _REMEDY
 
 
-def _entry(kind: Any, key: str, content: dict[str, Any], table: str) -> Any:
-    path = f"{table}.{key}" if table else key
-    if key not in content:
-        lacking = f"[{path}]: the table is missing" if is_dataclass(kind) else f"[{table}] {key} is missing"
-        raise InputError(f"{lacking}; every key is required, see docs/virtual_robot.md")
-    if isinstance(kind, type) and is_dataclass(kind):
-        return _table(kind, content[key], path)
-    return _value(kind, content[key], f"[{table}] {key}")
+def _unknown_field(table: dict[str, Any], kind: type[Any], place: str) -> tuple[str, str] | None:
+    """Return what is wrong with the first field that a table should not have, and the remedy."""
+    fields = get_type_hints(kind)
+    for name, value in table.items():
+        if name not in fields:
+            problem, remedy = _misnamed(name[:100], list(fields))
+            return f"field {one_line(place + name[:100])}: {problem}", remedy
+        table_inside = isinstance(value, dict) and hasattr(fields[name], "__struct_fields__")
+        if table_inside and (unknown := _unknown_field(value, fields[name], f"{place}{name}.")):
+            return unknown
+    return None
 
 
-def _unknown(key: str, known: list[str], table: str) -> str:
-    where = f"[{table}] " if table else ""
-    same = [each for each in known if _stem(each) == _stem(key)]
-    unit = key.removeprefix(_stem(key)).removeprefix("_")
-    if same and unit:
-        return f'{where}{key} has the unit "{unit}", expected {same[0]}; convert the value'
-    if same:
-        return f"{where}{key} does not say its unit, expected {same[0]}; name it so, in that unit"
-    near = difflib.get_close_matches(key, known, n=1)
-    hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-    return f"{where}{key} is unknown; {hint}"
-
-
-def _stem(key: str) -> str:
-    """Return a key without the unit at its end."""
-    words = key.split("_")
-    while len(words) > 1 and words[-1] in _UNIT_WORDS:
-        words.pop()
-    return "_".join(words)
-
-
-def _value(kind: Any, value: Any, where: str) -> Any:
-    if get_origin(kind) is Literal:
-        if value not in get_args(kind):
-            raise InputError(f"{where} must be {' or '.join(map(repr, get_args(kind)))}, got {value!r}")
-        return value
-    if kind is str:
-        if not isinstance(value, str) or not _NAME.fullmatch(value):
-            raise InputError(f"{where} must be a text of letters, digits, _, - and ., got {value!r}")
-        return value
-    number, bounds = get_args(kind)
-    return _number(number, bounds, value, where)
-
-
-def _number(kind: type[float], bounds: Bounds, value: Any, where: str) -> float:
-    wanted = (int,) if kind is int else (int, float)
-    if isinstance(value, bool) or not isinstance(value, wanted):
-        expected = "a whole number" if kind is int else "a number"
-        raise InputError(f"{where} must be {expected}, got {value!r}")
-    try:
-        problem = broken_bound(bounds, value)
-    except OverflowError:
-        problem = "a finite number"
-    if problem:
-        raise InputError(f"{where} must be {problem}, got {value!r}; mend the value")
-    return kind(value)
+def _misnamed(name: str, fields: list[str]) -> tuple[str, str]:
+    """Return what is wrong with a field's name, and the remedy."""
+    unit = _UNIT.search(name)
+    for field in fields:
+        if _UNIT.sub("", field) == _UNIT.sub("", name):
+            if unit:
+                return f'has the unit "{unit[0][1:]}", expected {field}', "convert the value"
+            return f"does not say its unit, expected {field}", "name it so, in that unit"
+    return "there is no such field", meant(name, fields, f"fields are {', '.join(fields)}")

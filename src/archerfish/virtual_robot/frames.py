@@ -1,4 +1,4 @@
-"""The frame that rides on the gimbal: x along the barrel, y left, z up, against the base frame."""
+"""The frame that turns with the gimbal: x along the barrel, y left, z up, relative to the base frame."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,18 +7,20 @@ Array = NDArray[np.float64]
 
 
 def gimbal_axes(angle: Array) -> Array:
-    """Return the gimbal's x, y and z in the base frame as the rows of a matrix.
+    """Return the rotation from the base frame into the gimbal's, whose rows are the gimbal's x, y and z.
 
     Args:
       angle: pitch and yaw [rad], shape B + (2,).
 
     Returns:
-      Rotation from the base frame into the gimbal's, shape B + (3, 3).
+      Shape B + (3, 3).
     """
-    cos, sin = np.cos(angle), np.sin(angle)
-    up, across, lift, aside = cos[..., 0], cos[..., 1], sin[..., 0], sin[..., 1]
-    rows = [up * across, up * aside, lift, -aside, across, 0.0 * up, -lift * across, -lift * aside, up]
-    return np.stack(rows, axis=-1).reshape(*angle.shape[:-1], 3, 3)
+    cos_pitch, cos_yaw = np.moveaxis(np.cos(angle), -1, 0)
+    sin_pitch, sin_yaw = np.moveaxis(np.sin(angle), -1, 0)
+    forward = [cos_pitch * cos_yaw, cos_pitch * sin_yaw, sin_pitch]
+    left = [-sin_yaw, cos_yaw, 0.0 * cos_pitch]
+    up = [-sin_pitch * cos_yaw, -sin_pitch * sin_yaw, cos_pitch]
+    return np.stack(forward + left + up, axis=-1).reshape(*angle.shape[:-1], 3, 3)
 
 
 def into_gimbal(axes: Array, vector: Array) -> Array:

@@ -1,69 +1,56 @@
 """The gimbal's mechanics in MuJoCo: a batch of two-joint models, without contacts, in steps of a tick.
 
-Most of what a step of so small a model takes is the same for a large one, so a model holds many gimbals side by side.
+Most of the time of a step of so small a model is the same for a large one, so a model has many gimbals side by side.
 They share nothing: each is a tree of its own, which the solver treats as an island of its own. So a gimbal moves the
 same to the last bit, however many are beside it in its model.
 
-MuJoCo holds Coulomb friction by a soft constraint, so a joint creeps under a load below its friction
+MuJoCo's Coulomb friction is a soft constraint, so a joint creeps under a load below its friction
 (docs/virtual_robot.md has how fast).
 """
 
 import math
 
-import mujoco
 import numpy as np
-from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from archerfish.virtual_robot.description import TICK_S, Gimbal, GimbalAxis
+from archerfish.errors import InputError
+from archerfish.virtual_robot.description import GRAVITY_M_S2, TICK_S, Gimbal, GimbalAxis
 
 Array = NDArray[np.float64]
 
-GRAVITY = 9.81
-"""[m/s²]."""
 _PER_MODEL = 64
 """Gimbals in a model at most: with more, a gimbal's step takes no less time."""
-# Friction, and a stop that is met, are all the constraints that a gimbal has: two to four rows, on which the
-# Gauss-Seidel solver is faster than Newton's. Its tolerance is far below the encoder's step. A warm start is taken or
-# left for all islands together and the dense Jacobian rounds otherwise than the sparse one, so either would let a
-# gimbal's motion depend on how many are beside it.
-_MODEL = """
-<mujoco model="gimbals">
-  <option timestep="{tick}" integrator="implicitfast" gravity="0 0 -{gravity}" solver="PGS" tolerance="1e-12"
-      jacobian="sparse">
-    <flag contact="disable" warmstart="disable"/>
-  </option>
-  <worldbody>{gimbals}</worldbody>
-</mujoco>
-"""
-_GIMBAL = """
-    <body>
-      <joint axis="0 0 1" {yaw}/>
-      <inertial pos="0 0 0" mass="1" diaginertia="{yaw_inertia} {yaw_inertia} {yaw_inertia}"/>
-      <body>
-        <joint axis="0 -1 0" {pitch}/>
-        <inertial pos="{center}" mass="{mass}" diaginertia="{inertia}"/>
-      </body>
-    </body>"""
 
 
-def gimbal_model(gimbal: Gimbal, count: int = 1) -> str:
+def gimbal_mjcf(gimbal: Gimbal, count: int = 1) -> str:
     """Return equal gimbals as MJCF; pitch turns about −y, so that the muzzle rises with its angle.
 
     Args:
       gimbal: of each.
       count: number of gimbals; their joints are yaw and pitch of the first, then of the second, and so on.
     """
-    body = gimbal.pitch_body
-    one = _GIMBAL.format(
-        yaw=_joint(gimbal.yaw),
-        pitch=_joint(gimbal.pitch),
-        yaw_inertia=gimbal.yaw_body.inertia_kg_m2,
-        center=f"{body.forward_m} {body.left_m} {body.up_m}",
-        mass=body.mass_kg,
-        inertia=f"{body.roll_inertia_kg_m2} {body.pitch_inertia_kg_m2} {body.yaw_inertia_kg_m2}",
-    )
-    return _MODEL.format(tick=TICK_S, gravity=GRAVITY, gimbals=count * one)
+    body, yaw = gimbal.pitch_body, gimbal.yaw_body.inertia_kg_m2
+    inertia = f"{body.roll_inertia_kg_m2} {body.pitch_inertia_kg_m2} {body.yaw_inertia_kg_m2}"
+    one = f"""
+    <body>
+      <joint axis="0 0 1" {_joint(gimbal.yaw)}/>
+      <inertial pos="0 0 0" mass="1" diaginertia="{yaw} {yaw} {yaw}"/>
+      <body>
+        <joint axis="0 -1 0" {_joint(gimbal.pitch)}/>
+        <inertial pos="{body.forward_m} {body.left_m} {body.up_m}" mass="{body.mass_kg}" diaginertia="{inertia}"/>
+      </body>
+    </body>"""
+    # Friction, and a stop that is reached, are all the constraints of a gimbal: two to four rows, on which the
+    # Gauss-Seidel solver is faster than Newton's. Its tolerance is far below the encoder's step. Warm starts are
+    # accepted for all islands together, and the dense Jacobian rounds otherwise than the sparse one: either would let
+    # a gimbal's motion depend on how many are beside it.
+    return f"""<mujoco model="gimbals">
+  <option timestep="{TICK_S}" integrator="implicitfast" gravity="0 0 -{GRAVITY_M_S2}" solver="PGS" tolerance="1e-12"
+      jacobian="sparse">
+    <flag contact="disable" warmstart="disable"/>
+  </option>
+  <worldbody>{count * one}</worldbody>
+</mujoco>"""
 
 
 def _joint(axis: GimbalAxis) -> str:
@@ -76,19 +63,24 @@ def _joint(axis: GimbalAxis) -> str:
 
 
 class MujocoGimbal:
-    """B gimbals in MuJoCo."""
+    """B gimbals in MuJoCo; after `reset`, `angle` [rad] and `rate` [rad/s] are those of pitch and yaw, shape (B, 2)."""
 
     def __init__(self, gimbal: Gimbal, batch: int) -> None:
+        try:
+            import mujoco  # of the extra `train`
+            from mujoco.batch import Batch
+        except ImportError as error:
+            remedy = "pip install 'archerfish[train]'"
+            raise InputError(f"a virtual robot needs MuJoCo 4, which can't be imported ({error}); {remedy}") from error
         models = math.ceil(batch / _PER_MODEL)
-        # Equal shares; the last models may hold a gimbal that nobody looks at.
+        # Equal shares; the last models may have a gimbal that is not read.
         count = math.ceil(batch / models)
         # One thread: the robots of several processes share the cores.
-        self._models = Batch(mujoco.MjModel.from_xml_string(gimbal_model(gimbal, count)), models, 1)
+        self._models = Batch(mujoco.MjModel.from_xml_string(gimbal_mjcf(gimbal, count)), models, 1)
         self._position, self._velocity = self._models.bind("qpos"), self._models.bind("qvel")
         self._applied, self._bias = self._models.bind("qfrc_applied"), self._models.bind("qfrc_bias")
         self._spare = np.zeros((models * count - batch, 2))
-        self.angle: Array = np.zeros((batch, 2))
-        self.rate: Array = np.zeros((batch, 2))
+        self._batch = batch
 
     def reset(self, angle: Array, rate: Array | None = None) -> None:
         """Put the gimbals at their angles [rad], shape (B, 2), at rest if no rates [rad/s] are given."""
@@ -113,9 +105,9 @@ class MujocoGimbal:
         self.angle, self.rate = self._pitch_yaw(self._position), self._pitch_yaw(self._velocity)
 
     def _joints(self, axes: Array) -> Array:
-        """Bring pitch and yaw of the gimbals into the order of the models' joints, shape (B, 2) → (models, joints)."""
+        """Order pitch and yaw of the gimbals as the models' joints are, shape (B, 2) → (models, joints)."""
         return np.concatenate([axes, self._spare])[:, ::-1].reshape(self._applied.shape)
 
     def _pitch_yaw(self, joints: Array) -> Array:
-        """Bring what the models' joints have into pitch and yaw of the gimbals, shape (models, joints) → (B, 2)."""
-        return np.ascontiguousarray(joints.reshape(-1, 2)[: len(self.angle), ::-1])
+        """Order values of the models' joints as pitch and yaw of the gimbals, shape (models, joints) → (B, 2)."""
+        return np.ascontiguousarray(joints.reshape(-1, 2)[: self._batch, ::-1])

@@ -1,70 +1,55 @@
-"""Random numbers of a batch of trials: each has streams of its own, so the company that it is in changes nothing."""
-
-from typing import Literal
+"""Random numbers of a batch of trials: each trial has its own streams, so the batch that it is in changes nothing."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.records.errors import InputError
-
 Array = NDArray[np.float64]
-Kind = Literal["normal", "uniform"]
 
-PURPOSES = ("gyro", "command", "feedback", "camera", "detection", "speed")
-"""What a stream is for; its place is part of the seed, so new ones go to the end."""
-_BLOCK = 512
-"""Rows that are drawn at once: enough to make the call cheap, few enough for the memory of large batches."""
-
-
-def check_seeds(seeds: NDArray[np.int64], batch: int) -> NDArray[np.int64]:
-    """Return the seeds of a batch, checked: whole numbers from 0 on, shape (B,).
-
-    Raises:
-      InputError: if there are more or fewer than the batch has trials, or one is no such number.
-    """
-    found = np.atleast_1d(np.asarray(seeds))
-    if found.shape != (batch,) or found.dtype.kind not in "iu" or np.any(found < 0):
-        raise InputError(f"seeds must be {batch} whole numbers from 0 on, shape ({batch},), got {seeds!r}")
-    return found.astype(np.int64)
+# Purpose → numbers in a row, their distribution, and rows that are drawn at once: enough to make the call cheap, few
+# enough for the memory of large batches. The place in the table is part of the seed, so new ones go to the end.
+_STREAMS = {
+    "gyro": (2, "normal", 512),
+    "command": (2, "uniform", 64),
+    "feedback": (2, "uniform", 512),
+    "camera": (4, "normal", 64),
+    "detection": (2, "uniform", 64),
+    "speed": (1, "normal", 64),
+}
 
 
 class NoiseStream:
-    """Rows of random numbers, a sequence for each trial; row k is the same however the rows are fetched."""
+    """Rows of standard normals or uniform numbers, a sequence for each trial, the same in whatever pieces it is read.
 
-    def __init__(self, seeds: NDArray[np.int64], purpose: str, width: int, kind: Kind, block: int = _BLOCK) -> None:
-        number = PURPOSES.index(purpose)
-        self._generators = [np.random.Generator(np.random.Philox([int(seed), number])) for seed in seeds]
-        self._kind = kind
-        self._width = width
-        self._block = block
+    A call may read rows from the one on at which the call before began; those before it are forgotten.
+    """
+
+    def __init__(self, seeds: NDArray[np.int64], purpose: str) -> None:
+        """Begin at row 0, for trials of some seeds, shape (B,), and one of the purposes of the table."""
+        width, kind, self._block = _STREAMS[purpose]
+        number = list(_STREAMS).index(purpose)
+        generators = [np.random.Generator(np.random.Philox([int(seed), number])) for seed in seeds]
+        self._draws = [source.standard_normal if kind == "normal" else source.random for source in generators]
         self._first = 0
-        self._rows = np.empty((0, len(seeds), width))
-        self._trials = np.arange(len(seeds))
+        self._rows = np.empty((len(seeds), 0, width))
 
     def rows(self, start: int, count: int) -> Array:
-        """Return rows `start` to `start + count` (exclusive) of every trial, shape (count, B, width).
-
-        Rows before `start` are given back: a later call must not ask for them.
-        """
-        self._hold(start, start + count)
-        return self._rows[start - self._first : start - self._first + count]
+        """Return rows `start` to `start + count` (exclusive) of every trial, shape (B, count, width)."""
+        self._draw(start, start + count)
+        return self._rows[:, start - self._first : start - self._first + count]
 
     def rows_at(self, index: NDArray[np.int64]) -> Array:
-        """Return each trial's rows of its own indices, shape (B, N) → (B, N, width); earlier ones are given back."""
-        if index.size == 0:
-            return np.empty((*index.shape, self._width))
-        self._hold(int(index.min()), int(index.max()) + 1)
-        return self._rows[index - self._first, self._trials[:, None]]
+        """Return each trial's rows of its own indices, shape (B, N) → (B, N, width)."""
+        self._draw(int(index.min()), int(index.max()) + 1)
+        return self._rows[np.arange(len(index))[:, None], index - self._first]
 
-    def _hold(self, low: int, high: int) -> None:
-        last = self._first + len(self._rows)
+    def _draw(self, low: int, high: int) -> None:
+        trials, held, width = self._rows.shape
+        last = self._first + held
         if high <= last:
             return
-        count = max(self._block, high - last)
-        drawn = np.empty((count, len(self._generators), self._width))
-        for trial, generator in enumerate(self._generators):
-            shape = (count, self._width)
-            drawn[:, trial] = generator.standard_normal(shape) if self._kind == "normal" else generator.random(shape)
-        kept = max(min(low, last), self._first)
-        self._rows = np.concatenate([self._rows[kept - self._first :], drawn])
+        drawn = np.empty((trials, max(self._block, high - last), width))
+        for draw, rows in zip(self._draws, drawn, strict=True):
+            draw(out=rows)
+        kept = min(low, last)
+        self._rows = np.concatenate([self._rows[:, kept - self._first :], drawn], axis=1)
         self._first = kept

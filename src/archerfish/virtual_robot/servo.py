@@ -6,16 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.virtual_robot.description import TICK_S, RobotDescription
-from archerfish.virtual_robot.firmware import (
-    FirmwareState,
-    Gains,
-    encoder_angle,
-    filtered_rate,
-    firmware_torque,
-    make_gains,
-)
-from archerfish.virtual_robot.gimbal_physics import GimbalPhysics
-from archerfish.virtual_robot.motor import Motor, make_motor, motor_torque
+from archerfish.virtual_robot.firmware import encoder_angle, filtered_rate, firmware_torque, make_drive, motor_torque
+from archerfish.virtual_robot.mujoco_gimbal import MujocoGimbal
 from archerfish.virtual_robot.noise import NoiseStream
 
 Array = NDArray[np.float64]
@@ -24,61 +16,52 @@ Array = NDArray[np.float64]
 class Motion(NamedTuple):
     """What the gimbals did in n ticks."""
 
-    angle: Array
-    """True angles at the beginning of each tick and at the end of the last [rad], shape (n + 1, B, 2)."""
-    gyro: Array
-    """Filtered gyro at the beginning of each tick [rad/s], shape (n, B, 2)."""
+    angle: Array  # true, at the beginning of each tick and at the end of the last [rad], (n + 1, B, 2)
+    gyro: Array  # filtered, at the beginning of each tick [rad/s], (n, B, 2)
 
 
 class Servo:
-    """The closed loop of B gimbals."""
+    """The closed loop of B gimbals; `reset` must follow."""
 
-    def __init__(self, robot: RobotDescription, physics: GimbalPhysics, seeds: NDArray[np.int64]) -> None:
-        # Of the shape of all gimbals: NumPy's loops over two axes would take most of the firmware's time.
-        self.gains = Gains(*(np.tile(each, (len(seeds), 1)) for each in make_gains(robot.firmware, robot.gimbal)))
-        self.physics = physics
-        self._motor = Motor(*(np.tile(each, (len(seeds), 1)) for each in make_motor(robot.gimbal)))
+    def __init__(self, robot: RobotDescription, seeds: NDArray[np.int64]) -> None:
+        self.drive = make_drive(robot, len(seeds))
+        self.physics = MujocoGimbal(robot.gimbal, len(seeds))
         self._recoil_per_shot = np.array([robot.gimbal.pitch.recoil_n_m_s, robot.gimbal.yaw.recoil_n_m_s])
         self._bus_ticks = robot.firmware.bus_delay_ms
         self._seeds = seeds
 
     def reset(self, command: Array) -> None:
         """Put the gimbals at rest where a command [rad] holds them, shape (B, 2)."""
-        gains = self.gains
-        self.physics.reset(gains.angle_per_encoder * command)
+        drive = self.drive
+        self.physics.reset(drive.angle_per_encoder * command)
         held = self.physics.holding_torque()
-        self.torque = np.clip(held, -gains.torque_limit, gains.torque_limit)
-        integral = np.clip(held, -gains.integral_limit, gains.integral_limit)
-        self._state = FirmwareState(integral, np.zeros_like(command))
+        self.torque = np.clip(held, -drive.torque_limit, drive.torque_limit)
+        self._integral = np.clip(held, -drive.integral_limit, drive.integral_limit)
+        self._gyro = np.zeros_like(command)
         self._on_bus = [self.torque] * self._bus_ticks
-        self._recoil: Array | None = None
-        self._noise = NoiseStream(self._seeds, "gyro", 2, "normal")
+        self._recoil: Array | float = 0.0
+        self._noise = NoiseStream(self._seeds, "gyro")
         self._tick = 0
 
     def kick(self, fired: NDArray[np.bool_]) -> None:
         """Let the recoil of a shot act in the next tick on those that fired, shape (B,)."""
-        impulse = fired[:, None] * self._recoil_per_shot / TICK_S
-        self._recoil = impulse if self._recoil is None else self._recoil + impulse
+        self._recoil = self._recoil + fired[:, None] * self._recoil_per_shot / TICK_S
 
     def run(self, commands: Array) -> Motion:
-        """Run ticks.
-
-        Args:
-          commands: in force in each tick, within the firmware's range [rad], shape (n, B, 2).
-        """
-        count, physics, gains = len(commands), self.physics, self.gains
-        normals = self._noise.rows(self._tick, count)
+        """Run n ticks under the commands in force in each, within the firmware's range [rad], shape (n, B, 2)."""
+        count, physics, drive = len(commands), self.physics, self.drive
+        normals = self._noise.rows(self._tick, count).swapaxes(0, 1)
+        self._tick += count
         angle, gyro = np.empty((count + 1, *commands.shape[1:])), np.empty(commands.shape)
         angle[0] = physics.angle
         for tick in range(count):
             rate = physics.rate
-            read = filtered_rate(gains, self._state.gyro, rate, normals[tick])
-            encoder = encoder_angle(gains, angle[tick])
-            self._state, asked = firmware_torque(gains, self._state, commands[tick], encoder, read)
-            self._on_bus.append(asked)
-            self.torque = motor_torque(self._motor, self.torque, self._on_bus.pop(0), rate)
-            physics.step(self.torque if self._recoil is None else self.torque + self._recoil)
-            self._recoil = None
-            gyro[tick], angle[tick + 1] = read, physics.angle
-        self._tick += count
+            self._gyro = gyro[tick] = filtered_rate(drive, self._gyro, rate, normals[tick])
+            encoder = encoder_angle(drive, angle[tick])
+            self._integral, requested = firmware_torque(drive, self._integral, commands[tick], encoder, self._gyro)
+            self._on_bus.append(requested)
+            self.torque = motor_torque(drive, self.torque, self._on_bus.pop(0), rate)
+            physics.step(self.torque + self._recoil)
+            self._recoil = 0.0
+            angle[tick + 1] = physics.angle
         return Motion(angle, gyro)

@@ -1,1 +1,1 @@
-"""Identification of a gimbal axis from recordings: poles, delay, numerators, and how sure they are."""
+"""Identification of one gimbal axis: output error in the frequency domain."""

@@ -1,1 +1,1 @@
-"""Muzzle speed, disturbance angles and their scatter, by likelihood from shots."""
+"""The muzzle from shots: speed, disturbance angles of eq (6) and their scatter."""

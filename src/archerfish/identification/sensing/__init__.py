@@ -1,1 +1,1 @@
-"""Camera and link: timing, noise and delays from recordings."""
+"""Identification of camera and link: time offset, latencies, noise and misses, from a sweep and from steps."""

@@ -1,0 +1,119 @@
+"""`export`: any controller as a C file, or as an ONNX model, that decides as it does here."""
+
+from __future__ import annotations  # so that help() names the types, rather than what they stand for
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from archerfish.codegen.c99 import print_c
+from archerfish.codegen.check import DIFFERENCE, SHARE, c_decision, compared, onnx_decision
+from archerfish.codegen.decision import Gated, example_decisions, trace_decision
+from archerfish.codegen.onnx import print_onnx
+from archerfish.controllers.policy.policy import Policy
+from archerfish.controllers.registry import ControllerLike, load_controller, make_controller
+from archerfish.controllers.tuning import TuningLike
+from archerfish.errors import InputError, file_error
+from archerfish.evaluation.contenders import as_contenders
+from archerfish.evaluation.tuning import settings
+from archerfish.provenance import code_commit
+from archerfish.reports.report import Report
+from archerfish.reports.table import Table
+from archerfish.robot import Robot, RobotLike
+from archerfish.storage import check_regular, write_bytes
+from archerfish.task import Task, TaskLike
+
+MARK = "Made by Archerfish"
+"""In every file that this writes: what has it may be replaced."""
+MOST = 1.0
+"""Share of the decisions that may differ by more than rounding, where a choice between hypotheses turns [%]."""
+EXAMPLES = 24  # decisions of the self-test
+UNCHECKED = "To compare it, install a C compiler or ONNX Runtime; a C file's self-test does the same on the robot."
+
+
+def export(
+    controller: ControllerLike,
+    path: str | Path,
+    robot: RobotLike = None,
+    task: TaskLike = "any",
+    *,
+    tuning: TuningLike = "kept",
+) -> Report:
+    """Write a controller as a C file with its header, or as an ONNX model, and compare it with NumPy.
+
+    It takes what is seen of one plate, on a base that may turn but not drive, and gives a command within the robot's
+    limits; docs/export.md has the interface.
+
+    Args:
+      controller: a policy, or the file or folder of one; or a name, as `kalman`, `kalman-lq` or `imm-lq`; or a
+        compiled controller of one's own, whose formulas can be traced.
+      path: ends with .c or .onnx; a file in its place is replaced if this made it.
+      robot: for whose plant and limits: a robot or its folder; the paper's if not given.
+      task: decision period and command limit: a task, its name or its file; a policy has those of its own.
+      tuning: of a controller with a name: "kept", what `tune` or `evaluate` has kept, searched for in a few minutes if
+        there is nothing; "start", as before tuning; or settings, or a mapping from names to settings.
+
+    Returns:
+      What was written, how near it is to NumPy, and what was not checked.
+
+    Raises:
+      InputError: if the controller can't be exported for this robot, or a file can't be written.
+    """
+    path = Path(path)
+    if path.suffix not in (".c", ".onnx") or not path.name.isprintable() or '"' in path.name:
+        raise InputError(f"{path}: expected a name that ends with .c or .onnx, without quotes; choose such a name")
+    targets = [path, path.with_suffix(".h")] if path.suffix == ".c" else [path]
+    for target in targets:
+        check_regular(target)
+        if target.exists() and MARK.encode() not in target.read_bytes():
+            raise file_error(target, "was not written by export", "name another file, or remove it")
+    robot = Robot.of(robot)
+    controller = load_controller(controller)
+    facts = controller.facts if isinstance(controller, Policy) else None
+    task = facts.task if facts else Task.of(task)
+    if task.command_limit == "los-2deg":
+        raise InputError("los-2deg limits commands by where the target really is, as no robot knows; take gate or box")
+    if facts and facts.robot != robot.record_digests():
+        raise InputError(f"the policy was trained in other records than {robot.name}'s; name its folder, or train")
+    name, made = ("policy", controller) if facts else _controller(controller, robot, task, tuning)
+    gated = Gated(made, robot.command_limits(task), task.period_s)
+    try:
+        decision = trace_decision(gated)
+    except (TypeError, ValueError, AttributeError, IndexError) as error:
+        raise InputError(f"{name} can't be exported: {error}; see docs/export.md") from error
+    content = {
+        "title": f"{name}: a decision every {1e3 * task.period_s:g} ms for the robot {robot.name}",
+        "made": f"{MARK} {code_commit()[:12]}; do not edit.",
+        "period_s": task.period_s,
+        "limits": [float(each[axis]) for axis in range(2) for each in gated.limits[:4]],
+        "robot": robot.digest(),
+    }
+    if path.suffix == ".c":
+        files = print_c(decision, content, path, list(example_decisions(gated, EXAMPLES)))
+        with tempfile.TemporaryDirectory() as folder:
+            for each, text in files.items():
+                write_bytes(Path(folder, each.name), text)
+            checked = compared(c_decision(Path(folder, path.name), len(decision.memory)), gated)
+    else:
+        files = {path: print_onnx(decision, content)}
+        checked = compared(onnx_decision(files[path]), gated)
+    if not checked.get(SHARE, 0.0) <= MOST:
+        raise InputError(f"{path}: differs by {checked[DIFFERENCE]:.2g} rad from NumPy; nothing is written, report it")
+    for each, text in files.items():
+        write_bytes(each, text)
+    sizes = {f"{each.name} [KiB]": round(len(text) / 1024) for each, text in files.items()}
+    tables = (Table("The file", ("", "figure"), tuple((sizes | checked).items())),)
+    found = f"decides as {name} does in NumPy" if checked else "is written, but was not compared with NumPy"
+    steps = () if checked else (UNCHECKED,)
+    return Report(f"Export of {name}", f"{path.name} {found}.", next_steps=steps, tables=tables)
+
+
+def _controller(given: Any, robot: Robot, task: Task, tuning: Any) -> tuple[str, Any]:
+    """Return a name and the controller."""
+    name = given if isinstance(given, str) else ""
+    if name == "oracle":
+        raise InputError("oracle knows the target's path, as no robot does; export another controller")
+    [contender] = as_contenders({name or type(given).__name__: given})
+    tunings = settings([contender], tuning, robot, task)
+    made = make_controller(given, robot, task, tunings.get(contender.name))
+    return name or type(made).__name__, made

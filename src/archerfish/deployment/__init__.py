@@ -1,1 +1,0 @@
-"""The robot's side: policies as files that run without us."""

@@ -1,1 +1,0 @@
-"""Proven bounds on hit rates: what no controller can exceed, whatever it does (docs/bounds.md)."""

@@ -1,1 +1,0 @@
-"""What is wrong with logs, said before anything is fitted to them."""

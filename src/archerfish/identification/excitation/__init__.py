@@ -1,1 +1,0 @@
-"""What to play for an identification, and what it will tell."""

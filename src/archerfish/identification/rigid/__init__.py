@@ -1,1 +1,0 @@
-"""The grey box: inertia, damping and gravity of a rigid axis."""

@@ -1,0 +1,138 @@
+"""One function for logs of all formats: the content of a file shows what it is."""
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+from archerfish.errors import InputError, file_error
+from archerfish.logs import signals, stamps
+from archerfish.logs.arrays import ARCHIVE, arrays_in, read_array_file, table_of
+from archerfish.logs.bags import RECOVER, bag_signals, read_bag
+from archerfish.logs.recording import BAGS, Log, LogTable, Rows, Signals, log_fault, log_files, open_log
+from archerfish.logs.text import column_names, read_text
+
+_UNREAD = (
+    ((b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"\xfd7zXZ\0", b"BZh"), "is compressed", "unpack it first"),
+    ((b"\x89HDF", b"MATLAB 7.3"), "is an HDF5 file (MATLAB 7.3)", "save it with -v7, or as CSV"),
+    ((b"\x93NUMPY",), "is a single NumPy array", "store the signals by name with numpy.savez"),
+)
+"""How files begin that can't be read, what they are, and what to do."""
+_Format = Literal["bag", "arrays", "text"]
+
+
+def read_log(
+    source: Any,
+    *,
+    inputs: Sequence[str] = ("u",),
+    outputs: Sequence[str] = ("y",),
+    time: str | None = "time_s",
+    sample_period_s: float | None = None,
+) -> Log:
+    """Read what went into an axis and what came out: CSV or another text table, .npz, .mat, a ROS bag, or arrays.
+
+    A signal is the name of a column, in a text table without names its number from "1" on, in an array file the name
+    of an array, or "NAME[0]" for the first column of a matrix, in a bag TOPIC/FIELD or TOPIC/JOINT/FIELD.
+
+    Args:
+      source: path of the file, or of the folder of a bag; or a mapping of names to arrays of shape (N,) or (N, m); or a
+        data frame.
+      inputs: names of the input signals.
+      outputs: names of the output signals.
+      time: name of the stamps, in seconds, or in the unit that the name ends with ("time_ms"); a bag has its own.
+      sample_period_s: sampling period of a log without stamps, or whose stamps are not to be used [s].
+
+    Raises:
+      InputError: naming the file and the line at fault, with a code, if the log can't be used.
+    """
+    inputs, outputs = ((names,) if isinstance(names, str) else tuple(names) for names in (inputs, outputs))
+    if not (inputs and outputs):
+        raise InputError("read_log: no input or no output is named; name at least one of each", "no-column")
+    if (sample_period_s is not None or time is None) and not 0 < (sample_period_s or 0) < float("inf"):
+        problem = f"sample_period_s is {sample_period_s}, expected a number above 0 s"
+        raise InputError(f"read_log: {problem}; pass it, or the name of the stamps", "sample-period")
+    names, digest = Signals(inputs, outputs, time if sample_period_s is None else None), hashlib.sha256()
+    if not isinstance(source, str | Path):
+        return _log(_table_in_memory(source, names), names, sample_period_s, "")
+    kind = _format(path := Path(source))
+    for part in log_files(path):
+        with open_log(part) as file:
+            hashlib.file_digest(file, lambda: digest)
+    with _damage_named(path, kind):
+        if kind == "bag":
+            table, names = read_bag(path, names), names._replace(time="time_s")
+        elif kind == "text":
+            table = read_text(path, lambda _: names.columns(), advice=names.remedy)
+        else:
+            table = read_array_file(path, names)
+    return _log(table, names, sample_period_s, digest.hexdigest())
+
+
+def _table_in_memory(source: Any, names: Signals) -> LogTable:
+    if not (isinstance(source, Mapping) or hasattr(source, "columns")):
+        problem = f"read_log: got a {type(source).__name__}, expected a file, arrays by name, or a data frame"
+        raise InputError(f"{problem}; pass archerfish.Recording.from_arrays(u, y, period_s)", "unknown-format")
+    return table_of({str(name): source[name] for name in getattr(source, "columns", source)}, names, "table")
+
+
+def _log(table: LogTable, names: Signals, period_s: float | None, sha256: str) -> Log:
+    """Bring a table to equal intervals, step by step; each step returns its findings."""
+    rows, findings = Rows.of(table, names, period_s or 1.0), [*table.findings]
+    before_averages = stamps.in_seconds, stamps.in_order, signals.undo_wraps
+    to_samples = stamps.hold_inputs, stamps.without_repeats, stamps.at_outputs, signals.non_repeated_samples
+    for step in (*before_averages, *to_samples):
+        rows, found = step(rows)
+        findings += found
+    samples = len(rows) + sum(finding.samples for finding in findings)
+    parts, gaps = stamps.uninterrupted(rows)
+    even, jitter = stamps.at_equal_intervals(parts, period_s)
+    recordings, warnings = signals.checked(even, table.source)
+    findings += [*gaps, *jitter, *warnings, *(stamps.period_findings(recordings[0]) if period_s else ())]
+    return Log(tuple(recordings), tuple(findings), samples, table.source, sha256)
+
+
+def signals_in(path: str | Path) -> tuple[str, ...]:
+    """Return the names of what a file holds: columns of a table, arrays, or fields of a bag's topics as TOPIC/FIELD.
+
+    Raises:
+      InputError: if there is no such file, or it can't be read.
+    """
+    kind = _format(path := Path(path))
+    with _damage_named(path, kind):
+        if kind == "bag":
+            return bag_signals(path)
+        return column_names(path) if kind == "text" else tuple(arrays_in(path).files)
+
+
+def _format(path: Path) -> _Format:
+    """Return what the content of a file shows it to be, or else its ending."""
+    if not (files := log_files(path)):
+        raise file_error(path, "is a folder, and no bag's", "pass a log, or the folder of a bag", "unknown-format")
+    with open_log(files[0]) as file:
+        begin = file.peek()
+    if path.is_dir() or begin.startswith(tuple(BAGS)) or path.suffix in BAGS.values():
+        return "bag"
+    for unread, problem, remedy in _UNREAD:
+        if begin.startswith(unread):
+            raise file_error(path, problem, remedy, "unknown-format")
+    is_arrays = begin.startswith((ARCHIVE, b"MATLAB")) or path.suffix in (".npz", ".mat")
+    return "arrays" if is_arrays else "text"
+
+
+@contextmanager
+def _damage_named(path: Path, kind: _Format) -> Iterator[None]:
+    """Turn whatever a damaged byte leads the libraries to into an error that says so."""
+    try:
+        yield
+    except InputError:
+        raise
+    except ImportError as error:
+        raise log_fault(path, "is a bag: needs rosbags", "pip install archerfish[bags]", "no-library") from error
+    except Exception as error:
+        if kind == "text":
+            raise
+        problem = "is damaged, or " + ("no bag" if kind == "bag" else "has objects")
+        remedy = RECOVER if kind == "bag" else "write the file again, its signals as arrays of numbers"
+        code = "not-a-number" if "Object array" in str(error) else "damaged"
+        raise log_fault(path, f"{problem} ({type(error).__name__}: {str(error)[:200]})", remedy, code) from error

@@ -1,0 +1,146 @@
+"""JSON files, read strictly: what is not as expected is named in one line.
+
+msgspec checks types and bounds. Arrays are decoded as nested lists of numbers, for NumPy alone would take texts,
+booleans and None as well.
+"""
+
+import json
+import re
+import reprlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from archerfish.errors import InputError, file_error, one_line
+from archerfish.storage import read_bytes, write_bytes
+
+T = TypeVar("T")
+Matrix = NDArray[np.float64]
+Counts = NDArray[np.int64]
+Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
+"""A finite number; msgspec's bounds refuse NaN, too."""
+SampleCount = Annotated[int, Meta(ge=0, le=1_000_000)]
+
+
+def read_json(path: Path, remedy: str = "write the file again") -> Any:
+    """Read a JSON file.
+
+    Raises:
+      InputError: if it is missing, unreadable, larger than `MOST_BYTES` or not JSON; neither NaN, infinity nor a field
+        that is there twice, which Python would read, are.
+    """
+    return parse_json(read_bytes(path, remedy), path, remedy)
+
+
+def parse_json(content: bytes, path: Path, remedy: str) -> Any:
+    """Return the content of JSON, UTF-8, in a file; see `read_json`.
+
+    Raises:
+      InputError: if it is not JSON, or has NaN, infinity or a field twice.
+    """
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        fields = dict(pairs)
+        if len(fields) < len(pairs):
+            raise ValueError(f"a field is there twice, among {', '.join(reprlib.repr(name) for name in fields)}")
+        return fields
+
+    def refuse(constant: str) -> None:
+        raise ValueError(f"{constant} is no number")
+
+    try:
+        return json.loads(content.decode("utf-8-sig"), object_pairs_hook=unique, parse_constant=refuse)
+    except (ValueError, RecursionError) as error:
+        raise file_error(path, f"is not JSON ({one_line(str(error))[:200]})", remedy) from error
+
+
+def read_struct(path: Path, kind: type[T], schema: str, remedy: str) -> T:
+    """Read a JSON file as a struct.
+
+    Args:
+      path: the file.
+      kind: what it holds beside its schema.
+      schema: name and version, for instance "archerfish.plant/3".
+      remedy: what to do about another or a damaged file.
+
+    Raises:
+      InputError: naming the field, what it is and what was expected.
+    """
+    return to_struct(read_json(path, remedy), path, kind, schema, remedy)
+
+
+def to_struct(content: Any, path: Path, kind: type[T], schema: str | None, remedy: str) -> T:
+    """Return the content of a file as a struct; see `read_struct`. One without a schema has None.
+
+    Raises:
+      InputError: naming the field, what it is and what was expected.
+    """
+    found = content.pop("schema", None) if isinstance(content, dict) else type(content).__name__
+    if found != schema:
+        raise file_error(path, f'field schema: expected "{schema}", got {reprlib.repr(found)}', remedy)
+    try:
+        return msgspec.convert(content, kind, dec_hook=decode)
+    except (msgspec.ValidationError, UnicodeEncodeError) as error:
+        raise file_error(path, fault(error, content), remedy) from error
+
+
+def decode(kind: Any, value: Any) -> Any:
+    """Decode paths, and arrays as nested lists of numbers, as a hook of msgspec.
+
+    Raises:
+      ValueError: if a value is no such list, which msgspec turns into a `ValidationError`.
+    """
+    if kind is Path:
+        return Path(value)
+    number: Any = SampleCount if kind == Counts else Number
+    nested = value
+    for _ in range(3):  # the largest rank; a file may nest lists as deep as it likes
+        if isinstance(nested, list):
+            number, nested = list[number], nested[0] if nested else None
+    try:
+        array = np.array(msgspec.convert(value, number), np.int64 if kind == Counts else np.float64)
+    except msgspec.ValidationError as error:
+        raise ValueError(str(error).replace("`$", "`")) from None
+    array.flags.writeable = False
+    return array
+
+
+def fault(error: Exception, content: Any, name: str = "") -> str:
+    """Return which field is wrong, what was expected and what is there."""
+    if isinstance(error.__cause__, InputError):  # of a record inside, which has said it all
+        return str(error.__cause__).removesuffix("; correct it")
+    text, _, place = str(error).replace("`", "").partition(" - at $")
+    if text.startswith("Expected") and ", got" not in text and "..." not in place:
+        for key, index in re.findall(r"\.(\w+)|\[(\d+)\]", place):
+            content = content[key or int(index)]
+        text += f", got {reprlib.repr(content)}"
+    field = f"field {(name + place).removeprefix('.')}: " if name + place else ""
+    return one_line(field + text[0].lower() + text[1:])
+
+
+def plain(value: Any) -> Any:
+    """Return what JSON can hold of structs, arrays and paths.
+
+    Raises:
+      InputError: if there is something else.
+    """
+
+    def convert(each: Any) -> Any:
+        if isinstance(each, np.ndarray | np.generic):
+            return each.tolist()
+        if isinstance(each, Path):
+            return str(each)
+        raise InputError(f"expected numbers, texts and records, got {one_line(repr(each))[:60]}; give one of these")
+
+    return msgspec.to_builtins(value, enc_hook=convert)
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write JSON whole, with a line per field; the content is as `plain` returns it, without NaN and infinity."""
+    lines = (f" {json.dumps(name)}: {json.dumps(value, allow_nan=False)}" for name, value in content.items())
+    write_bytes(path, ("{\n" + ",\n".join(lines) + "\n}\n").encode())

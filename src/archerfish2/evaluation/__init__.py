@@ -1,1 +1,0 @@
-"""Evaluation: task × controller → shots → counts with intervals, paired on the same engagements and dispersion."""

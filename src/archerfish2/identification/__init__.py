@@ -1,1 +1,0 @@
-"""Identification: from logs to the records of a robot."""

@@ -1,1 +1,0 @@
-"""Identification of one gimbal axis: output error in the frequency domain."""

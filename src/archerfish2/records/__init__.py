@@ -1,1 +1,0 @@
-"""The records of a robot: plants, muzzle, sensing and limits, one JSON file each."""

@@ -1,1 +1,0 @@
-"""The simulator: a world from a robot's records, compiled together with any controller."""

@@ -1,1 +1,0 @@
-"""Targets: how they move, and one table of the distributions that their parameters are drawn from."""

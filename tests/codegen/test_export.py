@@ -1,0 +1,407 @@
+"""Printed decisions against NumPy's, in C and ONNX; the programs of the page; what can't be exported."""
+
+import ctypes
+import functools
+import itertools
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import archerfish as af
+from archerfish.arrays import fold, namespace, repeat
+from archerfish.cli.main import main
+from archerfish.codegen import check, trace
+from archerfish.codegen.c99 import print_c
+from archerfish.codegen.decision import Decision, Gated, example_decisions, seen_of, trace_decision
+from archerfish.codegen.export import export
+from archerfish.codegen.onnx import print_onnx
+from archerfish.codegen.trace import Trace, scalars_of, schedule
+from archerfish.controllers.policy.network import Layer, Normaliser
+from archerfish.controllers.policy.observation import make_observer, observer_facts
+from archerfish.controllers.policy.policy import PolicyFacts
+from archerfish.controllers.registry import make_controller
+from archerfish.protocols import aim
+from archerfish.records.json_files import plain
+
+PAPER, INFANTRY = af.Robot.paper(), af.Robot.load(Path(__file__).parents[1] / "infantry")
+TASK = af.Task.load("paper")
+PAGE = (Path(__file__).parents[2] / "docs" / "export.md").read_text()
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-O0", "-shared", "-fPIC")
+POLICIES = {"paper": PAPER, "history": PAPER, "tracked": INFANTRY, "multimodel": INFANTRY}
+CONTROLLERS = ("kalman", "kalman-lq", "imm-lq", "no-lead")
+gcc = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+
+
+def policy(kind, robot):
+    """A policy with a network that nobody trained."""
+    facts, rng = observer_facts(kind, robot, TASK), np.random.default_rng(4)
+    observer = make_observer(facts)
+    widths = [sum(size for _, size in observer.layout()), 24, 16, 2]
+    layers = [rng.normal(0.0, 0.3, pair).astype(np.float32) for pair in itertools.pairwise(widths)]
+    actor = tuple(Layer(each, rng.normal(0.0, 0.1, each.shape[1]).astype(np.float32)) for each in layers)
+    mean, variance = rng.normal(0.0, 0.1, (2, widths[0])).astype(np.float32)
+    normaliser = Normaliser(mean, np.abs(variance) + 1.0, np.asarray(0.0, np.float32))
+    return af.Policy(observer, normaliser, actor, PolicyFacts(observer=facts, task=TASK, robot=robot.record_digests()))
+
+
+def made(name):
+    """A controller, gated, and its robot."""
+    robot = POLICIES.get(name, INFANTRY)
+    controller = policy(name, robot) if name in POLICIES else make_controller(name, robot, TASK)
+    return Gated(controller, robot.command_limits(TASK), TASK.period_s), controller, robot
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """Export a controller once; return its C file and, compiled with all warnings as errors, its decision."""
+    folder, kept = tmp_path_factory.mktemp("c"), {}
+
+    def get(name):
+        if name not in kept:
+            _, controller, robot = made(name)
+            path = folder / f"{name.replace('-', '_')}.c"
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(check, "FLAGS", STRICT)
+                patch.setattr("archerfish.codegen.export.c_decision", lambda *_: None)  # compiled once, and kept
+                export(controller if name in POLICIES else name, path, robot, TASK, tuning="start")
+                kept[name] = path, check.c_decision(path, 300)
+        return kept[name]
+
+    return get
+
+
+@gcc
+@pytest.mark.parametrize("name", [*POLICIES, *CONTROLLERS])
+def test_c_decides_as_numpy_with_a_memory_of_its_own(exported, name):
+    path, decide = exported(name)
+    assert check.compared(decide, made(name)[0])[check.DIFFERENCE] < 5e-5
+    missing = subprocess.check_output(["nm", "-u", path.with_suffix(".so")], text=True)
+    names = {word.split("@")[0] for word in missing.split() if len(word) > 1}
+    names = {each for each in names if not each.startswith("_")}
+    assert names <= {f"{each}f" for each in (*trace._FUNCTIONS.split(), "atan2", "floor", "rint")}
+
+
+@pytest.mark.parametrize("name", [*POLICIES, "kalman", "kalman-lq", pytest.param("imm-lq", marks=pytest.mark.slow)])
+def test_onnx_decides_as_numpy_with_a_memory_of_its_own(name):
+    pytest.importorskip("onnxruntime")
+    gated, _, _ = made(name)
+    decide = check.onnx_decision(print_onnx(trace_decision(gated), {}))
+    for given, command in example_decisions(gated, 6, seed=3):
+        found, fire, _ = decide(given)
+        assert_allclose(found, command.angle, atol=5e-5)
+        assert fire == command.fire
+
+
+EDGES = [0.0, -0.0, 1e-42, -1e-42, 1.0, -3.0, 0.02, 1e3, -1e30, 1e30, 3e38, np.nan, np.inf, -np.inf]
+
+
+@gcc
+@pytest.mark.parametrize("name", ["multimodel", "kalman-lq"])
+def test_no_input_gives_a_command_that_is_not_finite_or_out_of_range(exported, name, monkeypatch):
+    gated, _, _ = made(name)
+    monkeypatch.setattr(check, "FLAGS", STRICT)
+    decide, rng = check.c_decision(exported(name)[0], 300), np.random.default_rng(8)
+    (usual, _), *_ = example_decisions(gated, 1)
+    low, high = (np.float32(each) for each in (gated.limits.low, gated.limits.high))
+    wrong = usual | {"elapsed": np.float32(np.nan), "command": np.float32([0.1, 9.0])}
+    command, fire, status = decide(wrong)
+    assert (command.tolist(), fire, status) == ([np.float32(0.1), high[1]], False, 1)  # in force, within the range
+    assert decide(usual | {"found": np.asarray(False)})[1:] == (False, 0)  # no plate was seen yet
+    far = usual | {"base_yaw": np.float32(1.0), "elapsed": np.float32(0.02), "plate": np.float32([-3.0, 3.0, 0.0])}
+    command = usual["command"]
+    for _ in range(80):
+        command = decide(far | {"command": command, "angle": command})[0]
+    assert high[1] < command[1] <= high[1] + 1.0  # the range of the yaw turns with the base
+    last, statuses = decide(usual)[0], []
+    for _ in range(5000):
+        given = {key: value if rng.random() < 0.7 else 0.0 * value for key, value in usual.items() if key != "found"}
+        for key in rng.choice([*given], rng.integers(0, 3)):
+            drawn = rng.choice(EDGES, given[key].shape), rng.normal(0.0, 3.0, given[key].shape)
+            given[key] = np.float32(drawn[rng.integers(2)])
+        command, fire, status = decide(given | {"base_yaw": np.float32(0.0), "found": np.asarray(rng.random() < 0.8)})
+        wrong = not all(np.isfinite(each).all() for key, each in given.items() if key != "base_yaw")
+        assert np.all((command >= low) & (command <= high))
+        assert status == 1 or not wrong
+        if status:
+            assert (command.tolist(), fire) == (last.tolist(), False)
+        statuses.append(status)
+        last = command
+    assert 0.05 < np.mean(statuses) < 0.7
+    # However absurd what came before, it decides again.
+    decide(usual | {"frame_age": np.float32(1e4), "found": np.asarray(True)})
+    assert [decide(given)[2] for given, _ in example_decisions(gated, 9)][3:] == [0] * 6
+
+
+@gcc
+def test_the_first_decision_takes_any_time_and_a_self_test_finds_errors(exported, tmp_path, monkeypatch, refused):
+    monkeypatch.setattr(check, "FLAGS", STRICT)
+    path, (given, command), *_ = exported("kalman")[0], *example_decisions(made("kalman")[0], 1)
+    first = check.c_decision(path, 300)(given | {"elapsed": np.float32(5.0)})[0]
+    assert_allclose(first, command.angle, atol=1e-6)
+    (tmp_path / "kalman.h").write_text(path.with_suffix(".h").read_text())
+    text = path.read_text()
+    rows = text[text.index("expected[") :].split("\n")
+    pitch, yaw, fire = rows[3].strip(" {},").split(", ")
+    for wrong in (f"{float(pitch[:-1]) + 3e-4}f, {yaw}, {fire}", f"{pitch}, {yaw}, 0.0f"):
+        (tmp_path / "kalman.c").write_text(text.replace(rows[3], f"    {{{wrong}}},"))
+        refused("decision 3 of its self-test is not that of NumPy", check.c_decision, tmp_path / "kalman.c", 300)
+
+
+def run(folder, words):
+    subprocess.run(words, cwd=folder, check=True)
+    return subprocess.check_output([folder / "main"], text=True)
+
+
+@gcc
+def test_the_programs_of_the_page_run_and_two_files_go_into_one(exported, tmp_path, monkeypatch):
+    path, *_ = exported("history")
+    for end in (".c", ".h"):
+        text = path.with_suffix(end).read_text()
+        (tmp_path / f"policy{end}").write_text(text.replace("history", "policy").replace("HISTORY", "POLICY"))
+    first, second = (re.search(rf"```{kind}\n(.*?)```", PAGE, re.DOTALL)[1] for kind in ("c", "cpp"))
+    assert (first.count("\n"), second.count("\n")) < (11, 36)
+    (tmp_path / "main.c").write_text(first)
+    (tmp_path / "main.cpp").write_text(second)
+    warnings = ["-Wall", "-Wextra", "-Wconversion", "-Werror"]
+    printed = run(tmp_path, ["cc", "-std=c99", *warnings, "main.c", "policy.c", "-lm", "-o", "main"]).split()
+    assert printed[:3] == ["0", "0", "1"]
+    subprocess.run(["cc", "-std=c99", "-c", "policy.c"], cwd=tmp_path, check=True)
+    if shutil.which("c++"):
+        words = ["c++", "-std=c++17", *warnings, "main.cpp", "policy.o", "-lm", "-o", "main"]
+        pitch, yaw = map(float, run(tmp_path, words).split())
+        assert 0.02 < yaw < 0.3
+        assert abs(pitch) < 0.3
+    if pytest.importorskip("onnxruntime"):
+        monkeypatch.chdir(tmp_path)
+        Path("policy.onnx").write_bytes(print_onnx(trace_decision(made("history")[0]), {}))
+        exec(re.search(r"```python\n(.*?)```", PAGE, re.DOTALL)[1], found := {})
+        assert_allclose(found["command"], [float(each) for each in printed[3:]], atol=5e-3)
+    other, *_ = exported("no-lead")
+    both = "int main(void) { return policy_self_test() + no_lead_self_test(); }"
+    (tmp_path / "both.c").write_text(f'#include "policy.h"\n#include "no_lead.h"\n{both}')
+    run(tmp_path, ["cc", f"-I{other.parent}", "both.c", "policy.c", other, "-lm", "-o", "main"])
+
+
+@gcc
+def test_check_compares_the_contract(exported):
+    path, *_ = exported("no-lead")
+    library, limits = ctypes.CDLL(path.with_suffix(".so")), made("no-lead")[0].limits
+    eight = np.float32([each[axis] for axis in range(2) for each in limits[:4]])
+
+    def asked(period, numbers):
+        return library.no_lead_check(ctypes.c_float(period), (ctypes.c_float * 8)(*numbers))
+
+    assert (asked(0.02, eight), asked(0.01, eight), asked(np.nan, eight)) == (0, 1, 1)
+    wrong = (eight + (0.01 + 0.01 * eight) * (np.arange(8) == at) for at in range(8))
+    assert [asked(0.02, each) for each in wrong] == [*range(2, 10)]
+
+
+def functions(x, y):
+    """All elementary functions of two arrays, whose results are numbers."""
+    xp = namespace(x)
+    names = "abs sign floor round sin cos tanh exp expm1 square"
+    of_one = [getattr(xp, each)(x) for each in names.split()]
+    safe = xp.abs(x)
+    of_one += [xp.sqrt(safe), xp.log(safe + 1e-30), xp.log1p(safe), x**3, -x, xp.clip(x, -1.0, 2.0)]
+    pairs = [xp.atan2(x, y), xp.maximum(x, y), xp.minimum(x, y), x + y, x - y, x * y, x / (y + 1e-3)]
+    both = (x < y) & (x <= 0.5) | ~(y > x) & (x >= -1.0) | (x == y) & (x != 1.0)
+    return xp.stack([*of_one, *pairs, xp.where(both, x, y), xp.where(both, 1.0, 0.0 * x)], axis=-1)
+
+
+def through_c(folder, outputs):
+    """Compile symbols of the input "plate" as a function, plate → numbers; without the guard, which refuses some."""
+    facts = {"title": "", "made": "", "period_s": 0.02, "limits": [0.0] * 8, "robot": ""}
+    examples = [*example_decisions(made("no-lead")[0], 1)]
+    for path, text in print_c(Decision(outputs, outputs[:2], True), facts, folder / "f.c", examples).items():
+        path.write_text(re.sub(r"return f_hold\(.*\);", ";", text.decode()))
+    subprocess.run(["cc", "-std=c99", "-O0", "-shared", "-fPIC", "f.c", "-o", "f.so", "-lm"], cwd=folder, check=True)
+    function = ctypes.CDLL(folder / "f.so").f_decide
+
+    def call(*values):
+        memory, seen = (ctypes.c_float * (len(outputs) + 5))(), np.zeros(15, np.float32)
+        seen[11 : 11 + len(values)] = values
+        function(memory, seen.tobytes(), (ctypes.c_float * 2)(), ctypes.byref(ctypes.c_int()))
+        return np.array(memory[: len(outputs)])
+
+    return call
+
+
+@gcc
+def test_elementary_functions_are_those_of_numpy_in_c_onnx_and_jax(tmp_path, quick_jit):
+    x = Trace().like(np.zeros(3), "input", "plate")
+    outputs = scalars_of(functions(x[..., 0], x[..., 1]))
+    edges = [0.0, -0.0, 1e-40, 1e-8, 0.5, -0.5, 1.5, 2.5, -2.5, 1.0, -1.0, 3.1415927, 80.0, -80.0, 1e5, -1e5]
+    x, y = (each.reshape(-1) for each in np.meshgrid(*[np.float32(edges)] * 2))
+    with np.errstate(all="ignore"):
+        expected, call = functions(x, y), through_c(tmp_path, outputs)
+    assert_allclose([call(*each) for each in zip(x, y, strict=True)], expected, rtol=2e-6, atol=1e-37)
+    assert np.isnan(call(np.nan, 1.0)[[1, 16, 17, 18]]).all()  # as NumPy
+    normal = np.all(np.abs([x, y]) != np.float32(1e-40), axis=0)  # which JAX takes for zero
+    assert_allclose(quick_jit(functions)(x, y)[normal], expected[normal], rtol=2e-5, atol=1e-6)
+    runtime = pytest.importorskip("onnxruntime")
+    session = runtime.InferenceSession(print_onnx(Decision(outputs, outputs[:2], True), {}))
+    types = {"tensor(float)": np.float32, "tensor(bool)": bool}
+    given = {each.name: np.zeros(each.shape, types[each.type]) for each in session.get_inputs()}
+    plates = np.stack([x, y, 0.0 * x], axis=-1)
+    found = [session.run(["next_memory"], given | {"plate": each})[0] for each in plates]
+    assert_allclose(found, expected, rtol=2e-5, atol=1e-6)
+
+
+class Pair(NamedTuple):
+    one: Any
+    other: Any
+
+
+@gcc
+def test_a_fold_over_frames_and_a_repetition_are_loops_that_give_what_numpy_gives(tmp_path):
+    def total(places):
+        begun = Pair(0.0 * places[..., 0, 0], 0.0 * places[..., 0, 1])
+        state = fold(lambda s, p: Pair(s.one * 0.5 + p[..., 0], s.other - p[..., 1] * s.one), begun, places, 0)
+        return repeat(lambda s: Pair(s.other, s.one + s.other), 5, state)
+
+    place, places = np.float32([0.3, -0.2, 0.7]), np.float32([[1.0, 2.0, 3.0], [0.5, 0.1, 0.2], [2.0, 0.3, 0.4]])
+    symbols = Trace().like(np.zeros(3), "input", "plate")[None] * places
+    outputs = scalars_of(total(symbols))
+    assert sum(isinstance(each, tuple) for each in schedule(outputs)) == 2
+    assert_allclose(through_c(tmp_path, outputs)(*place), scalars_of(total(place * places)), rtol=1e-6)
+
+
+class Own(NamedTuple):
+    """A controller of one's own, of one line."""
+
+    turn: Any
+
+    def reset(self, seen, truth=None):
+        return 0.0 * seen.command
+
+    def step(self, state, seen):
+        return state, aim(self.turn(seen.command))
+
+
+REFUSED = {
+    "it needs where or select": lambda angle: angle if angle[..., 0] > 0.0 else 0.0 * angle,
+    "a power of 0.5 can't be traced": lambda angle: abs(angle) ** 0.5,
+    "cosh can't be traced, only absolute, add": lambda angle: np.cosh(angle),
+}
+
+
+@pytest.mark.parametrize("complaint", REFUSED)
+def test_a_controller_whose_formulas_can_not_be_traced_is_refused(complaint):
+    own = Gated(Own(REFUSED[complaint]), PAPER.command_limits(TASK), 0.02)
+    with pytest.raises(TypeError, match=complaint):
+        trace_decision(own)
+
+
+def test_what_can_not_be_exported_is_refused_and_nothing_is_written(tmp_path, refused, monkeypatch):
+    (mine := tmp_path / "mine.c").write_text("int main(void) {}")
+    trained = policy("history", PAPER)
+    refused("expected a name that ends with .c or .onnx", export, trained, tmp_path / "policy.txt")
+    refused("mine.c: was not written by export; name another file", export, trained, mine)
+    mine.rename(mine := tmp_path / "mine.h")
+    refused("mine.h: was not written by export", export, trained, tmp_path / "mine.c")
+    refused("without quotes", export, trained, tmp_path / 'a".c')
+    refused("was trained in other records than infantry's; name", export, trained, tmp_path / "a.c", INFANTRY)
+    refused("oracle knows the target's path", export, "oracle", tmp_path / "a.c")
+    refused("tuning: expected .kept., .start., .*got 'best'", export, "kalman", tmp_path / "a.c", tuning="best")
+    refused("perhaps you meant kalman", export, "kalmn", tmp_path / "a.c")
+    near = TASK.replace(command_limit="los-2deg")
+    monkeypatch.setattr("archerfish.evaluation.tuning.tune", lambda *_: 1 / 0)  # takes minutes, and comes last
+    refused("as no robot knows; take gate or box", export, "kalman", tmp_path / "a.c", PAPER, near)
+    monkeypatch.setattr("archerfish.codegen.export.MOST", -1.0)
+    if shutil.which("cc"):
+        refused("differs by .* rad from NumPy; nothing is written", export, trained, tmp_path / "a.c")
+    assert [each.name for each in tmp_path.iterdir()] == ["mine.h"]
+
+
+def test_without_compiler_or_onnx_it_is_said_what_was_not_checked(tmp_path, refused, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    for end in (".c", ".onnx"):
+        report = af.export("kalman", tmp_path / f"lq{end}", task="paper")
+        assert report.headline == f"lq{end} is written, but was not compared with NumPy."
+        assert "install a C compiler or ONNX Runtime" in report.next_steps[-1]
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    refused("the package onnx is not installed", export, "kalman", tmp_path / "x.onnx", task="paper")
+
+
+@gcc
+def test_the_command_exports_with_the_settings_that_the_folder_holds(tmp_path, monkeypatch, capsys, refused):
+    monkeypatch.setattr("archerfish.evaluation.tuning.rates", lambda *_: lambda each: 0.5 - each.initial_speed)
+    INFANTRY.save(tmp_path)
+    robot, path = af.Robot.load(tmp_path), tmp_path / "mine.c"
+    tuning = af.tune("kalman", robot, TASK)
+    words = ["export", str(tmp_path), "--controller", "kalman", "--task", "paper", "--out", str(path)]
+    main(words)
+    printed, text = capsys.readouterr().out, path.read_text()
+    assert "mine.c decides as kalman does in NumPy." in printed
+    wrote, following = printed.splitlines()[-2:]
+    assert wrote.startswith(f"wrote {tmp_path}/mine.c and {tmp_path}/mine.h (")
+    assert following == f"next: cc -O2 -ffp-contract=off -c {path} (docs/export.md)"
+    af.export("kalman", path, robot, "paper", tuning={"kalman": tuning})
+    assert path.read_text() == text
+    main([*words, "--tuning", "start"])
+    assert path.read_text() != text
+    policy("tracked", robot).save(tmp_path / "policy" / "policy.safetensors")
+    main(["export", str(tmp_path)])
+    with pytest.raises(SystemExit, match="2"):
+        main(["export", "--out", str(tmp_path / "none.c")])
+    assert "runs/train: no such policy; train it" in capsys.readouterr().err
+    assert {each.name for each in tmp_path.glob("policy.*")} == {"policy.c", "policy.h"}
+    (tmp_path / "tuning.json").write_text('{"tunings": [{"controller": "kalman"}]}')
+    refused("tuning.json: .*remove it, and it is made again", export, "kalman", path, robot, TASK)
+
+
+def test_a_policy_is_given_by_any_file_or_its_folder_everywhere(tmp_path, monkeypatch, refused):
+    monkeypatch.chdir(tmp_path)
+    trained, short = policy("history", PAPER), TASK.replace(ranges_m=((2, 3),))
+    Path("folder").mkdir()
+    for name in ("pol", "pol.safetensors", "folder"):
+        trained.save(name)
+        assert plain(af.Policy.load(name).facts) == plain(trained.facts)
+        assert export(name, "policy.c").title == "Export of policy"
+        assert {cell.kind for cell in af.evaluate(name, task=short, engagements=2).cells} == {"policy"}
+    Path("begun").mkdir()
+    for file in ("run.json", "checkpoint.safetensors"):
+        (tmp_path / "begun" / file).write_text("{}")
+    complaint = "begun: is a training that is not finished; run archerfish train --resume begun"
+    for call in (af.Policy.load, af.evaluate, functools.partial(export, path="policy.c")):
+        refused(complaint, call, "begun")
+
+
+def test_commands_that_are_no_numbers_are_found_by_the_comparison(refused, tmp_path):
+    class Late(NamedTuple):
+        zero: Any
+
+        def reset(self, seen, truth=None):
+            return 0.0 * seen.elapsed
+
+        def step(self, state, seen):
+            xp = namespace(state)
+            return state + 1.0, aim(xp.where(state > 50.0, float("nan"), 0.1) + 0.0 * seen.command)
+
+    for end in [".c"] * bool(shutil.which("cc")) + [".onnx"]:
+        refused("differs by nan rad from NumPy; nothing is written", export, Late(np.zeros(())), tmp_path / f"x{end}")
+
+
+def test_a_missed_decision_and_reductions_with_options_are_minded(refused):
+    gated, _, _ = made("no-lead")
+    (given, _), *_ = example_decisions(gated, 1)
+    state, commands = gated.reset(seen_of(given)), []
+    for elapsed in (0.0, *[0.02] * 5, 0.04, 0.02):
+        given |= {"elapsed": np.float32(elapsed), "plate": np.float32([2.0, 2.0, 0.0]), "angle": given["command"]}
+        state, command = gated.step(state, seen_of(given))
+        commands.append(command.angle)
+        given = given | {"command": command.angle}
+    rates = np.diff(np.array(commands, np.float64), axis=0) / 0.02
+    assert abs(rates[5, 1]) <= gated.limits.max_acceleration[1] * 0.02 * 1.01  # from a command that stood still
+    x = Trace().like(np.zeros(3), "input", "plate")
+    for wrong in (lambda: np.max(x, initial=0.5), lambda: np.sum(x, where=x > 0.0), lambda: np.add.accumulate(x)):
+        with pytest.raises(TypeError, match="with such options can't be traced"):
+            wrong()

@@ -1,0 +1,117 @@
+"""The names of `import archerfish as af`, and the ten lines of the page of evaluation."""
+
+import inspect
+import pydoc
+import re
+import shutil
+import textwrap
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+import archerfish as af
+from archerfish.learning.config import GradientConfig
+
+ROOT = Path(__file__).parents[1]
+
+
+VERBS = ["read_log", "identify_axis", "identify_muzzle", "identify_sensing", "identify_robot", "excite"]
+VERBS += ["train", "resume", "evaluate", "rollout", "tune", "export", "make_world", "make_environment"]
+NOUNS = ["Recording", "Robot", "PlantRecord", "MuzzleRecord", "Task", "Policy", "TrainConfig", "Results", "InputError"]
+NOUNS += ["VirtualRobot"]
+
+
+def test_the_front_door_has_few_names_which_all_load():
+    assert sorted([*VERBS, *NOUNS, "__version__"]) == sorted(af.__all__) == dir(af)
+    assert [name for name in VERBS + NOUNS if getattr(af, name).__name__ != name] == []
+    with pytest.raises(AttributeError, match=r"'archerfish' has no attribute 'evalute'; it has .*evaluate"):
+        _ = af.evalute
+
+
+def test_the_package_loads_from_a_zip_file(tmp_path, run_python):
+    zipped = shutil.make_archive(tmp_path / "package", "zip", ROOT / "src", "archerfish")
+    assert run_python("import archerfish; print(archerfish.Task())", PYTHONPATH=zipped) == "Task(motion='any')\n"
+
+
+@pytest.mark.parametrize("name", VERBS + NOUNS)
+def test_a_name_shows_its_arguments_and_says_in_a_line_what_it_is(name):
+    thing = getattr(af, name)
+    arguments = inspect.signature(thing).parameters
+    assert "_" not in arguments
+    assert arguments or name == "InputError"
+    assert re.match(r"[A-Z].*[.;:]|.*that was given can't be used", inspect.getdoc(thing).splitlines()[0])
+    assert name in VERBS or len(str(inspect.signature(thing))) < 500
+    assert name not in VERBS or len(pydoc.render_doc(thing).splitlines()) <= 60
+
+
+@pytest.mark.parametrize("value", [af.Task(), af.Task(motion="paper"), af.Task.load("static"), af.TrainConfig()])
+def test_what_is_as_usual_is_not_shown(value):
+    assert repr(value) in ("Task(motion='any')", "Task(motion='paper')", "Task(motion='static')", "TrainConfig()")
+    changed = value.replace(**({"frames": 6} if isinstance(value, af.TrainConfig) else {"hit_radius_m": 0.05}))
+    assert re.fullmatch(r".*(frames=6|, hit_radius_m=0.05)\)", repr(changed))
+
+
+def test_a_robot_and_a_task_are_given_to_every_verb_alike(tmp_path):
+    af.Robot.paper().save(tmp_path / "robot")
+    result = SimpleNamespace(record=af.Robot.paper())
+    for robot in (None, "paper", tmp_path / "robot", str(tmp_path / "robot"), af.Robot.paper(), result):
+        assert af.make_world(robot, "static").name == "paper"
+    af.Task(motion="static", period_s=0.04).save(tmp_path / "slow.toml")
+    periods = [af.make_world(task=task).period_s for task in ("any", tmp_path / "slow.toml")]
+    assert periods == pytest.approx([0.02, 0.04])
+
+
+def test_an_argument_of_another_type_is_refused_by_its_name(refused):
+    for value in (5, None, [5], {"a": 5}, b"x"):
+        for verb in (af.evaluate, af.rollout, lambda given: af.export(given, "x.c")):
+            refused("controller: expected a name, .*, got one of type", verb, value)
+    for verb in (af.identify_axis, af.identify_muzzle):
+        refused(f"{verb.__name__}: expected .*, got one of type int; give one", verb, 5)
+    refused("excite: axis: expected pitch or yaw, got 5", af.excite, 5)
+
+
+def test_a_notebook_shows_of_an_error_its_line_alone(refused):
+    with pytest.raises(af.InputError) as error:
+        af.Task(period_s=0)
+    # IPython calls this, if an exception has it, for the lines to show.
+    assert error.value._render_traceback_() == [f"InputError: {error.value}"]
+
+
+def test_the_page_of_evaluation_has_all_fields_of_a_task_with_their_defaults():
+    page = (ROOT / "docs" / "evaluation.md").read_text()
+    table = page.partition("### Fields")[2].partition("\n## ")[0]
+    rows = dict(re.findall(r"^\| `(\w+)` \| `?(.*?)`? \|", table, re.MULTILINE))
+    usual = {name: getattr(af.Task(name="x"), name) for name in af.Task.__struct_fields__}
+    assert list(rows) == list(usual)
+    shown = {name: text for name, text in rows.items() if name not in ("name", "lengths_s", "ranges_m")}
+    assert shown == {name: re.sub(r"[()\"']", "", str(usual[name])) for name in shown}
+
+
+@pytest.mark.parametrize("robots", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_the_readme_trains_and_evaluates_for_the_paper_s_robot_and_for_a_folder(robots, monkeypatch, tmp_path, capsys):
+    pytest.importorskip("gymnasium")
+    monkeypatch.setattr("archerfish.evaluation.tuning.rates", lambda *_: lambda settings: 0.5)
+    monkeypatch.setenv("ARCHERFISH_CACHE", "off")
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(ROOT / "tests" / "infantry", "my-robot")
+    section = (ROOT / "README.md").read_text().partition("## From Python")[2].partition("The first edition's parts")[0]
+    indented = re.findall(r"^ ```python\n(.*?)^ ```", section, re.MULTILINE | re.DOTALL)
+    blocks = [textwrap.dedent(each) for each in indented]
+    assert (len(blocks), sum(each.count("\n") for each in blocks[:2])) == (3, 10)
+    # As small as in the other tests, whose programs it shares.
+    small = GradientConfig(environments=32, hidden=16, window=5, steps=640)
+    monkeypatch.setattr("archerfish.learning.train.with_given", lambda config, *_: config.replace(gradient=small))
+    exec("".join([*blocks[:robots], blocks[2]]).replace("engagements=100", "engagements=4"), {})
+    assert capsys.readouterr().out.count("policy − kalman ") >= robots
+    assert robots == 1 or (tmp_path / "my-robot" / "policy" / "curve.svg").is_file()
+
+
+def test_ten_lines_lead_to_results(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr("archerfish.evaluation.tuning.rates", lambda *_: lambda settings: 0.5)
+    monkeypatch.setenv("ARCHERFISH_CACHE", "off")
+    monkeypatch.chdir(tmp_path)
+    lines, later = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "evaluation.md").read_text(), re.DOTALL)[:2]
+    exec(lines.replace("./examples", f"{ROOT}/examples").replace("engagements=100", "engagements=4") + later, {})
+    assert re.search(r"ours − kalman.*\n.*ours static \(2\.0, 3\.0\) \d+ of 200 ", capsys.readouterr().out, re.DOTALL)
+    assert {each.name for each in tmp_path.iterdir()} == {"rates.png", "my-evaluation", "report.html"}
