@@ -131,7 +131,7 @@ def lab_folder(tmp_path_factory, shared):
     copied = Path(shutil.copytree(shared(LAB), place, copy_function=shutil.copyfile))
     for each in (copied, *filter(Path.is_dir, copied.rglob("*"))):
         each.chmod(0o755)  # the original may be read-only
-    limits = copied / "limits.json"  # which the second edition writes with the same fields
+    limits = copied / "limits.json"  # whose fields are the same, as version 0.1 wrote it
     limits.write_text(limits.read_text().replace("archerfish.limits/1", "archerfish.limits/2"))
     return copied
 

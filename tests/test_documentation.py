@@ -12,9 +12,7 @@ from archerfish.cli.main import COMMANDS, main
 from archerfish.learning.config import GradientConfig
 
 ROOT = Path(__file__).parents[1]
-PAGES = {path.stem: path.read_text() for path in sorted((ROOT / "docs").glob("*.md"))}
-ROOT_PAGES = {"readme", "contributing_next", "changelog_next"}
-"""Pages that lie in the root after the rename: their links start there."""
+PAGES = {path: path.read_text() for path in (*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md")))}
 
 
 def anchors(text):
@@ -31,13 +29,12 @@ def test_what_is_made_from_scripts_is_up_to_date():
 
 def test_links_lead_to_files_and_headings():
     wrong = []
-    for name, text in PAGES.items():
-        folder = ROOT if name in ROOT_PAGES else ROOT / "docs"
+    for page, text in PAGES.items():
         for link in re.findall(r"\]\((?!https?:)([^)\s]+)\)", text):
             file, _, anchor = link.partition("#")
-            path = folder / file if file else ROOT / "docs" / f"{name}.md"
+            path = page.parent / file if file else page
             if not path.exists() or (anchor and anchor not in anchors(path.read_text())):
-                wrong.append((name, link))
+                wrong.append((page.name, link))
     assert wrong == []
 
 
@@ -73,7 +70,7 @@ def test_a_tutorial_runs(number, tmp_path, monkeypatch, capsys):
 def test_the_ten_lines_of_readme_run(tmp_path, monkeypatch, capsys):
     pytest.importorskip("jax")
     monkeypatch.chdir(tmp_path)
-    [lines] = re.findall(r"```python\n(.*?)```", PAGES["readme"], re.DOTALL)
+    [lines] = re.findall(r"```python\n(.*?)```", PAGES[ROOT / "README.md"], re.DOTALL)
     # As small as in the other tests, whose programs it shares.
     small = GradientConfig(environments=32, hidden=16, window=5, steps=640)
     monkeypatch.setattr("archerfish.learning.train.with_given", lambda config, *_: config.replace(gradient=small))

@@ -4,14 +4,12 @@ import inspect
 import pydoc
 import re
 import shutil
-import textwrap
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 import archerfish as af
-from archerfish.learning.config import GradientConfig
 
 ROOT = Path(__file__).parents[1]
 
@@ -86,25 +84,6 @@ def test_the_page_of_evaluation_has_all_fields_of_a_task_with_their_defaults():
     assert list(rows) == list(usual)
     shown = {name: text for name, text in rows.items() if name not in ("name", "lengths_s", "ranges_m")}
     assert shown == {name: re.sub(r"[()\"']", "", str(usual[name])) for name in shown}
-
-
-@pytest.mark.parametrize("robots", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_the_readme_trains_and_evaluates_for_the_paper_s_robot_and_for_a_folder(robots, monkeypatch, tmp_path, capsys):
-    pytest.importorskip("gymnasium")
-    monkeypatch.setattr("archerfish.evaluation.tuning.rates", lambda *_: lambda settings: 0.5)
-    monkeypatch.setenv("ARCHERFISH_CACHE", "off")
-    monkeypatch.chdir(tmp_path)
-    shutil.copytree(ROOT / "tests" / "infantry", "my-robot")
-    section = (ROOT / "README.md").read_text().partition("## From Python")[2].partition("The first edition's parts")[0]
-    indented = re.findall(r"^ ```python\n(.*?)^ ```", section, re.MULTILINE | re.DOTALL)
-    blocks = [textwrap.dedent(each) for each in indented]
-    assert (len(blocks), sum(each.count("\n") for each in blocks[:2])) == (3, 10)
-    # As small as in the other tests, whose programs it shares.
-    small = GradientConfig(environments=32, hidden=16, window=5, steps=640)
-    monkeypatch.setattr("archerfish.learning.train.with_given", lambda config, *_: config.replace(gradient=small))
-    exec("".join([*blocks[:robots], blocks[2]]).replace("engagements=100", "engagements=4"), {})
-    assert capsys.readouterr().out.count("policy − kalman ") >= robots
-    assert robots == 1 or (tmp_path / "my-robot" / "policy" / "curve.svg").is_file()
 
 
 def test_ten_lines_lead_to_results(monkeypatch, tmp_path, capsys):

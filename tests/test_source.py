@@ -1,7 +1,6 @@
 """How the source is written: its words, and what it says of fields and of arrays.
 
-Linters hold the rest of what is documented, and the order of the packages; tests/ledger.toml says what becomes of the
-tests of the first edition.
+Linters hold the rest of what is documented, and the order of the packages.
 """
 
 import ast
@@ -10,12 +9,10 @@ import io
 import itertools
 import re
 import tokenize
-import tomllib
 from pathlib import Path
 
 ROOT, SOURCE = Path(__file__).parents[1], Path(__file__).parents[1] / "src"
 FILES = {path.relative_to(SOURCE): path.read_text() for path in sorted((SOURCE / "archerfish").rglob("*.py"))}
-LEDGER = tomllib.loads((ROOT / "tests" / "ledger.toml").read_text())
 WORDS = r"told|hear[sd]?|foret\w+|anew|whom|wish\w*|f(igh|ough)t\w*|(entrant|rival|workbench|stand-in|sighting)\w*"
 TEXT = re.compile(rf"(?i)\b({WORDS})\b")
 """Words that stand in no text; the help of a command is text of its source."""
@@ -149,12 +146,3 @@ def test_what_is_wrong_is_found():
     arguments = "def f(x: Array):\n  '''Turn.'''"
     complaints = ["C.bare has neither docstring nor comment", "C.place is an array without a shape"]
     assert list(undocumented(fields + arguments)) == [*complaints, "f states no shape of an array"]
-
-
-def test_every_test_file_of_the_first_edition_is_listed_once_carried_or_dropped_for_a_reason():
-    listed = [*LEDGER["carried"], *LEDGER["dropped"], *LEDGER["pending"]]
-    assert sorted(listed) == sorted(str(path.relative_to(ROOT)) for path in (ROOT / "tests").rglob("test_*.py"))
-    places = [place for value in LEDGER["carried"].values() for place in value.split(", ")]
-    assert [place for place in places if not (place.startswith("tests/") and (ROOT / place).is_file())] == []
-    assert [name for name, reason in LEDGER["dropped"].items() if len(reason.split()) < 3] == []
-    assert len(LEDGER["pending"]) <= LEDGER["pending_at_most"], "lower pending_at_most with each file, never raise it"

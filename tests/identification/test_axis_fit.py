@@ -203,7 +203,7 @@ def tanks(folder):
     return np.column_stack([found["X"].ravel(), found["y"].ravel()]).astype(float)
 
 
-REAL = {  # fits in % of the half that is identified and of the other; the last two as the first edition stored them
+REAL = {  # fits in % of the half that is identified and of the other; the last two as version 0.1 stored them
     "robot arm": (lambda data: halves(slicot(data, "robot_arm"), [0], 1), 97.4, 96.7),
     "CD arm": (lambda data: halves(slicot(data, "CD_player_arm"), [0, 1], 3), 88.1, 84.4),
     "dryer": (lambda data: halves(np.loadtxt(data / "rgp" / "dryer.dat"), [0], 1), 90.4, 90.7),

@@ -1,4 +1,4 @@
-"""The muzzle from shots: against known muzzles, hand calculations, SciPy, and the first edition's stored figures."""
+"""The muzzle from shots: against known muzzles, hand calculations, SciPy, and stored figures of version 0.1."""
 
 import functools
 import json

@@ -29,7 +29,7 @@ def test_a_folder_of_logs_becomes_a_robot_like_that_of_the_first_edition(robot_f
     robot = Robot.load(robot_folder)
     assert (robot.name, robot.assumed, len(robot.parts)) == ("infantry", (), 4)
     assert all(each.usable for each in robot.parts.values())
-    # The first edition takes plateaus of a second and more, and so leaves out the rests between.
+    # Version 0.1 took plateaus of a second and more, and so leaves out the rests between.
     assert robot.pitch.dc_gain.item() == pytest.approx(1.0290796, abs=1e-3)
     assert robot.yaw.dc_gain.item() == pytest.approx(1.0001579, abs=1e-3)
     assert 0.02 % robot.pitch.sample_period_s == pytest.approx(0, abs=1e-9)
@@ -112,7 +112,7 @@ def test_a_part_that_can_not_be_used_is_assumed_with_a_verdict_and_the_others_ar
     for name in ("sweep", "plate", "target"):
         (logs / f"timing_{name}.csv").write_text("time_s\n0\n")
     limits = gate_limits().replace(source="a data sheet")
-    limits.save(logs / "limits.json")  # the first edition wrote the same under its own version
+    limits.save(logs / "limits.json")  # version 0.1 wrote the same under another schema
     text = (logs / "limits.json").read_text().replace("limits/2", "limits/1")
     (logs / "limits.json").write_text(text)
     found = identify_robot(logs, out=out)
