@@ -73,8 +73,8 @@ def prepare() -> alternating.Work:
             train(trainer, next(seeds), Path(folder.name) / "policy", Path(empty))
         return 1
 
-    kinds = ((function, trainer) for trainer in DECISIONS for function in (with_kept, compiling))
-    return {name: functools.partial(*kind) for name, kind in zip(NAMES, kinds, strict=True)}
+    work = [functools.partial(function, trainer) for trainer in DECISIONS for function in (with_kept, compiling)]
+    return dict(zip(NAMES, work, strict=True))
 
 
 if __name__ == "__main__":

@@ -74,7 +74,8 @@ def test_a_compiled_command_that_is_not_finite_is_refused(conformance, refused):
     refused(complaint, run.count, world, controller, *conformance.engagements((3,), 5))
 
 
-def test_a_trajectory_is_a_row_per_decision_for_a_data_frame(conformance):
+def test_a_trajectory_is_a_row_per_decision_for_a_data_frame(conformance, monkeypatch):
+    monkeypatch.setattr(run, "has_jax", lambda: False)
     shots = rollout.run_engagements(*conformance.build(), *conformance.engagements((3,), 20))
     rows = shots.to_dicts()
     assert [(row["engagement"], row["decision"]) for row in rows] == list(np.ndindex(3, 20))
@@ -83,6 +84,7 @@ def test_a_trajectory_is_a_row_per_decision_for_a_data_frame(conformance):
     assert [row["hit"] for row in rows] == shots.hit.ravel().tolist()
 
 
-def test_an_engagement_that_is_not_there_is_not_drawn(conformance, refused):
+def test_an_engagement_that_is_not_there_is_not_drawn(conformance, monkeypatch, refused):
+    monkeypatch.setattr(run, "has_jax", lambda: False)
     shots = rollout.run_engagements(*conformance.build(), *conformance.engagements((3,), 20))
     refused("plot: engagement must be 0…2, got 9", shots.plot, 9)

@@ -202,7 +202,7 @@ def test_whole_speeds_are_rounded_values_and_the_intervals_hold_the_truth(shared
     assert all(result.estimates[name].low <= value <= result.estimates[name].high for name, value in truth.items())
 
 
-def test_table_1_does_not_fit_by_as_much_as_in_the_first_edition(shared):
+def test_table_1_does_not_fit_by_as_much_as_in_version_0_1(shared):
     columns = ShotColumns(pitch_deg="alpha_deg", yaw_deg="beta_deg", distance_m="d_real_m")
     result = identify_muzzle(read_shots(shared("data/robomaster/paper_table1_landing.csv"), columns=columns))
     assert_allclose(result.lack_of_fit[:2], [6.0, -8.3], atol=0.1)

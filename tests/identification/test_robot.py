@@ -25,7 +25,7 @@ def robot_folder(lab_folder, tmp_path_factory):
     return out
 
 
-def test_a_folder_of_logs_becomes_a_robot_like_that_of_the_first_edition(robot_folder):
+def test_a_folder_of_logs_becomes_a_robot_like_that_of_version_0_1(robot_folder):
     robot = Robot.load(robot_folder)
     assert (robot.name, robot.assumed, len(robot.parts)) == ("infantry", (), 4)
     assert all(each.usable for each in robot.parts.values())
@@ -179,6 +179,9 @@ def test_degrees_that_are_said_to_be_radians_show_in_commands_of_many_turns(tmp_
     assert limits.message == "commands of pitch go from -657 to 1.31e+03°, expected -90 to 90°"
     (folder / "logs.toml").write_text('[pitch]\nunit = "deg"\n')
     assert identify_robot(folder).report.findings == ()
+    (folder / "logs.toml").write_text(f'[pitch]\nunit = "deg"\n{LIMITS.replace("9,-9", "-9,9")}')
+    (limits,) = identify_robot(folder).report.findings
+    assert limits.message == "commands of pitch go from -11.5 to 22.9°, its limits are -9 to 9°"
 
 
 def test_a_length_that_is_not_given_is_assumed_on_the_first_page_which_has_the_offsets(tmp_path):

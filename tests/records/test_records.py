@@ -44,7 +44,7 @@ def robot():
 
 
 @pytest.mark.parametrize("name", ["pitch", "muzzle", "sensing", "limits"])
-def test_a_record_is_read_back_and_one_of_the_first_edition_is_refused(tmp_path, robot, name, refused):
+def test_a_record_is_read_back_and_one_of_version_0_1_is_refused(tmp_path, robot, name, refused):
     record, path = getattr(robot, name), tmp_path / "x.json"
     record.save(path)
     for again in (type(record).load(path), pickle.loads(pickle.dumps(record))):

@@ -22,7 +22,7 @@ from archerfish.reports.report import Report
 from archerfish.studies import sweep as module
 from archerfish.studies.sweep import sweep
 from archerfish.studies.sweep_results import pooled_settings
-from archerfish.studies.sweep_trial import HITS, TrialHits, run_trial
+from archerfish.studies.sweep_trial import HITS, TrialHits, train_and_count
 
 pytest.importorskip("jax")
 pytest.importorskip("optuna")
@@ -46,7 +46,7 @@ def computed_slowly(**given):
 
 
 def sweep_slowly(out):
-    module.run_trial = computed_slowly
+    module.train_and_count = computed_slowly
     sweep(**SEARCH, out=out)
 
 
@@ -56,13 +56,13 @@ def dies_once(*, folder, **given):
     if not mark.exists():
         mark.touch()
         os.kill(os.getpid(), signal.SIGKILL)
-    run_trial(folder=folder, **given)
+    train_and_count(folder=folder, **given)
 
 
 @pytest.fixture
 def at_once(monkeypatch):
     """Compute hits in this process, in the place of trainings in others."""
-    monkeypatch.setattr(module, "run_trial", computed)
+    monkeypatch.setattr(module, "train_and_count", computed)
     monkeypatch.setattr(Report, "write_page", lambda *_: None)
     monkeypatch.setattr(module, "run_jobs", lambda _, jobs, __: [job.function(**job.arguments) for job in jobs])
 
@@ -161,7 +161,7 @@ def test_what_can_not_be_used_is_refused_in_one_line(refused, at_once, tmp_path)
 
 def test_a_training_that_diverges_is_a_result(tmp_path):
     folder = tmp_path / "0000-0"
-    run_trial(
+    train_and_count(
         af.Robot.paper(),
         af.Task.load("paper"),
         TrainConfig(trainer="ppo", ppo=SMALL),
@@ -178,7 +178,7 @@ def test_a_training_that_diverges_is_a_result(tmp_path):
 def test_on_ray_a_training_whose_worker_was_killed_is_run_again(tmp_path, monkeypatch):
     pytest.importorskip("ray")
     monkeypatch.setenv("ARCHERFISH_TEST_MARK", str(tmp_path / "mark"))
-    monkeypatch.setattr(module, "run_trial", dies_once)
+    monkeypatch.setattr(module, "train_and_count", dies_once)
     settings = ["--set", "trainer=ppo", *(f"ppo.{name}={value}" for name, value in SMALL.items())]
     words = ["--task", "paper", *settings, "--seeds", "2", "--engagements", "2", "--workers", "1", "--ray", "local"]
     main(["sweep", *words, "--out", str(tmp_path / "out")])

@@ -39,12 +39,12 @@ def test_a_recording_is_complete_and_says_what_it_holds(shots):
     assert columns["speed_m_s"][columns["burst"] == 1][-20:].mean() < columns["speed_m_s"][columns["burst"] == 0].mean()
 
 
-def test_shots_are_those_of_the_first_edition_to_the_byte(shots, shared):
+def test_shots_are_those_of_version_0_1_to_the_byte(shots, shared):
     assert (shots / "shots.csv").read_bytes() == (shared(LAB) / "shots.csv").read_bytes()
 
 
 @pytest.mark.slow
-def test_all_logs_are_those_of_the_first_edition_to_the_byte(tmp_path, shared):
+def test_all_logs_are_those_of_version_0_1_to_the_byte(tmp_path, shared):
     lab, logs = shared(LAB), VirtualRobot.load("infantry").record(tmp_path / "logs")
     expected = {path.name for path in lab.glob("*.csv")}
     assert {path.name for path in logs.glob("*.csv")} == expected

@@ -32,7 +32,7 @@ from archerfish.robot import Robot, RobotLike
 from archerfish.simulation.world import make_world
 from archerfish.studies.sweep_ray import run_on_ray
 from archerfish.studies.sweep_results import Swept, pooled_settings
-from archerfish.studies.sweep_trial import HITS, TrialHits, run_trial, with_parameters
+from archerfish.studies.sweep_trial import HITS, TrialHits, train_and_count, with_parameters
 from archerfish.studies.workers import Job, run_jobs, usual_workers
 from archerfish.task import Task, TaskLike
 
@@ -130,7 +130,7 @@ def sweep(
             for (place, own), path in trainings.items():
                 arguments = given | {"parameters": parameters[place], "seed": own, "folder": path}
                 if not (path / HITS).exists():
-                    jobs.append(Job(run_trial, arguments, name=f"setting {place}, seed {own}"))
+                    jobs.append(Job(train_and_count, arguments, name=f"setting {place}, seed {own}"))
             if jobs:
                 run_on_ray(jobs, workers, ray) if ray else run_jobs("sweep", jobs, workers)
             hits = {key: TrialHits.load(path / HITS) for key, path in trainings.items()}

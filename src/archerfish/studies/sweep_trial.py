@@ -67,7 +67,7 @@ def with_parameters(config: TrainConfig, parameters: Mapping[str, Any]) -> Train
     return config.replace(**changes, **parts)
 
 
-def run_trial(
+def train_and_count(
     robot: Robot, task: Task, config: TrainConfig, engagements: int, parameters: dict[str, Any], seed: int, folder: Path
 ) -> None:
     """Train a policy, or continue its training, count its hits and write them; settings that come to nothing, too.
