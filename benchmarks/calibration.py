@@ -38,7 +38,7 @@ class Set(NamedTuple):
     engagement_s: float  # [s]
 
 
-GRID = {
+GRID: dict[str, tuple[str, tuple[float, ...]]] = {
     "max_lateral_offset": ("m", (0.5, 0.6, 0.7, 0.8)),
     "max_lateral_speed": ("m/s", (0.2, 0.25, 0.3, 0.35, 0.4, 0.5)),
     "muzzle_speed": ("m/s", (15.0, 18.0, 22.0, 25.0)),
@@ -86,7 +86,7 @@ def main() -> None:
     print(f"assumed: {rmse(final):.2f} points, {calibration().rmse_points} in conditions.json", *final, sep="\n")
     if options.final:
         return
-    grid = [Set(*values) for values in itertools.product(*GRID)]
+    grid = [Set(*values) for values in itertools.product(*(values for _, values in GRID.values()))]
     promising = [tried for tried in grid if rmse(residuals(tried, SEARCHED, SEED)) < PROMISING]
     scores = sorted((rmse(residuals(tried, AGAIN, SEED + 2)), tried) for tried in promising)
     near = [tried for score, tried in scores if score < NEAR]

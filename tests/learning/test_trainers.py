@@ -181,7 +181,7 @@ FAULTS = [
     (PpoConfig, {"clip": math.nan}, "clip: expected"),
     (TrainConfig, {"trainer": "sac"}, "trainer: invalid enum value 'sac', expected one of gradient, ppo;"),
     (GradientConfig, {"lr": 1}, "GradientConfig: there is no field lr; fields are steps, environments, window"),
-    (TrainConfig, {"ppo": {"epoch": 3}}, "unknown field epoch"),
+    (TrainConfig, {"ppo": {"epoch": 3}}, "PpoConfig: there is no field epoch; perhaps you meant epochs"),
 ]
 
 
