@@ -1,14 +1,18 @@
-"""Draw hit_rates.svg, and print the table of README, from what `archerfish reproduce` has stored.
+"""Draw hit_rates.svg and store its figures, those of README's table, from the results of `archerfish reproduce`.
 
-`python docs/hit_rates.py runs/reproduce/results.json` after `archerfish reproduce`, whose seed is 0.
+`python docs/hit_rates.py runs/reproduce/results.json` after `archerfish reproduce`, whose seed is 0. Writes
+benchmarks/results/readme.json.
 """
 
+import json
 import sys
 from pathlib import Path
 
 from archerfish.evaluation.plots import hit_rates
+from archerfish.reports.style import plot_style
 from archerfish.studies.study import Study
 
+ROOT = Path(__file__).parents[1]
 NAMES = ("policy", "kalman", "kalman-lq", "imm-lq", "oracle")
 TITLES = {"static": "targets at rest", "dynamic": "moving targets"}
 
@@ -20,14 +24,15 @@ def cells_of(study):
 
 
 def rows(cells):
-    """Return the rows of the table: targets and range, then each controller's rate with its interval."""
-    lines = [f"| targets | {' | '.join(f'`{name}`' for name in NAMES)} |", "|---" * (1 + len(NAMES)) + "|"]
-    for motion, title in TITLES.items():
-        for low, high in sorted({cell.range_m for cell in cells}):
-            shown = [cell for cell in cells if cell.motion == motion and cell.range_m == (low, high)]
-            rates = [f"{100 * cell.rate:.1f} ({100 * cell.low:.1f}–{100 * cell.high:.1f})" for cell in shown]
-            lines.append(f"| {title}, {low:g}–{high:g} m | {' | '.join(rates)} |")
-    return lines
+    """Return a row per cell: controller, targets, range [m], hits, decisions, rate and its 95 % interval [%]."""
+    listed = []
+    for cell in cells:
+        place = {"controller": cell.controller, "targets": cell.motion, "range_m": list(cell.range_m)}
+        percent = {
+            name: round(value, 1) for name, value in zip(("rate", "low", "high"), cell.estimate[:3], strict=True)
+        }
+        listed.append(place | {"hits": cell.hits, "decisions": cell.decisions} | percent)
+    return listed
 
 
 if __name__ == "__main__":
@@ -36,5 +41,7 @@ if __name__ == "__main__":
     for panel, title in zip(figure.axes, TITLES.values(), strict=True):
         panel.set_title(title, loc="left")
     figure.axes[0].set_ylim(70.0, 95.0)
-    figure.savefig(Path(__file__).with_suffix(".svg"))
-    sys.stdout.write("\n".join(rows(found)) + "\n")
+    with plot_style():  # which makes the same bytes on every run
+        figure.savefig(Path(__file__).with_suffix(".svg"), metadata={"Date": None})
+    stored = {"command": "archerfish reproduce", "seed": 0, "world": "virtual infantry", "percent": rows(found)}
+    (ROOT / "benchmarks" / "results" / "readme.json").write_text(json.dumps(stored, indent=1) + "\n")

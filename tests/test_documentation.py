@@ -1,6 +1,7 @@
 """The pages: what is made from scripts is up to date and runs, links lead somewhere, and there are few lines."""
 
 import importlib
+import json
 import re
 import runpy
 import shlex
@@ -77,3 +78,13 @@ def test_the_ten_lines_of_readme_run(tmp_path, monkeypatch, capsys):
     exec(lines.replace("engagements=100", "engagements=4"), {})
     assert re.search(r"policy − kalman.*of 200 shots hit.*policy.c decides", capsys.readouterr().out, re.DOTALL)
     assert {path.name for path in tmp_path.iterdir()} == {"rates.png", "policy.c", "policy.h"}
+
+
+def test_the_table_of_readme_is_what_is_stored():
+    stored = json.loads((ROOT / "benchmarks" / "results" / "readme.json").read_text())["percent"]
+    rates = {tuple(row["range_m"]): [] for row in stored}
+    for row in stored:
+        if row["targets"] == "dynamic":
+            rates[tuple(row["range_m"])].append(f"{row['rate']:.1f} ({row['low']:.1f}–{row['high']:.1f})")
+    for (low, high), cells in rates.items():
+        assert f"| {low:g}–{high:g} m | {' | '.join(cells)} |" in PAGES[ROOT / "README.md"].replace("*", "")
