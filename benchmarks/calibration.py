@@ -38,14 +38,15 @@ class Set(NamedTuple):
     engagement_s: float  # [s]
 
 
-GRID: dict[str, tuple[str, tuple[float, ...]]] = {
-    "max_lateral_offset": ("m", (0.5, 0.6, 0.7, 0.8)),
-    "max_lateral_speed": ("m/s", (0.2, 0.25, 0.3, 0.35, 0.4, 0.5)),
-    "muzzle_speed": ("m/s", (15.0, 18.0, 22.0, 25.0)),
-    "dispersion_deg": ("°", (0.1, 0.2, 0.3)),
-    "engagement_s": ("s", (0.8, 1.0, 1.2)),
+GRID = {
+    "max_lateral_offset": (0.5, 0.6, 0.7, 0.8),
+    "max_lateral_speed": (0.2, 0.25, 0.3, 0.35, 0.4, 0.5),
+    "muzzle_speed": (15.0, 18.0, 22.0, 25.0),
+    "dispersion_deg": (0.1, 0.2, 0.3),
+    "engagement_s": (0.8, 1.0, 1.2),
 }
-"""Field of `Set` → unit and what is tried."""
+"""Field of `Set` → what is tried."""
+UNITS = dict(zip(GRID, ("m", "m/s", "m/s", "°", "s"), strict=True))
 
 
 def residuals(tried: Set, engagements: int, seed: int) -> list[tuple[Any, ...]]:
@@ -86,12 +87,12 @@ def main() -> None:
     print(f"assumed: {rmse(final):.2f} points, {calibration().rmse_points} in conditions.json", *final, sep="\n")
     if options.final:
         return
-    grid = [Set(*values) for values in itertools.product(*(values for _, values in GRID.values()))]
+    grid = [Set(*values) for values in itertools.product(*GRID.values())]
     promising = [tried for tried in grid if rmse(residuals(tried, SEARCHED, SEED)) < PROMISING]
     scores = sorted((rmse(residuals(tried, AGAIN, SEED + 2)), tried) for tried in promising)
     near = [tried for score, tried in scores if score < NEAR]
     spans = []
-    for name, (unit, _) in GRID.items():
+    for name, unit in UNITS.items():
         values = [getattr(tried, name) for tried in near]
         spans.append(f"{name.removesuffix('_deg').replace('_', ' ')} {min(values):.3g}–{max(values):.3g} {unit}")
     note = f"Not unique: among the sets within {NEAR:g} points are {'; '.join(spans)}; the best comes to "

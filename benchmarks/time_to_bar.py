@@ -13,6 +13,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import alternating
@@ -73,7 +74,9 @@ def prepare() -> alternating.Work:
             train(trainer, next(seeds), Path(folder.name) / "policy", Path(empty))
         return 1
 
-    work = [functools.partial(function, trainer) for trainer in DECISIONS for function in (with_kept, compiling)]
+    work: list[Callable[[], int]] = []
+    for trainer in DECISIONS:
+        work += [functools.partial(with_kept, trainer), functools.partial(compiling, trainer)]
     return dict(zip(NAMES, work, strict=True))
 
 

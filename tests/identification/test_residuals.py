@@ -64,13 +64,14 @@ def test_the_plots_draw_a_run_responses_and_correlations():
     tests = residual_tests((log.outputs - run.outputs)[:, 0], u)
     bode = bode_plot(plant, measured_response([log]), (1, 50))
     figures = [run_plot(log, run), bode, step_plot(plant), correlation_plot(tests)]
-    assert [len(each.axes) for each in figures if "<svg" in svg_text(each)] == [2, 2, 1, 1]
+    assert [len(each.axes) for each in figures if "<svg" in svg_text(each)] == [5, 2, 1, 1]
     own, measured = (line.get_data() for line in bode.axes[1].lines)
     assert own[1][-1] < -1440  # 20 ms up to 200 Hz are four turns
     near = measured[0] < 200
     assert np.abs(measured[1] - np.interp(measured[0], *own))[near].max() < 30
     assert figures[2].axes[0].lines[0].get_ydata()[-1] == pytest.approx(1, abs=0.01)
-    assert len(figures[0].axes[0].lines[0].get_xdata()) == 2000  # where the residual is largest
+    lengths = [len(panel.lines[1].get_xdata()) for panel in figures[0].axes[:2]]
+    assert lengths == [3000, 2000]  # all, and where the residual is largest
 
 
 @pytest.mark.parametrize(("column", "feedback"), [(1, False), (3, True)], ids=["set point", "actuator"])

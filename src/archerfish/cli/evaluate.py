@@ -96,7 +96,8 @@ class Evaluate(Writes, ForRobot):
                 tuning=self._tuning(controllers, robot, task),
             )
             results.save(folder)
-            results.report.write_page(folder / "report.html")
+            page = folder / "report.html"
+            results.report.linked(page, [robot.folder / "robot.html"] if robot.folder else []).write_page(page)
         took = ", ".join(f"{stage} {seconds:.0f} s" for stage, seconds in results.durations.items())
         where = f"{took}\nopen {out / 'report.html'}; every count is in {out / 'results.json'}"
         words = [str(self.robot)] if self.folder else []

@@ -39,5 +39,6 @@ class WriteReport:
             expected = f'expected "{Results.schema}" or "{Study.schema}", got {schema!r}'
             raise file_error(path, f"field schema: {expected}", "name results of evaluate, transfer or reproduce")
         page = (Study if schema == Study.schema else Results).load(path).report
-        page.write_page(out)
+        robots = (folder / "robot.html" for folder in (path.parent / "robot", *path.absolute().parents[1:3]))
+        page.linked(out, robots).write_page(out)
         return Ending(f"{page}", f"open {out}")

@@ -86,7 +86,8 @@ class Transfer(RunsStudy):
 def finish(study: Study, folder: Path) -> None:
     """Write a study and its page into a folder, without the locks of what was made in it."""
     study.save(folder / "results.json")
-    study.report.write_page(folder / "report.html")
+    page = folder / "report.html"
+    study.report.linked(page, [folder / "robot" / "robot.html"]).write_page(page)
     for lock in folder.rglob("*.lock"):
         lock.unlink()
 

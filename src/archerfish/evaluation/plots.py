@@ -38,6 +38,7 @@ def hit_rates(cells: Sequence[Cell], *, names: Sequence[str] = ()) -> Figure:
         for panel, (key, own) in zip(axes.flat, panels.items(), strict=False):
             handles |= _draw(panel, own, looks)
             panel.set_title(_title(key, list(panels)))
+            panel.set_xlabel("distance [m]")
         for first in axes[:, 0]:
             first.set_ylabel("hit rate [%]")
         for unused in axes.flat[len(panels) :]:

@@ -229,7 +229,7 @@ class Excitation(Reported):
             for name, log in self.logs.items():
                 panel.plot(log.time, np.degrees(log.inputs[:, 0]), label=name)
             panel.set(xlabel="time [s]", ylabel="command [°]")
-            panel.legend()
+            figure.legend(loc="outside lower center", ncols=2)
         return figure
 
     @property

@@ -4,7 +4,7 @@ import contextlib
 import itertools
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -29,9 +29,9 @@ from archerfish.logs.stamps import resampled
 from archerfish.records.json_files import plain, write_json
 from archerfish.records.plant import PlantRecord
 from archerfish.reports.progress import bar
-from archerfish.reports.report import Report, Reported, Result
+from archerfish.reports.report import PageLink, Report, Reported, Result, Verdict
 from archerfish.reports.style import Figure, new_figure, plot_style
-from archerfish.reports.table import Entry, Table
+from archerfish.reports.table import Entry, Estimate, Table
 from archerfish.robot import RECORDS, Part, PartVerdict, Robot, axis_fault
 
 _DECISIONS_S = 0.02  # between decisions; the sampling period of a plant divides it
@@ -43,6 +43,7 @@ _RECORD: dict[Part, str] = {
     "sensing": "timing_sweep.csv and timing_plate.csv",
     "limits": "limits.json, or [limits] in logs.toml",
 }
+_UNKNOWN = (np.nan, np.nan)  # ends of an interval
 _SHOWN_S, _PLATE_M = 0.5, 3.0  # of a step response; distance at which offsets are given as lengths, too
 
 
@@ -63,8 +64,9 @@ class RobotResult(Reported):
         """
         folder = Path(folder)
         self.record.save(folder)
+        links = (PageLink(self.record.name, "robot.html"), *(link for link in self.report.links if link.page))
         for part, report in self.reports.items():
-            report.write_page(folder / f"{part}.html")
+            replace(report, links=links).write_page(folder / f"{part}.html")
         self.report.write_page(folder / "robot.html")
         write_json(folder / "report.json", plain(self.report.to_dict()))
 
@@ -229,36 +231,43 @@ def _report(
     steps += [f"{part}: record {_RECORD[part]}." for part in robot.assumed if part not in reports]
     if not not_usable:
         steps.append("Train a policy (archerfish train ROBOT), and compare it (archerfish evaluate ROBOT).")
-    words = {True: "usable", False: "not usable"}
+    words: dict[bool, Verdict] = {True: "usable", False: "not usable"}
+    links = [PageLink(part, verdict.page, words[verdict.usable]) for part, verdict in verdicts.items()]
+    links += [PageLink(part, verdict="assumed") for part in robot.assumed if part not in verdicts]
     rows = [(f"{part}: {verdict.headline}", words[verdict.usable]) for part, verdict in verdicts.items()]
     for part in robot.assumed:
         rows.append((f"{part}: {'immediate and perfect' if part == 'sensing' else 'that of the paper'}", "assumed"))
-    pages = f"Their pages: {', '.join(verdict.page for verdict in robot.parts.values())}."
     return Report(
         title=f"{robot.name}: what the logs say",
         headline="; ".join([", ".join(not_usable or verdicts), *remarks]),
         usable=not not_usable,
         reasons=tuple(f"{part}: {reason}" for part in not_usable for reason in verdicts[part].reasons),
-        known=tuple(_corrected_first(robot)),
+        links=tuple(links),
         doubts=tuple(f"{part}: {doubt}" for part, report in reports.items() for doubt in report.doubts),
         next_steps=tuple(steps),
-        tables=(Table("Parts", ("part", "verdict"), tuple(rows), pages), *tables),
+        tables=(*_offsets(robot), Table("Parts", ("part", "verdict"), tuple(rows)), *tables),
         figures=(("Angles after a step of the command.", partial(_step_responses, robot)),),
         findings=_merged(itertools.chain(findings, *(report.findings for report in reports.values()))),
     )
 
 
-def _corrected_first(robot: Robot) -> Iterator[str]:
-    """Yield what a team corrects first: where pellets leave, and by how much stamps are off."""
+def _offsets(robot: Robot) -> list[Table]:
+    """Return what a team corrects first: where pellets leave, and by how much stamps are off; of what is identified."""
+    rows = list[tuple[Entry, ...]]()
     if "muzzle" in robot.parts and "muzzle" not in robot.assumed:
-        up, left = robot.muzzle.pitch_offset, robot.muzzle.yaw_offset
-        for offset, side in ((up, "above" if up > 0 else "below"), (left, "left of" if left > 0 else "right of")):
-            angle_deg = abs(np.degrees(offset))
-            length_cm = 100 * _PLATE_M * abs(offset)
-            yield f"muzzle: pellets leave {angle_deg:.2f}° {side} the barrel, {length_cm:.1f} cm at {_PLATE_M:g} m."
+        for field, above, below in (("pitch_offset", "above", "below"), ("yaw_offset", "left of", "right of")):
+            offset, ends = getattr(robot.muzzle, field), robot.muzzle.intervals.get(field, _UNKNOWN)
+            sign = 1 if offset > 0 else -1
+            low, high = sorted(sign * np.degrees(ends))
+            angle = Estimate(float(np.degrees(abs(offset))), float(low), float(high), "°")
+            length = f"{100 * _PLATE_M * abs(offset):.1f} cm at {_PLATE_M:g} m"
+            rows.append((f"muzzle: pellets leave {above if offset > 0 else below} the barrel", angle, length))
     if "sensing" in robot.parts and robot.sensing:
-        offset_ms = 1e3 * robot.sensing.camera.time_offset
-        yield f"sensing: a frame is exposed {offset_ms:.4g} ms after its stamp, by the clock of the gimbal's log."
+        name, camera = "camera.time_offset", robot.sensing.camera
+        low, high = robot.sensing.intervals.get(name, _UNKNOWN)
+        time = Estimate(1e3 * camera.time_offset, 1e3 * low, 1e3 * high, "ms")
+        rows.append(("sensing: a frame is exposed after its stamp", time, "by the clock of the gimbal's log"))
+    return [Table("Offsets, to be corrected first", ("offset", "95 % interval", ""), tuple(rows))] if rows else []
 
 
 def _merged(findings: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -283,7 +292,7 @@ def _step_responses(robot: Robot) -> Figure:
                 time = plant.sample_period_s * np.arange(-plant.delay_samples, _SHOWN_S / plant.sample_period_s)
                 angle = simulate(plant, 1.0 * (time >= 0)[:, None])[:, 0]
                 panel.plot(time, angle, label=f"{axis}, assumed" if axis in robot.assumed else axis)
-        panel.set(xlabel="time since the step [s]", ylabel="angle per commanded angle")
+        panel.set(xlabel="time since the step [s]", ylabel="angle per commanded angle [°/°]")
         if panel.lines:
             panel.legend()
     return figure

@@ -3,15 +3,36 @@
 A page is one self-contained HTML file: figures inside as SVG, no script, readable in dark and on paper.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple, Self
 
 from archerfish.errors import one_line
 from archerfish.reports.style import Figure, svg_text
 from archerfish.reports.table import Table, entry_texts, table_dict, tables_text
 from archerfish.storage import write_bytes
+
+Verdict = Literal["usable", "not usable", "assumed", ""]
+_COLORS: dict[Verdict, str] = {"usable": "good", "not usable": "bad", "assumed": "fair", "": ""}
+
+
+class PageLink(NamedTuple):
+    """Another page, or a part that has none, with its verdict."""
+
+    name: str  # of the part, or of what the page reports
+    page: str = ""  # path from the folder of this page; empty where there is none
+    verdict: Verdict = ""  # of the part; "assumed" of one that no log says anything of
+
+
+def badge(usable: bool | None, links: Iterable[PageLink] = ()) -> tuple[str, str]:
+    """Return word and colour of a verdict: green and red, amber where what is usable has assumed parts."""
+    if usable is None:
+        return "", ""
+    if usable and any(link.verdict == "assumed" for link in links):
+        return "Usable, partly assumed", _COLORS["assumed"]
+    return ("Usable", _COLORS["usable"]) if usable else ("Not usable", _COLORS["not usable"])
 
 
 @dataclass(frozen=True)
@@ -28,6 +49,7 @@ class Report:
     tables: tuple[Table, ...] = ()  # the figures
     figures: tuple[tuple[str, Callable[[], Figure]], ...] = ()  # captions, and what draws, called for a page alone
     findings: tuple[Any, ...] = ()  # what was found in the logs, NamedTuples
+    links: tuple[PageLink, ...] = ()  # to other pages, in the order of their buttons
     provenance: dict[str, Any] = field(default_factory=dict)  # seed, commit, versions, hashes: what JSON can hold
 
     def __str__(self) -> str:
@@ -67,14 +89,28 @@ class Report:
         figures = list[tuple[str, str]]()
         for place, (caption, draw) in enumerate(self.figures):
             figures.append((caption, svg_text(draw(), prefix=f"figure{place}", label=caption)))
-        page = _template().render(report=self, lists=self.lists(), figures=figures, texts=entry_texts)
+        page = _template().render(self._facts(), figures=figures, links=self.links)
         write_bytes(Path(path), page.encode())
+
+    def linked(self, page: Path, others: Iterable[Path]) -> Self:
+        """Return the report for a page with links to those of other pages that are there, named after their folders."""
+        there = (other.resolve() for other in others if other.is_file())
+        start = page.parent.resolve()
+        return replace(
+            self,
+            links=tuple(PageLink(other.parent.name, Path(os.path.relpath(other, start)).as_posix()) for other in there),
+        )
 
     def _repr_html_(self) -> str:
         """Return the lists and tables of the page alone: what a notebook shows, in its own style."""
         template = _template()
-        facts = {"report": self, "lists": self.lists(), "figures": [], "texts": entry_texts}
+        facts = {**self._facts(), "figures": [], "links": []}
         return "".join(template.blocks["content"](template.new_context(facts)))
+
+    def _facts(self) -> dict[str, Any]:
+        """Return what page and notebook show alike."""
+        verdict = badge(self.usable, self.links)
+        return {"report": self, "lists": self.lists(), "texts": entry_texts, "verdict": verdict, "colors": _COLORS}
 
 
 def _template() -> Any:

@@ -4,8 +4,12 @@ Nodes share no disk: a task works in a folder of its own and returns its files, 
 worker or node is lost is run again by Ray.
 """
 
+import contextlib
+import logging
 import os
+import secrets
 import signal
+import socket
 import tempfile
 import warnings
 from collections.abc import Callable, Sequence
@@ -20,10 +24,14 @@ from archerfish.studies.workers import ONE_THREAD, Job
 
 RETRIES = 4
 """Times that a task is run again whose worker or node is lost."""
+ANSWER_S = 10.0
+"""That a cluster has to answer [s]."""
 _OWN = {
     "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_worker_niceness": "0",  # as that of processes without Ray
     "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",  # else Ray listens on all addresses of the machine
     "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "1",  # a task without a graphics card sees none; else Ray warns of it
+    "RAY_AUTH_MODE": "token",  # else whoever is on this machine may run programs in it
 }
 
 
@@ -38,18 +46,24 @@ def run_on_ray(jobs: Sequence[Job], workers: int, address: str) -> None:
     Raises:
       InputError: if Ray can't be started or joined, or a job loses its worker again and again; what a job raises.
     """
-    os.environ.update(_OWN)  # before Ray is imported, which reads some of it then
+    is_own = address == "local"
+    for name, value in ({**_OWN, "RAY_AUTH_TOKEN": secrets.token_hex(32)} if is_own else {}).items():
+        os.environ.setdefault(name, value)  # before Ray is imported, which reads some of it then
     import ray
 
     own: dict[str, Any] = {"num_cpus": workers, "include_dashboard": False, "_node_ip_address": "127.0.0.1"}
     before = signal.getsignal(signal.SIGTERM)
     try:
+        if not is_own:  # of an address where nothing answers Ray would wait for many minutes
+            host, _, port = address.rpartition(":")
+            socket.create_connection((host, int(port)), ANSWER_S).close()
         with warnings.catch_warnings(action="ignore"):
-            ray.init(address=address, log_to_driver=False, logging_level="ERROR", **(own if address == "local" else {}))
+            ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR, **(own if is_own else {}))
     except (ConnectionError, RuntimeError, ValueError, OSError) as error:
         raise _fault(address, error, "start a cluster with ray start") from error
     try:
-        signal.signal(signal.SIGTERM, before)  # Ray's own ends the process at once
+        with contextlib.suppress(ValueError):  # in another thread than the main one Ray has set none
+            signal.signal(signal.SIGTERM, before)  # Ray's own ends the process at once
         task = ray.remote(num_cpus=1, max_retries=RETRIES, runtime_env={"env_vars": ONE_THREAD})(_files)
         pending = {task.remote(job.function, job.arguments): job for job in jobs}
         with progress.bar("sweep", len(jobs), "trainings") as advance:

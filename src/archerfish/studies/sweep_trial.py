@@ -1,5 +1,6 @@
 """A training of a sweep: the policy of some settings and a seed, and how often it hits."""
 
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -13,7 +14,7 @@ from archerfish.errors import InputError
 from archerfish.evaluation.draws import draw
 from archerfish.evaluation.run import count
 from archerfish.learning.config import TrainConfig
-from archerfish.learning.run_folder import CHECKPOINT, FAULT, POLICY, read_run
+from archerfish.learning.run_folder import CHECKPOINT, FAULT, POLICY, PREVIOUS, read_run
 from archerfish.learning.train import resume, train
 from archerfish.records.record import Record
 from archerfish.robot import Robot
@@ -97,8 +98,11 @@ def train_and_count(
 def _trained(robot: Robot, task: Task, config: TrainConfig, seed: int, folder: Path) -> Policy:
     if (folder / POLICY).exists():
         return Policy.load(folder, blocks=config.names[1:])
-    if (folder / CHECKPOINT).exists() and not read_run(folder).code:
-        return resume(folder)
+    # A process that is killed while it writes a checkpoint leaves the one before alone.
+    if (folder / CHECKPOINT).exists() or (folder / PREVIOUS).exists():
+        if not read_run(folder).code:
+            return resume(folder)
+        shutil.rmtree(folder)
     return train(robot, task, config=config, seed=seed, out=folder)
 
 

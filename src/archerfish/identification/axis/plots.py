@@ -20,28 +20,43 @@ _POINTS, _AROUND = 400, 4.0  # frequencies, and the factor that they reach beyon
 _SETTLED, _STEP = 6.0, (50, 5000)  # time constants that a step is drawn for, and its samples, least and most
 
 
-def run_plot(log: Recording, run: FreeRun, *, title: str = "") -> Figure:
-    """Draw the first output, measured and simulated, and below it the residual; of a long log where that is largest.
+def run_plot(log: Recording, run: FreeRun, *, title: str = "", unit: str = "") -> Figure:
+    """Draw the whole log, then input, first output and its simulation where the residual is largest, and the residual.
 
     Args:
       log: with outputs.
       run: the plant's free run of it.
       title: above.
+      unit: in which angles of a gimbal's axis are drawn, "°"; empty where the log is of something else.
     """
-    measured, simulated = log.outputs[:, 0], run.outputs[:, 0]
+    factor, shown = (np.degrees(1.0), unit) if unit else (1.0, "as logged")
+    command, measured, simulated = factor * log.inputs[:, 0], factor * log.outputs[:, 0], factor * run.outputs[:, 0]
+    names = log.input_names[0], log.output_names[0]
     energy, length = np.append(0, np.cumsum((measured - simulated) ** 2)), min(_LONGEST, len(log))
     start = int(np.argmax(energy[length:] - energy[: len(energy) - length]))
     part = slice(start, start + length)
-    time = log.time[part]
     with plot_style():
-        figure, axes = new_figure(2, 1, height=4.4, sharex=True, height_ratios=(2, 1))
-        above, below = axes[:, 0]
-        above.plot(time, measured[part], color=INK, linewidth=1.0, label="measured")
-        above.plot(time, simulated[part], color=_RED, linestyle=(0, (4, 1.5)), label="simulated")
-        below.plot(time, (measured - simulated)[part], color=_BLUE, linewidth=0.8)
+        figure, axes = new_figure(3, 1, height=6.0, height_ratios=(2, 2, 1))
+        whole, above, below = axes[:, 0]
+        for panel, where in ((whole, slice(None)), (above, part)):
+            other = panel if unit else panel.twinx()  # a scale of its own for an input in another unit
+            other.plot(log.time[where], command[where], color=_BLUE, linewidth=0.9)
+            panel.plot([], [], color=_BLUE, linewidth=0.9, label="command" if unit else names[0])
+            panel.plot(log.time[where], measured[where], color=INK, linewidth=1.0, label="measured")
+            panel.plot(log.time[where], simulated[where], color=_RED, linestyle=(0, (4, 1.5)), label="simulated")
+            if not unit:
+                other.set_ylabel(f"{names[0]} [{shown}]")
+                other.grid(visible=False)
+            panel.set_ylabel(f"{'angle' if unit else names[1]} [{shown}]")
+        whole.axvspan(
+            *log.time[[start, start + length - 1]], color=_GREEN, alpha=0.15, linewidth=0, label="shown below"
+        )
+        below.plot(log.time[part], (measured - simulated)[part], color=_BLUE, linewidth=0.8)
         below.axhline(0.0, color=MUTED, linewidth=0.8)
-        below.set(ylabel="residual", xlabel="time [s]" + ", where the residual is largest" * (length < len(log)))
-        return _labelled(figure, title, log.output_names[0])
+        remark = ", where the residual is largest" * (length < len(log))
+        below.set(ylabel=f"residual [{shown}]", xlabel=f"time [s]{remark}")
+        below.sharex(above)
+        return _labelled(figure, title, whole.get_ylabel())
 
 
 def bode_plot(
@@ -104,7 +119,7 @@ def step_plot(plant: PlantRecord, *, title: str = "") -> Figure:
             panel.plot(time, simulate(plant, step)[:, 0], color=_RED, label="plant")
             panel.axhline(plant.dc_gain[0, channel], color=MUTED, linestyle="--", label="steady gain")
             panel.set(xlabel=f"time since the step of {plant.input_names[channel]} [s]")
-        return _labelled(figure, title, f"{plant.output_names[0]} per unit")
+        return _labelled(figure, title, f"{plant.output_names[0]} per input [as logged]")
 
 
 def correlation_plot(tests: ResidualTests, *, title: str = "") -> Figure:
@@ -115,7 +130,7 @@ def correlation_plot(tests: ResidualTests, *, title: str = "") -> Figure:
             panel.fill_between(tests.lags, -band, band, color=_GREEN, alpha=0.18, linewidth=0, label="99 % band")
             panel.vlines(tests.lags, 0.0, values, color=_BLUE, linewidth=1.6, label="residual")
             panel.set(xlabel="lag after the input [samples]")
-        return _labelled(figure, title, "correlation")
+        return _labelled(figure, title, "correlation [–]")
 
 
 def _labelled(figure: Figure, title: str, ylabel: str) -> Figure:

@@ -201,7 +201,8 @@ def _tables(result: AxisEstimates, delay: Estimate) -> Iterator[Table]:
 def _figures(result: AxisEstimates) -> Iterator[tuple[str, Callable[[], Figure]]]:
     for fit in result.fits[:_RUNS]:
         role = "held back: simulated from its input alone" if fit.held_back else "fitted"
-        yield f"{fit.recording.source}, {role}.", partial(run_plot, fit.recording, fit.run)
+        draw = partial(run_plot, fit.recording, fit.run, unit=result.unit)
+        yield f"{fit.recording.source}, {role}: the whole log, and the part of the largest residual.", draw
     yield "Frequency response, with the 95 % band of the draws.", result.bode
     yield "Response to a unit step.", partial(step_plot, result.record)
     first = result.fits[0]

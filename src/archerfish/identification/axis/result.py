@@ -75,10 +75,15 @@ class AxisEstimates(Result):
         """The fit by which the plant is judged."""
         return judged(self.fits)
 
+    @property
+    def unit(self) -> str:
+        """Unit in which logs are drawn: degrees of pitch and yaw, which are logged in radians; else empty."""
+        return "°" if self.record.axis in ("pitch", "yaw") and self.record.D.size == 1 else ""
+
     def plot(self) -> Figure:
         """Draw the recording by which the plant is judged, as measured and as simulated."""
         judged = self.judged
-        return run_plot(judged.recording, judged.run, title=judged.recording.source)
+        return run_plot(judged.recording, judged.run, title=judged.recording.source, unit=self.unit)
 
     def bode(self) -> Figure:
         """Draw the frequency response with its band, and as measured."""

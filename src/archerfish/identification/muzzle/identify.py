@@ -1,17 +1,25 @@
 """`identify_muzzle`: from shots to a muzzle record, with its report."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from msgspec.structs import asdict
 
 from archerfish.errors import InputError
 from archerfish.identification.muzzle import checks, estimate
 from archerfish.identification.muzzle.checks import Flags, LackOfFit
-from archerfish.identification.muzzle.estimate import RANGES, SHAPING, azimuth, linearised, measured_vertical
+from archerfish.identification.muzzle.estimate import (
+    RANGES,
+    SHAPING,
+    azimuth,
+    expected_vertical,
+    linearised,
+    measured_vertical,
+)
 from archerfish.identification.statistics import Array, converted
 from archerfish.logs.recording import Finding
 from archerfish.logs.shots import Shots, read_shots
@@ -24,6 +32,8 @@ from archerfish.reports.style import MUTED, Figure, new_figure, plot_style
 from archerfish.reports.table import Entry, Estimate, Table, entry_texts
 
 _LARGE_OFFSET = np.radians(2.0)  # beyond what a mounted barrel has
+_WITHIN_95 = np.sqrt(-2 * np.log(0.05))  # standard deviations of two dimensions
+_PATTERN = "Shots about the aim of a barrel without offsets, seen from the muzzle, with the ellipse of 95 % of them."
 _NOTE = "Offset: mean angle off the barrel, up or left positive; scatter: standard deviation; 1° is 17 mm per metre."
 
 
@@ -55,8 +65,41 @@ class MuzzleResult(Result):
             axes.plot(place[used], left[used], ".", label="measured")
             axes.plot(place[~used], left[~used], "x", label="left out")
             axes.set_xticks([place[number[order] == setting].mean() for setting in range(len(names))], names)
-            axes.set(xlabel="setting", ylabel="measured less model [cm]")
+            kind = "setting: pitch [°]" if self.shots.hit_height is None else "setting: pitch [°], distance [m]"
+            axes.set(xlabel=kind, ylabel="measured less model [cm]")
             figure.legend(loc="outside lower center", ncols=3)
+        return figure
+
+    def pattern(self) -> Figure:
+        """Draw where the shots of each setting went about where a barrel without offsets aims, seen from the muzzle.
+
+        Hits have the circle in which a plate is hit; the ellipses hold 95 % of normal shots, by their covariance.
+        """
+        shots, (number, names) = self.shots, self.shots.settings()
+        hits = shots.hit_height is not None
+        aimed = {**asdict(self.record), "pitch_offset": 0.0}
+        above = measured_vertical(shots) - expected_vertical(replace(shots, speed=None), aimed)
+        right = -np.asarray(shots.lateral) + (shots.distance * np.tan(shots.yaw) if hits else 0.0)
+        places, turn = 100 * np.stack([right, above]), np.linspace(0, 2 * np.pi, 100)
+        circle = np.stack([np.cos(turn), np.sin(turn)])
+        across = min(len(names), 4)
+        down = -(-len(names) // across)
+        with plot_style():
+            size = {"height": 0.7 + 7.2 / across * down, "sharex": True, "sharey": True}
+            figure, axes = new_figure(down, across, **size)
+            for setting, panel in enumerate(axes.flat):
+                own = places[:, (number == setting) & self.used]
+                panel.set_visible(own.size > 0)
+                panel.set(aspect="equal", xlabel="to the right [cm]", ylabel="above the aim [cm]")
+                panel.label_outer()
+                panel.plot(*own, ".", markersize=4.0, label="shot")
+                if own.shape[1] > 2:
+                    ellipse = np.linalg.cholesky(np.cov(own) + 1e-9 * np.eye(2)) @ circle
+                    panel.plot(*(own.mean(1)[:, None] + _WITHIN_95 * ellipse), label="95 % ellipse")
+                if hits:
+                    panel.plot(*(100 * assumed_conditions().hit_radius * circle), color=MUTED, label="plate")
+                panel.set_title(names[setting] if own.size else "")
+            figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
         return figure
 
     @cached_property
@@ -100,7 +143,10 @@ class MuzzleResult(Result):
             ),
             next_steps=tuple(step for is_due, step in steps if is_due),
             tables=(Table("Parameters", ("parameter", "estimate, 95 %"), tuple(rows), _NOTE),),
-            figures=(("Measured less modelled, shot by shot", self.plot),),
+            figures=(
+                *([(_PATTERN, self.pattern)] if shots.lateral is not None else []),
+                ("Measured less modelled, shot by shot", self.plot),
+            ),
             findings=self.findings,
             provenance=plain(muzzle.provenance),
         )
