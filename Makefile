@@ -5,7 +5,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
-BENCHMARKS := $(shell grep -l __main__ benchmarks/*.py)
+# Those that make the library's data, or need a folder, are run by hand.
+BENCHMARKS := $(filter-out $(addprefix benchmarks/,$(addsuffix .py,tuning calibration bounds training_stages \
+  trained_policies)),$(shell grep -l __main__ benchmarks/*.py))
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
 
 # A stamp is the last thing that an installation writes: a half-made one has none, and is started anew.

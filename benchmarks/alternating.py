@@ -6,6 +6,7 @@ import json
 import os
 import platform
 import resource
+import signal
 import statistics
 import subprocess
 import sys
@@ -58,6 +59,7 @@ def run(
         return
     script = Path(file).resolve().relative_to(ROOT)
     words = [str(script), "--serve", "--seconds", str(options.seconds), "--work", *options.work]
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # or the other commit's tree would be left
     load, rows = os.getloadavg()[0], dict[str, Any]()
     with contextlib.ExitStack() as stack:
         trees = [ROOT] if options.against is None else [ROOT, stack.enter_context(worktree(options.against))]
