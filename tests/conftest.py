@@ -6,6 +6,7 @@ import functools
 import json
 import os
 import random
+import re
 import runpy
 import shutil
 import subprocess
@@ -41,6 +42,19 @@ os.environ.update(
     COLUMNS="110",  # tables are printed for the terminal
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
 )
+
+
+@pytest.fixture(scope="session")
+def has_units():
+    """Return a function that draws all figures of a report, and finds a unit in brackets in each label of an axis."""
+
+    def check(report, count):
+        panels = [panel for _, draw in report.figures for panel in draw().axes if panel.get_visible()]
+        labels = {text for panel in panels for text in (panel.get_xlabel(), panel.get_ylabel()) if text}
+        assert [text for text in labels if not re.search(r"\[[^]]+\]", text)] == []
+        assert len(report.figures) == count <= len(panels)
+
+    return check
 
 
 @pytest.fixture(params=[(), (3,), (2, 3)], ids=str)

@@ -9,7 +9,7 @@ import matplotlib as mpl
 import pytest
 
 from archerfish.reports.progress import bar
-from archerfish.reports.report import Report, Reported, Result
+from archerfish.reports.report import PageLink, Report, Reported, Result, badge
 from archerfish.reports.style import look, new_figure, plot_style, svg_text
 from archerfish.reports.table import Estimate, Table, entry_texts, tables_text
 from archerfish.robot import Robot
@@ -77,6 +77,18 @@ def test_a_page_needs_nothing_but_itself_and_escapes_every_text(tmp_path, refuse
     ids = re.findall(r'\bid="([^"]+)"', page)
     assert (len(set(ids)), page.count("<svg")) == (len(ids), 2)
     refused("can't be written", REPORT.write_page, tmp_path / "new" / "page.html" / "inside.html")
+
+
+def test_a_page_links_to_pages_that_are_there_and_is_amber_where_a_usable_robot_has_assumed_parts(tmp_path):
+    robot, page = tmp_path / "mine" / "robot.html", tmp_path / "mine" / "evaluation" / "report.html"
+    assert REPORT.linked(page, [robot]).links == ()
+    REPORT.write_page(robot)
+    REPORT.linked(page, [robot]).write_page(page)
+    assert '<a class="" href="../robot.html">mine</a>' in page.read_text()
+    assert re.search(r"figure svg {[^}]*max-width: 100%; height: auto", page.read_text())
+    parts = PageLink("pitch", "pitch.html", "usable"), PageLink("yaw", verdict="assumed")
+    colors = [badge(usable, parts)[1] for usable in (True, False, None)]
+    assert (badge(True, parts[:1])[1], colors) == ("good", ["fair", "bad", ""])
 
 
 def test_a_result_is_saved_into_a_folder_or_to_the_path_of_its_record(tmp_path):

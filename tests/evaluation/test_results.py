@@ -219,7 +219,7 @@ def test_bounds_are_of_these_engagements_of_this_robot_alone():
     assert all((each.bound is None) == (each.kind == "perfect") for each in cells)
 
 
-def test_the_plot_has_a_panel_per_motion_and_every_controller_looks_different():
+def test_the_plot_has_a_panel_per_motion_and_every_controller_looks_different(has_units):
     figure = TABLES.plot()
     names = {text.get_text() for text in figure.legends[0].get_texts()}
     assert {*CLASSICAL, "policy", "mine", "perfect", "bound", "hollow: the paper"} < names
@@ -227,3 +227,4 @@ def test_the_plot_has_a_panel_per_motion_and_every_controller_looks_different():
     assert len({(each.get_color(), each.get_marker()) for each in lines}) == len(lines) == len(OTHERS) + 2
     joined = MANY.join(evaluated(MOTIONS, TRAINED[:1], 4, length_s=3.0))
     assert [axes.get_title("left") for axes in joined.plot().axes][::8] == ["still, 1 s", "still, 3 s"]
+    has_units(TABLES.report, len(TABLES.report.figures))

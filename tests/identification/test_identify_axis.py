@@ -92,7 +92,8 @@ def test_the_order_is_the_one_that_predicts_held_back_logs_best(found):
     assert sum(each.weight for each in found.candidates) == pytest.approx(1)
 
 
-def test_the_report_says_what_is_known_and_all_of_it_is_saved(found, tmp_path):
+def test_the_report_says_what_is_known_and_all_of_it_is_saved(found, tmp_path, has_units):
+    has_units(found.report, 6)
     assert found.report.usable
     assert "order 2, delay 30.00 ms" in str(found).replace("30.0 ms", "30.00 ms")
     found.save(tmp_path)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.patches import Polygon
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import optimize, signal
 
@@ -208,6 +209,17 @@ def test_table_1_does_not_fit_by_as_much_as_in_version_0_1(shared):
     assert_allclose(result.lack_of_fit[:2], [6.0, -8.3], atol=0.1)
     assert result.lack_of_fit.p_value == pytest.approx(3e-4, rel=0.1)
     assert "open-interval" in codes(result)
+
+
+def test_the_shots_about_the_aim_show_the_offsets_and_an_ellipse_that_holds_95_percent(has_units):
+    result = identify(fire([0, 3], 400, planes=(2.0, 4.0)))
+    has_units(result.report, 2)
+    panels = result.pattern().axes
+    for panel, distance in zip(panels, (2.0, 4.0, 2.0, 4.0), strict=True):
+        shots, ellipse = (np.array(line.get_data()).T for line in panel.lines[:2])
+        # 400 cm a radian: to the right by 0.004, above by 0.007.
+        assert_allclose(shots.mean(0) / distance, [0.4, 0.7], atol=0.12)
+        assert Polygon(ellipse).get_path().contains_points(shots).mean() == pytest.approx(0.95, abs=0.03)
 
 
 def test_the_command_writes_record_and_page_and_says_what_to_do(tmp_path):

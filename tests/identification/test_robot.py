@@ -53,6 +53,14 @@ FAULTS = {
 }
 
 
+def test_each_page_has_the_verdicts_of_parts_and_links_to_pages_that_are_there(robot_folder):
+    for page in robot_folder.glob("*.html"):
+        links = re.findall(r'<a class="(\w*)" href="([^"]+)">', page.read_text())
+        assert all((robot_folder / target).is_file() for _, target in links)
+        parts = [("good", f"{part}.html") for part in ("pitch", "yaw", "muzzle", "sensing")]
+        assert links == [("", "robot.html")] * (page.name != "robot.html") + parts
+
+
 def test_a_team_names_its_own_files_columns_and_units(lab_folder, tmp_path, refused):
     for name, file in (("sweep", "a.csv"), ("step_validation", "b.csv")):
         log = read_log(lab_folder / f"yaw_{name}.csv").recordings[0]
@@ -122,6 +130,7 @@ def test_a_part_that_can_not_be_used_is_assumed_with_a_verdict_and_the_others_ar
     steps = "\n".join(found.report.next_steps)
     assert "muzzle: measure speed_m_s of each shot, or shoot at 2 target distances that differ" in steps
     assert {each.name for each in out.glob("*.html")} == {f"{part}.html" for part in ("robot", *usable)}
+    assert '<a class="bad" href="muzzle.html">muzzle: not usable</a>' in (out / "robot.html").read_text()
     refused(r"pitch.json: is not usable: The steady gain is -1: .*; Write output", Robot.load, out)
     refused(r"pitch.json: is not usable: pitch has a steady gain of -1", Robot.load, out, accept_unusable=True)
     write_axis(logs / "pitch_step.csv")

@@ -107,8 +107,9 @@ def test_offset_and_delays_are_found_and_their_intervals_have_the_truth(found):
     assert sum(covered) >= 42  # all but 4 in 10,000 sets of independent intervals that have 95 %
 
 
-def test_a_full_set_leaves_only_the_commands_stamps_missing(found, tmp_path):
+def test_a_full_set_leaves_only_the_commands_stamps_missing(found, tmp_path, has_units):
     _, result = found[0]
+    has_units(result.report, 1)
     assert ["timing_commands.csv" in each for each in result.report.next_steps] == [True, False]
     assert result.report.usable
     result.save(tmp_path)

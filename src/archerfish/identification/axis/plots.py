@@ -56,6 +56,8 @@ def run_plot(log: Recording, run: FreeRun, *, title: str = "", unit: str = "") -
         remark = ", where the residual is largest" * (length < len(log))
         below.set(ylabel=f"residual [{shown}]", xlabel=f"time [s]{remark}")
         below.sharex(above)
+        above.label_outer()
+        whole.set_xlabel("time [s]")
         return _labelled(figure, title, whole.get_ylabel())
 
 

@@ -1,5 +1,6 @@
 """`identify_muzzle`: from shots to a muzzle record, with its report."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -82,15 +83,16 @@ class MuzzleResult(Result):
         right = -np.asarray(shots.lateral) + (shots.distance * np.tan(shots.yaw) if hits else 0.0)
         places, turn = 100 * np.stack([right, above]), np.linspace(0, 2 * np.pi, 100)
         circle = np.stack([np.cos(turn), np.sin(turn)])
-        across = min(len(names), 4)
+        across = math.isqrt(len(names) - 1) + 1
         down = -(-len(names) // across)
         with plot_style():
-            size = {"height": 0.7 + 7.2 / across * down, "sharex": True, "sharey": True}
-            figure, axes = new_figure(down, across, **size)
+            figure, axes = new_figure(down, across, height=0.8 + 6.6 / across * down, sharex=True, sharey=True)
             for setting, panel in enumerate(axes.flat):
                 own = places[:, (number == setting) & self.used]
                 panel.set_visible(own.size > 0)
-                panel.set(aspect="equal", xlabel="to the right [cm]", ylabel="above the aim [cm]")
+                panel.set(
+                    aspect="equal", xlabel="to the right [cm]", ylabel=f"{'above' if hits else 'beyond'} the aim [cm]"
+                )
                 panel.label_outer()
                 panel.plot(*own, ".", markersize=4.0, label="shot")
                 if own.shape[1] > 2:
