@@ -43,13 +43,6 @@ def test_a_name_shows_its_arguments_and_says_in_a_line_what_it_is(name):
     assert name not in VERBS or len(pydoc.render_doc(thing).splitlines()) <= 60
 
 
-@pytest.mark.parametrize("value", [af.Task(), af.Task(motion="paper"), af.Task.load("static"), af.TrainConfig()])
-def test_what_is_as_usual_is_not_shown(value):
-    assert repr(value) in ("Task(motion='any')", "Task(motion='paper')", "Task(motion='static')", "TrainConfig()")
-    changed = value.replace(**({"frames": 6} if isinstance(value, af.TrainConfig) else {"hit_radius_m": 0.05}))
-    assert re.fullmatch(r".*(frames=6|, hit_radius_m=0.05)\)", repr(changed))
-
-
 def test_a_robot_and_a_task_are_given_to_every_verb_alike(tmp_path):
     af.Robot.paper().save(tmp_path / "robot")
     result = SimpleNamespace(record=af.Robot.paper())
@@ -66,7 +59,21 @@ def test_an_argument_of_another_type_is_refused_by_its_name(refused):
             refused("controller: expected a name, .*, got one of type", verb, value)
     for verb in (af.identify_axis, af.identify_muzzle):
         refused(f"{verb.__name__}: expected .*, got one of type int; give one", verb, 5)
-    refused("excite: axis: expected pitch or yaw, got 5", af.excite, 5)
+    refused("^axis: expected a text, got 5; ", af.excite, 5)
+    for load in (af.Robot.load, af.Policy.load, af.Results.load, af.Task.load, af.MuzzleRecord.load, af.resume):
+        refused("^(folder|path|name): expected a text or a Path, got 5; ", load, 5)
+        for name in ("x" * 5000, "x\0", "\ud800"):
+            refused("can't be a file's name .*; name another file", load, name)
+    for seed in (2.5, -1, "1", True):
+        refused("^seed: expected a whole number from 0 on, got ", af.identify_robot, "logs", seed=seed)
+    refused("^inputs: expected texts, got ", af.read_log, "log.csv", inputs=[["u"]])
+    refused("^from_arrays: expected an array of numbers, got ", af.Recording.from_arrays, [[1], [2, 3]], [1], 0.1)
+    refused("got one of type list; give one", af.identify_muzzle, [])
+    refused("expected a file or a GimbalLog, got one of type float; give one", af.identify_sensing, 1.0, "plate.csv")
+
+
+def test_a_message_is_one_line_whatever_a_name_holds(refused, tmp_path):
+    refused(r"a.b: expected a folder with pitch.json; ", af.Robot.load, tmp_path / "a\nb")
 
 
 def test_a_notebook_shows_of_an_error_its_line_alone(refused):

@@ -13,9 +13,24 @@ from collections.abc import Callable
 from typing import Any, Protocol, TypeVar, cast, dataclass_transform
 
 import numpy as np
+from numpy.typing import NDArray
+
+from archerfish.errors import InputError
 
 Array = Any
 """An array of NumPy or JAX. Shapes are in the docstrings; B stands for any batch shape, () included."""
+
+
+def real_array(name: str, values: Any) -> NDArray[np.float64]:
+    """Return a copy of what was given as numbers.
+
+    Raises:
+      InputError: if it is none.
+    """
+    try:
+        return np.array(values, np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{name}: expected an array of numbers, got {ascii(values)[:60]}; correct it") from error
 
 
 class TracedNamespace(Protocol):

@@ -12,7 +12,7 @@ from msgspec import Meta, field, structs
 from archerfish.dynamics.command_limits import CommandLimits, named_limits
 from archerfish.dynamics.linear_axis import GimbalModel, gimbal_model
 from archerfish.dynamics.muzzle import Muzzle, muzzle_from_record
-from archerfish.errors import InputError, file_error, meant, one_line
+from archerfish.errors import InputError, checked_arguments, file_error, meant, one_line
 from archerfish.paper.conditions import assumed_conditions, paper_muzzle
 from archerfish.paper.gimbal import gate_limits, printed_plants
 from archerfish.plugins import find_plugin
@@ -110,6 +110,7 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         return cls(name="paper", pitch=plants["pitch"], yaw=plants["yaw"], muzzle=muzzle, limits=limits)
 
     @classmethod
+    @checked_arguments
     def load(cls, folder: str | Path, *, accept_unusable: bool = False) -> Self:
         """Read a robot.
 
@@ -125,7 +126,7 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
           InputError: if a record is missing or damaged, or a part is not usable.
         """
         folder = Path(folder).absolute()
-        facts = _Written(name=folder.resolve().name[:100] or "robot")
+        facts = _Written(name=one_line(folder.resolve().name)[:100] or "robot")
         is_written = (folder / "robot.json").exists()
         if is_written:
             facts = read_struct(folder / "robot.json", _Written, ROBOT_SCHEMA, "identify again")
@@ -190,6 +191,7 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
                 place = self.folder / f"{part}.json"
             raise file_error(place, one_line(problem), one_line(remedy))
 
+    @checked_arguments
     def save(self, folder: str | Path) -> None:
         """Write all records and robot.json, which comes last, into a folder; what is there of a robot is replaced.
 

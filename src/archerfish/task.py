@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Meta, structs
 
 from archerfish.arrays import Array, lift, namespace, select, single_precision, tree
-from archerfish.errors import InputError, file_error, meant, one_line
+from archerfish.errors import InputError, checked_arguments, file_error, meant, one_line
 from archerfish.plugins import Plugin, is_plugin, names_code, names_object, registered_name
 from archerfish.protocols import Engagement, Plates
 from archerfish.records.json_files import plain
@@ -210,6 +210,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         return self.lengths_s or ((1.0, 3.0) if self.motion in DRAWN else (1.0,))
 
     @classmethod
+    @checked_arguments
     def load(cls, name: str | Path, motion: str | None = None) -> Self:
         """Return a task by its name, or read one from a file.
 
@@ -254,6 +255,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
         expected = "a name, a TOML file, a Task or a motion"
         raise InputError(f"task: expected {expected}, got a {type(task).__name__}; give one of these")
 
+    @checked_arguments
     def save(self, path: str | Path) -> None:
         """Write the task as a TOML file.
 

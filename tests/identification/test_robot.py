@@ -100,7 +100,9 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("remedy", WRONG)
+@pytest.mark.parametrize(
+    "remedy", [pytest.param(remedy, marks=[pytest.mark.slow] * ("and" not in remedy)) for remedy in WRONG]
+)
 def test_wrong_columns_signs_and_units_are_a_verdict_whose_remedy_helps(remedy, tmp_path, refused):
     folder = write_axis(tmp_path / "logs" / "yaw_step.csv", WRONG[remedy])
     found = identify_robot(folder, out=tmp_path / "robot")

@@ -161,7 +161,7 @@ def test_signals_that_are_no_recording_are_refused(refused):
     refused("not finite; cut the recording", make, ramp, [0, np.nan, 1], 0.1)
     refused("period_s is 0.0, expected above 0 s", make, ramp, ramp, 0.0)
     for period_s, time in ((None, None), (0.1, ramp), (ramp, None)):
-        refused("expected period_s, a number, or time; pass", lambda p, t: make(ramp, ramp, p, time=t), period_s, time)
+        refused("period_s.*; ", lambda p, t: make(ramp, ramp, p, time=t), period_s, time)
 
 
 def test_arrays_with_even_stamps_are_a_recording_and_others_are_read_as_a_file_is(tmp_path, refused):

@@ -70,7 +70,7 @@ def test_a_sweep_goes_through_its_band_and_steps_are_uneven_between_rests():
 def test_what_is_no_part_and_what_is_in_the_way_is_refused_and_left(tmp_path, refused):
     robot = VirtualRobot.load("infantry")
     refused("parts: there is no 'range', expected some of landings", robot.record, tmp_path, parts=["range"])
-    refused("seed must be a whole number, at least 0, got -1", robot.record, tmp_path / "new", seed=-1)
+    refused("seed: expected a whole number from 0 on, got -1", robot.record, tmp_path / "new", seed=-1)
     assert not (tmp_path / "new").exists()
     (tmp_path / "tape.json").write_text("mine")
     refused("tape.json", robot.record, tmp_path, parts=["shots"])

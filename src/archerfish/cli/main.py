@@ -3,6 +3,7 @@
 import ast
 import contextlib
 import dataclasses
+import errno
 import gc
 import importlib
 import inspect
@@ -73,9 +74,14 @@ def program() -> NoReturn:
                 main(sys.argv[1:])
             finally:
                 sys.stdout.flush()
-    except BrokenPipeError:  # the reader of the output has gone, and Python would flush once more
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
+    except OSError as error:
+        if error.errno not in (errno.EPIPE, errno.ENOSPC):
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python would flush once more
+        if error.errno == errno.EPIPE:  # the reader of the output has gone
+            sys.exit(1)
+        print("archerfish: the output can't be written (no space left); free space", file=sys.stderr)  # noqa: T201
+        sys.exit(INPUT_ERROR)
     except Stopped as stopped:
         print(f"archerfish: {stopped.word}", file=sys.stderr)  # noqa: T201
         sys.stdout.flush()

@@ -13,7 +13,7 @@ from archerfish.codegen.onnx import print_onnx
 from archerfish.controllers.policy.policy import Policy
 from archerfish.controllers.registry import ControllerLike, load_controller, make_controller
 from archerfish.controllers.tuning import TuningLike
-from archerfish.errors import InputError, file_error
+from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.evaluation.contenders import as_contenders
 from archerfish.evaluation.tuning import settings
 from archerfish.provenance import code_commit
@@ -31,6 +31,7 @@ EXAMPLES = 24  # decisions of the self-test
 UNCHECKED = "To compare it, install a C compiler or ONNX Runtime; a C file's self-test does the same on the robot."
 
 
+@checked_arguments
 def export(
     controller: ControllerLike,
     path: str | Path,

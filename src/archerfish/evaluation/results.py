@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta, field
 
 from archerfish.controllers.tuning import Tuning
-from archerfish.errors import InputError, file_error, one_line
+from archerfish.errors import InputError, checked_arguments, file_error, one_line
 from archerfish.evaluation.comparison import Comparison, compare
 from archerfish.evaluation.draws import MOST_COUNTS
 from archerfish.evaluation.hit_rate import hit_rate
@@ -172,6 +172,7 @@ class Results(Record, frozen=True, kw_only=True):
             _joined(f"task {task.name}", of_name)
 
     @classmethod
+    @checked_arguments
     def load(cls, path: str | Path) -> Self:
         """Read results.json.
 
@@ -183,6 +184,7 @@ class Results(Record, frozen=True, kw_only=True):
         """
         return super().load(_file(path))
 
+    @checked_arguments
     def save(self, path: str | Path) -> None:
         """Write results.json; `path` is the file or its folder.
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.signal import chirp, max_len_seq
 from scipy.signal.windows import tukey
 
-from archerfish.errors import InputError, file_error
+from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.identification.axis.identify import AxisResult, identify_axis
 from archerfish.identification.simulation import Array, simulate
 from archerfish.logs.recording import Recording
@@ -259,6 +259,7 @@ class Excitation(Reported):
         )
 
 
+@checked_arguments
 def excite(
     axis: Literal["pitch", "yaw"],
     limits: AxisLimits | None = None,

@@ -14,7 +14,7 @@ import numpy as np
 from msgspec.structs import asdict
 
 from archerfish import storage
-from archerfish.errors import InputError, file_error
+from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.identification import robot_files
 from archerfish.identification.axis.identify import AxisResult, identify_axis
 from archerfish.identification.muzzle.estimate import expected_vertical, measured_vertical
@@ -75,6 +75,7 @@ class RobotResult(Reported):
         return _step_responses(self.record)
 
 
+@checked_arguments
 def identify_robot(
     folder: str | Path, *, out: str | Path | None = None, name: str = "", seed: int = 0, overwrite: bool = False
 ) -> RobotResult:

@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from archerfish import storage
-from archerfish.errors import InputError, file_error
+from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.learning.config import TrainConfig
 from archerfish.provenance import code_changes, code_commit, library_versions
 from archerfish.records.json_files import parse_json, plain, read_json, to_struct, write_json
@@ -153,13 +153,15 @@ class RunFolder:
         write_json(self.path / FAULT, {"schema": "archerfish.fault/1", **facts})
 
 
+@checked_arguments
 @contextmanager
-def new_run(path: Path, begun: Begun) -> Iterator[RunFolder]:
+def new_run(folder: str | Path, begun: Begun) -> Iterator[RunFolder]:
     """Make the folder of a training and hold its lock; one that can't continue is moved aside until the end.
 
     Raises:
       InputError: if the folder is in use, has an unfinished training, or something that is no training's.
     """
+    path = Path(folder)
     _earlier(path)  # a folder that is refused gets no lock
     with storage.locked(path):
         names = _earlier(path)

@@ -18,7 +18,7 @@ from archerfish.compiled import import_jax
 from archerfish.controllers.policy.observation import observer_facts
 from archerfish.controllers.policy.observer import Observer
 from archerfish.controllers.policy.policy import Policy, PolicyFacts
-from archerfish.errors import InputError
+from archerfish.errors import InputError, checked_arguments
 from archerfish.learning.config import CHUNK, ConfigLike, TrainConfig
 from archerfish.learning.environment import make_environment
 from archerfish.learning.reward import RewardFunction
@@ -74,10 +74,11 @@ def train(
         begun = _begin(robot, task, with_given(TrainConfig.of(config), trainer, steps, reward), seed)
         begun = begun.replace(devices=claim_devices(begun.config.settings.shards), code=_own_code(begun))
         environment = make_environment(begun.robot, begun.task, config=begun.config)
-        with nullcontext() if out is None else new_run(Path(out), begun) as run:
+        with nullcontext() if out is None else new_run(out, begun) as run:
             return _run(environment, begun, run, callback or (lambda _: None))
 
 
+@checked_arguments
 def resume(
     folder: str | Path,
     *,

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
-from archerfish.errors import InputError, file_error
+from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.logs import signals, stamps
 from archerfish.logs.arrays import ARCHIVE, arrays_in, read_array_file, table_of
 from archerfish.logs.bags import RECOVER, bag_signals, read_bag
@@ -22,6 +22,7 @@ _UNREAD = (
 _Format = Literal["bag", "arrays", "text"]
 
 
+@checked_arguments
 def read_log(
     source: Any,
     *,
@@ -92,6 +93,7 @@ def _log(table: LogTable, names: Signals, period_s: float | None, sha256: str) -
     return Log(tuple(recordings), tuple(findings), samples, table.source, sha256)
 
 
+@checked_arguments
 def signals_in(path: str | Path) -> tuple[str, ...]:
     """Return the names of what a file holds: columns of a table, arrays, or fields of a bag's topics as TOPIC/FIELD.
 

@@ -10,7 +10,8 @@ from typing import Any, Literal, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from archerfish.errors import InputError, file_error, one_line
+from archerfish.arrays import real_array
+from archerfish.errors import InputError, checked_arguments, file_error, one_line
 from archerfish.storage import write_bytes
 
 Values = NDArray[np.floating[Any]]
@@ -167,6 +168,7 @@ class Recording:
         return np.asarray(self.start_s + self.period_s * np.arange(len(self)), dtype=np.float64)
 
     @classmethod
+    @checked_arguments
     def from_arrays(
         cls, u: ArrayLike, y: ArrayLike, period_s: float | None = None, *, time: ArrayLike | None = None, **fields: Any
     ) -> Self:
@@ -182,12 +184,12 @@ class Recording:
         Raises:
           InputError: if shapes disagree, a value is not finite, names are lacking, or stamps are uneven.
         """
-        if (period_s is None) == (time is None) or np.ndim(np.asarray(period_s)):
+        if (period_s is None) == (time is None):
             raise InputError("from_arrays: expected period_s, a number, or time; pass from_arrays(u, y, time=stamps)")
-        inputs, outputs = (np.atleast_2d(np.array(signal, dtype=np.float64).T).T for signal in (u, y))
+        inputs, outputs = (np.atleast_2d(real_array("from_arrays", signal).T).T for signal in (u, y))
         if time is None:
             return cls(inputs, outputs, float(period_s or 0), **fields)
-        stamps = np.array(time, dtype=np.float64)
+        stamps = real_array("from_arrays: time", time)
         if stamps.shape != (len(inputs),) or len(stamps) < 2:
             raise InputError(f"from_arrays: time has shape {stamps.shape}, expected ({len(inputs)},), 2 or more")
         even = (stamps[-1] - stamps[0]) / (len(stamps) - 1)

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Self
 import numpy as np
 from msgspec import Meta, field
 
-from archerfish.errors import InputError
+from archerfish.arrays import real_array
+from archerfish.errors import InputError, checked_arguments
 from archerfish.records.json_files import Counts, Matrix, SampleCount
 from archerfish.records.record import Provenance, Record, Text
 
@@ -76,6 +77,7 @@ class PlantRecord(Record, frozen=True, kw_only=True):
         return f"PlantRecord({self.axis}: order {len(self.A)}, delay {delay_ms:.3g} ms{draws})"
 
     @classmethod
+    @checked_arguments
     def second_order(
         cls, natural_hz: float, damping: float, delay_s: float = 0.0, sample_period_s: float = 1e-3, gain: float = 1.0
     ) -> Self:
@@ -106,6 +108,7 @@ class PlantRecord(Record, frozen=True, kw_only=True):
         return cls(A=A, B=B, C=C, D=np.zeros((1, 1)), delay_samples=round(samples), sample_period_s=sample_period_s)
 
     @classmethod
+    @checked_arguments
     def from_state_space(
         cls, A: Any, B: Any = None, C: Any = None, D: Any = None, dt: float | None = None, delay_samples: int = 0
     ) -> Self:
@@ -128,7 +131,7 @@ class PlantRecord(Record, frozen=True, kw_only=True):
             problem = f"expected matrices and a period dt above 0 s, or what has them as control.ss, got dt {dt}"
             remedy = "discretise a continuous model (control.c2d(system, 0.001) or scipy.signal.cont2discrete)"
             raise InputError(f"PlantRecord.from_state_space: {problem}; {remedy}")
-        A, B, C, D = (np.atleast_2d(matrix) for matrix in (A, B, C, D))
+        A, B, C, D = (np.atleast_2d(real_array("from_state_space", matrix)) for matrix in (A, B, C, D))
         D = np.full((len(C), B.shape[-1]), D[0, 0]) if D.size == 1 else D
         names: Any = {"input_names": _names("command", B.shape[-1]), "output_names": _names("angle", len(C))}
         return cls(A=A, B=B, C=C, D=D, delay_samples=delay_samples, sample_period_s=dt, **names)

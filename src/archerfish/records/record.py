@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 import msgspec
 from msgspec import Meta
 
-from archerfish.errors import InputError, meant
+from archerfish.errors import InputError, checked_arguments, meant
 from archerfish.records.json_files import Number, decode, fault, plain, read_struct, write_json
 
 Text = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f\ud800-\udfff]*\Z", max_length=1000)]
@@ -104,6 +104,7 @@ class Record(Struct, frozen=True, kw_only=True):
     remedy: ClassVar[str] = "identify again"  # for a file that is not as expected
 
     @classmethod
+    @checked_arguments
     def load(cls, path: str | Path) -> Self:
         """Read a record.
 
@@ -112,6 +113,7 @@ class Record(Struct, frozen=True, kw_only=True):
         """
         return read_struct(Path(path), cls, cls.schema, cls.remedy)
 
+    @checked_arguments
     def save(self, path: str | Path) -> None:
         """Write the record to a .json file.
 

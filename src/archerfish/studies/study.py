@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from msgspec import Meta, field
 
+from archerfish.errors import checked_arguments
 from archerfish.evaluation.results import Results
 from archerfish.records.json_files import Number
 from archerfish.records.record import Record, Struct
@@ -93,6 +94,7 @@ class Study(Record, frozen=True, kw_only=True):
     """Stage → seconds."""
 
     @classmethod
+    @checked_arguments
     def load(cls, path: str | Path) -> Self:
         """Read a study.
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Self
 
 from archerfish import storage
-from archerfish.errors import InputError, meant
+from archerfish.errors import InputError, checked_arguments, meant
 from archerfish.reports.progress import bar
 from archerfish.robot import Robot, RobotLike
 from archerfish.task import Task, TaskLike
@@ -27,6 +27,7 @@ class VirtualRobot:
         self.description, self.source = description, source
 
     @classmethod
+    @checked_arguments
     def load(cls, robot: str | Path = "infantry") -> Self:
         """Read a virtual robot.
 
@@ -43,6 +44,7 @@ class VirtualRobot:
         """Name."""
         return self.description.schema.name
 
+    @checked_arguments
     def record(
         self, folder: str | Path, *, seed: int = 0, parts: str | Iterable[str] = (), overwrite: bool = False
     ) -> Path:
@@ -66,8 +68,6 @@ class VirtualRobot:
         if unknown := sorted(set(chosen) - PARTS.keys()):
             remedy = meant(str(unknown[0]), PARTS, "name these")
             raise InputError(f"parts: there is no {unknown[0]!r}, expected some of {', '.join(PARTS)}; {remedy}")
-        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-            raise InputError(f"seed must be a whole number, at least 0, got {seed!r}; choose another")
         facts = {"robot": self.name, "seed": seed, "parts": chosen}
         with storage.output_folder(folder, "record", (), overwrite, facts, ("limits.json", "tape.json")) as written:
             made = recordings(self.description, seed)

@@ -12,7 +12,7 @@ from archerfish.arrays import Array, tree
 from archerfish.controllers.policy.network import Layer, Normaliser, forward, normalise
 from archerfish.controllers.policy.observation import ObserverFacts, make_observer
 from archerfish.controllers.policy.observer import Memory, Observer
-from archerfish.errors import InputError, file_error
+from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.protocols import Command, Seen, Truth
 from archerfish.records.json_files import parse_json, plain, to_struct
 from archerfish.records.record import Struct
@@ -84,6 +84,7 @@ class Policy(ObservingController):
         return f"Policy({', '.join(parts)})"
 
     @classmethod
+    @checked_arguments
     def load(cls, path: str | Path, blocks: tuple[Any, ...] = ()) -> Self:
         """Read a policy.
 
@@ -111,6 +112,7 @@ class Policy(ObservingController):
         except InputError as error:
             raise file_error(path, str(error).removesuffix(f"; {_REMEDY}"), _REMEDY) from error
 
+    @checked_arguments
     def save(self, path: str | Path) -> None:
         """Write the policy to a .safetensors file, of a folder that is there to policy.safetensors in it.
 

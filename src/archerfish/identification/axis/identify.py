@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from archerfish.errors import InputError
+from archerfish.errors import InputError, checked_arguments
 from archerfish.identification.axis.bootstrap import draw_plants
 from archerfish.identification.axis.checks import (
     GOOD,
@@ -71,6 +71,7 @@ class AxisResult(AxisEstimates):
         return axis_report(self)
 
 
+@checked_arguments
 def identify_axis(
     logs: Source | Sequence[Source],
     *arrays: object,
@@ -108,7 +109,7 @@ def identify_axis(
     if arrays:
         problem = f"identify_axis: got {1 + len(arrays)} arguments, expected logs alone"
         raise InputError(f"{problem}; pass archerfish.Recording.from_arrays(u, y, period_s)")
-    _check_arguments(axis, order, max_delay, seed, feedthrough)
+    _check_arguments(axis, order, max_delay)
     # Matrices are small: more threads cost more than they save.
     with threadpool_limits(1, "blas"):
         logs_of_axis = read_sources(logs, validate, divides_s)
@@ -124,14 +125,12 @@ def identify_axis(
         return _result(found, logs_of_axis, axis, seed)
 
 
-def _check_arguments(axis: Any, order: Any, max_delay: Any, seed: Any, feedthrough: Any) -> None:
+def _check_arguments(axis: str, order: int | None, max_delay: int | None) -> None:
     """Refuse before the work what would fail after it, or be taken for something else."""
-    if not isinstance(axis, str) or not axis.strip() or "/" in axis:
+    if not axis.strip() or "/" in axis:
         raise InputError(f"axis: expected a name, such as pitch, got {axis!r}; choose another")
-    if not isinstance(feedthrough, bool):
-        raise InputError(f"feedthrough: expected True or False, got {feedthrough!r}; give one of these")
-    for name, number, least in (("order", order, 1), ("max_delay", max_delay, 0), ("seed", seed, 0)):
-        if number is not None and not (isinstance(number, int | np.integer) and number >= least):
+    for name, number, least in (("order", order, 1), ("max_delay", max_delay, 0)):
+        if number is not None and number < least:
             raise InputError(f"{name}: expected a whole number of at least {least}, got {number!r}; choose another")
 
 

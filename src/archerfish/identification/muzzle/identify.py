@@ -5,12 +5,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from msgspec.structs import asdict
 
-from archerfish.errors import InputError
+from archerfish.errors import InputError, checked_arguments
 from archerfish.identification.muzzle import checks, estimate
 from archerfish.identification.muzzle.checks import Flags, LackOfFit
 from archerfish.identification.muzzle.estimate import (
@@ -164,6 +164,7 @@ Doubt = tuple[object, str, str, str]
 """Whether it is there, its code, what it is, and what to do."""
 
 
+@checked_arguments
 def identify_muzzle(
     shots: Shots | str | Path | Sequence[str | Path],
     *,
@@ -185,11 +186,12 @@ def identify_muzzle(
       InputError: if a given value is out of range, the shots can't be what they are said to be, or they can't separate
         the parameters; the message names the measurement that is missing.
     """
-    if not isinstance(shots, Shots | Iterable | Path):
-        expected = f"expected Shots, a file or several, got one of type {type(shots).__name__}"
-        raise InputError(f"identify_muzzle: {expected}; give one of these")
     if not isinstance(shots, Shots):
-        shots = read_shots(*[shots] if isinstance(shots, str | Path) else shots)
+        files: list[Any] = [*shots] if isinstance(shots, Iterable) and not isinstance(shots, str) else [shots]
+        if not files or not all(isinstance(file, str | Path) for file in files):
+            problem = f"expected Shots, a file or several, got one of type {type(shots).__name__}"
+            raise InputError(f"identify_muzzle: {problem}; give one of these")
+        shots = read_shots(*files)
     given = {"length": length_m, "height": height_m, "drag": None if drag == "estimate" else drag}
     known = {name: value for name, value in given.items() if value is not None}
     for name, value in known.items():

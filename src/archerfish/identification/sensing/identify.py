@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from archerfish.errors import InputError, file_error
+from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.identification import statistics
 from archerfish.identification.sensing import timing
 from archerfish.identification.sensing.alignment import Alignment, GimbalTrack, align, gimbal_track, rough_offset
@@ -141,6 +141,7 @@ _FARTHEST_M = 100.0  # that a plate is seen
 _FEWEST_RECEIPTS = 20  # from which a latency is estimated
 
 
+@checked_arguments
 def identify_sensing(
     sweep: logs.GimbalLog | str | Path,
     detections: logs.DetectionLog | str | Path,
@@ -185,7 +186,13 @@ def identify_sensing(
     findings = list[Finding]()
 
     def read(reader: Callable[..., Any], source: Any, **options: Any) -> Any:
-        return reader(source, findings=findings, **options) if isinstance(source, str | Path) else source
+        if isinstance(source, str | Path):
+            return reader(source, findings=findings, **options)
+        kind = reader.__annotations__["return"]
+        if source is not None and isinstance(kind, type) and not isinstance(source, kind):
+            expected = f"expected a file or a {kind.__name__}, got one of type {type(source).__name__}"
+            raise InputError(f"identify_sensing: {expected}; give one of these")
+        return source
 
     log, *more = (read(logs.read_gimbal_log, source, degrees=degrees) for source in (sweep, *steps))
     plate = read(logs.read_detections, detections, frame=frame, degrees=degrees)
