@@ -75,7 +75,10 @@ class Plugin:
             if isinstance(error, SyntaxError) and error.filename == self.file:
                 lines.append(error.lineno)
             place, name = f"line {lines[-1]}: " if lines else "", type(error).__name__
-            text = one_line(f"{name}: {(str(error).strip().splitlines() or [''])[0]}")[:240]
+            said = ""
+            with suppress(Exception):  # an exception of a user's own may have no text
+                said = str(error)
+            text = one_line(f"{name}: {(said.strip().splitlines() or [''])[0]}")[:240]
             compiled = "it runs compiled, for many engagements at once: write xp = namespace(x) and xp.where for if"
             remedy = compiled if name.startswith(_TRACED) else "correct it"
             raise InputError(f"{self.spec}: {place}{text}; {remedy}") from error

@@ -134,8 +134,8 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         found: dict[str, Any] = {part: RECORDS[part].load(path) for part, path in files.items() if path.exists()}
         needed = {"pitch", "yaw", *facts.records, *(("muzzle", "limits") if is_written else ())}
         if missing := sorted(needed - found.keys()):
-            robots = [path.parent.name for path in folder.parent.glob("*/pitch.json")]
-            remedy = meant(folder.name, robots, "name that of a robot")
+            robots = [path.parent.name for path in folder.parent.glob("*/pitch.json") if path.parent != folder]
+            remedy = meant(folder.name, robots, "name that of a robot, as archerfish identify writes it")
             raise file_error(folder, f"expected a folder with {missing[0]}.json", remedy)
         if not is_written:
             facts = facts.replace(assumed=tuple(part for part in RECORDS if part not in found))
@@ -160,7 +160,7 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         found: Any = getattr(robot, "record", robot)
         if isinstance(found, cls):
             return found
-        if robot is None or robot == "paper":
+        if robot is None or (isinstance(robot, str) and robot == "paper"):
             return cls.paper()
         if isinstance(robot, str | Path):
             return cls.load(robot, accept_unusable=accept_unusable)

@@ -343,7 +343,7 @@ def test_the_command_exports_with_the_settings_that_the_folder_holds(tmp_path, m
     assert "mine.c decides as kalman does in NumPy." in printed
     wrote, following = printed.splitlines()[-2:]
     assert wrote.startswith(f"wrote {tmp_path}/mine.c and {tmp_path}/mine.h (")
-    assert following == f"next: cc -O2 -ffp-contract=off -c {path} (docs/export.md)"
+    assert following == f"next: cc -O2 -ffp-contract=off -c {path}  # docs/export.md"
     af.export("kalman", path, robot, "paper", tuning={"kalman": tuning})
     assert path.read_text() == text
     main([*words, "--tuning", "start"])

@@ -45,5 +45,5 @@ class Export(ForRobot):
         report = export(controller, out, robot, task, tuning=self.tuning)
         written, step = f"{out}", "docs/export.md runs it in Python and C++"
         if out.suffix == ".c":
-            written, step = f"{out} and {out.with_suffix('.h')}", f"cc -O2 -ffp-contract=off -c {out} (docs/export.md)"
+            written, step = f"{out} and {out.with_suffix('.h')}", f"cc -O2 -ffp-contract=off -c {out}  # docs/export.md"
         return Ending(f"{report}", f"wrote {written}", step)

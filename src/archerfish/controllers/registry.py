@@ -139,6 +139,8 @@ def make_controller(controller: Any, robot: Robot, task: Task, tuning: Tuning | 
         make_predictor, make_law = CLASSICAL[name]
         return single_precision(make_law(make_predictor(robot, task, tuning), robot, task, tuning))
     if name and not is_plugin(name, "controller") and not name.endswith(".py"):
+        if "/" in name:
+            raise InputError(f"controller {name}: there is no such file or folder; name a policy's")
         expected = f"{', '.join(NAMES)}, or one of your own ({FORMS})"
         raise InputError(
             f"controller must be one of {expected}, got {name!r}; {meant(name, NAMES, 'name one of these')}"

@@ -159,4 +159,5 @@ def unlike_training(contender: Contender, robot: Robot, task: Task) -> str:
         was, now = {"targets": facts.task.motion, **was}, {"targets": task.motion, **now}
     unlike = [f"{field} {was[field]} (here {now[field]})" for field in was if was[field] != now[field]]
     unlike += ["another robot's records"] if facts.robot not in ({}, robot.record_digests()) else []
-    return f"{contender.name} was trained for {', '.join(unlike)}." if unlike else ""
+    remedy = f"; task {facts.task.name} is that of its training" if facts.task.name != task.name else ""
+    return f"{contender.name} was trained for {', '.join(unlike)}{remedy}." if unlike else ""

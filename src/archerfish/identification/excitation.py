@@ -289,6 +289,16 @@ def excite(
     """
     if axis not in ("pitch", "yaw"):
         raise InputError(f"excite: axis: expected pitch or yaw, got {axis!r}; give one of these")
+    for name, given, kind in (
+        ("limits", limits, AxisLimits),
+        ("plant", plant, PlantRecord),
+        ("settings", settings, ExcitationSettings),
+    ):
+        if given is not None and not isinstance(given, kind):
+            got = type(given).__name__
+            raise InputError(f"excite: {name}: expected {kind.__name__} or None, got one of type {got}; give one")
+    if not isinstance(kinds, tuple | list):
+        raise InputError(f"excite: kinds: expected a tuple of names, got one of type {type(kinds).__name__}; give one")
     rng, settings = np.random.default_rng(seed), settings or ExcitationSettings()
     limits = limits or getattr(gate_limits(), axis)
     period_s = plant.sample_period_s if plant else settings.sample_period_s

@@ -253,7 +253,7 @@ def _report(
 
 
 def _offsets(robot: Robot) -> list[Table]:
-    """Return what a team corrects first: where pellets leave, and by how much stamps are off; of what is identified."""
+    """Return where pellets leave, and by how much stamps are off, of what is identified."""
     rows = list[tuple[Entry, ...]]()
     if "muzzle" in robot.parts and "muzzle" not in robot.assumed:
         for field, above, below in (("pitch_offset", "above", "below"), ("yaw_offset", "left of", "right of")):
@@ -268,7 +268,7 @@ def _offsets(robot: Robot) -> list[Table]:
         low, high = robot.sensing.intervals.get(name, _UNKNOWN)
         time = Estimate(1e3 * camera.time_offset, 1e3 * low, 1e3 * high, "ms")
         rows.append(("sensing: a frame is exposed after its stamp", time, "by the clock of the gimbal's log"))
-    return [Table("Offsets, to be corrected first", ("offset", "95 % interval", ""), tuple(rows))] if rows else []
+    return [Table("Offsets, which controllers correct", ("offset", "95 % interval", ""), tuple(rows))] if rows else []
 
 
 def _merged(findings: Iterable[Finding]) -> tuple[Finding, ...]:

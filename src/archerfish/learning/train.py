@@ -259,6 +259,7 @@ def _stop_requests() -> Iterator[list[int]]:
     def stop(number: int, _: Any) -> None:
         found.append(number)
         restore()
+        print("stopping after these updates; another signal ends at once", file=sys.stderr)  # noqa: T201
 
     try:
         for number in handled:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from archerfish.errors import meant
 from archerfish.logs.recording import Finding, LogTable, Values, listed, log_fault, open_log
 
 _MISSING = {"", "nan", "-nan", "na", "n/a", "null", "none"}
@@ -149,7 +150,8 @@ def _position(place: str, names: list[str], name: str, advice: Advice | None) ->
         return names.index(name)
     if count:
         raise log_fault(place, f'{count} columns are named "{name}"', "rename all but one", "column-twice")
-    remedy = f"the columns are {listed(names)}; {advice(names) if advice else 'name one of them'}"
+    following = advice(names) if advice else meant(name, names, "name one of them")
+    remedy = f"the columns are {listed(names)}; {following}"
     raise log_fault(place, f'there is no column "{name}"', remedy, "no-column")
 
 

@@ -75,7 +75,7 @@ class Struct(
                 kind.check_names(value)
             try:
                 value = msgspec.convert(value, kind, dec_hook=decode)
-            except msgspec.ValidationError as error:
+            except (msgspec.ValidationError, UnicodeEncodeError) as error:
                 text, parts = fault(error, value, f".{name}"), (kind, *get_args(kind))
                 text = text.replace("expected object", f"expected a {getattr(kind, '__name__', 'record')}")
                 remedy = "correct it"

@@ -64,6 +64,8 @@ class VirtualRobot:
           InputError: if there is no such part, or the folder can't be written.
         """
         folder = Path(folder)
+        if not isinstance(parts, Iterable):
+            raise InputError(f"parts: expected names, got one of type {type(parts).__name__}; name some of {[*PARTS]}")
         chosen = [parts] if isinstance(parts, str) else [*parts] or [*PARTS]
         if unknown := sorted(set(chosen) - PARTS.keys()):
             remedy = meant(str(unknown[0]), PARTS, "name these")

@@ -97,6 +97,8 @@ class Policy(ObservingController):
           InputError: if the file is no policy, is damaged, or a number is out of its bounds; if the training in the
             folder is not finished.
         """
+        if not isinstance(blocks, tuple | list):
+            raise InputError(f"blocks: expected a tuple of blocks, got one of type {type(blocks).__name__}; give one")
         folder, path = Path(path), _policy_file(Path(path))
         if not path.exists() and is_training(folder):
             raise file_error(folder, "is a training that is not finished", f"run archerfish train --resume {folder}")

@@ -233,7 +233,10 @@ def identify_sensing(
         found["link.command_jitter"] = statistics.scatter_estimate(delays)
     for name, times in (("link.command_latency", commands), ("link.feedback_latency", feedback)):
         if times is not None:
-            sent, received = read(logs.read_message_times, times)
+            pair = read(logs.read_message_times, times)
+            if not isinstance(pair, tuple | list) or len(pair) != 2:
+                raise InputError(f"{name}: expected a file, or moments of sending and receipt, got {ascii(pair)[:60]}")
+            sent, received = pair
             found[name] = statistics.sample_mean(received - sent)
             found[f"{name}_jitter"] = statistics.scatter_estimate(received - sent)
     given = (sweep, detections, *steps, target, target_steps, commands, feedback)
