@@ -27,10 +27,12 @@ print(results)
 # difference is known more precisely than either rate:
 
 # %%
-results.compare("oracle", "kalman")
+print(results.compare("oracle", "kalman"))
 
 # %%
-results.plot()
+figure = results.plot()
+figure.savefig("rates.png")
+figure
 
 # %% [markdown]
 # Why does `kalman` miss? `rollout` returns every array of every decision. In one second the gimbal has to turn to the
@@ -40,7 +42,9 @@ results.plot()
 shots = af.rollout("kalman", robot, task, engagements=8, seed=0)
 late = shots.times > 0.5
 print(f"first half second: {shots.hit[:, ~late].mean():.0%} hit, then {shots.hit[:, late].mean():.0%}")
-shots.plot(5)
+engagement = shots.plot(5)
+engagement.savefig("engagement.png")
+engagement
 
 # %% [markdown]
 # Next: [a robot of your own](tutorial_2.md). All tasks and controllers are listed in [Evaluation](evaluation.md).

@@ -26,7 +26,7 @@ def print_onnx(decision: Decision, facts: Mapping[str, Any]) -> bytes:
     try:
         import onnx
     except ImportError as error:
-        raise InputError("the package onnx is not installed; pip install onnx, or export C") from error
+        raise InputError("the package onnx is not installed; pip install 'archerfish[export]', or export C") from error
     constants: dict[Any, tuple[str, Any]] = {}
 
     def constant(value: Any) -> str:

@@ -183,9 +183,7 @@ def _landing_table(study: Study) -> list[Table]:
     rms = float(np.sqrt(np.mean(np.square(errors))))
     note = f"Errors of {rms:.2f} % rms, {max(map(abs, errors)):.1f} % at most. Fitted: {fitted}."
     columns = ("α, β", "d₁ (printed) [m]", "d₂ (printed) [m]", "model [m]", "error [%]")
-    return [
-        Table("Table I: landing points", columns, tuple(rows), f"{note} The flight model doesn't fit the printed d₂.")
-    ]
+    return [Table("Table I: landing points", columns, tuple(rows), f"{note} No plausible muzzle gives the printed d₂.")]
 
 
 def _degrees(angle_deg: float) -> str:
@@ -212,7 +210,8 @@ def _conditions() -> Table:
         ("drag [1/m]", f"{c.drag:g}"),
     )
     note = (
-        "The paper doesn't print these. They were chosen so that the tuned Kalman filter has the printed Kalman rates."
+        "The paper doesn't print these. They were chosen so that a Kalman filter with fixed settings (kalman-paper) "
+        "has about the printed Kalman rates; docs/paper.md has the reasons, and what is wrong in print."
     )
     return Table("Assumed conditions of Tables II and III", ("quantity", "value"), rows, note)
 
