@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from archerfish.errors import file_error, one_line
+from archerfish.errors import check_name, file_error, one_line
 
 MOST_BYTES = 64_000_000
 """Bytes of the largest file that is read whole."""
@@ -186,6 +186,7 @@ def output_folder(
     """
     import shutil  # slow to load
 
+    check_name(out)
     made = [each for each in (out, *out.parents) if not each.exists()]
     hidden, inputs = out / f".unfinished-{os.urandom(6).hex()}", tuple(inputs)
     with locked(out):

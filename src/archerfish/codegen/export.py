@@ -100,8 +100,14 @@ def export(
         checked = compared(onnx_decision(files[path]), gated)
     if not checked.get(SHARE, 0.0) <= MOST:
         raise InputError(f"{path}: differs by {checked[DIFFERENCE]:.2g} rad from NumPy; nothing is written, report it")
-    for each, text in files.items():
-        write_bytes(each, text)
+    new = [file for file in files if not file.exists()]
+    try:
+        for file, text in files.items():
+            write_bytes(file, text)
+    except InputError:  # a disk is full: half of two files is of no use
+        for file in new:
+            file.unlink(missing_ok=True)
+        raise
     sizes = {f"{each.name} [KiB]": round(len(text) / 1024) for each, text in files.items()}
     tables = (Table("The file", ("", "figure"), tuple((sizes | checked).items())),)
     found = f"decides as {name} does in NumPy" if checked else "is written, but was not compared with NumPy"
