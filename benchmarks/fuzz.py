@@ -122,9 +122,14 @@ def damaged_arrays(arrays: dict[str, Any], draw: random.Random) -> dict[str, Any
     values = np.array(arrays[name])
     flat = values.astype(float).ravel()
     flat[draw.randrange(max(flat.size, 1)) :][:1] = draw.choice((math.nan, math.inf, 1e300, -1.0))
-    changed: list[Any] = [flat.reshape(values.shape).astype(values.dtype), values[:1], values[:0], values[..., None]]
+    changed: list[Any] = [
+        flat.reshape(values.shape).astype(values.dtype),
+        np.ravel(values)[:1],
+        np.ravel(values)[:0],
+        values[..., None],
+    ]
     changed += [values.astype("f2"), values.astype("i1"), values * np.nan, values.T, -values, values.astype(str)]
-    changed += [values.astype(complex), values.astype(object), 0 * values, values[::-1], 1e9 * values, np.zeros(3)]
+    changed += [values.astype(complex), values.astype(object), 0 * values, np.flip(values), 1e9 * values, np.zeros(3)]
     return {**arrays, name: draw.choice(changed)} if draw.random() < 0.9 else {name: values}
 
 

@@ -43,6 +43,13 @@ def test_a_name_shows_its_arguments_and_says_in_a_line_what_it_is(name):
     assert name not in VERBS or len(pydoc.render_doc(thing).splitlines()) <= 60
 
 
+@pytest.mark.parametrize("value", [af.Task(), af.Task(motion="paper"), af.Task.load("static"), af.TrainConfig()])
+def test_what_is_as_usual_is_not_shown(value):
+    assert repr(value) in ("Task(motion='any')", "Task(motion='paper')", "Task(motion='static')", "TrainConfig()")
+    changed = value.replace(**({"frames": 6} if isinstance(value, af.TrainConfig) else {"hit_radius_m": 0.05}))
+    assert re.fullmatch(r".*(frames=6|, hit_radius_m=0.05)\)", repr(changed))
+
+
 def test_a_robot_and_a_task_are_given_to_every_verb_alike(tmp_path):
     af.Robot.paper().save(tmp_path / "robot")
     result = SimpleNamespace(record=af.Robot.paper())

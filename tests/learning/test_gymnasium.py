@@ -203,7 +203,11 @@ def test_what_can_not_be_made_or_reset_is_named(environment, refused):
 def test_a_picture_shows_gimbal_target_and_pellets(environment):
     envs = ShootingVectorEnv(3, render_mode="rgb_array", environment=environment)
     envs.reset(seed=0)
-    assert envs.render()[0].shape == (picture.HEIGHT, picture.FIELD_WIDTH + picture.NEAR_WIDTH, 3)
+    before = envs.render()
+    envs.step(np.ones((3, 2), np.float32))
+    after = envs.render()
+    assert before[0].shape == (picture.HEIGHT, picture.FIELD_WIDTH + picture.NEAR_WIDTH, 3)
+    assert all(np.any(one != other) for one, other in zip(before, after, strict=True))
     drawn = picture.draw_picture((0.1, 0.2), (0.0, 0.0), (3.0, 0.0, 0.0), [(0.0, 0.0), (9.0, 9.0)], 0.06)
     rows, columns = np.nonzero(np.all(drawn[:, : picture.FIELD_WIDTH] == picture.GIMBAL, axis=-1))
     assert rows.mean() < picture.HEIGHT / 2  # muzzle up

@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from archerfish.learning import learner as learners
 from archerfish.learning import run_folder, train
 from archerfish.learning.config import GradientConfig, PpoConfig, TrainConfig
 from archerfish.records.json_files import plain
+from archerfish.reports import progress
 
 pytest.importorskip("jax")
 ROOT = Path(__file__).parents[2]
@@ -256,6 +258,19 @@ def test_a_reward_that_was_edited_is_another_reward(tmp_path, begin, refused):
     assert digest == hashlib.sha256(file.read_bytes()).hexdigest()
     file.write_text(file.read_text() + "\n")
     refused("one has changed since the training was begun", af.resume, tmp_path / "out", reward=f"{file}:one")
+
+
+def test_progress_is_shown_up_to_the_total(monkeypatch):
+    begun, calls = [], []
+
+    def bar(*given):
+        begun.append(given)
+        return nullcontext(lambda done, note: calls.append(done))
+
+    monkeypatch.setattr(progress, "bar", bar)
+    af.train(task="paper", config=CONFIG, steps=1800)  # rounded to whole iterations, in calls of four
+    assert begun == [("training", 1920, "decisions", "compiling")]
+    assert calls == [640, 1280, 1920]
 
 
 def without_number(*given, **more):
