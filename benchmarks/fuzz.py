@@ -666,7 +666,7 @@ def main() -> None:
         compiled.forked.append(True)  # NumPy begins sooner than JAX
         for module, _ in command_line.COMMANDS.values() if options.commands else ():
             importlib.import_module(module)
-        importlib.import_module("archerfish.evaluation.tuning").rates = lambda *_: lambda _: 0.5  # type: ignore[attr-defined]
+        importlib.import_module("archerfish.evaluation.tuning_search").rates = lambda *_: lambda _: 0.5  # type: ignore[attr-defined]
         limit = memory("VmSize") + 8 * 10**9  # an input that asks for more gets a MemoryError
         os.chdir(name)
         signal.signal(signal.SIGTERM, signal.default_int_handler)

@@ -21,7 +21,7 @@ def prepare() -> alternating.Work:
     from archerfish.controllers.registry import make_controller
     from archerfish.evaluation.draws import draw
     from archerfish.evaluation.run import count
-    from archerfish.evaluation.tuning import tune
+    from archerfish.evaluation.tuning_search import tune
     from archerfish.robot import Robot
     from archerfish.simulation.world import make_world
     from archerfish.task import Task

@@ -17,7 +17,7 @@ from archerfish.controllers.registry import make_controller
 from archerfish.controllers.tuning import GRIDS, Tuning
 from archerfish.evaluation.draws import draw
 from archerfish.evaluation.run import count
-from archerfish.evaluation.tuning import search
+from archerfish.evaluation.tuning_search import search
 from archerfish.paper.conditions import paper_tuning
 from archerfish.provenance import provenance
 from archerfish.records.json_files import plain, write_json

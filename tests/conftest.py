@@ -36,6 +36,10 @@ os.environ.update(
     JAX_COMPILATION_CACHE_MAX_SIZE="2000000000",  # JAX locks its writes only where the size is limited
     JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS="0.2",
     JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES="-1",
+    # Compiling costs a test more than running: with few optimisations a training compiles in two fifths of the time.
+    # One thread as in the processes of a study, which then find the programs that were compiled here.
+    XLA_FLAGS="--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true "
+    "--xla_cpu_use_fusion_emitters=false --xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
     JAX_NUM_CPU_DEVICES="2",  # a training takes a device for each of its shards
     JAX_NUMPY_RANK_PROMOTION="raise",  # a silent broadcast of (3,) against (2, 3) is how batch dimensions get mixed up
     TF_CPP_MIN_LOG_LEVEL="3",  # on some processors XLA prints a page about every kept program (openxla/xla issue 44565)

@@ -66,7 +66,7 @@ def test_a_target_moves_as_its_file_says():
 def test_an_edited_target_is_evaluated_and_tuned_for_as_it_is_now(tmp_path, monkeypatch):
     monkeypatch.setenv("ARCHERFISH_CACHE", str(tmp_path / "cache"))
     searched, file, spec = [], tmp_path / "mine.py", f"{tmp_path}/mine.py:departure"
-    monkeypatch.setattr("archerfish.evaluation.tuning.rates", lambda *_: searched.append(1) or (lambda _: 0.5))
+    monkeypatch.setattr("archerfish.evaluation.tuning_search.rates", lambda *_: searched.append(1) or (lambda _: 0.5))
     text, hits = (EXAMPLES / "departure.py").read_text(), []
     for content in (text, text.replace("side * speed", "8.0 * side * speed"), text):
         file.write_text(content)
@@ -181,7 +181,7 @@ def test_an_object_of_another_content_is_another_one(notebook, code):
 def test_what_is_not_known_by_its_content_is_neither_joined_nor_kept(notebook, tmp_path, monkeypatch, refused):
     monkeypatch.setenv("ARCHERFISH_CACHE", str(tmp_path))
     searched, make = [], notebook(PRODUCTS).make
-    monkeypatch.setattr("archerfish.evaluation.tuning.rates", lambda *_: searched.append(1) or (lambda _: 0.5))
+    monkeypatch.setattr("archerfish.evaluation.tuning_search.rates", lambda *_: searched.append(1) or (lambda _: 0.5))
     opaque = make(threading.Lock())
     for motions, message in (([make(1.0), make(2.0)], "motion differs"), ([opaque, opaque], "motion refers to what")):
         tasks = [af.Task.of(motion).replace(ranges_m=((2, 3),)) for motion in motions]

@@ -101,7 +101,7 @@ def test_the_page_of_evaluation_has_all_fields_of_a_task_with_their_defaults():
 
 
 def test_ten_lines_lead_to_results(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr("archerfish.evaluation.tuning.rates", lambda *_: lambda settings: 0.5)
+    monkeypatch.setattr("archerfish.evaluation.tuning_search.rates", lambda *_: lambda settings: 0.5)
     monkeypatch.setenv("ARCHERFISH_CACHE", "off")
     monkeypatch.chdir(tmp_path)
     lines, later = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "evaluation.md").read_text(), re.DOTALL)[:2]

@@ -6,7 +6,7 @@ from archerfish.errors import InputError as InputError
 from archerfish.evaluation.evaluate import evaluate as evaluate
 from archerfish.evaluation.results import Results as Results
 from archerfish.evaluation.rollout import rollout as rollout
-from archerfish.evaluation.tuning import tune as tune
+from archerfish.evaluation.tuning_search import tune as tune
 from archerfish.identification.axis.identify import identify_axis as identify_axis
 from archerfish.identification.excitation import excite as excite
 from archerfish.identification.muzzle.identify import identify_muzzle as identify_muzzle

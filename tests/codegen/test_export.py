@@ -312,7 +312,7 @@ def test_what_can_not_be_exported_is_refused_and_nothing_is_written(tmp_path, re
     refused("tuning: expected .kept., .start., .*got 'best'", export, "kalman", tmp_path / "a.c", tuning="best")
     refused("perhaps you meant kalman", export, "kalmn", tmp_path / "a.c")
     near = TASK.replace(command_limit="los-2deg")
-    monkeypatch.setattr("archerfish.evaluation.tuning.tune", lambda *_: 1 / 0)  # takes minutes, and comes last
+    monkeypatch.setattr("archerfish.evaluation.tuning_search.tune", lambda *_: 1 / 0)  # takes minutes, and comes last
     refused("as no robot knows; take gate or box", export, "kalman", tmp_path / "a.c", PAPER, near)
     monkeypatch.setattr("archerfish.codegen.export.MOST", -1.0)
     if shutil.which("cc"):
@@ -333,7 +333,7 @@ def test_without_compiler_or_onnx_it_is_said_what_was_not_checked(tmp_path, refu
 
 @gcc
 def test_the_command_exports_with_the_settings_that_the_folder_holds(tmp_path, monkeypatch, capsys, refused):
-    monkeypatch.setattr("archerfish.evaluation.tuning.rates", lambda *_: lambda each: 0.5 - each.initial_speed)
+    monkeypatch.setattr("archerfish.evaluation.tuning_search.rates", lambda *_: lambda each: 0.5 - each.initial_speed)
     INFANTRY.save(tmp_path)
     robot, path = af.Robot.load(tmp_path), tmp_path / "mine.c"
     tuning = af.tune("kalman", robot, TASK)

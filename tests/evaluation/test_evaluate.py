@@ -16,7 +16,7 @@ from archerfish.controllers.policy.observation import make_observer, observer_fa
 from archerfish.controllers.policy.policy import PolicyFacts
 from archerfish.controllers.registry import make_controller
 from archerfish.controllers.tuning import GRIDS, tuning_at
-from archerfish.evaluation import tuning
+from archerfish.evaluation import tuning_search as tuning
 from archerfish.evaluation.contenders import as_contenders
 from archerfish.evaluation.draws import draw
 from archerfish.evaluation.run import count

@@ -39,11 +39,12 @@ def refusal(check, *arguments):
     return ""
 
 
+@pytest.mark.parametrize("logs", [5, pytest.param(30, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", INPUTS)
-def test_a_response_is_found_even_late_or_in_noise_as_large_and_its_absence_too(name):
+def test_a_response_is_found_even_late_or_in_noise_as_large_and_its_absence_too(name, logs):
     late = PLANT.replace(delay_samples=170)  # an eighth of the log is searched
     assert silent_logs([recorded(INPUTS[name], 1.0), recorded(INPUTS[name], plant=late)]) == []
-    for seed in range(30):  # logs of noise, coloured as often as white, at a false alarm of 1e-4 each
+    for seed in range(logs):  # of noise, coloured as often as white, at a false alarm of 1e-4 each
         noise = signal.lfilter([1], [1, -0.95 * (seed % 2)], np.random.default_rng(9 + seed).normal(size=1500))
         log = Recording.from_arrays(INPUTS[name], noise, 0.01)
         assert codes(silent_logs([log])) == [("no-response", "warning")]

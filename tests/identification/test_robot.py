@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -256,16 +257,20 @@ def test_signs_gain_and_name_are_given_and_what_is_to_be_done_is_said(one_table)
     assert [each for each in steps if re.search(r"--\w", each) and "archerfish " not in each] == []
 
 
-def test_timing_logs_may_be_in_degrees_and_in_the_optical_frame(lab_folder, robot_folder, tmp_path):
+def test_timing_logs_may_be_in_degrees_and_in_the_optical_frame(lab_folder, tmp_path):
+    usual, other = tmp_path / "usual", tmp_path / "other"
+    usual.mkdir()
+    other.mkdir()
     (header, *sweep), (names, *plate) = ((lab_folder / f"timing_{each}.csv").read_text().split() for each in FILES)
     stamps, angles = np.hsplit(np.loadtxt(sweep, delimiter=","), [1])
     rows = np.loadtxt(plate, delimiter=",")
     assert names == "time_s,receive_s,x,y,z"
     rows[:, 2:] = np.stack([-rows[:, 3], -rows[:, 4], rows[:, 2]], 1)
     for name, first, table in zip(FILES, (header, names), (np.hstack([stamps, np.degrees(angles)]), rows), strict=True):
-        np.savetxt(tmp_path / f"TIMING_{name}.CSV", table, delimiter=",", header=first, comments="", fmt="%.12g")
-    (tmp_path / "logs.toml").write_text('[sensing]\nframe = "optical"\ndegrees = true\n')
-    known, found = (Robot.load(robot_folder).sensing.camera, identify_robot(tmp_path).record.sensing.camera)
+        shutil.copyfile(lab_folder / f"timing_{name}.csv", usual / f"timing_{name}.csv")
+        np.savetxt(other / f"TIMING_{name}.CSV", table, delimiter=",", header=first, comments="", fmt="%.12g")
+    (other / "logs.toml").write_text('[sensing]\nframe = "optical"\ndegrees = true\n')
+    known, found = (identify_robot(folder).record.sensing.camera for folder in (usual, other))
     assert found.time_offset == pytest.approx(known.time_offset, abs=1e-6)
     assert found.bearing_sd == pytest.approx(known.bearing_sd, rel=1e-3)
 

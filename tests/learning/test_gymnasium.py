@@ -299,7 +299,7 @@ SMALL |= {"learn(3_000_000)": "learn(200)", "engagements=100": "engagements=2", 
 @pytest.mark.parametrize("package", ["gymnasium", "stable_baselines3"])
 def test_the_page_runs(package, monkeypatch, tmp_path):
     pytest.importorskip(package, reason=f"{package} is not installed")
-    monkeypatch.setattr("archerfish.evaluation.tuning.rates", lambda *_: lambda settings: 0.5)
+    monkeypatch.setattr("archerfish.evaluation.tuning_search.rates", lambda *_: lambda settings: 0.5)
     monkeypatch.setenv("ARCHERFISH_CACHE", "off")
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "gymnasium.md").read_text(), re.DOTALL)

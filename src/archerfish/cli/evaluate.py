@@ -15,7 +15,7 @@ from archerfish.cli.options import Ending, ForRobot, Writes, assigned, shown
 from archerfish.controllers.registry import is_policy, load_controller
 from archerfish.controllers.tuning import GRIDS, TuningLike
 from archerfish.evaluation.evaluate import USUAL, evaluate
-from archerfish.evaluation.tuning import tune
+from archerfish.evaluation.tuning_search import tune
 from archerfish.plugins import names_code
 from archerfish.records.json_files import plain
 from archerfish.robot import Robot

@@ -15,7 +15,7 @@ from archerfish.controllers.registry import ControllerLike, load_controller, mak
 from archerfish.controllers.tuning import TuningLike
 from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.evaluation.contenders import as_contenders
-from archerfish.evaluation.tuning import settings
+from archerfish.evaluation.tuning_search import settings
 from archerfish.provenance import code_commit
 from archerfish.reports.report import Report
 from archerfish.reports.table import Table

@@ -14,7 +14,7 @@ from archerfish.evaluation.draws import check_counts, draw
 from archerfish.evaluation.published import is_paper, printed_for, with_bounds
 from archerfish.evaluation.results import Cell, Results
 from archerfish.evaluation.run import Counted, count, count_perfect_aim, is_compiled
-from archerfish.evaluation.tuning import settings
+from archerfish.evaluation.tuning_search import settings
 from archerfish.plugins import find_plugin
 from archerfish.reports import progress
 from archerfish.robot import Robot, RobotLike

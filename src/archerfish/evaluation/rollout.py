@@ -16,7 +16,7 @@ from archerfish.errors import InputError
 from archerfish.evaluation.contenders import as_contenders, prepared
 from archerfish.evaluation.draws import check_counts, draw
 from archerfish.evaluation.run import decisions
-from archerfish.evaluation.tuning import settings
+from archerfish.evaluation.tuning_search import settings
 from archerfish.protocols import Command, Controller, Engagement, Seen, Shot, World
 from archerfish.robot import Robot, RobotLike
 from archerfish.simulation.user_world import WorldLike, find_world

@@ -16,7 +16,7 @@ from archerfish.controllers.tuning import GRIDS
 from archerfish.errors import InputError
 from archerfish.evaluation.evaluate import evaluate
 from archerfish.evaluation.results import Results
-from archerfish.evaluation.tuning import tune
+from archerfish.evaluation.tuning_search import tune
 from archerfish.identification.robot import identify_robot
 from archerfish.learning.config import TrainConfig
 from archerfish.learning.train import train

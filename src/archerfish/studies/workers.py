@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 from archerfish.errors import InputError
 from archerfish.reports import progress
 
+_XLA_FLAGS = "--xla_cpu_multi_thread_eigen=false", "intra_op_parallelism_threads=1"
 ONE_THREAD = {
-    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
+    "XLA_FLAGS": " ".join(dict.fromkeys([*os.environ.get("XLA_FLAGS", "").split(), *_XLA_FLAGS])),
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
