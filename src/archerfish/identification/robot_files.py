@@ -20,6 +20,7 @@ from archerfish.records.json_files import read_json, to_struct
 from archerfish.records.limits import AxisLimits, LimitsRecord
 from archerfish.records.record import Struct
 from archerfish.robot import Part
+from archerfish.storage import read_bytes, text_of
 
 AXES: tuple[Literal["pitch", "yaw"], ...] = ("pitch", "yaw")
 EXPECTED = "{pitch,yaw}_{sweep,step}[_validation].csv, {pitch,yaw}_step_{N}deg.csv, shots.csv, timing_{sweep,plate}.csv"
@@ -152,9 +153,10 @@ def read_folder(folder: Path) -> LogFolder:
     if not folder.is_dir():
         raise file_error(folder, "there is no such folder", "name the folder of the logs")
     path = folder / "logs.toml"
+    written = read_bytes(path, "write no more than the names of the logs to it") if path.exists() else b""
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    except (OSError, ValueError) as error:
+        content = tomllib.loads(text_of(written))
+    except (ValueError, RecursionError) as error:
         raise file_error(path, f"is not TOML ({error})", "correct it") from error
     keys = [", ".join(kind.__struct_fields__) for kind in (AxisFiles, MuzzleFiles, SensingFiles, LimitsFigures)]
     remedy = "correct it; [pitch] and [yaw] may have {}, [muzzle] {}, [sensing] {}, [limits] {}".format(*keys)

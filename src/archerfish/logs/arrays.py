@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sized
 from pathlib import Path
 from typing import Any
 
@@ -56,10 +56,19 @@ def table_of(arrays: Mapping[str, Any], signals: Signals, source: str) -> LogTab
       InputError: if an array is missing, not of real numbers, or of another length than the others.
     """
     columns = {name: _column(arrays, name, signals, source) for name in signals.columns()}
+    return LogTable(columns, range(1, same_length(columns, source) + 1), "row", source)
+
+
+def same_length(columns: Mapping[str, Sized], source: str) -> int:
+    """Return the number of samples of all signals of a log.
+
+    Raises:
+      InputError: if it is not one.
+    """
     if len(lengths := {len(values) for values in columns.values()}) > 1:
         problem = f"signals have {' and '.join(map(str, sorted(lengths)))} samples, expected one number"
         raise log_fault(source, problem, "store the signals of one log with one length", "length")
-    return LogTable(columns, range(1, max(lengths) + 1), "row", source)
+    return max(lengths)
 
 
 def arrays_in(path: Path) -> Any:

@@ -10,6 +10,7 @@ from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.logs import signals, stamps
 from archerfish.logs.arrays import ARCHIVE, arrays_in, read_array_file, table_of
 from archerfish.logs.bags import RECOVER, bag_signals, read_bag
+from archerfish.logs.json_tables import is_json, json_columns, read_json_log
 from archerfish.logs.recording import BAGS, Log, LogTable, Rows, Signals, log_fault, log_files, open_log
 from archerfish.logs.text import column_names, read_text
 
@@ -19,7 +20,7 @@ _UNREAD = (
     ((b"\x93NUMPY",), "is a single NumPy array", "store the signals by name with numpy.savez"),
 )
 """How files begin that can't be read, what they are, and what to do."""
-_Format = Literal["bag", "arrays", "text"]
+_Format = Literal["bag", "arrays", "json", "text"]
 
 
 @checked_arguments
@@ -65,6 +66,8 @@ def read_log(
             table, names = read_bag(path, names), names._replace(time="time_s")
         elif kind == "text":
             table = read_text(path, lambda _: names.columns(), advice=names.remedy)
+        elif kind == "json":
+            table = read_json_log(path, names)
         else:
             table = read_array_file(path, names)
     return _log(table, names, sample_period_s, digest.hexdigest())
@@ -104,6 +107,8 @@ def signals_in(path: str | Path) -> tuple[str, ...]:
     with _damage_named(path, kind):
         if kind == "bag":
             return bag_signals(path)
+        if kind == "json":
+            return tuple(json_columns(path)[0])
         return column_names(path) if kind == "text" else tuple(arrays_in(path).files)
 
 
@@ -118,6 +123,8 @@ def _format(path: Path) -> _Format:
     for unread, problem, remedy in _UNREAD:
         if begin.startswith(unread):
             raise file_error(path, problem, remedy, "unknown-format")
+    if is_json(begin):
+        return "json"
     is_arrays = begin.startswith((ARCHIVE, b"MATLAB")) or path.suffix in (".npz", ".mat")
     return "arrays" if is_arrays else "text"
 
