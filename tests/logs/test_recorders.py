@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.io import savemat
 
 from archerfish.identification.axis.fit import fit_axis
 from archerfish.identification.robot_files import read_folder
@@ -44,14 +45,18 @@ def same(log, *lengths):
 
 CASE = [
     ("names_again.csv", "time_s", "u y", 5, {"names-again", "new-recording"}),
-    ("time_of_day.csv", "time", "u y", 5, {"time-unit", "clock-wrap"}),
+    ("time_of_day.csv", "time", "u y", 5, {"clock-wrap"}),
     ("lines.jsonl", "time_s", "u y", 5, set()),
+    ("struct.mat", "data.time", "data.u data.y", 5, set()),
+    ("boot_and_wall_clock", "time_s", "/gimbal_command/yaw/position /joint_states/yaw/position", 4, {"clocks"}),
+    ("imu_orientation", "time_s", "/gimbal/yaw_command/point/x /gimbal/imu/orientation/yaw", 4, set()),
 ]
 
 
 @pytest.mark.parametrize(("name", "time", "signals", "natural_hz", "expected"), CASE, ids=[each[0] for each in CASE])
 def test_the_cases_give_the_plant_that_made_them(name, time, signals, natural_hz, expected, shared):
     """All have a steady gain of 1 and a delay of at most 10 ms."""
+    pytest.importorskip("rosbags" if signals[0] == "/" else "numpy")
     inputs, outputs = signals.split()
     log = read_log(shared(f"{CASES}/{name}"), inputs=inputs, outputs=outputs, time=time)
     assert codes(log) == expected
@@ -105,14 +110,14 @@ def test_times_of_day_are_read_through_midnight(tmp_path, form):
     texts = [form(*text.split("T")) for text in np.datetime_as_string(instants, unit="ms").tolist()]
     log = read(tmp_path, table(texts, "time,u,y"), time="time")
     same(log)
-    assert codes(log) <= {"time-unit", "clock-wrap"}
+    assert codes(log) <= {"clock-wrap"}
 
 
 def test_the_hour_that_summer_time_ends_with_goes_on(tmp_path):
     texts = [f"2026-10-25 02:{59 * (k < 100):02}:{(5900 + k) / 100 % 60:06.3f}" for k in range(400)]
     log = read(tmp_path, table(texts, "time,u,y"), time="time")
     same(log)
-    assert codes(log) == {"time-unit", "clock-wrap"}
+    assert codes(log) == {"clock-wrap"}
 
 
 @pytest.mark.parametrize(("name", "range_", "per_second"), COUNTERS.values(), ids=COUNTERS)
@@ -152,8 +157,8 @@ def test_json_is_read_whatever_its_layout(tmp_path, content, signals, expected):
 
 
 def test_what_is_wrong_in_json_is_named(tmp_path, refused):
-    refused('has no field "v"; it has "time_s", "u", "y"; name', read, tmp_path, LINES, inputs="v")
-    refused(r"is JSON that is damaged or ends too early, line 3 \(", read, tmp_path, LINES.replace(": 0.02,", " 0.02,"))
+    refused('has no array "v"; the arrays are "time_s", "u", "y"; name', read, tmp_path, LINES, inputs="v")
+    refused(r"is JSON that is damaged or ends too early, after line 2 \(", read, tmp_path, LINES.replace(": 0.02,", " 0.02,"))
     refused('row 3: column "u" is "on"', read, tmp_path, json.dumps([*ROWS[:2], ROWS[2] | {"u": "on"}]))
 
 
@@ -162,3 +167,28 @@ def test_editors_of_windows_may_have_saved_logs_toml(tmp_path, encoding, shared)
     text = shared(f"{CASES}/toml_with_mark/logs.toml").read_text("utf-8-sig")
     (tmp_path / "logs.toml").write_bytes(text.encode(encoding))
     assert read_folder(tmp_path).pitch.unit == "deg"
+
+
+STRUCT = {"time": TIME[:, None], "u": U[:, None], "signals": {"values": np.column_stack([0 * Y, Y]), "label": "yaw"}}
+EACH = np.rec.fromarrays([TIME, U, Y], names="t,u,y")
+ARRAYS_OF = {  # what writes a file; its signals
+    "a struct of Simulink": (lambda path: savemat(path, {"out": STRUCT}), "out.time out.u out.signals.values[1]"),
+    "a struct for each row": (lambda path: savemat(path, {"s": EACH}), "s.t s.u s.y"),
+    "a structured array": (lambda path: np.savez(path, log=EACH, other=np.ones(3)), "log.t log.u log.y"),
+    "a single structured array": (lambda path: np.save(path, EACH), "t u y"),
+}
+
+
+@pytest.mark.parametrize(("write", "names"), ARRAYS_OF.values(), ids=ARRAYS_OF)
+def test_signals_in_structs_are_read_and_listed(tmp_path, write, names, refused):
+    with (tmp_path / "log").open("wb") as file:
+        write(file)
+    time, inputs, outputs = names.split()
+    same(read_log(tmp_path / "log", time=time, inputs=inputs, outputs=outputs))
+    refused(f'the arrays are .*"{outputs.partition("[")[0]}"', read_log, tmp_path / "log", time="data")
+
+
+def test_a_structured_array_in_memory_and_stamps_of_a_frame_are_read():
+    same(read_log(EACH, time="t"))
+    stamps = np.datetime64("2026-11-28T23:59:58") + (1e6 * TIME).round().astype("timedelta64[us]")
+    same(read_log({"time": stamps, "u": U.tolist(), "y": list(map(str, Y))}, time="time"))

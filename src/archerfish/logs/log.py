@@ -3,14 +3,15 @@
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.logs import signals, stamps
-from archerfish.logs.arrays import ARCHIVE, arrays_in, read_array_file, table_of
+from archerfish.logs.arrays import ARCHIVE, arrays_in, fields_of, is_structured, read_array_file, table_of
 from archerfish.logs.bags import RECOVER, bag_signals, read_bag
-from archerfish.logs.json_tables import is_json, json_columns, read_json_log
+from archerfish.logs.json_tables import is_json, json_fields
 from archerfish.logs.recording import BAGS, Log, LogTable, Rows, Signals, log_fault, log_files, open_log
 from archerfish.logs.text import column_names, read_text
 
@@ -67,17 +68,20 @@ def read_log(
         elif kind == "text":
             table = read_text(path, lambda _: names.columns(), advice=names.remedy)
         elif kind == "json":
-            table = read_json_log(path, names)
+            fields, found = json_fields(path)
+            table = replace(table_of(fields, names, str(path)), findings=found)
         else:
             table = read_array_file(path, names)
     return _log(table, names, sample_period_s, digest.hexdigest())
 
 
 def _table_in_memory(source: Any, names: Signals) -> LogTable:
-    if not (isinstance(source, Mapping) or hasattr(source, "columns")):
+    columns = source if isinstance(source, Mapping) else getattr(source, "columns", None)
+    columns = getattr(getattr(source, "dtype", None), "names", None) if columns is None else columns
+    if columns is None:
         problem = f"read_log: got a {type(source).__name__}, expected a file, arrays by name, or a data frame"
         raise InputError(f"{problem}; pass archerfish.Recording.from_arrays(u, y, period_s)", "unknown-format")
-    return table_of({str(name): source[name] for name in getattr(source, "columns", source)}, names, "table")
+    return table_of(dict(fields_of({name: source[name] for name in columns})), names, "table")
 
 
 def _log(table: LogTable, names: Signals, period_s: float | None, sha256: str) -> Log:
@@ -108,8 +112,8 @@ def signals_in(path: str | Path) -> tuple[str, ...]:
         if kind == "bag":
             return bag_signals(path)
         if kind == "json":
-            return tuple(json_columns(path)[0])
-        return column_names(path) if kind == "text" else tuple(arrays_in(path).files)
+            return tuple(json_fields(path)[0])
+        return column_names(path) if kind == "text" else tuple(dict(fields_of(arrays_in(path))))
 
 
 def _format(path: Path) -> _Format:
@@ -121,11 +125,11 @@ def _format(path: Path) -> _Format:
     if path.is_dir() or begin.startswith(tuple(BAGS)) or path.suffix in BAGS.values():
         return "bag"
     for unread, problem, remedy in _UNREAD:
-        if begin.startswith(unread):
+        if begin.startswith(unread) and not is_structured(begin):
             raise file_error(path, problem, remedy, "unknown-format")
     if is_json(begin):
         return "json"
-    is_arrays = begin.startswith((ARCHIVE, b"MATLAB")) or path.suffix in (".npz", ".mat")
+    is_arrays = begin.startswith((ARCHIVE, b"MATLAB", b"\x93NUMPY")) or path.suffix in (".npz", ".mat")
     return "arrays" if is_arrays else "text"
 
 

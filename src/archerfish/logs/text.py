@@ -65,7 +65,6 @@ def read_text(path: Path, choose: Choice, *, advice: Advice | None = None, whole
     findings += found
     rows = {number: _row(path, number, line, separator, len(names)) for number, line in body.items()}
     texts = {name: [row[at].strip() for row in rows.values()] for name, at in positions.items()}
-    findings += clocks_in_seconds(path, texts)
     if _have_decimal_commas(texts):
         texts = {name: [text.replace(",", ".") for text in column] for name, column in texts.items()}
         message = "decimal commas were read as decimal points"
@@ -152,17 +151,6 @@ def _names_again(path: Path, heading: str, body: dict[int, str]) -> tuple[list[i
     return again, (Finding("names-again", "repaired", place, message, remedy, torn),)
 
 
-def clocks_in_seconds(path: Path, texts: dict[str, list[str]]) -> tuple[Finding, ...]:
-    """Turn, in place, times of day into seconds, in columns by name; return a finding of each such column."""
-    findings = list[Finding]()
-    for name, column in texts.items():
-        if any(":" in text for text in column):
-            texts[name] = [_in_seconds(text, name) for text in column]
-            message = f'"{name}" has times of day, which were turned into seconds'
-            findings.append(Finding("time-unit", "repaired", str(path), message, "nothing to do"))
-    return tuple(findings)
-
-
 def _in_seconds(text: str, name: str) -> str:
     """Return a time of day, after a date or not, as a number in the unit of its column's name; other texts as they are.
 
@@ -236,12 +224,12 @@ def _row(path: Path, number: int, line: str, separator: str | None, count: int) 
 
 def _have_decimal_commas(texts: dict[str, list[str]]) -> bool:
     """Return whether commas can be nothing else: there are no points, and not all separate thousands."""
-    parted = [text for column in texts.values() for text in column if "," in text or "." in text]
+    parted = [text for column in texts.values() for text in column if ("," in text or "." in text) and ":" not in text]
     numbers = all("." not in text and _NUMBER.fullmatch(text) for text in parted)
     return numbers and not all(map(_THOUSANDS.fullmatch, parted))
 
 
-def numbers_of(path: Path, kind: str, places: Sequence[int], name: str, texts: Sequence[str]) -> Values:
+def numbers_of(path: str | Path, kind: str, places: Sequence[int], name: str, texts: Sequence[str]) -> Values:
     """Return a column of N texts as numbers, NaN where a value is missing.
 
     Args:
@@ -258,7 +246,8 @@ def numbers_of(path: Path, kind: str, places: Sequence[int], name: str, texts: S
     for index, text in enumerate(texts):
         try:
             if text.lower() not in _MISSING:
-                values[index] = float(text.replace("_", "x"))  # Python's separator of digits is no number
+                number = _in_seconds(text, name) if ":" in text else text
+                values[index] = float(number.replace("_", "x"))  # Python's separator of digits is no number
         except ValueError as error:
             problem = f'{kind} {places[index]}: column "{name}" is "{text[:_SHOWN]}", expected a number'
             raise log_fault(path, problem, "correct the value or remove the line", "not-a-number") from error
