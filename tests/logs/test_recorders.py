@@ -158,7 +158,12 @@ def test_json_is_read_whatever_its_layout(tmp_path, content, signals, expected):
 
 def test_what_is_wrong_in_json_is_named(tmp_path, refused):
     refused('has no array "v"; the arrays are "time_s", "u", "y"; name', read, tmp_path, LINES, inputs="v")
-    refused(r"is JSON that is damaged or ends too early, after line 2 \(", read, tmp_path, LINES.replace(": 0.02,", " 0.02,"))
+    refused(
+        r"is JSON that is damaged or ends too early, after line 2 \(",
+        read,
+        tmp_path,
+        LINES.replace(": 0.02,", " 0.02,"),
+    )
     refused('row 3: column "u" is "on"', read, tmp_path, json.dumps([*ROWS[:2], ROWS[2] | {"u": "on"}]))
 
 

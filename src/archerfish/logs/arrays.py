@@ -80,9 +80,9 @@ def fields_of(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
         for field in fields:
             yield from fields_of(value[field], f"{name}.{field}" if name else str(field))
     elif isinstance(value, list) and any(isinstance(row, dict) for row in value):
-        rows = [row if isinstance(row, dict) else {} for row in value]
-        for field in dict.fromkeys(chain.from_iterable(rows)):
-            yield from fields_of([row.get(field) for row in rows], f"{name}.{field}" if name else field)
+        objects = [row if isinstance(row, dict) else {} for row in value]
+        for field in dict.fromkeys(chain.from_iterable(objects)):
+            yield from fields_of([row.get(field) for row in objects], f"{name}.{field}" if name else field)
     elif isinstance(value, list) and any(isinstance(row, list) for row in value):
         rows = [row if isinstance(row, list) else [row] for row in value]
         for index, column in enumerate(zip_longest(*rows) if max(map(len, rows)) <= len(rows) else rows):

@@ -67,6 +67,21 @@ def bag_signals(path: Path) -> tuple[str, ...]:
     return tuple(names)
 
 
+def bag_tables(path: Path) -> Iterator[LogTable]:
+    """Yield a table of each topic that has numbers, with the times of its messages as "time_s".
+
+    Raises:
+      ImportError: if rosbags is not installed.
+      Exception: whatever a damaged byte leads the libraries to.
+    """
+    signals, findings = bag_signals(path), list[Finding]()
+    with _reader(path, findings) as reader:
+        of = {signal: _topic(path, reader, signal, Signals((), (), None)) for signal in signals}
+        for topic in dict.fromkeys(of.values()):
+            own = {signal: each for signal, each in of.items() if each == topic}
+            yield _one_table(path, [_series(path, reader, topic, own, findings)], list(own), findings)
+
+
 def _numbers(topic: str, field: str, value: Any, joints: Sequence[str] = ()) -> Iterator[str]:
     """Yield the names of the numbers in a message or a field, without those of long arrays, as covariances."""
     if isinstance(value, int | float | np.number):

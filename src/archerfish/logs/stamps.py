@@ -19,7 +19,7 @@ from archerfish.logs.recording import GAP, Finding, Recording, Rows, Values, by_
 Mask = NDArray[np.bool_]
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of stamps."""
-_TURNS = (86_400.0, 43_200.0, 3600.0, 604_800.0)  # a day, half of it, an hour, a week [s]
+_TURNS: tuple[float, ...] = (86_400.0, 43_200.0, 3600.0, 604_800.0)  # a day, half of it, an hour, a week [s]
 _TURNS += tuple(scale * 2.0**bits for scale in SECONDS.values() for bits in (16, 24, 32))
 """What stamps fall by at midnight, and where a counter rolls over [s]."""
 _LOST = 0.01  # of that, within which a stamp follows where samples are lost

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from archerfish.errors import meant
+from archerfish.errors import InputError, meant
 from archerfish.logs.recording import Finding, LogTable, Values, listed, log_fault, open_log
 from archerfish.logs.stamps import SECONDS, time_unit
 
@@ -41,7 +41,9 @@ _EPOCH = date(1970, 1, 1).toordinal()
 _SHOWN = 40  # characters of a bad field
 
 
-def read_text(path: Path, choose: Choice, *, advice: Advice | None = None, whole: bool = False) -> LogTable:
+def read_text(
+    path: Path, choose: Choice, *, advice: Advice | None = None, whole: bool = False, numbers: bool = False
+) -> LogTable:
     """Read columns of numbers from a text table; a missing value becomes NaN, in a line of separators alone all.
 
     Args:
@@ -49,6 +51,7 @@ def read_text(path: Path, choose: Choice, *, advice: Advice | None = None, whole
       choose: which of the columns are read, by name; where the first line has numbers they are "1", "2", ….
       advice: what to do where a column is not there, from the names of those that are.
       whole: whether a last line is read although no line break ends it.
+      numbers: whether columns with something else than numbers are left out.
 
     Raises:
       InputError: if it is no text, a column is missing or there twice, or a line has other fields than the first one,
@@ -69,9 +72,12 @@ def read_text(path: Path, choose: Choice, *, advice: Advice | None = None, whole
         texts = {name: [text.replace(",", ".") for text in column] for name, column in texts.items()}
         message = "decimal commas were read as decimal points"
         findings += (Finding("decimal-comma", "repaired", str(path), message, "write decimal points"),)
-    columns = {name: numbers_of(path, "line", list(rows), name, column) for name, column in texts.items()}
-    starts = tuple(np.searchsorted(list(rows), again).tolist())
-    return LogTable(columns, list(rows), "line", str(path), findings, starts)
+    columns, places = dict[str, Values](), list(rows)
+    for name, column in texts.items():
+        with suppress(*[InputError] * numbers):
+            columns[name] = numbers_of(path, "line", places, name, column)
+    starts = tuple(np.searchsorted(places, again).tolist())
+    return LogTable(columns, places, "line", str(path), findings, starts)
 
 
 def column_names(path: Path) -> tuple[str, ...]:
