@@ -10,6 +10,7 @@ from scipy.io import savemat
 from archerfish.identification.axis.fit import fit_axis
 from archerfish.identification.robot_files import read_folder
 from archerfish.logs.log import read_log
+from archerfish.logs.timing import read_detections
 
 CASES = "data/cases_2"
 RNG = np.random.default_rng(5)
@@ -86,9 +87,7 @@ def test_recordings_that_were_appended_to_one_file_are_separated(tmp_path, time,
     log = read(tmp_path, table(time, lines=lines))
     same(log, *lengths)
     assert codes(log) == expected
-    assert log.samples == sum(lengths) + any(
-        "torn" in each.message or "breaks off" in each.message for each in log.findings
-    )
+    assert log.samples == sum(lengths) + sum(each.samples for each in log.findings)
 
 
 CLOCKS = {
@@ -197,3 +196,42 @@ def test_a_structured_array_in_memory_and_stamps_of_a_frame_are_read():
     same(read_log(EACH, time="t"))
     stamps = np.datetime64("2026-11-28T23:59:58") + (1e6 * TIME).round().astype("timedelta64[us]")
     same(read_log({"time": stamps, "u": U.tolist(), "y": list(map(str, Y))}, time="time"))
+
+
+def test_signs_and_units_are_given_beside_the_names(tmp_path):
+    (plain,), (given,) = (
+        read(tmp_path, table(), **more).recordings
+        for more in ({}, {"inputs": "-u", "outputs": ["-y", "u"], "output_unit": "deg"})
+    )
+    assert_allclose(given.inputs, -plain.inputs, rtol=1e-12)
+    assert_allclose(given.outputs, np.radians(np.hstack([-plain.outputs, plain.inputs])), rtol=1e-12)
+
+
+def test_a_command_is_unwrapped_where_its_angle_does_not_jump(tmp_path):
+    """Its steps are as large as half a turn, so that by itself it shows no wrap."""
+    u = np.cumsum(RNG.uniform(-120, 120, 20)).repeat(20)
+    y = np.convolve(u, np.exp(-np.arange(200) / 9) * (1 - np.exp(-1 / 9)))[:400]
+    signals = {"time_s": TIME, "u": (u + 180) % 360 - 180, "y": (y + 180) % 360 - 180}
+    (recording,) = read_log(signals).recordings
+    assert_allclose(np.diff(recording.inputs[:, 0]), np.diff(u), atol=1e-9)
+    assert_allclose(np.diff(recording.outputs[:, 0]), np.diff(y), atol=1e-9)
+
+
+@pytest.mark.parametrize("word", ["NaN", "#N/A", "null", "-", "", "-nan(ind)", "NA"])
+def test_missing_values_are_those_of_any_tool(tmp_path, word):
+    rows = table().split("\n")
+    rows[6] = f"0.05,{word},{Y[5]:.6f}"
+    log = read(tmp_path, "\n".join(rows))
+    same(log)
+    assert codes(log) == {"held-input"}
+
+
+def test_detections_that_are_written_again_are_left_out(tmp_path):
+    rows = [f"{k // 3 / 60},3,{k // 3 / 99},0,{k / 180 + 0.01}" for k in range(300)]
+    (tmp_path / "plate.csv").write_text("\n".join(["time_s,x,y,z,receive_s", *rows, ""]))
+    detections = read_detections(tmp_path / "plate.csv", findings=(findings := []))
+    assert (len(detections.time), [each[:2] + each[-1:] for each in findings]) == (
+        100,
+        [("time-duplicate", "repaired", 200)],
+    )
+    assert_allclose(detections.receive, np.arange(100) / 60 + 0.01)

@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from archerfish.cli.options import Ending, Writes, shown
-from archerfish.logs.look import look, names_to_fill_in
+from archerfish.logs.look import log_report, names_to_fill_in
 from archerfish.logs.recording import log_files
 
 
@@ -34,7 +34,7 @@ class Look(Writes):
         name = "look.html" if log_files(self.log) else "logs.toml"
         with self.written(self.out, f"look {name}", options, [self.log], [name]) as folder:
             if name == "look.html":
-                found = look(self.log)
+                found = log_report(self.log)
                 found.write_page(folder / name)
                 return Ending(f"{found}", f"open {self.out / name}")
             text = names_to_fill_in(self.log)

@@ -324,15 +324,8 @@ def read_axis(path: Path, files: AxisFiles) -> Log:
       InputError: if it can't be used.
     """
     names = files.of(path.name)
-    input_unit, output_unit = units_of(names)
-    return read_log(
-        path,
-        inputs=names.input,
-        outputs=names.output,
-        time=names.time,
-        input_unit=input_unit,
-        output_unit=output_unit,
-    )
+    u, y = units_of(names)
+    return read_log(path, inputs=names.input, outputs=names.output, time=names.time, input_unit=u, output_unit=y)
 
 
 def units_of(files: AxisFiles) -> tuple[Unit, Unit]:

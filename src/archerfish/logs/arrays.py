@@ -74,8 +74,8 @@ def fields_of(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
     Fields are named "data.time", elements "position[0]"; of a list of N mappings each field is an array of N.
     """
     fields = value if isinstance(value, Mapping) else getattr(getattr(value, "dtype", None), "names", None)
-    if fields and all(str(field).isdecimal() for field in fields):  # rows, as pandas numbers them
-        value, fields = [value[field] for field in fields], None
+    if isinstance(value, dict) and all(map(str.isdecimal, value)) and not any(map(np.ndim, value.values())):
+        value, fields = [*value.values()], None  # rows, as pandas numbers them
     if fields:
         for field in fields:
             yield from fields_of(value[field], f"{name}.{field}" if name else str(field))

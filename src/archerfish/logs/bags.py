@@ -9,8 +9,8 @@ z, y and x, of which pitch is positive with the nose down, as in ROS.
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
@@ -23,8 +23,8 @@ from archerfish.logs.recording import Finding, LogTable, Signals, Values, listed
 _MCAP, _MCAP_FOOTER = b"\x89MCAP0\r\n", b"\x02\x14" + bytes(27)
 _LARGEST_LAG_S, _SMALL_LAG_S = 1.0, 0.05
 """Differences of stamps from receipts, between topics: from two clocks, and those that a delay may come from."""
-_FORMATS = {"protobuf", "jsonschema", "json", "flatbuffer", "ros1msg", "ros1", "cbor", "msgpack"}
-"""Encodings of messages in MCAP files that are not those of ROS 2."""
+ENCODINGS = {"protobuf", "jsonschema", "flatbuffer", "ros1msg"}
+"""Of messages in MCAP files, but for those of ROS 2, by which rosbags looks for a reader."""
 _LISTED = 8  # elements of an array, up to which they are listed
 _Series = tuple[Any, Values]
 RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
@@ -110,14 +110,7 @@ def _reader(path: Path, findings: list[Finding]) -> Iterator[Any]:
     with TemporaryDirectory() as folder:
         indexed = (path / "metadata.yaml").is_file()
         files = [path] if indexed else [_whole(file, folder, findings) for file in log_files(path)]
-        try:
-            opened = AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE))
-            opened.open()
-        except KeyError as error:
-            if error.args[0] not in _FORMATS:
-                raise
-            raise _encoding_fault(path, error.args[0]) from error
-        with closing(opened) as reader:
+        with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             if not reader.connections:
                 raise ValueError("it has no topics")
             yield reader
@@ -140,19 +133,10 @@ def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:
     return copy
 
 
-def _encoding_fault(path: Path, encoding: str) -> InputError:
-    problem = f"has messages in {encoding}, expected those of ROS 2 (cdr)"
-    return log_fault(path, problem, "export the signals as CSV, or record with ros2 bag", "unknown-format")
-
-
 def _topic(path: Path, reader: Any, signal: str, signals: Signals) -> str:
     inside = f"/{signal.removeprefix('/')}"
     if found := [topic for topic in reader.topics if inside.startswith((f"{topic}/", f"{topic}."))]:
-        topic = str(max(found, key=len))
-        for connection in reader.topics[topic].connections:
-            if (encoding := getattr(connection.ext, "serialization_format", "")) in _FORMATS:
-                raise _encoding_fault(path, encoding)
-        return topic
+        return str(max(found, key=len))
     remedy = f"it has {listed(bag_signals(path))}; {signals._replace(time=None).remedy(())}"
     raise log_fault(path, f'has no topic of signal "{signal}"', remedy, "no-column")
 
@@ -211,8 +195,9 @@ def _value(path: Path, topic: str, signal: str, message: Any, joint: str, steps:
             if _is_quaternion(value) and step in ("x", "y", "z", "w"):
                 remedy = f'name "{signal[:-2]}/yaw", or its pitch or roll'
                 raise log_fault(path, f'"{signal}" is a component of a quaternion, no angle', remedy, "no-column")
-            angle = _is_quaternion(value) and _ANGLES.get(step)
-            value = angle(value) if angle else value[int(step)] if step.isdigit() else getattr(value, step)
+            if _is_quaternion(value) and step in ("yaw", "pitch", "roll"):
+                return _angle(step, value.w, value.x, value.y, value.z)
+            value = value[int(step)] if step.isdigit() else getattr(value, step)
         if joint:
             return float(value[names.index(joint)]) if joint in names else None
         if not np.ndim(value):
@@ -230,14 +215,12 @@ def _is_quaternion(value: Any) -> bool:
     return str(getattr(value, "__msgtype__", "")).endswith("/Quaternion")
 
 
-_ANGLES: dict[str, Callable[[Any], float]] = {
-    "yaw": lambda q: math.atan2(2 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2),
-    "pitch": lambda q: math.atan2(
-        2 * (q.w * q.y - q.z * q.x), math.hypot(2 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2)
-    ),
-    "roll": lambda q: math.atan2(2 * (q.w * q.x + q.y * q.z), q.w**2 - q.x**2 - q.y**2 + q.z**2),
-}
-"""Angles of a rotation about z, y and x, in this order, of a quaternion of any length."""
+def _angle(name: str, w: float, x: float, y: float, z: float) -> float:
+    """Return an angle of a quaternion of any length [rad]: of rotations about z, y and x, in this order."""
+    forward = w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)  # where the x axis points
+    if name == "roll":
+        return math.atan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
+    return math.atan2(forward[1], forward[0]) if name == "yaw" else math.atan2(-forward[2], math.hypot(*forward[:2]))
 
 
 def _one_table(path: Path, series: list[_Series], signals: list[str], findings: list[Finding]) -> LogTable:

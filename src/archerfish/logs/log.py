@@ -14,7 +14,7 @@ import numpy as np
 from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.logs import signals, stamps
 from archerfish.logs.arrays import ARCHIVE, arrays_in, fields_of, is_structured, read_array_file, table_of
-from archerfish.logs.bags import RECOVER, bag_signals, bag_tables, read_bag
+from archerfish.logs.bags import ENCODINGS, RECOVER, bag_signals, bag_tables, read_bag
 from archerfish.logs.json_tables import is_json, json_fields
 from archerfish.logs.recording import BAGS, Log, LogTable, Recording, Rows, Signals, log_fault, log_files, open_log
 from archerfish.logs.text import column_names, read_text
@@ -200,6 +200,9 @@ def _damage_named(path: Path, kind: _Format) -> Iterator[None]:
     except Exception as error:
         if kind == "text":
             raise
+        if isinstance(error, KeyError) and error.args[0] in ENCODINGS:
+            problem, remedy = f"has messages in {error.args[0]}, expected those of ROS 2", "export its signals as CSV"
+            raise log_fault(path, problem, remedy, "unknown-format") from error
         problem = "is damaged, or " + ("no bag" if kind == "bag" else "has objects")
         remedy = RECOVER if kind == "bag" else "write the file again, its signals as arrays of numbers"
         code = "not-a-number" if "Object array" in str(error) else "damaged"

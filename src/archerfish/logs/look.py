@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
@@ -36,7 +37,7 @@ class Looked(NamedTuple):
 
 
 @checked_arguments
-def look(path: str | Path) -> Report:
+def log_report(path: str | Path) -> Report:
     """Report what a file has: each signal with its rate, range, gaps and repeats, and the unit that it may be in.
 
     Args:
@@ -52,12 +53,12 @@ def look(path: str | Path) -> Report:
     columns = "signal", "unit", "samples", "rate [Hz]", "length [s]", "lowest", "highest", "gaps", "repeats [%]"
     note = "Units with a question mark are guessed from the values; repeats are samples equal to the one before."
     inputs, outputs, stamps = guessed(tables)
-    step = f"archerfish identify axis {path} --input {inputs} --output {outputs}"
-    step += f" --time {stamps}" if stamps not in ("time_s", None) else " --sample-period-s SECONDS" * (stamps is None)
+    words = ["archerfish", "identify", "axis", str(path), f"--input={inputs}", f"--output={outputs}"]
+    words += [f"--time={stamps}"] if stamps else ["--sample-period-s=SECONDS"]
     return Report(
         title=f"{Path(path).name}: what is in it",
         headline=f"{len(rows)} signals, {max(len(table.time) for table in tables)} samples at most",
-        next_steps=(f"If these are command and angle: {step}",),
+        next_steps=(f"If these are command and angle: {shlex.join(words)}",) if outputs != "NAME" else (),
         tables=(Table("Signals", columns, tuple(rows), note),),
         figures=(("The first signals over time.", partial(_picture, tables)),),
         findings=tuple(dict.fromkeys(finding for table in tables for finding in table.findings)),

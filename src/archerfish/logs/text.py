@@ -151,14 +151,13 @@ def _names_again(path: Path, heading: str, body: dict[int, str]) -> tuple[list[i
     torn = sum(body.pop(number).strip(_BLANK + "\r") != heading for number in again)
     if not again:
         return [], ()
-    message = f"lines that repeat the names left out: {len(again)}"
-    message += f"; {torn} of them begin with a sample that breaks off" if torn else ""
+    message = f"lines that repeat the names left out: {len(again)}, {torn} of them behind a sample that breaks off"
     place, remedy = f"{path}: line {again[0]}", "write each recording into a file of its own"
     return again, (Finding("names-again", "repaired", place, message, remedy, torn),)
 
 
-def _in_seconds(text: str, name: str) -> str:
-    """Return a time of day, after a date or not, as a number in the unit of its column's name; other texts as they are.
+def _in_seconds(text: str, unit: float) -> str:
+    """Return a time of day, after a date or not, as a number in a unit [s]; other texts as they are.
 
     A date that does not begin with its year is ignored: it changes at midnight alone.
     """
@@ -170,7 +169,7 @@ def _in_seconds(text: str, name: str) -> str:
     with suppress(ValueError):  # of a date that there is not
         days = date(int(year), int(month), int(day)).toordinal() - _EPOCH if year else 0
         whole = 60 * (60 * (24 * days + hour) + int(minutes) - zone_min) + int(seconds)
-        return repr((whole + float(f"0.{fraction or 0}")) / SECONDS[time_unit(name)])
+        return repr((whole + float(f"0.{fraction or 0}")) / unit)
     return text
 
 
@@ -248,11 +247,13 @@ def numbers_of(path: str | Path, kind: str, places: Sequence[int], name: str, te
     Raises:
       InputError: if one is no number.
     """
-    values = np.full(len(texts), np.nan)
+    with suppress(ValueError):  # of those that are no plain numbers, which are read one by one
+        return np.array([float(text.replace("_", "x")) for text in texts])
+    values, scale = np.full(len(texts), np.nan), SECONDS[time_unit(name)]
     for index, text in enumerate(texts):
         try:
             if text.lower() not in _MISSING:
-                number = _in_seconds(text, name) if ":" in text else text
+                number = _in_seconds(text, scale) if ":" in text else text
                 values[index] = float(number.replace("_", "x"))  # Python's separator of digits is no number
         except ValueError as error:
             problem = f'{kind} {places[index]}: column "{name}" is "{text[:_SHOWN]}", expected a number'

@@ -134,7 +134,7 @@ def _table(
     receipts = missing.pop("receive_s", np.zeros(len(table.places), dtype=np.bool_))
     lost = np.any([*missing.values()], axis=0)
     values = [values for name, values in table.columns.items() if name != "receive_s"]
-    again = np.append(False, np.all(np.diff(values) == 0, axis=0))
+    again = np.append(False, np.all(np.diff(values) == 0, axis=0) & (len(values) > 1))
     for code, rows, message in (
         ("missing-values", lost, "rows without a value left out"),
         ("missing-values", receipts & ~lost, "detections without receive_s"),
