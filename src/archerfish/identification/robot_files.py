@@ -29,7 +29,7 @@ EXPECTED = "{pitch,yaw}_{sweep,step}[_validation].csv, {pitch,yaw}_step_{N}deg.c
 _TIMING = [f"timing_{name}.csv" for name in ("sweep", "plate", "steps", "target", "moments", "commands", "reports")]
 """Logs of camera and link."""
 _USUAL = re.compile(r"(pitch|yaw)_step_[1-9]\d*deg\.csv|landings\.csv")
-LOGS = (".csv", ".txt", ".tsv", ".npz", ".mat", *BAGS.values())
+LOGS = (".csv", ".txt", ".tsv", ".jsonl", ".ndjson", ".npz", ".mat", *BAGS.values())
 """Endings of files that somebody means to be read."""
 _Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 Both = _Positive | Annotated[tuple[_Positive, ...], Meta(min_length=2, max_length=2)]

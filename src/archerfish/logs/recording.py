@@ -229,6 +229,11 @@ class Log:
     source: str  # the file
     sha256: str  # of its content
 
+    def __repr__(self) -> str:
+        lines = [*map(repr, self.recordings)]
+        lines += [f"{found.severity}, {found.place}: {found.message}; {found.remedy}" for found in self.findings]
+        return "\n  ".join([f"Log({self.source or 'table'}: {self.samples:,} samples)", *lines])
+
 
 def held_mean(time: Values, signals: Values, edges: Values) -> Values:
     """Average signals that hold each value until the next sample, and the last one further on.

@@ -27,11 +27,13 @@ _SEPARATOR_LINE = re.compile(r' *"?sep=(.)"? *', re.IGNORECASE)
 """First line of a spreadsheet's CSV file, which states the separator."""
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
 _CLOCK = re.compile(
-    r"(?:(?:(\d{4})[-/.](\d\d?)[-/.](\d\d?)|[\d/.-]+)[T ] *)?(?:(\d\d?):)?(\d\d?):(\d\d)(?:[.,:](\d+))?"
+    r"(?:(?:(\d{4})[-/.](\d\d?)[-/.](\d\d?)|[\w/.,-]+(?: [\w/.,-]+)*)[T ] *)?(?:(\d\d?):)?(\d\d?):(\d\d)(?:[.,:](\d+))?"
     r" *(?:([AP])M)?(?:Z|([+-]\d\d):?(\d\d))?",
     re.IGNORECASE,
 )
 """Time of day, also after a date and before a zone; without hours in what spreadsheets write."""
+_MARKS = re.compile(r"[\s\"#%,;]+")
+"""What is beside names, and between them."""
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _HEAD = 2**16  # bytes that have the names and the first sample of a usual table
 _UNPACKED = (".gz", ".bz2", ".xz")  # endings by which NumPy takes a file for a compressed one
@@ -64,7 +66,8 @@ def read_text(
     header = f"{path}: line {max(first, 1)}"
     positions = {name: _position(header, names, name, advice) for name in choose(names)}
     body = {number: line for number, line in enumerate(lines[first:], first + 1) if line.strip()}
-    again, found = _names_again(path, lines[first - 1] if first else "", body)
+    body = {number: line for number, line in body.items() if not line.startswith(("sep=", '"sep='))}
+    again, found = _names_again(path, names, body) if not names[0].isdecimal() else ([], ())
     findings += found
     rows = {number: _row(path, number, line, separator, len(names)) for number, line in body.items()}
     texts = {name: [row[at].strip() for row in rows.values()] for name, at in positions.items()}
@@ -135,20 +138,31 @@ def _lines(path: Path, whole: bool) -> tuple[list[str], tuple[Finding, ...]]:
     return lines, (Finding("truncated", "repaired", place, f"{message}: values are lost", remedy, int(torn)),)
 
 
-def _names_again(path: Path, heading: str, body: dict[int, str]) -> tuple[list[int], tuple[Finding, ...]]:
+def _names_again(path: Path, names: Sequence[str], body: dict[int, str]) -> tuple[list[int], tuple[Finding, ...]]:
     """Take out the lines that repeat the names, as a logger writes them at each start, also behind a torn line.
 
     Args:
       path: of the file.
-      heading: line of the names, or what else is above the first sample.
+      names: of the columns.
       body: lines by their number, from which they are taken out.
 
     Returns:
       Their numbers, and a finding that counts them.
+
+    Raises:
+      InputError: if a line has other names, after which columns may be other ones.
     """
-    heading = heading.strip(_BLANK + "\r")
-    again = [number for number, line in body.items() if heading and line.rstrip(_BLANK + "\r").endswith(heading)]
-    torn = sum(body.pop(number).strip(_BLANK + "\r") != heading for number in again)
+    first, heading = next(filter(None, names), "\n").lower(), _MARKS.sub("", "".join(names)).lower()
+    again, torn = list[int](), 0
+    for number in [number for number, line in body.items() if first in line.lower()]:
+        line = _MARKS.sub("", body[number]).lower()
+        if line.endswith(heading):
+            again.append(number)
+            torn += line != heading
+            del body[number]
+        elif _MARKS.split(body[number].lower().lstrip('"#% '))[0] == first:
+            problem = f'line {number}: has "{body[number][:_SHOWN]}", expected the names of the first line, or numbers'
+            raise log_fault(path, problem, "cut the log there into two", "not-a-number")
     if not again:
         return [], ()
     message = f"lines that repeat the names left out: {len(again)}, {torn} of them behind a sample that breaks off"
@@ -161,7 +175,7 @@ def _in_seconds(text: str, unit: float) -> str:
 
     A date that does not begin with its year is ignored: it changes at midnight alone.
     """
-    if not (found := _CLOCK.fullmatch(text)):
+    if not (found := _CLOCK.fullmatch(text.strip("[]"))):
         return text
     year, month, day, hours, minutes, seconds, fraction, half, zone, more = found.groups()
     hour = int(hours or 0) % (12 if half else 24) + (12 if half in ("P", "p") else 0)
