@@ -6,6 +6,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Any
@@ -48,19 +49,34 @@ def read_array_file(path: Path, signals: Signals) -> LogTable:
         others.
       Exception: whatever a damaged byte leads the libraries to.
     """
-    archive, loaded = arrays_in(path), list[str]()
+    archive, wanted = _arrays_in(path), signals.columns()
     sizes = {member.filename.removesuffix(".npy"): member.file_size for member in archive.zip.infolist()}
-    for signal in signals.columns():
-        of = [name for name in sizes if signal == name or signal.startswith((f"{name}[", f"{name}."))]
-        loaded += of or [name for name, size in sizes.items() if size <= MAX_BYTES]  # to list what there is
-    for name in loaded:
+    holding = {each: [name for name in sizes if f"{each}.".startswith((f"{name}[", f"{name}."))] for each in wanted}
+    if not all(holding.values()):
+        return table_of(array_fields(path), signals, str(path))  # which lists what there is
+    for name in chain.from_iterable(holding.values()):
         if archive.files.count(name) > 1:
             raise log_fault(path, f'has 2 arrays "{name}", expected one', "keep one of them", "column-twice")
         if sizes[name] > MAX_BYTES:
             problem = f'array "{name}" unpacks to {sizes[name] >> 20} MB, expected at most {MAX_BYTES >> 20} MB'
             raise log_fault(path, problem, "cut the log into shorter ones", "too-large")
     with warnings.catch_warnings(action="ignore"):  # of headers that Python 2 wrote
-        return table_of(dict(fields_of({name: archive[name] for name in loaded})), signals, str(path))
+        arrays = {name: archive[name] for name in chain.from_iterable(holding.values())}
+    return table_of(dict(fields_of(arrays)), signals, str(path))
+
+
+def array_fields(path: Path) -> dict[str, Any]:
+    """Return what such a file has, by the names of `fields_of`, without objects and too large arrays.
+
+    Raises:
+      Exception: whatever a damaged byte leads the libraries to.
+    """
+    archive, arrays = _arrays_in(path), dict[str, Any]()
+    for member in archive.zip.infolist():
+        with suppress(ValueError):  # of objects
+            name = member.filename.removesuffix(".npy")
+            arrays |= {name: archive[name]} if member.file_size <= MAX_BYTES else {}
+    return dict(fields_of(arrays))
 
 
 def is_structured(begin: bytes) -> bool:
@@ -74,9 +90,9 @@ def fields_of(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
     Fields are named "data.time", elements "position[0]"; of a list of N mappings each field is an array of N.
     """
     fields = value if isinstance(value, Mapping) else getattr(getattr(value, "dtype", None), "names", None)
-    if isinstance(value, dict) and all(map(str.isdecimal, value)) and not any(map(np.ndim, value.values())):
+    if isinstance(value, dict) and value and all(map(str.isdecimal, value)) and not any(map(np.ndim, value.values())):
         value, fields = [*value.values()], None  # rows, as pandas numbers them
-    if fields:
+    if fields is not None:
         for field in fields:
             yield from fields_of(value[field], f"{name}.{field}" if name else str(field))
     elif isinstance(value, list) and any(isinstance(row, dict) for row in value):
@@ -104,7 +120,7 @@ def table_of(arrays: Mapping[str, Any], signals: Signals, source: str) -> LogTab
     return LogTable(columns, range(1, max(lengths) + 1), "row", source)
 
 
-def arrays_in(path: Path) -> Any:
+def _arrays_in(path: Path) -> Any:
     """Open such a file: a mapping of names to arrays, with the names in `files` and the archive in `zip`."""
     content = path.read_bytes()
     if is_structured(content[:1000]):
