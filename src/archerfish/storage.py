@@ -88,6 +88,19 @@ def read_bytes(path: Path, remedy: str) -> bytes:
         raise file_error(path, f"can't be read ({error.strerror})", "check the path") from error
 
 
+def text_of(content: bytes) -> str:
+    """Return the text of a file in UTF-8 or UTF-16, with or without a byte order mark, which editors of Windows write.
+
+    Raises:
+      ValueError: if it is in neither, with the place.
+    """
+    encoding = json.detect_encoding(content)
+    try:
+        return content.decode(encoding).removeprefix("\ufeff")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"byte {error.start} is no {encoding}, save it as UTF-8") from error
+
+
 def file_hash(path: Path) -> str:
     """Return the SHA-256 of a file, as hex digits."""
     with path.open("rb") as stream:

@@ -15,7 +15,7 @@ from archerfish.plugins import Plugin, is_plugin, names_code, names_object, regi
 from archerfish.protocols import Engagement, Plates
 from archerfish.records.json_files import plain
 from archerfish.records.record import Angle, Share, Struct, Text
-from archerfish.storage import write_bytes
+from archerfish.storage import text_of, write_bytes
 from archerfish.targets.kinds import KINDS
 from archerfish.targets.mixture import MIXTURES, drawn_path, path_uniforms
 from archerfish.targets.motion import LONGEST_S, Parabola, disc
@@ -228,7 +228,7 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
 
                 if not path.is_file() or path.stat().st_size > 1_000_000:
                     raise InputError("is no file of at most 1 MB")
-                content = {"name": path.stem} | tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+                content = {"name": path.stem} | tomllib.loads(text_of(path.read_bytes()))
                 if names_code(str(content.get("motion"))) and not motion:
                     raise InputError("code that only a file names is not run; give it as the motion, beside the file")
             task = cls(**content | ({"motion": motion} if motion else {}))

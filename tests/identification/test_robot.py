@@ -51,6 +51,8 @@ FAULTS = {
     "[yaw": "logs.toml: is not TOML",
     '[yaw]\nfit=["a.csv"]\nvalidate=["a.csv"]': r"logs.toml: \[yaw\] has a.csv both .* and held back, .*; take it",
     '[yaw]\nfit=["c.csv"]': "c.csv: there is no such file",
+    '[yaw]\nfit=["a.csv"]\nfiles={"c.csv"={input="u"}}': r"logs.toml: \[yaw.files.\"c.csv\"\] is of none of its logs",
+    '[muzzle]\ncolumns={pitch="p"}': r"there is no pitch, expected some of pitch_deg, yaw_deg, .* missed",
 }
 
 
@@ -142,6 +144,19 @@ def test_a_part_that_can_not_be_used_is_assumed_with_a_verdict_and_the_others_ar
     refused(r"robot: muzzle: is not usable: .*; measure speed_m_s .*, or accept the paper's muzzle in", Robot.load, out)
     assert Robot.load(out, accept_unusable=True).assumed == ("muzzle", "sensing", "limits")
     assert "limits: take it out, or begin logs.toml with your figures: limits = {" in repr(again)
+
+
+def test_what_logs_toml_names_and_no_log_has_is_refused_whatever_else_is_usable(tmp_path, refused):
+    folder = write_axis(tmp_path / "logs" / "pitch_step.csv")
+    write_axis(folder / "yaw_step.csv")
+    (folder / "logs.toml").write_text('[pitch]\noutput = "angel"')
+    refused('pitch_step.csv: .* no column "angel"; the columns are "time_s", "u", "y"', identify_robot, folder)
+    for name in ("pitch_step.csv", "yaw_step.csv"):
+        (folder / name).unlink()
+    (folder / "shots.csv").write_text("elevation,plane_distance_m,hit_height_m\n0,3,0.01\n")
+    for named, complaint in (("elevatoin", 'no column "elevatoin"'), ("elevation", "1 shots are too few")):
+        (folder / "logs.toml").write_text(f'[muzzle]\ncolumns = {{pitch_deg = "{named}"}}')
+        refused(complaint, identify_robot, folder)
 
 
 def test_a_first_line_for_logs_toml_names_the_columns_of_a_log(tmp_path, refused):

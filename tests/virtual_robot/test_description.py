@@ -114,7 +114,7 @@ def test_a_latency_may_be_fixed_and_a_later_format_is_named_before_its_fields(tm
 
 def test_a_file_that_is_not_a_robot_is_refused(refusal) -> None:
     assert refusal("[schema]\nformat = ").startswith("is not TOML (")
-    assert refusal(b"\xff\xfe\x00") == "is not UTF-8 text (byte 0); save it as UTF-8"
+    assert refusal(b"\xff\xff\x00") == "is not TOML (byte 0 is no utf-8, save it as UTF-8); correct that place"
     assert refusal("").startswith("field schema: missing field format; ")
     assert refusal(f"gimbal = 3\n[{TABLES['schema']}").startswith("field gimbal: expected table, got int; ")
 

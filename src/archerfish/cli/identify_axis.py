@@ -9,7 +9,7 @@ import tyro
 
 from archerfish.cli.options import Ending, Writes, shown
 from archerfish.identification.axis.identify import identify_axis
-from archerfish.logs.log import read_log
+from archerfish.logs.log import Unit, read_log
 from archerfish.records.json_files import plain, write_json
 
 
@@ -35,11 +35,15 @@ class IdentifyAxis(Writes):
     axis: str = "axis"
     """Name of the axis: pitch, yaw, or another."""
     input: tuple[str, ...] = ("u",)
-    """Signals that move the axis."""
+    """Signals that move the axis; after a minus, with changed sign (--input=-u)."""
     output: tuple[str, ...] = ("y",)
-    """Signals in which the axis responds."""
+    """Signals in which the axis responds; after a minus, with changed sign (--output=-y)."""
     time: str = "time_s"
     """Stamps, in seconds or in the unit that the name ends with (time_ms)."""
+    input_unit: Annotated[Unit | None, shown("rad|deg")] = None
+    """Of the inputs; degrees are turned into radians."""
+    output_unit: Annotated[Unit | None, shown("rad|deg")] = None
+    """Of the outputs; degrees are turned into radians."""
     sample_period_s: Annotated[float | None, shown("SECONDS")] = None
     """Time between rows, of logs without stamps."""
     order: Annotated[int | None, shown("NUMBER")] = None
@@ -58,7 +62,13 @@ class IdentifyAxis(Writes):
     def run(self, options: str = "") -> Ending:
         """Read, identify, write; `options` are as typed, for run.json."""
         read = partial(
-            read_log, inputs=self.input, outputs=self.output, time=self.time, sample_period_s=self.sample_period_s
+            read_log,
+            inputs=self.input,
+            outputs=self.output,
+            time=self.time,
+            sample_period_s=self.sample_period_s,
+            input_unit=self.input_unit,
+            output_unit=self.output_unit,
         )
         logs, held_back = ([read(each) for each in group] for group in (self.logs, self.validate))
         names = (f"{self.axis}.json", f"{self.axis}.html", f"{self.axis}_report.json")

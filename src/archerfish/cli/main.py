@@ -26,6 +26,7 @@ INPUT_ERROR = 2
 _IDENTIFY = ("identify", "identify axis", "identify muzzle", "identify sensing")
 _NAMES = (
     "record",
+    "look",
     *_IDENTIFY,
     "excite",
     "train",

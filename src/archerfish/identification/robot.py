@@ -24,7 +24,7 @@ from archerfish.identification.sensing.identify import identify_sensing
 from archerfish.identification.simulation import free_run, simulate
 from archerfish.identification.statistics import sample_mean
 from archerfish.logs.recording import Finding
-from archerfish.logs.shots import read_shots
+from archerfish.logs.shots import ShotColumns, read_shots
 from archerfish.logs.stamps import resampled
 from archerfish.records.json_files import plain, write_json
 from archerfish.records.plant import PlantRecord
@@ -128,6 +128,8 @@ def _identified(folder: Path, name: str, seed: int) -> tuple[RobotResult, list[E
                 reports[part] = _judged(result, settings)
                 found[part] = result
             except InputError as error:
+                if error.code in ("no-column", "no-such-file") and settings.names_logs(part):
+                    raise  # logs.toml is wrong
                 reports[part] = _failed(part, error)
             except Exception as error:  # a fault of the program: it is raised when the other parts are written
                 error.add_note(f"while the {part} was identified")
@@ -168,7 +170,8 @@ def _identified_part(part: Part, logs: list[Path], folder: Path, settings: LogFo
     """Identify a part from the logs that a folder has of it."""
     if part == "muzzle":
         length_m, height_m = settings.muzzle.length_m or 0.0, settings.muzzle.height_m
-        return identify_muzzle(logs, length_m=length_m, height_m=height_m, seed=seed)
+        shots = read_shots(*logs, columns=ShotColumns(**settings.muzzle.columns))
+        return identify_muzzle(shots, length_m=length_m, height_m=height_m, seed=seed)
     if part == "sensing":
         timing = {log.stem.lower().removeprefix("timing_"): log for log in logs}
         arguments: dict[str, Any] = {_ARGUMENTS.get(name, name): path for name, path in timing.items()}

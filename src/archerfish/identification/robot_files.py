@@ -4,22 +4,24 @@ import re
 import tomllib
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from msgspec import Meta
+from msgspec import Meta, field
+from msgspec.structs import asdict
 
 from archerfish.errors import InputError, file_error
 from archerfish.identification.axis.identify import AxisResult
-from archerfish.logs.log import read_log, signals_in
-from archerfish.logs.recording import BAGS, Finding, Log, Recording, listed
+from archerfish.logs.log import Unit, read_log, signals_in
+from archerfish.logs.recording import BAGS, Finding, Log, listed
+from archerfish.logs.shots import COLUMNS
 from archerfish.logs.timing import Frame
 from archerfish.records.json_files import read_json, to_struct
 from archerfish.records.limits import AxisLimits, LimitsRecord
 from archerfish.records.record import Struct
 from archerfish.robot import Part
+from archerfish.storage import read_bytes, text_of
 
 AXES: tuple[Literal["pitch", "yaw"], ...] = ("pitch", "yaw")
 EXPECTED = "{pitch,yaw}_{sweep,step}[_validation].csv, {pitch,yaw}_step_{N}deg.csv, shots.csv, timing_{sweep,plate}.csv"
@@ -27,15 +29,31 @@ EXPECTED = "{pitch,yaw}_{sweep,step}[_validation].csv, {pitch,yaw}_step_{N}deg.c
 _TIMING = [f"timing_{name}.csv" for name in ("sweep", "plate", "steps", "target", "moments", "commands", "reports")]
 """Logs of camera and link."""
 _USUAL = re.compile(r"(pitch|yaw)_step_[1-9]\d*deg\.csv|landings\.csv")
-LOGS = (".csv", ".txt", ".tsv", ".npz", ".mat", *BAGS.values())
+LOGS = (".csv", ".txt", ".tsv", ".jsonl", ".ndjson", ".npz", ".mat", *BAGS.values())
 """Endings of files that somebody means to be read."""
-Unit = Literal["rad", "deg"]
 _Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 Both = _Positive | Annotated[tuple[_Positive, ...], Meta(min_length=2, max_length=2)]
 """One figure for both axes, or [pitch, yaw]; a tuple of fixed length beside a number crashes msgspec 0.22."""
 _FIGURES = "pitch_deg = [-25, 10], yaw_deg = [-75, 75], max_rate_deg_s = 690, max_acceleration_deg_s2 = 3400"
 _BEYOND = 0.1  # of the range between two limits, up to which commands may be beyond them
 _FARTHEST_DEG = {"pitch": 90.0, "yaw": 720.0}  # commands beyond which are hardly in the unit that they are said to be
+
+
+class FileNames(Struct, frozen=True, kw_only=True):
+    """Section [pitch.files."NAME"] of logs.toml: what one log names otherwise; the rest is as in [pitch] or [yaw]."""
+
+    input: str | None = None
+    """Signal of the command; after a minus, with its sign changed."""
+    output: str | None = None
+    """Signal of the angle; after a minus, with its sign changed."""
+    time: str | None = None
+    """Stamps."""
+    unit: Unit | None = None
+    """Of both signals."""
+    input_unit: Unit | None = None
+    """Of the command, if it is another one."""
+    output_unit: Unit | None = None
+    """Of the angle, if it is another one."""
 
 
 class AxisFiles(Struct, frozen=True, kw_only=True):
@@ -59,6 +77,13 @@ class AxisFiles(Struct, frozen=True, kw_only=True):
     """Of the angle, if it is another one."""
     dc_gain: float | Literal["plateaus"] = "plateaus"
     """Steady angle per steady command, if it is known."""
+    files: dict[str, FileNames] = field(default_factory=dict)
+    """Names of files → what they name otherwise."""
+
+    def of(self, file: str) -> "AxisFiles":
+        """Return how a file names what."""
+        given = asdict(self.files[file]) if file in self.files else {}
+        return self.replace(**{field: value for field, value in given.items() if value is not None})
 
 
 class MuzzleFiles(Struct, frozen=True, kw_only=True):
@@ -70,6 +95,13 @@ class MuzzleFiles(Struct, frozen=True, kw_only=True):
     """From the pivot to the muzzle [m]; that of tape.json if not given."""
     height_m: _Positive | None = None
     """Of the muzzle above the ground with the barrel level [m]; that of tape.json if not given."""
+    columns: dict[str, str] = field(default_factory=dict)
+    """Usual names of the shots' columns → those of the files, where they are others."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in self.columns.keys() - vars(COLUMNS).keys():
+            raise InputError(f"columns: there is no {name}, expected some of {', '.join(vars(COLUMNS))}")
 
 
 class SensingFiles(Struct, frozen=True, kw_only=True):
@@ -129,6 +161,12 @@ class LogFolder(Struct, frozen=True, kw_only=True):
     limits: LimitsFigures | None = None
     """Limits of the commands; limits.json if not given."""
 
+    def names_logs(self, part: Part) -> bool:
+        """Return whether the section of a part says what its logs, or their signals, are called."""
+        if part == "muzzle":
+            return bool(self.muzzle.shots or self.muzzle.columns)
+        return part in AXES and asdict(self.axis(part)) != asdict(AxisFiles())
+
     def axis(self, axis: str) -> AxisFiles:
         """Return the section of an axis."""
         return self.pitch if axis == "pitch" else self.yaw
@@ -152,9 +190,10 @@ def read_folder(folder: Path) -> LogFolder:
     if not folder.is_dir():
         raise file_error(folder, "there is no such folder", "name the folder of the logs")
     path = folder / "logs.toml"
+    written = read_bytes(path, "write no more than the names of the logs to it") if path.exists() else b""
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    except (OSError, ValueError) as error:
+        content = tomllib.loads(text_of(written))
+    except (ValueError, RecursionError) as error:
         raise file_error(path, f"is not TOML ({error})", "correct it") from error
     keys = [", ".join(kind.__struct_fields__) for kind in (AxisFiles, MuzzleFiles, SensingFiles, LimitsFigures)]
     remedy = "correct it; [pitch] and [yaw] may have {}, [muzzle] {}, [sensing] {}, [limits] {}".format(*keys)
@@ -269,6 +308,9 @@ def axis_logs(folder: Path, axis: str, files: AxisFiles) -> tuple[list[Path], li
     """
     usual = [[f"{axis}_{kind}{end}.csv" for kind in ("sweep", "step")] for end in ("", "_validation")]
     fitted, held_back = _files_there(folder, files.fit, *usual[0]), _files_there(folder, files.validate, *usual[1])
+    for name in files.files.keys() - {path.name for path in [*fitted, *held_back]}:
+        remedy = "name it in fit or validate, or correct its name"
+        raise file_error(folder / "logs.toml", f'[{axis}.files."{name}"] is of none of its logs', remedy)
     for both in set(fitted).intersection(held_back):
         problem = f"[{axis}] has {both.name} both fitted and held back, expected one of the two"
         raise file_error(folder / "logs.toml", problem, "take it out of fit, or name other logs in validate")
@@ -281,15 +323,9 @@ def read_axis(path: Path, files: AxisFiles) -> Log:
     Raises:
       InputError: if it can't be used.
     """
-    log = read_log(path, inputs=files.input.removeprefix("-"), outputs=files.output.removeprefix("-"), time=files.time)
-    input_unit, output_unit = units_of(files)
-    scale_u = _scale(files.input, input_unit)
-    scale_y = _scale(files.output, output_unit)
-    recordings = list[Recording]()
-    for recording in log.recordings:
-        inputs, outputs = scale_u * recording.inputs, scale_y * recording.outputs
-        recordings.append(replace(recording, inputs=inputs, outputs=outputs))
-    return replace(log, recordings=tuple(recordings))
+    names = files.of(path.name)
+    u, y = units_of(names)
+    return read_log(path, inputs=names.input, outputs=names.output, time=names.time, input_unit=u, output_unit=y)
 
 
 def units_of(files: AxisFiles) -> tuple[Unit, Unit]:
@@ -300,11 +336,6 @@ def units_of(files: AxisFiles) -> tuple[Unit, Unit]:
 
 def _named_unit(signal: str) -> Unit:
     return "deg" if re.search(r"(?i)(^|[^a-z])deg(rees?)?($|[^a-z])", signal) else "rad"
-
-
-def _scale(signal: str, unit: Unit) -> float:
-    size = float(np.radians(1.0)) if unit == "deg" else 1.0
-    return -size if signal.startswith("-") else size
 
 
 def corrections(result: AxisResult, files: AxisFiles) -> tuple[list[str], list[str]]:

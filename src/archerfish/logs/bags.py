@@ -1,16 +1,19 @@
 """Logs in ROS bags of ROS 1 and ROS 2, read through rosbags, on the clock of the outputs' topic.
 
-A signal is named TOPIC/FIELD with the field's path as `ros2 topic echo` prints it ("/joint_states/position[0]",
-"/gimbal/angle.z"), or TOPIC/JOINT/FIELD where messages name their values ("/joint_states/yaw/position").
+A signal is named TOPIC/FIELD with the field's path as ROS tools spell it ("/joint_states/position[0]",
+"/gimbal/angle.z", "/gimbal/angle/z"), or TOPIC/JOINT/FIELD where messages name their values
+("/joint_states/yaw/position"). A quaternion has fields yaw, pitch and roll ("/imu/orientation/yaw"): angles [rad] about
+z, y and x, of which pitch is positive with the nose down, as in ROS.
 """
 
 import itertools
+import math
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -18,6 +21,10 @@ from archerfish.errors import InputError
 from archerfish.logs.recording import Finding, LogTable, Signals, Values, listed, log_fault, log_files
 
 _MCAP, _MCAP_FOOTER = b"\x89MCAP0\r\n", b"\x02\x14" + bytes(27)
+_LARGEST_LAG_S, _SMALL_LAG_S = 1.0, 0.05
+"""Differences of stamps from receipts, between topics: from two clocks, and those that a delay may come from."""
+ENCODINGS = {"protobuf", "jsonschema", "flatbuffer", "ros1msg"}
+"""Of messages in MCAP files, but for those of ROS 2, by which rosbags looks for a reader."""
 _LISTED = 8  # elements of an array, up to which they are listed
 _Series = tuple[Any, Values]
 RECOVER = "copy the bag again, or try `mcap recover`, `ros2 bag reindex` or `rosbag reindex`"
@@ -60,6 +67,21 @@ def bag_signals(path: Path) -> tuple[str, ...]:
     return tuple(names)
 
 
+def bag_tables(path: Path) -> Iterator[LogTable]:
+    """Yield a table of each topic that has numbers, with the times of its messages as "time_s".
+
+    Raises:
+      ImportError: if rosbags is not installed.
+      Exception: whatever a damaged byte leads the libraries to.
+    """
+    signals, findings = bag_signals(path), list[Finding]()
+    with _reader(path, findings) as reader:
+        of = {signal: _topic(path, reader, signal, Signals((), (), None)) for signal in signals}
+        for topic in dict.fromkeys(of.values()):
+            own = {signal: each for signal, each in of.items() if each == topic}
+            yield _one_table(path, [_series(path, reader, topic, own, findings)], list(own), findings)
+
+
 def _numbers(topic: str, field: str, value: Any, joints: Sequence[str] = ()) -> Iterator[str]:
     """Yield the names of the numbers in a message or a field, without those of long arrays, as covariances."""
     if isinstance(value, int | float | np.number):
@@ -70,6 +92,8 @@ def _numbers(topic: str, field: str, value: Any, joints: Sequence[str] = ()) -> 
         elif len(value) <= _LISTED:
             for index, element in enumerate(value):
                 yield from _numbers(topic, f"{field}[{index}]", element)
+    elif _is_quaternion(value):
+        yield from (f"{topic}/{field}.{angle}" for angle in ("yaw", "pitch", "roll"))
     elif hasattr(value, "__msgtype__"):
         for part in value.__dataclass_fields__:
             if part not in ("header", "name", "__msgtype__"):
@@ -110,7 +134,8 @@ def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:
 
 
 def _topic(path: Path, reader: Any, signal: str, signals: Signals) -> str:
-    if found := [topic for topic in reader.topics if signal.startswith(f"{topic}/")]:
+    inside = f"/{signal.removeprefix('/')}"
+    if found := [topic for topic in reader.topics if inside.startswith((f"{topic}/", f"{topic}."))]:
         return str(max(found, key=len))
     remedy = f"it has {listed(bag_signals(path))}; {signals._replace(time=None).remedy(())}"
     raise log_fault(path, f'has no topic of signal "{signal}"', remedy, "no-column")
@@ -123,26 +148,26 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
       Number in the topic, receipt and stamp [ns] of N messages, (3, N), and signals, (N, m), NaN where not in them.
     """
     info = reader.topics[topic]
-    places = {signal: signal[len(topic) + 1 :].rpartition("/") for signal, own in of.items() if own == topic}
-    steps = {signal: (joint, re.findall(r"[^.\[\]]+", field)) for signal, (joint, _, field) in places.items()}
+    _, described = reader.typestore.fielddefs.get(info.msgtype, ((), ()))
+    fields = [name for name, _ in described]
+    steps = {signal: _steps(signal, topic, fields) for signal, own in of.items() if own == topic}
     joints, times, rows, seen, count = {joint for joint, _ in steps.values()}, [], [], {""}, 0
     for count, (_, received, content) in enumerate(reader.messages(connections=info.connections), 1):
         try:
             message = reader.deserialize(content, info.msgtype)
             seen.update(here := message.name if any(joints) else ())
             if not all(joints) or not joints.isdisjoint(here):
-                rows.append([_value(path, name, message, *steps[name]) if name in steps else None for name in of])
+                rows.append(
+                    [_value(path, topic, name, message, *steps[name]) if name in steps else None for name in of]
+                )
                 stamp = getattr(getattr(message, "header", None), "stamp", None)
                 times.append((count, received, stamp.sec * 10**9 + stamp.nanosec if stamp else 0))
         except InputError:
             raise
         except Exception as error:  # of any kind
-            code = "no-column" if isinstance(error, (AttributeError, IndexError, TypeError)) else "damaged"
-            problem = f"message {count} of {topic} has no {listed(steps)} ({error!r:.200})"
-            _, fields = reader.typestore.fielddefs.get(info.msgtype, ((), ()))
-            remedy = "if you named one of them, copy the bag again; if there are none, record MCAP, which defines them"
-            remedy = f"the fields of {info.msgtype} are {listed(name for name, _ in fields)}; {remedy}"
-            raise log_fault(path, problem, remedy, code) from error
+            problem = f"message {count} of {topic} has no sound content ({error!s:.200})"
+            remedy = "copy the bag again" if fields else f"record MCAP, which defines the fields of {info.msgtype}"
+            raise log_fault(path, problem, remedy, "damaged") from error
     if info.msgcount > count:  # a reader may end at a damaged record
         raise log_fault(path, f"{count} of {info.msgcount} messages of {topic} can be read", RECOVER, "damaged")
     if not rows or joints - seen:
@@ -154,17 +179,48 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
     return np.array(times, dtype=np.int64).T, np.array(rows, dtype=np.float64)
 
 
-def _value(path: Path, signal: str, message: Any, joint: str, steps: Sequence[str]) -> float | None:
+def _steps(signal: str, topic: str, fields: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the joint that a signal names, if its topic has no such field, and the path to the field."""
+    joint, field = "", signal.removeprefix("/")[len(topic) :]
+    if re.split(r"[./\[]", field)[0] not in fields:
+        joint, _, field = field.rpartition("/")
+    return joint, re.findall(r"[^./\[\]]+", field)
+
+
+def _value(path: Path, topic: str, signal: str, message: Any, joint: str, steps: Sequence[str]) -> float | None:
     """Return a number of a message; None where it does not name the joint."""
     names, value = list(getattr(message, "name", ())), message
-    for step in steps:
-        value = value[int(step)] if step.isdigit() else getattr(value, step)
-    if joint:
-        return float(value[names.index(joint)]) if joint in names else None
-    if np.ndim(value):
-        remedy = f'name an element, "{signal}[0]", or a joint, as TOPIC/JOINT/FIELD'
-        raise log_fault(path, f'"{signal}" is an array of {len(value)}', remedy, "no-column")
-    return float(value)
+    try:
+        for step in steps:
+            if _is_quaternion(value) and step in ("x", "y", "z", "w"):
+                remedy = f'name "{signal[:-2]}/yaw", or its pitch or roll'
+                raise log_fault(path, f'"{signal}" is a component of a quaternion, no angle', remedy, "no-column")
+            if _is_quaternion(value) and step in ("yaw", "pitch", "roll"):
+                return _angle(step, value.w, value.x, value.y, value.z)
+            value = value[int(step)] if step.isdigit() else getattr(value, step)
+        if joint:
+            return float(value[names.index(joint)]) if joint in names else None
+        if not np.ndim(value):
+            return float(value)
+    except (AttributeError, IndexError, TypeError) as error:
+        there = listed(_numbers(topic, "", message))
+        raise log_fault(
+            path, f'the messages of {topic} have no "{signal}"', f"they have {there}", "no-column"
+        ) from error
+    remedy = f'name an element, "{signal}[0]", or a joint, as TOPIC/JOINT/FIELD'
+    raise log_fault(path, f'"{signal}" is an array of {len(value)}', remedy, "no-column")
+
+
+def _is_quaternion(value: Any) -> bool:
+    return str(getattr(value, "__msgtype__", "")).endswith("/Quaternion")
+
+
+def _angle(name: str, w: float, x: float, y: float, z: float) -> float:
+    """Return an angle of a quaternion of any length [rad]: of rotations about z, y and x, in this order."""
+    forward = w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)  # where the x axis points
+    if name == "roll":
+        return math.atan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
+    return math.atan2(forward[1], forward[0]) if name == "yaw" else math.atan2(-forward[2], math.hypot(*forward[:2]))
 
 
 def _one_table(path: Path, series: list[_Series], signals: list[str], findings: list[Finding]) -> LogTable:
@@ -172,10 +228,17 @@ def _one_table(path: Path, series: list[_Series], signals: list[str], findings: 
     if len(stamped := {bool(stamps.any()) for (_, _, stamps), _ in series}) > 1:
         problem = "some topics have header.stamp, and some the time of their receipt alone"
         raise log_fault(path, problem, "record all with header.stamp, or all without", "clocks")
+    lags = [float(np.median(stamps - received)) * 1e-9 for (_, received, stamps), _ in series]
+    by_receipt = stamped == {False} or (apart := max(lags) - min(lags)) > _LARGEST_LAG_S
+    if stamped == {True} and apart > _SMALL_LAG_S:
+        message = f"header.stamp of the topics differs from their receipts by {min(lags):.4g} to {max(lags):.4g} s: "
+        message += "two clocks, and the receipts were taken" if by_receipt else "their delay is in doubt by as much"
+        severity: Literal["repaired", "warning"] = "repaired" if by_receipt else "warning"
+        findings.append(Finding("clocks", severity, str(path), message, "set all clocks by one"))
     if stamped == {False}:
         message = "messages have no stamp of their own: the time of their receipt was taken"
         findings.append(Finding("receive-time", "warning", str(path), message, "publish with header.stamp"))
-    clocks = [times[2 if True in stamped else 1] for times, _ in series]
+    clocks = [times[1 if by_receipt else 2] for times, _ in series]
     # A time that goes back in a topic is to be found, not sorted away.
     order = np.argsort(np.concatenate([np.maximum.accumulate(clock) for clock in clocks]), kind="stable")
     times, numbers = np.concatenate(clocks)[order], np.concatenate([number for (number, *_), _ in series])[order]

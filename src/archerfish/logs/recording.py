@@ -49,6 +49,7 @@ class LogTable:
     place_kind: str  # "line" or "row"
     source: str  # the file, for messages
     findings: tuple[Finding, ...] = ()  # what the reader repaired
+    starts: tuple[int, ...] = ()  # rows, from 0 on, above which the names are repeated
 
     def __post_init__(self) -> None:
         if not len(self.places):
@@ -100,6 +101,7 @@ class Rows:
     table: LogTable  # that they come from
     numbers: NDArray[np.intp]  # their rows in the table, from 0 on, (N,)
     signals: Signals
+    starts: tuple[int, ...] = ()  # rows in the table at which another recording of the file begins
 
     @classmethod
     def of(cls, table: LogTable, signals: Signals, period_s: float) -> Self:
@@ -226,6 +228,11 @@ class Log:
     samples: int  # rows of the source, those included that findings left out
     source: str  # the file
     sha256: str  # of its content
+
+    def __repr__(self) -> str:
+        lines = [*map(repr, self.recordings)]
+        lines += [f"{found.severity}, {found.place}: {found.message}; {found.remedy}" for found in self.findings]
+        return "\n  ".join([f"Log({self.source or 'table'}: {self.samples:,} samples)", *lines])
 
 
 def held_mean(time: Values, signals: Values, edges: Values) -> Values:

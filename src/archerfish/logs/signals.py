@@ -18,7 +18,7 @@ _SATURATED, _QUANTISED, _FROZEN, _SPIKE = 0.05, 0.02, 0.1, 30.0
 
 def undo_wraps(rows: Rows) -> tuple[Rows, list[Finding]]:
     """Undo, in place, the jumps of angles that were logged within a turn, and of outputs that are counters."""
-    findings = []
+    findings, turns = [], dict[str, float]()
     inputs, outputs, _ = rows.signals
     for name, column in [*zip(inputs, rows.inputs.T, strict=True), *zip(outputs, rows.outputs.T, strict=True)]:
         known = ~np.isnan(column)
@@ -33,7 +33,18 @@ def undo_wraps(rows: Rows) -> tuple[Rows, list[Finding]]:
                 column[known] = np.unwrap(signal, period=turn)
                 message = f'"{name}" jumps by a whole turn of {turn:.6g} {jumps} times and was unwrapped'
                 findings.append(Finding("angle-wrap", "repaired", rows.table.source, message, "log it over many turns"))
+                turns[name] = turn
                 break
+    for name, command in zip(inputs, rows.inputs.T, strict=True):
+        for turn in {turns[output] for output in outputs if output in turns and name not in turns}:
+            if np.nanmax(np.abs(np.diff(command)), initial=0.0) > turn / 2 and np.ptp(command) <= 1.02 * turn:
+                # A step of a command is no jump of a turn by itself, but its axis has followed it without one.
+                followed = np.unwrap(command, period=turn)
+                if np.std(followed - rows.outputs[:, 0]) < np.std(command - rows.outputs[:, 0]):
+                    command[:] = followed
+                    message = f'"{name}" jumps by a turn of {turn:.6g} where the output does not, and was unwrapped'
+                    remedy = "log it over many turns"
+                    findings.append(Finding("angle-wrap", "repaired", rows.table.source, message, remedy))
     return rows, findings
 
 

@@ -17,7 +17,13 @@ from archerfish.errors import InputError
 from archerfish.logs.recording import GAP, Finding, Recording, Rows, Values, by_lines, held_mean, log_fault
 
 Mask = NDArray[np.bool_]
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of stamps."""
+_TURNS: tuple[float, ...] = (86_400.0, 43_200.0, 3600.0, 604_800.0)  # a day, half of it, an hour, a week [s]
+_TURNS += tuple(scale * 2.0**bits for scale in SECONDS.values() for bits in (16, 24, 32))
+"""What stamps fall by at midnight, and where a counter rolls over [s]."""
+_LOST = 0.01  # of that, within which a stamp follows where samples are lost
+_APART = 100  # periods between recordings of one file
 _WORD = r"(?:(?<![^\W\d_])|(?<=[a-z])(?=[A-Z]))"  # where a unit begins in a name: not within a word
 _UNIT = re.compile(rf"{_WORD}(?i:([muµμn]|milli|micro|nano)s(ecs?|econds?)?)[\])}}\s]*$")
 _LONG_UNIT = re.compile(rf"{_WORD}(?i:min(ute)?s?|h(ou)?rs?|h)[\])}}\s]*$")
@@ -53,13 +59,13 @@ def in_seconds(rows: Rows) -> tuple[Rows, list[Finding]]:
         period = float(np.nanmedian(steps)) if np.any(steps > 0) else 0.0
         if period <= 0 or _PLAUSIBLE_S[0] <= period <= _PLAUSIBLE_S[1]:
             return rows, []
-        usual = [unit for unit, scale in _SECONDS.items() if _USUAL_S[0] <= scale * period < _USUAL_S[1]]
+        usual = [unit for unit, scale in SECONDS.items() if _USUAL_S[0] <= scale * period < _USUAL_S[1]]
         unit = usual[0] if usual else "s"
         message = f'stamps "{time}" are {period:.4g} s apart, as no gimbal is logged, and were read as {unit}'
         remedy = f'if they are in {unit}, name the column "time_{unit}", else in their unit'
         remedy = "check the stamps" if unit == "s" else remedy
         finding = Finding("time-unit", "warning", source, message, remedy)
-    return replace(rows, time=rows.time * _SECONDS[unit]), [finding]
+    return replace(rows, time=rows.time * SECONDS[unit]), [finding]
 
 
 def time_unit(name: str) -> str:
@@ -69,15 +75,40 @@ def time_unit(name: str) -> str:
 
 
 def in_order(rows: Rows) -> tuple[Rows, list[Finding]]:
-    """Leave out rows without a stamp.
+    """Leave out rows without a stamp; let time go on where a counter rolls over, or another recording begins.
+
+    Another one begins where the names are repeated, or where time falls to its first value for long.
 
     Raises:
-      InputError: if time goes back.
+      InputError: if time goes back elsewhere.
     """
     rows, findings = _without(rows, np.isnan(rows.time), "missing-values", "without a stamp", "log values in every row")
-    for index in np.flatnonzero(rows.time[1:] < rows.time[:-1])[:1]:
-        raise _order_fault(rows, index, index + 1, "time-backward", "cut the log there into two")
-    return rows, findings
+    steps, shift, starts, rolled = np.diff(rows.time), np.zeros(len(rows)), [0], list[float]()
+    named = {*np.searchsorted(rows.numbers, rows.table.starts).tolist()} - {0, len(rows)}
+    falls = {*(np.flatnonzero(steps < 0) + 1).tolist(), *(named if rows.signals.time is None else ())}
+    period = float(np.median(steps[steps > 0])) if falls and (steps > 0).any() else 0.0
+    for index, after in pairwise([*sorted(falls), len(rows)]):
+        step, shortest = steps[index - 1], min(index - starts[-1], after - index)
+        turns = [turn for turn in _TURNS if 0 < step + turn <= max(_LOST * turn, GAP * period)]
+        again = rows.time[index] <= rows.time[starts[-1]] + GAP * period and shortest >= _FEWEST
+        if index in named or (again and not turns):
+            starts.append(index)
+            shift[index:] += _APART * period - step
+        elif turns:
+            rolled.append(turns[0])
+            shift[index:] += turns[0]
+        else:
+            raise _order_fault(rows, index - 1, index, "time-backward", "cut the log there into two")
+    if rolled:
+        message = f"stamps fall {len(rolled)} times by {rolled[0]:.6g} s, the range of a counter, a day or an hour"
+        findings.append(
+            Finding("clock-wrap", "repaired", rows.table.source, f"{message}, and were continued", "nothing to do")
+        )
+    if starts[1:]:
+        message = f"time starts again, at first here: {len(starts)} recordings in one file"
+        remedy = "write each recording into a file of its own"
+        findings.append(Finding("new-recording", "repaired", rows.place(starts[1]), message, remedy))
+    return replace(rows, time=rows.time + shift, starts=tuple(rows.numbers[starts[1:]].tolist())), findings
 
 
 def hold_inputs(rows: Rows) -> tuple[Rows, list[Finding]]:
@@ -172,9 +203,11 @@ def uninterrupted(rows: Rows) -> tuple[list[Rows], list[Finding]]:
     source, findings, remedy = rows.table.source, list[Finding](), "log without interruptions"
     steps = np.diff(rows.time)
     gaps = _gaps(rows.time, steps)
-    if gaps.size:
-        at, longest = rows.time[gaps[0] - 1], steps[gaps - 1].max()
-        message = f"gaps: {gaps.size}, the first at {at:.4g} s, of up to {longest:.4g} s; the log was cut there"
+    recording = np.searchsorted(rows.starts, rows.numbers, "right")
+    within = gaps[recording[gaps] == recording[gaps - 1]]
+    if within.size:
+        at, longest = rows.time[within[0] - 1], steps[within - 1].max()
+        message = f"gaps: {within.size}, the first at {at:.4g} s, of up to {longest:.4g} s; the log was cut there"
         findings.append(Finding("gap", "repaired", source, message, remedy))
     parts = [rows.select(slice(start, stop)) for start, stop in pairwise([0, *gaps.tolist(), len(rows)])]
     long = [part for part in parts if len(part) >= _FEWEST]

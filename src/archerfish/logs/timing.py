@@ -133,13 +133,19 @@ def _table(
     found, missing = list(table.findings), {name: np.isnan(values) for name, values in table.columns.items()}
     receipts = missing.pop("receive_s", np.zeros(len(table.places), dtype=np.bool_))
     lost = np.any([*missing.values()], axis=0)
-    for rows, message in ((lost, "rows without a value left out"), (receipts & ~lost, "detections without receive_s")):
+    values = [values for name, values in table.columns.items() if name != "receive_s"]
+    again = np.append(False, np.all(np.diff(values) == 0, axis=0) & (len(values) > 1))
+    for code, rows, message in (
+        ("missing-values", lost, "rows without a value left out"),
+        ("missing-values", receipts & ~lost, "detections without receive_s"),
+        ("time-duplicate", again, "rows that repeat the one before left out"),
+    ):
         if count := int(rows.sum()):
             place = table.place(int(rows.argmax()))
-            found.append(Finding("missing-values", "repaired", place, f"{message}: {count}", "log every value", count))
+            found.append(Finding(code, "repaired", place, f"{message}: {count}", "log every value once", count))
     if findings is not None:
         findings += found
-    kept = np.flatnonzero(~lost)
+    kept = np.flatnonzero(~(lost | again))
     columns = {name: values[kept] for name, values in table.columns.items()}
     table = replace(table, columns=columns, places=np.asarray(table.places)[kept].tolist())
     for index in np.flatnonzero(np.diff(columns[required[0]]) <= 0)[:1] + 1:

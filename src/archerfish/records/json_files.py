@@ -17,7 +17,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from archerfish.errors import InputError, file_error, one_line
-from archerfish.storage import read_bytes, write_bytes
+from archerfish.storage import read_bytes, text_of, write_bytes
 
 T = TypeVar("T")
 Matrix = NDArray[np.float64]
@@ -38,7 +38,7 @@ def read_json(path: Path, remedy: str = "write the file again") -> Any:
 
 
 def parse_json(content: bytes, path: Path, remedy: str) -> Any:
-    """Return the content of JSON, UTF-8, in a file; see `read_json`.
+    """Return the content of JSON in a file; see `read_json`.
 
     Raises:
       InputError: if it is not JSON, or has NaN, infinity or a field twice.
@@ -54,7 +54,7 @@ def parse_json(content: bytes, path: Path, remedy: str) -> Any:
         raise ValueError(f"{constant} is no number")
 
     try:
-        return json.loads(content.decode("utf-8-sig"), object_pairs_hook=unique, parse_constant=refuse)
+        return json.loads(text_of(content), object_pairs_hook=unique, parse_constant=refuse)
     except (ValueError, RecursionError) as error:
         raise file_error(path, f"is not JSON ({one_line(str(error))[:200]})", remedy) from error
 

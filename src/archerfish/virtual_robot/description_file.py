@@ -9,7 +9,7 @@ import msgspec
 
 from archerfish.errors import InputError, file_error, meant, one_line
 from archerfish.records.json_files import fault
-from archerfish.storage import read_bytes
+from archerfish.storage import read_bytes, text_of
 from archerfish.virtual_robot.description import RobotDescription
 
 _ROBOTS = Path(__file__).with_name("robots")
@@ -48,9 +48,7 @@ def load_robot(name_or_path: str | Path) -> RobotDescription:
     path = robot_path(name_or_path)
     text = read_bytes(path, _REMEDY)
     try:
-        content = tomllib.loads(text.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise file_error(path, f"is not UTF-8 text (byte {error.start})", "save it as UTF-8") from error
+        content = tomllib.loads(text_of(text))
     except (ValueError, RecursionError) as error:  # Python refuses a number of thousands of digits by a ValueError
         raise file_error(path, f"is not TOML ({one_line(str(error))[:200]})", "correct that place") from error
     try:
