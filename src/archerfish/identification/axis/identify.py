@@ -24,6 +24,7 @@ from archerfish.identification.axis.checks import (
     plant_findings,
     silent_logs,
 )
+from archerfish.identification.axis.departures import early_outputs, rate_output
 from archerfish.identification.axis.fit import DELAY, AxisFit, KnownGain, fit_axis
 from archerfish.identification.axis.nonlinearity import nonlinearity
 from archerfish.identification.axis.plateaus import plateau_gain
@@ -157,11 +158,11 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int) -> AxisResult:
     silent = silent_logs([fit.recording for fit in fits if not fit.held_back and fit.fit_percent < GOOD], alone)
     if len(silent) == len(logs.fitted):
         raise InputError(f"{silent[0].place}: {silent[0].message}; {silent[0].remedy}", silent[0].code)
-    findings = [*logs.findings, *silent, *plant_findings(plant, first)]
+    band, worst = excited_band(logs.fitted), judged(tuple(fits))
+    findings = [*logs.findings, *silent, *plant_findings(plant, first), *rate_output(plant, band, worst)]
     wrong = contradictions([(fit.recording, fit.fit_percent) for fit in fits], alone)
     # Of logs that contradict each other no plant fits all, in whichever direction.
-    findings += wrong or exchanged_columns(found, judged(tuple(fits)).recording, logs.fitted)
-    band = excited_band(logs.fitted)
+    findings += wrong or exchanged_columns(found, worst.recording, logs.fitted) or early_outputs(fits)
     return AxisResult(
         record=plant,
         fits=tuple(fits),

@@ -30,6 +30,8 @@ _DEPENDENT = 0.05  # share of the residual that past inputs explain, from which 
 _RUNS_ON = 0.5  # what is left of a state after the longest recording, from which the axis may integrate
 _STRONG = 0.7  # share of the residual that a nonlinearity leaves, up to which it may make a plant useless
 
+_USELESS = ("swapped", "contradiction", "early-output", "half-angle", "rate-output")  # codes of findings
+
 _LINEAR = {
     "saturation": "record with a smaller command",
     "dead zone": "record with a larger command, or remove it in the controller",
@@ -47,7 +49,7 @@ class Shortfall(NamedTuple):
 
 def shortfalls(result: AxisEstimates) -> list[Shortfall]:
     """Return what makes a plant useless, the gravest first; nothing if it is usable."""
-    wrong = [finding for finding in result.findings if finding.code in ("swapped", "contradiction")]
+    wrong = [finding for finding in result.findings if finding.code in _USELESS]
     if wrong:  # what else is found follows from it
         return [Shortfall(found.code, f"{found.place}: {found.message}: {found.remedy}.") for found in wrong]
     given = result.given_gain
@@ -153,7 +155,8 @@ def _doubts(result: AxisEstimates) -> Iterator[str]:
         name, tests = fit.recording.source, fit.tests
         if tests is None:
             continue
-        if tests.feedback:
+        # An output that comes before its input correlates with later inputs, too.
+        if tests.feedback and not any(finding.code == "early-output" for finding in result.findings):
             wrong = f"In {name} the input follows the output's disturbances, which biases the plant"
             yield f"{wrong}: log the set point of the loop as the input."
         if not tests.independent and tests.explained_share > _DEPENDENT:

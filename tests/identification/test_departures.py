@@ -1,0 +1,92 @@
+"""Logs that no causal linear plant with one delay gives, each beside the plant that would be right."""
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from archerfish.identification.axis.departures import early_outputs
+from archerfish.identification.axis.fit import fit_axis
+from archerfish.identification.axis.identify import identify_axis
+from archerfish.identification.axis.result import LogFit
+from archerfish.identification.simulation import free_run, simulate
+from archerfish.logs.log import read_log
+from archerfish.logs.recording import Recording
+from archerfish.records.plant import PlantRecord
+
+FOLDER = "data/cases_2"
+
+
+def command(period_s, seconds=10.0, size=8.0, seed=0):
+    """Return a sweep from 0.5 to 9 Hz, then levels, shape (N,)."""
+    time = period_s * np.arange(round(0.6 * seconds / period_s))
+    sweep = size * np.exp(-time / time[-1]) * signal.chirp(time, 0.5, time[-1], 9)
+    levels = size * np.random.default_rng(seed).uniform(-1, 1, 8)
+    return np.concatenate([np.zeros(round(0.3 / period_s)), sweep, levels.repeat(round(0.05 * seconds / period_s))])
+
+
+def recorded(u, hz=4.0, delay_s=0.01, period_s=0.005, change=np.asarray, noise=0.003, seed=0):
+    """Simulate a log whose outputs are changed before it is saved."""
+    plant = PlantRecord.second_order(hz, 0.7, delay_s, period_s)
+    y = simulate(plant, u[:, None])[:, 0]
+    y = y + noise * y.std() * np.random.default_rng(seed).standard_normal(len(y))
+    return Recording.from_arrays(u, change(y), period_s)
+
+
+def fitted(log, order=4, delay=0):
+    plant = fit_axis([log], order, delay).plant
+    return LogFit(log, False, free_run(plant, log.inputs, log.outputs))
+
+
+def codes(findings):
+    return [finding.code for finding in findings]
+
+
+def reasons(result):
+    return " ".join(result.report.reasons)
+
+
+def centred(half):
+    return lambda y: np.convolve(np.pad(y, half, "edge"), np.full(2 * half + 1, 1 / (2 * half + 1)), "valid")
+
+
+def test_an_angle_that_was_smoothed_both_ways_is_no_plant_however_well_it_is_fitted(shared):
+    result = identify_axis(shared(f"{FOLDER}/smoothed_both_ways.csv"), order=4)
+    assert (result.report.usable, result.report.doubts) == (False, ())
+    assert "or more before its input, as if it were smoothed forwards and backwards" in reasons(result)
+
+
+SMOOTHED = {
+    "Savitzky-Golay": (0.005, 4, lambda y: signal.savgol_filter(y, 41, 3)),
+    "Butterworth": (0.005, 4, lambda y: signal.filtfilt(*signal.butter(2, 0.05), y)),
+    "50 ms at 1 kHz": (0.001, 4, centred(50)),
+    "80 ms at 100 Hz": (0.01, 3, centred(8)),
+    "stamped early": (0.005, 6, lambda y: np.append(y[8:], y[-1].repeat(8))),
+}
+
+
+@pytest.mark.parametrize("name", SMOOTHED)
+def test_filters_that_know_the_future_are_found_and_a_causal_one_is_not(name):
+    period_s, hz, change = SMOOTHED[name]
+    u = command(period_s)
+    assert codes(early_outputs([fitted(recorded(u, hz, 0.01, period_s, change))])) == ["early-output"]
+    assert early_outputs([fitted(recorded(u, hz, 0.0, period_s))]) == []
+
+
+def test_a_component_of_a_quaternion_is_no_angle(shared):
+    names = {"inputs": "/gimbal/yaw_command/point.x", "outputs": "/gimbal/imu/orientation.z"}
+    result = identify_axis(read_log(shared(f"{FOLDER}/imu_orientation"), **names), order=2)
+    assert not result.report.usable
+    assert "is 0.498, and it stays within 1, as the component of a quaternion does" in reasons(result)
+
+
+@pytest.mark.parametrize(("size", "expected"), [(0.7, ["half-angle"]), (-1.1, ["half-angle"]), (3.0, [])])
+def test_half_of_an_angle_is_one_only_where_a_sine_can_be(size, expected):
+    u = command(0.01, size=size)
+    half = recorded(u, period_s=0.01, change=lambda y: np.sign(size) * y / 2)
+    assert codes(identify_axis(half, order=2, feedthrough=False).findings) == expected
+
+
+def test_a_rate_is_told_from_an_angle_whose_gain_is_not_known(shared):
+    result = identify_axis(shared(f"{FOLDER}/gyro_rate.csv"), order=3)
+    assert not result.report.usable
+    assert '"y" rests wherever "u" does, as the rate of an angle would: log the angle' in reasons(result)
