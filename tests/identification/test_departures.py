@@ -5,6 +5,7 @@ import pytest
 from scipy import signal
 
 from archerfish.identification.axis.departures import early_outputs
+from archerfish.identification.axis.encoder import without_angle_error, without_leaps
 from archerfish.identification.axis.fit import fit_axis
 from archerfish.identification.axis.identify import identify_axis
 from archerfish.identification.axis.result import LogFit
@@ -90,3 +91,49 @@ def test_a_rate_is_told_from_an_angle_whose_gain_is_not_known(shared):
     result = identify_axis(shared(f"{FOLDER}/gyro_rate.csv"), order=3)
     assert not result.report.usable
     assert '"y" rests wherever "u" does, as the rate of an angle would: log the angle' in reasons(result)
+
+
+def test_another_zero_from_one_row_on_is_subtracted(shared):
+    result = identify_axis(shared(f"{FOLDER}/index_pulse.csv"), order=2)
+    assert ('"y" leaps by 7.3 at 7.035 s without its input: subtracted') in [each.message for each in result.findings]
+    assert result.report.usable
+    (gain,), (pole,) = result.dc_gain, result.poles
+    assert (gain.value, pole.frequency_hz.value) == pytest.approx((1.0, 4.0), rel=0.005)
+
+
+LEAPS = {"small": [(1501, 1.0)], "two": [(1000, 3.0), (1900, -5.0)], "at rest": [(30, 3.0)], "none": []}
+
+
+@pytest.mark.parametrize("name", LEAPS)
+def test_leaps_of_the_zero_are_found_with_their_times(name):
+    u = command(0.005, 12)
+    log = recorded(u, change=lambda y: y + sum(size * (np.arange(len(y)) >= at) for at, size in LEAPS[name]))
+    (corrected,), _, found = without_leaps(fit_axis([log], 2), [log], [])
+    assert sorted(round(float(each.message.split()[5]) / 0.005) for each in found) == [at for at, _ in LEAPS[name]]
+    assert fit_axis([corrected], 2, 2).plant.dc_gain.item() == pytest.approx(1, rel=0.002)
+
+
+def test_an_error_once_per_turn_is_subtracted_and_takes_no_poles(shared):
+    result = identify_axis(shared(f"{FOLDER}/eccentric_encoder.csv"), order=2)
+    assert result.report.usable
+    assert '"y" errs by 1.9 once per turn of 360' in str(result.findings)
+    (gain,), (pole,) = result.dc_gain, result.poles
+    assert (gain.value, pole.frequency_hz.value) == pytest.approx((1.0, 4.0), rel=0.01)
+
+
+ERRORS = {
+    "twice": (360, 2, 1 / 360),
+    "radians": (2 * np.pi, 1, 1 / 360),
+    "counts": (8192, 1, 1 / 400),
+    "none": (360, 1, 0),
+}
+
+
+@pytest.mark.parametrize("name", ERRORS)
+def test_errors_of_an_encoder_are_told_from_a_good_one_in_other_units(name):
+    turn, harmonic, size = ERRORS[name]
+    u = command(0.01, 12, turn / 5)
+    log = recorded(u, 3.0, 0.02, 0.01, lambda y: y + turn * size * np.sin(2 * np.pi * harmonic / turn * y + 2))
+    (corrected,), _, found = without_angle_error(fit_axis([log], 3), [log], [])
+    assert codes(found) == ["angle-error"] * (size > 0)
+    assert fit_axis([corrected], 2, 2).plant.dc_gain.item() == pytest.approx(1, rel=0.01)

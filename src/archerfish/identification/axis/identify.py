@@ -25,6 +25,7 @@ from archerfish.identification.axis.checks import (
     silent_logs,
 )
 from archerfish.identification.axis.departures import early_outputs, rate_output
+from archerfish.identification.axis.encoder import without_angle_error, without_leaps
 from archerfish.identification.axis.fit import DELAY, AxisFit, KnownGain, fit_axis
 from archerfish.identification.axis.nonlinearity import nonlinearity
 from archerfish.identification.axis.plateaus import plateau_gain
@@ -115,14 +116,23 @@ def identify_axis(
     with threadpool_limits(1, "blas"):
         logs_of_axis = read_sources(logs, validate, divides_s)
         check_logs(logs_of_axis.fitted, order or 1)
-        found = fit_axis(
-            logs_of_axis.fitted,
-            order,
-            max_delay=DELAY if max_delay is None else max_delay,
-            feedthrough=feedthrough,
-            held_back=logs_of_axis.held_back,
-            gain=_known_gain(dc_gain, logs_of_axis.fitted),
-        )
+
+        def fit(logs: AxisLogs) -> AxisFit:
+            return fit_axis(
+                logs.fitted,
+                order,
+                max_delay=DELAY if max_delay is None else max_delay,
+                feedthrough=feedthrough,
+                held_back=logs.held_back,
+                gain=_known_gain(dc_gain, logs.fitted),
+            )
+
+        found = fit(logs_of_axis)
+        for corrected in (without_leaps, without_angle_error):
+            fitted, held_back, findings = corrected(found, logs_of_axis.fitted, logs_of_axis.held_back)
+            if findings:
+                logs_of_axis = AxisLogs(fitted, held_back, (*logs_of_axis.findings, *findings), logs_of_axis.hashes)
+                found = fit(logs_of_axis)
         return _result(found, logs_of_axis, axis, seed)
 
 
