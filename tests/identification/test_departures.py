@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from archerfish.identification.axis.departures import early_outputs
+from archerfish.identification.axis.departures import changed_delay, early_outputs
 from archerfish.identification.axis.encoder import without_angle_error, without_leaps
 from archerfish.identification.axis.fit import fit_axis
 from archerfish.identification.axis.identify import identify_axis
@@ -137,3 +137,30 @@ def test_errors_of_an_encoder_are_told_from_a_good_one_in_other_units(name):
     (corrected,), _, found = without_angle_error(fit_axis([log], 3), [log], [])
     assert codes(found) == ["angle-error"] * (size > 0)
     assert fit_axis([corrected], 2, 2).plant.dc_gain.item() == pytest.approx(1, rel=0.01)
+
+
+def test_a_delay_that_changes_is_told_and_is_no_rate_limit(shared):
+    result = identify_axis(shared(f"{FOLDER}/latency_steps.csv"), order=2)
+    assert not result.report.usable
+    assert "the delay is 10 ms until 7.5 s, and 40 ms from then on: log at a steady load" in reasons(result)
+    assert "rate limit" not in reasons(result)
+
+
+DELAYS = {
+    "twice": (0.005, 0.01, 0.02, 6),
+    "less": (0.01, 0.03, 0.01, 4),
+    "fast": (0.002, 0.004, 0.024, 7),
+    "same": (0.01, 0.02, 0.02, 6),
+}
+
+
+@pytest.mark.parametrize("name", DELAYS)
+def test_delays_of_both_parts_are_found(name):
+    period_s, first, second, at_s = DELAYS[name]
+    u = command(period_s, 12)
+    logs = [recorded(u, 4.0, delay_s, period_s) for delay_s in (first, second)]
+    early = period_s * np.arange(len(u)) < at_s
+    log = Recording.from_arrays(u, np.where(early[:, None], logs[0].outputs, logs[1].outputs), period_s)
+    found = changed_delay(fitted(log, 2, 3), 1.0)
+    expected = f"the delay is {1e3 * first:.3g} ms until {at_s} s, and {1e3 * second:.3g} ms from then on"
+    assert [each.message for each in found] == [expected] * (first != second)

@@ -24,7 +24,7 @@ from archerfish.identification.axis.checks import (
     plant_findings,
     silent_logs,
 )
-from archerfish.identification.axis.departures import early_outputs, rate_output
+from archerfish.identification.axis.departures import changed_delay, early_outputs, rate_output
 from archerfish.identification.axis.encoder import without_angle_error, without_leaps
 from archerfish.identification.axis.fit import DELAY, AxisFit, KnownGain, fit_axis
 from archerfish.identification.axis.nonlinearity import nonlinearity
@@ -172,7 +172,10 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int) -> AxisResult:
     findings = [*logs.findings, *silent, *plant_findings(plant, first), *rate_output(plant, band, worst)]
     wrong = contradictions([(fit.recording, fit.fit_percent) for fit in fits], alone)
     # Of logs that contradict each other no plant fits all, in whichever direction.
-    findings += wrong or exchanged_columns(found, worst.recording, logs.fitted) or early_outputs(fits)
+    wrong = wrong or exchanged_columns(found, worst.recording, logs.fitted) or early_outputs(fits)
+    nonlinear = nonlinearity(found, logs.fitted)
+    share = nonlinear.residual_share if nonlinear else 1.0
+    findings += wrong or [each for fit in fits if plant.D.shape == (1, 1) for each in changed_delay(fit, share)]
     return AxisResult(
         record=plant,
         fits=tuple(fits),
@@ -182,7 +185,7 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int) -> AxisResult:
         poles=pole_estimates(found, drawn, band),
         candidates=found.selection.candidates,
         excited_hz=band,
-        nonlinearity=nonlinearity(found, logs.fitted),
+        nonlinearity=nonlinear,
         findings=tuple(findings),
     )
 

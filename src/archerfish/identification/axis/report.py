@@ -30,7 +30,14 @@ _DEPENDENT = 0.05  # share of the residual that past inputs explain, from which 
 _RUNS_ON = 0.5  # what is left of a state after the longest recording, from which the axis may integrate
 _STRONG = 0.7  # share of the residual that a nonlinearity leaves, up to which it may make a plant useless
 
-_USELESS = ("swapped", "contradiction", "early-output", "half-angle", "rate-output")  # codes of findings
+_USELESS = (
+    "swapped",
+    "contradiction",
+    "early-output",
+    "changed-delay",
+    "half-angle",
+    "rate-output",
+)  # codes of findings
 
 _LINEAR = {
     "saturation": "record with a smaller command",
