@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from archerfish.identification.axis.checks import follows_output
 from archerfish.identification.axis.departures import changed_delay, early_outputs
 from archerfish.identification.axis.encoder import without_angle_error, without_leaps
 from archerfish.identification.axis.fit import fit_axis
@@ -164,3 +165,29 @@ def test_delays_of_both_parts_are_found(name):
     found = changed_delay(fitted(log, 2, 3), 1.0)
     expected = f"the delay is {1e3 * first:.3g} ms until {at_s} s, and {1e3 * second:.3g} ms from then on"
     assert [each.message for each in found] == [expected] * (first != second)
+
+
+def test_a_loop_that_makes_the_command_is_named_before_what_is_not_linear(shared):
+    result = identify_axis(shared(f"{FOLDER}/outer_loop.csv"), order=2)
+    (reason,) = result.report.reasons
+    assert reason.endswith(
+        "the input follows the output: switch the outer loop off, or log its set point as the input."
+    )
+
+
+def looped(gain, size, period_s=0.005, hz=4.0):
+    """Return a log whose command is a set point less the output times a gain, with a disturbance of a size."""
+    target, plant = command(period_s, 15), PlantRecord.second_order(hz, 0.7, 0, period_s)
+    noise = signal.lfilter([1], [1, -0.97], np.random.default_rng(0).standard_normal(len(target)))
+    state, u, y = np.zeros(len(plant.A)), np.zeros(len(target)), size * noise / noise.std()
+    for at in range(len(target)):
+        y[at] += (plant.C @ state).item()
+        u[at] = target[at] - gain * y[at]
+        state = plant.A @ state + plant.B[:, 0] * u[at]
+    return Recording.from_arrays(u, y, period_s)
+
+
+@pytest.mark.parametrize(("gain", "size"), [(0.5, 1.0), (1.0, 2.0), (-0.4, 3.0), (0.0, 3.0)])
+def test_an_input_that_follows_the_output_is_told_from_noise(gain, size):
+    fit = fitted(looped(gain, size), 2)
+    assert follows_output(fit.recording, fit.residual) == (gain != 0)

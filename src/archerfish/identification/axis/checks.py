@@ -28,6 +28,8 @@ GOOD = 80.0
 _EXCHANGED, _QUICK_S = 95.0, 0.1  # fit that an exchange reaches at least [%], and delay below which it stays [s]
 _WORTH, _LEAST = 2.0, 0.01  # points that an exchange gains at least, or half of the rest if that is not too little
 _MANY = 6  # poles
+_WIDTHS, _INPUTS, _RESIDUALS = (1, 2, 4, 8), 20, 4  # samples of a mean; past means that may make an input
+_BY_CHANCE, _PREDICTABLE = 2.5e-4, 1e-9  # of each test for a loop; share of an input's power that is rounding
 _UNITS, _SIGN = ("degrees-radians", "log both in radians"), ("sign-flip", "change the sign of one of them")
 _HALF = ("half-angle", "log the angle itself, which is 2 asin of that component for a turn about its axis")
 _GAINS = (
@@ -164,6 +166,28 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
 def _exchanged(log: Recording) -> Recording:
     names = {"input_names": log.output_names, "output_names": log.input_names}
     return Recording.from_arrays(log.outputs, log.inputs, log.period_s, **names)
+
+
+def follows_output(log: Recording, residual: Array) -> bool:
+    """Return whether the first input depends on earlier residuals beyond its own past, as an outer loop's command.
+
+    The test is that of Granger (1969), on samples and on means of several: a slow disturbance shows little from sample
+    to sample.
+
+    Args:
+      log: the log.
+      residual: measured less simulated output, shape (N,).
+    """
+    for width in _WIDTHS:
+        count = len(log) // width
+        signals = (signal[: count * width].reshape(count, width).mean(1) for signal in (log.inputs[:, 0], residual))
+        u, e = map(_normalised, signals)
+        own, freedom = _past(u, 1, _INPUTS), count - 1 - _INPUTS - _RESIDUALS
+        alone, both = (_left(u, columns) for columns in (own, np.hstack([own, _past(e, 1, _RESIDUALS)])))
+        gained = (alone @ alone - both @ both) / max(float(both @ both), _PREDICTABLE * count)
+        if freedom > _FEWEST and gained * freedom / _RESIDUALS > fdtri(_RESIDUALS, freedom, 1 - _BY_CHANCE):
+            return True
+    return False
 
 
 def _sine_hz(signal: Array, period_s: float) -> float:
