@@ -27,6 +27,7 @@ _ORDER = 20  # of the autoregression
 _MOST_ROWS = 20_000  # samples that are regressed on inputs; of a longer log every few
 _FEEDBACK = 0.1  # share of the residual's innovations that later ones of an input explain, from which there is feedback
 _UNPREDICTABLE = 3e-4  # share of an input's power that its innovations have at least, to say anything of feedback
+_LEADS, _MOST_OF_LEAD = 40, 0.9  # largest lead [samples]; share of what all of them explain that shows how many act
 _DEPENDENT = 1e-5  # singular value over the largest, below which inputs of several lags depend on each other
 
 
@@ -82,6 +83,29 @@ def _follows(u: Array, innovations: Array) -> bool:
     correlation = np.correlate(np.pad(theirs, (_LAGS, 0)), own)[:-1] / size
     limit = -ndtri(_FALSE_ALARM / 2 / _LAGS) / np.sqrt(len(own))
     return bool(np.abs(correlation).max() > limit and correlation @ correlation > _FEEDBACK)
+
+
+def lead(residual: Array, inputs: Values) -> tuple[int, float]:
+    """Return how many samples an output leads its input by, at least, and the share of a residual that shows it.
+
+    That share is what later inputs explain of a residual beyond its past inputs. A filter that runs both ways leaves
+    little else; of feedback the disturbance itself remains.
+
+    Args:
+      residual: measured less simulated output, shape (N,).
+      inputs: of one channel, shape (N,).
+    """
+    stride, count = -(-len(residual) // _MOST_ROWS), len(residual) - _LAGS - _LEADS
+    if count < 4 * (_LAGS + _LEADS):
+        return 0, 0.0
+    steps = [*range(0, -_LAGS - 1, -1), *range(1, _LEADS + 1)]
+    columns = np.stack([inputs[_LAGS + step : _LAGS + step + count : stride] for step in steps], axis=1)
+    target = residual[_LAGS : _LAGS + count : stride]
+    basis = np.linalg.qr(columns - columns.mean(0))[0]
+    explained = (basis.T @ (target - target.mean())) ** 2
+    left = count / stride * np.var(target) - explained[: _LAGS + 1].sum()
+    later = np.cumsum(explained[_LAGS + 1 :])
+    return 1 + int(np.argmax(later > _MOST_OF_LEAD * later[-1])), float(later[-1] / max(left, TINY))
 
 
 def _explained_share(e: Array, us: Array) -> float:

@@ -25,15 +25,20 @@ _SAMPLES_A_PARAMETER, _DEPENDENT = 10, 1e6  # condition number from which inputs
 _SUSPECT = 60.0  # fit below which columns may be exchanged [%]
 GOOD = 80.0
 """Fit from which a plant explains a log [%]."""
+_EXCHANGED, _QUICK_S = 95.0, 0.1  # fit that an exchange reaches at least [%], and delay below which it stays [s]
 _WORTH, _LEAST = 2.0, 0.01  # points that an exchange gains at least, or half of the rest if that is not too little
 _MANY = 6  # poles
+_WIDTHS, _INPUTS, _RESIDUALS = (1, 2, 4, 8), 20, 4  # samples of a mean; past means that may make an input
+_BY_CHANCE, _PREDICTABLE = 2.5e-4, 1e-9  # of each test for a loop; share of an input's power that is rounding
 _UNITS, _SIGN = ("degrees-radians", "log both in radians"), ("sign-flip", "change the sign of one of them")
+_HALF = ("half-angle", "log the angle itself, which is 2 asin of that component for a turn about its axis")
 _GAINS = (
     (50.0, 66.0, "as if the output were in degrees and the input in radians", *_UNITS),
     (1 / 66.0, 1 / 50.0, "as if the output were in radians and the input in degrees", *_UNITS),
+    (0.495, 0.505, "and it stays within 1, as the component of a quaternion does, the sine of half an angle", *_HALF),
     (-1.4, -0.7, "so that it moves the other way", *_SIGN),
 )
-"""Steady gains that are suspicious, those of units of either sign."""
+"""Steady gains that are suspicious, those of units and of half an angle of either sign."""
 Alone = Callable[[Recording], PlantRecord | None]
 """Fits a log alone; None where no plant of second order explains it well."""
 
@@ -101,7 +106,8 @@ def plant_findings(plant: PlantRecord, log: Recording) -> list[Finding]:
     found = list[Finding]()
     for name, gain in zip(log.input_names, plant.dc_gain[0].tolist(), strict=True):
         for low, high, meaning, code, remedy in _GAINS:
-            if low < (gain if low < 0 else abs(gain)) < high:
+            small = code != "half-angle" or np.abs(log.outputs[:, 0]).max() <= 1
+            if small and low < (gain if low < 0 else abs(gain)) < high:
                 message = f'the steady gain of "{log.output_names[0]}" from "{name}" is {gain:.3g}, {meaning}'
                 found.append(Finding(code, "warning", log.source, message, remedy))
     return found
@@ -147,8 +153,10 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
         return []
     other, *logs = map(_exchanged, (log, *moving))
     plants = [fit_axis(logs, order).plant for order in (1, 2, 3)]
-    best = max(float(free_run(p, other.inputs, other.outputs, drift=drift).fit_percent[0]) for p in plants)
-    if best < max(GOOD, percent + max(_LEAST, min(_WORTH, (100 - percent) / 2))):
+    quick = [plant for plant in plants if plant.dead_time_samples * plant.sample_period_s < _QUICK_S]
+    runs = [free_run(each, other.inputs, other.outputs, drift=drift) for each in quick]
+    best = max((float(run.fit_percent[0]) for run in runs), default=0.0)
+    if best < max(_EXCHANGED, percent + max(_LEAST, min(_WORTH, (100 - percent) / 2))):
         return []
     message = f"the output comes before the input: exchanged, the fit is {best:.1f} % instead of {percent:.1f} %"
     remedy = f'take "{log.output_names[0]}" as the input and "{log.input_names[0]}" as the output'
@@ -158,6 +166,28 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
 def _exchanged(log: Recording) -> Recording:
     names = {"input_names": log.output_names, "output_names": log.input_names}
     return Recording.from_arrays(log.outputs, log.inputs, log.period_s, **names)
+
+
+def follows_output(log: Recording, residual: Array) -> bool:
+    """Return whether the first input depends on earlier residuals beyond its own past, as an outer loop's command.
+
+    The test is that of Granger (1969), on samples and on means of several: a slow disturbance shows little from sample
+    to sample.
+
+    Args:
+      log: the log.
+      residual: measured less simulated output, shape (N,).
+    """
+    for width in _WIDTHS:
+        count = len(log) // width
+        signals = (signal[: count * width].reshape(count, width).mean(1) for signal in (log.inputs[:, 0], residual))
+        u, e = map(_normalised, signals)
+        own, freedom = _past(u, 1, _INPUTS), count - 1 - _INPUTS - _RESIDUALS
+        alone, both = (_left(u, columns) for columns in (own, np.hstack([own, _past(e, 1, _RESIDUALS)])))
+        gained = (alone @ alone - both @ both) / max(float(both @ both), _PREDICTABLE * count)
+        if freedom > _FEWEST and gained * freedom / _RESIDUALS > fdtri(_RESIDUALS, freedom, 1 - _BY_CHANCE):
+            return True
+    return False
 
 
 def _sine_hz(signal: Array, period_s: float) -> float:

@@ -24,6 +24,8 @@ from archerfish.identification.axis.checks import (
     plant_findings,
     silent_logs,
 )
+from archerfish.identification.axis.departures import changed_delay, early_outputs, rate_output
+from archerfish.identification.axis.encoder import without_angle_error, without_leaps
 from archerfish.identification.axis.fit import DELAY, AxisFit, KnownGain, fit_axis
 from archerfish.identification.axis.nonlinearity import nonlinearity
 from archerfish.identification.axis.plateaus import plateau_gain
@@ -114,14 +116,23 @@ def identify_axis(
     with threadpool_limits(1, "blas"):
         logs_of_axis = read_sources(logs, validate, divides_s)
         check_logs(logs_of_axis.fitted, order or 1)
-        found = fit_axis(
-            logs_of_axis.fitted,
-            order,
-            max_delay=DELAY if max_delay is None else max_delay,
-            feedthrough=feedthrough,
-            held_back=logs_of_axis.held_back,
-            gain=_known_gain(dc_gain, logs_of_axis.fitted),
-        )
+
+        def fit(logs: AxisLogs) -> AxisFit:
+            return fit_axis(
+                logs.fitted,
+                order,
+                max_delay=DELAY if max_delay is None else max_delay,
+                feedthrough=feedthrough,
+                held_back=logs.held_back,
+                gain=_known_gain(dc_gain, logs.fitted),
+            )
+
+        found = fit(logs_of_axis)
+        for corrected in (without_leaps, without_angle_error):
+            fitted, held_back, findings = corrected(found, logs_of_axis.fitted, logs_of_axis.held_back)
+            if findings:
+                logs_of_axis = AxisLogs(fitted, held_back, (*logs_of_axis.findings, *findings), logs_of_axis.hashes)
+                found = fit(logs_of_axis)
         return _result(found, logs_of_axis, axis, seed)
 
 
@@ -157,11 +168,14 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int) -> AxisResult:
     silent = silent_logs([fit.recording for fit in fits if not fit.held_back and fit.fit_percent < GOOD], alone)
     if len(silent) == len(logs.fitted):
         raise InputError(f"{silent[0].place}: {silent[0].message}; {silent[0].remedy}", silent[0].code)
-    findings = [*logs.findings, *silent, *plant_findings(plant, first)]
+    band, worst = excited_band(logs.fitted), judged(tuple(fits))
+    findings = [*logs.findings, *silent, *plant_findings(plant, first), *rate_output(plant, band, worst)]
     wrong = contradictions([(fit.recording, fit.fit_percent) for fit in fits], alone)
     # Of logs that contradict each other no plant fits all, in whichever direction.
-    findings += wrong or exchanged_columns(found, judged(tuple(fits)).recording, logs.fitted)
-    band = excited_band(logs.fitted)
+    wrong = wrong or exchanged_columns(found, worst.recording, logs.fitted) or early_outputs(fits)
+    nonlinear = nonlinearity(found, logs.fitted)
+    share = nonlinear.residual_share if nonlinear else 1.0
+    findings += wrong or [each for fit in fits if plant.D.shape == (1, 1) for each in changed_delay(fit, share)]
     return AxisResult(
         record=plant,
         fits=tuple(fits),
@@ -171,7 +185,7 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int) -> AxisResult:
         poles=pole_estimates(found, drawn, band),
         candidates=found.selection.candidates,
         excited_hz=band,
-        nonlinearity=nonlinearity(found, logs.fitted),
+        nonlinearity=nonlinear,
         findings=tuple(findings),
     )
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from archerfish.identification.axis.checks import follows_output
 from archerfish.identification.axis.nonlinearity import Nonlinearity
 from archerfish.identification.axis.plots import correlation_plot, run_plot, step_plot
 from archerfish.identification.axis.result import AxisEstimates
@@ -30,6 +31,15 @@ _DEPENDENT = 0.05  # share of the residual that past inputs explain, from which 
 _RUNS_ON = 0.5  # what is left of a state after the longest recording, from which the axis may integrate
 _STRONG = 0.7  # share of the residual that a nonlinearity leaves, up to which it may make a plant useless
 
+_USELESS = (
+    "swapped",
+    "contradiction",
+    "early-output",
+    "changed-delay",
+    "half-angle",
+    "rate-output",
+)  # codes of findings
+
 _LINEAR = {
     "saturation": "record with a smaller command",
     "dead zone": "record with a larger command, or remove it in the controller",
@@ -47,7 +57,7 @@ class Shortfall(NamedTuple):
 
 def shortfalls(result: AxisEstimates) -> list[Shortfall]:
     """Return what makes a plant useless, the gravest first; nothing if it is usable."""
-    wrong = [finding for finding in result.findings if finding.code in ("swapped", "contradiction")]
+    wrong = [finding for finding in result.findings if finding.code in _USELESS]
     if wrong:  # what else is found follows from it
         return [Shortfall(found.code, f"{found.place}: {found.message}: {found.remedy}.") for found in wrong]
     given = result.given_gain
@@ -62,13 +72,18 @@ def shortfalls(result: AxisEstimates) -> list[Shortfall]:
 
 def _low_fit(result: AxisEstimates) -> Iterator[Shortfall]:
     worst, found = result.judged, result.nonlinearity
-    noise = found is None and worst.tests is not None and worst.tests.explained_share < _NOISE_SHARE
-    if worst.fit_percent >= (_NOISY_FIT if noise else USABLE_FIT):
+    if worst.fit_percent >= USABLE_FIT:
+        return
+    rest = worst.tests is not None and worst.tests.explained_share < _NOISE_SHARE
+    loop = rest and follows_output(worst.recording, worst.residual)
+    if worst.fit_percent >= _NOISY_FIT and rest and found is None and not loop:
         return
     why = "the rest depends on the input: check the columns, and whether something else moves the axis"
-    if found is not None:
+    if loop:
+        why = "the input follows the output: switch the outer loop off, or log its set point as the input"
+    elif found is not None and found.residual_share <= _STRONG:
         why = f"{_nonlinear_words(found)}: {_LINEAR[found.name]}"
-    elif noise:
+    elif rest:
         why = "the rest does not depend on the input, so it is noise: command larger motions, or average repeated runs"
     share = f"{worst.fit_percent:.1f} %" if worst.fit_percent > 0 else "less than a constant would"
     yield Shortfall("fit", f"The plant explains {share} of {worst.recording.source}, expected {USABLE_FIT:g} %; {why}.")
@@ -103,13 +118,13 @@ def _nonlinear(result: AxisEstimates) -> Iterator[Shortfall]:
     if agreement < USABLE_FIT:
         wrong.append(f"on other motions of the same size the linear plant follows to {agreement:.0f} % only")
     if wrong:
-        sentence = f"{_nonlinear_words(found)}; {'; '.join(wrong)}: {_LINEAR[found.name]}."
+        sentence = f"{_nonlinear_words(found).capitalize()}; {'; '.join(wrong)}: {_LINEAR[found.name]}."
         yield Shortfall(found.name.replace(" ", "-"), sentence)
 
 
 def _nonlinear_words(found: Nonlinearity) -> str:
     size = f"{found.level:.3g} per second" if found.name == "rate limit" else f"±{found.level:.3g} of the command"
-    return f"A {found.name} of {size} explains {1 - found.residual_share:.0%} of what the linear plant leaves"
+    return f"a {found.name} of {size} explains {1 - found.residual_share:.0%} of what the linear plant leaves"
 
 
 def axis_report(result: AxisEstimates) -> Report:
@@ -153,7 +168,8 @@ def _doubts(result: AxisEstimates) -> Iterator[str]:
         name, tests = fit.recording.source, fit.tests
         if tests is None:
             continue
-        if tests.feedback:
+        # An output that comes before its input correlates with later inputs, too.
+        if tests.feedback and not any(finding.code == "early-output" for finding in result.findings):
             wrong = f"In {name} the input follows the output's disturbances, which biases the plant"
             yield f"{wrong}: log the set point of the loop as the input."
         if not tests.independent and tests.explained_share > _DEPENDENT:

@@ -35,11 +35,15 @@ class LogFit:
     held_back: bool  # whether it was not fitted
     run: FreeRun  # with initial state and constant of its own
 
+    @property
+    def residual(self) -> Array:
+        """Measured less simulated first output, shape (N,)."""
+        return np.asarray(self.recording.outputs[:, 0] - self.run.outputs[:, 0])
+
     @cached_property
     def tests(self) -> ResidualTests | None:
         """Tests of the residual of the first output; None of a short recording."""
-        residual = np.asarray(self.recording.outputs[:, 0] - self.run.outputs[:, 0])
-        return residual_tests(residual, self.recording.inputs)
+        return residual_tests(self.residual, self.recording.inputs)
 
     @property
     def fit_percent(self) -> float:

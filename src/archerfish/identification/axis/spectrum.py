@@ -127,7 +127,7 @@ class Experiment:
     outputs: Complex = field(init=False)  # (p, F)
 
     def __post_init__(self) -> None:
-        y = np.vstack([np.repeat(self.y[: self.rest].mean(0)[None], self.pad, 0), self.y])[self.skip :]
+        y = self.lengthened(self.y)
         n = self.length = len(y)
         self.measured = n - self.pad
         k = np.arange(1, n // 2 + 1)
@@ -144,6 +144,10 @@ class Experiment:
     def at(self, delay: int, feedthrough: bool = True) -> Lines:
         """Return all lines with inputs that are delayed by some samples."""
         return self._lines(delay)._replace(feedthrough=feedthrough)
+
+    def lengthened(self, x: Array) -> Array:
+        """Return signals of the log, shape (N, k), with the rest that is put before it and without its beginning."""
+        return np.vstack([np.repeat(x[: self.rest].mean(0)[None], self.pad, 0), x])[self.skip :]
 
     def transform(self, x: Array) -> Complex:
         """Return the lines of k signals, shape (N, k) → (k, F)."""
