@@ -70,7 +70,7 @@ def _looked(table: LogTable) -> Looked:
     rising = [name for name, values in table.columns.items() if np.mean(np.diff(values) > 0) > 0.5 and np.ptp(values)]
     named = [name for name in rising if _TIME.search(name)] or [name for name in rising[:1] if name == "1"]
     stamps = named[0] if named else None
-    names = [name for name, values in table.columns.items() if name != stamps and not np.isnan(values).all()]
+    names = [name for name in table.columns if name != stamps]
     time, findings = np.arange(len(table.places), dtype=float), [*table.findings]
     signals = dict(table.columns)
     if stamps and names:
@@ -83,7 +83,8 @@ def _looked(table: LogTable) -> Looked:
         except InputError as error:
             problem, _, remedy = str(error).rpartition("; ")
             findings.append(Finding(error.code or "", "warning", table.source, problem, remedy))
-    return Looked(time, stamps, {name: signals[name] for name in names}, tuple(findings))
+    there = {name: signals[name] for name in names if not np.isnan(signals[name]).all()}
+    return Looked(time, stamps, there, tuple(findings))
 
 
 def _rows(table: Looked) -> list[tuple[Entry, ...]]:
