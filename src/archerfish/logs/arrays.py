@@ -49,11 +49,11 @@ def read_array_file(path: Path, signals: Signals) -> LogTable:
         others.
       Exception: whatever a damaged byte leads the libraries to.
     """
-    archive, wanted = _arrays_in(path), signals.columns()
+    archive, wanted = arrays_in(path), signals.columns()
     sizes = {member.filename.removesuffix(".npy"): member.file_size for member in archive.zip.infolist()}
     holding = {each: [name for name in sizes if f"{each}.".startswith((f"{name}[", f"{name}."))] for each in wanted}
     if not all(holding.values()):
-        return table_of(array_fields(path), signals, str(path))  # which lists what there is
+        return table_of(array_fields(archive), signals, str(path))  # which lists what there is
     for name in chain.from_iterable(holding.values()):
         if archive.files.count(name) > 1:
             raise log_fault(path, f'has 2 arrays "{name}", expected one', "keep one of them", "column-twice")
@@ -65,13 +65,13 @@ def read_array_file(path: Path, signals: Signals) -> LogTable:
     return table_of(dict(fields_of(arrays)), signals, str(path))
 
 
-def array_fields(path: Path) -> dict[str, Any]:
-    """Return what such a file has, by the names of `fields_of`, without objects and too large arrays.
+def array_fields(archive: Any) -> dict[str, Any]:
+    """Return what an archive of `arrays_in` has, by the names of `fields_of`, without objects and too large arrays.
 
     Raises:
       Exception: whatever a damaged byte leads the libraries to.
     """
-    archive, arrays = _arrays_in(path), dict[str, Any]()
+    arrays = dict[str, Any]()
     for member in archive.zip.infolist():
         with suppress(ValueError):  # of objects
             name = member.filename.removesuffix(".npy")
@@ -90,7 +90,12 @@ def fields_of(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
     Fields are named "data.time", elements "position[0]"; of a list of N mappings each field is an array of N.
     """
     fields = value if isinstance(value, Mapping) else getattr(getattr(value, "dtype", None), "names", None)
-    if isinstance(value, dict) and value and all(map(str.isdecimal, value)) and not any(map(np.ndim, value.values())):
+    if (
+        isinstance(value, dict)
+        and value
+        and all(map(str.isdecimal, map(str, value)))
+        and not any(map(np.ndim, value.values()))
+    ):
         value, fields = [*value.values()], None  # rows, as pandas numbers them
     if fields is not None:
         for field in fields:
@@ -120,7 +125,7 @@ def table_of(arrays: Mapping[str, Any], signals: Signals, source: str) -> LogTab
     return LogTable(columns, range(1, max(lengths) + 1), "row", source)
 
 
-def _arrays_in(path: Path) -> Any:
+def arrays_in(path: Path) -> Any:
     """Open such a file: a mapping of names to arrays, with the names in `files` and the archive in `zip`."""
     content = path.read_bytes()
     if is_structured(content[:1000]):

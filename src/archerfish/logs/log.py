@@ -13,7 +13,7 @@ import numpy as np
 
 from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.logs import signals, stamps
-from archerfish.logs.arrays import ARCHIVE, array_fields, fields_of, is_structured, read_array_file, table_of
+from archerfish.logs.arrays import ARCHIVE, array_fields, arrays_in, fields_of, is_structured, read_array_file, table_of
 from archerfish.logs.bags import ENCODINGS, RECOVER, bag_signals, bag_tables, read_bag
 from archerfish.logs.json_tables import is_json, json_fields
 from archerfish.logs.recording import BAGS, Log, LogTable, Recording, Rows, Signals, log_fault, log_files, open_log
@@ -143,7 +143,7 @@ def signals_in(path: str | Path) -> tuple[str, ...]:
             return bag_signals(path)
         if kind == "json":
             return tuple(json_fields(path)[0])
-        return column_names(path) if kind == "text" else tuple(array_fields(path))
+        return column_names(path) if kind == "text" else tuple(array_fields(arrays_in(path)))
 
 
 def tables_in(path: Path) -> list[LogTable]:
@@ -158,7 +158,7 @@ def tables_in(path: Path) -> list[LogTable]:
             return list(bag_tables(path))
         if kind == "text":
             return [read_text(path, lambda names: [each for each in names if names.count(each) == 1], numbers=True)]
-        fields = json_fields(path)[0] if kind == "json" else array_fields(path)
+        fields = json_fields(path)[0] if kind == "json" else array_fields(arrays_in(path))
     for name, array in fields.items():
         shape = np.shape(array)
         several = len(shape) == 2 and min(shape) > 1

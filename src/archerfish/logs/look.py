@@ -13,7 +13,7 @@ import numpy as np
 
 from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.logs.log import tables_in
-from archerfish.logs.recording import GAP, Finding, LogTable, Rows, Signals, Values
+from archerfish.logs.recording import GAP, Finding, LogTable, Rows, Signals, Values, log_files
 from archerfish.logs.stamps import in_order, in_seconds
 from archerfish.reports.report import Report
 from archerfish.reports.style import Figure, new_figure, plot_style
@@ -23,7 +23,7 @@ _TIME = re.compile(r"(?i)(^|[^a-z])t([^a-z]|$)|time|tempo|stamp|clock")
 _COMMAND = re.compile(r"(?i)(^|[^a-z])u([^a-z]|$)|c(om)?m(an)?d|set|ref|target|goal|desired")
 _RATE = re.compile(r"(?i)rate|vel|speed|gyro|accel|omega|dot|effort|torque|current|voltage")
 _UNIT = re.compile(r"(?i)(?:^|[^a-z])(deg|rad|rpm|mm|cm|m|pct|v|ms|s)(?:[^a-z]|$)")
-_OTHERS = re.compile(r"(?i)shots|landings|timing_|tape\.|limits\.")  # logs of other parts than axes
+_OTHERS = re.compile(r"(?i)shots|landings|timing_|tape\.|limits\.|.*_step_\d+deg")  # logs of other parts than axes
 _DRAWN = 6  # signals in the picture
 
 
@@ -83,7 +83,8 @@ def _looked(table: LogTable) -> Looked:
         except InputError as error:
             problem, _, remedy = str(error).rpartition("; ")
             findings.append(Finding(error.code or "", "warning", table.source, problem, remedy))
-    return Looked(time, stamps, {name: signals[name] for name in names}, tuple(findings))
+    there = {name: signals[name] for name in names if not np.isnan(signals[name]).all()}
+    return Looked(time, stamps, there, tuple(findings))
 
 
 def _rows(table: Looked) -> list[tuple[Entry, ...]]:
@@ -106,25 +107,33 @@ def guessed_units(signals: dict[str, Values]) -> dict[str, str]:
     units = dict[str, str]()
     for name, values in signals.items():
         stated = _UNIT.search(name)
-        counts = float(np.nanmax(np.abs(values), initial=0)) > 400 and not np.any(np.nan_to_num(values) % 1)
+        counts = float(np.nanmax(np.abs(values))) > 400 and not np.any(np.nan_to_num(values) % 1)
         position = {f"{name[:-1]}{axis}" for axis in "xyz"} <= signals.keys()
         none = position or _RATE.search(name)
         units[name] = stated[1].lower() if stated else "counts?" if counts else "" if none else "angle"
-    angles = [np.nanmax(np.abs(signals[name]), initial=0) for name, unit in units.items() if unit == "angle"]
+    angles = [np.nanmax(np.abs(signals[name])) for name, unit in units.items() if unit == "angle"]
     largest = float(max(angles, default=0.0))
     unit = "rad?" if largest <= 2 * np.pi else "deg?" if largest <= 720 else ""  # all alike
     return {name: unit if each == "angle" else each for name, each in units.items()}
 
 
-def guessed(tables: Sequence[Looked]) -> tuple[str, str, str | None]:
-    """Return the names of a command, of a measured angle and of stamps, "NAME" of what there is none of."""
-    every = [
-        name for table in tables for name, values in table.signals.items() if np.nanmax(values) > np.nanmin(values)
-    ]
-    named = [name for name in every if _COMMAND.search(name)] or every or ["NAME"]
-    angles = [name for name in every if name != named[0]]
-    angles = [name for name in angles if not (_COMMAND.search(name) or _RATE.search(name))] or angles or ["NAME"]
-    return named[0], angles[0], tables[0].stamps if tables else None
+def guessed(tables: Sequence[Looked], axis: str = "") -> tuple[str, str, str | None]:
+    """Return the names of a command, of a measured angle and of stamps, "NAME" of what there is none of.
+
+    Args:
+      tables: of a file.
+      axis: that they are of; names that contain it go before others.
+    """
+    every = [name for name in _moving(tables) if axis in name.lower()] or _moving(tables)
+    commands = [name for name in every if _COMMAND.search(name)] or every or ["NAME"]
+    others = [name for name in every if name != commands[0]]
+    angles = [name for name in others if not (_COMMAND.search(name) or _RATE.search(name))] or others or ["NAME"]
+    return commands[0], angles[0], tables[0].stamps if tables else None
+
+
+def _moving(tables: Sequence[Looked]) -> list[str]:
+    """Return the names of the signals that change."""
+    return [name for table in tables for name, values in table.signals.items() if np.ptp(values[~np.isnan(values)])]
 
 
 def names_to_fill_in(folder: str | Path) -> str:
@@ -134,27 +143,26 @@ def names_to_fill_in(folder: str | Path) -> str:
       InputError: if there is no log in it that has a command and an angle.
     """
     found = dict[str, dict[str, dict[str, str]]]()  # axis → file → key → name
-    for path in sorted(each for each in Path(folder).iterdir() if each.is_file()):
+    for path in sorted(each for each in Path(folder).iterdir() if log_files(each) and not _OTHERS.match(each.name)):
         tables = list[Looked]()
         with suppress(InputError):  # of what is no log
-            tables = [_looked(table) for table in tables_in(path) if not _OTHERS.match(path.name)]
-        inputs, outputs, stamps = guessed(tables)
-        if "NAME" in (inputs, outputs):
-            continue
-        axis = "pitch" if "pitch" in f"{path.name} {inputs} {outputs}" else "yaw"
-        unit = next(guessed_units(each.signals)[outputs] for each in tables if outputs in each.signals)
-        names = {"input": inputs, "output": outputs, "unit": "deg" if unit.startswith("deg") else "rad"}
-        found.setdefault(axis, {})[path.name] = {"time": stamps or "time_s", **names}
+            tables = [_looked(table) for table in tables_in(path)]
+        named = " ".join([path.name, *_moving(tables)]).lower()
+        for axis in [axis for axis in ("pitch", "yaw") if axis in named] or ["yaw"]:
+            inputs, outputs, stamps = guessed(tables, axis)
+            if outputs != "NAME":
+                units = dict(unit for table in tables for unit in guessed_units(table.signals).items())
+                unit = "deg" if units[outputs].startswith("deg") else "rad"
+                names = {"time": stamps or "time_s", "input": inputs, "output": outputs, "unit": unit}
+                found.setdefault(axis, {})[path.name] = names
     if not found:
         raise file_error(folder, "has no file with a command and an angle", "name a folder of logs", "no-data")
     lines = ["# Names and units are guessed: correct them. Logs that are to be held back go from fit to validate."]
     for axis, files in found.items():
-        first = next(iter(files.values()))
-        lines += [
-            "",
-            f"[{axis}]",
-            f"fit = {_text([*files])}",
-            *(f"{key} = {_text(name)}" for key, name in first.items()),
+        first, held_back = next(iter(files.values())), [file for file in files if "valid" in file]
+        fit = [file for file in files if file not in held_back]
+        lines += ["", f"[{axis}]", f"fit = {_text(fit)}", f"validate = {_text(held_back)}"] + [
+            f"{key} = {_text(first[key])}" for key in first
         ]
         for file, names in files.items():
             if others := [f"{key} = {_text(name)}" for key, name in names.items() if name != first[key]]:

@@ -148,6 +148,8 @@ def _table(
     kept = np.flatnonzero(~(lost | again))
     columns = {name: values[kept] for name, values in table.columns.items()}
     table = replace(table, columns=columns, places=np.asarray(table.places)[kept].tolist())
-    for index in np.flatnonzero(np.diff(columns[required[0]]) <= 0)[:1] + 1:
-        raise log_fault(table.place(index), "stamps do not increase", "keep one line per stamp", "time-backward")
+    steps = np.diff(columns[required[0]])
+    for index in np.flatnonzero(steps <= 0)[:1] + 1:
+        remedy = "keep one line per stamp" if steps[index - 1] == 0 else "cut the log there into two"
+        raise log_fault(table.place(index), "stamps do not increase", remedy, "time-backward")
     return table
