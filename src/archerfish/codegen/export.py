@@ -94,13 +94,15 @@ def export(
         "period_s": task.period_s,
         "limits": [float(each[axis]) for axis in range(2) for each in gated.limits[:4]],
         "robot": robot.digest(),
+        "robot_name": robot.name,
+        "stamp_offset_s": robot.sensing.camera.time_offset if robot.sensing else 0.0,
     }
     if path.suffix == ".c":
         files = print_c(decision, content, path, list(example_decisions(gated, EXAMPLES)))
         with tempfile.TemporaryDirectory() as folder:
             for each, text in files.items():
                 write_bytes(Path(folder, each.name), text)
-            checked = compared(c_decision(Path(folder, path.name), len(decision.memory)), gated)
+            checked = compared(c_decision(Path(folder, path.name)), gated)
     else:
         files = {path: print_onnx(decision, content)}
         checked = compared(onnx_decision(files[path]), gated)
