@@ -63,6 +63,7 @@ def measured(gated: Gated) -> dict[str, Any]:
     decision = trace_decision(gated)
     limits = [float(each[axis]) for axis in range(2) for each in gated.limits[:4]]
     facts = {"title": "", "made": "", "period_s": float(gated.period), "limits": limits, "robot": ""}
+    facts |= {"robot_name": "", "stamp_offset_s": 0.0}
     examples = list(example_decisions(gated, DECISIONS, seed=1))
     rows = [np.concatenate([np.atleast_1d(given[name]) for name in FIELDS]) for given, _ in examples]
     numbers = np.array(rows, np.float32)
@@ -71,7 +72,7 @@ def measured(gated: Gated) -> dict[str, Any]:
         folder = Path(name)
         for path, content in print_c(decision, facts, folder / "x.c", examples[:24]).items():
             path.write_bytes(content)
-        found: dict[str, Any] = {"c": check.compared(check.c_decision(folder / "x.c", len(decision.memory)), gated)}
+        found: dict[str, Any] = {"c": check.compared(check.c_decision(folder / "x.c"), gated)}
         (folder / "main.c").write_text(f"#define N {DECISIONS}\n#define ROUNDS {ROUNDS}\n{PROGRAM}")
         words = ["cc", "-std=gnu99", "-O3", "-march=native", "-fstack-usage", "x.c", "main.c", "-lm", "-o", "main"]
         subprocess.run(words, cwd=folder, check=True)
@@ -81,7 +82,7 @@ def measured(gated: Gated) -> dict[str, Any]:
         ).stdout.split()
         sizes = subprocess.check_output(["size", "x.o"], cwd=folder, text=True).split()[6:8]
         stack = max(
-            int(each) for su in folder.glob("*x.su") for each in re.findall(r"x_decide\s+(\d+)", su.read_text())
+            int(each) for su in folder.glob("*x.su") for each in re.findall(r"x_decide\w*\s+(\d+)", su.read_text())
         )
     of_model = check.compared(check.onnx_decision(print_onnx(decision, {})), gated)
     return {
@@ -91,7 +92,7 @@ def measured(gated: Gated) -> dict[str, Any]:
         "numpy_us": found["c"]["a decision in NumPy [µs]"],
         "object_bytes": sum(map(int, sizes)),
         "stack_bytes": stack,
-        "memory_bytes": 4 * (len(decision.memory) + 3),
+        "memory_bytes": 4 * (len(decision.memory) + 6),
         "onnx": {
             "difference_rad": of_model[check.DIFFERENCE],
             "us": of_model["a decision, as called from Python [µs]"],

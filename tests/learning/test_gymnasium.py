@@ -9,6 +9,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
+import cloudpickle
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -250,7 +251,10 @@ def test_a_spec_has_the_longest_engagement_and_makes_the_environment_again(envir
         gymnasium.make(ID, robot=af.Robot.paper(), task="paper").spec.to_json()
 
 
-@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+COPIES = [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env)), lambda env: pickle.loads(cloudpickle.dumps(env))]
+
+
+@pytest.mark.parametrize("copied", COPIES)
 @pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
 def test_a_copy_of_an_environment_goes_on_as_the_environment_does(environment, copied, make):
     env = make(ID, environment=environment)
@@ -260,6 +264,31 @@ def test_a_copy_of_an_environment_goes_on_as_the_environment_does(environment, c
     for _ in range(4):
         assert_array_equal(env.step(action)[0], other.step(action)[0])
     assert_array_equal(env.reset()[0], other.reset()[0])
+
+
+@pytest.mark.parametrize("copied", COPIES)
+def test_a_copy_of_the_environments_for_stable_baselines_goes_on_as_they_do(environment, copied):
+    pytest.importorskip("stable_baselines3", reason="stable_baselines3 is not installed")
+    from archerfish.learning.stable_baselines import ShootingVecEnv
+
+    envs, actions = ShootingVecEnv(3, environment=environment), np.float32([[0.1, -0.2]] * 3)
+    envs.reset()
+    envs.step(actions)
+    other = copied(envs)
+    for _ in range(6):  # an engagement ends within five decisions
+        assert_array_equal(envs.step(actions)[0], other.step(actions)[0])
+
+
+@pytest.mark.parametrize("mode", ["NEXT_STEP", "DISABLED"])
+def test_wrappers_of_gymnasium_that_change_observations_take_the_modes_of_the_page(environment, mode):
+    wrappers = gymnasium.wrappers.vector
+    envs = gymnasium.make_vec(ID, num_envs=2, environment=environment, autoreset_mode=mode)
+    envs = wrappers.DtypeObservation(wrappers.FlattenObservation(envs), np.float32)
+    assert envs.reset(seed=0)[0].dtype == np.float32
+    assert envs.step(envs.action_space.sample())[0].shape == (2, 35)
+    if mode == "DISABLED":
+        with pytest.raises(ValueError, match=r"NEXT_STEP, got .*DISABLED"):
+            wrappers.NormalizeObservation(envs)
 
 
 @pytest.mark.parametrize("context", ["fork", pytest.param("spawn", marks=pytest.mark.slow)])

@@ -2,6 +2,7 @@
 
 import ctypes
 import importlib.util
+import re
 import shutil
 import subprocess
 import time
@@ -27,12 +28,11 @@ Decide = Callable[[Mapping[str, Array]], tuple[Array, bool, int]]
 """A decision: `FIELDS` to the command [rad], (2,), whether to fire, and what C returns; it has a memory."""
 
 
-def c_decision(source: Path, memory: int) -> Decide | None:
+def c_decision(source: Path) -> Decide | None:
     """Compile a source file, in its folder, and return its decision; None without a compiler that can.
 
     Args:
       source: beside its header.
-      memory: how many numbers it remembers.
 
     Raises:
       InputError: if its self-test fails.
@@ -46,14 +46,16 @@ def c_decision(source: Path, memory: int) -> Decide | None:
         return None
     if failed := loaded[f"{name}_self_test"]():
         raise InputError(f"{source.name}: decision {failed} of its self-test is not that of NumPy; report it")
-    kept, command, fire = (ctypes.c_float * (memory + 5))(), (ctypes.c_float * 2)(), ctypes.c_int()
+    kept = ctypes.create_string_buffer(loaded[f"{name}_memory_size"]())
+    command, fire = (ctypes.c_float * 2)(), ctypes.c_int()
+    linked = re.findall(rf"#define {name}_decide (\w+)", source.with_suffix(".h").read_text(encoding="utf-8"))
     loaded[f"{name}_reset"](kept)
 
     def decide(given: Mapping[str, Array]) -> tuple[Array, bool, int]:
         numbers = np.concatenate([np.atleast_1d(given[each]) for each in FIELDS]).astype(np.float32)
         # The last of the caller's struct is an integer.
         seen = numbers[:-1].tobytes() + np.int32(numbers[-1]).tobytes()
-        status = loaded[f"{name}_decide"](kept, seen, command, ctypes.byref(fire))
+        status = loaded[linked[0]](kept, seen, command, ctypes.byref(fire))
         return np.array(command), bool(fire.value), status
 
     return decide

@@ -20,15 +20,20 @@ FIELDS = {
 """What a caller gives at each decision, and how many numbers each has; `found` is true or false."""
 
 
+UNSEEN_AGE = np.float32(1e6)
+"""Age of a plate that was not seen yet [s]."""
+
+
 class GatedState(NamedTuple):
     """What is remembered between decisions."""
 
     inner: Any  # of the controller
     command: Array  # in force at the last decision [rad], (2,)
+    plate_age: Array  # since the exposure of the last plate [s], at least `UNSEEN_AGE` before the first, ()
 
 
 class Gated:
-    """A controller whose commands keep the limits of its robot, as in the simulator."""
+    """A controller whose commands keep the limits of its robot, as in the simulator, and stay until it sees a plate."""
 
     def __init__(self, controller: Any, limits: CommandLimits, period_s: float) -> None:
         """Take a controller, the limits of its commands, and the decision period [s]."""
@@ -36,17 +41,21 @@ class Gated:
 
     def reset(self, seen: Seen, truth: Truth | None = None) -> GatedState:  # noqa: ARG002
         """Begin, shape ()."""
-        return GatedState(self.controller.reset(seen), seen.command)
+        return GatedState(self.controller.reset(seen), seen.command, 0.0 * seen.elapsed + UNSEEN_AGE)
 
     def step(self, state: GatedState, seen: Seen) -> tuple[GatedState, Command]:
         """Decide, shape ()."""
         inner, command = self.controller.step(state.inner, seen)
-        turned = namespace(seen.command).stack([0.0 * seen.base.yaw, seen.base.yaw], axis=-1)
+        xp = namespace(seen.command)
+        plate_age = xp.where(seen.frames.found[..., 0, 0], seen.frames.age[..., 0], state.plate_age + seen.elapsed)
+        shown = plate_age < UNSEEN_AGE
+        wanted = xp.where(shown[..., None], command.angle, seen.command)
+        turned = xp.stack([0.0 * seen.base.yaw, seen.base.yaw], axis=-1)
         limits = self.limits._replace(low=self.limits.low + turned, high=self.limits.high + turned)
         # Where a decision was missed the command has stood still since.
         rate = (seen.elapsed < 1.5 * self.period)[..., None] * (seen.command - state.command) / self.period
-        angle = limit_command(limits, command.angle, seen.command, rate, 0.0 * turned, self.period)
-        return GatedState(inner, seen.command), command._replace(angle=angle)
+        angle = limit_command(limits, wanted, seen.command, rate, 0.0 * turned, self.period)
+        return GatedState(inner, seen.command, plate_age), command._replace(angle=angle, fire=command.fire & shown)
 
 
 def seen_of(given: Mapping[str, Array]) -> Seen:

@@ -27,6 +27,9 @@ MARK = "Made by Archerfish"
 """In every file that this writes: what has it may be replaced."""
 MOST = 1.0
 """Share of the decisions that may differ by more than rounding, where a choice between hypotheses turns [%]."""
+C_HEADERS = """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal stdalign stdarg
+stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath threads time uchar wchar wctype"""
+"""Headers of C11, whose names a compiler may look for among the caller's files first."""
 EXAMPLES = 24  # decisions of the self-test
 UNCHECKED = "To compare it, install a C compiler or ONNX Runtime; a C file's self-test does the same on the robot."
 
@@ -63,6 +66,9 @@ def export(
     path = Path(path)
     if path.suffix not in (".c", ".onnx") or not path.name.isprintable() or '"' in path.name:
         raise InputError(f"{path}: expected a name that ends with .c or .onnx, without quotes; choose such a name")
+    if path.suffix == ".c" and path.stem.lower() in C_HEADERS.split():
+        hidden = f"{path.with_suffix('.h').name} would hide the C library's {path.stem.lower()}.h"
+        raise InputError(f"{path}: {hidden}; name another file")
     targets = [path, path.with_suffix(".h")] if path.suffix == ".c" else [path]
     for target in targets:
         check_regular(target)
@@ -88,13 +94,15 @@ def export(
         "period_s": task.period_s,
         "limits": [float(each[axis]) for axis in range(2) for each in gated.limits[:4]],
         "robot": robot.digest(),
+        "robot_name": robot.name,
+        "stamp_offset_s": robot.sensing.camera.time_offset if robot.sensing else 0.0,
     }
     if path.suffix == ".c":
         files = print_c(decision, content, path, list(example_decisions(gated, EXAMPLES)))
         with tempfile.TemporaryDirectory() as folder:
             for each, text in files.items():
                 write_bytes(Path(folder, each.name), text)
-            checked = compared(c_decision(Path(folder, path.name), len(decision.memory)), gated)
+            checked = compared(c_decision(Path(folder, path.name)), gated)
     else:
         files = {path: print_onnx(decision, content)}
         checked = compared(onnx_decision(files[path]), gated)

@@ -24,7 +24,7 @@ def print_onnx(decision: Decision, facts: Mapping[str, Any]) -> bytes:
       InputError: if the package onnx is not installed.
     """
     try:
-        import onnx
+        import onnx.inliner
     except ImportError as error:
         raise InputError("the package onnx is not installed; pip install 'archerfish[export]', or export C") from error
     constants: dict[Any, tuple[str, Any]] = {}
@@ -34,11 +34,14 @@ def print_onnx(decision: Decision, facts: Mapping[str, Any]) -> bytes:
         return constants.setdefault(key, (f"k{len(constants)}", array))[0]
 
     printer = Printer(lambda value: constant(value if isinstance(value, bool | np.bool_) else np.float32(value)))
-    content = {"indices": lambda *numbers: constant(np.array(numbers)), "pair": lambda *at: constant(np.array([at]))}
-    text = printed("decision.onnx.jinja", printer, decision, {**content, "zero": printer.number(0.0)})
+    content: dict[str, Any] = {"zero": printer.number(0.0), "truth": printer.number(True)}
+    content |= {"indices": lambda *numbers: constant(np.array(numbers)), "pair": lambda *at: constant(np.array([at]))}
+    text = printed("decision.onnx.jinja", printer, decision, content)
     model = onnx.parser.parse_model(text)
     constants |= {at: (f"table_{at}", table) for at, table in enumerate(printer.tables)}
     model.graph.initializer.extend(onnx.numpy_helper.from_array(array, name) for name, array in constants.values())
+    model = onnx.inliner.inline_local_functions(model)  # other runtimes than ONNX Runtime don't know them
+    del model.opset_import[1:]
     onnx.helper.set_model_props(model, {name: str(value) for name, value in facts.items()})
     onnx.checker.check_model(model)
     return bytes(model.SerializeToString())
