@@ -125,6 +125,11 @@ def test_a_counter_that_rolls_over_goes_on(tmp_path, name, range_, per_second):
     assert "clock-wrap" in codes(log)
 
 
+def test_samples_out_of_order_are_no_counter(tmp_path, refused):
+    late = np.where(np.arange(400) == 200, TIME - 0.06, TIME)  # 2**16 µs are 0.0655 s
+    refused("line 202: time 1.94 s does not come after 1.99 s", read, tmp_path, table(late))
+
+
 ROWS = [{"time_s": float(t), "u": float(u), "y": float(y)} for t, u, y in zip(TIME, U, Y, strict=True)]
 ARRAYS = {name: [row[name] for row in ROWS] for name in ROWS[0]}
 INNER = [{"t": row["time_s"], "axis": {"u": row["u"], "y": [0, row["y"]]}} for row in ROWS]
