@@ -40,13 +40,7 @@ def test_only_a_regular_file_is_replaced(tmp_path, kind, refused):
 
 
 def test_what_is_not_json_or_not_to_be_read_is_refused(tmp_path, refused):
-    contents = {
-        b"": "Expecting",
-        b"\xff": "utf-8",
-        b"\xff\xfe": "Expecting",
-        b'{"a": NaN}': "NaN is no number",
-        b'{"a": 1, "a": 2}': "twice",
-    }
+    contents = {b"": "Expecting", b"\xff": "utf-8", b'{"a": NaN}': "NaN is no number", b'{"a": 1, "a": 2}': "twice"}
     for content, complaint in {**contents, b"[" * 100_000: "recursion", b"1" * 5_000: "limit"}.items():
         (tmp_path / "x.json").write_bytes(content)
         refused(f"x.json: is not JSON .*{complaint}.*write the file again", read_json, tmp_path / "x.json")

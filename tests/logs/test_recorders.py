@@ -38,9 +38,8 @@ def codes(log):
 def same(log, *lengths):
     """Check that the recordings of a log have the samples of the table, in parts of such lengths."""
     assert [len(each) for each in log.recordings] == list(lengths or [400])
-    assert_allclose(
-        np.concatenate([each.outputs[:, 0] for each in log.recordings]), Y[: sum(lengths) or 400], atol=2e-6
-    )
+    outputs = np.concatenate([each.outputs[:, 0] for each in log.recordings])
+    assert_allclose(outputs, Y[: sum(lengths) or 400], atol=2e-6)
     assert log.recordings[0].period_s == pytest.approx(0.01)
 
 
@@ -67,16 +66,11 @@ def test_the_cases_give_the_plant_that_made_them(name, time, signals, natural_hz
     assert 0 <= fit.structure.delay * period <= 0.0101
 
 
-AGAIN, LATER = (200, "time_s,u,y"), TIME[:200]
+AGAIN, LATER, BOTH = (200, "time_s,u,y"), TIME[:200], {"names-again", "new-recording"}
 RUNS = {  # stamps, further lines; findings
-    "names after a page": (TIME, [AGAIN], [400], {"names-again"}),
-    "a later start": (np.append(7 + LATER, 3 + LATER), [AGAIN], [200, 200], {"names-again", "new-recording"}),
-    "behind a torn line": (
-        np.append(LATER, LATER),
-        [(200, "1.9,0.time_s,u,y")],
-        [200] * 2,
-        {"names-again", "new-recording"},
-    ),
+    "names after a page": (TIME, [(200, '"Time_s", u , y')], [400], {"names-again"}),
+    "a later start": (np.append(7 + LATER, 3 + LATER), [AGAIN], [200, 200], BOTH),
+    "behind a torn line": (np.append(LATER, LATER), [(200, "1.9,0.time_s,u,y")], [200, 200], BOTH),
     "without names": (np.append(LATER, LATER), [], [200, 200], {"new-recording"}),
     "three of them": (np.tile(TIME[:100], 3), [], [100] * 3, {"new-recording"}),
 }
@@ -88,6 +82,10 @@ def test_recordings_that_were_appended_to_one_file_are_separated(tmp_path, time,
     same(log, *lengths)
     assert codes(log) == expected
     assert log.samples == sum(lengths) + sum(each.samples for each in log.findings)
+
+
+def test_names_in_another_order_are_refused(tmp_path, refused):
+    refused('line 202: has "time_s,y,u".*; cut the log there', read, tmp_path, table(lines=[(200, "time_s,y,u")]))
 
 
 CLOCKS = {
@@ -127,8 +125,14 @@ def test_a_counter_that_rolls_over_goes_on(tmp_path, name, range_, per_second):
     assert "clock-wrap" in codes(log)
 
 
+def test_samples_out_of_order_are_no_counter(tmp_path, refused):
+    late = np.where(np.arange(400) == 200, TIME - 0.06, TIME)  # 2**16 µs are 0.0655 s
+    refused("line 202: time 1.94 s does not come after 1.99 s", read, tmp_path, table(late))
+
+
 ROWS = [{"time_s": float(t), "u": float(u), "y": float(y)} for t, u, y in zip(TIME, U, Y, strict=True)]
 ARRAYS = {name: [row[name] for row in ROWS] for name in ROWS[0]}
+INNER = [{"t": row["time_s"], "axis": {"u": row["u"], "y": [0, row["y"]]}} for row in ROWS]
 NESTED = {"time": "t", "inputs": "axis.u", "outputs": "axis.y[1]"}
 INSIDE = {"time": "log.time_s", "inputs": "log.u", "outputs": "log.y"}
 LINES = "\n".join(map(json.dumps, ROWS))
@@ -140,11 +144,7 @@ JSON = {
     "arrays": (json.dumps(ARRAYS), {}, set()),
     "a frame of pandas": (json.dumps({k: {str(i): x for i, x in enumerate(v)} for k, v in ARRAYS.items()}), {}, set()),
     "objects inside": (json.dumps({"robot": "red", "log": ROWS}), INSIDE, set()),
-    "nested": (
-        json.dumps([{"t": row["time_s"], "axis": {"u": row["u"], "y": [0, row["y"]]}} for row in ROWS]),
-        NESTED,
-        set(),
-    ),
+    "nested": (json.dumps(INNER), NESTED, set()),
 }
 
 
@@ -157,12 +157,7 @@ def test_json_is_read_whatever_its_layout(tmp_path, content, signals, expected):
 
 def test_what_is_wrong_in_json_is_named(tmp_path, refused):
     refused('has no array "v"; the arrays are "time_s", "u", "y"; name', read, tmp_path, LINES, inputs="v")
-    refused(
-        r"is JSON that is damaged or ends too early, after line 2 \(",
-        read,
-        tmp_path,
-        LINES.replace(": 0.02,", " 0.02,"),
-    )
+    refused(r"damaged or ends too early, after line 2 \(", read, tmp_path, LINES.replace(": 0.02,", " 0.02,"))
     refused('row 3: column "u" is "on"', read, tmp_path, json.dumps([*ROWS[:2], ROWS[2] | {"u": "on"}]))
 
 

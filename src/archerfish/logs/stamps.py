@@ -87,9 +87,11 @@ def in_order(rows: Rows) -> tuple[Rows, list[Finding]]:
     named = {*np.searchsorted(rows.numbers, rows.table.starts).tolist()} - {0, len(rows)}
     falls = {*(np.flatnonzero(steps < 0) + 1).tolist(), *(named if rows.signals.time is None else ())}
     period = float(np.median(steps[steps > 0])) if falls and (steps > 0).any() else 0.0
+    often = 0.5 * np.sum(steps, where=steps > 0)  # a counter falls each time that its range has passed
     for index, after in pairwise([*sorted(falls), len(rows)]):
         step, shortest = steps[index - 1], min(index - starts[-1], after - index)
         turns = [turn for turn in _TURNS if 0 < step + turn <= max(_LOST * turn, GAP * period)]
+        turns = [turn for turn in turns if turn * len(falls) >= often]
         again = rows.time[index] <= rows.time[starts[-1]] + GAP * period and shortest >= _FEWEST
         if index in named or (again and not turns):
             starts.append(index)
