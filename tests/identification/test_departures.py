@@ -1,5 +1,7 @@
 """Logs that no causal linear plant with one delay gives, each beside the plant that would be right."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -9,6 +11,7 @@ from archerfish.identification.axis.departures import changed_delay, early_outpu
 from archerfish.identification.axis.encoder import without_angle_error, without_leaps
 from archerfish.identification.axis.fit import fit_axis
 from archerfish.identification.axis.identify import identify_axis
+from archerfish.identification.axis.idle import without_idle
 from archerfish.identification.axis.result import LogFit
 from archerfish.identification.simulation import free_run, simulate
 from archerfish.logs.log import read_log
@@ -191,3 +194,35 @@ def looped(gain, size, period_s=0.005, hz=4.0):
 def test_an_input_that_follows_the_output_is_told_from_noise(gain, size):
     fit = fitted(looped(gain, size), 2)
     assert follows_output(fit.recording, fit.residual) == (gain != 0)
+
+
+def test_a_stretch_with_the_motors_off_is_left_out(shared):
+    result = identify_axis(shared(f"{FOLDER}/motors_off.csv"), order=2)
+    assert result.report.usable
+    assert '"y" does not follow its input from 5 to 8.1 s, left out' in [each.message for each in result.findings]
+    (gain,), (pole,) = result.dc_gain, result.poles
+    assert (gain.value, pole.frequency_hz.value) == pytest.approx((1.0, 4.0), rel=0.01)
+
+
+STRETCHES = {"sweep": (0.01, 3.0, 2.0, 3.5), "steps": (0.002, 5.0, 8.6, 10.6), "none": (0.005, 4.0, 2.0, 2.0)}
+
+
+@pytest.mark.parametrize("name", STRETCHES)
+def test_stretches_without_motors_are_found_in_sweeps_and_in_steps(name):
+    period_s, hz, begin_s, end_s = STRETCHES[name]
+    begin, end = round(begin_s / period_s), round(end_s / period_s)
+    u = command(period_s, 12)
+    log = recorded(u, hz, 0.02, period_s, lambda y: np.concatenate([y[:begin], y[begin].repeat(end - begin), y[end:]]))
+    kept, _, found = without_idle(fit_axis([log], 2), [log], [])
+    assert codes(found) == ["idle"] * (end > begin)
+    if found:
+        times = [float(word) for word in found[0].message.replace(",", "").split() if word[0].isdigit()]
+        assert times == pytest.approx((begin_s, end_s), abs=0.25)
+    assert fit_axis(kept, 2, round(0.02 / period_s)).plant.dc_gain.item() == pytest.approx(1, rel=0.003)
+
+
+def test_a_dead_zone_is_no_stretch_without_motors():
+    u = command(0.005, 12)
+    dead = np.sign(u) * np.maximum(np.abs(u) - 2, 0)
+    log = replace(recorded(dead), inputs=u[:, None])
+    assert codes(without_idle(fit_axis([log], 2), [log], [])[2]) == []

@@ -74,7 +74,10 @@ def changed_delay(fit: LogFit, nonlinear_share: float) -> list[Finding]:
         return []
     for backward in (False, True):
         part = slice(-count, None) if backward else slice(count)
-        plant = fit_axis([replace(log, inputs=log.inputs[part], outputs=log.outputs[part])], 2).plant
+        piece = replace(log, inputs=log.inputs[part], outputs=log.outputs[part])
+        if not (np.ptp(piece.inputs) and np.ptp(piece.outputs)):
+            continue
+        plant = fit_axis([piece], 2).plant
         own = plant.delay_samples
         tried = [plant.replace(delay_samples=delay) for delay in range(own + _LONGEST_LAG)]
         errors = [(log.outputs - free_run(each, log.inputs, log.outputs).outputs)[:, 0] ** 2 for each in tried]

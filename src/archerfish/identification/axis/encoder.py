@@ -7,7 +7,7 @@ explains, and how large it is; it is then subtracted.
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -24,11 +24,6 @@ _LEFT_OF_ANGLE, _LEFT_OF_LEAPS = 0.6, 1 / 3  # shares of the residual that may r
 _STEPS, _TOLERANCE = 15, 1e-5  # of a fit
 _LEAP, _MOST_LEAPS = 2.5, 4  # over what 99 % of a residual's steps stay below; in a log
 _ALIKE = 0.4  # share by which a leap of the residual may differ from the column's coefficient
-
-
-class _Explained(NamedTuple):
-    left: float  # share of the residual's power that remains beside columns
-    coefficients: Array  # of the columns, (k,)
 
 
 Logs = tuple[list[Recording], list[Recording], list[Finding]]
@@ -110,10 +105,10 @@ def _leaps(plant: PlantRecord, log: Recording) -> list[tuple[int, float]]:
     return [(at + 2, float(leaps[at])) for at in largest]
 
 
-def _explained(found: AxisFit, recordings: Sequence[Recording], columns: Sequence[Array]) -> _Explained:
-    """Fit a plant beside columns of each log, (N, k) of each, whose coefficients all logs share.
+def _explained(found: AxisFit, recordings: Sequence[Recording], columns: Sequence[Array]) -> tuple[float, Array]:
+    """Return the share of the residual that remains beside columns of each log, (N, k) of each, and coefficients (k,).
 
-    Poles start from those that were found, some of which may have explained what the columns do.
+    All logs share the coefficients. Poles start from those that were found, some of which may have explained what the columns do.
     """
     at, data, beside = found.structure, list[Any](), list[Any]()
     for experiment, own in zip(found.experiments, columns, strict=True):
@@ -125,7 +120,7 @@ def _explained(found: AxisFit, recordings: Sequence[Recording], columns: Sequenc
     logs = zip(recordings, columns, strict=True)
     rows = np.concatenate([_beside_free_response(plant, log, own) for log, own in logs])
     coefficients = np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=None)[0]
-    return _Explained(fit.cost / max(solve(found.fit.sections, data).cost, TINY), coefficients)
+    return fit.cost / max(solve(found.fit.sections, data).cost, TINY), coefficients
 
 
 def _beside_free_response(plant: PlantRecord, log: Recording, columns: Array) -> Array:

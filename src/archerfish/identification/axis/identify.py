@@ -27,6 +27,7 @@ from archerfish.identification.axis.checks import (
 from archerfish.identification.axis.departures import changed_delay, early_outputs, rate_output
 from archerfish.identification.axis.encoder import without_angle_error, without_leaps
 from archerfish.identification.axis.fit import DELAY, AxisFit, KnownGain, fit_axis
+from archerfish.identification.axis.idle import without_idle
 from archerfish.identification.axis.nonlinearity import nonlinearity
 from archerfish.identification.axis.plateaus import plateau_gain
 from archerfish.identification.axis.report import axis_report
@@ -128,7 +129,7 @@ def identify_axis(
             )
 
         found = fit(logs_of_axis)
-        for corrected in (without_leaps, without_angle_error):
+        for corrected in (without_leaps, without_angle_error, without_idle):
             fitted, held_back, findings = corrected(found, logs_of_axis.fitted, logs_of_axis.held_back)
             if findings:
                 logs_of_axis = AxisLogs(fitted, held_back, (*logs_of_axis.findings, *findings), logs_of_axis.hashes)
