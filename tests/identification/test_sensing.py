@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from archerfish.cli.identify_sensing import IdentifySensing
 from archerfish.identification.sensing.alignment import gimbal_track, rough_offset, spherical
 from archerfish.identification.sensing.identify import identify_sensing
+from archerfish.identification.sensing.stamp_faults import coarse_stamps, delay_changes, slow_changes
 from archerfish.identification.sensing.timing import command_delays, frame_timing, step_latency
 from archerfish.identification.statistics import mean_estimate, scatter_estimate
 from archerfish.logs.timing import DetectionLog, GimbalLog, read_detections, read_gimbal_log
@@ -339,3 +340,69 @@ def test_target_steps_that_do_not_show_the_latency_are_refused(refused):
     refused("take receive_s", step_latency, stepping()._replace(receive=None), MOMENTS, 1 / 80)
     refused("0 of 20 target steps can be used", step_latency, stepping(size=0.01), MOMENTS, 1 / 80)
     refused("4 of 4 target steps can be used, expected at least 5", step_latency, stepping(), MOMENTS[:4], 1 / 80)
+
+
+def test_a_clock_that_was_set_frames_that_were_dropped_and_a_latency_in_blocks_are_told_and_taken_apart(shared):
+    expected = {  # stamp to exposure before any change, ends of the latency, its jitter [ms], what is said
+        "camera_clock_step": (7.0, 31.6, 31.6, r"exposure it is 7\.\d ms, from 12\.0 s on −1[78]\.\d ms"),
+        "renumbered_frames": (
+            7.0,
+            31.6,
+            31.6,
+            r"by 0\.0 ms, from 4\.\d s on 66\.7 ms, .* on 333\.3 ms: frames were dro",
+        ),
+        "latency_under_load": (7.0, 31.6, 71.6, r"latency is 31\.[5-8] ms, from 12\.0 s on 71\.[4-7] ms"),
+    }
+    for name, (offset, least, most, text) in expected.items():
+        folder = shared(f"data/cases_2/{name}")
+        result = identify_sensing(folder / "sweep.csv", folder / "plate.csv")
+        camera, (low, high) = result.record.camera, result.record.intervals["camera.latency"]
+        assert camera.time_offset == pytest.approx(1e-3 * offset, abs=2e-4)  # 0.1 ms of it is the interval's
+        assert_allclose([1e3 * low, 1e3 * high], [least, most], atol=0.9)
+        assert (camera.latency_jitter < 1.4e-3, camera.rate_hz) == (True, pytest.approx(60, abs=1e-2))
+        assert (result.report.usable, len(result.report.doubts)) == (True, 1)
+        assert re.search(text, result.report.doubts[0]), result.report.doubts
+
+
+def test_stamps_and_latencies_of_other_sizes_give_what_the_recording_gives_without_their_fault(sweep):
+    plate, late = sweep.plate, sweep.plate.time > 5.0 + sweep.clock
+    written = np.sort(np.concatenate([plate.time, plate.time + 0.004]))
+    coarse = plate._replace(time=np.floor(plate.time / 0.01) * 0.01)
+    frames = np.round((plate.time - plate.time[0]) * 80)
+    even = frames / 80 + np.median(plate.time - frames / 80)
+    counted = even - 3 / 80 * late  # without a gap, as a camera stamps that dropped three frames
+    kept = np.append(True, np.diff(counted) > 0)
+    again = DetectionLog(written, np.repeat(plate.position, 2, axis=0), np.repeat(plate.receive, 2), "plate.csv")
+    faults = {
+        "clock .* 5.0 s on": plate._replace(time=plate.time - 0.006 * late),
+        "clock .* from 5.0 s on .* ms": plate._replace(time=plate.time + 0.4 * late),
+        r"from 5\.\d s on 37\.5 ms: frames": DetectionLog(counted[kept], plate.position[kept], plate.receive[kept]),
+        r"latency .* from 5\.0 s on": plate._replace(receive=plate.receive + 0.015 * late),
+        "multiples of 10 ms": coarse,
+        "": again,
+    }
+    found = identify_sensing(sweep.sweep, plate).record.camera
+    for text, recording in faults.items():
+        result = identify_sensing(sweep.sweep, recording)
+        camera, shift = result.record.camera, 0.005 * (recording is coarse)  # its stamps are early by half a step
+        assert camera.time_offset == pytest.approx(found.time_offset + shift, abs=4e-4)
+        assert camera.rate_hz == pytest.approx(80, rel=1e-3)
+        low, high = result.record.intervals["camera.latency_jitter"]
+        assert low - 2e-4 < 0.002 < high + 2e-4
+        assert re.search(text, " ".join(result.report.doubts)), result.report.doubts
+    assert result.report.findings[0].samples == plate.time.size
+
+
+def test_good_recordings_raise_no_alarm_of_stamps():
+    alarms = 0
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        stamps = np.cumsum(1 + (rng.random(1200) < 0.05)) / rng.choice([30, 60, 100])
+        jitter = lfilter([0.866], [1, -0.5], rng.standard_normal(stamps.size))  # correlated from frame to frame
+        delay = 0.03 + rng.uniform(5e-4, 6e-3) * jitter + 1e-4 * stamps  # and a clock that drifts
+        noisy = stamps + 2e-4 * rng.standard_normal(stamps.size)
+        slow, _ = slow_changes(delay, False)
+        alarms += (
+            delay_changes(stamps, delay).starts.size > 0 or slow.any() or coarse_stamps(noisy.round(4)) is not None
+        )
+    assert alarms <= 1  # 0.5 % of 300

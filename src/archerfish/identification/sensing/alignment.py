@@ -70,7 +70,7 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
     if time.size < 20 or np.ptp(yaw) == 0:
         problem = f"the yaw has {np.unique(yaw).size} values in {time.size} samples"
         raise file_error(log.source, problem, "log at least 20, in which it moves", "no-motion")
-    quantum, fresh, changed = _quantum(yaw), np.ones(time.size, dtype=bool), np.diff(yaw) != 0
+    quantum, fresh, changed = quantum_of(yaw), np.ones(time.size, dtype=bool), np.diff(yaw) != 0
     # Neighbouring samples may agree only because an angle is rounded; not while it crosses several steps per sample.
     period = float(np.median(np.diff(time)))
     reach = max(int(_SMOOTHED_S / period), 2)
@@ -88,9 +88,9 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
     return GimbalTrack(nodes, CubicSpline(nodes, angles), time, rate, quantum)
 
 
-def _quantum(angles: Array) -> float | None:
+def quantum_of(values: Array) -> float | None:
     """Return the step of which all differences are multiples; None where levels are too many to say."""
-    gaps = np.diff(np.unique(angles))
+    gaps = np.diff(np.unique(values))
     gaps = gaps[gaps > 1e-9]
     if gaps.size < 2:
         return None

@@ -13,7 +13,7 @@ import numpy as np
 
 from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.identification import statistics
-from archerfish.identification.sensing import timing
+from archerfish.identification.sensing import stamp_faults, timing
 from archerfish.identification.sensing.alignment import Alignment, GimbalTrack, align, gimbal_track, rough_offset
 from archerfish.logs import timing as logs
 from archerfish.logs.recording import Finding
@@ -54,6 +54,7 @@ class SensingResult(Result):
     track: GimbalTrack
     counts: dict[str, tuple[int, int]]  # of detections and steps: used, logged
     findings: tuple[Finding, ...]  # what was left out of files
+    stamp_faults: tuple[str, ...] = ()  # what is wrong with stamps and receipts
 
     part = "sensing"
 
@@ -100,11 +101,12 @@ class SensingResult(Result):
             "The latency is unknown, and taken as 0: log receive_s by the gimbal log's clock.": camera.latency is None,
             f"The gimbal's motion explains {moving:.0%} of the bearing's residual, which intervals do not include: "
             f"calibrate the lens, hold plate and robot still, avoid clock drift ({drift:.0f} ppm).": moving > 0.02,
-            f"Intervals of stamps scatter by {uneven:.0%}, so misses are miscounted: stamp exposures.": uneven > 0.15,
+            f"Intervals of stamps scatter by {uneven:.0%}, so misses are miscounted: stamp exposures.": uneven > 0.15
+            and not self.stamp_faults,
             f"{other:.0%} of the detections are not the plate: cover what looks like one.": other > 0.1,
             f"The plate was missed in {missed:.0%} of the frames: bring it nearer, or light it better.": missed > 0.3,
         }
-        reasons, doubts = _those(spoiling), _those(doubtful)
+        reasons, doubts = _those(spoiling), self.stamp_faults + _those(doubtful)
         missing = {
             "Mend what is wrong or in doubt, and sweep again (archerfish excite yaw --kinds sweep).": reasons + doubts,
             "For the latency from exposure, record 20 jumps of a target by 0.3 m, a second apart, and when it jumps: "
@@ -200,11 +202,21 @@ def identify_sensing(
     if (far := float(np.median(np.linalg.norm(plate.position, axis=1)))) > _FARTHEST_M:
         raise file_error(plate.source, f"the plate is {far:.4g} m away", "give positions in metres", "millimetres")
     start = log.time[0]  # far from it, numbers have no room for microseconds
+    plate, repeated = stamp_faults.written_once(plate)
+    if repeated:
+        message = f"detections that repeat the one before, left out: {repeated}"
+        findings.append(Finding("written-again", "repaired", plate.source, message, "log each frame once", repeated))
     track, stamps = gimbal_track(log._replace(time=log.time - start)), plate.time - start
-    period, missed = timing.frame_timing(stamps, plate.source)
     azimuth = np.arctan2(plate.position[:, 1], plate.position[:, 0])
+    stamped, _, received = timing.with_receipts(plate)
+    step, about = stamp_faults.coarse_stamps(stamps) or (0.0, None)
+    period, _ = timing.frame_timing(stamps, plate.source, about)
+    changes = stamp_faults.delay_changes(stamped - start, received - stamped)
+    changes = stamp_faults.attributed(changes, track, stamps, azimuth, period.value, max_offset_s)
+    stamps = stamps + changes.grown(stamps)
+    period, missed = timing.frame_timing(stamps, plate.source, about)
     offset = rough_offset(track, stamps, azimuth, max_offset_s, plate.source)
-    alignment = align(track, stamps, plate.position, offset)
+    alignment = align(track, stamps, np.asarray(plate.position), offset)
     found = alignment.estimates | {
         "camera.rate_hz": statistics.converted(period, lambda value: 1 / value, "Hz"),
         "camera.miss_probability": missed,
@@ -213,10 +225,10 @@ def identify_sensing(
     if track.quantum is not None:
         found["link.feedback_quantum"] = Estimate(track.quantum, np.nan, np.nan, "rad")
     counts, basis = {"detections": (int(alignment.inlier.sum()), stamps.size)}, ""
-    stamped, _, received = timing.with_receipts(plate)
-    delay = received - stamped
+    delay = received - stamped - changes.grown(stamped - start)
     if delay.size >= _FEWEST_RECEIPTS:
-        found["camera.latency_jitter"] = timing.latency_jitter(delay, found["camera.stamp_jitter"])
+        slow, quick = stamp_faults.slow_changes(delay, "latency" in changes.kinds)
+        found["camera.latency_jitter"] = timing.latency_jitter(quick, found["camera.stamp_jitter"])
         if gimbal_clock == "receipt":
             found["camera.latency"] = timing.sweep_latency(delay, found["camera.time_offset"], plate.source)
             basis = "feedback"
@@ -226,6 +238,19 @@ def identify_sensing(
         if basis:  # a log stamped on receipt is late by the feedback's delay, and so are exposures aligned to it
             found["link.feedback_delay"] = statistics.difference(exposed, found["camera.latency"])
         found["camera.latency"], basis, counts["target steps"] = exposed, "exposure", (used, moments.size)
+    latency, faults = found.get("camera.latency", Estimate(0.0, 0.0, 0.0)), list[str]()
+    if changes.starts.size:
+        at_first = latency.value - float(np.mean(changes.grown(stamped - start, latency=True)))
+        faults += changes.told(found["camera.time_offset"].value, at_first)
+    if delay.size >= _FEWEST_RECEIPTS and slow.any():
+        if basis:  # an engagement draws from the interval, a frame from the jitter
+            low, high = latency.value + slow.min(), latency.value + slow.max()
+            found["camera.latency"] = latency._replace(low=float(low), high=float(high))
+        if "latency" not in changes.kinds:
+            scatters = f"{1e3 * slow.std():.1f} ms for long, and by {1e3 * quick.std():.1f} ms from frame to frame"
+            faults.append(f"The latency scatters by {scatters}: record under the usual load.")
+    if step:
+        faults.append(f"Stamps are multiples of {1e3 * step:.4g} ms, which counts as jitter: stamp by a finer clock.")
     delays, logged = timing.command_delays([log, *more])
     counts["command steps"] = delays.size, logged
     if delays.size >= 5:
@@ -248,4 +273,4 @@ def identify_sensing(
         parts[part][field] = float(estimate.value)
     intervals = {name: (estimate.low, estimate.high) for name, estimate in found.items() if np.isfinite(estimate.low)}
     record = SensingRecord(**parts, intervals=intervals, provenance=provenance(seed, files))
-    return SensingResult(record, found, alignment, track, counts, tuple(findings))
+    return SensingResult(record, found, alignment, track, counts, tuple(findings), tuple(faults))

@@ -27,7 +27,7 @@ _SEPARATION = 6  # travel of a target in standard deviations of its position
 _MISLABELLED = 0.01  # share of frames around a step that are something else
 
 
-def frame_timing(stamps: Array, source: str = "detections") -> tuple[Estimate, Estimate]:
+def frame_timing(stamps: Array, source: str = "detections", period: float | None = None) -> tuple[Estimate, Estimate]:
     """Estimate the frame period [s] and the share of frames without a detection.
 
     Stamps may jitter by up to a quarter of a period. Of the frames, those count that are not out of view.
@@ -35,6 +35,7 @@ def frame_timing(stamps: Array, source: str = "detections") -> tuple[Estimate, E
     Args:
       stamps: increasing [s], shape (K,).
       source: name of the log, for messages.
+      period: about that of the frames [s], where intervals don't show it.
 
     Raises:
       InputError: if there are fewer than 20 stamps, or hardly two close to each other.
@@ -45,7 +46,7 @@ def frame_timing(stamps: Array, source: str = "detections") -> tuple[Estimate, E
         problem = f"has {stamps.size} detections, {counted.sum()} of them within {OUT_OF_VIEW_S} s of the one before"
         raise file_error(source, problem, "record longer, the plate in view", "too-short")
     # Where many frames are missed the median may already be two periods; a quartile is one up to 75 % of misses.
-    period = float(np.median(intervals[intervals < 1.5 * np.quantile(intervals[counted], 0.25)]))
+    period = period or float(np.median(intervals[intervals < 1.5 * np.quantile(intervals[counted], 0.25)]))
     steps, grid = np.empty(intervals.size), float(stamps[0])
     for index, stamp in enumerate(stamps[1:].tolist()):  # along the frames' grid, so that jitter counts once, not twice
         # Zero is allowed: a stamp that jumped ahead a whole period is followed by one that has no period of its own.
