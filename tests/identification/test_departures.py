@@ -13,6 +13,7 @@ from archerfish.identification.axis.fit import fit_axis
 from archerfish.identification.axis.identify import identify_axis
 from archerfish.identification.axis.idle import without_idle
 from archerfish.identification.axis.result import LogFit
+from archerfish.identification.residuals import lead
 from archerfish.identification.simulation import free_run, simulate
 from archerfish.logs.log import read_log
 from archerfish.logs.recording import Recording
@@ -75,6 +76,11 @@ def test_filters_that_know_the_future_are_found_and_a_causal_one_is_not(name):
     u = command(period_s)
     assert codes(early_outputs([fitted(recorded(u, hz, 0.01, period_s, change))])) == ["early-output"]
     assert early_outputs([fitted(recorded(u, hz, 0.0, period_s))]) == []
+
+
+def test_an_input_that_is_held_after_an_early_step_shows_no_lead():
+    wander = signal.lfilter([1], [1, -0.99], np.random.default_rng(0).standard_normal(1200))
+    assert lead(wander, np.repeat([0.0, 3.3], [10, 1190])) == (1, 0.0)
 
 
 def test_a_component_of_a_quaternion_is_no_angle(shared):

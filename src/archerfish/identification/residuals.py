@@ -101,8 +101,9 @@ def lead(residual: Array, inputs: Values) -> tuple[int, float]:
     steps = [*range(0, -_LAGS - 1, -1), *range(1, _LEADS + 1)]
     columns = np.stack([inputs[_LAGS + step : _LAGS + step + count : stride] for step in steps], axis=1)
     target = residual[_LAGS : _LAGS + count : stride]
-    basis = np.linalg.qr(columns - columns.mean(0))[0]
-    explained = (basis.T @ (target - target.mean())) ** 2
+    basis, triangle = np.linalg.qr(columns - columns.mean(0))
+    moves = np.abs(np.diag(triangle)) > _DEPENDENT * np.ptp(inputs)  # the directions of others are arbitrary
+    explained = moves * (basis.T @ (target - target.mean())) ** 2
     left = count / stride * np.var(target) - explained[: _LAGS + 1].sum()
     later = np.cumsum(explained[_LAGS + 1 :])
     return 1 + int(np.argmax(later > _MOST_OF_LEAD * later[-1])), float(later[-1] / max(left, TINY))

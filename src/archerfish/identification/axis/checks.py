@@ -29,7 +29,7 @@ _EXCHANGED, _QUICK_S = 95.0, 0.1  # fit that an exchange reaches at least [%], a
 _WORTH, _LEAST = 2.0, 0.01  # points that an exchange gains at least, or half of the rest if that is not too little
 _MANY = 6  # poles
 _WIDTHS, _INPUTS, _RESIDUALS = (1, 2, 4, 8), 20, 4  # samples of a mean; past means that may make an input
-_BY_CHANCE, _PREDICTABLE = 2.5e-4, 1e-9  # of each test for a loop; share of an input's power that is rounding
+_LOOP_ALARM, _PREDICTABLE = 2.5e-4, 1e-9  # of each test for a loop; share of an input's power that is rounding
 _UNITS, _SIGN = ("degrees-radians", "log both in radians"), ("sign-flip", "change the sign of one of them")
 _HALF = ("half-angle", "log the angle itself, which is 2 asin of that component for a turn about its axis")
 _GAINS = (
@@ -185,7 +185,7 @@ def follows_output(log: Recording, residual: Array) -> bool:
         own, freedom = _past(u, 1, _INPUTS), count - 1 - _INPUTS - _RESIDUALS
         alone, both = (_left(u, columns) for columns in (own, np.hstack([own, _past(e, 1, _RESIDUALS)])))
         gained = (alone @ alone - both @ both) / max(float(both @ both), _PREDICTABLE * count)
-        if freedom > _FEWEST and gained * freedom / _RESIDUALS > fdtri(_RESIDUALS, freedom, 1 - _BY_CHANCE):
+        if freedom > _FEWEST and gained * freedom / _RESIDUALS > fdtri(_RESIDUALS, freedom, 1 - _LOOP_ALARM):
             return True
     return False
 

@@ -84,13 +84,12 @@ def changed_delay(fit: LogFit, nonlinear_share: float) -> list[Finding]:
         sums = np.cumsum(np.array(errors)[:, :: -1 if backward else 1], axis=1)
         totals = sums[own] + sums[:, -1:] - sums
         delay, at = divmod(int(np.argmin(totals)), len(log))
-        delays = [
-            1e3 * log.period_s * each for each in (plant.dead_time_samples, delay - own + plant.dead_time_samples)
-        ]
-        if abs(delay - own) >= _OTHER_DELAY and totals[delay, at] < most:
-            found.append(
-                (totals[delay, at], len(log) - 1 - at if backward else at + 1, *delays[:: -1 if backward else 1])
-            )
+        first = 1e3 * log.period_s * plant.dead_time_samples
+        second = first + 1e3 * log.period_s * (delay - own)
+        if abs(delay - own) < _OTHER_DELAY or totals[delay, at] > most:
+            continue
+        change = (len(log) - 1 - at, second, first) if backward else (at + 1, first, second)
+        found.append((totals[delay, at], *change))
     if not found:
         return []
     _, at, before, after = min(found)

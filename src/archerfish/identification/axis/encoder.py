@@ -108,7 +108,8 @@ def _leaps(plant: PlantRecord, log: Recording) -> list[tuple[int, float]]:
 def _explained(found: AxisFit, recordings: Sequence[Recording], columns: Sequence[Array]) -> tuple[float, Array]:
     """Return the share of the residual that remains beside columns of each log, (N, k) of each, and coefficients (k,).
 
-    All logs share the coefficients. Poles start from those that were found, some of which may have explained what the columns do.
+    All logs share the coefficients. Poles start from those that were found, of which some may have explained what the
+    columns do.
     """
     at, data, beside = found.structure, list[Any](), list[Any]()
     for experiment, own in zip(found.experiments, columns, strict=True):
