@@ -21,7 +21,7 @@ from archerfish.task import DRAWN, EQ_7
 FAULTS = {
     "evaluate --controllers kalmn": "archerfish: controller must be one of kalman, ",
     "evaluate --task papr": "archerfish: papr: field motion: expected one of paper, static, ",
-    "evaluate --nonsense 1": "archerfish: Unrecognized options: --nonsense, 1; archerfish evaluate --help explains",
+    "evaluate --nonsense 1": "archerfish: Unrecognized options: --nonsense 1; archerfish evaluate --help explains",
     "evaluate --set period_s": "archerfish: --set takes NAME=VALUE, ",
     "evaluate --set lenght_s=1": "archerfish: Task: there is no field lenght_s; perhaps you meant lengths_s",
     "evaluate --engagements four": "invalid literal for int() with base 10: 'four'; ",

@@ -102,6 +102,7 @@ class Evaluate(Writes, ForRobot):
         where = f"{took}\nopen {out / 'report.html'}; every count is in {out / 'results.json'}"
         words = [str(self.robot)] if self.folder else []
         words += ["--task", self.task] if self.task != "any" else []
+        words += ["--controller", *own[:1]] if (own := [name for name in self.controllers if ":" in name]) else []
         return Ending(f"{results}", where, shlex.join(["archerfish", "view", *words]))
 
     def _task(self) -> Task:

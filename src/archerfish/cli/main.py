@@ -145,6 +145,8 @@ def _options(name: str, arguments: Sequence[str]) -> Any:
         _, *rows = (line.strip("│ ") for line in printed.getvalue().splitlines())  # a title, the fault, a rule, help
         parts = (list(part) for rule, part in itertools.groupby(rows, lambda row: not row.strip("─-")) if not rule)
         fault = " ".join(next(parts, []))
+        if fault.startswith("Unrecognized options"):  # whose words tyro joins by commas
+            fault = fault.replace(", ", " ")
         known = ["--" + field.name.replace("_", "-") for field in dataclasses.fields(_command(name))]
         unknown = [word for word in arguments if word.startswith("--") and word.partition("=")[0] not in known]
         remedy = meant(unknown[0] if unknown else "", known, f"archerfish {name} --help explains the options")

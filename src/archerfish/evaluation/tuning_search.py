@@ -70,7 +70,8 @@ def tune(controller: str, robot: RobotLike = None, task: TaskLike = "any") -> Tu
     tuning = kept(controller, robot, task)
     if tuning is None:
         begun = entry(controller, robot, task)
-        with progress.bar("tuning", BUDGET, "settings", "compiling" if has_jax() else "") as advance:
+        note = f"{'compiling; ' * has_jax()}evaluate --tuning start does without"
+        with progress.bar("tuning", BUDGET, "settings", note) as advance:
 
             def report(tried: int, best: float) -> None:
                 advance(tried, f"{controller}, best {100 * best:.1f} %")

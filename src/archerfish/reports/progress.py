@@ -70,17 +70,19 @@ def _in_notebook() -> bool:
 def _lines(what: str, total: float, unit: str) -> Callable[[float, float, str], None]:
     """Return what shows the same in lines: at once, at the end, and between at most one a minute."""
     write: Any = functools.partial(print, file=sys.stderr, flush=True)
-    every_s, due = 60.0, 0.0
+    every_s, due, first = 60.0, 0.0, (0.0, 0.0)  # the latter once a first step is done, of which compiling is a part
     if _in_notebook():
         display = importlib.import_module("IPython.display").display
         if shown := display({"text/plain": ""}, raw=True, display_id=True):  # None without a notebook
             write, every_s = lambda text: shown.update({"text/plain": text}, raw=True), 0.5
 
     def show(done: float, seconds: float, note: str) -> None:
-        nonlocal due
+        nonlocal due, first
+        first = first if first[0] else (done, seconds)
+        steps, spent = done - first[0], (seconds - first[1]) / 60
         if seconds >= due or done >= total:
             due = seconds + every_s
-            left = f", about {seconds / 60 * (total - done) / done:.1f} min left" if 0 < done < total else ""
+            left = f", about {spent * (total - done) / steps:.1f} min left" if steps > 0 and done < total else ""
             write(f"{what}: {done:,.0f} of {total:,.0f} {unit}, {seconds / 60:.1f} min{left}{note and f'; {note}'}")
 
     return show

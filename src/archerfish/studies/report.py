@@ -32,6 +32,17 @@ INTRODUCED = {
 """What each controller is, in a line."""
 INFORMED = ("parabola-lq", "oracle", "perfect")
 """Controllers that are given what a robot can't measure: the motion rule or the path."""
+_FITTED = {
+    "speed_m_s": "muzzle speed {:.4g} m/s",
+    "height_m": "height of the muzzle {:.4g} m",
+    "drag_per_m": "drag {:.4g} per metre",
+    "pitch_offset_deg": "pitch offset {:.4g}°",
+}
+"""How what was fitted to Table I is shown."""
+_FAULTS = (
+    "No plausible muzzle gives the printed d₂. Of other faults in print, four states have a B of five entries (eq 15), "
+    "and no Kalman rate of Tables II–V is a whole number of 2,000 shots; docs/paper.md has them all."
+)
 QUICK = "A quick run: short trainings and few engagements. None of its figures is to be quoted."
 
 
@@ -179,11 +190,11 @@ def _landing_table(study: Study) -> list[Table]:
         rows.append((f"{_degrees(point.pitch_deg)}, {_degrees(point.yaw_deg)}", *shown))
     if not rows:
         return []
-    fitted = ", ".join(f"{name} {value:.4g}" for name, value in study.muzzle.items())
+    fitted = ", ".join(_FITTED[name].format(value) for name, value in study.muzzle.items())
     rms = float(np.sqrt(np.mean(np.square(errors))))
     note = f"Errors of {rms:.2f} % rms, {max(map(abs, errors)):.1f} % at most. Fitted: {fitted}."
     columns = ("α, β", "d₁ (printed) [m]", "d₂ (printed) [m]", "model [m]", "error [%]")
-    return [Table("Table I: landing points", columns, tuple(rows), f"{note} No plausible muzzle gives the printed d₂.")]
+    return [Table("Table I: landing points", columns, tuple(rows), f"{note} {_FAULTS}")]
 
 
 def _degrees(angle_deg: float) -> str:

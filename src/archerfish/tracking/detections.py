@@ -18,7 +18,10 @@ GUESS_DISTANCE_M, GUESS_AGE_S = 3.0, 1.0
 
 
 class Detection(NamedTuple):
-    """The detection of a frame that a tracker takes."""
+    """The detection of a frame that a tracker takes, with the fields below; O is the frame at rest.
+
+    `place` and `own` are positions in O [m], B + (3,); `distance` [m], `age` [s] and `fresh` (bool) have shape B.
+    """
 
     place: Array  # in O [m], B + (3,); the predicted place where there is none
     distance: Array  # from the predicted place [m], B

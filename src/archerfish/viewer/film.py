@@ -26,7 +26,7 @@ def check_film(path: Path) -> None:
     Raises:
       InputError: saying which.
     """
-    if path.suffix not in (".html", ".htm"):
+    if path.suffix != ".html":
         raise file_error(path, "expected a name that ends with .html", "choose such a name")
     check_regular(path)
     if path.exists() and FILM_MARK.encode() not in path.read_bytes()[:2000]:

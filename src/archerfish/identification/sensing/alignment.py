@@ -89,7 +89,7 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
 
 
 def quantum_of(values: Array) -> float | None:
-    """Return the step of which all differences are multiples; None where levels are too many to say."""
+    """Return the step of which all differences of values of shape (N,) are multiples; None if there are too many."""
     gaps = np.diff(np.unique(values))
     gaps = gaps[gaps > 1e-9]
     if gaps.size < 2:

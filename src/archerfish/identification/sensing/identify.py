@@ -241,7 +241,7 @@ def identify_sensing(
     latency, faults = found.get("camera.latency", Estimate(0.0, 0.0, 0.0)), list[str]()
     if changes.starts.size:
         at_first = latency.value - float(np.mean(changes.grown(stamped - start, latency=True)))
-        faults += changes.told(found["camera.time_offset"].value, at_first)
+        faults += changes.sentences(found["camera.time_offset"].value, at_first)
     if delay.size >= _FEWEST_RECEIPTS and slow.any():
         if basis:  # an engagement draws from the interval, a frame from the jitter
             low, high = latency.value + slow.min(), latency.value + slow.max()

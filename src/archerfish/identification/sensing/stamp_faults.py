@@ -46,7 +46,7 @@ class DelayChanges(NamedTuple):
         sizes = self.sizes * ((self.kinds == "latency") == latency)
         return np.asarray(sizes @ (stamps >= self.starts[:, None]))
 
-    def told(self, offset: float, latency: float) -> list[str]:
+    def sentences(self, offset: float, latency: float) -> list[str]:
         """Return a sentence for each kind, by the time from stamp to exposure and the latency before changes [s]."""
         moments, found = self.starts + self.grown(self.starts) + offset, list[str]()
         for kind, level in (("dropped", 0.0), ("set", offset), ("latency", latency)):
