@@ -38,7 +38,8 @@ def without_angle_error(found: AxisFit, fitted: list[Recording], held_back: list
       fitted: recordings from which it was identified.
       held_back: other ones of the same encoder.
     """
-    span, best = max(float(np.ptp(log.outputs)) for log in fitted), (_LEFT_OF_ANGLE, 0.0, 0, np.zeros(2))
+    span = max(float(np.ptp(log.outputs)) for log in fitted)
+    best: tuple[float, float, int, Array] = (_LEFT_OF_ANGLE, 0.0, 0, np.zeros(2))
     turns = [turn for turn in _TURNS if _LEAST_PART * turn <= span <= _MOST_TURNS * turn]
     for turn, harmonic in product(turns if found.plant.D.shape == (1, 1) else (), (1, 2)):
         left, coefficients = _explained(found, fitted, [_harmonic(log, turn, harmonic) for log in fitted])
@@ -66,7 +67,8 @@ def without_leaps(found: AxisFit, fitted: list[Recording], held_back: list[Recor
       held_back: other ones, which stay as they are.
     """
     leaps = [(place, *leap) for place, log in enumerate(fitted) for leap in _leaps(found.plant, log)]
-    left, sizes, columns = 1.0, np.zeros(0), list[Array]()
+    left, columns = 1.0, list[Array]()
+    sizes: Array = np.zeros(0)
     for _ in range(2):  # once more without what a plant beside the others does not need
         if found.plant.D.shape != (1, 1) or not leaps:
             return fitted, held_back, []
