@@ -34,7 +34,7 @@ def print_onnx(decision: Decision, facts: Mapping[str, Any]) -> bytes:
         return constants.setdefault(key, (f"k{len(constants)}", array))[0]
 
     printer = Printer(lambda value: constant(value if isinstance(value, bool | np.bool_) else np.float32(value)))
-    content: dict[str, Any] = {"zero": printer.number(0.0), "truth": printer.number(True)}
+    content: dict[str, Any] = {"zero": printer.number(0.0), "number": printer.number}
     content |= {"indices": lambda *numbers: constant(np.array(numbers)), "pair": lambda *at: constant(np.array([at]))}
     text = printed("decision.onnx.jinja", printer, decision, content)
     model = onnx.parser.parse_model(text)
