@@ -37,7 +37,7 @@ def early_outputs(fits: Sequence[LogFit]) -> list[Finding]:
         if share > _LEAD_SHARE:
             early = f'"{log.output_names[0]}" responds {1e3 * samples * log.period_s:.3g} ms or more before its input'
             message = f"{early}, as if it were smoothed forwards and backwards, or stamped too early"
-            remedy = "log the angle as measured, with the stamps of its measurement"
+            remedy = "log the angle as measured, with the stamps of its measurement; check which column is the command"
             found.append(Finding("early-output", "warning", log.source, message, remedy))
     return found
 

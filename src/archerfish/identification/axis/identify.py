@@ -132,9 +132,18 @@ def identify_axis(
         for corrected in (without_leaps, without_angle_error, without_idle):
             fitted, held_back, findings = corrected(found, logs_of_axis.fitted, logs_of_axis.held_back)
             if findings:
-                logs_of_axis = AxisLogs(fitted, held_back, (*logs_of_axis.findings, *findings), logs_of_axis.hashes)
-                found = fit(logs_of_axis)
+                others = AxisLogs(fitted, held_back, (*logs_of_axis.findings, *findings), logs_of_axis.hashes)
+                again = fit(others)
+                # Of exchanged columns the steps of a command pass for leaps, and no plant fits what is left.
+                if _least_fit(again, fitted) >= GOOD:
+                    found, logs_of_axis = again, others
         return _result(found, logs_of_axis, axis, seed)
+
+
+def _least_fit(found: AxisFit, recordings: Sequence[Recording]) -> float:
+    """Return how well a plant explains the log that it explains least, by the first output [%]."""
+    runs = [free_run(found.plant, log.inputs, log.outputs, drift=found.structure.drift) for log in recordings]
+    return min(float(run.fit_percent[0]) for run in runs)
 
 
 def _check_arguments(axis: str, order: int | None, max_delay: int | None) -> None:
@@ -170,7 +179,9 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int) -> AxisResult:
     if len(silent) == len(logs.fitted):
         raise InputError(f"{silent[0].place}: {silent[0].message}; {silent[0].remedy}", silent[0].code)
     band, worst = excited_band(logs.fitted), judged(tuple(fits))
-    findings = [*logs.findings, *silent, *plant_findings(plant, first), *rate_output(plant, band, worst)]
+    findings = [*logs.findings, *silent, *plant_findings(plant, first)]
+    if found.known_gain is None or found.known_gain.source != "given":
+        findings += rate_output(plant, band, worst)
     wrong = contradictions([(fit.recording, fit.fit_percent) for fit in fits], alone)
     # Of logs that contradict each other no plant fits all, in whichever direction.
     wrong = wrong or exchanged_columns(found, worst.recording, logs.fitted) or early_outputs(fits)
