@@ -227,9 +227,11 @@ def test_the_example_in_cpp_hits_and_is_not_linked_with_the_header_of_another_ex
     (function,) = re.findall(r"```cpp\n(static .*?)```", PAGE, re.DOTALL)
     assert function in LOOP.read_text()
     header = tmp_path / "policy.h"
-    header.write_text(re.sub(r"(policy_decide_)\w+", r"\g<1>0a1b2c3d", header.read_text()))
+    header.write_text(re.sub(r"(policy_decide_|policy_version 0x)[0-9a-f]{8}", r"\g<1>0a1b2c3d", header.read_text()))
     failed = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
     assert "undefined reference to `policy_decide_0a1b2c3d'" in failed.stderr
+    failed = subprocess.run(["cc", "-c", "policy.c"], cwd=tmp_path, capture_output=True, text=True)
+    assert "policy.h is that of another export: copy both files again" in failed.stderr
 
 
 @gcc
@@ -400,7 +402,7 @@ def test_what_can_not_be_exported_is_refused_and_nothing_is_written(tmp_path, re
     refused("mine.c: was not written by export; name another file", export, trained, mine)
     mine.rename(mine := tmp_path / "mine.h")
     refused("mine.h: was not written by export", export, trained, tmp_path / "mine.c")
-    refused("without quotes", export, trained, tmp_path / 'a".c')
+    refused("has no quotes", export, trained, tmp_path / 'a".c')
     refused("Math.h would hide the C library's math.h; name another", export, trained, tmp_path / "Math.c")
     refused("was trained in other records than infantry's; name", export, trained, tmp_path / "a.c", INFANTRY)
     refused("oracle knows the target's path", export, "oracle", tmp_path / "a.c")

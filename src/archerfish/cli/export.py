@@ -43,7 +43,7 @@ class Export(ForRobot):
         out = self.out or (self.folder or Path()) / f"{stem}.c"
         robot, task = self.robot_and_task()
         report = export(controller, out, robot, task, tuning=self.tuning)
-        written, step = f"{out}", "docs/export.md runs it in Python and C++"
+        written, step = f"{out}", "docs/export.md runs it in Python"
         if out.suffix == ".c":
             written, step = f"{out} and {out.with_suffix('.h')}", f"cc -O2 -ffp-contract=off -c {out}  # docs/export.md"
         return Ending(f"{report}", f"wrote {written}", step)

@@ -65,7 +65,7 @@ def export(
     """
     path = Path(path)
     if path.suffix not in (".c", ".onnx") or not path.name.isprintable() or '"' in path.name:
-        raise InputError(f"{path}: expected a name that ends with .c or .onnx, without quotes; choose such a name")
+        raise InputError(f"{path}: expected a name that ends with .c or .onnx and has no quotes; choose such a name")
     if path.suffix == ".c" and path.stem.lower() in C_HEADERS.split():
         hidden = f"{path.with_suffix('.h').name} would hide the C library's {path.stem.lower()}.h"
         raise InputError(f"{path}: {hidden}; name another file")
@@ -88,8 +88,10 @@ def export(
         decision = trace_decision(gated)
     except (TypeError, ValueError, AttributeError, IndexError) as error:
         raise InputError(f"{name} can't be exported: {error}; see docs/export.md") from error
+    settled = "before tuning" if tuning == "start" and not facts else f"for the task {task.name}"
     content = {
-        "title": f"{name}: a decision every {1e3 * task.period_s:g} ms for the robot {robot.name}",
+        "title": f"{name}: a decision every {1e3 * task.period_s:g} ms for the robot {robot.name}, "
+        f"settings {settled}, limit {task.command_limit}",
         "made": f"{MARK} {code_commit()[:12]}; do not edit.",
         "period_s": task.period_s,
         "limits": [float(each[axis]) for axis in range(2) for each in gated.limits[:4]],

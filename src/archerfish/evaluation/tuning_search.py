@@ -70,7 +70,7 @@ def tune(controller: str, robot: RobotLike = None, task: TaskLike = "any") -> Tu
     tuning = kept(controller, robot, task)
     if tuning is None:
         begun = entry(controller, robot, task)
-        note = f"{'compiling; ' * has_jax()}evaluate --tuning start does without"
+        note = f"{'compiling; ' * has_jax()}--tuning start does without"
         with progress.bar("tuning", BUDGET, "settings", note) as advance:
 
             def report(tried: int, best: float) -> None:
