@@ -99,7 +99,9 @@ class Excite(Writes):
             write_json(folder / f"{self.axis}_excitation.json", plain(found.report.to_dict()))
         where = f"open {self.out / self.axis}_excitation.html; the commands are in the same folder"
         return Ending(
-            f"{found.report}", where, f"play them, record the angle, then archerfish identify axis {self.axis} LOGS"
+            f"{found.report}",
+            where,
+            f"play them, record the angle, then archerfish identify axis LOGS --axis {self.axis}",
         )
 
 

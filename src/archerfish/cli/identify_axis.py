@@ -20,8 +20,8 @@ class IdentifyAxis(Writes):
     - prints what is known of the axis, how sure that is, whether it is usable, and what to record next
     - writes AXIS.json (the plant with draws), AXIS.html (plots and tables), AXIS_report.json and run.json
 
-    Logs are CSV and other text tables, .npz, .mat, and ROS bags. A signal is the name of a column, its number from 1 on
-    in a table without names, of an array ("x[0]": a column of a matrix), or /topic/field of a bag.
+    Logs are CSV and other text tables, JSON, .npz, .mat, and ROS bags. A signal is the name of a column, its number from
+    1 on in a table without names, of an array ("x[0]": a column of a matrix), or /topic/field of a bag.
 
     Examples:
       archerfish identify axis sweep.csv step.csv --validate step_2.csv --axis pitch --out my-robot
@@ -87,7 +87,7 @@ class IdentifyAxis(Writes):
             found.save(folder)
             write_json(folder / names[-1], plain(found.report.to_dict()))
         other = "yaw" if self.axis == "pitch" else "pitch"
-        then = f"archerfish identify axis {other} LOGS --out {self.out}"
+        then = f"archerfish identify axis LOGS --axis {other} --out {self.out}"
         if (self.out / f"{other}.json").exists():
             then = f"archerfish train {self.out}"
         where = f"open {self.out / self.axis}.html; the plant is in {self.out / self.axis}.json"

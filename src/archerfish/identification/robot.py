@@ -193,7 +193,9 @@ def _identified_part(part: Part, logs: list[Path], folder: Path, settings: LogFo
 def _failed(part: Part, error: InputError) -> Report:
     """Report a part whose logs can't be used."""
     problem, _, remedy = str(error).rpartition("; ")
-    if error.code == "no-column" and part in ("muzzle", "sensing"):
+    if error.code == "no-column" and part == "muzzle":
+        remedy = "rename it in the first line of the file, or name it in logs.toml: [muzzle] columns"
+    elif error.code == "no-column" and part == "sensing":
         remedy = "rename it in the first line of the file"
     elif error.code == "no-column":
         _, _, lines = remedy.partition("in logs.toml: ")

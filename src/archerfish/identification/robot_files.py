@@ -4,6 +4,7 @@ import re
 import tomllib
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -83,7 +84,9 @@ class AxisFiles(Struct, frozen=True, kw_only=True):
     def of(self, file: str) -> "AxisFiles":
         """Return how a file names what."""
         given = asdict(self.files[file]) if file in self.files else {}
-        return self.replace(**{field: value for field, value in given.items() if value is not None})
+        given = {field: value for field, value in given.items() if value is not None}
+        units = dict.fromkeys(("input_unit", "output_unit")) if "unit" in given else {}  # of the section's other logs
+        return self.replace(**units | given)
 
 
 class MuzzleFiles(Struct, frozen=True, kw_only=True):
@@ -325,7 +328,10 @@ def read_axis(path: Path, files: AxisFiles) -> Log:
     """
     names = files.of(path.name)
     u, y = units_of(names)
-    return read_log(path, inputs=names.input, outputs=names.output, time=names.time, input_unit=u, output_unit=y)
+    log = read_log(path, inputs=names.input, outputs=names.output, time=names.time, input_unit=u, output_unit=y)
+    u_name, y_name = (name.removeprefix("-") for name in (files.input, files.output))  # those of all logs
+    named = [replace(log, input_names=(u_name,), output_names=(y_name,)) for log in log.recordings]
+    return replace(log, recordings=tuple(named))
 
 
 def units_of(files: AxisFiles) -> tuple[Unit, Unit]:

@@ -135,7 +135,8 @@ def _whole(file: Path, folder: str, findings: list[Finding]) -> Path:
 
 def _topic(path: Path, reader: Any, signal: str, signals: Signals) -> str:
     inside = f"/{signal.removeprefix('/')}"
-    if found := [topic for topic in reader.topics if inside.startswith((f"{topic}/", f"{topic}."))]:
+    named = {f"/{topic.removeprefix('/')}": topic for topic in reader.topics}
+    if found := [topic for place, topic in named.items() if inside.startswith((f"{place}/", f"{place}."))]:
         return str(max(found, key=len))
     remedy = f"it has {listed(bag_signals(path))}; {signals._replace(time=None).remedy(())}"
     raise log_fault(path, f'has no topic of signal "{signal}"', remedy, "no-column")
@@ -155,6 +156,10 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
     for count, (_, received, content) in enumerate(reader.messages(connections=info.connections), 1):
         try:
             message = reader.deserialize(content, info.msgtype)
+            if any(joints) and not hasattr(message, "name"):
+                there = listed(_numbers(topic, "", message))
+                problem = f"the messages of {topic} have no {listed(steps)}"
+                raise log_fault(path, problem, f"they have {there}", "no-column")
             seen.update(here := message.name if any(joints) else ())
             if not all(joints) or not joints.isdisjoint(here):
                 rows.append(
@@ -181,7 +186,7 @@ def _series(path: Path, reader: Any, topic: str, of: dict[str, str], findings: l
 
 def _steps(signal: str, topic: str, fields: Sequence[str]) -> tuple[str, list[str]]:
     """Return the joint that a signal names, if its topic has no such field, and the path to the field."""
-    joint, field = "", signal.removeprefix("/")[len(topic) :]
+    joint, field = "", signal.removeprefix("/")[len(topic.removeprefix("/")) + 1 :]
     if re.split(r"[./\[]", field)[0] not in fields:
         joint, _, field = field.rpartition("/")
     return joint, re.findall(r"[^./\[\]]+", field)
@@ -228,7 +233,14 @@ def _one_table(path: Path, series: list[_Series], signals: list[str], findings: 
     if len(stamped := {bool(stamps.any()) for (_, _, stamps), _ in series}) > 1:
         problem = "some topics have header.stamp, and some the time of their receipt alone"
         raise log_fault(path, problem, "record all with header.stamp, or all without", "clocks")
-    lags = [float(np.median(stamps - received)) * 1e-9 for (_, received, stamps), _ in series]
+    # Where all topics are recorded: a simulated clock may be slower than that of the receipts.
+    begin = max(received[0] for (_, received, _), _ in series)
+    end = min(received[-1] for (_, received, _), _ in series)
+    both = [(received >= begin) & (received <= end) for (_, received, _), _ in series]
+    lags = [
+        float(np.median((stamps - received)[among])) * 1e-9 if among.any() else 0.0
+        for ((_, received, stamps), _), among in zip(series, both, strict=True)
+    ]
     by_receipt = stamped == {False} or (apart := max(lags) - min(lags)) > _LARGEST_LAG_S
     if stamped == {True} and apart > _SMALL_LAG_S:
         message = f"header.stamp of the topics differs from their receipts by {min(lags):.4g} to {max(lags):.4g} s: "

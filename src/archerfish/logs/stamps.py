@@ -93,6 +93,8 @@ def in_order(rows: Rows) -> tuple[Rows, list[Finding]]:
         turns = [turn for turn in _TURNS if 0 < step + turn <= max(_LOST * turn, GAP * period)]
         turns = [turn for turn in turns if turn * len(falls) >= often]
         again = rows.time[index] <= rows.time[starts[-1]] + GAP * period and shortest >= _FEWEST
+        if again:  # a run may be nearly as long as the range of a counter
+            turns = [turn for turn in turns if step + turn <= GAP * period]
         if index in named or (again and not turns):
             starts.append(index)
             shift[index:] += _APART * period - step

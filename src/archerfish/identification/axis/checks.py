@@ -30,11 +30,13 @@ _WORTH, _LEAST = 2.0, 0.01  # points that an exchange gains at least, or half of
 _MANY = 6  # poles
 _WIDTHS, _INPUTS, _RESIDUALS = (1, 2, 4, 8), 20, 4  # samples of a mean; past means that may make an input
 _LOOP_ALARM, _PREDICTABLE = 2.5e-4, 1e-9  # of each test for a loop; share of an input's power that is rounding
-_UNITS, _SIGN = ("degrees-radians", "log both in radians"), ("sign-flip", "change the sign of one of them")
+_SIGN = "sign-flip", "change the sign of one of them, as with a minus: --output=-NAME"
+_RADIANS = "log both in radians, or say which one is in degrees:"
+_OUTPUT, _INPUT = (("degrees-radians", f"{_RADIANS} --{signal}-unit deg") for signal in ("output", "input"))
 _HALF = ("half-angle", "log the angle itself, which is 2 asin of that component for a turn about its axis")
 _GAINS = (
-    (50.0, 66.0, "as if the output were in degrees and the input in radians", *_UNITS),
-    (1 / 66.0, 1 / 50.0, "as if the output were in radians and the input in degrees", *_UNITS),
+    (50.0, 66.0, "as if the output were in degrees and the input in radians", *_OUTPUT),
+    (1 / 66.0, 1 / 50.0, "as if the output were in radians and the input in degrees", *_INPUT),
     (0.495, 0.505, "and it stays within 1, as the component of a quaternion does, the sine of half an angle", *_HALF),
     (-1.4, -0.7, "so that it moves the other way", *_SIGN),
 )

@@ -19,6 +19,7 @@ from archerfish.records.plant import PlantRecord
 
 _TURNS = (2 * np.pi, 360.0, 4096.0, 8192.0, 16384.0)  # one turn in radians, degrees and counts
 _LEAST_PART, _MOST_TURNS = 0.25, 50.0  # of a turn, that a motion must span to show an error; turns of a motion
+_SMALLEST_ERROR = 1e-4  # of a turn, below which it may be rounding
 _LARGEST_ERROR = 0.02  # of a turn; a larger multiple of the angle's sine would replace the angle itself
 _LEFT_OF_ANGLE, _LEFT_OF_LEAPS = 0.6, 1 / 3  # shares of the residual that may remain beside those columns
 _STEPS, _TOLERANCE = 15, 1e-5  # of a fit
@@ -43,7 +44,7 @@ def without_angle_error(found: AxisFit, fitted: list[Recording], held_back: list
     turns = [turn for turn in _TURNS if _LEAST_PART * turn <= span <= _MOST_TURNS * turn]
     for turn, harmonic in product(turns if found.plant.D.shape == (1, 1) else (), (1, 2)):
         left, coefficients = _explained(found, fitted, [_harmonic(log, turn, harmonic) for log in fitted])
-        if left < best[0] and np.linalg.norm(coefficients) < _LARGEST_ERROR * turn:
+        if left < best[0] and _SMALLEST_ERROR * turn < np.linalg.norm(coefficients) < _LARGEST_ERROR * turn:
             best = left, turn, harmonic, coefficients
     _, turn, harmonic, coefficients = best
     if not harmonic:

@@ -53,6 +53,7 @@ Source = str | Path | Log | Recording | Mapping[str, Any]
 _DRAWS = 100
 _PLATEAU_WIDTH = 0.015  # of a gain by plateaus, to either side: beyond, the fit of the whole logs knows it better
 _MOST = 40  # recordings that are fitted
+_FEW_POLES, _STRONG = 4, 0.5  # share of a residual that a nonlinearity leaves
 _COARSER = 3.0  # sampling period over that of a log, from which much of the log is lost
 
 
@@ -129,7 +130,9 @@ def identify_axis(
             )
 
         found = fit(logs_of_axis)
-        for corrected in (without_leaps, without_angle_error, without_idle):
+        early = _early(found, logs_of_axis.fitted)
+        # An output that was smoothed both ways responds too little to fast inputs, which passes for an idle axis.
+        for corrected in () if early else (without_leaps, without_angle_error, without_idle):
             fitted, held_back, findings = corrected(found, logs_of_axis.fitted, logs_of_axis.held_back)
             if findings:
                 others = AxisLogs(fitted, held_back, (*logs_of_axis.findings, *findings), logs_of_axis.hashes)
@@ -137,7 +140,18 @@ def identify_axis(
                 # Of exchanged columns the steps of a command pass for leaps, and no plant fits what is left.
                 if _least_fit(again, fitted) >= GOOD:
                     found, logs_of_axis = again, others
-        return _result(found, logs_of_axis, axis, seed)
+        return _result(found, logs_of_axis, axis, seed, early)
+
+
+def _early(found: AxisFit, recordings: Sequence[Recording]) -> list[Finding]:
+    """Find outputs that respond before their input, also where many poles approximate that badly."""
+    fits = [found] if len(found.plant.A) <= _FEW_POLES else [found, fit_axis(recordings, _FEW_POLES)]
+    for each in fits:
+        drift = each.structure.drift
+        runs = [LogFit(log, False, free_run(each.plant, log.inputs, log.outputs, drift=drift)) for log in recordings]
+        if early := early_outputs(runs):
+            return early
+    return []
 
 
 def _least_fit(found: AxisFit, recordings: Sequence[Recording]) -> float:
@@ -155,7 +169,7 @@ def _check_arguments(axis: str, order: int | None, max_delay: int | None) -> Non
             raise InputError(f"{name}: expected a whole number of at least {least}, got {number!r}; choose another")
 
 
-def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int) -> AxisResult:
+def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int, early: list[Finding]) -> AxisResult:
     """Draw plants, run the tests and collect what is known."""
     first = logs.fitted[0]
     drawn = draw_plants(found, _DRAWS, seed)
@@ -179,14 +193,17 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int) -> AxisResult:
     if len(silent) == len(logs.fitted):
         raise InputError(f"{silent[0].place}: {silent[0].message}; {silent[0].remedy}", silent[0].code)
     band, worst = excited_band(logs.fitted), judged(tuple(fits))
-    findings = [*logs.findings, *silent, *plant_findings(plant, first)]
-    if found.known_gain is None or found.known_gain.source != "given":
-        findings += rate_output(plant, band, worst)
+    is_given = found.known_gain is not None and found.known_gain.source == "given"
+    # The gain of a rate is small by chance, and says nothing of units.
+    rate = [] if is_given else rate_output(plant, band, worst)
+    findings = [*logs.findings, *silent, *(rate or plant_findings(plant, first))]
     wrong = contradictions([(fit.recording, fit.fit_percent) for fit in fits], alone)
     # Of logs that contradict each other no plant fits all, in whichever direction.
-    wrong = wrong or exchanged_columns(found, worst.recording, logs.fitted) or early_outputs(fits)
     nonlinear = nonlinearity(found, logs.fitted)
     share = nonlinear.residual_share if nonlinear else 1.0
+    if share < _STRONG:  # a rate limit under a sweep answers as a filter that runs both ways
+        early = []
+    wrong = wrong or exchanged_columns(found, worst.recording, logs.fitted) or early
     findings += wrong or [each for fit in fits if plant.D.shape == (1, 1) for each in changed_delay(fit, share)]
     return AxisResult(
         record=plant,

@@ -178,6 +178,9 @@ def _doubts(result: AxisEstimates) -> Iterator[str]:
 
 
 def _next_steps(result: AxisEstimates) -> Iterator[str]:
+    for finding in result.findings:
+        if finding.code in ("degrees-radians", "sign-flip"):
+            yield f"{finding.remedy[0].upper()}{finding.remedy[1:]}."
     if not any(fit.held_back for fit in result.fits):
         file = f"{result.record.axis}_step_validation.csv"
         yield f"Hold a log back ({file}, in Python validate=, or archerfish identify axis --validate) to see its fit."
