@@ -20,7 +20,7 @@ class IdentifyAxis(Writes):
     - prints what is known of the axis, how sure that is, whether it is usable, and what to record next
     - writes AXIS.json (the plant with draws), AXIS.html (plots and tables), AXIS_report.json and run.json
 
-    Logs are CSV and other text tables, JSON, .npz, .mat, and ROS bags. A signal is the name of a column, its number from
+    Logs are CSV and other tables, JSON, .npz, .mat and ROS bags. A signal is the name of a column, its number from
     1 on in a table without names, of an array ("x[0]": a column of a matrix), or /topic/field of a bag.
 
     Examples:
