@@ -17,6 +17,9 @@ SIZES = ROOT / "tests" / "sizes.toml"
 LEAVES = "__init__ __main__ errors arrays storage provenance workers compiled plugins object_digest"
 GROUP = dict.fromkeys(LEAVES.split(), "leaves") | dict.fromkeys(("robot", "task", "messages"), "nouns")
 
+ON_THE_ROBOT = ("safety", "wires", "runtime")
+"""Packages of the runtime, whose lines were planned apart from those of the house."""
+
 
 def code_size(source: str) -> tuple[int, int]:
     """Count lines, and characters without spaces, of what is left without blank lines, comments and docstrings."""
@@ -54,7 +57,9 @@ def test_sizes_are_those_of_the_code_and_below_their_limits_but_where_the_table_
     assert not wrong, "run python tests/test_sizes.py; a package grows only where its goal is meant to hold it"
     above = {name for name, row in rows.items() if found[name] > row.get("part", row["goal"])}
     assert above == {name for name, row in rows.items() if row.get("above")}
-    assert sum(row["goal"] for name, row in rows.items() if name != "tests") <= 14_700
+    planned = {name: row["goal"] for name, row in rows.items() if name != "tests"}
+    on_the_robot = sum(planned.pop(name, 0) for name in ON_THE_ROBOT)
+    assert (sum(planned.values()) <= 14_700, on_the_robot <= 1_250) == (True, True)
     assert all(row.get("part", 0) <= row["goal"] for row in rows.values())
     assert {name: width for name, width in widths.items() if width > limits[name]} == {}, (
         "wider lines are not less code"

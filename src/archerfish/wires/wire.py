@@ -1,0 +1,196 @@
+"""The two directions of a wire as messages: frames ↔ `Feedback` and `CommandSent`, by tables of a TOML file."""
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal, Protocol, TypeAlias
+
+import numpy as np
+from msgspec import field
+from numpy.typing import NDArray
+
+from archerfish.errors import InputError, file_error, meant, one_line
+from archerfish.messages import CommandSent, Feedback
+from archerfish.plugins import find_plugin, names_code
+from archerfish.records.json_files import Number, to_struct
+from archerfish.records.record import Struct, Text
+from archerfish.storage import read_bytes, text_of
+from archerfish.wires.layout import Layout
+from archerfish.wires.stream import WireFrame
+
+_WIRES = Path(__file__).parent
+_REMEDY = "correct it; a frame may have fields, endian, switch_on, sent.idle, sent.control and sent.fire"
+_ANGLES = ("pitch", "yaw", "pitch_rate", "yaw_rate")
+_LARGEST = 1e3  # no angle [rad] and no rate [rad/s] of a gimbal is beyond it
+_Numbers: TypeAlias = dict[str, Number]
+
+
+class FrameTable(Struct, frozen=True, kw_only=True):
+    """A frame in a wire's file."""
+
+    fields: tuple[Text, ...]
+    """As `Layout` takes them."""
+    endian: Literal["little", "big"] = "little"
+    """Of the numbers."""
+    switch_on: _Numbers = field(default_factory=dict)
+    """Numbers of a received frame by which the operator lets the computer aim."""
+    sent: dict[Literal["idle", "control", "fire"], _Numbers] = field(default_factory=dict)
+    """Numbers with which the computer sends the frame: while the gimbal is not to follow (idle), with a command that
+    does not fire (control), and with one that fires; a frame without any is received."""
+
+
+class Wire(Protocol):
+    """What a team writes whose frames no table covers; `load_wire` takes it."""
+
+    @property
+    def received(self) -> Sequence[Layout]:
+        """Frames that the computer receives."""
+
+    def decode(self, frames: Sequence[WireFrame]) -> Feedback:
+        """Return the reports in some frames, N of them, shape (N,).
+
+        Where a wire has no stamps, times are NaN. Angles are in frame O: radians, pitch with the muzzle up and yaw to
+        the left positive.
+        """
+
+    def encode(self, sent: CommandSent) -> bytes:
+        """Return the frames of N commands, shape (N,)."""
+
+
+class TableWire:
+    """A wire by tables.
+
+    The numbers pitch, yaw, pitch_rate and yaw_rate of a received frame make a report; muzzle_speed and shots_left are
+    those of the latest frame that has them. Frames of a command have its pitch and yaw; the number sequence counts
+    commands from 0 to 255, which every type holds.
+    """
+
+    def __init__(self, name: str, tables: dict[str, FrameTable]) -> None:
+        """Read the tables of frames.
+
+        Args:
+          name: of the wire.
+          tables: by the names of the frames.
+
+        Raises:
+          InputError: if a table can't be used.
+        """
+        self.name, self.tables = name, tables
+        self.layouts = {frame: Layout(frame, table.fields, table.endian) for frame, table in tables.items()}
+        self.received = [self.layouts[frame] for frame, table in tables.items() if not table.sent]
+        self._has_switch = any(table.switch_on for table in tables.values())
+        self._switch, self._latest, self._sent = False, {"muzzle_speed": np.nan, "shots_left": np.nan}, 0
+        for frame, table in tables.items():
+            for values in (table.switch_on, *table.sent.values()):
+                self._encode(frame, values | {"sequence": 255})  # refuses numbers that are no part of the frame
+
+    def __repr__(self) -> str:
+        return f"TableWire({self.name}: {', '.join(self.layouts)})"
+
+    def decode(self, frames: Sequence[WireFrame]) -> Feedback:
+        """Return the reports in some frames; see `Wire.decode`."""
+        angles, switches, others = list[list[float]](), list[bool](), list[list[float]]()
+        for frame in frames:
+            values = frame.layout.decode(frame.data)
+            switch_on = self.tables[frame.layout.name].switch_on
+            if switch_on:
+                self._switch = all(values[name] == value for name, value in switch_on.items())
+            self._latest |= {name: values[name] for name in self._latest if name in values}
+            if values.keys() >= {*_ANGLES}:
+                angles.append([values[name] for name in _ANGLES])
+                switches.append(self._switch)
+                others.append([*self._latest.values()])
+        angle_and_rate = np.array(angles, float).reshape(-1, 4)
+        speed, shots_left = np.array(others, float).reshape(-1, 2).T
+        no_time = np.full(len(angles), np.nan)
+        switch = np.array(switches, bool) if self._has_switch else None
+        return Feedback(no_time, no_time, angle_and_rate[:, :2], angle_and_rate[:, 2:], switch, speed, shots_left)
+
+    def encode(self, sent: CommandSent) -> bytes:
+        """Return the frames of commands; see `Wire.encode`."""
+        count = len(sent.sent_s)
+        control = np.ones(count, bool) if sent.control is None else sent.control
+        fire = np.zeros(count, bool) if sent.fire is None else sent.fire
+        frames = list[bytes]()
+        for number, (pitch, yaw) in enumerate(sent.angle.tolist()):
+            state = _state(control[number], fire[number])
+            angle = {} if state == "idle" else {"pitch": pitch, "yaw": yaw}
+            for frame, table in self.tables.items():
+                if state in table.sent:
+                    values = angle | table.sent[state] | {"sequence": self._sent % 256}
+                    frames.append(self._encode(frame, values))
+            self._sent += 1
+        return b"".join(frames)
+
+    def _encode(self, frame: str, values: _Numbers) -> bytes:
+        """Encode numbers, of which a frame may lack the usual ones."""
+        layout = self.layouts[frame]
+        left_out = {"pitch", "yaw", "sequence"} - {*layout.names}
+        return layout.encode({name: value for name, value in values.items() if name not in left_out})
+
+
+def load_wire(*wires: str | Path | Wire) -> Wire:
+    """Read a wire.
+
+    Args:
+      wires: names of those that come with Archerfish, or TOML files, whose frames are joined; or one of a team's own:
+        ./FILE.py:NAME, or the object, with `received`, `decode` and `encode`.
+
+    Raises:
+      InputError: naming file and field, if there is no such wire or it can't be used.
+    """
+    [first, *others] = wires
+    if not isinstance(first, str | Path) or names_code(str(first)):
+        return _own_wire(first, others)
+    tables, names = dict[str, FrameTable](), list[str]()
+    for wire in wires:
+        path, own = _tables(wire)
+        if twice := own.keys() & tables.keys():
+            raise file_error(path, f"frame {min(twice)} is in another file, too", "rename it in one of them")
+        tables |= own
+        names.append(path.stem)
+    return TableWire("+".join(names), tables)
+
+
+def in_range(feedback: Feedback) -> NDArray[np.bool_]:
+    """Return which reports have angles and rates that a gimbal may have, shape (N,)."""
+    numbers = np.concatenate([feedback.angle, feedback.rate], axis=-1)
+    return np.asarray(np.all(np.abs(numbers) < _LARGEST, axis=-1))  # false for NaN
+
+
+def _state(control: bool, fire: bool) -> Literal["idle", "control", "fire"]:
+    if not control:
+        return "idle"
+    return "fire" if fire else "control"
+
+
+def _own_wire(wire: str | Path | Wire, others: Sequence[object]) -> Wire:
+    """Return a wire of a team's own."""
+    plugin = find_plugin(str(wire) if isinstance(wire, Path) else wire, "wire")
+    with plugin.running():
+        value = plugin.value() if isinstance(plugin.value, type) else plugin.value
+        if others or not all(hasattr(value, name) for name in ("received", "decode", "encode")):
+            raise InputError(f"is a {type(value).__name__}, expected received, decode and encode, alone; write them")
+        own: Wire = value
+        return own
+
+
+def _tables(wire: object) -> tuple[Path, dict[str, FrameTable]]:
+    """Return the file of a wire, and its frames."""
+    known = {path.stem: path for path in sorted(_WIRES.glob("*.toml"))}
+    path = known.get(str(wire), Path(str(wire)))
+    if path.suffix != ".toml":
+        remedy = meant(str(wire), known, f"known are {', '.join(known)}, or give a TOML file or ./FILE.py:NAME")
+        raise InputError(f"there is no wire {str(wire)!r}; {remedy}")
+    try:
+        content = tomllib.loads(text_of(read_bytes(path, _REMEDY)))
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise file_error(path, f"is not TOML ({one_line(str(error))[:200]})", "correct that place") from error
+    tables = to_struct(content, path, dict[str, FrameTable], None, _REMEDY)
+    try:
+        TableWire(path.stem, tables)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return path, tables
