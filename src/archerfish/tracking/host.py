@@ -9,7 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from archerfish.arrays import single_precision
 from archerfish.messages import Detections, Feedback, Numbers
+from archerfish.protocols import Barrel, Base, Frames, GimbalFeedback, Seen
+from archerfish.tracking.detections import GUESS_AGE_S
 
 REMEMBERED_S = 0.25
 """Reports and frames are kept for so long [s]; no frame arrives later than that after its exposure."""
@@ -72,6 +75,31 @@ def with_messages(host: Host, feedback: Feedback, detections: Detections, offset
     reports = _with_reports(host.reports, feedback, now_s)
     frames = _with_frames(host.frames, detections, offset_s, now_s)
     return Host(reports, frames, _latest_plate(host.plate, reports, frames))
+
+
+def seen_by(host: Host, now_s: float, elapsed_s: float, command: Numbers, barrel: Barrel) -> Seen:
+    """Return what a controller sees at a decision, in float32: of the plate the latest frame, if one came.
+
+    Args:
+      host: memory with the latest messages.
+      now_s: the present on the clock of the reports [s].
+      elapsed_s: since the last decision [s], 0 at the first.
+      command: in force [rad], shape (B, 2).
+      barrel: shape (B,).
+    """
+    reports, plate, zero = host.reports, host.plate, np.zeros(len(command))
+    origin, is_new = np.zeros((len(command), 3)), plate.is_new[:, None]
+    age = np.where(is_new, np.minimum(now_s - plate.exposed_s, GUESS_AGE_S)[:, None], 0.0)
+    position = np.where(is_new[..., None], plate.position[:, None], 0.0)
+    seen = Seen(
+        elapsed=zero + elapsed_s,
+        gimbal=GimbalFeedback(reports.angle[:, -1], reports.rate, now_s - reports.sampled_s[:, -1]),
+        command=command,
+        frames=Frames(is_new, age, is_new[..., None], position[..., None, :], 0.0 * age[..., None]),
+        base=Base(origin, origin, zero, zero),
+        barrel=barrel,
+    )
+    return single_precision(seen)
 
 
 def angle_at(reports: Reports, moment: Numbers) -> Numbers:

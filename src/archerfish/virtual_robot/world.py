@@ -8,18 +8,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from archerfish.arrays import Array, map_arrays
+from archerfish.arrays import Array, map_arrays, single_precision
 from archerfish.dynamics.aiming import line_of_sight
 from archerfish.dynamics.command_limits import limit_command
 from archerfish.dynamics.muzzle import direction
 from archerfish.errors import InputError
 from archerfish.messages import Numbers
-from archerfish.protocols import Barrel, Base, Command, Engagement, Frames, GimbalFeedback, Seen, Shot, Truth
+from archerfish.protocols import Barrel, Command, Engagement, Seen, Shot, Truth
 from archerfish.robot import Robot
 from archerfish.simulation.world import make_world, scored
 from archerfish.task import Task
-from archerfish.tracking.detections import GUESS_AGE_S, GUESS_DISTANCE_M
-from archerfish.tracking.host import Host, new_host, with_messages
+from archerfish.tracking.detections import GUESS_DISTANCE_M
+from archerfish.tracking.host import Host, new_host, seen_by, with_messages
 from archerfish.virtual_robot.batch import RobotBatch
 from archerfish.virtual_robot.description import TICK_S, RobotDescription
 from archerfish.virtual_robot.flights import Received
@@ -92,23 +92,10 @@ class RobotWorld:
 
     def see(self, state: RunningEngagement) -> Seen:
         """Return what a controller sees now, in float32: of the plate the latest frame, if one came."""
-        reports, plate, now_s = state.host.reports, state.host.plate, state.robots.time
-        zero = np.zeros(len(state.command), np.float32)
-        origin, is_new = np.zeros((len(zero), 3), np.float32), plate.is_new[:, None]
-        age = np.where(is_new, np.minimum(now_s - plate.exposed_s, GUESS_AGE_S)[:, None], 0.0)
-        position = np.where(is_new[..., None], plate.position[:, None], 0.0)
-        frames = Frames(is_new, age, is_new[..., None], position[..., None, :], 0.0 * age[..., None])
-        feedback = GimbalFeedback(reports.angle[:, -1], reports.rate, now_s - reports.sampled_s[:, -1])
-        seen = Seen(
-            elapsed=zero + (self.period_s if state.decisions else 0.0),
-            gimbal=feedback,
-            command=state.command,
-            frames=frames,
-            base=Base(origin, origin, zero, zero),
-            barrel=Barrel(zero + self._muzzle.speed, zero + 1e6),
-        )
-        single: Seen = map_arrays(_single, seen)
-        return single
+        zero = np.zeros(len(state.command))
+        barrel = Barrel(zero + self._muzzle.speed, zero + 1e6)
+        elapsed_s = self.period_s if state.decisions else 0.0
+        return seen_by(state.host, state.robots.time, elapsed_s, state.command, barrel)
 
     def step(self, state: RunningEngagement, command: Command, normals: Array) -> tuple[RunningEngagement, Shot]:
         """Send a command, let a period pass, then fire if it says so; see `World.step`."""
@@ -123,8 +110,7 @@ class RobotWorld:
         crosses, miss = ~np.isnan(flight.flight_time), np.asarray(flight.miss, np.float32)
         margin = self._hit_radius - np.linalg.norm(miss, axis=-1)
         shot = scored(flight.fired, 0.0 * angle[:, 0], miss, margin, crosses, flight.flight_time, flight.angle)
-        single: Shot = map_arrays(_single, shot)
-        return after, single
+        return after, single_precision(shot)
 
     def truth(self, engagement: Engagement) -> Truth:
         """Return the target's path and the best estimates of gimbal and muzzle."""
@@ -137,11 +123,6 @@ class RobotWorld:
 def _double(values: Array) -> Array:
     values = np.asarray(values)
     return values.astype(np.float64) if values.dtype.kind == "f" else values
-
-
-def _single(values: Array) -> Array:
-    values = np.asarray(values)
-    return values.astype(np.float32) if values.dtype == np.float64 else values
 
 
 def _seeds(normals: Array) -> NDArray[np.int64]:

@@ -73,6 +73,11 @@ class Layout:
         """Of its numbers."""
         return [*self._numbers]
 
+    def step(self, name: str) -> float:
+        """Return the least difference between two values of a number on the wire; zero where it is floating point."""
+        numbers = self._numbers[name]
+        return abs(numbers.scale) if numbers.is_whole else 0.0
+
     def is_valid(self, frame: bytes) -> bool:
         """Whether bytes are this frame: of its length, with its constants and checksums."""
         if len(frame) != self.length:

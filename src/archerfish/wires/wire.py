@@ -78,6 +78,9 @@ class TableWire:
         self.name, self.tables = name, tables
         self.layouts = {frame: Layout(frame, table.fields, table.endian) for frame, table in tables.items()}
         self.received = [self.layouts[frame] for frame, table in tables.items() if not table.sent]
+        reports = [layout.name for layout in self.received if {*_ANGLES} <= {*layout.names}]
+        self.report = reports[0] if reports else ""
+        """Name of the frame that makes a report; "" where there is none."""
         self._has_switch = any(table.switch_on for table in tables.values())
         self._switch, self._latest, self._sent = False, {"muzzle_speed": np.nan, "shots_left": np.nan}, 0
         for frame, table in tables.items():
@@ -86,6 +89,17 @@ class TableWire:
 
     def __repr__(self) -> str:
         return f"TableWire({self.name}: {', '.join(self.layouts)})"
+
+    def check_complete(self) -> None:
+        """Refuse a wire without reports or commands, of which a part of a robot's wire may consist.
+
+        Raises:
+          InputError: saying what is missing.
+        """
+        if not self.report:
+            raise InputError(f"wire {self.name}: no frame has {', '.join(_ANGLES)}, expected a report; join its file")
+        if not any("control" in table.sent for table in self.tables.values()):
+            raise InputError(f"wire {self.name}: no frame has sent.control, expected a command; join its file")
 
     def decode(self, frames: Sequence[WireFrame]) -> Feedback:
         """Return the reports in some frames; see `Wire.decode`."""

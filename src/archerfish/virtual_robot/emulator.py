@@ -1,0 +1,197 @@
+"""A virtual robot at the other end of a wire, without port and clock: its frames, its camera's datagrams, its operator.
+
+Faults come by time and are seeded, so each is repeatable. Commands are judged by a monitor that has the robot's limits
+and nothing of the computer's code.
+"""
+
+import json
+import math
+import random
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from archerfish.errors import InputError, meant
+from archerfish.records.limits import LimitsRecord
+from archerfish.virtual_robot.batch import MovingPlate, RobotBatch
+from archerfish.virtual_robot.description import TICK_S, RobotDescription
+from archerfish.virtual_robot.flights import Received
+from archerfish.virtual_robot.monitor import CommandMonitor
+from archerfish.wires import Stream
+from archerfish.wires.wire import TableWire
+
+_CAMERA_CLOCK_S, _OTHER_CLOCK_S = 54_321.5, 3600.0  # the camera's clock, and another one, less the robot's
+_LATE_S = 0.2
+_DAMAGES: dict[str, Callable[[bytes, random.Random], bytes]] = {
+    "silence": lambda _, __: b"",
+    "flip": lambda frame, rng: _flipped(frame, rng.randrange(8 * len(frame))),
+    "triple": lambda frame, _: 3 * frame,
+    "garbage": lambda frame, rng: (
+        rng.randbytes(rng.randrange(60)) + frame[: rng.choice([len(frame), rng.randrange(len(frame))])]
+    ),
+}
+"""What happens to the bytes of a frame."""
+_MISINFORMING = ("silence", "flip", "frozen", "nan", "late", "burst")
+FAULTS = (*_DAMAGES, "frozen", "nan", "late", "burst", "camera clock", "blind", "nan detections")
+"""Kinds of faults: of the frames, with late ones 0.2 s late and a burst's all at its end, then of the camera."""
+
+
+class Fault(NamedTuple):
+    """Something that is wrong for a while."""
+
+    kind: str  # one of `FAULTS`
+    begin_s: float  # since the start
+    end_s: float  # since the start
+
+
+class Delivery(NamedTuple):
+    """What reaches the computer."""
+
+    time_s: float  # since the start
+    is_datagram: bool  # of the camera, else bytes of the wire
+    data: bytes  # of some frames, or of a datagram
+
+
+class Emulator:
+    """One virtual robot; times are seconds since the start."""
+
+    def __init__(
+        self,
+        description: RobotDescription,
+        limits: LimitsRecord,
+        wire: TableWire,
+        target: MovingPlate,
+        period_s: float,
+        *,
+        seed: int = 0,
+        switch_on_s: Sequence[tuple[float, float]] = ((1.0, math.inf),),
+        faults: Sequence[Fault] = (),
+    ) -> None:
+        """Start the robot.
+
+        Args:
+          description: of the virtual robot.
+          limits: that its commands have to keep.
+          wire: of the robot.
+          target: what moves before it; its position is needed from −0.2 s on.
+          period_s: of the decisions; a pellet leaves so long after the command that fires it [s].
+          seed: of all noise and of the faults.
+          switch_on_s: begin and end of each time during which the operator's switch is on [s].
+          faults: what goes wrong.
+
+        Raises:
+          InputError: if there is no such kind of fault, or the wire can't be emulated.
+        """
+        for fault in faults:
+            if fault.kind not in FAULTS:
+                remedy = meant(fault.kind, FAULTS, "name one of these")
+                raise InputError(f"fault: expected one of {', '.join(FAULTS)}, got {fault.kind!r}; {remedy}")
+        wire.check_complete()
+        self._robots = RobotBatch(description, 1, np.array([seed]))
+        self._hit_radius, self._period = description.referee.hit_radius_m, period_s
+        self._wire, self._switch_times, self._faults = wire, switch_on_s, faults
+        self._stream = Stream(wire.layouts[name] for name, table in wire.tables.items() if table.sent)
+        self._rng, self._normals = random.Random(seed), np.random.default_rng(seed)
+        step = max(layout.step("yaw") for layout in wire.layouts.values() if "yaw" in layout.names)
+        self.monitor = CommandMonitor(limits, period_s, step)
+        self.hits = list[tuple[float, bool]]()
+        """When each pellet left [s], and whether it hit."""
+        self._due, self._queue, self._last_frame, self._informed_s = list[float](), list[Delivery](), b"", -math.inf
+        self._queue = [*self._arrivals(self._robots.reset(np.zeros((1, 2)), target, lead_s=0.2))]
+
+    @property
+    def time(self) -> float:
+        """Present time [s]."""
+        return self._robots.time
+
+    def advance(self, ticks: int) -> list[Delivery]:
+        """Run ticks of a millisecond, and return what reaches the computer in them, in its order."""
+        end = round(self.time / TICK_S) + ticks
+        while (present := round(self.time / TICK_S)) < end:
+            while self._due and self._due[0] <= self.time + 0.5 * TICK_S:
+                self._shoot(self._due.pop(0))
+            following = min([end, *(round(due / TICK_S) for due in self._due)])
+            self._queue += self._arrivals(self._robots.advance(following - present))
+        while self._due and self._due[0] <= self.time + 0.5 * TICK_S:
+            self._shoot(self._due.pop(0))
+        self._queue.sort(key=lambda arrival: arrival.time_s)
+        arrived = [arrival for arrival in self._queue if arrival.time_s <= self.time]
+        self._queue = self._queue[len(arrived) :]
+        return arrived
+
+    def on_bytes(self, data: bytes) -> None:
+        """Take bytes of the computer at the present time."""
+        for frame in self._stream.feed(data):
+            values, table = frame.layout.decode(frame.data), self._wire.tables[frame.layout.name]
+            states = {state for state, numbers in table.sent.items() if numbers.items() <= values.items()}
+            if states == {"idle"}:
+                self.monitor.command(self.time, None)
+            elif states and "idle" not in states and {"pitch", "yaw"} <= values.keys():
+                angle = [values["pitch"], values["yaw"]]
+                self.monitor.command(self.time, angle)
+                if np.all(np.isfinite(angle)):
+                    self._robots.send(np.array([angle]))
+            if states == {"fire"}:
+                self.monitor.fire(self.time, self._informed_s, self._is_switch_on(self.time))
+                self._due.append(self.time + self._period)
+
+    def _shoot(self, due: float) -> None:
+        flight = self._robots.shoot(self._normals.standard_normal((1, 3)))
+        self.hits.append((due, bool(np.linalg.norm(flight.miss) <= self._hit_radius)))
+
+    def _is_switch_on(self, time: float) -> bool:
+        return any(begin <= time < end for begin, end in self._switch_times)
+
+    def _has(self, kind: str, time: float) -> bool:
+        return any(fault.kind == kind and fault.begin_s <= time < fault.end_s for fault in self._faults)
+
+    def _arrivals(self, received: Received) -> Iterator[Delivery]:
+        """Yield frames and datagrams of messages, as faults leave them."""
+        feedback, detections = received.feedback, received.detections
+        for place in np.flatnonzero(~np.isnan(feedback.received_s[0])):
+            time = float(feedback.received_s[0, place])
+            frame = self._report(time, feedback.angle[0, place], feedback.rate[0, place])
+            yield self._on_line(time, frame)
+        for place in np.flatnonzero(~np.isnan(detections.received_s[0])):
+            time = float(detections.received_s[0, place])
+            stamp = float(detections.exposed_s[0, place]) + _CAMERA_CLOCK_S
+            stamp += _OTHER_CLOCK_S * self._has("camera clock", time)
+            plates = detections.position[0, place][detections.found[0, place]].tolist()
+            plates = [[math.nan, 0.0, 0.0]] if self._has("nan detections", time) else plates
+            if not self._has("blind", time):
+                yield Delivery(time, True, json.dumps({"stamp": stamp, "plates": plates}).encode())
+
+    def _report(self, time: float, angle: np.ndarray, rate: np.ndarray) -> bytes:
+        """Return the frame of a report."""
+        (pitch, yaw), (pitch_rate, yaw_rate) = angle.tolist(), rate.tolist()
+        if self._has("nan", time):
+            yaw = math.nan
+        values = {"pitch": pitch, "yaw": yaw, "pitch_rate": pitch_rate, "yaw_rate": yaw_rate}
+        values |= {"sequence": round(1e3 * time) % 256, "shots": len(self.hits) % 256}
+        name = self._wire.report
+        switch_on = self._wire.tables[name].switch_on
+        is_on = self._is_switch_on(time)
+        values |= {field: number if is_on else float(not number) for field, number in switch_on.items()}
+        layout = self._wire.layouts[name]
+        return layout.encode({field: value for field, value in values.items() if field in layout.names})
+
+    def _on_line(self, time: float, frame: bytes) -> Delivery:
+        """Return a frame as it arrives, and when."""
+        if self._has("frozen", time):
+            frame = self._last_frame or frame
+        self._last_frame = frame
+        for kind, damage in _DAMAGES.items():
+            if self._has(kind, time):
+                frame = damage(frame, self._rng)
+        if not any(self._has(kind, time) for kind in _MISINFORMING):
+            self._informed_s = time
+        arrives = time + _LATE_S * self._has("late", time)
+        if self._has("burst", time):
+            arrives = min(fault.end_s for fault in self._faults if fault.kind == "burst" and time < fault.end_s)
+        return Delivery(arrives, False, frame)
+
+
+def _flipped(frame: bytes, bit: int) -> bytes:
+    """Return a frame with one of its bits turned."""
+    return (int.from_bytes(frame, "little") ^ 1 << bit).to_bytes(len(frame), "little")
