@@ -33,6 +33,7 @@ _NAMES = (
     "evaluate",
     "view",
     "export",
+    "rehearse",
     "transfer",
     "reproduce",
     "sweep",

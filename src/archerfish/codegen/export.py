@@ -75,20 +75,13 @@ def export(
         if target.exists() and MARK.encode() not in target.read_bytes():
             raise file_error(target, "was not written by export", "name another file, or remove it")
     robot = Robot.of(robot)
-    controller = load_controller(controller)
-    facts = controller.facts if isinstance(controller, Policy) else None
-    task = facts.task if facts else Task.of(task)
-    if task.command_limit == "los-2deg":
-        raise InputError("los-2deg limits commands by where the target really is, as no robot knows; take gate or box")
-    if facts and facts.robot != robot.record_digests():
-        raise InputError(f"the policy was trained in other records than {robot.name}'s; name its folder, or train")
-    name, made = ("policy", controller) if facts else _controller(controller, robot, task, tuning)
+    name, made, task = for_robot(controller, robot, Task.of(task), tuning)
     gated = Gated(made, robot.command_limits(task), task.period_s)
     try:
         decision = trace_decision(gated)
     except (TypeError, ValueError, AttributeError, IndexError) as error:
         raise InputError(f"{name} can't be exported: {error}; see docs/export.md") from error
-    settled = "before tuning" if tuning == "start" and not facts else f"for the task {task.name}"
+    settled = "before tuning" if tuning == "start" and not isinstance(made, Policy) else f"for the task {task.name}"
     content = {
         "title": f"{name}: a decision every {1e3 * task.period_s:g} ms for the robot {robot.name}, "
         f"settings {settled}, limit {task.command_limit}",
@@ -125,12 +118,31 @@ def export(
     return Report(f"Export of {name}", f"{path.name} {found}.", next_steps=steps, tables=tables)
 
 
-def _controller(given: Any, robot: Robot, task: Task, tuning: Any) -> tuple[str, Any]:
-    """Return a name and the controller."""
-    name = given if isinstance(given, str) else ""
+def for_robot(controller: ControllerLike, robot: Robot, task: Task, tuning: TuningLike) -> tuple[str, Any, Task]:
+    """Return name and controller for a robot, and the task: that of the training of a policy.
+
+    Args:
+      controller: as `export` takes it.
+      robot: for whose plant and limits.
+      task: decision period and command limit.
+      tuning: as `export` takes it.
+
+    Raises:
+      InputError: if no robot can run it, or a policy was trained for another one.
+    """
+    controller = load_controller(controller)
+    facts = controller.facts if isinstance(controller, Policy) else None
+    task = facts.task if facts else task
+    if task.command_limit == "los-2deg":
+        raise InputError("los-2deg limits commands by where the target really is, as no robot knows; take gate or box")
+    if facts and facts.robot != robot.record_digests():
+        raise InputError(f"the policy was trained in other records than {robot.name}'s; name its folder, or train")
+    if facts:
+        return "policy", controller, task
+    name = controller if isinstance(controller, str) else ""
     if name == "oracle":
-        raise InputError("oracle knows the target's path, as no robot does; export another controller")
-    [contender] = as_contenders({name or type(given).__name__: given})
+        raise InputError("oracle knows the target's path, as no robot does; name another controller")
+    [contender] = as_contenders({name or type(controller).__name__: controller})
     tunings = settings([contender], tuning, robot, task)
-    made = make_controller(given, robot, task, tunings.get(contender.name))
-    return name or type(made).__name__, made
+    made = make_controller(controller, robot, task, tunings.get(contender.name))
+    return name or type(made).__name__, made, task

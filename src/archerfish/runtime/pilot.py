@@ -50,10 +50,6 @@ class Pilot:
         Raises:
           InputError: if the records have no latency of the camera, or the task limits commands by the target's place.
         """
-        sensing = robot.sensing
-        if sensing is None or sensing.camera.latency is None:
-            remedy = "record timing_plate.csv with the times of receipt, and identify again"
-            raise InputError(f"{robot.name} has no latency of its camera, so no detection can be dated; {remedy}")
         if task.command_limit == "los-2deg":
             raise InputError("command_limit los-2deg needs the target's true place, which no robot has; take gate")
         if isinstance(wire, TableWire):
@@ -67,8 +63,9 @@ class Pilot:
         self._controller, self._wire, self._stream = controller, wire, Stream(wire.received)
         self._limits, self._period = robot.command_limits(task), task.period_s
         self._expected_speed = np.asarray(robot.muzzle_model().speed).reshape(1)
-        self._feedback_latency = sensing.link.feedback_latency or 0.0
-        self._camera_clock, self._robot_clock = ClockOffset(sensing.camera.latency), ClockOffset(self._feedback_latency)
+        self._camera_clock = ClockOffset(camera_latency(robot))
+        self._feedback_latency = (robot.sensing.link.feedback_latency if robot.sensing else None) or 0.0
+        self._robot_clock = ClockOffset(self._feedback_latency)
         self._camera = np.array(camera_m)
         self._last_bytes = dict[str, bytes]()
         self._reports, self._raw_yaw, self._shots_left = list[tuple[float, Numbers, Numbers]](), 0.0, _UNLIMITED
@@ -198,3 +195,16 @@ class Pilot:
             self._host = self._host._replace(plate=self._plate_in_world)
         self._reports, self._frames, self._plate_in_world = [], [], None
         return self._host
+
+
+def camera_latency(robot: Robot) -> float:
+    """Return the mean time from an exposure to the receipt of its detections [s].
+
+    Raises:
+      InputError: if the robot's records don't have it.
+    """
+    latency = robot.sensing.camera.latency if robot.sensing else None
+    if latency is None:
+        remedy = "record timing_plate.csv with the times of receipt, and identify again"
+        raise InputError(f"{robot.name} has no latency of its camera, so no detection can be dated; {remedy}")
+    return latency

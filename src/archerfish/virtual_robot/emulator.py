@@ -133,14 +133,24 @@ class Emulator:
                 if np.all(np.isfinite(angle)):
                     self._robots.send(np.array([angle]))
             if states == {"fire"}:
-                self.monitor.fire(self.time, self._informed_s, self._is_switch_on(self.time))
+                self.monitor.fire(self.time, self._informed_s, self.is_switch_on)
                 self._due.append(self.time + self._period)
 
     def _shoot(self, due: float) -> None:
         flight = self._robots.shoot(self._normals.standard_normal((1, 3)))
         self.hits.append((due, bool(np.linalg.norm(flight.miss) <= self._hit_radius)))
 
-    def _is_switch_on(self, time: float) -> bool:
+    @property
+    def is_switch_on(self) -> bool:
+        """Whether the operator's switch is on now."""
+        return self._switch_at(self.time)
+
+    @property
+    def has_switch(self) -> bool:
+        """Whether its reports have the operator's switch."""
+        return bool(self._wire.tables[self._wire.report].switch_on)
+
+    def _switch_at(self, time: float) -> bool:
         return any(begin <= time < end for begin, end in self._switch_times)
 
     def _has(self, kind: str, time: float) -> bool:
@@ -171,7 +181,7 @@ class Emulator:
         values |= {"sequence": round(1e3 * time) % 256, "shots": len(self.hits) % 256}
         name = self._wire.report
         switch_on = self._wire.tables[name].switch_on
-        is_on = self._is_switch_on(time)
+        is_on = self._switch_at(time)
         values |= {field: number if is_on else float(not number) for field, number in switch_on.items()}
         layout = self._wire.layouts[name]
         return layout.encode({field: value for field, value in values.items() if field in layout.names})

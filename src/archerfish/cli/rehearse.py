@@ -1,0 +1,73 @@
+"""`archerfish rehearse`: a controller, a wire and a virtual robot through bytes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from archerfish.cli.options import Ending, ForRobot, Writes, shown
+from archerfish.studies.rehearse import SwingingPlate, rehearse
+
+
+@dataclass(frozen=True)
+class Rehearse(Writes, ForRobot):
+    """Shoot with a virtual robot through the bytes of a wire, as a robot's computer does, in virtual time.
+
+    - the computer has ROBOT's records alone; reports and commands are frames of the wire, detections lines of JSON
+    - the operator's switch goes on after 1 s; hits count from 1.5 s on, at a plate that swings from side to side
+    - --task and --command-limit give decision period and limits alone; a policy has those of its training
+    - prints the hit rate with its 95 % interval, what became of the messages, and violations of the robot's limits
+    - writes rehearsal.json, report.html and run.json
+
+    Wires:
+      sp_vision_25  one frame up and one down, angles in radians
+      roborts       angles in 0.1°, fire in a frame of its own
+      FILE.toml     your own, as those that come with Archerfish are written
+
+    Examples:
+      archerfish rehearse my-robot
+      archerfish rehearse my-robot --controller kalman --wire roborts --seconds 60
+      archerfish rehearse my-robot --virtual worn --frequency-hz 0.6 --seed 1
+    """
+
+    controller: Annotated[str, shown("NAME|FOLDER")] = ""
+    """A policy's file or folder, or a name of archerfish evaluate; ROBOT/policy if there is one, or kalman."""
+    wire: Annotated[str, shown("NAME|FILE")] = "sp_vision_25"
+    """What travels between the computer and the robot."""
+    virtual: Annotated[str, shown("NAME|FILE")] = "infantry"
+    """Virtual robot (infantry, worn), or its TOML file."""
+    seconds: int = 20
+    """That count."""
+    distance_m: float = SwingingPlate().distance_m
+    """Of the plate [m]."""
+    amplitude_m: float = SwingingPlate().amplitude_m
+    """By which it swings to either side [m]."""
+    frequency_hz: float = SwingingPlate().frequency_hz
+    """At which it swings [Hz]."""
+    seed: int = 0
+    """Of the robot's noise and of the dispersion."""
+    tuning: Annotated[Literal["kept", "start"], shown("kept|start", "(default: kept)")] = "kept"
+    """Settings of a classical controller: those that are kept, which are searched for where there are none, or those
+    where the search begins."""
+    out: Annotated[Path | None, shown("FOLDER")] = None
+    """Folder for the result; ROBOT/rehearsal, or runs/rehearse without a robot."""
+
+    def run(self, options: str = "") -> Ending:
+        """Rehearse, write."""
+        robot, task = self.robot_and_task()
+        controller = self.controller or next(iter(self.own_policy()), "kalman")
+        out = self.out or (self.folder / "rehearsal" if self.folder else Path("runs/rehearse"))
+        with self.written(out, "rehearse", options, (), ("rehearsal.json", "report.html")) as folder:
+            rehearsal = rehearse(
+                controller,
+                robot,
+                task,
+                virtual=self.virtual,
+                wire=self.wire,
+                seconds=self.seconds,
+                seed=self.seed,
+                target=SwingingPlate(self.distance_m, self.amplitude_m, self.frequency_hz),
+                tuning=self.tuning,
+            )
+            rehearsal.save(folder / "rehearsal.json")
+            rehearsal.report.write_page(folder / "report.html")
+        return Ending(f"{rehearsal}", f"open {out / 'report.html'}; every count is in {out / 'rehearsal.json'}")
