@@ -1,0 +1,243 @@
+"""The loop on the robot's computer: ports, threads and deadlines around a pilot that has none of them.
+
+The thread that decides touches no port: a read of a terminal device waits for a worker of the kernel, for up to a
+second on a busy computer. A reader for each port stamps what arrives, and a writer has room for one frame, so that it
+never sends an old one after a newer one.
+"""
+
+import contextlib
+import ctypes
+import gc
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from archerfish.errors import InputError
+from archerfish.reports.table import Table
+from archerfish.wires.transports import DatagramPort, Port
+
+_WAKE_S = 0.005  # between looks at what arrived, while there is time
+_SPIN_S = 1e-4  # before a deadline, without sleeping: a sleep ends later than it was asked to
+_STALL_S = 0.05  # a loop that was late by more discards what arrived meanwhile: a full line keeps its oldest bytes
+_RETRY_S = 0.2  # between attempts to open a port that has gone
+_LAST_FRAME_S = 0.05  # for the last frame to be written
+_READING, _WRITING, _DECIDING = 55, 54, 50  # priorities, where the system allows them
+_LOCK_NOW_AND_LATER = 3  # MCL_CURRENT | MCL_FUTURE
+clock = time.monotonic
+
+
+class Deciding(Protocol):
+    """What the loop runs: a `Pilot`, or what stands in for it in a test."""
+
+    def on_bytes(self, now: float, data: bytes) -> None:
+        """Take bytes of the wire."""
+
+    def on_datagram(self, now: float, data: bytes) -> None:
+        """Take a datagram of the camera's program."""
+
+    def tick(self, now: float) -> bytes:
+        """Decide, and return the bytes to send."""
+
+    def withdraw(self) -> None:
+        """Forget the last decision, which was not sent."""
+
+    def last_frame(self, now: float) -> bytes:
+        """Return bytes that end the fire, without deciding."""
+
+
+class _Arrival(NamedTuple):
+    """Bytes with the time of their receipt."""
+
+    time_s: float
+    is_datagram: bool
+    data: bytes
+
+
+@dataclass
+class Timing:
+    """How well the loop kept its deadlines."""
+
+    lateness_s: list[float] = field(default_factory=list)  # of each decision's begin
+    work_s: list[float] = field(default_factory=list)  # of each decision
+    missed: int = 0  # deadlines that passed during a decision, and were left out
+    withdrawn: int = 0  # frames that were not written before the next decision
+    stalls: int = 0  # times when what had arrived was discarded
+    reopened: int = 0  # times when the port came back
+    is_realtime: bool = False  # whether the system gave priority and locked the memory
+
+    def table(self) -> Table:
+        """Return the figures."""
+        rows: list[tuple[str, float, float, float]] = []
+        for name, values in (("late by", self.lateness_s), ("decision took", self.work_s)):
+            low, high, highest = np.percentile(np.maximum(values or [0.0], 0.0), [50, 99, 99.9])
+            rows.append((name, 1e3 * float(low), 1e3 * float(high), 1e3 * float(highest)))
+        counts = f"{len(self.work_s)} decisions, {self.missed} deadlines missed, {self.withdrawn} frames withdrawn"
+        return Table("Times [ms]", ("", "median", "99 %", "99.9 %"), tuple(rows), f"{counts}.")
+
+
+class Loop:
+    """Runs a pilot against a port and a camera's datagrams until it is stopped."""
+
+    def __init__(
+        self, pilot: Deciding, open_port: Callable[[], Port], datagrams: DatagramPort, period_s: float
+    ) -> None:
+        """Take what runs; `run` begins.
+
+        Args:
+          pilot: decides.
+          open_port: opens the wire's port, now and each time that it has gone.
+          datagrams: of the camera's program.
+          period_s: of the decisions [s].
+
+        Raises:
+          InputError: if the port can't be opened now.
+        """
+        self._pilot, self._open, self._period = pilot, open_port, period_s
+        self._port: Port | None = open_port()
+        self._datagrams = datagrams
+        self._arrived = deque[_Arrival](maxlen=4096)
+        self._unsent, self._frame_is_there = deque[bytes](maxlen=1), threading.Semaphore(0)
+        self._is_running = False
+        self.timing = Timing()
+        """Of what ran so far."""
+
+    def run(self, is_stopped: Callable[[], bool], seconds: float = float("inf")) -> Timing:
+        """Decide at each deadline until stopped; the last frame ends the fire, whatever ended the loop.
+
+        Args:
+          is_stopped: asked before each decision.
+          seconds: after which the loop ends by itself [s].
+        """
+        self._is_running = True
+        threads = [
+            threading.Thread(target=self._read_port, daemon=True),
+            threading.Thread(target=self._read_datagrams, daemon=True),
+            threading.Thread(target=self._write, daemon=True),
+        ]
+        for thread in threads:
+            thread.start()
+        self.timing.is_realtime = _prefer(_DECIDING) and _lock_memory()
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        try:
+            self._decide(is_stopped, seconds)
+        finally:
+            gc.enable()
+            self._send(self._pilot.last_frame(clock()))
+            ends = clock() + _LAST_FRAME_S
+            while self._unsent and clock() < ends:
+                time.sleep(1e-3)
+            self._is_running = False
+            self._frame_is_there.release()
+            for thread in threads:
+                thread.join(2.0)
+            _prefer(0)
+        return self.timing
+
+    def _decide(self, is_stopped: Callable[[], bool], seconds: float) -> None:
+        due = clock() + self._period
+        end = due + seconds
+        while due < end and not is_stopped():
+            self._wait(due)
+            begun = clock()
+            if begun - due > _STALL_S and self.timing.work_s:
+                self._arrived.clear()
+                self.timing.stalls += 1
+            self._take()
+            if self._unsent:
+                with contextlib.suppress(IndexError):  # the writer may take it just now
+                    self._unsent.pop()
+                    self._pilot.withdraw()
+                    self.timing.withdrawn += 1
+            self._send(self._pilot.tick(clock()))
+            done = clock()
+            self.timing.lateness_s.append(begun - due)
+            self.timing.work_s.append(done - begun)
+            due += self._period
+            skipped = max(0, int(np.ceil((done - due) / self._period)))
+            self.timing.missed += skipped
+            due += skipped * self._period
+
+    def _wait(self, due: float) -> None:
+        """Take what arrives until a deadline."""
+        while (left := due - clock()) > _SPIN_S:
+            time.sleep(min(_WAKE_S, left - _SPIN_S))
+            self._take()
+        while clock() < due:
+            pass
+
+    def _take(self) -> None:
+        while self._arrived:
+            arrival = self._arrived.popleft()
+            take = self._pilot.on_datagram if arrival.is_datagram else self._pilot.on_bytes
+            take(arrival.time_s, arrival.data)
+
+    def _send(self, frame: bytes) -> None:
+        if frame:
+            self._unsent.append(frame)
+            self._frame_is_there.release()
+
+    def _read_port(self) -> None:
+        """Read, and open the port again where it has gone, for as long as the loop runs."""
+        _prefer(_READING)
+        while self._is_running:
+            port = self._port
+            if port is None:
+                with contextlib.suppress(InputError):
+                    self._port = self._open()
+                    self.timing.reopened += 1
+                if self._port is None:
+                    time.sleep(_RETRY_S)
+                continue
+            try:
+                data = port.read()
+            except OSError:
+                self._port = None
+                with contextlib.suppress(OSError):
+                    port.close()
+                continue
+            if data:
+                self._arrived.append(_Arrival(clock(), False, data))
+        if self._port is not None:
+            self._port.close()
+
+    def _read_datagrams(self) -> None:
+        _prefer(_READING)
+        while self._is_running:
+            if data := self._datagrams.read():
+                self._arrived.append(_Arrival(clock(), True, data))
+
+    def _write(self) -> None:
+        _prefer(_WRITING)
+        while self._is_running or self._unsent:
+            self._frame_is_there.acquire()
+            port = self._port
+            with contextlib.suppress(IndexError, OSError):  # the reader sees that the port has gone
+                frame = self._unsent.popleft()
+                if port is not None:
+                    port.write(frame)
+
+
+def _prefer(priority: int) -> bool:
+    """Run this thread before all usual ones, if the system allows it; 0 makes it a usual one."""
+    policy = os.SCHED_FIFO if priority else os.SCHED_OTHER
+    try:
+        os.sched_setscheduler(threading.get_native_id(), policy, os.sched_param(priority))
+    except (AttributeError, OSError):
+        return False
+    return True
+
+
+def _lock_memory() -> bool:
+    """Keep the process in memory, if the system allows it."""
+    try:
+        return int(ctypes.CDLL(None).mlockall(_LOCK_NOW_AND_LATER)) == 0
+    except (AttributeError, OSError, TypeError):
+        return False
