@@ -1,0 +1,137 @@
+"""Ports, threads and deadlines; nothing here asserts how late they are."""
+
+import os
+import socket
+import threading
+import time
+import tty
+
+import pytest
+
+from archerfish.errors import InputError
+from archerfish.runtime.loop import Loop
+from archerfish.wires.transports import DatagramPort, SerialPort
+
+pytest.importorskip("serial", reason="pyserial is not installed")
+PERIOD_S = 0.02
+
+
+class Terminal:
+    """A pseudo-terminal: the robot's end is here, the computer's has a name."""
+
+    def __init__(self):
+        self.robot, self._computer = os.openpty()
+        tty.setraw(self._computer)
+        self.name = os.ttyname(self._computer)
+
+    def close(self):
+        os.close(self.robot)
+        os.close(self._computer)
+
+
+class Recorder:
+    """Stands in for a pilot: it keeps what arrives, and sends the number of each decision."""
+
+    def __init__(self, fails_at=None, slow_at=None):
+        self.received, self.datagrams, self.decisions, self.withdrawn = b"", [], 0, 0
+        self.fails_at, self.slow_at = fails_at, slow_at
+
+    def on_bytes(self, now, data):
+        self.received += data
+
+    def on_datagram(self, now, data):
+        self.datagrams.append(data)
+
+    def tick(self, now):
+        self.decisions += 1
+        if self.decisions == self.fails_at:
+            raise RuntimeError("a fault of its own")
+        if self.decisions == self.slow_at:
+            time.sleep(3.5 * PERIOD_S)
+        return f"{self.decisions} ".encode()
+
+    def withdraw(self):
+        self.withdrawn += 1
+
+    def last_frame(self, now):
+        return b"end"
+
+
+@pytest.fixture
+def terminal():
+    made = Terminal()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def camera():
+    port = DatagramPort("127.0.0.1:0")
+    yield port
+    port.close()
+
+
+def test_bytes_and_datagrams_arrive_and_the_last_frame_ends_the_fire(terminal, camera):
+    pilot = Recorder()
+    os.write(terminal.robot, b"before the port was opened")
+    loop = Loop(pilot, lambda: SerialPort(terminal.name), camera, PERIOD_S)
+    os.write(terminal.robot, b"report")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.sendto(b"plate", ("127.0.0.1", camera.number))
+    timing = loop.run(lambda: pilot.decisions >= 5)
+    assert pilot.received.endswith(b"report")
+    assert pilot.datagrams == [b"plate"]
+    sent = os.read(terminal.robot, 1000)  # the last frame replaces one that is not yet written
+    assert (sent[:8], sent[-3:]) == (b"1 2 3 4 ", b"end")
+    assert len(timing.work_s) == len(timing.lateness_s) == 5
+    assert "5 decisions" in timing.table().note
+
+
+def test_whatever_ends_the_loop_the_last_frame_is_sent(terminal, camera):
+    with pytest.raises(RuntimeError, match="a fault of its own"):
+        Loop(Recorder(fails_at=3), lambda: SerialPort(terminal.name), camera, PERIOD_S).run(lambda: False)
+    assert os.read(terminal.robot, 1000).endswith(b"end")
+
+
+def test_deadlines_that_passed_are_left_out(terminal, camera):
+    pilot = Recorder(slow_at=2)
+    timing = Loop(pilot, lambda: SerialPort(terminal.name), camera, PERIOD_S).run(lambda: pilot.decisions >= 4)
+    assert timing.missed >= 3
+
+
+def test_a_port_that_has_gone_is_opened_again(camera):
+    terminals, pilot = [Terminal()], Recorder()
+
+    def open_port():
+        return SerialPort(terminals[-1].name)
+
+    def exchange():
+        time.sleep(0.2)
+        terminals[-1].close()
+        time.sleep(0.3)
+        terminals.append(Terminal())
+        os.write(terminals[-1].robot, b"early")
+        while b"late" not in pilot.received:
+            os.write(terminals[-1].robot, b"late")
+            time.sleep(0.02)
+
+    loop = Loop(pilot, open_port, camera, PERIOD_S)
+    threading.Thread(target=exchange, daemon=True).start()
+    timing = loop.run(lambda: b"late" in pilot.received, 5)
+    assert (timing.reopened, b"late" in pilot.received) == (1, True)
+    assert os.read(terminals[-1].robot, 10_000).endswith(b"end")
+    terminals[-1].close()
+
+
+def test_a_port_has_one_user(terminal, camera):
+    port = SerialPort(terminal.name)
+    with pytest.raises(InputError, match=r"port /dev/pts/\d+: can't be opened"):
+        SerialPort(terminal.name)
+    port.close()
+    with pytest.raises(InputError, match=r"/dev/ttyNone: can't be opened .*; "):
+        SerialPort("/dev/ttyNone")
+    with pytest.raises(InputError, match="can't be opened .*choose another port"):
+        DatagramPort(f"127.0.0.1:{camera.number}")
+    for wrong in ("47000", "localhost:47000", "127.0.0.1:x", "127.0.0.1:99999"):
+        with pytest.raises(InputError, match="detections: "):
+            DatagramPort(wrong)
