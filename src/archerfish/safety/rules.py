@@ -1,0 +1,87 @@
+"""The rules that the gate keeps: of the robot and the task, narrowed by a configuration and never widened."""
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from msgspec import Meta
+
+from archerfish.arrays import Array, single_precision
+from archerfish.dynamics.command_limits import NEVER, CommandLimits
+from archerfish.errors import InputError
+from archerfish.records.limits import AxisLimits, LimitsRecord
+from archerfish.records.record import Struct
+from archerfish.robot import Robot
+from archerfish.task import Task
+
+STALE_S, LOST_S, STEADY_S, UNSEEN_S = 0.05, 0.1, 0.5, 0.25
+"""Age of feedback that holds, time without good input that is a fault, time of good input before the robot may be
+armed, and time after which a plate counts as unseen [s]."""
+
+
+class Rules(NamedTuple):
+    """What the gate keeps; `gate_rules` makes them."""
+
+    limits: CommandLimits  # of the commands, (2,) each
+    period: Array  # of decisions [s], ()
+    stale: Array  # feedback that is older holds [s], ()
+    late: Array  # a decision that comes later after the last one holds [s], ()
+    lost: Array  # so long without good input, or feedback that is older, is a fault [s], ()
+    steady: Array  # so long must the input be good before the robot may be armed [s], ()
+    unseen: Array  # a plate that was not seen for longer is not shot at [s], ()
+    interval: Array  # least time between shots [s], ()
+    near: Array  # largest distance of the gimbal from its command at a shot [rad], ()
+
+
+class GateConfig(Struct, frozen=True, kw_only=True):
+    """What a team may narrow; nothing here switches a rule off."""
+
+    pitch: AxisLimits | None = None
+    """Limits of the pitch command, within those of the robot."""
+    yaw: AxisLimits | None = None
+    """Limits of the yaw command, within those of the robot."""
+    shots_per_s: Annotated[float, Meta(ge=0.2, le=1000.0)] | None = None
+    """Most shots in a second, evenly spaced."""
+    near_deg: Annotated[float, Meta(gt=0.0, le=180.0)] | None = None
+    """Largest distance of the gimbal from its command at a shot [°]; controllers lead the gimbal, so a small one costs
+    shots at moving targets."""
+
+
+def gate_rules(robot: Robot, task: Task, config: GateConfig | None = None) -> Rules:
+    """Return the rules of a robot in a task, in float32.
+
+    Args:
+      robot: has the limits of its commands.
+      task: decision period and command limit.
+      config: what is narrowed.
+
+    Raises:
+      InputError: if the configuration is wider than the robot's limits, or the task limits commands by where the
+        target really is.
+    """
+    if task.command_limit == "los-2deg":
+        raise InputError("los-2deg limits commands by where the target really is, as no robot knows; take gate or box")
+    config = config or GateConfig()
+    period = task.period_s
+    rules = Rules(
+        limits=robot.replace(limits=_narrowed(robot.limits, config)).command_limits(task),
+        period=period,
+        stale=STALE_S,
+        late=max(STALE_S, 2.5 * period),
+        lost=LOST_S,
+        steady=STEADY_S,
+        unseen=UNSEEN_S,
+        interval=1.0 / config.shots_per_s if config.shots_per_s else 0.0,
+        near=np.radians(config.near_deg) if config.near_deg else NEVER,
+    )
+    return single_precision(rules)
+
+
+def _narrowed(limits: LimitsRecord, config: GateConfig) -> LimitsRecord:
+    for axis, own, given in (("pitch", limits.pitch, config.pitch), ("yaw", limits.yaw, config.yaw)):
+        if given is None:
+            continue
+        is_within = own.low <= given.low and given.high <= own.high
+        if not (is_within and given.max_rate <= own.max_rate and given.max_acceleration <= own.max_acceleration):
+            raise InputError(f"gate.{axis}: expected limits within {own}, got {given}; narrow them, or remove them")
+        limits = limits.replace(**{axis: given})
+    return limits
