@@ -1,0 +1,68 @@
+"""A controller with another one behind it, which replaces it for good at its first fault."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from archerfish.errors import one_line
+from archerfish.protocols import Command, Controller, Seen
+
+
+class WithFallback:
+    """Two controllers of which the second decides as well, so that it is ready: its tracker has seen all."""
+
+    def __init__(
+        self,
+        first: Controller,
+        fallback: Controller,
+        longest_s: float,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        """Take both.
+
+        Args:
+          first: decides until its first fault: it raises, its command is not finite, or it is late.
+          fallback: decides from then on, and where it is chosen.
+          longest_s: that a decision of the first one may take [s].
+          clock: by which that is measured [s].
+        """
+        self._first, self._fallback = first, fallback
+        self._longest, self._clock = longest_s, clock
+        self.fault = ""
+        """What was wrong with the first one; empty while it decides."""
+        self.is_fallback_chosen = False
+        """Whether the operator has chosen the fallback."""
+
+    def reset(self, seen: Seen) -> Any:
+        """Return the memory of both at the first detection."""
+        return self._checked(lambda: self._first.reset(seen)), self._fallback.reset(seen)
+
+    def step(self, memory: Any, seen: Seen) -> tuple[Any, Command]:
+        """Decide by the one that is in charge; a fault of the first is answered in the same decision."""
+        own, other = memory
+        other, command = self._fallback.step(other, seen)
+        if self.fault:
+            return (own, other), command
+        begun = self._clock()
+        decided = self._checked(lambda: self._first.step(own, seen))
+        took = self._clock() - begun
+        if decided is None:
+            return (own, other), command
+        own, wanted = decided
+        if not np.all(np.isfinite(np.asarray(wanted.angle))):
+            self.fault = "its command is not finite"
+        elif took > self._longest:
+            self.fault = f"it took {1e3 * took:.1f} ms"
+        elif not self.is_fallback_chosen:
+            command = wanted
+        return (own, other), command
+
+    def _checked(self, call: Callable[[], Any]) -> Any:
+        """Return what a call of the first one gives; None where it raises."""
+        try:
+            return call()
+        except Exception as error:  # noqa: BLE001: whatever a controller raises, the robot goes on
+            self.fault = one_line(f"{type(error).__name__}: {error}")[:200]
+            return None

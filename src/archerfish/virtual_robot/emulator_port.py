@@ -1,0 +1,96 @@
+"""An emulated robot in real time: its wire behind a pseudo-terminal, its camera's detections as datagrams."""
+
+import contextlib
+import os
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Self
+
+from archerfish.errors import InputError
+from archerfish.virtual_robot.description import TICK_S
+from archerfish.virtual_robot.emulator import Emulator
+
+_TICKS = 2  # between looks at what arrived
+_MOST_BYTES = 4096  # of a read
+_BEHIND_S = 0.5  # a robot that is later than that skips the time: a computer that slept is no slow robot
+
+
+class EmulatorPort:
+    """The robot's end of the wire; `name` is the computer's end."""
+
+    def __init__(self, emulator: Emulator, detections: tuple[str, int]) -> None:
+        """Open a pseudo-terminal.
+
+        Args:
+          emulator: the robot.
+          detections: address and UDP port that the camera's program sends to.
+
+        Raises:
+          InputError: if the system has no pseudo-terminals.
+        """
+        try:
+            import tty
+
+            self._robot, self._computer = os.openpty()
+            tty.setraw(self._computer)
+        except (ImportError, AttributeError, OSError) as error:
+            raise InputError(f"the system has no pseudo-terminal ({error}); emulate on Linux or macOS") from error
+        os.set_blocking(self._robot, False)
+        self.name = os.ttyname(self._computer)
+        """Of the port that the computer opens."""
+        self._emulator, self._detections = emulator, detections
+        self._camera = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._received = deque[bytes]()
+        self._is_open = True
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._is_open = False
+        os.close(self._robot)
+        os.close(self._computer)
+        self._camera.close()
+
+    def run(self, is_stopped: Callable[[], bool], seconds: float = float("inf")) -> None:
+        """Let the robot live in real time.
+
+        Times of the operator's switch and of faults count from the first bytes of the computer on.
+
+        Args:
+          is_stopped: asked every two milliseconds.
+          seconds: after the first bytes, until which it lives [s].
+        """
+        robot, begun = self._emulator, time.monotonic() - self._emulator.time
+        while robot.time - robot.trial_s < seconds and not is_stopped():
+            left = begun + robot.time + _TICKS * TICK_S - time.monotonic()
+            if left > 0.0:
+                time.sleep(left)
+            elif left < -_BEHIND_S:
+                begun -= left
+            while self._received:
+                if robot.trial_s == float("inf"):
+                    robot.trial_s = robot.time
+                robot.on_bytes(self._received.popleft())
+            for delivery in robot.advance(_TICKS):
+                if delivery.is_datagram:
+                    self._camera.sendto(delivery.data, self._detections)
+                else:
+                    self._write(delivery.data)
+
+    def _write(self, data: bytes) -> None:
+        with contextlib.suppress(BlockingIOError):  # nobody reads: a line loses what has no room
+            os.write(self._robot, data)
+
+    def _read(self) -> None:
+        """Read in a thread of its own: a read of a terminal device may wait."""
+        import select
+
+        with contextlib.suppress(OSError, ValueError):  # closed
+            while self._is_open:
+                if select.select([self._robot], [], [], 0.1)[0]:
+                    self._received.append(os.read(self._robot, _MOST_BYTES))
