@@ -130,7 +130,7 @@ def test_a_port_has_one_user(terminal, camera):
     port.close()
     with pytest.raises(InputError, match=r"/dev/ttyNone: can't be opened .*; "):
         SerialPort("/dev/ttyNone")
-    with pytest.raises(InputError, match="can't be opened .*choose another port"):
+    with pytest.raises(InputError, match=r"can't be opened .*choose another port"):
         DatagramPort(f"127.0.0.1:{camera.number}")
     for wrong in ("47000", "localhost:47000", "127.0.0.1:x", "127.0.0.1:99999"):
         with pytest.raises(InputError, match="detections: "):

@@ -34,6 +34,8 @@ _NAMES = (
     "view",
     "export",
     "rehearse",
+    "emulate",
+    "deploy",
     "transfer",
     "reproduce",
     "sweep",

@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from archerfish.dynamics.command_limits import limit_command
+from archerfish.arrays import single_precision
 from archerfish.dynamics.muzzle import direction
 from archerfish.errors import InputError
 from archerfish.messages import CommandSent, Detections, Feedback, Numbers
 from archerfish.protocols import Barrel, Command, Controller
 from archerfish.robot import Robot
 from archerfish.runtime.detections import CameraFrame, camera_frames
+from archerfish.safety.gate import GateInput, GateState, GateVerdict, Mode, Reason, gate, resting_gate
+from archerfish.safety.rules import GateConfig, gate_rules
 from archerfish.task import Task
 from archerfish.tracking.clock_offset import ClockOffset
 from archerfish.tracking.detections import GUESS_AGE_S, GUESS_DISTANCE_M
@@ -37,6 +39,8 @@ class Pilot:
         wire: Wire,
         *,
         camera_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        latency_s: float | None = None,
+        config: GateConfig | None = None,
     ) -> None:
         """Begin without messages.
 
@@ -46,24 +50,26 @@ class Pilot:
           task: decision period and command limit.
           wire: to the microcontroller.
           camera_m: where the camera is from the pivot, along the gimbal's axes [m].
+          latency_s: mean time from an exposure to the receipt of its detections; that of the records if not given [s].
+          config: what the gate allows less than the records.
 
         Raises:
           InputError: if the records have no latency of the camera, or the task limits commands by the target's place.
         """
-        if task.command_limit == "los-2deg":
-            raise InputError("command_limit los-2deg needs the target's true place, which no robot has; take gate")
         if isinstance(wire, TableWire):
             wire.check_complete()
         self.counts = Counter[str]()
         """Messages and decisions by what became of them."""
-        self.switch = self._was_on = False
+        self.switch = False
         """Whether the operator lets the computer aim; a wire that reports a switch sets it."""
+        self.verdict: GateVerdict | None = None
+        """The last one of the gate."""
         self.muzzle_speed = np.nan
         """Measured last [m/s]."""
         self._controller, self._wire, self._stream = controller, wire, Stream(wire.received)
-        self._limits, self._period = robot.command_limits(task), task.period_s
+        self._rules, self._period = gate_rules(robot, task, config), task.period_s
         self._expected_speed = np.asarray(robot.muzzle_model().speed).reshape(1)
-        self._camera_clock = ClockOffset(camera_latency(robot))
+        self._camera_clock = ClockOffset(camera_latency(robot) if latency_s is None else latency_s)
         self._feedback_latency = (robot.sensing.link.feedback_latency if robot.sensing else None) or 0.0
         self._robot_clock = ClockOffset(self._feedback_latency)
         self._camera = np.array(camera_m)
@@ -73,7 +79,9 @@ class Pilot:
         self._plate_in_world: SeenPlate | None = None
         self._host: Host | None = None
         self._state: Any = None
-        self._decided_s, self._command, self._rate = -np.inf, np.zeros((1, 2)), np.zeros((1, 2))
+        self._decided_s, self._gated_s, self._withdrawn = -np.inf, -np.inf, None
+        self._gate: GateState | None = None
+        self._turned = 0.0  # from the yaw of the wire, which may wrap, to that of the reports
 
     def on_bytes(self, now: float, data: bytes) -> None:
         """Take bytes that the microcontroller sent.
@@ -113,38 +121,76 @@ class Pilot:
         host = self._with_messages(now)
         if host is None:
             return b""
-        elapsed = now - self._decided_s
-        measured = host.reports.angle[:, -1]
-        if not (self.switch and self._was_on):  # the first command is where the gimbal is
-            self._command, self._rate = np.clip(measured, self._limits.low, self._limits.high), 0.0 * measured
+        measured = single_precision(host.reports.angle[:, -1])
+        if self._gate is None:
+            self._gate = resting_gate(measured)
         if now - host.plate.exposed_s[0] > GUESS_AGE_S:
             self._state = None
         is_first = self._state is None
         barrel = Barrel(self._expected_speed, np.array([self._shots_left]))
-        seen = seen_by(host, now, 0.0 if is_first else elapsed, self._command, barrel)
+        elapsed = 0.0 if is_first else now - self._decided_s
+        seen = seen_by(host, now, elapsed, self._gate.command, barrel)
         if is_first:
             self._state = self._controller.reset(seen)
         self._state, asked = self._controller.step(self._state, seen)
         self._decided_s = now
         self.counts["decisions"] += 1
-        angle, fire = self._gated(asked, elapsed)
-        # The yaw of the wire may wrap, that of the reports does not.
-        on_wire = angle - [0.0, measured[0, 1] - self._raw_yaw]
-        sent = CommandSent(np.array([now]), np.array([np.nan]), on_wire, np.array([self.switch]), np.array([fire]))
-        return self._wire.encode(sent)
+        verdict = self._through_gate(now, host, measured, asked)
+        self._turned = float(measured[0, 1]) - self._raw_yaw
+        controls, fires = np.array([verdict.mode[0] != Mode.DISARMED]), np.asarray(verdict.fire)
+        return self._encoded(now, verdict.angle, controls, fires)
 
-    def _gated(self, asked: Command, elapsed: float) -> tuple[Numbers, bool]:
-        """Return the command that is sent, and whether it fires: with the limits alone, and on request."""
-        wanted = np.asarray(asked.angle, np.float64)
-        was_on, self._was_on = self._was_on, self.switch
-        if not (self.switch and was_on and np.all(np.isfinite(wanted))):
-            return self._command, False
-        # Where a decision was missed the command has stood still since.
-        rate = self._rate if elapsed < 1.5 * self._period else 0.0 * self._rate
-        away = np.zeros((1, 2))
-        angle = np.asarray(limit_command(self._limits, wanted, self._command, rate, away, np.asarray(self._period)))
-        self._command, self._rate = angle, (angle - self._command) / self._period
-        return angle, bool(np.asarray(asked.fire).all())
+    def withdraw(self) -> None:
+        """Forget that the last command was sent: it was not, and limits count from what was."""
+        if self._withdrawn is not None:
+            self._gated_s, self._gate = self._withdrawn
+            self._withdrawn = None
+
+    def last_frame(self, now: float) -> bytes:
+        """Return bytes that end the fire and let the gimbal go; nothing before the first report.
+
+        Args:
+          now: present time [s].
+        """
+        if self._gate is None:
+            return b""
+        angle = np.repeat(self._gate.command, 2, axis=0)
+        return self._encoded(now, angle, np.array([True, False]), np.array([False, False]))
+
+    @property
+    def state_text(self) -> str:
+        """What the gate does, and why it is not armed."""
+        if self.verdict is None:
+            return "waiting for the first report"
+        mode, cause = Mode(int(self.verdict.mode[0])), Reason(int(self.verdict.cause[0]))
+        return f"{mode.name.lower()}: {cause.text}" if cause else mode.name.lower()
+
+    def _through_gate(self, now: float, host: Host, measured: Numbers, asked: Command) -> GateVerdict:
+        """Return what is sent of what a controller asks for."""
+        given = GateInput(
+            elapsed=np.array([now - self._gated_s if np.isfinite(self._gated_s) else self._period]),
+            desired=np.asarray(asked.angle),
+            fire=np.asarray(asked.fire, bool),
+            switch_on=np.array([self.switch]),
+            angle=measured,
+            feedback_age=now - host.reports.sampled_s[:, -1],
+            plate_age=now - host.plate.exposed_s,
+            base_yaw=np.zeros(1),
+            shots_left=np.array([self._shots_left]),
+        )
+        self._withdrawn = self._gated_s, self._gate
+        assert self._gate is not None
+        self._gate, self.verdict = gate(self._rules, self._gate, single_precision(given))
+        self._gated_s = now
+        reason = Reason(int(self.verdict.reason[0]))
+        self.counts[f"not fired: {reason.text}" if reason else "fired"] += 1
+        return self.verdict
+
+    def _encoded(self, now: float, angle: Numbers, controls: Numbers, fires: Numbers) -> bytes:
+        """Return the frames of commands, whose yaw is in the turn of the last report."""
+        times = np.full(len(angle), now)
+        on_wire = angle.astype(np.float64) - [0.0, self._turned]
+        return self._wire.encode(CommandSent(times, np.full(len(angle), np.nan), on_wire, controls, fires))
 
     def _is_new(self, frame: WireFrame) -> bool:
         """Whether a frame differs from the last one of its kind: one that a line repeats is no news."""

@@ -1,6 +1,7 @@
 """A rehearsal: a controller shoots with a virtual robot through the bytes of a wire, in virtual time."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, ClassVar, NamedTuple
 
@@ -22,7 +23,7 @@ from archerfish.robot import Robot, RobotLike
 from archerfish.runtime.pilot import Pilot, camera_latency
 from archerfish.task import Task, TaskLike
 from archerfish.virtual_robot.description import TICK_S
-from archerfish.virtual_robot.emulator import Emulator
+from archerfish.virtual_robot.emulator import Emulator, Fault
 from archerfish.virtual_robot.virtual_robot import VirtualRobot
 from archerfish.wires import load_wire
 from archerfish.wires.wire import TableWire
@@ -144,13 +145,10 @@ def rehearse(
         raise InputError(f"seconds must be at least 2, got {seconds}; choose more")
     virtual = virtual if isinstance(virtual, VirtualRobot) else VirtualRobot.load(virtual)
     robot, target = Robot.of(robot), target or SwingingPlate()
-    ends = load_wire(wire), load_wire(wire)  # each counts its own frames
-    if not (isinstance(ends[0], TableWire) and isinstance(ends[1], TableWire)):
-        raise InputError(f"wire {wire}: expected tables, whose other end can be emulated; name a TOML file")
     camera_latency(robot)  # before minutes of a search
     name, made, task = for_robot(controller, robot, Task.of(task), tuning)
-    pilot = Pilot(made, robot, task, ends[0])
-    emulator = Emulator(virtual.description, robot.limits, ends[1], target, task.period_s, seed=seed)
+    pilot = Pilot(made, robot, task, load_wire(wire))
+    emulator = emulated_robot(virtual, robot, task, [wire], target, seed=seed)
     with bar("rehearsing", seconds, "seconds") as advance:
         while emulator.time < COUNTED_FROM_S + seconds:
             in_lockstep(pilot, emulator, task.period_s)
@@ -162,7 +160,7 @@ def rehearse(
     return Rehearsal(
         robot=robot.name,
         virtual=virtual.name,
-        wire=ends[0].name,
+        wire=str(Path(wire).stem),
         controller=name,
         target=(*target,),
         period_s=task.period_s,
@@ -173,6 +171,37 @@ def rehearse(
         messages=dict(pilot.counts),
         violations=dict(+emulator.monitor.violations),
     )
+
+
+def emulated_robot(
+    virtual: VirtualRobot | str | Path,
+    robot: Robot,
+    task: Task,
+    wires: Sequence[str | Path],
+    target: SwingingPlate,
+    *,
+    seed: int = 0,
+    faults: Sequence[Fault] = (),
+) -> Emulator:
+    """Return the other end of a wire.
+
+    Args:
+      virtual: the virtual robot, its name or its file.
+      robot: whose limits the commands have to keep.
+      task: decision period.
+      wires: names or TOML files.
+      target: what moves before it.
+      seed: of all noise and of the faults.
+      faults: what goes wrong.
+
+    Raises:
+      InputError: if the wire is a team's own, whose other end nobody has written.
+    """
+    wire = load_wire(*wires)
+    if not isinstance(wire, TableWire):
+        raise InputError(f"wire {wires[0]}: expected tables, whose other end can be emulated; name a TOML file")
+    virtual = virtual if isinstance(virtual, VirtualRobot) else VirtualRobot.load(virtual)
+    return Emulator(virtual.description, robot.limits, wire, target, task.period_s, seed=seed, faults=faults)
 
 
 def in_lockstep(pilot: Pilot, emulator: Emulator, period_s: float) -> None:

@@ -95,6 +95,8 @@ class Emulator:
         self._rng, self._normals = random.Random(seed), np.random.default_rng(seed)
         step = max(layout.step("yaw") for layout in wire.layouts.values() if "yaw" in layout.names)
         self.monitor = CommandMonitor(limits, period_s, step)
+        self.trial_s = 0.0
+        """From here on count the times of the switch and of faults [s]."""
         self.hits = list[tuple[float, bool]]()
         """When each pellet left [s], and whether it hit."""
         self._due, self._queue, self._last_frame, self._informed_s = list[float](), list[Delivery](), b"", -math.inf
@@ -151,10 +153,11 @@ class Emulator:
         return bool(self._wire.tables[self._wire.report].switch_on)
 
     def _switch_at(self, time: float) -> bool:
-        return any(begin <= time < end for begin, end in self._switch_times)
+        return any(begin <= time - self.trial_s < end for begin, end in self._switch_times)
 
     def _has(self, kind: str, time: float) -> bool:
-        return any(fault.kind == kind and fault.begin_s <= time < fault.end_s for fault in self._faults)
+        since = time - self.trial_s
+        return any(fault.kind == kind and fault.begin_s <= since < fault.end_s for fault in self._faults)
 
     def _arrivals(self, received: Received) -> Iterator[Delivery]:
         """Yield frames and datagrams of messages, as faults leave them."""
@@ -198,7 +201,8 @@ class Emulator:
             self._informed_s = time
         arrives = time + _LATE_S * self._has("late", time)
         if self._has("burst", time):
-            arrives = min(fault.end_s for fault in self._faults if fault.kind == "burst" and time < fault.end_s)
+            ends = [fault.end_s + self.trial_s for fault in self._faults if fault.kind == "burst"]
+            arrives = min(end for end in ends if time < end)
         return Delivery(arrives, False, frame)
 
 

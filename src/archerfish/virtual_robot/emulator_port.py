@@ -66,6 +66,7 @@ class EmulatorPort:
           seconds: after the first bytes, until which it lives [s].
         """
         robot, begun = self._emulator, time.monotonic() - self._emulator.time
+        robot.trial_s = float("inf")
         while robot.time - robot.trial_s < seconds and not is_stopped():
             left = begun + robot.time + _TICKS * TICK_S - time.monotonic()
             if left > 0.0:

@@ -1,0 +1,67 @@
+"""`archerfish emulate`: a virtual robot behind a port."""
+
+import sys
+from dataclasses import dataclass
+from typing import Annotated
+
+from archerfish.cli.options import Ending, ForRobot, shown
+from archerfish.errors import InputError
+from archerfish.runtime.configuration import read_config
+from archerfish.studies.rehearse import SwingingPlate, emulated_robot
+from archerfish.virtual_robot.emulator import Fault
+from archerfish.virtual_robot.emulator_port import EmulatorPort
+
+
+@dataclass(frozen=True)
+class Emulate(ForRobot):
+    """Be a robot at the other end of a wire, in real time, for archerfish deploy or a program of your own.
+
+    - prints the name of its port, a pseudo-terminal; detections go to the address in ROBOT/deploy.toml
+    - the operator's switch goes on 1.5 s after the computer's first bytes; times of faults count from there, too
+    - a plate swings before it; at the end hits, pellets and violations of the robot's limits are printed
+
+    Examples:
+      archerfish emulate my-robot
+      archerfish emulate my-robot --fault silence 3 4 --fault blind 6 7 --seconds 20
+    """
+
+    virtual: Annotated[str, shown("NAME|FILE")] = "infantry"
+    """Virtual robot (infantry, worn), or its TOML file."""
+    fault: Annotated[tuple[tuple[str, float, float], ...], shown("KIND BEGIN END")] = ()
+    """What goes wrong, and when [s]: silence, flip, triple, garbage, frozen, nan, late, burst, camera clock, blind, nan
+    detections."""
+    seconds: float = float("inf")
+    """After the computer's first bytes, when it ends by itself."""
+    frequency_hz: float = SwingingPlate().frequency_hz
+    """At which the plate swings [Hz]."""
+    seed: int = 0
+    """Of the robot's noise, of the dispersion and of the faults."""
+
+    def run(self, options: str = "") -> Ending:
+        """Emulate; nothing is written."""
+        del options
+        robot, task = self.robot_and_task()
+        config = read_config(self.folder)
+        host, _, number = config.detections.address.rpartition(":")
+        emulator = emulated_robot(
+            self.virtual,
+            robot,
+            task,
+            config.wires,
+            SwingingPlate(frequency_hz=self.frequency_hz),
+            seed=self.seed,
+            faults=[Fault(*fault) for fault in self.fault],
+        )
+        with EmulatorPort(emulator, (host.strip("[]"), int(number))) as port:
+            print(f"port {port.name}\narcherfish deploy {self.robot or 'paper'} --port {port.name}", flush=True)  # noqa: T201
+            try:
+                port.run(lambda: False, self.seconds)
+            except KeyboardInterrupt:
+                print("", file=sys.stderr)  # noqa: T201
+        hits = sum(hit for _, hit in emulator.hits)
+        violations = dict(+emulator.monitor.violations)
+        if not emulator.hits:
+            raise InputError("no pellet was fired; see what archerfish deploy says of its gate")
+        return Ending(
+            f"{hits} of {len(emulator.hits)} pellets hit; violations of the limits: {violations or 'none'}", ""
+        )

@@ -1,0 +1,122 @@
+"""A controller on the robot's computer: the wire's port, the camera's datagrams, and deadlines, until it is stopped."""
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from archerfish.codegen.export import for_robot
+from archerfish.controllers.tuning import TuningLike
+from archerfish.errors import InputError
+from archerfish.reports.report import Report, Reported
+from archerfish.reports.table import Table
+from archerfish.robot import Robot
+from archerfish.runtime.configuration import DeployConfig
+from archerfish.runtime.fallback import WithFallback
+from archerfish.runtime.loop import Loop, Timing
+from archerfish.runtime.pilot import Pilot
+from archerfish.task import Task
+from archerfish.wires import load_wire
+from archerfish.wires.transports import DatagramPort, SerialPort
+
+_LONGEST = 0.5  # share of a period that a decision may take
+
+
+@dataclass(frozen=True, repr=False)
+class Deployment(Reported):
+    """What ran on the robot's computer, and how it went; printed as its report."""
+
+    robot: str  # name
+    controller: str  # name
+    port: str
+    timing: Timing
+    counts: dict[str, int]  # messages and decisions by what became of them
+    fault: str  # of the controller, which the fallback has replaced since; empty without
+
+    @property
+    def report(self) -> Report:
+        """How it went."""
+        decisions, missed = len(self.timing.work_s), self.timing.missed
+        doubts = []
+        if not self.timing.is_realtime:
+            doubts.append(
+                "The system gave no priority (SCHED_FIFO) and no locked memory: other programs delay decisions."
+            )
+        if self.fault:
+            doubts.append(f"{self.controller} was replaced by the fallback: {self.fault}.")
+        return Report(
+            title=f"{self.controller} on {self.robot} through {self.port}",
+            headline=f"{decisions} decisions, {missed} deadlines missed",
+            doubts=tuple(doubts),
+            tables=(
+                self.timing.table(),
+                Table("What became of messages and decisions", ("", "count"), (*self.counts.items(),)),
+            ),
+        )
+
+
+def deploy(
+    controller: str,
+    robot: Robot,
+    task: Task,
+    config: DeployConfig,
+    *,
+    port: str = "",
+    seconds: float = float("inf"),
+    tuning: TuningLike = "kept",
+    watch: Callable[[Pilot], bool] = lambda _: False,
+) -> Deployment:
+    """Run a controller on the robot until it is stopped.
+
+    Ctrl-C and SIGTERM end it; whatever ends it, the last frame ends the fire.
+
+    Args:
+      controller: a policy or a name; of the configuration, if it is empty.
+      robot: its records.
+      task: decision period and limits; a policy has those of its training.
+      config: of deploy.toml.
+      port: that of the configuration if it is empty.
+      seconds: after which it ends by itself [s].
+      tuning: as `export` takes it.
+      watch: called before each decision; ends it where it returns true.
+
+    Raises:
+      InputError: if a port can't be opened, or controller, wire or records can't be used.
+    """
+    port = port or config.port
+    if not port:
+        raise InputError(
+            "port: none is given, expected that of the robot, such as /dev/ttyACM0; name it in deploy.toml"
+        )
+    name, made, task = for_robot(controller or config.controller.mode or "kalman", robot, task, tuning)
+    fallback = made
+    if config.controller.fallback != name:
+        _, fallback, _ = for_robot(config.controller.fallback, robot, task, tuning)
+    both = WithFallback(made, fallback, _LONGEST * task.period_s)
+    pilot = Pilot(both, robot, task, load_wire(*config.wires), camera_m=config.detections.position_m)
+    datagrams = DatagramPort(config.detections.address)
+    try:
+        with _stop_flag() as is_stopped:
+            loop = Loop(pilot, partial(SerialPort, port, config.baud), datagrams, task.period_s)
+            timing = loop.run(lambda: is_stopped() or watch(pilot), seconds)
+    finally:
+        datagrams.close()
+    return Deployment(robot.name, name, port, timing, dict(pilot.counts), both.fault)
+
+
+@contextmanager
+def _stop_flag() -> Iterator[Callable[[], bool]]:
+    """Have Ctrl-C and SIGTERM set a flag while a block runs, so that no decision is cut in two."""
+    received = list[int]()
+
+    def stop(number: int, _: Any) -> None:
+        received.append(number)
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: bool(received)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
