@@ -20,7 +20,7 @@ def prepare() -> alternating.Work:
     def decisions(name: str) -> Callable[[], int]:
         gated = untrained(name)
         policy = gated.controller
-        situations = [seen_of(given) for given, _ in example_decisions(gated, DECISIONS)]
+        situations = [seen_of(given, given["angle"]) for given, _ in example_decisions(gated, DECISIONS)]
 
         def run() -> int:
             state = policy.reset(situations[0])

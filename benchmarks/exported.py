@@ -22,8 +22,10 @@ from alternating import ROOT
 from archerfish.codegen import check
 from archerfish.codegen.c99 import print_c
 from archerfish.codegen.decision import FIELDS, Gated, example_decisions, trace_decision
+from archerfish.codegen.library import c_decision
 from archerfish.codegen.onnx import print_onnx
 from archerfish.controllers.registry import make_controller
+from archerfish.safety.rules import gate_rules
 from policies import KINDS, untrained
 
 CLASSICAL, DECISIONS, ROUNDS = ("kalman", "kalman-lq", "imm-lq"), 200, 100
@@ -40,17 +42,17 @@ int main(void) {
   static x_seen seen[N];
   static double times[N * ROUNDS];
   if (fread(seen, sizeof *seen, N, stdin) != N) return 1;
-  float command[2], sum = 0.0f;
-  int fire;
+  x_verdict verdict;
+  float sum = 0.0f;
   for (int k = 0; k < N * ROUNDS; ++k) {
     static x_memory memory;
     struct timespec begin, end;
     if (k % N == 0) x_reset(&memory);
     clock_gettime(CLOCK_MONOTONIC, &begin);
-    x_decide(&memory, &seen[k % N], command, &fire);
+    x_decide(&memory, &seen[k % N], &verdict);
     clock_gettime(CLOCK_MONOTONIC, &end);
     times[k] = 1e6 * (double)(end.tv_sec - begin.tv_sec) + 1e-3 * (double)(end.tv_nsec - begin.tv_nsec);
-    sum += command[1];
+    sum += verdict.angle[1];
   }
   qsort(times, N * ROUNDS, sizeof *times, compare);
   printf("%.3f %.3f %d %f\\n", times[N * ROUNDS / 2], times[N * ROUNDS / 100 * 99], x_self_test(), (double)sum);
@@ -61,18 +63,19 @@ int main(void) {
 def measured(gated: Gated) -> dict[str, Any]:
     """Return the figures of a controller."""
     decision = trace_decision(gated)
-    limits = [float(each[axis]) for axis in range(2) for each in gated.limits[:4]]
-    facts = {"title": "", "made": "", "period_s": float(gated.period), "limits": limits, "robot": ""}
-    facts |= {"robot_name": "", "stamp_offset_s": 0.0}
+    limits = [float(each[axis]) for axis in range(2) for each in gated.rules.limits[:4]]
+    facts = {"title": "", "made": "", "period_s": float(gated.rules.period), "late_s": float(gated.rules.late)}
+    facts |= {"limits": limits, "robot": "", "robot_name": "", "stamp_offset_s": 0.0}
     examples = list(example_decisions(gated, DECISIONS, seed=1))
     rows = [np.concatenate([np.atleast_1d(given[name]) for name in FIELDS]) for given, _ in examples]
     numbers = np.array(rows, np.float32)
-    numbers[:, -1] = np.int32(numbers[:, -1]).view(np.float32)  # the last of the struct is an integer
+    numbers[:, -2:] = np.int32(numbers[:, -2:]).view(np.float32)  # the last two of the struct are integers
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for path, content in print_c(decision, facts, folder / "x.c", examples[:24]).items():
+        for path, content in print_c(decision, facts, folder / "x.c", examples[:36]).items():
             path.write_bytes(content)
-        found: dict[str, Any] = {"c": check.compared(check.c_decision(folder / "x.c"), gated)}
+        library = c_decision(folder / "x.c")
+        found: dict[str, Any] = {"c": check.compared(library.decide if library else None, gated)}
         (folder / "main.c").write_text(f"#define N {DECISIONS}\n#define ROUNDS {ROUNDS}\n{PROGRAM}")
         words = ["cc", "-std=gnu99", "-O3", "-march=native", "-fstack-usage", "x.c", "main.c", "-lm", "-o", "main"]
         subprocess.run(words, cwd=folder, check=True)
@@ -92,7 +95,7 @@ def measured(gated: Gated) -> dict[str, Any]:
         "numpy_us": found["c"]["a decision in NumPy [µs]"],
         "object_bytes": sum(map(int, sizes)),
         "stack_bytes": stack,
-        "memory_bytes": 4 * (len(decision.memory) + 6),
+        "memory_bytes": 4 * (len(decision.memory) + 3),
         "onnx": {
             "difference_rad": of_model[check.DIFFERENCE],
             "us": of_model["a decision, as called from Python [µs]"],
@@ -103,9 +106,9 @@ def measured(gated: Gated) -> dict[str, Any]:
 def main() -> None:
     """Measure, print, write."""
     infantry, task, rows = af.Robot.load(ROOT / "tests" / "infantry"), af.Task.load("any"), dict[str, Any]()
-    limits = infantry.command_limits(task)
+    rules = gate_rules(infantry, task)
     cases = {name: untrained(name) for name in KINDS}
-    cases |= {name: Gated(make_controller(name, infantry, task), limits, task.period_s) for name in CLASSICAL}
+    cases |= {name: Gated(make_controller(name, infantry, task), rules) for name in CLASSICAL}
     print(f"{'':12} {'difference':>10} {'C p50':>9} {'C p99':>9} {'NumPy':>9} {'ONNX':>11} {'object':>9} {'stack':>7}")
     for name, gated in cases.items():
         row = rows[name] = measured(gated)

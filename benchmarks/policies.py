@@ -11,6 +11,7 @@ from archerfish.codegen.decision import Gated
 from archerfish.controllers.policy.network import Layer, Normaliser
 from archerfish.controllers.policy.observation import make_observer, observer_facts
 from archerfish.controllers.policy.policy import PolicyFacts
+from archerfish.safety.rules import gate_rules
 
 
 class Kind(NamedTuple):
@@ -43,4 +44,4 @@ def untrained(name: str) -> Gated:
         layers.append(Layer(weights, np.zeros(count, np.float32)))
     normaliser = Normaliser(np.zeros(widths[0], np.float32), np.ones(widths[0], np.float32), np.float32(0.0))
     policy = af.Policy(observer, normaliser, tuple(layers), PolicyFacts(observer=facts, task=task, robot={}))
-    return Gated(policy, robot.command_limits(task), task.period_s)
+    return Gated(policy, gate_rules(robot, task))

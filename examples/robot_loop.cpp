@@ -116,12 +116,14 @@ int main() {
   policy_memory memory;
   policy_seen seen{};
   policy_reset(&memory);
+  policy_verdict verdict{};
   double decided = 0.0;
   Angles was{};
   int shots = 0, hit = 0;
   for (int tick = 1; tick <= 20000; ++tick) {
     const double now = 1e-3 * tick;
-    const Angles angles{now, pitch.step(seen.command[0]), yaw.step(seen.command[1])};  // send the command, read encoders
+    // Send the command, unless the gate is disarmed; read the encoders.
+    const Angles angles{now, pitch.step(verdict.angle[0]), yaw.step(verdict.angle[1])};
     history.add(angles);
     if (tick % 10 == 0) {  // the camera exposes; 15 ms later the program has the detection
       auto plate = detection(target(now), angles);
@@ -141,9 +143,11 @@ int main() {
     seen.angle[0] = angles.pitch, seen.angle[1] = angles.yaw;
     seen.rate[0] = (angles.pitch - was.pitch) / seen.elapsed, seen.rate[1] = (angles.yaw - was.yaw) / seen.elapsed;
     seen.muzzle_speed = 18.0f;
+    seen.shots_left = 1e6f;      // the referee's heat limit, where there is one
+    seen.switch_on = now > 0.6;  // the operator's switch, which goes on after half a second of good input
     was = angles;
-    int fire = 0;
-    if (policy_decide(&memory, &seen, seen.command, &fire) == 0) decided = now;
+    if (policy_decide(&memory, &seen, &verdict) != 0) std::puts(policy_reason_text(verdict.cause));
+    decided = now;
     if (policy_should_fire(&memory, &seen)) {
       ++shots;
       hit += hits(angles.pitch + 0.0035f * normal(random), angles.yaw + 0.0035f * normal(random), now);

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from archerfish.codegen.decision import FIELDS, Decision
+from archerfish.codegen.decision import FIELDS, GATE_SIZE, Decision
 from archerfish.codegen.printing import Printer, printed
+from archerfish.safety.gate import Mode, Reason
 
 VERSION = "@version@"
 """Stands for the version while a header is printed: its digest, so that it goes with its own source alone."""
@@ -50,14 +51,16 @@ def print_c(decision: Decision, facts: Mapping[str, Any], path: Path, examples: 
 
     Args:
       decision: what is decided.
-      facts: title, made, and the contract: period_s, limits (of pitch, then of yaw), robot, robot_name, stamp_offset_s.
+      facts: title, made, and the contract: period_s, late_s, limits (of pitch, then of yaw), robot, robot_name,
+        stamp_offset_s.
       path: of the source; its stem is the prefix of all names.
       examples: for the self-test, as of `example_decisions`.
     """
     rows = [np.concatenate([np.atleast_1d(given[name]) for name in FIELDS]) for given, _ in examples]
-    expected = [[*command.angle, command.fire] for _, command in examples]
+    expected = [[*verdict.angle, verdict.fire, verdict.mode, verdict.reason, verdict.cause] for _, verdict in examples]
     facts = {**facts, "rows": rows, "expected": expected, "number": c_number, "table": table}
     facts |= {"prefix": prefix(path), "header": path.with_suffix(".h").name, "version": VERSION}
+    facts |= {"modes": list(Mode), "reasons": list(Reason), "gate_size": GATE_SIZE}
     facts |= {"robot_name": c_string(facts["robot_name"]), "stamp_offset_s": float(facts["stamp_offset_s"])}
     ends = (".h", ".c")
     header, source = (printed(f"decision{end}.jinja", Printer(c_number), decision, facts) for end in ends)

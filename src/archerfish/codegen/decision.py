@@ -1,117 +1,212 @@
-"""One decision of a controller on one robot: from what is seen of one plate to a command within the limits.
+"""One decision of a controller on one robot: from what is seen of one plate to a command that the gate lets pass.
 
 The same class decides in NumPy and is traced, so a printed file can be compared with it.
 """
 
+import functools
+import operator
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from archerfish.arrays import Array, namespace, select, single_precision
+from archerfish.arrays import Array, leaves, namespace, select
 from archerfish.codegen.trace import Trace, scalars_of, symbols_of
-from archerfish.dynamics.command_limits import CommandLimits, limit_command
-from archerfish.protocols import Barrel, Base, Command, Frames, GimbalFeedback, Seen, Truth
+from archerfish.protocols import Barrel, Base, Frames, GimbalFeedback, Seen
+from archerfish.safety.gate import MEASURABLE, GateInput, GateState, GateVerdict, Mode, gate, resting_gate
+from archerfish.safety.rules import Rules
 
 FIELDS = {
-    "elapsed": 1, "gimbal_age": 1, "frame_age": 1, "muzzle_speed": 1, "base_yaw": 1,
-    "angle": 2, "rate": 2, "command": 2, "plate": 3, "found": 1,
+    "elapsed": 1, "gimbal_age": 1, "frame_age": 1, "muzzle_speed": 1, "base_yaw": 1, "shots_left": 1,
+    "angle": 2, "rate": 2, "plate": 3, "found": 1, "switch_on": 1,
 }  # fmt: skip
-"""What a caller gives at each decision, and how many numbers each has; `found` is true or false."""
-
+"""What a caller gives at each decision, and how many numbers each has."""
+TRUTHS = ("found", "switch_on")
+"""Those that are true or false; they come last."""
 
 UNSEEN_AGE = np.float32(1e6)
 """Age of a plate that was not seen yet [s]."""
+NEAREST_PLATE_M, OLDEST_FRAME_S = 0.1, 1.0
+"""A plate that is nearer, or in an older frame, counts as unseen."""
+LONGEST_UNSEEN_S = 1.0
+"""A controller begins again with a plate that comes after a longer time without any."""
+LONGEST_PAUSE = 1000
+"""A controller begins again after a pause of more decision periods, as after a clock was set."""
+_NEEDED = ("gimbal_age", "muzzle_speed", "base_yaw", "angle", "rate")  # without one of them it does not decide
+_FINITE = np.finfo(np.float32).max
 
 
 class GatedState(NamedTuple):
-    """What is remembered between decisions."""
+    """What is remembered between decisions; C's memory has it in this order."""
 
-    inner: Any  # of the controller
-    command: Array  # in force at the last decision [rad], (2,)
+    gate: GateState  # `GATE_SIZE` numbers, of which the command comes first
     plate_age: Array  # since the exposure of the last plate [s], at least `UNSEEN_AGE` before the first, ()
+    waited: Array  # since the controller's last decision [s], ()
+    begins: Array  # 1 where the controller begins at the next decision, else 0, ()
+    inner: Any  # of the controller
+
+
+GATE_SIZE = len(GateState._fields) + 2
+"""Numbers of the gate's state, of which command and rate are two each."""
 
 
 class Gated:
-    """A controller whose commands keep the limits of its robot, as in the simulator, and stay until it sees a plate."""
+    """A controller behind the gate; until it sees a plate it asks for the command in force."""
 
-    def __init__(self, controller: Any, limits: CommandLimits, period_s: float) -> None:
-        """Take a controller, the limits of its commands, and the decision period [s]."""
-        self.controller, self.limits, self.period = controller, single_precision(limits), np.float32(period_s)
+    def __init__(self, controller: Any, rules: Rules) -> None:
+        """Take a controller, and the rules of the gate."""
+        self.controller, self.rules = controller, rules
 
-    def reset(self, seen: Seen, truth: Truth | None = None) -> GatedState:  # noqa: ARG002
-        """Begin, shape ()."""
-        return GatedState(self.controller.reset(seen), seen.command, 0.0 * seen.elapsed + UNSEEN_AGE)
+    def reset(self) -> GatedState:
+        """Begin, shape (): disarmed, nothing seen."""
+        zeros = {name: np.zeros((size,) * (size > 1), np.float32) for name, size in FIELDS.items()}
+        ahead = {"plate": np.array([3.0, 0.0, 0.0], np.float32), "found": np.zeros((), bool)}
+        begun = resting_gate(zeros["angle"])
+        inner = self.controller.reset(seen_of(zeros | ahead, begun.command))
+        zero = zeros["elapsed"]
+        return GatedState(begun, zero + UNSEEN_AGE, zero, zero + np.float32(1.0), inner)
 
-    def step(self, state: GatedState, seen: Seen) -> tuple[GatedState, Command]:
-        """Decide, shape ()."""
-        inner, command = self.controller.step(state.inner, seen)
-        xp = namespace(seen.command)
-        plate_age = xp.where(seen.frames.found[..., 0, 0], seen.frames.age[..., 0], state.plate_age + seen.elapsed)
-        shown = plate_age < UNSEEN_AGE
-        wanted = xp.where(shown[..., None], command.angle, seen.command)
-        turned = xp.stack([0.0 * seen.base.yaw, seen.base.yaw], axis=-1)
-        limits = self.limits._replace(low=self.limits.low + turned, high=self.limits.high + turned)
-        # Where a decision was missed the command has stood still since.
-        rate = (seen.elapsed < 1.5 * self.period)[..., None] * (seen.command - state.command) / self.period
-        angle = limit_command(limits, wanted, seen.command, rate, 0.0 * turned, self.period)
-        return GatedState(inner, seen.command, plate_age), command._replace(angle=angle, fire=command.fire & shown)
+    def step(self, state: GatedState, given: Mapping[str, Array]) -> tuple[GatedState, GateVerdict]:
+        """Decide from `FIELDS`, shape B or B + (size,).
+
+        Nothing absurd reaches the controller. It begins again with a plate after a long time without any, after a
+        clock was set, and after a command or a memory that is not finite.
+        """
+        xp = namespace(given["angle"])
+        zero = xp.zeros_like(state.waited)
+        runs_on = (given["elapsed"] >= 0.0) & (given["elapsed"] <= LONGEST_PAUSE * self.rules.period)
+        elapsed = xp.where(runs_on, given["elapsed"], zero)
+
+        # What the controller sees: only a plate that can be one, and while disarmed the gimbal's angle as the command.
+        fits = {name: xp.abs(given[name]) <= MEASURABLE for name in (*_NEEDED, "plate")}
+        fits |= {name: xp.all(fits[name], axis=-1) for name in fits if FIELDS[name] > 1}
+        is_usable = functools.reduce(operator.and_, (fits[name] for name in _NEEDED))
+        plate = select(fits["plate"], given["plate"], xp.zeros_like(given["plate"]))
+        frame_age, shots_left = given["frame_age"], given["shots_left"]
+        shows = given["found"] & (frame_age >= 0.0) & (frame_age <= OLDEST_FRAME_S)
+        shows = shows & (xp.sum(plate * plate, axis=-1) >= NEAREST_PLATE_M**2)
+        begins = (state.begins > 0.5) | (shows & (state.plate_age > LONGEST_UNSEEN_S))
+        waited = xp.where(begins, zero, state.waited + elapsed)
+        age = xp.where(shows, frame_age, state.plate_age + elapsed)
+        clean = {name: select(is_usable, given[name], xp.zeros_like(given[name])) for name in _NEEDED}
+        clean |= {"elapsed": waited, "found": shows, "frame_age": xp.where(shows, frame_age, zero)}
+        clean |= {"shots_left": xp.where(shots_left >= 1.0, shots_left, zero)}
+        clean |= {"plate": select(shows, plate, xp.zeros_like(plate))}
+        is_followed = (state.gate.mode == Mode.DISARMED) & fits["angle"]
+        command = select(is_followed, given["angle"], state.gate.command)
+        seen = seen_of(clean, command)
+
+        before = state.inner
+        if xp is not np or np.any(begins):
+            before = select(begins, self.controller.reset(seen), before)
+        inner, asked = self.controller.step(before, seen)
+        arrays = [xp.reshape(array, (*zero.shape, -1)) for array in (asked.angle, *leaves(inner))]
+        finite = [xp.all(xp.abs(array) <= _FINITE, axis=-1) for array in arrays]
+        is_finite = is_usable & functools.reduce(operator.and_, finite)
+        desired = select(age < UNSEEN_AGE, asked.angle, command)
+        inputs = GateInput(
+            elapsed=given["elapsed"],
+            desired=select(is_finite, desired, xp.full_like(desired, np.nan)),
+            fire=asked.fire,
+            switch_on=given["switch_on"],
+            angle=given["angle"],
+            feedback_age=given["gimbal_age"],
+            plate_age=age,
+            base_yaw=given["base_yaw"],
+            shots_left=shots_left,
+        )
+        following, verdict = gate(self.rules, state.gate, inputs)
+        forgets = ~runs_on | (is_usable & ~is_finite)
+        still_begins = forgets | (begins & ~is_usable)
+        kept = GatedState(
+            gate=following,
+            plate_age=xp.where(forgets, zero + UNSEEN_AGE, age),
+            waited=xp.where(is_usable, zero, waited),
+            begins=xp.where(still_begins, zero + 1.0, zero),
+            inner=select(is_finite, inner, state.inner),
+        )
+        return kept, verdict
 
 
-def seen_of(given: Mapping[str, Array]) -> Seen:
-    """Return what is seen, shape (), from `FIELDS`; NumPy's arrays or traced ones, a base that does not move."""
-    still, zero, found, age = np.zeros(3, np.float32), 0.0 * given["elapsed"], given["found"], given["frame_age"]
-    frames = found[None], age[None], found[None, None], given["plate"][None, None], zero[None, None]
+def seen_of(given: Mapping[str, Array], command: Array) -> Seen:
+    """Return what is seen, shape B, on a base that does not move; NumPy's arrays or traced ones.
+
+    Args:
+      given: `FIELDS`.
+      command: in force [rad], shape B + (2,).
+    """
+    xp, found, age, plate = namespace(command), given["found"], given["frame_age"], given["plate"]
+    zero, still = xp.zeros_like(age), xp.zeros_like(plate)
+    one_frame, one_slot = (..., None), (..., None, None)
+    frames = found[one_frame], age[one_frame], found[one_slot], plate[..., None, None, :], zero[one_slot]
     gimbal = GimbalFeedback(given["angle"], given["rate"], given["gimbal_age"])
-    base, barrel = Base(still, still, given["base_yaw"], zero), Barrel(given["muzzle_speed"], zero + 1e6)
-    return Seen(given["elapsed"], gimbal, given["command"], Frames(*frames), base, barrel)
+    base, barrel = Base(still, still, given["base_yaw"], zero), Barrel(given["muzzle_speed"], given["shots_left"])
+    return Seen(given["elapsed"], gimbal, command, Frames(*frames), base, barrel)
 
 
 class Decision(NamedTuple):
     """A traced decision."""
 
     memory: list[Any]  # scalars that the next decision gets as the inputs "memory"
-    command: list[Any]  # pitch and yaw [rad]
+    angle: list[Any]  # pitch and yaw to send [rad]
     fire: Any  # whether to fire
+    codes: list[Any]  # mode, reason and cause
+    refused: Any  # whether the input is bad
 
 
 def trace_decision(gated: Gated) -> Decision:
-    """Trace a decision; its inputs are `FIELDS`, "memory", and "first", whether it is the first one.
+    """Trace a decision; its inputs are `FIELDS`, "memory", and "first", whether it is the first one, of any time.
 
     Raises:
       TypeError: if the controller's formulas can't be traced.
     """
     trace = Trace()
-    shapes = {name: np.zeros((n,) * (n > 1), bool if name == "found" else float) for name, n in FIELDS.items()}
+    shapes = {name: np.zeros((size,) * (size > 1), bool if name in TRUTHS else float) for name, size in FIELDS.items()}
     given = {name: trace.like(each, "input", name) for name, each in shapes.items()}
     first = trace.like(np.asarray(True), "input", "first")
-    seen = seen_of(given | {"elapsed": namespace(first).where(first, 0.0, given["elapsed"])})
-    begun = gated.reset(seen)
-    state, command = gated.step(select(first, begun, trace.like(begun, "input", "memory")), seen)
+    xp = namespace(first)
+    given["elapsed"] = xp.where(first, gated.rules.period, given["elapsed"])
+    begun = gated.reset()
+    state, verdict = gated.step(select(first, begun, trace.like(begun, "input", "memory")), given)
     memory = scalars_of(state)
     if any(each.is_bool for each in symbols_of(memory)):
         raise TypeError("its memory holds truths; it needs numbers")
-    return Decision(memory, scalars_of(command.angle), scalars_of(command.fire)[0])
+    fire, refused = scalars_of((verdict.fire, state.gate.good_for <= 0.0))
+    codes = scalars_of((verdict.mode, verdict.reason, verdict.cause))
+    return Decision(memory, scalars_of(verdict.angle), fire, codes, refused)
 
 
-def example_decisions(gated: Gated, count: int, seed: int = 0) -> Iterator[tuple[dict[str, Array], Command]]:
-    """Yield what is seen, in float32, and the command in NumPy, as a target moves and some frames show nothing.
+ARMING = 11
+"""Decisions of an example before the switch goes on: half a second of good input, at the longest time between them."""
+
+
+def example_decisions(gated: Gated, count: int, seed: int = 0) -> Iterator[tuple[dict[str, Array], GateVerdict]]:
+    """Yield what is seen, in float32, and the verdict in NumPy, as a target moves and some frames show nothing.
 
     Args:
-      gated: decides, and is followed by a gimbal that lags.
+      gated: decides, and is followed by a gimbal that lags; its switch goes on after `ARMING` decisions.
       count: of decisions.
       seed: of targets and noise.
     """
-    rng, state, period = np.random.default_rng(seed), None, float(gated.period)
-    angle = command = np.clip(0.0, gated.limits.low, gated.limits.high)
+    rng, state, period = np.random.default_rng(seed), gated.reset(), float(gated.rules.period)
+    angle = command = np.clip(0.0, gated.rules.limits.low, gated.rules.limits.high)
     plates = rng.uniform([1.5, -0.3, -0.1], [4.5, 0.3, 0.2]) + np.cumsum(rng.normal(0.0, 0.01, (count, 3)), axis=0)
     for at, plate in enumerate(plates):
         moved, found = 0.4 * (command - angle), at == 0 or rng.random() > 0.15
         angle = angle + moved
-        values = (period * (at > 0), 2e-3, rng.uniform(0.02, 0.05), 18.0, 0.02 * at, angle, moved / period, command)
-        pairs = zip(FIELDS, (*values, plate * found), strict=False)
-        given = {name: np.asarray(value, np.float32) for name, value in pairs} | {"found": np.asarray(found)}
-        seen = seen_of(given)
-        state, made = gated.step(gated.reset(seen) if state is None else state, seen)
-        command = made.angle
-        yield given, made
+        given: dict[str, Any] = {
+            "elapsed": float(gated.rules.late) if 0 < at < ARMING else period,
+            "gimbal_age": 2e-3,
+            "frame_age": rng.uniform(0.02, 0.05),
+            "muzzle_speed": 18.0,
+            "base_yaw": 0.02 * at,
+            "shots_left": 100.0,
+            "angle": angle,
+            "rate": moved / period,
+            "plate": plate * found,
+        }
+        given = {name: np.asarray(value, np.float32) for name, value in given.items()}
+        given |= {"found": np.asarray(found), "switch_on": np.asarray(at >= ARMING)}
+        state, verdict = gated.step(state, given)
+        command = verdict.angle
+        yield given, verdict

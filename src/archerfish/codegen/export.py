@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from archerfish.codegen.c99 import print_c
-from archerfish.codegen.check import DIFFERENCE, SHARE, c_decision, compared, onnx_decision
-from archerfish.codegen.decision import Gated, example_decisions, trace_decision
+from archerfish.codegen.check import DIFFERENCE, SHARE, compared, onnx_decision
+from archerfish.codegen.decision import ARMING, Gated, example_decisions, trace_decision
+from archerfish.codegen.library import c_decision
 from archerfish.codegen.onnx import print_onnx
 from archerfish.controllers.policy.policy import Policy
 from archerfish.controllers.registry import ControllerLike, load_controller, make_controller
@@ -20,6 +21,7 @@ from archerfish.provenance import code_commit
 from archerfish.reports.report import Report
 from archerfish.reports.table import Table
 from archerfish.robot import Robot, RobotLike
+from archerfish.safety.rules import gate_rules
 from archerfish.storage import check_regular, write_bytes
 from archerfish.task import Task, TaskLike
 
@@ -30,7 +32,7 @@ MOST = 1.0
 C_HEADERS = """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal stdalign stdarg
 stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath threads time uchar wchar wctype"""
 """Headers of C11, whose names a compiler may look for among the caller's files first."""
-EXAMPLES = 24  # decisions of the self-test
+EXAMPLES = ARMING + 24  # decisions of the self-test
 UNCHECKED = "To compare it, install a C compiler or ONNX Runtime; a C file's self-test does the same on the robot."
 
 
@@ -76,7 +78,8 @@ def export(
             raise file_error(target, "was not written by export", "name another file, or remove it")
     robot = Robot.of(robot)
     name, made, task = for_robot(controller, robot, Task.of(task), tuning)
-    gated = Gated(made, robot.command_limits(task), task.period_s)
+    rules = gate_rules(robot, task)
+    gated = Gated(made, rules)
     try:
         decision = trace_decision(gated)
     except (TypeError, ValueError, AttributeError, IndexError) as error:
@@ -87,7 +90,8 @@ def export(
         f"settings {settled}, limit {task.command_limit}",
         "made": f"{MARK} {code_commit()[:12]}; do not edit.",
         "period_s": task.period_s,
-        "limits": [float(each[axis]) for axis in range(2) for each in gated.limits[:4]],
+        "late_s": float(rules.late),
+        "limits": [float(each[axis]) for axis in range(2) for each in rules.limits[:4]],
         "robot": robot.digest(),
         "robot_name": robot.name,
         "stamp_offset_s": robot.sensing.camera.time_offset if robot.sensing else 0.0,
@@ -97,7 +101,8 @@ def export(
         with tempfile.TemporaryDirectory() as folder:
             for each, text in files.items():
                 write_bytes(Path(folder, each.name), text)
-            checked = compared(c_decision(Path(folder, path.name)), gated)
+            library = c_decision(Path(folder, path.name))
+            checked = compared(library.decide if library else None, gated)
     else:
         files = {path: print_onnx(decision, content)}
         checked = compared(onnx_decision(files[path]), gated)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from archerfish.codegen.decision import FIELDS, Decision
+from archerfish.codegen.decision import FIELDS, TRUTHS, Decision
 from archerfish.codegen.trace import Network, Symbol, schedule
 
 
@@ -49,10 +49,15 @@ def printed(template: str, printer: Printer, decision: Decision, facts: Mapping[
     """
     import jinja2
 
-    outputs = {"command": decision.command, "fire": [decision.fire], "memory": decision.memory}
+    truths = [decision.fire, decision.refused]
+    outputs = {"angle": decision.angle, "truths": truths, "codes": decision.codes, "memory": decision.memory}
     content: dict[str, Any] = {name: printer.scalars(values) for name, values in outputs.items()}
     steps = schedule([each for values in outputs.values() for each in values])
     content["steps"] = [printer.content(each) for each in steps]
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    content["fire"], content["refused"] = content["truths"]
     text = Path(__file__).with_name(template).read_text(encoding="utf-8")
-    return environment.from_string(text).render(**content, **facts, fields=FIELDS, tables=printer.tables) + "\n"
+    return (
+        environment.from_string(text).render(**content, **facts, fields=FIELDS, booleans=TRUTHS, tables=printer.tables)
+        + "\n"
+    )

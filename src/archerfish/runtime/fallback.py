@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from archerfish.errors import one_line
-from archerfish.protocols import Command, Controller, Seen
+from archerfish.protocols import Command, Controller, Seen, Truth
 
 
 class WithFallback:
@@ -35,8 +35,9 @@ class WithFallback:
         self.is_fallback_chosen = False
         """Whether the operator has chosen the fallback."""
 
-    def reset(self, seen: Seen) -> Any:
-        """Return the memory of both at the first detection."""
+    def reset(self, seen: Seen, truth: Truth | None = None) -> Any:
+        """Return the memory of both at the first detection; there is no truth on a robot."""
+        del truth
         return self._checked(lambda: self._first.reset(seen)), self._fallback.reset(seen)
 
     def step(self, memory: Any, seen: Seen) -> tuple[Any, Command]:

@@ -7,6 +7,7 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from archerfish.arrays import single_precision
 from archerfish.dynamics.muzzle import direction
@@ -25,6 +26,7 @@ from archerfish.wires import Stream, Wire
 from archerfish.wires.stream import WireFrame
 from archerfish.wires.wire import TableWire, in_range
 
+Truths = NDArray[np.bool_]
 _UNLIMITED = 1e6  # shots, without a referee
 
 
@@ -79,8 +81,9 @@ class Pilot:
         self._plate_in_world: SeenPlate | None = None
         self._host: Host | None = None
         self._state: Any = None
-        self._decided_s, self._gated_s, self._withdrawn = -np.inf, -np.inf, None
+        self._decided_s, self._gated_s = -np.inf, -np.inf
         self._gate: GateState | None = None
+        self._gate_before: tuple[float, GateState | None] = -np.inf, None  # the last decision
         self._turned = 0.0  # from the yaw of the wire, which may wrap, to that of the reports
 
     def on_bytes(self, now: float, data: bytes) -> None:
@@ -122,29 +125,26 @@ class Pilot:
         if host is None:
             return b""
         measured = single_precision(host.reports.angle[:, -1])
-        if self._gate is None:
-            self._gate = resting_gate(measured)
+        state = resting_gate(measured) if self._gate is None else self._gate
         if now - host.plate.exposed_s[0] > GUESS_AGE_S:
             self._state = None
         is_first = self._state is None
         barrel = Barrel(self._expected_speed, np.array([self._shots_left]))
         elapsed = 0.0 if is_first else now - self._decided_s
-        seen = seen_by(host, now, elapsed, self._gate.command, barrel)
+        seen = seen_by(host, now, elapsed, state.command, barrel)
         if is_first:
             self._state = self._controller.reset(seen)
         self._state, asked = self._controller.step(self._state, seen)
         self._decided_s = now
         self.counts["decisions"] += 1
-        verdict = self._through_gate(now, host, measured, asked)
+        verdict = self._through_gate(now, host, state, asked)
         self._turned = float(measured[0, 1]) - self._raw_yaw
         controls, fires = np.array([verdict.mode[0] != Mode.DISARMED]), np.asarray(verdict.fire)
         return self._encoded(now, verdict.angle, controls, fires)
 
     def withdraw(self) -> None:
         """Forget that the last command was sent: it was not, and limits count from what was."""
-        if self._withdrawn is not None:
-            self._gated_s, self._gate = self._withdrawn
-            self._withdrawn = None
+        self._gated_s, self._gate = self._gate_before
 
     def last_frame(self, now: float) -> bytes:
         """Return bytes that end the fire and let the gimbal go; nothing before the first report.
@@ -165,28 +165,27 @@ class Pilot:
         mode, cause = Mode(int(self.verdict.mode[0])), Reason(int(self.verdict.cause[0]))
         return f"{mode.name.lower()}: {cause.text}" if cause else mode.name.lower()
 
-    def _through_gate(self, now: float, host: Host, measured: Numbers, asked: Command) -> GateVerdict:
+    def _through_gate(self, now: float, host: Host, state: GateState, asked: Command) -> GateVerdict:
         """Return what is sent of what a controller asks for."""
         given = GateInput(
             elapsed=np.array([now - self._gated_s if np.isfinite(self._gated_s) else self._period]),
             desired=np.asarray(asked.angle),
             fire=np.asarray(asked.fire, bool),
             switch_on=np.array([self.switch]),
-            angle=measured,
+            angle=host.reports.angle[:, -1],
             feedback_age=now - host.reports.sampled_s[:, -1],
             plate_age=now - host.plate.exposed_s,
             base_yaw=np.zeros(1),
             shots_left=np.array([self._shots_left]),
         )
-        self._withdrawn = self._gated_s, self._gate
-        assert self._gate is not None
-        self._gate, self.verdict = gate(self._rules, self._gate, single_precision(given))
+        self._gate_before = self._gated_s, state
+        self._gate, self.verdict = gate(self._rules, state, single_precision(given))
         self._gated_s = now
         reason = Reason(int(self.verdict.reason[0]))
         self.counts[f"not fired: {reason.text}" if reason else "fired"] += 1
         return self.verdict
 
-    def _encoded(self, now: float, angle: Numbers, controls: Numbers, fires: Numbers) -> bytes:
+    def _encoded(self, now: float, angle: Numbers, controls: Truths, fires: Truths) -> bytes:
         """Return the frames of commands, whose yaw is in the turn of the last report."""
         times = np.full(len(angle), now)
         on_wire = angle.astype(np.float64) - [0.0, self._turned]
