@@ -8,6 +8,7 @@ import numpy as np
 
 from archerfish.errors import one_line
 from archerfish.protocols import Command, Controller, Seen, Truth
+from archerfish.safety.gate import MEASURABLE
 
 
 class WithFallback:
@@ -52,8 +53,8 @@ class WithFallback:
         if decided is None:
             return (own, other), command
         own, wanted = decided
-        if not np.all(np.isfinite(np.asarray(wanted.angle))):
-            self.fault = "its command is not finite"
+        if not np.all(np.abs(np.asarray(wanted.angle)) <= MEASURABLE):  # false for NaN
+            self.fault = "its command is not finite, or absurd"
         elif took > self._longest:
             self.fault = f"it took {1e3 * took:.1f} ms"
         elif not self.is_fallback_chosen:
