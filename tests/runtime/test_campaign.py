@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from archerfish.controllers.registry import make_controller
-from archerfish.protocols import Command
 from archerfish.robot import Robot
 from archerfish.runtime.fallback import WithFallback
 from archerfish.runtime.pilot import Pilot
@@ -48,7 +47,9 @@ class Broken:
         if self._decisions * PERIOD_S >= BEGIN_S and self._kind == "raises":
             raise RuntimeError("broken")
         if self._decisions * PERIOD_S >= BEGIN_S:
-            command = Command(*(np.full_like(np.asarray(each), self._kind, float) for each in command[:2]), *command[2:])
+            command = Command(
+                *(np.full_like(np.asarray(each), self._kind, float) for each in command[:2]), *command[2:]
+            )
         return state, command
 
 
@@ -90,6 +91,7 @@ FAULTS = {
     "NaN with a good checksum": ((Fault("nan", BEGIN_S, 2.2),), 0.06, LATCHED),
     "one frame again and again": ((Fault("frozen", BEGIN_S, 2.2),), 0.06, LATCHED),
     "all frames at the end": ((Fault("burst", BEGIN_S, 2.2),), 0.06, LATCHED),
+    "frames 0.2 s late": ((Fault("late", BEGIN_S, 2.2),), 0.06, LATCHED),
     "frames three times": ((Fault("triple", BEGIN_S, 2.2),), None, NEVER_FAULT),
     "another clock of the camera": ((Fault("camera clock", BEGIN_S, 9.0),), None, NEVER_FAULT),
     "no detections": ((Fault("blind", BEGIN_S, 2.2),), 0.3, NEVER_FAULT),

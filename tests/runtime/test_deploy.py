@@ -26,7 +26,11 @@ class Aims:
         return count + 1, Command(angle, np.zeros_like(angle), np.array([True]), np.ones(1))
 
 
-FAULTS = {"raises": "ZeroDivisionError: by a distance", "nan": "its command is not finite, or absurd", "late": "it took 30.0 ms"}
+FAULTS = {
+    "raises": "ZeroDivisionError: by a distance",
+    "nan": "its command is not finite, or absurd",
+    "late": "it took 30.0 ms",
+}
 
 
 @pytest.mark.parametrize("kind", FAULTS)

@@ -34,6 +34,8 @@ class Emulate(ForRobot):
     """After the computer's first bytes, when it ends by itself."""
     frequency_hz: float = SwingingPlate().frequency_hz
     """At which the plate swings [Hz]."""
+    watchdog_s: float = 0.1
+    """For so long its microcontroller goes on firing if no command comes [s]; with 0 a command fires one pellet."""
     seed: int = 0
     """Of the robot's noise, of the dispersion and of the faults."""
 
@@ -51,6 +53,7 @@ class Emulate(ForRobot):
             SwingingPlate(frequency_hz=self.frequency_hz),
             seed=self.seed,
             faults=[Fault(*fault) for fault in self.fault],
+            watchdog_s=self.watchdog_s,
         )
         with EmulatorPort(emulator, (host.strip("[]"), int(number))) as port:
             print(f"port {port.name}\narcherfish deploy {self.robot or 'paper'} --port {port.name}", flush=True)  # noqa: T201

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -182,6 +182,7 @@ def emulated_robot(
     *,
     seed: int = 0,
     faults: Sequence[Fault] = (),
+    watchdog_s: float = 0.0,
 ) -> Emulator:
     """Return the other end of a wire.
 
@@ -193,6 +194,7 @@ def emulated_robot(
       target: what moves before it.
       seed: of all noise and of the faults.
       faults: what goes wrong.
+      watchdog_s: for so long the microcontroller goes on firing without a command [s].
 
     Raises:
       InputError: if the wire is a team's own, whose other end nobody has written.
@@ -201,7 +203,9 @@ def emulated_robot(
     if not isinstance(wire, TableWire):
         raise InputError(f"wire {wires[0]}: expected tables, whose other end can be emulated; name a TOML file")
     virtual = virtual if isinstance(virtual, VirtualRobot) else VirtualRobot.load(virtual)
-    return Emulator(virtual.description, robot.limits, wire, target, task.period_s, seed=seed, faults=faults)
+    limits, period_s = robot.limits, task.period_s
+    options: Any = {"seed": seed, "faults": faults, "watchdog_s": watchdog_s}
+    return Emulator(virtual.description, limits, wire, target, period_s, **options)
 
 
 def in_lockstep(pilot: Pilot, emulator: Emulator, period_s: float) -> None:

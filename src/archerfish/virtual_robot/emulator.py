@@ -67,6 +67,7 @@ class Emulator:
         seed: int = 0,
         switch_on_s: Sequence[tuple[float, float]] = ((1.0, math.inf),),
         faults: Sequence[Fault] = (),
+        watchdog_s: float = 0.0,
     ) -> None:
         """Start the robot.
 
@@ -79,6 +80,8 @@ class Emulator:
           seed: of all noise and of the faults.
           switch_on_s: begin and end of each time during which the operator's switch is on [s].
           faults: what goes wrong.
+          watchdog_s: for so long the microcontroller goes on firing, a pellet a period, if no command comes; with 0 a
+            command fires one pellet [s].
 
         Raises:
           InputError: if there is no such kind of fault, or the wire can't be emulated.
@@ -100,6 +103,7 @@ class Emulator:
         self.hits = list[tuple[float, bool]]()
         """When each pellet left [s], and whether it hit."""
         self._due, self._queue, self._last_frame, self._informed_s = list[float](), list[Delivery](), b"", -math.inf
+        self._watchdog, self._commanded_s, self._repeat_s = watchdog_s, -math.inf, math.inf
         self._queue = [*self._arrivals(self._robots.reset(np.zeros((1, 2)), target, lead_s=0.2))]
 
     @property
@@ -111,12 +115,10 @@ class Emulator:
         """Run ticks of a millisecond, and return what reaches the computer in them, in its order."""
         end = round(self.time / TICK_S) + ticks
         while (present := round(self.time / TICK_S)) < end:
-            while self._due and self._due[0] <= self.time + 0.5 * TICK_S:
-                self._shoot(self._due.pop(0))
+            self._shoot_what_is_due()
             following = min([end, *(round(due / TICK_S) for due in self._due)])
             self._queue += self._arrivals(self._robots.advance(following - present))
-        while self._due and self._due[0] <= self.time + 0.5 * TICK_S:
-            self._shoot(self._due.pop(0))
+        self._shoot_what_is_due()
         self._queue.sort(key=lambda arrival: arrival.time_s)
         arrived = [arrival for arrival in self._queue if arrival.time_s <= self.time]
         self._queue = self._queue[len(arrived) :]
@@ -127,6 +129,7 @@ class Emulator:
         for frame in self._stream.feed(data):
             values, table = frame.layout.decode(frame.data), self._wire.tables[frame.layout.name]
             states = {state for state, numbers in table.sent.items() if numbers.items() <= values.items()}
+            self._commanded_s, self._repeat_s = self.time, math.inf
             if states == {"idle"}:
                 self.monitor.command(self.time, None)
             elif states and "idle" not in states and {"pitch", "yaw"} <= values.keys():
@@ -138,10 +141,17 @@ class Emulator:
                 was_on = self._switch_at(self.time - TRANSIT_S)  # as the computer could know
                 self.monitor.fire(self.time, self._informed_s, was_on or self.is_switch_on)
                 self._due.append(self.time + self._period)
+                self._repeat_s = self.time + 2.0 * self._period
 
-    def _shoot(self, due: float) -> None:
-        flight = self._robots.shoot(self._normals.standard_normal((1, 3)))
-        self.hits.append((due, bool(np.linalg.norm(flight.miss) <= self._hit_radius)))
+    def _shoot_what_is_due(self) -> None:
+        now = self.time + 0.5 * TICK_S
+        if self._repeat_s <= now:  # no command came since the one that fired
+            if self._repeat_s - self._commanded_s < self._watchdog:
+                self._due.append(self._repeat_s)
+            self._repeat_s += self._period
+        while self._due and self._due[0] <= now:
+            flight = self._robots.shoot(self._normals.standard_normal((1, 3)))
+            self.hits.append((self._due.pop(0), bool(np.linalg.norm(flight.miss) <= self._hit_radius)))
 
     @property
     def is_switch_on(self) -> bool:

@@ -1,0 +1,56 @@
+"""Two programs over a pseudo-terminal: an emulated robot, and the computer that shoots with it."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("serial", reason="pyserial is not installed")
+pytest.importorskip("mujoco", reason="the virtual robot needs MuJoCo")
+INFANTRY = Path(__file__).parents[1] / "infantry"
+
+
+def program(*words):
+    command = [sys.executable, "-m", "archerfish", *map(str, words)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def until(stream, pattern):
+    """Return the match in the first line that has it."""
+    for line in stream:
+        if match := re.search(pattern, line):
+            return match
+    raise AssertionError(f"no line has {pattern}")
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+def test_an_emulated_robot_is_shot_with_and_the_fire_ends_with_the_program(tmp_path, how):
+    robot = tmp_path / "robot"
+    shutil.copytree(INFANTRY, robot)
+    (robot / "deploy.toml").write_text(f'detections.address = "127.0.0.1:{20_000 + os.getpid() % 20_000}"\n')
+    emulator = pilot = program("emulate", robot, "--seconds", 4)
+    try:
+        port = until(emulator.stdout, r"^port (\S+)")[1]
+        words = ("deploy", robot, "--port", port, "--controller", "kalman", "--tuning", "start")
+        pilot = program(*words)
+        until(pilot.stderr, "^armed")
+        time.sleep(0.7)
+        pilot.send_signal(how)
+        found, _ = pilot.communicate(timeout=30)
+        printed, errors = emulator.communicate(timeout=60)
+    finally:
+        for each in (emulator, pilot):
+            each.kill()
+    hits, pellets = map(int, until(printed.splitlines(), r"(\d+) of (\d+) pellets hit").groups())
+    assert "violations of the limits: none" in printed, errors
+    assert 5 < pellets < 60, "the fire ended with the program"
+    assert hits > 0.5 * pellets
+    if how == signal.SIGTERM:
+        assert "kalman on infantry through" in found
+        assert "not fired: disarmed" in found
