@@ -47,9 +47,7 @@ class Broken:
         if self._decisions * PERIOD_S >= BEGIN_S and self._kind == "raises":
             raise RuntimeError("broken")
         if self._decisions * PERIOD_S >= BEGIN_S:
-            command = Command(
-                *(np.full_like(np.asarray(each), self._kind, float) for each in command[:2]), *command[2:]
-            )
+            command = command._replace(angle=np.full_like(np.asarray(command.angle), self._kind))
         return state, command
 
 
