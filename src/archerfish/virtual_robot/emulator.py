@@ -17,7 +17,7 @@ from archerfish.records.limits import LimitsRecord
 from archerfish.virtual_robot.batch import MovingPlate, RobotBatch
 from archerfish.virtual_robot.description import TICK_S, RobotDescription
 from archerfish.virtual_robot.flights import Received
-from archerfish.virtual_robot.monitor import CommandMonitor
+from archerfish.virtual_robot.monitor import TRANSIT_S, CommandMonitor
 from archerfish.wires import Stream
 from archerfish.wires.wire import TableWire
 
@@ -133,7 +133,10 @@ class Emulator:
                 if np.all(np.isfinite(angle)):
                     self._robots.send(np.array([angle]))
             if states == {"fire"}:
-                self.monitor.fire(self.time, self._informed_s, self.is_switch_on)
+                was_on = self.is_switch_on or self._switch_at(
+                    self.time - TRANSIT_S
+                )  # the report of it may be under way
+                self.monitor.fire(self.time, self._informed_s, was_on)
                 self._due.append(self.time + self._period)
 
     def _shoot(self, due: float) -> None:

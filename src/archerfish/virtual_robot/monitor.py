@@ -5,7 +5,9 @@ from collections import Counter
 
 from archerfish.records.limits import LimitsRecord
 
-_STALE_S, _TRANSIT_S = 0.05, 0.025
+TRANSIT_S = 0.025
+"""A message and the decision that it leads to take so long at most [s]."""
+_STALE_S = 0.05
 
 
 class CommandMonitor:
@@ -50,4 +52,4 @@ class CommandMonitor:
     def fire(self, time: float, informed_s: float, switch: bool) -> None:
         """Judge a fire at a time [s], with the time of the last undamaged report, and the operator's switch."""
         self.violations["fire while the switch is off"] += not switch
-        self.violations["fire on old feedback"] += time - informed_s > _STALE_S + _TRANSIT_S
+        self.violations["fire on old feedback"] += time - informed_s > _STALE_S + TRANSIT_S
