@@ -11,18 +11,20 @@ from archerfish.identification.axis.result import LogFit
 from archerfish.identification.frequency import frequency_response
 from archerfish.identification.residuals import lead
 from archerfish.identification.simulation import TINY, Array, free_run
-from archerfish.logs.recording import Finding
+from archerfish.logs.recording import Finding, Recording
 from archerfish.records.plant import PlantRecord
 
 _LEAD_SHARE = 0.5  # share of a residual that later inputs explain, from which an output comes early: of feedback 0.3
 _NO_GAIN, _FREQUENCIES = 0.02, 50  # steady gain over the largest of the band, below which it is that of a rate
-_LAG_SHARE, _MOVING = 0.3, 0.02  # share of a residual that a change of its lag explains; of all motion, on either side
-_PART, _FEWEST, _LEFT = (
-    0.4,
-    100,
-    1 / 3,
-)  # of a log that is fitted alone; its samples; share of the residual that may be left
+_LAG_SHARE = 0.15  # of a residual, that changes of its lag explain, from which other delays are tried
+_BLOCKS = 12  # of a log, each with a lag of its own
+_PART, _FEWEST = 1 / 3, 100  # of a log that is fitted alone; its samples
+_LEFT = 1 / 3  # share of the residual that other delays may leave
 _OTHER_DELAY, _LONGEST_LAG = 2, 60  # least and largest change [samples]
+_TIMES, _A_CHANGE, _MOST_CHANGES = 2000, 0.03, 4  # at which a delay may change; share of a residual that a change costs
+_DEGREE = float(np.deg2rad(1))
+_NEAR_ONE, _NEAR_HALF = 0.05, 0.01  # by which a steady gain may differ from those
+_CURVED, _STRAIGHT = 0.8, 1.25  # power of a residual over another, from which and up to which a transform may be right
 
 
 def early_outputs(fits: Sequence[LogFit]) -> list[Finding]:
@@ -61,48 +63,112 @@ def rate_output(plant: PlantRecord, band: tuple[float, float], fit: LogFit) -> l
     return [Finding("rate-output", "warning", log.source, message, "log the angle, or integrate the rate")]
 
 
+def half_angle(fit: LogFit, plant: PlantRecord, gain_is_given: bool) -> list[Finding]:
+    """Find an output that is a component of a quaternion: the sine or cosine of half an angle that the input commands.
+
+    Twice its arc sine or arc cosine then has a steady gain of one, in radians or degrees of the input, and follows the
+    plant's output more closely. Of small angles both follow it alike, and half of an angle may also come from a gear.
+
+    Args:
+      fit: by which the plant is judged.
+      plant: of one input and one output; of others none is found.
+      gain_is_given: so that half a gain is meant.
+    """
+    log, y = fit.recording, fit.recording.outputs[:, 0]
+    if plant.D.shape != (1, 1) or fit.fit_percent < GOOD or np.abs(y).max() > 1:
+        return []
+    own_gain, name = plant.dc_gain.item(), log.output_names[0]
+    slope, own_rest = _line(fit.run.outputs[:, 0], y)
+    for inverse in (np.arcsin, np.arccos):
+        slope, rest = _line(fit.run.outputs[:, 0], 2 * inverse(y))
+        share = rest / max(own_rest * slope**2, TINY)
+        curved = share < _CURVED and _near(own_gain * slope, 1, _NEAR_ONE)
+        gear = share < _STRAIGHT and _near(own_gain, 0.5, _NEAR_HALF) and not gain_is_given
+        if curved or gear:
+            message = f'the steady gain of "{name}" is {own_gain:.3g}, and it stays within 1, as the component of a'
+            message += " quaternion does, which is the sine or cosine of half an angle"
+            remedy = "log the angle itself, 2 asin of that component for a turn about its axis"
+            if not curved:
+                remedy += "; if a gear halves it, give the gain (archerfish identify axis --dc-gain)"
+            return [Finding("half-angle", "warning", log.source, message, remedy)]
+    return []
+
+
+def _near(gain: float, expected: float, tolerance: float) -> bool:
+    """Return whether a gain of either sign is as expected, of an input in radians or degrees."""
+    return any(abs(abs(gain) / (unit * expected) - 1) < tolerance for unit in (1, _DEGREE))
+
+
+def _line(x: Array, y: Array) -> tuple[float, float]:
+    """Return the slope of a line through points, and the power that it leaves."""
+    slope, constant = np.polyfit(x, y, 1)
+    return float(slope), float(np.sum((y - slope * x - constant) ** 2))
+
+
 def changed_delay(fit: LogFit, nonlinear_share: float) -> list[Finding]:
-    """Find a delay that changes within a log: the plant of one part explains the rest with another delay alone.
+    """Find a delay that changes within a log: the plant of one part explains the rest with other delays alone.
 
     Args:
       fit: of a log of one input and one output.
-      nonlinear_share: what a nonlinearity leaves of the residual, which a changed delay is to halve.
+      nonlinear_share: what a nonlinearity leaves of the residual, which changed delays are to halve.
     """
-    log, most = fit.recording, min(_LEFT, nonlinear_share / 2) * float(fit.residual @ fit.residual)
-    count, found = int(_PART * len(log)), list[tuple[float, int, float, float]]()
+    log, power = fit.recording, float(fit.residual @ fit.residual)
+    count = int(_PART * len(log))
     if count < _FEWEST or _change_of_lag(fit.residual, np.gradient(fit.run.outputs[:, 0])) < _LAG_SHARE:
         return []
-    for backward in (False, True):
-        part = slice(-count, None) if backward else slice(count)
+    best, least = None, min(_LEFT, nonlinear_share / 2) * power
+    for begin in (0, (len(log) - count) // 2, len(log) - count):
+        part = slice(begin, begin + count)
         piece = replace(log, inputs=log.inputs[part], outputs=log.outputs[part])
         if not (np.ptp(piece.inputs) and np.ptp(piece.outputs)):
             continue
         plant = fit_axis([piece], 2).plant
-        own = plant.delay_samples
-        tried = [plant.replace(delay_samples=delay) for delay in range(own + _LONGEST_LAG)]
-        errors = [(log.outputs - free_run(each, log.inputs, log.outputs).outputs)[:, 0] ** 2 for each in tried]
-        sums = np.cumsum(np.array(errors)[:, :: -1 if backward else 1], axis=1)
-        totals = sums[own] + sums[:, -1:] - sums
-        delay, at = divmod(int(np.argmin(totals)), len(log))
-        first = 1e3 * log.period_s * plant.dead_time_samples
-        second = first + 1e3 * log.period_s * (delay - own)
-        if abs(delay - own) < _OTHER_DELAY or totals[delay, at] > most:
-            continue
-        change = (len(log) - 1 - at, second, first) if backward else (at + 1, first, second)
-        found.append((totals[delay, at], *change))
-    if not found:
+        delays, left = _delays(plant, log, _A_CHANGE * power)
+        changes = np.flatnonzero(np.diff(delays))
+        if left < least and 0 < len(changes) <= _MOST_CHANGES and np.ptp(delays) >= _OTHER_DELAY:
+            dead_times = delays + plant.dead_time_samples - plant.delay_samples
+            best, least = (dead_times, changes), left
+    if best is None:
         return []
-    _, at, before, after = min(found)
-    time_s = log.start_s + at * log.period_s
-    message = f"the delay is {before:.3g} ms until {time_s:.3g} s, and {after:.3g} ms from then on"
+    dead_times, changes = best
+    parts = [f"{1e3 * log.period_s * dead_times[at]:.3g} ms until {log.time[at + 1]:.3g} s" for at in changes.tolist()]
+    message = f"the delay is {', '.join(parts)}, and {1e3 * log.period_s * dead_times[-1]:.3g} ms from then on"
     remedy = "log at a steady load of the link, or cut the log there and identify one part"
     return [Finding("changed-delay", "warning", log.source, message, remedy)]
 
 
+def _delays(plant: PlantRecord, log: Recording, cost: float) -> tuple[Array, float]:
+    """Return the delay at each sample that explains a log best, and the power that it leaves.
+
+    The sequence of delays with the least sum of errors and costs of its changes is found by dynamic programming.
+
+    Args:
+      plant: its delay is one of those tried.
+      log: of one input and one output.
+      cost: of each change.
+    """
+    starts = np.arange(0, len(log), -(-len(log) // _TIMES))
+    tried = [plant.replace(delay_samples=delay) for delay in range(plant.delay_samples + _LONGEST_LAG)]
+    residuals = ((log.outputs - free_run(each, log.inputs, log.outputs).outputs)[:, 0] for each in tried)
+    errors = np.stack([np.add.reduceat(residual**2, starts) for residual in residuals], axis=1)
+    total, previous = errors[0], list[Array]()
+    for error in errors[1:]:
+        best = int(np.argmin(total))
+        changes = total[best] + cost < total
+        previous.append(np.where(changes, best, np.arange(len(total))))
+        total = np.where(changes, total[best] + cost, total) + error
+    path = [int(np.argmin(total))]
+    for came_from in reversed(previous):
+        path.append(int(came_from[path[-1]]))
+    delays = np.array(path[::-1])
+    left = float(errors[np.arange(len(starts)), delays].sum())
+    return np.repeat(delays, np.diff(np.append(starts, len(log)))), left
+
+
 def _change_of_lag(residual: Array, rate: Array) -> float:
-    """Return which share of a residual's power another lag from some sample on explains, beyond one lag."""
-    cross, power = np.cumsum(residual * rate), np.cumsum(rate**2) + TINY
-    moving = (power > _MOVING * power[-1]) & (power < (1 - _MOVING) * power[-1])
-    before, both = cross[moving] ** 2 / power[moving], cross[-1] ** 2 / power[-1]
-    after = (cross[-1] - cross[moving]) ** 2 / (power[-1] - power[moving])
-    return float(np.max(before + after - both, initial=0.0) / max(residual @ residual, TINY))
+    """Return which share of a residual's power a lag of each block of a log explains, beyond one lag."""
+    starts = np.linspace(0, len(rate), _BLOCKS, endpoint=False).astype(int)
+    cross, power = (np.add.reduceat(product, starts) for product in (residual * rate, rate**2))
+    of_blocks = np.sum(cross**2 / (power + TINY))
+    together = cross.sum() ** 2 / (power.sum() + TINY)
+    return float((of_blocks - together) / max(residual @ residual, TINY))
