@@ -24,6 +24,7 @@ _OTHER_DELAY, _LONGEST_LAG = 2, 60  # least and largest change [samples]
 _TIMES, _A_CHANGE, _MOST_CHANGES = 2000, 0.03, 4  # at which a delay may change; share of a residual that a change costs
 _DEGREE = float(np.deg2rad(1))
 _NEAR_ONE, _NEAR_HALF = 0.05, 0.01  # by which a steady gain may differ from those
+_FLATTEST, _STEEPEST = 0.05, 0.52  # gains of such components, less than half one about another heading
 _CURVED, _STRAIGHT = 0.8, 1.25  # power of a residual over another, from which and up to which a transform may be right
 
 
@@ -78,9 +79,13 @@ def half_angle(fit: LogFit, plant: PlantRecord, gain_is_given: bool) -> list[Fin
     if plant.D.shape != (1, 1) or fit.fit_percent < GOOD or np.abs(y).max() > 1:
         return []
     own_gain, name = plant.dc_gain.item(), log.output_names[0]
-    slope, own_rest = _line(fit.run.outputs[:, 0], y)
+    if not any(_FLATTEST < abs(own_gain) / unit < _STEEPEST for unit in (1, _DEGREE)):
+        return []
+    # Many poles imitate the sine.
+    simple = free_run(fit_axis([log], 2).plant, log.inputs, log.outputs).outputs[:, 0]
+    slope, own_rest = _line(simple, y)
     for inverse in (np.arcsin, np.arccos):
-        slope, rest = _line(fit.run.outputs[:, 0], 2 * inverse(y))
+        slope, rest = _line(simple, 2 * inverse(y))
         share = rest / max(own_rest * slope**2, TINY)
         curved = share < _CURVED and _near(own_gain * slope, 1, _NEAR_ONE)
         gear = share < _STRAIGHT and _near(own_gain, 0.5, _NEAR_HALF) and not gain_is_given
