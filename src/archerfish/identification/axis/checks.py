@@ -28,6 +28,7 @@ GOOD = 80.0
 _EXCHANGED, _QUICK_S = 95.0, 0.1  # fit that an exchange reaches at least [%], and delay below which it stays [s]
 _WORTH, _LEAST = 2.0, 0.01  # points that an exchange gains at least, or half of the rest if that is not too little
 _MANY = 6  # poles
+_EXACT, _COMPUTED = 99.9, 1e-8  # fit that noise does not reach [%]; share of an output's power that is rounding
 _WIDTHS, _INPUTS, _RESIDUALS = (1, 2, 4, 8), 20, 4  # samples of a mean; past means that may make an input
 _LOOP_ALARM, _PREDICTABLE = 2.5e-4, 1e-9  # of each test for a loop; share of an input's power that is rounding
 _SIGN = "sign-flip", "change the sign of one of them, as with a minus: --output=-NAME"
@@ -62,6 +63,14 @@ def check_logs(recordings: Sequence[Recording], order: int) -> None:
             problem = f"of the inputs {', '.join(first.input_names)} one is a copy or a mixture of the others"
             raise InputError(f"{first.source}: {problem}; leave one out", "dependent-inputs")
         return
+    for log in recordings:
+        u, y = (signal[:, 0] - signal[:, 0].mean() for signal in (log.inputs, log.outputs))
+        factor = float(u @ y) / max(float(u @ u), TINY)
+        if factor and factor != 1 and np.sum((y - factor * u) ** 2) < _COMPUTED * (y @ y):
+            copied = f'"{log.output_names[0]}" is "{log.input_names[0]}" times {factor:.4g} in every row'
+            problem = f"{copied}, so that one was computed from the other"
+            remedy = "log the angle that the encoder measures, and the command or the set point of the loop"
+            raise InputError(f"{log.source}: {problem}; {remedy}", "same-signal")
     sines = [_sine_hz(log.inputs[:, 0], log.period_s) for log in recordings]
     if 0 < max(sines) < 1.05 * min(sines):
         problem = f"the input is a single sine of {sines[0]:.4g} Hz, which gives two numbers: not gain, lag and delay"
@@ -155,6 +164,8 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
         return []
     message = f"the output comes before the input: exchanged, the fit is {best:.1f} % instead of {percent:.1f} %"
     remedy = f'take "{log.output_names[0]}" as the input and "{log.input_names[0]}" as the output'
+    if best > _EXACT:
+        remedy += f'; if a controller makes "{log.input_names[0]}" of "{log.output_names[0]}", log its set point'
     return [Finding("swapped", "warning", log.source, message, remedy)]
 
 

@@ -1,5 +1,6 @@
 """Findings about logs that no causal plant with one delay gives, however well one fits them."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -18,14 +19,23 @@ _LEAD_SHARE = 0.5  # share of a residual that later inputs explain, from which a
 _NO_GAIN, _FREQUENCIES = 0.02, 50  # steady gain over the largest of the band, below which it is that of a rate
 _LAG_SHARE = 0.15  # of a residual, that changes of its lag explain, from which other delays are tried
 _BLOCKS = 12  # of a log, each with a lag of its own
-_PART, _FEWEST = 1 / 3, 100  # of a log that is fitted alone; its samples
+_PARTS, _FEWEST = (3, 8), 100  # into which a log is cut, each fitted alone; least samples of one
 _LEFT = 1 / 3  # share of the residual that other delays may leave
 _OTHER_DELAY, _LONGEST_LAG = 2, 60  # least and largest change [samples]
-_TIMES, _A_CHANGE, _MOST_CHANGES = 2000, 0.03, 4  # at which a delay may change; share of a residual that a change costs
+_TIMES, _A_CHANGE, _MOST_CHANGES = (
+    2000,
+    0.03,
+    20,
+)  # at which a delay may change; share of a residual that a change costs
+_NAMED = 4  # changes that are named one by one
 _DEGREE = float(np.deg2rad(1))
 _NEAR_ONE, _NEAR_HALF = 0.05, 0.01  # by which a steady gain may differ from those
+_LARGEST_SINE = 1.02  # with noise
 _FLATTEST, _STEEPEST = 0.05, 0.52  # gains of such components, less than half one about another heading
-_CURVED, _STRAIGHT = 0.8, 1.25  # power of a residual over another, from which and up to which a transform may be right
+_POOR = 40.0  # fit below which a plant shows nothing of a transform [%]
+_CURVED, _MUCH_CURVED, _STRAIGHT = 0.8, 0.3, 1.25
+"""Power of a residual over another, below which a transform is right, below which it is right of a plant that fits
+badly, and above which it is wrong."""
 
 
 def early_outputs(fits: Sequence[LogFit]) -> list[Finding]:
@@ -67,8 +77,8 @@ def rate_output(plant: PlantRecord, band: tuple[float, float], fit: LogFit) -> l
 def half_angle(fit: LogFit, plant: PlantRecord, gain_is_given: bool) -> list[Finding]:
     """Find an output that is a component of a quaternion: the sine or cosine of half an angle that the input commands.
 
-    Twice its arc sine or arc cosine then has a steady gain of one, in radians or degrees of the input, and follows the
-    plant's output more closely. Of small angles both follow it alike, and half of an angle may also come from a gear.
+    Twice its arc sine then has a steady gain of one, in radians or degrees of the input, and follows the
+    plant's output more closely. Of small angles both do so alike, and half of an angle may also come from a gear.
 
     Args:
       fit: by which the plant is judged.
@@ -76,27 +86,26 @@ def half_angle(fit: LogFit, plant: PlantRecord, gain_is_given: bool) -> list[Fin
       gain_is_given: so that half a gain is meant.
     """
     log, y = fit.recording, fit.recording.outputs[:, 0]
-    if plant.D.shape != (1, 1) or fit.fit_percent < GOOD or np.abs(y).max() > 1:
+    if plant.D.shape != (1, 1) or fit.fit_percent < _POOR or np.abs(y).max() > _LARGEST_SINE:
         return []
-    own_gain, name = plant.dc_gain.item(), log.output_names[0]
-    if not any(_FLATTEST < abs(own_gain) / unit < _STEEPEST for unit in (1, _DEGREE)):
+    gain, name = plant.dc_gain.item(), log.output_names[0]
+    if not any(_FLATTEST < abs(gain) / unit < _STEEPEST for unit in (1, _DEGREE)):
         return []
-    # Many poles imitate the sine.
+    # Many poles imitate the sine. An arc cosine is a constant less an arc sine.
     simple = free_run(fit_axis([log], 2).plant, log.inputs, log.outputs).outputs[:, 0]
-    slope, own_rest = _line(simple, y)
-    for inverse in (np.arcsin, np.arccos):
-        slope, rest = _line(simple, 2 * inverse(y))
-        share = rest / max(own_rest * slope**2, TINY)
-        curved = share < _CURVED and _near(own_gain * slope, 1, _NEAR_ONE)
-        gear = share < _STRAIGHT and _near(own_gain, 0.5, _NEAR_HALF) and not gain_is_given
-        if curved or gear:
-            message = f'the steady gain of "{name}" is {own_gain:.3g}, and it stays within 1, as the component of a'
-            message += " quaternion does, which is the sine or cosine of half an angle"
-            remedy = "log the angle itself, 2 asin of that component for a turn about its axis"
-            if not curved:
-                remedy += "; if a gear halves it, give the gain (archerfish identify axis --dc-gain)"
-            return [Finding("half-angle", "warning", log.source, message, remedy)]
-    return []
+    _, own_rest = _line(simple, y)
+    slope, rest = _line(simple, 2 * np.arcsin(np.clip(y, -1, 1)))
+    share = rest / max(own_rest * slope**2, TINY)
+    curved = share < (_CURVED if fit.fit_percent >= GOOD else _MUCH_CURVED) and _near(gain * slope, 1, _NEAR_ONE)
+    gear = share < _STRAIGHT and _near(gain, 0.5, _NEAR_HALF) and not gain_is_given
+    if not (curved or gear):
+        return []
+    message = f'the steady gain of "{name}" is {gain:.3g}, and it stays within 1, as the component of a quaternion'
+    message += " does, which is the sine or cosine of half an angle"
+    remedy = "log the angle itself, 2 asin of that component, of w 2 acos, for a turn about its axis"
+    if not curved:
+        remedy += "; if a gear halves it, give the gain (archerfish identify axis --dc-gain)"
+    return [Finding("half-angle", "warning", log.source, message, remedy)]
 
 
 def _near(gain: float, expected: float, tolerance: float) -> bool:
@@ -118,32 +127,36 @@ def changed_delay(fit: LogFit, nonlinear_share: float) -> list[Finding]:
       nonlinear_share: what a nonlinearity leaves of the residual, which changed delays are to halve.
     """
     log, power = fit.recording, float(fit.residual @ fit.residual)
-    count = int(_PART * len(log))
-    if count < _FEWEST or _change_of_lag(fit.residual, np.gradient(fit.run.outputs[:, 0])) < _LAG_SHARE:
+    if len(log) < _FEWEST * _PARTS[0] or _change_of_lag(fit.residual, np.gradient(fit.run.outputs[:, 0])) < _LAG_SHARE:
         return []
-    best, least = None, min(_LEFT, nonlinear_share / 2) * power
-    for begin in (0, (len(log) - count) // 2, len(log) - count):
-        part = slice(begin, begin + count)
+    best, least, of_one_delay = None, min(_LEFT, nonlinear_share / 2) * power, power
+    ends = [np.linspace(0, len(log), count + 1).astype(int) for count in _PARTS if len(log) >= _FEWEST * count]
+    for begin, end in (span for cuts in ends for span in itertools.pairwise(cuts.tolist())):
+        part = slice(begin, end)
         piece = replace(log, inputs=log.inputs[part], outputs=log.outputs[part])
         if not (np.ptp(piece.inputs) and np.ptp(piece.outputs)):
             continue
         plant = fit_axis([piece], 2).plant
-        delays, left = _delays(plant, log, _A_CHANGE * power)
+        delays, left, of_one = _delays(plant, log, _A_CHANGE * power)
+        of_one_delay = min(of_one_delay, of_one)
         changes = np.flatnonzero(np.diff(delays))
         if left < least and 0 < len(changes) <= _MOST_CHANGES and np.ptp(delays) >= _OTHER_DELAY:
             dead_times = delays + plant.dead_time_samples - plant.delay_samples
             best, least = (dead_times, changes), left
-    if best is None:
+    if best is None or least > _LEFT * of_one_delay:
         return []
     dead_times, changes = best
     parts = [f"{1e3 * log.period_s * dead_times[at]:.3g} ms until {log.time[at + 1]:.3g} s" for at in changes.tolist()]
     message = f"the delay is {', '.join(parts)}, and {1e3 * log.period_s * dead_times[-1]:.3g} ms from then on"
+    if len(parts) > _NAMED:
+        low, high = (1e3 * log.period_s * delay for delay in (dead_times.min(), dead_times.max()))
+        message = f"the delay changes {len(parts)} times between {low:.3g} and {high:.3g} ms"
     remedy = "log at a steady load of the link, or cut the log there and identify one part"
     return [Finding("changed-delay", "warning", log.source, message, remedy)]
 
 
-def _delays(plant: PlantRecord, log: Recording, cost: float) -> tuple[Array, float]:
-    """Return the delay at each sample that explains a log best, and the power that it leaves.
+def _delays(plant: PlantRecord, log: Recording, cost: float) -> tuple[Array, float, float]:
+    """Return the delay at each sample that explains a log best, and the power that these and the best single one leave.
 
     The sequence of delays with the least sum of errors and costs of its changes is found by dynamic programming.
 
@@ -167,7 +180,7 @@ def _delays(plant: PlantRecord, log: Recording, cost: float) -> tuple[Array, flo
         path.append(int(came_from[path[-1]]))
     delays = np.array(path[::-1])
     left = float(errors[np.arange(len(starts)), delays].sum())
-    return np.repeat(delays, np.diff(np.append(starts, len(log)))), left
+    return np.repeat(delays, np.diff(np.append(starts, len(log)))), left, float(errors.sum(axis=0).min())
 
 
 def _change_of_lag(residual: Array, rate: Array) -> float:

@@ -6,7 +6,6 @@ explains, and how large it is; it is then subtracted.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,10 +20,31 @@ _TURNS = (2 * np.pi, 360.0, 4096.0, 8192.0, 16384.0)  # one turn in radians, deg
 _LEAST_PART, _MOST_TURNS = 0.25, 50.0  # of a turn, that a motion must span to show an error; turns of a motion
 _SMALLEST_ERROR = 1e-4  # of a turn, below which it may be rounding
 _LARGEST_ERROR = 0.02  # of a turn; a larger multiple of the angle's sine would replace the angle itself
+_WIDE = 0.6  # of a turn, from which a motion separates errors and gain
+_ALIKE_LEFT, _OTHER_GAIN = 2.5, 0.02  # ratio of what two errors leave, and of the gains beside them less one
+_WORTH_BOTH = 0.7  # share of what one harmonic leaves that both may leave, to be taken
 _LEFT_OF_ANGLE, _LEFT_OF_LEAPS = 0.6, 1 / 3  # shares of the residual that may remain beside those columns
 _STEPS, _TOLERANCE = 15, 1e-5  # of a fit
 _LEAP, _MOST_LEAPS = 2.5, 4  # over what 99 % of a residual's steps stay below; in a log
 _ALIKE = 0.4  # share by which a leap of the residual may differ from the column's coefficient
+
+
+class _AngleError(NamedTuple):
+    """Multiples of an angle's sine and cosine."""
+
+    turn: float  # in the output's unit
+    harmonics: tuple[int, ...]  # errors per turn
+    coefficients: Array  # of sine and cosine of each
+
+    @property
+    def sizes(self) -> list[float]:
+        """Amplitude of each harmonic."""
+        return [float(size) for size in np.linalg.norm(self.coefficients.reshape(-1, 2), axis=1)]
+
+    def removed(self, log: Recording) -> Recording:
+        """Return a log without the error."""
+        error = _harmonics(log, self.turn, self.harmonics) @ self.coefficients
+        return replace(log, outputs=log.outputs - error[:, None])
 
 
 class _Leap(NamedTuple):
@@ -42,24 +62,37 @@ def without_angle_error(found: AxisFit, fitted: list[Recording], held_back: list
       fitted: recordings from which it was identified.
       held_back: other ones of the same encoder.
     """
-    span = max(float(np.ptp(log.outputs)) for log in fitted)
-    best: tuple[float, float, int, Array] = (_LEFT_OF_ANGLE, 0.0, 0, np.zeros(2))
-    turns = [turn for turn in _TURNS if _LEAST_PART * turn <= span <= _MOST_TURNS * turn]
-    for turn, harmonic in product(turns if found.plant.D.shape == (1, 1) else (), (1, 2)):
-        left, coefficients, _ = _explained(found, fitted, [_harmonic(log, turn, harmonic) for log in fitted])
-        if left < best[0] and _SMALLEST_ERROR * turn < np.linalg.norm(coefficients) < _LARGEST_ERROR * turn:
-            best = left, turn, harmonic, coefficients
-    _, turn, harmonic, coefficients = best
-    if not harmonic:
+    if found.plant.D.shape != (1, 1):
         return CorrectedLogs(fitted, held_back, [])
-
-    def corrected(log: Recording) -> Recording:
-        return replace(log, outputs=log.outputs - (_harmonic(log, turn, harmonic) @ coefficients)[:, None])
-
-    size = f"{np.linalg.norm(coefficients):.2g} {'once' if harmonic == 1 else 'twice'} per turn of {turn:.6g}"
-    message = f'"{fitted[0].output_names[0]}" errs by {size}, as if the magnet were beside the axis: subtracted'
-    finding = Finding("angle-error", "repaired", fitted[0].source, message, "centre it, or calibrate the encoder")
-    return CorrectedLogs([*map(corrected, fitted)], [*map(corrected, held_back)], [finding])
+    span = max(float(np.ptp(log.outputs)) for log in fitted)
+    best, least, single = _AngleError(0.0, (), np.zeros(0)), _LEFT_OF_ANGLE, dict[int, tuple[float, float]]()
+    for turn in _TURNS:
+        if not _LEAST_PART * turn <= span <= _MOST_TURNS * turn:
+            continue
+        for harmonics in ((1,), (2,), (1, 2)) if span > _WIDE * turn else ((1,), (2,)):
+            columns = [_harmonics(log, turn, harmonics) for log in fitted]
+            left, coefficients, plant = _explained(found, fitted, columns)
+            if len(harmonics) == 1:
+                single[harmonics[0]] = left, plant.dc_gain.item()
+            error = _AngleError(turn, harmonics, coefficients)
+            is_better = left < (_WORTH_BOTH if len(harmonics) > 1 and best.harmonics else 1.0) * least
+            if is_better and all(_SMALLEST_ERROR * turn < size < _LARGEST_ERROR * turn for size in error.sizes):
+                best, least = error, left
+    if not best.harmonics:
+        return CorrectedLogs(fitted, held_back, [])
+    words = {1: "once", 2: "twice"}
+    sizes = [f"{size:.2g} {words[harmonic]}" for harmonic, size in zip(best.harmonics, best.sizes, strict=True)]
+    errs = f'"{fitted[0].output_names[0]}" errs by {" and ".join(sizes)} per turn of {best.turn:.6g}'
+    message = f"{errs}, as of a magnet beside the axis, or of gravity: subtracted"
+    remedy = "centre the magnet, calibrate the encoder, or balance the axis"
+    # Over part of a turn each of the two errors explains nearly what the other does, with another gain.
+    (left, gain), (other_left, other_gain) = sorted(single.values())
+    is_open = span < _WIDE * best.turn and other_left < _ALIKE_LEFT * left and abs(other_gain / gain - 1) > _OTHER_GAIN
+    if is_open:
+        message += f"; over {span / best.turn:.2g} of a turn another gain explains the log as well"
+        remedy = f"record more than {_WIDE:g} of a turn; {remedy}"
+    finding = Finding("angle-error", "warning" if is_open else "repaired", fitted[0].source, message, remedy)
+    return CorrectedLogs([*map(best.removed, fitted)], [*map(best.removed, held_back)], [finding])
 
 
 def without_leaps(found: AxisFit, fitted: list[Recording], held_back: list[Recording]) -> CorrectedLogs:
@@ -138,10 +171,10 @@ def _subtracted(log: Recording, leaps: list[_Leap], findings: list[Finding]) -> 
     return replace(log, outputs=log.outputs - (_steps(log, leaps) @ sizes)[:, None]) if leaps else log
 
 
-def _harmonic(log: Recording, turn: float, harmonic: int) -> Array:
-    """Return sine and cosine of a multiple of the angle, shape (N, 2)."""
-    angle = 2 * np.pi * harmonic / turn * log.outputs[:, 0]
-    return np.stack([np.sin(angle), np.cos(angle)], axis=1)
+def _harmonics(log: Recording, turn: float, harmonics: tuple[int, ...]) -> Array:
+    """Return sine and cosine of multiples of the angle, shape (N, 2 for each)."""
+    angles = [2 * np.pi * harmonic / turn * log.outputs[:, 0] for harmonic in harmonics]
+    return np.stack([function(angle) for angle in angles for function in (np.sin, np.cos)], axis=1)
 
 
 def _candidates(plant: PlantRecord, log: Recording) -> list[_Leap]:

@@ -135,13 +135,27 @@ def identify_axis(
         # An output that was smoothed both ways responds too little to fast inputs, which passes for an idle axis.
         for corrected in () if early else (without_leaps, without_angle_error, without_idle):
             fitted, held_back, findings = corrected(found, logs_of_axis.fitted, logs_of_axis.held_back)
-            if findings:
+            # What follows after another delay looks as if it did not follow.
+            if findings and not (corrected is without_idle and _delay_changes(found, logs_of_axis)):
                 others = AxisLogs(fitted, held_back, (*logs_of_axis.findings, *findings), logs_of_axis.hashes)
                 again = fit(others)
                 # Of exchanged columns the steps of a command pass for leaps, and no plant fits what is left.
                 if _least_fit(again, fitted) >= GOOD:
                     found, logs_of_axis = again, others
         return _result(found, logs_of_axis, axis, seed, early)
+
+
+def _delay_changes(found: AxisFit, logs: AxisLogs) -> bool:
+    return any(changed_delay(fit, 1.0) for fit in _runs(found, found.plant, logs.fitted, logs.held_back))
+
+
+def _runs(
+    found: AxisFit, plant: PlantRecord, fitted: Sequence[Recording], held_back: Sequence[Recording] = ()
+) -> list[LogFit]:
+    """Return how a plant explains recordings, those that are held back first."""
+    roles = [(log, True) for log in held_back] + [(log, False) for log in fitted]
+    drift = found.structure.drift
+    return [LogFit(log, role, free_run(plant, log.inputs, log.outputs, drift=drift)) for log, role in roles]
 
 
 def _early(found: AxisFit, recordings: Sequence[Recording]) -> list[Finding]:
@@ -151,9 +165,7 @@ def _early(found: AxisFit, recordings: Sequence[Recording]) -> list[Finding]:
     """
     fits = [found] if len(found.plant.A) <= _FEW_POLES else [found, fit_axis(recordings, _FEW_POLES)]
     for each in fits:
-        drift = each.structure.drift
-        runs = [LogFit(log, False, free_run(each.plant, log.inputs, log.outputs, drift=drift)) for log in recordings]
-        if early := early_outputs(runs):
+        if early := early_outputs(_runs(each, each.plant, recordings)):
             nonlinear = nonlinearity(found, recordings)
             return [] if nonlinear and nonlinear.residual_share < _MOSTLY else early
     return []
@@ -161,8 +173,7 @@ def _early(found: AxisFit, recordings: Sequence[Recording]) -> list[Finding]:
 
 def _least_fit(found: AxisFit, recordings: Sequence[Recording]) -> float:
     """Return how well a plant explains the log that it explains least, by the first output [%]."""
-    runs = [free_run(found.plant, log.inputs, log.outputs, drift=found.structure.drift) for log in recordings]
-    return min(float(run.fit_percent[0]) for run in runs)
+    return min(fit.fit_percent for fit in _runs(found, found.plant, recordings))
 
 
 def _check_arguments(axis: str, order: int | None, max_delay: int | None) -> None:
@@ -190,9 +201,7 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int, early: list[Fi
             provenance=facts,
         )
     )
-    drift = found.structure.drift
-    fits = [LogFit(log, True, free_run(plant, log.inputs, log.outputs, drift=drift)) for log in logs.held_back]
-    fits += [LogFit(log, False, free_run(plant, log.inputs, log.outputs, drift=drift)) for log in logs.fitted]
+    fits = _runs(found, plant, logs.fitted, logs.held_back)
     poorly_fitted = [fit.recording for fit in fits if not fit.held_back and fit.fit_percent < GOOD]
     silent = silent_logs(poorly_fitted)
     if len(silent) == len(logs.fitted):

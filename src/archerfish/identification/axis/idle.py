@@ -13,6 +13,7 @@ from archerfish.logs.recording import Finding, Recording
 from archerfish.records.plant import PlantRecord
 
 _WINDOW_S, _FEWEST = 0.5, 100  # shortest stretch [s]; samples of a part that is kept
+_FEWEST_WINDOWS = 2  # that are idle, of a stretch: one may have the begin of a step alone
 _BETTER = 1 / 3  # error of the parts over that of the whole log
 _STILL, _MOVES, _FOLLOWED = 0.3, 0.03, 0.5  # deviation over that of the plant, or of the log; error of what is followed
 
@@ -92,9 +93,11 @@ def _idle(plant: PlantRecord, log: Recording) -> list[tuple[int, int]]:
     size = np.ptp(sliding_window_view(log.inputs[:, 0], width)[::step], axis=1)
     moving = moves > _MOVES * np.std(log.outputs)
     followed = moving & (error < _FOLLOWED * moves)
-    idle = moving & (still < _STILL * moves) & (size > np.min(size[followed], initial=np.inf))
+    least = max(float(np.min(size[followed], initial=np.inf)), _MOVES * float(np.ptp(log.inputs)))
+    idle = moving & (still < _STILL * moves) & (size > least)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], ~followed, [0]]))).reshape(-1, 2).tolist()
-    stretches = [(first * step, (after - 1) * step + width) for first, after in edges if idle[first:after].any()]
+    found = [(first, after) for first, after in edges if np.count_nonzero(idle[first:after]) >= _FEWEST_WINDOWS]
+    stretches = [(first * step, (after - 1) * step + width) for first, after in found]
     # Windows overlap, and so may stretches between which little is followed.
     merged = stretches[:1]
     for begin, end in stretches[1:]:

@@ -29,6 +29,7 @@ _GAIN_SHARE = 0.85  # of the draws within that, from which it is
 _RUNS = 4  # that are drawn
 _DEPENDENT = 0.05  # share of the residual that past inputs explain, from which it is worth a word
 _RUNS_ON = 0.5  # what is left of a state after the longest recording, from which the axis may integrate
+_CLEARLY = 0.5  # the same beside feedback
 _NAMED = 0.7  # share of the residual that a nonlinearity leaves, up to which it may make a plant useless
 
 _USELESS = "swapped", "contradiction", "early-output", "changed-delay", "half-angle", "rate-output"  # codes of findings
@@ -69,8 +70,9 @@ def _low_fit(result: AxisEstimates) -> Iterator[Shortfall]:
     worst, found = result.judged, result.nonlinearity
     if worst.fit_percent >= USABLE_FIT:
         return
-    rest = worst.tests is not None and worst.tests.explained_share < _NOISE_SHARE
-    loop = rest and follows_output(worst.recording, worst.residual)
+    tests = worst.tests
+    rest = tests is not None and tests.explained_share < _NOISE_SHARE
+    loop = rest and ((tests is not None and tests.feedback) or follows_output(worst.recording, worst.residual))
     if worst.fit_percent >= _NOISY_FIT and rest and found is None and not loop:
         return
     code = "fit"
@@ -107,7 +109,9 @@ def _unknown_gain(result: AxisEstimates) -> Iterator[Shortfall]:
 def _nonlinear(result: AxisEstimates) -> Iterator[Shortfall]:
     """Yield a nonlinearity that makes the gain or the response of the linear plant wrong."""
     found = result.nonlinearity
-    if found is None or found.residual_share > _NAMED:
+    # What a loop commands after a disturbance, a hysteresis explains in part.
+    feedback = any(fit.tests is not None and fit.tests.feedback for fit in result.fits)
+    if found is None or found.residual_share > (_CLEARLY if feedback else _NAMED):
         return
     wrong, agreement = [], max(found.agreement_percent, 0)
     if abs(found.gain_ratio - 1) > _GAIN_WIDTH:
@@ -174,6 +178,9 @@ def _doubts(result: AxisEstimates) -> Iterator[str]:
             share = f"{tests.explained_share:.0%} of what the plant leaves of {name}"
             yield f"Past inputs still explain {share}: look at its plot."
 
+    for finding in result.findings:
+        if finding.code == "angle-error" and finding.severity == "warning":
+            yield f"The steady gain is in doubt: {finding.message}. {finding.remedy[0].upper()}{finding.remedy[1:]}."
     for pole in result.poles:
         if pole.light:
             mode = f"The mode of {pole.frequency_hz.value:.3g} Hz with a damping of {pole.damping.value:.2g}"
