@@ -205,5 +205,5 @@ def _picture(tables: Sequence[Looked]) -> Figure:
     signals = list[tuple[str, Values, Values]]()
     for table in tables:
         for name, unit in guessed_units(table.signals).items():
-            signals.append((f"{name[-24:]} [{unit or '–'}]", table.time, table.signals[name]))
+            signals.append((f"{name[-70:]} [{unit or '–'}]", table.time, table.signals[name]))
     return drawn_signals(signals[:_DRAWN], "time [s]" if tables[0].stamps else "row [–]")

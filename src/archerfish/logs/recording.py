@@ -233,9 +233,8 @@ class Log:
     def plot(self) -> Figure:
         """Draw its signals over time, one above the other."""
         first = self.recordings[0]
-        gap = np.full((1, 1 + len(first.input_names) + len(first.output_names)), np.nan)  # without a line across it
-        parts = [np.column_stack([part.time, part.inputs, part.outputs]) for part in self.recordings]
-        time, *signals = np.vstack([rows for part in parts for rows in (part, gap)]).T
+        time = np.concatenate([part.time for part in self.recordings])
+        signals = np.vstack([np.hstack([part.inputs, part.outputs]) for part in self.recordings]).T
         names = [*first.input_names, *first.output_names]
         return drawn_signals([(name, time, signal) for name, signal in zip(names, signals, strict=True)], "time [s]")
 
@@ -246,17 +245,20 @@ class Log:
 
 
 def drawn_signals(signals: Sequence[tuple[str, Values, Values]], abscissa: str) -> Figure:
-    """Draw signals one above the other.
+    """Draw signals one above the other, without lines across gaps.
 
     Args:
       signals: label, time and values of each, shape (N,).
       abscissa: label of the time.
     """
     with plot_style():
-        figure, panels = new_figure(len(signals), 1, height=1.2 + 1.1 * len(signals))
+        figure, panels = new_figure(len(signals), 1, height=1.0 + 1.3 * len(signals))
         for (label, time, values), panel in zip(signals, panels[:, 0], strict=True):
-            panel.plot(time, values, linewidth=0.8)
-            panel.set_ylabel(label, fontsize=7)
+            known = np.column_stack([time, values])[~np.isnan(values)]
+            steps = np.diff(known[:, 0], prepend=known[:1, 0])
+            gaps = np.flatnonzero(steps > GAP * np.median(steps))
+            panel.plot(*np.insert(known, gaps, np.nan, axis=0).T, linewidth=0.8)
+            panel.set_title(label, fontsize=9, fontweight="normal")
         panels[-1, 0].set_xlabel(abscissa)
     return figure
 
