@@ -89,7 +89,8 @@ def in_order(rows: Rows) -> tuple[Rows, list[Finding]]:
     period = float(np.median(steps[steps > 0])) if falls and (steps > 0).any() else 0.0
     often = 0.5 * float(np.sum(steps, where=steps > 0)) / max(len(falls), 1)  # a counter falls once in its range
     for index, after in pairwise([*sorted(falls), len(rows)]):
-        again = _starts_again(rows.time, starts[-1], index, after, period)
+        again = rows.time[index] <= rows.time[starts[-1]] + GAP * period  # where the recording began
+        again = again and min(index - starts[-1], after - index) >= _FEWEST
         # A run may be nearly as long as the range of a counter.
         turn = _counter_range(steps[index - 1], often, period, 0.0 if again else _LOST)
         if index in named or (again and not turn):
@@ -110,19 +111,6 @@ def in_order(rows: Rows) -> tuple[Rows, list[Finding]]:
         remedy = "write each recording into a file of its own"
         findings.append(Finding("new-recording", "repaired", rows.place(starts[1]), message, remedy))
     return replace(rows, time=rows.time + shift, starts=tuple(rows.numbers[starts[1:]].tolist())), findings
-
-
-def _starts_again(time: Values, start: int, index: int, after: int, period: float) -> bool:
-    """Return whether time falls to where a recording began, between two runs that are long enough.
-
-    Args:
-      time: of the rows [s], shape (N,).
-      start: first row of the recording before.
-      index: first row after the fall.
-      after: first row after the next fall.
-      period: between rows [s].
-    """
-    return bool(time[index] <= time[start] + GAP * period) and min(index - start, after - index) >= _FEWEST
 
 
 def _counter_range(step: float, least: float, period: float, lost: float) -> float:

@@ -28,7 +28,7 @@ _SEPARATOR_LINE = re.compile(r' *"?sep=(.)"? *', re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
 _CLOCK = re.compile(
     r"(?:(?:(\d{4})[-/.](\d\d?)[-/.](\d\d?)|[\w/.,-]+(?: [\w/.,-]+)*)[T ] *)?(?:(\d\d?):)?(\d\d?):(\d\d)(?:[.,:](\d+))?"
-    r" *(?:([AP])M)? *(?:Z|UTC|GMT)? *(?:([+-]\d\d?)(?::?(\d\d))?)?",
+    r" *(?:([AP])M)? *(?:Z|[A-Z]{3,4})? *(?:([+-]\d\d?)(?::?(\d\d))?)?",
     re.IGNORECASE,
 )
 """Time of day, also after a date and before a zone; without hours in what spreadsheets write."""
@@ -273,5 +273,6 @@ def numbers_of(path: str | Path, kind: str, places: Sequence[int], name: str, te
                 values[index] = float(number.replace("_", "x"))  # Python's separator of digits is no number
         except ValueError as error:
             problem = f'{kind} {places[index]}: column "{name}" is "{text[:_SHOWN]}", expected a number'
-            raise log_fault(path, problem, "correct the value or remove the line", "not-a-number") from error
+            remedy = "write 2026-03-14T10:15:30.123Z, or seconds" if ":" in text else "correct it or remove the line"
+            raise log_fault(path, problem, remedy, "not-a-number") from error
     return values

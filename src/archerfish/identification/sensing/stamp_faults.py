@@ -184,25 +184,17 @@ def attributed(
         left = azimuth[thin] + track.angles(np.clip(moments, *track.stamps[[0, -1]]))[..., 0]
         return float(np.min(np.mean(np.abs(left - np.median(left, axis=1, keepdims=True)), axis=1)))
 
-    of_stamps = np.where(changes.kinds == "dropped", "dropped", "set")
-    groups = [of_stamps == "dropped", of_stamps == "set", *np.eye(of_stamps.size, dtype=bool)[:_MOST]]
-
-    def best_kinds(slew: Array) -> tuple[float, Any]:
-        best, least = changes.kinds, misfit(changes._replace(slew=slew))
-        for group in groups:
-            kinds = np.where(group, np.where(best == "latency", of_stamps, "latency"), best)
-            # At the slow beginning of a sweep, the bearing hardly shows what a gap between receipts does.
-            enough = _BETTER if np.any(group & (best == "dropped")) else 1.0
-            if (found := misfit(changes._replace(kinds=kinds, slew=slew))) < enough * least:
-                best, least = kinds, found
-        return least, best
-
     level = median_filter(delay - _grown(changes.rows, changes.sizes, delay.size), _WINDOW + 1, mode="nearest")
     level -= level.mean()
     line: Any = np.polyval(np.polyfit(np.arange(delay.size), level, 1), np.arange(delay.size))
-    kinds = changes.kinds
-    if kinds.size:
-        _, kinds = min((best_kinds(slew) for slew in (line, level)), key=lambda found: found[0])
+    of_stamps = np.where(changes.kinds == "dropped", "dropped", "set")
+    kinds, least = changes.kinds, np.inf
+    for group in [of_stamps == "", of_stamps == "dropped", of_stamps == "set", *np.eye(kinds.size, dtype=bool)[:_MOST]]:
+        other = np.where(group, np.where(kinds == "latency", of_stamps, "latency"), kinds)
+        # At the slow beginning of a sweep, the bearing hardly shows what a gap between receipts does.
+        enough = _BETTER if np.any(group & (kinds == "dropped")) else 1.0
+        if kinds.size and (left := misfit(changes._replace(kinds=other, slew=level))) < enough * least:
+            kinds, least = other, left
     least, best = np.inf, changes
     # The smoothed level has less noise, and rounds the ends of a slew.
     for slew in (0 * line, line, level, uniform_filter1d(level, 2 * _WINDOW + 1, mode="nearest")):
