@@ -256,3 +256,11 @@ def test_detections_that_are_written_again_are_left_out(tmp_path):
         [("time-duplicate", "repaired", 200)],
     )
     assert_allclose(detections.receive, np.arange(100) / 60 + 0.01)
+
+
+def test_stamps_of_detections_may_fall_where_their_receipts_go_on(tmp_path, refused):
+    rows = [f"{k / 60 - 0.04 * (k > 50)},3,{k / 99},0,{k / 60}" for k in range(100)]
+    (tmp_path / "plate.csv").write_text("\n".join(["time_s,x,y,z,receive_s", *rows, ""]))
+    assert np.diff(read_detections(tmp_path / "plate.csv").time).min() < 0
+    (tmp_path / "plate.csv").write_text("\n".join(["time_s,x,y,z,other", *rows, ""]))
+    refused("line 53: stamps do not increase; cut the log", read_detections, tmp_path / "plate.csv")
