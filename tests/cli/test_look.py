@@ -46,8 +46,21 @@ def test_units_gaps_and_repeats_are_shown_and_what_to_type_next(tmp_path, capsys
     printed = re.sub(" +", " ", capsys.readouterr().out.replace("−", "-"))
     assert "cmd deg? 500 200.0 3.495 -20.00 20.00 1" in printed
     assert "ecd counts? 500 200.0 3.495 0 7984 1 0" in printed
-    assert "archerfish identify axis 'a log.csv' --input=cmd --output=ang --time=stamp_ms" in printed
+    command = "archerfish identify axis 'a log.csv' --input=cmd --output=ang --time=stamp_ms"
+    assert f"{command} --input-unit=deg --output-unit=deg" in re.sub(r"\s+", " ", printed)
     assert "<svg" in (tmp_path / "runs/look/look.html").read_text()
+
+
+def test_both_axes_of_one_file_and_its_shots_are_named(tmp_path):
+    names = "t_s,pitch_cmd,pitch_ang,yaw_cmd,yaw_ang"
+    write(tmp_path / "a.csv", names, TIME, *[COLUMNS["cmd"], COLUMNS["ang"]] * 2)
+    write(tmp_path / "pellets.csv", "pitch_deg,distance_m", [1, 2, 3], [2.0, 2.1, 2.5])
+    text = names_to_fill_in(tmp_path)
+    assert '# shots = ["pellets.csv"]' in text
+    found = tomllib.loads(text)
+    assert [found[axis]["input"] for axis in ("pitch", "yaw")] == ["pitch_cmd", "yaw_cmd"]
+    steps = log_report(tmp_path / "a.csv").next_steps
+    assert ["--output=pitch_ang" in steps[0], "--output=yaw_ang" in steps[1]] == [True, True]
 
 
 def test_a_logs_toml_with_guessed_names_reads_the_logs_of_a_folder(tmp_path, refused):
@@ -60,6 +73,7 @@ def test_a_logs_toml_with_guessed_names_reads_the_logs_of_a_folder(tmp_path, ref
     main(["look", str(logs), "--out", str(out)])
     text = (out / "logs.toml").read_text()
     (logs / "logs.toml").write_text(text)
+    assert '\n# [muzzle]\n# shots = ["shots.csv"]\n' in text
     assert tomllib.loads(text)["yaw"]["files"] == {
         "b.csv": {"time": "stamp_us", "input": "ziel_set", "output": "winkel"}
     }

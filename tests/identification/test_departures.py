@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 
 from archerfish.identification.axis.checks import follows_output
-from archerfish.identification.axis.departures import changed_delay, early_outputs
+from archerfish.identification.axis.departures import changed_delay, early_outputs, half_angle
 from archerfish.identification.axis.encoder import without_angle_error, without_leaps
 from archerfish.identification.axis.fit import fit_axis
 from archerfish.identification.axis.identify import identify_axis
@@ -91,11 +91,25 @@ def test_a_component_of_a_quaternion_is_no_angle(shared):
     assert "is 0.498, and it stays within 1, as the component of a quaternion does" in reasons(result)
 
 
-@pytest.mark.parametrize(("size", "expected"), [(0.7, ["half-angle"]), (-1.1, ["half-angle"]), (3.0, [])])
-def test_half_of_an_angle_is_one_only_where_a_sine_can_be(size, expected):
-    u = command(0.01, size=size)
-    half = recorded(u, period_s=0.01, change=lambda y: np.sign(size) * y / 2)
-    assert codes(identify_axis(half, order=2, feedthrough=False).findings) == expected
+DEGREE = np.pi / 180
+HALVES = {
+    "sine": (35, 1, lambda angle: np.sin(angle / 2), True),
+    "sine about a heading, of a command in degrees": (8, 180 / np.pi, lambda angle: np.sin((angle + 0.7) / 2), True),
+    "cosine about a heading": (35, 1, lambda angle: np.cos((angle + 60 * DEGREE) / 2), True),
+    "gear": (60, 1, lambda angle: -angle / 2, False),
+    "small angle, which may be either": (8, 1, lambda angle: angle / 2, True),
+    "three radians": (180, 1, lambda angle: angle / 2, False),
+}
+
+
+@pytest.mark.parametrize("name", HALVES)
+def test_components_of_quaternions_are_told_from_gears_of_two_to_one(name):
+    size, unit, change, is_half = HALVES[name]
+    log = recorded(command(0.01, size=size * DEGREE), period_s=0.01, change=change)
+    fit = fitted(replace(log, inputs=log.inputs * unit), 2)
+    plant = fit_axis([fit.recording], 2).plant
+    assert codes(half_angle(fit, plant, False)) == ["half-angle"] * is_half
+    assert codes(half_angle(fit, plant, True)) == ["half-angle"] * (is_half and "small" not in name)
 
 
 def test_a_rate_is_told_from_an_angle_whose_gain_is_not_known(shared):
@@ -158,23 +172,25 @@ def test_a_delay_that_changes_is_told_and_is_no_rate_limit(shared):
 
 
 DELAYS = {
-    "twice": (0.005, 0.01, 0.02, 6),
-    "less": (0.01, 0.03, 0.01, 4),
-    "fast": (0.002, 0.004, 0.024, 7),
-    "same": (0.01, 0.02, 0.02, 6),
+    "twice": (0.005, (0.01, 0.02), (6,)),
+    "less": (0.01, (0.03, 0.01), (4,)),
+    "fast": (0.002, (0.004, 0.024), (7,)),
+    "back again": (0.005, (0.01, 0.04, 0.01), (3, 6)),
+    "same": (0.01, (0.02,), ()),
 }
 
 
 @pytest.mark.parametrize("name", DELAYS)
-def test_delays_of_both_parts_are_found(name):
-    period_s, first, second, at_s = DELAYS[name]
+def test_delays_of_all_parts_are_found(name):
+    period_s, delays_s, changes_s = DELAYS[name]
     u = command(period_s, 12)
-    logs = [recorded(u, 4.0, delay_s, period_s) for delay_s in (first, second)]
-    early = period_s * np.arange(len(u)) < at_s
-    log = Recording.from_arrays(u, np.where(early[:, None], logs[0].outputs, logs[1].outputs), period_s)
+    parts = np.searchsorted(changes_s, period_s * np.arange(len(u)), side="right")
+    outputs = [recorded(u, 4.0, delay_s, period_s).outputs[:, 0] for delay_s in delays_s]
+    log = Recording.from_arrays(u, np.choose(parts, outputs), period_s)
     found = changed_delay(fitted(log, 2, 3), 1.0)
-    expected = f"the delay is {1e3 * first:.3g} ms until {at_s} s, and {1e3 * second:.3g} ms from then on"
-    assert [each.message for each in found] == [expected] * (first != second)
+    until = [f"{1e3 * delay_s:.3g} ms until {at_s} s" for delay_s, at_s in zip(delays_s, changes_s, strict=False)]
+    expected = f"the delay is {', '.join(until)}, and {1e3 * delays_s[-1]:.3g} ms from then on"
+    assert [each.message for each in found] == [expected] * (len(delays_s) > 1)
 
 
 def test_a_loop_that_makes_the_command_is_named_before_what_is_not_linear(shared):
@@ -226,6 +242,35 @@ def test_stretches_without_motors_are_found_in_sweeps_and_in_steps(name):
         times = [float(word) for word in found[0].message.replace(",", "").split() if word[0].isdigit()]
         assert times == pytest.approx((begin_s, end_s), abs=0.25)
     assert fit_axis(kept, 2, round(0.02 / period_s)).plant.dc_gain.item() == pytest.approx(1, rel=0.003)
+
+
+def rests(y):
+    return np.concatenate([y[:600], y[600].repeat(400), y[1000:1700], y[1700].repeat(500), y[2200:]])
+
+
+HELD_BACK = {
+    "idle": (rests, ["idle", "idle"]),
+    "offset-jump": (lambda y: y + 5 * (np.arange(len(y)) > 1900), ["offset-jump"]),
+}
+
+
+@pytest.mark.parametrize("name", HELD_BACK)
+def test_a_log_that_is_held_back_is_corrected_too(name):
+    change, expected = HELD_BACK[name]
+    held_back = recorded(command(0.005, 20, seed=1), change=change)
+    result = identify_axis(recorded(command(0.005, 20)), order=2, validate=held_back)
+    assert codes(result.findings) == expected
+    assert result.report.usable
+    assert result.judged.held_back
+    assert result.judged.fit_percent > 99
+
+
+def test_a_mode_that_hardly_moves_the_output_is_in_doubt():
+    log = recorded(command(0.01, 12), 3.0, 0.02, 0.01)
+    hum = 0.01 * np.sin(2 * np.pi * 1.7 * log.time)
+    result = identify_axis(replace(log, outputs=log.outputs + 4 * hum[:, None]), order=4)
+    assert not any(pole.determined for pole in result.poles if pole.damping.value < 0.1)
+    assert any("moves the output by less than 1 %" in doubt for doubt in result.report.doubts)
 
 
 def test_a_dead_zone_is_no_stretch_without_motors():

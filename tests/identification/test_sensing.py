@@ -10,9 +10,10 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from archerfish.cli.identify_sensing import IdentifySensing
+from archerfish.errors import InputError
 from archerfish.identification.sensing.alignment import gimbal_track, rough_offset, spherical
 from archerfish.identification.sensing.identify import identify_sensing
-from archerfish.identification.sensing.stamp_faults import coarse_stamps, delay_changes, slow_changes
+from archerfish.identification.sensing.stamp_faults import coarse_stamps, delay_changes, slow_changes, written_once
 from archerfish.identification.sensing.timing import command_delays, frame_timing, step_latency
 from archerfish.identification.statistics import mean_estimate, scatter_estimate
 from archerfish.logs.timing import DetectionLog, GimbalLog, read_detections, read_gimbal_log
@@ -142,9 +143,9 @@ def test_frames_stamped_on_receipt_have_the_latency_as_their_offset(sweep):
 def test_what_moves_with_the_gimbal_is_in_doubt_and_what_is_no_plate_is_not_usable(sweep):
     plate = sweep.plate
     assert identify_sensing(sweep.sweep, plate).report.doubts == ()
-    result = identify_sensing(sweep.sweep, plate._replace(time=plate.time * (1 - 4e-4)))
+    result = identify_sensing(sweep.sweep, plate._replace(time=plate.time * (1 - 4e-4), receive=None))
     assert result.alignment.drift == pytest.approx(4e-4, rel=0.25)
-    assert "clock drift (411 ppm)" in result.report.doubts[0]
+    assert "clock drift (411 ppm)" in " ".join(result.report.doubts)
     azimuth, _, reach = spherical(plate.position).T
     bent = azimuth * (1 - 0.1 * azimuth**2)  # a barrel distortion of half a degree at 20°
     position = np.column_stack([reach * np.cos(bent), reach * np.sin(bent), plate.position[:, 2]])
@@ -370,8 +371,8 @@ def test_stamps_and_latencies_of_other_sizes_give_what_the_recording_gives_witho
     coarse = plate._replace(time=np.floor(plate.time / 0.01) * 0.01)
     frames = np.round((plate.time - plate.time[0]) * 80)
     even = frames / 80 + np.median(plate.time - frames / 80)
-    counted = even - 3 / 80 * late  # without a gap, as a camera stamps that dropped three frames
-    kept = np.append(True, np.diff(counted) > 0)
+    counted = even - 3 / 80 * late  # as a camera stamps that dropped three frames
+    kept = counted > np.maximum.accumulate(np.append(-np.inf, counted[:-1]))
     again = DetectionLog(written, np.repeat(plate.position, 2, axis=0), np.repeat(plate.receive, 2), "plate.csv")
     faults = {
         "clock .* 5.0 s on": plate._replace(time=plate.time - 0.006 * late),
@@ -393,16 +394,58 @@ def test_stamps_and_latencies_of_other_sizes_give_what_the_recording_gives_witho
     assert result.report.findings[0].samples == plate.time.size
 
 
+def test_a_slewed_clock_is_followed_by_the_receipts_and_its_interval_spans_what_it_was(sweep):
+    plate, found = sweep.plate, identify_sensing(sweep.sweep, sweep.plate).record.camera
+    early = 2e-3 * np.clip(plate.time - sweep.clock - 3.0, 0, 3)  # 2000 ppm for 3 s
+    result = identify_sensing(sweep.sweep, plate._replace(time=plate.time + early))
+    assert result.record.camera.latency == pytest.approx(found.latency, abs=3e-4)
+    low, high = result.record.intervals["camera.time_offset"]
+    assert low < found.time_offset - 0.006 < found.time_offset < high < low + 0.011
+    assert ("or was slewed" in result.report.doubts[0], len(result.report.doubts)) == (True, 1)
+    drifting = identify_sensing(sweep.sweep, plate._replace(time=plate.time + 3e-4 * (plate.time - plate.time[0])))
+    for name, true in (("time_offset", found.time_offset - 1e-3), ("latency", found.latency)):
+        low, high = drifting.record.intervals[f"camera.{name}"]
+        assert low < true < high
+
+
+def test_single_frames_that_were_dropped_are_found_and_a_clock_set_back_is_none_of_them(sweep):
+    plate, rng = sweep.plate, np.random.default_rng(2)
+    frames = np.round((plate.time - plate.time[0]) * 80)
+    even = frames / 80 + np.median(plate.time - frames / 80)
+    gone = np.sort(rng.choice(np.arange(20, frames.size - 20), 24, replace=False))
+    kept = np.delete(np.arange(frames.size), gone)
+    counted = (even - np.cumsum(np.isin(np.arange(frames.size), gone)) / 80)[kept]  # on from the frame before
+    receive = plate.time - sweep.clock + 0.03 + 0.001 * rng.standard_normal(frames.size)
+    dropped = identify_sensing(sweep.sweep, DetectionLog(counted, plate.position[kept], receive[kept]))
+    back = identify_sensing(sweep.sweep, plate._replace(time=even - 3 / 80 * (even > 5.0 + sweep.clock)))
+    found = identify_sensing(sweep.sweep, plate).record.camera
+    for result, text in ((dropped, r"in 2[234] steps, .*: frames were dropped"), (back, "clock .* was set")):
+        assert re.search(text, result.report.doubts[0])
+        assert result.record.camera.time_offset == pytest.approx(found.time_offset, abs=4e-4)
+    with pytest.raises(InputError, match="log receive_s, which shows"):
+        identify_sensing(sweep.sweep, DetectionLog(counted, plate.position[kept]))
+
+
+@pytest.mark.parametrize(("rate", "written"), [(30, 100), (30, 50), (60, 200), (20, 100)])
+def test_frames_that_were_written_again_keep_their_rate(rate, written):
+    rows = np.arange(0, 20, 1 / written) + 2e-4 * np.random.default_rng(0).standard_normal(20 * written)
+    frames = np.floor(rows * rate)
+    once, repeated, step = written_once(DetectionLog(rows, np.column_stack([frames + 1, frames, frames])))
+    assert (repeated, step) == (rows.size - 20 * rate, pytest.approx(1 / written, rel=1e-2))
+    _, period = coarse_stamps(once.time, step) or (0, None)
+    assert frame_timing(once.time, period=period)[0].value == pytest.approx(1 / rate, rel=1e-3)
+
+
 def test_good_recordings_raise_no_alarm_of_stamps():
     alarms = 0
     for seed in range(300):
         rng = np.random.default_rng(seed)
-        stamps = np.cumsum(1 + (rng.random(1200) < 0.05)) / rng.choice([30, 60, 100])
+        rate = rng.choice([30, 60, 100])
+        stamps = np.cumsum(1 + (rng.random(1200) < 0.05)) / rate
         jitter = lfilter([0.866], [1, -0.5], rng.standard_normal(stamps.size))  # correlated from frame to frame
         delay = 0.03 + rng.uniform(5e-4, 6e-3) * jitter + 1e-4 * stamps  # and a clock that drifts
         noisy = stamps + 2e-4 * rng.standard_normal(stamps.size)
         slow, _ = slow_changes(delay, False)
-        alarms += (
-            delay_changes(stamps, delay).starts.size > 0 or slow.any() or coarse_stamps(noisy.round(4)) is not None
-        )
+        jumps = delay_changes(stamps, stamps + delay, 1 / rate).rows
+        alarms += jumps.size > 0 or slow.any() or coarse_stamps(noisy.round(4)) is not None
     assert alarms <= 1  # 0.5 % of 300

@@ -201,6 +201,21 @@ def test_clocks_of_the_topics_are_compared_with_their_receipts(tmp_path, apart_n
         assert f"to {apart_ns / 1e9:.4g}" in clocks[0].message or f"by {apart_ns / 1e9:.4g}" in clocks[0].message
 
 
+def test_a_clock_that_is_slow_is_compared_where_all_topics_are_recorded(tmp_path):
+    command, angles = 10**9 + 10 * AT, 10**9 + 10 * AT[40] + 3 * AT
+    topics = stamped(STAMPED.__msgtype__, "/command", command // 2, command, [(POINT(u, 0, 0),) for u in U])
+    topics |= stamped(STAMPED.__msgtype__, "/angle", angles // 2, angles, [(POINT(y, 0, 0),) for y in Y])
+    log = read_log(write(tmp_path, topics), inputs="/command/point/x", outputs="/angle/point/x")
+    assert "clocks" not in found(log)
+
+
+def test_a_topic_without_a_leading_slash_is_found_with_and_without_one(tmp_path):
+    path = write(tmp_path, {"axis": axis()["/axis"]})
+    for slash in ("/", ""):
+        log = read_log(path, inputs=f"{slash}axis/effort[1]", outputs=f"{slash}axis/yaw/position")
+        assert_array_equal(log.recordings[0].outputs[:, 0], Y)
+
+
 SPELLINGS = ["/command/point/x", "/command/point.x", "/command.point.x", "command/point/x"]
 
 

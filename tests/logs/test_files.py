@@ -133,9 +133,18 @@ def test_what_is_no_file_too_large_or_of_another_format_is_refused(tmp_path, ref
         refused(f"{found}.*; ", read_log, tmp_path / name)
     for arguments in ({"time": None}, {"sample_period_s": 0.0}, {"sample_period_s": np.nan}, {"inputs": []}):
         refused("(sample_period_s|no input).*; ", read_log, "x", **arguments)
-    formats = {b"\x1f\x8b": "compressed", b"\x89HDF": "HDF5", b"\x93NUMPY": "single NumPy", b"BZh": "compressed"}
+    formats = {
+        b"\x1f\x8b": "compressed",
+        b"\x89HDF": "HDF5",
+        b"\x93NUMPY": "single NumPy",
+        b"BZh": "compressed",
+    }
     for content, found in formats.items():
         refused(f"log.csv: is (an? )?{found}.*; ", read, tmp_path, content + bytes(9))
+
+
+def test_the_error_of_an_hdf5_file_says_how_to_convert_it(tmp_path, refused):
+    refused(r"h5py\.File\(FILE\); numpy\.savez", read, tmp_path, b"\x89HDF" + bytes(9))
 
 
 def test_a_unit_of_time_is_taken_from_a_name_that_states_it():
@@ -175,6 +184,14 @@ def test_arrays_and_frames_are_read_as_a_file_of_them_is(tmp_path, refused):
     refused("table: signals have 38 and 40", read_log, arrays | {"u": U}, time="time_ms")
     for bare in (lost, lost.tolist()):
         refused(r"archerfish.Recording.from_arrays\(u, y, period_s\)", read_log, bare)
+
+
+def test_a_log_is_drawn_with_a_panel_for_each_signal_and_no_line_across_a_gap(tmp_path):
+    late = np.append(T, T + 9)
+    log = read_log({"time_s": late, "u": np.append(U, U), "y": np.append(Y, Y)})
+    panels = log.plot().axes
+    assert [panel.get_title("left") for panel in panels] == ["u", "y"]
+    assert np.isnan(panels[1].lines[0].get_ydata()).sum() == len(log.recordings) - 1 == 1
 
 
 def test_the_signals_of_a_file_are_listed_by_the_names_that_read_log_takes(tmp_path, refused):

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.io import savemat
 
 from archerfish.identification.axis.fit import fit_axis
-from archerfish.identification.robot_files import read_folder
+from archerfish.identification.robot_files import read_axis, read_folder
 from archerfish.logs.log import read_log
 from archerfish.logs.timing import read_detections
 
@@ -97,6 +97,9 @@ CLOCKS = {
     "minutes of a spreadsheet": lambda _, hours: hours[3:],
     "halves of a day": lambda _, hours: f"{int(hours[:2]) % 12 or 12}{hours[2:]} {'PM' if hours > '12' else 'AM'}",
     "colons": lambda _, hours: hours.replace(".", ":"),
+    "the name of a zone": lambda day, hours: f"{day} {hours} UTC",
+    "hours of a zone": lambda day, hours: f"{day}T{hours}+08",
+    "without marks": lambda day, hours: f"{day}T{hours}Z".replace("-", "").replace(":", ""),
 }
 COUNTERS = {"16 bits [ms]": ("time_ms", 2**16, 1e3), "32 bits [us]": ("time_us", 2**32, 1e6), "a day": ("t", 86_400, 1)}
 
@@ -125,6 +128,25 @@ def test_a_counter_that_rolls_over_goes_on(tmp_path, name, range_, per_second):
     assert "clock-wrap" in codes(log)
 
 
+def test_runs_that_are_nearly_as_long_as_a_counters_range_are_recordings():
+    time = np.tile(0.01 * np.arange(427), 2)  # 32 bits of nanoseconds are 4.295 s
+    log = read_log({"time_s": time, "u": np.sign(np.sin(9 * time)), "y": np.sin(9 * time)})
+    assert [len(each) for each in log.recordings] == [427, 427]
+    assert codes(log) == {"new-recording"}
+
+
+def test_units_are_of_the_file_that_logs_toml_names(tmp_path):
+    (tmp_path / "logs.toml").write_text(
+        '[yaw]\nfit = ["a.csv", "b.csv"]\ninput_unit = "deg"\n[yaw.files."b.csv"]\nunit = "rad"\n'
+    )
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text(table())
+    files = read_folder(tmp_path).axis("yaw")
+    first, other = (read_axis(tmp_path / name, files).recordings[0] for name in files.fit)
+    assert_allclose(first.inputs, np.radians(other.inputs))
+    assert_allclose(first.outputs, other.outputs)
+
+
 def test_samples_out_of_order_are_no_counter(tmp_path, refused):
     late = np.where(np.arange(400) == 200, TIME - 0.06, TIME)  # 2**16 µs are 0.0655 s
     refused("line 202: time 1.94 s does not come after 1.99 s", read, tmp_path, table(late))
@@ -134,6 +156,7 @@ ROWS = [{"time_s": float(t), "u": float(u), "y": float(y)} for t, u, y in zip(TI
 ARRAYS = {name: [row[name] for row in ROWS] for name in ROWS[0]}
 INNER = [{"t": row["time_s"], "axis": {"u": row["u"], "y": [0, row["y"]]}} for row in ROWS]
 NESTED = {"time": "t", "inputs": "axis.u", "outputs": "axis.y[1]"}
+LISTS = {"time": "[0]", "inputs": "[1]", "outputs": "[2]"}
 INSIDE = {"time": "log.time_s", "inputs": "log.u", "outputs": "log.y"}
 LINES = "\n".join(map(json.dumps, ROWS))
 JSON = {
@@ -145,6 +168,9 @@ JSON = {
     "a frame of pandas": (json.dumps({k: {str(i): x for i, x in enumerate(v)} for k, v in ARRAYS.items()}), {}, set()),
     "objects inside": (json.dumps({"robot": "red", "log": ROWS}), INSIDE, set()),
     "nested": (json.dumps(INNER), NESTED, set()),
+    "lists": (json.dumps([[*row.values()] for row in ROWS]), LISTS, set()),
+    "a list a line": ("\n".join(json.dumps([*row.values()]) for row in ROWS), LISTS, set()),
+    "no JSON": (table(names="[0],[1],[2]"), LISTS, set()),
 }
 
 
@@ -157,7 +183,7 @@ def test_json_is_read_whatever_its_layout(tmp_path, content, signals, expected):
 
 def test_what_is_wrong_in_json_is_named(tmp_path, refused):
     refused('has no array "v"; the arrays are "time_s", "u", "y"; name', read, tmp_path, LINES, inputs="v")
-    refused(r"damaged or ends too early, after line 2 \(", read, tmp_path, LINES.replace(": 0.02,", " 0.02,"))
+    refused(r"log\.csv: line 3: is JSON that is damaged", read, tmp_path, LINES.replace(": 0.02,", " 0.02,"))
     refused('row 3: column "u" is "on"', read, tmp_path, json.dumps([*ROWS[:2], ROWS[2] | {"u": "on"}]))
 
 
@@ -230,3 +256,11 @@ def test_detections_that_are_written_again_are_left_out(tmp_path):
         [("time-duplicate", "repaired", 200)],
     )
     assert_allclose(detections.receive, np.arange(100) / 60 + 0.01)
+
+
+def test_stamps_of_detections_may_fall_where_their_receipts_go_on(tmp_path, refused):
+    rows = [f"{k / 60 - 0.04 * (k > 50)},3,{k / 99},0,{k / 60}" for k in range(100)]
+    (tmp_path / "plate.csv").write_text("\n".join(["time_s,x,y,z,receive_s", *rows, ""]))
+    assert np.diff(read_detections(tmp_path / "plate.csv").time).min() < 0
+    (tmp_path / "plate.csv").write_text("\n".join(["time_s,x,y,z,other", *rows, ""]))
+    refused("line 53: stamps do not increase; cut the log", read_detections, tmp_path / "plate.csv")

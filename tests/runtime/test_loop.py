@@ -9,7 +9,7 @@ import tty
 import pytest
 
 from archerfish.errors import InputError
-from archerfish.runtime.loop import Loop
+from archerfish.runtime.loop import RobotLoop
 from archerfish.wires.transports import DatagramPort, SerialPort
 
 pytest.importorskip("serial", reason="pyserial is not installed")
@@ -74,7 +74,7 @@ def camera():
 def test_bytes_and_datagrams_arrive_and_the_last_frame_ends_the_fire(terminal, camera):
     pilot = Recorder()
     os.write(terminal.robot, b"before the port was opened")
-    loop = Loop(pilot, lambda: SerialPort(terminal.name), camera, PERIOD_S)
+    loop = RobotLoop(pilot, lambda: SerialPort(terminal.name), camera, PERIOD_S)
     os.write(terminal.robot, b"report")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         sender.sendto(b"plate", ("127.0.0.1", camera.number))
@@ -89,13 +89,13 @@ def test_bytes_and_datagrams_arrive_and_the_last_frame_ends_the_fire(terminal, c
 
 def test_whatever_ends_the_loop_the_last_frame_is_sent(terminal, camera):
     with pytest.raises(RuntimeError, match="a fault of its own"):
-        Loop(Recorder(fails_at=3), lambda: SerialPort(terminal.name), camera, PERIOD_S).run(lambda: False)
+        RobotLoop(Recorder(fails_at=3), lambda: SerialPort(terminal.name), camera, PERIOD_S).run(lambda: False)
     assert os.read(terminal.robot, 1000).endswith(b"end")
 
 
 def test_deadlines_that_passed_are_left_out(terminal, camera):
     pilot = Recorder(slow_at=2)
-    timing = Loop(pilot, lambda: SerialPort(terminal.name), camera, PERIOD_S).run(lambda: pilot.decisions >= 4)
+    timing = RobotLoop(pilot, lambda: SerialPort(terminal.name), camera, PERIOD_S).run(lambda: pilot.decisions >= 4)
     assert timing.missed >= 3
 
 
@@ -115,7 +115,7 @@ def test_a_port_that_has_gone_is_opened_again(camera):
             os.write(terminals[-1].robot, b"late")
             time.sleep(0.02)
 
-    loop = Loop(pilot, open_port, camera, PERIOD_S)
+    loop = RobotLoop(pilot, open_port, camera, PERIOD_S)
     threading.Thread(target=exchange, daemon=True).start()
     timing = loop.run(lambda: b"late" in pilot.received, 5)
     assert (timing.reopened, b"late" in pilot.received) == (1, True)

@@ -89,14 +89,9 @@ def fields_of(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 
     Fields are named "data.time", elements "position[0]"; of a list of N mappings each field is an array of N.
     """
+    if isinstance(value, dict) and _are_numbered(value):
+        value = [*value.values()]
     fields = value if isinstance(value, Mapping) else getattr(getattr(value, "dtype", None), "names", None)
-    if (
-        isinstance(value, dict)
-        and value
-        and all(map(str.isdecimal, map(str, value)))
-        and not any(map(np.ndim, value.values()))
-    ):
-        value, fields = [*value.values()], None  # rows, as pandas numbers them
     if fields is not None:
         for field in fields:
             yield from fields_of(value[field], f"{name}.{field}" if name else str(field))
@@ -105,11 +100,19 @@ def fields_of(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
         for field in dict.fromkeys(chain.from_iterable(objects)):
             yield from fields_of([row.get(field) for row in objects], f"{name}.{field}" if name else field)
     elif isinstance(value, list) and any(isinstance(row, list) for row in value):
-        rows = [row if isinstance(row, list) else [row] for row in value]
-        for index, column in enumerate(zip_longest(*rows) if max(map(len, rows)) <= len(rows) else rows):
-            yield from fields_of(list(column), f"{name}[{index}]")
+        columns = [row if isinstance(row, list) else [row] for row in value]
+        if max(map(len, columns)) <= len(columns):  # more samples than signals: each list is a row
+            columns = list(map(list, zip_longest(*columns)))
+        for index, column in enumerate(columns):
+            yield from fields_of(column, f"{name}[{index}]")
     else:
         yield name, value
+
+
+def _are_numbered(fields: Mapping[Any, Any]) -> bool:
+    """Return whether values have the numbers of their rows for names, as pandas writes them."""
+    numbered = all(str(name).isdecimal() for name in fields)
+    return bool(fields) and numbered and not any(np.ndim(value) for value in fields.values())
 
 
 def table_of(arrays: Mapping[str, Any], signals: Signals, source: str) -> LogTable:

@@ -9,8 +9,8 @@ from archerfish.logs.arrays import fields_of
 from archerfish.logs.recording import Finding, log_fault, open_log
 from archerfish.storage import text_of
 
-_BEGIN = re.compile(r"\s*(\{\s*[\"}]|\[\s*[\[{\"\d\]-])")
-"""How JSON begins that has an object, or an array of these, of texts or numbers; "[s]" is the name of a column."""
+_BEGIN = re.compile(r"\s*(?!\[[^][\n]*\][ \t]*[,;[])(\{\s*[\"}]|\[\s*[\[{\"\d\]-])")
+"""How JSON begins that has an object, or an array of these, of texts or numbers; "[s]" and "[0],[1]" are columns."""
 _BLANK = re.compile(r"\s*")
 
 
@@ -37,10 +37,10 @@ def json_fields(path: Path) -> tuple[dict[str, Any], tuple[Finding, ...]]:
             value, at = decoder.raw_decode(text, _BLANK.match(text, at).end())  # type: ignore[union-attr]
             values.append(value)
     except (ValueError, RecursionError) as error:
-        place = f"line {text.count(chr(10), 0, at) + 1}"
+        place = f"line {text.count(chr(10), 0, getattr(error, 'pos', at)) + 1}"
         if not values or "\n" in text[at:end].strip():
-            problem = f"is JSON that is damaged or ends too early, after {place} ({error!s:.200})"
-            raise log_fault(path, problem, "copy it again, or save it as CSV", "damaged") from error
+            problem = f"{place}: is JSON that is damaged or ends too early ({getattr(error, 'msg', error)!s:.200})"
+            raise log_fault(path, problem, "correct it, copy the file again, or save it as CSV", "damaged") from error
         message, remedy = "the last line breaks off, and was left out", "stop the recorder before its log is copied"
         findings = (Finding("truncated", "repaired", f"{path}: {place}", message, remedy, 1),)
     return dict(fields_of(values[0] if len(values) == 1 else values)), findings

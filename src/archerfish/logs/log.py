@@ -19,9 +19,11 @@ from archerfish.logs.json_tables import is_json, json_fields
 from archerfish.logs.recording import BAGS, Log, LogTable, Recording, Rows, Signals, log_fault, log_files, open_log
 from archerfish.logs.text import column_names, read_text
 
+_CONVERT = "save it with -v7 or as CSV, or: f = h5py.File(FILE); numpy.savez('log.npz', **{k: f[k][()] for k in f})"
+"""What to do with a file of HDF5."""
 _UNREAD = (
     ((b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"\xfd7zXZ\0", b"BZh"), "is compressed", "unpack it first"),
-    ((b"\x89HDF", b"MATLAB 7.3"), "is an HDF5 file (MATLAB 7.3)", "save it with -v7, or as CSV"),
+    ((b"\x89HDF", b"MATLAB 7.3"), "is an HDF5 file (MATLAB 7.3)", _CONVERT),
     ((b"\x93NUMPY",), "is a single NumPy array", "store the signals by name with numpy.savez"),
 )
 """How files begin that can't be read, what they are, and what to do."""

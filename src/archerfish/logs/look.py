@@ -13,10 +13,10 @@ import numpy as np
 
 from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.logs.log import tables_in
-from archerfish.logs.recording import GAP, Finding, LogTable, Rows, Signals, Values, log_files
+from archerfish.logs.recording import GAP, Finding, LogTable, Rows, Signals, Values, drawn_signals, log_files
 from archerfish.logs.stamps import in_order, in_seconds
 from archerfish.reports.report import Report
-from archerfish.reports.style import Figure, new_figure, plot_style
+from archerfish.reports.style import Figure
 from archerfish.reports.table import Entry, Table
 
 _TIME = re.compile(r"(?i)(^|[^a-z])t([^a-z]|$)|time|tempo|stamp|clock")
@@ -24,6 +24,13 @@ _COMMAND = re.compile(r"(?i)(^|[^a-z])u([^a-z]|$)|c(om)?m(an)?d|set|ref|target|g
 _RATE = re.compile(r"(?i)rate|vel|speed|gyro|accel|omega|dot|effort|torque|current|voltage")
 _UNIT = re.compile(r"(?i)(?:^|[^a-z])(deg|rad|rpm|mm|cm|m|pct|v|ms|s)(?:[^a-z]|$)")
 _OTHERS = re.compile(r"(?i)shots|landings|timing_|tape\.|limits\.|.*_step_\d+deg")  # logs of other parts than axes
+_MUZZLE = """
+# [muzzle]
+# shots = {}
+# columns = {{distance_m = "distance_m"}}  # usual name = that of the files
+# length_m = 0.16  # from the pivot to the muzzle, measured
+# height_m = 0.45  # of the muzzle above the ground, measured
+"""
 _DRAWN = 6  # signals in the picture
 
 
@@ -52,17 +59,38 @@ def log_report(path: str | Path) -> Report:
         raise file_error(path, "has no columns of numbers", "pass a log that has some", "no-data")
     columns = "signal", "unit", "samples", "rate [Hz]", "length [s]", "lowest", "highest", "gaps", "repeats [%]"
     note = "Units with a question mark are guessed from the values; repeats are samples equal to the one before."
-    inputs, outputs, stamps = guessed(tables)
-    words = ["archerfish", "identify", "axis", str(path), f"--input={inputs}", f"--output={outputs}"]
-    words += [f"--time={stamps}"] if stamps else ["--sample-period-s=SECONDS"]
+    commands = dict.fromkeys(_identify(path, tables, axis) for axis in _axes_in(Path(path), tables))
     return Report(
         title=f"{Path(path).name}: what is in it",
         headline=f"{len(rows)} signals, {max(len(table.time) for table in tables)} samples at most",
-        next_steps=(f"If these are command and angle: {shlex.join(words)}",) if outputs != "NAME" else (),
+        next_steps=tuple(f"If these are command and angle: {command}" for command in commands if command),
         tables=(Table("Signals", columns, tuple(rows), note),),
         figures=(("The first signals over time.", partial(_picture, tables)),),
         findings=tuple(dict.fromkeys(finding for table in tables for finding in table.findings)),
     )
+
+
+def _axes_in(path: Path, tables: Sequence[Looked]) -> list[str]:
+    """Return the axes that names of a file, or its signals, state; yaw where they state none."""
+    names = " ".join([path.stem, *_moving(tables)]).lower()
+    return [axis for axis in ("pitch", "yaw") if axis in names] or ["yaw"]
+
+
+def _identify(path: str | Path, tables: Sequence[Looked], axis: str) -> str:
+    """Return the command that identifies an axis by signals that are guessed; nothing where there are none."""
+    inputs, outputs, stamps = guessed(tables, axis)
+    if outputs == "NAME":
+        return ""
+    units = _units(tables)
+    words = ["archerfish", "identify", "axis", str(path), f"--input={inputs}", f"--output={outputs}"]
+    words += [f"--time={stamps}"] if stamps else ["--sample-period-s=SECONDS"]
+    words += ["--input-unit=deg"] if units[inputs].startswith("deg") else []
+    words += ["--output-unit=deg"] if units[outputs].startswith("deg") else []
+    return shlex.join(words)
+
+
+def _units(tables: Sequence[Looked]) -> dict[str, str]:
+    return {name: unit for table in tables for name, unit in guessed_units(table.signals).items()}
 
 
 def _looked(table: LogTable) -> Looked:
@@ -117,7 +145,7 @@ def guessed_units(signals: dict[str, Values]) -> dict[str, str]:
     return {name: unit if each == "angle" else each for name, each in units.items()}
 
 
-def guessed(tables: Sequence[Looked], axis: str = "") -> tuple[str, str, str | None]:
+def guessed(tables: Sequence[Looked], axis: str) -> tuple[str, str, str | None]:
     """Return the names of a command, of a measured angle and of stamps, "NAME" of what there is none of.
 
     Args:
@@ -147,12 +175,10 @@ def names_to_fill_in(folder: str | Path) -> str:
         tables = list[Looked]()
         with suppress(InputError):  # of what is no log
             tables = [_looked(table) for table in tables_in(path)]
-        named = " ".join([path.name, *_moving(tables)]).lower()
-        for axis in [axis for axis in ("pitch", "yaw") if axis in named] or ["yaw"]:
+        for axis in _axes_in(path, tables):
             inputs, outputs, stamps = guessed(tables, axis)
             if outputs != "NAME":
-                units = dict(unit for table in tables for unit in guessed_units(table.signals).items())
-                unit = "deg" if units[outputs].startswith("deg") else "rad"
+                unit = "deg" if _units(tables)[outputs].startswith("deg") else "rad"
                 names = {"time": stamps or "time_s", "input": inputs, "output": outputs, "unit": unit}
                 found.setdefault(axis, {})[path.name] = names
     if not found:
@@ -167,7 +193,8 @@ def names_to_fill_in(folder: str | Path) -> str:
         for file, names in files.items():
             if others := [f"{key} = {_text(name)}" for key, name in names.items() if name != first[key]]:
                 lines += ["", f"[{axis}.files.{_text(file)}]", *others]
-    return "\n".join([*lines, ""])
+    shots = [path.name for path in sorted(Path(folder).iterdir()) if re.search("(?i)shot|landing|pellet", path.name)]
+    return "\n".join([*lines, _MUZZLE.format(_text(shots or ["shots.csv"]))])
 
 
 _text = partial(json.dumps, ensure_ascii=False)  # a text of JSON is one of TOML
@@ -175,11 +202,8 @@ _text = partial(json.dumps, ensure_ascii=False)  # a text of JSON is one of TOML
 
 def _picture(tables: Sequence[Looked]) -> Figure:
     """Draw the first signals, one above the other."""
-    every = [(table, name) for table in tables for name in table.signals][:_DRAWN]
-    with plot_style():
-        figure, panels = new_figure(len(every), 1, height=1.2 + 1.1 * len(every))
-        for (table, name), panel in zip(every, panels[:, 0], strict=True):
-            panel.plot(table.time, table.signals[name], linewidth=0.8)
-            panel.set_ylabel(f"{name[-24:]} [{guessed_units(table.signals)[name] or '–'}]", fontsize=7)
-        panels[-1, 0].set_xlabel("time [s]" if tables[0].stamps else "row [–]")
-    return figure
+    signals = list[tuple[str, Values, Values]]()
+    for table in tables:
+        for name, unit in guessed_units(table.signals).items():
+            signals.append((f"{name[-70:]} [{unit or '–'}]", table.time, table.signals[name]))
+    return drawn_signals(signals[:_DRAWN], "time [s]" if tables[0].stamps else "row [–]")

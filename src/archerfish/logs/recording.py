@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from archerfish.arrays import real_array
 from archerfish.errors import InputError, checked_arguments, file_error, one_line
+from archerfish.reports.style import Figure, new_figure, plot_style
 from archerfish.storage import write_bytes
 
 Values = NDArray[np.floating[Any]]
@@ -229,10 +230,37 @@ class Log:
     source: str  # the file
     sha256: str  # of its content
 
+    def plot(self) -> Figure:
+        """Draw its signals over time, one above the other."""
+        first = self.recordings[0]
+        time = np.concatenate([part.time for part in self.recordings])
+        signals = np.vstack([np.hstack([part.inputs, part.outputs]) for part in self.recordings]).T
+        names = [*first.input_names, *first.output_names]
+        return drawn_signals([(name, time, signal) for name, signal in zip(names, signals, strict=True)], "time [s]")
+
     def __repr__(self) -> str:
         lines = [*map(repr, self.recordings)]
         lines += [f"{found.severity}, {found.place}: {found.message}; {found.remedy}" for found in self.findings]
         return "\n  ".join([f"Log({self.source or 'table'}: {self.samples:,} samples)", *lines])
+
+
+def drawn_signals(signals: Sequence[tuple[str, Values, Values]], abscissa: str) -> Figure:
+    """Draw signals one above the other, without lines across gaps.
+
+    Args:
+      signals: label, time and values of each, shape (N,).
+      abscissa: label of the time.
+    """
+    with plot_style():
+        figure, panels = new_figure(len(signals), 1, height=1.0 + 1.3 * len(signals))
+        for (label, time, values), panel in zip(signals, panels[:, 0], strict=True):
+            known = np.column_stack([time, values])[~np.isnan(values)]
+            steps = np.diff(known[:, 0], prepend=known[:1, 0])
+            gaps = np.flatnonzero(steps > GAP * np.median(steps))
+            panel.plot(*np.insert(known, gaps, np.nan, axis=0).T, linewidth=0.8)
+            panel.set_title(label, fontsize=9, fontweight="normal")
+        panels[-1, 0].set_xlabel(abscissa)
+    return figure
 
 
 def held_mean(time: Values, signals: Values, edges: Values) -> Values:

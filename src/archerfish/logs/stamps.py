@@ -87,20 +87,18 @@ def in_order(rows: Rows) -> tuple[Rows, list[Finding]]:
     named = {*np.searchsorted(rows.numbers, rows.table.starts).tolist()} - {0, len(rows)}
     falls = {*(np.flatnonzero(steps < 0) + 1).tolist(), *(named if rows.signals.time is None else ())}
     period = float(np.median(steps[steps > 0])) if falls and (steps > 0).any() else 0.0
-    often = 0.5 * np.sum(steps, where=steps > 0)  # a counter falls each time that its range has passed
+    often = 0.5 * float(np.sum(steps, where=steps > 0)) / max(len(falls), 1)  # a counter falls once in its range
     for index, after in pairwise([*sorted(falls), len(rows)]):
-        step, shortest = steps[index - 1], min(index - starts[-1], after - index)
-        turns = [turn for turn in _TURNS if 0 < step + turn <= max(_LOST * turn, GAP * period)]
-        turns = [turn for turn in turns if turn * len(falls) >= often]
-        again = rows.time[index] <= rows.time[starts[-1]] + GAP * period and shortest >= _FEWEST
-        if again:  # a run may be nearly as long as the range of a counter
-            turns = [turn for turn in turns if step + turn <= GAP * period]
-        if index in named or (again and not turns):
+        again = rows.time[index] <= rows.time[starts[-1]] + GAP * period  # where the recording began
+        again = again and min(index - starts[-1], after - index) >= _FEWEST
+        # A run may be nearly as long as the range of a counter.
+        turn = _counter_range(steps[index - 1], often, period, 0.0 if again else _LOST)
+        if index in named or (again and not turn):
             starts.append(index)
-            shift[index:] += _APART * period - step
-        elif turns:
-            rolled.append(turns[0])
-            shift[index:] += turns[0]
+            shift[index:] += _APART * period - steps[index - 1]
+        elif turn:
+            rolled.append(turn)
+            shift[index:] += turn
         else:
             raise _order_fault(rows, index - 1, index, "time-backward", "cut the log there into two")
     if rolled:
@@ -113,6 +111,21 @@ def in_order(rows: Rows) -> tuple[Rows, list[Finding]]:
         remedy = "write each recording into a file of its own"
         findings.append(Finding("new-recording", "repaired", rows.place(starts[1]), message, remedy))
     return replace(rows, time=rows.time + shift, starts=tuple(rows.numbers[starts[1:]].tolist())), findings
+
+
+def _counter_range(step: float, least: float, period: float, lost: float) -> float:
+    """Return the range of the counter that rolls over by a step [s], 0 if there is none.
+
+    Args:
+      step: below 0 [s].
+      least: range that a counter has at least [s].
+      period: between rows [s].
+      lost: share of the range that may have been lost there.
+    """
+    for turn in _TURNS:
+        if turn >= least and 0 < step + turn <= max(lost * turn, GAP * period):
+            return turn
+    return 0.0
 
 
 def hold_inputs(rows: Rows) -> tuple[Rows, list[Finding]]:

@@ -28,10 +28,12 @@ _SEPARATOR_LINE = re.compile(r' *"?sep=(.)"? *', re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
 _CLOCK = re.compile(
     r"(?:(?:(\d{4})[-/.](\d\d?)[-/.](\d\d?)|[\w/.,-]+(?: [\w/.,-]+)*)[T ] *)?(?:(\d\d?):)?(\d\d?):(\d\d)(?:[.,:](\d+))?"
-    r" *(?:([AP])M)?(?:Z|([+-]\d\d):?(\d\d))?",
+    r" *(?:([AP])M)? *(?:Z|[A-Z]{3,4})? *(?:([+-]\d\d?)(?::?(\d\d))?)?",
     re.IGNORECASE,
 )
 """Time of day, also after a date and before a zone; without hours in what spreadsheets write."""
+_COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)", re.IGNORECASE)
+"""Date and time of ISO 8601 without marks between them."""
 _MARKS = re.compile(r"[\s\"#%,;]+")
 """What is beside names, and between them."""
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
@@ -175,11 +177,11 @@ def _in_seconds(text: str, unit: float) -> str:
 
     A date that does not begin with its year is ignored: it changes at midnight alone.
     """
-    if not (found := _CLOCK.fullmatch(text.strip("[]"))):
+    if not (found := _CLOCK.fullmatch(_COMPACT.sub(r"\1-\2-\3T\4:\5:\6", text.strip("[]")))):
         return text
     year, month, day, hours, minutes, seconds, fraction, half, zone, more = found.groups()
     hour = int(hours or 0) % (12 if half else 24) + (12 if half in ("P", "p") else 0)
-    zone_min = 60 * int(zone) + int(zone[0] + more) if zone else 0
+    zone_min = 60 * int(zone) + int(zone[0] + (more or "0")) if zone else 0
     with suppress(ValueError):  # of a date that there is not
         days = date(int(year), int(month), int(day)).toordinal() - _EPOCH if year else 0
         whole = 60 * (60 * (24 * days + hour) + int(minutes) - zone_min) + int(seconds)
@@ -267,9 +269,10 @@ def numbers_of(path: str | Path, kind: str, places: Sequence[int], name: str, te
     for index, text in enumerate(texts):
         try:
             if text.lower() not in _MISSING:
-                number = _in_seconds(text, scale) if ":" in text else text
+                number = _in_seconds(text, scale)
                 values[index] = float(number.replace("_", "x"))  # Python's separator of digits is no number
         except ValueError as error:
             problem = f'{kind} {places[index]}: column "{name}" is "{text[:_SHOWN]}", expected a number'
-            raise log_fault(path, problem, "correct the value or remove the line", "not-a-number") from error
+            remedy = "write 2026-03-14T10:15:30.123Z, or seconds" if ":" in text else "correct it or remove the line"
+            raise log_fault(path, problem, remedy, "not-a-number") from error
     return values

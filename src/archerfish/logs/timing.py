@@ -128,7 +128,7 @@ def read_message_times(path: str | Path, *, findings: Findings = None) -> Messag
 def _table(
     path: str | Path, required: Sequence[str], optional: Sequence[str] = (), findings: Findings = None
 ) -> LogTable:
-    """Read a table whose first column increases, without the rows that lack a value other than a receipt."""
+    """Read a table whose first column increases, or else receipts, without rows that lack a value but a receipt."""
     table = read_text(Path(path), lambda names: [*required, *(name for name in names if name in optional)])
     found, missing = list(table.findings), {name: np.isnan(values) for name, values in table.columns.items()}
     receipts = missing.pop("receive_s", np.zeros(len(table.places), dtype=np.bool_))
@@ -149,7 +149,9 @@ def _table(
     columns = {name: values[kept] for name, values in table.columns.items()}
     table = replace(table, columns=columns, places=np.asarray(table.places)[kept].tolist())
     steps = np.diff(columns[required[0]])
-    for index in np.flatnonzero(steps <= 0)[:1] + 1:
+    # A clock that was set back is found by the receipts, which go on.
+    received = np.diff(columns.get("receive_s", np.zeros(kept.size))) > 0
+    for index in np.flatnonzero((steps == 0) | ((steps < 0) & ~received))[:1] + 1:
         remedy = "keep one line per stamp" if steps[index - 1] == 0 else "cut the log there into two"
         raise log_fault(table.place(index), "stamps do not increase", remedy, "time-backward")
     return table

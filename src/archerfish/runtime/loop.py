@@ -29,7 +29,7 @@ _RETRY_S = 0.2  # between attempts to open a port that has gone
 _LAST_FRAME_S = 0.05  # for the last frame to be written
 _READING, _WRITING, _DECIDING = 55, 54, 50  # priorities, where the system allows them
 _LOCK_NOW_AND_LATER = 3  # MCL_CURRENT | MCL_FUTURE
-clock = time.monotonic
+_clock = time.monotonic
 
 
 class Deciding(Protocol):
@@ -81,7 +81,7 @@ class Timing:
         return Table("Times [ms]", ("", "median", "99 %", "99.9 %"), tuple(rows), f"{counts}.")
 
 
-class Loop:
+class RobotLoop:
     """Runs a pilot against a port and a camera's datagrams until it is stopped."""
 
     def __init__(
@@ -130,9 +130,9 @@ class Loop:
             self._decide(is_stopped, seconds)
         finally:
             gc.enable()
-            self._send(self._pilot.last_frame(clock()))
-            ends = clock() + _LAST_FRAME_S
-            while self._unsent and clock() < ends:
+            self._send(self._pilot.last_frame(_clock()))
+            ends = _clock() + _LAST_FRAME_S
+            while self._unsent and _clock() < ends:
                 time.sleep(1e-3)
             self._is_running = False
             self._frame_is_there.release()
@@ -142,11 +142,11 @@ class Loop:
         return self.timing
 
     def _decide(self, is_stopped: Callable[[], bool], seconds: float) -> None:
-        due = clock() + self._period
+        due = _clock() + self._period
         end = due + seconds
         while due < end and not is_stopped():
             self._wait(due)
-            begun = clock()
+            begun = _clock()
             if begun - due > _STALL_S and self.timing.work_s:
                 self._arrived.clear()
                 self.timing.stalls += 1
@@ -156,8 +156,8 @@ class Loop:
                     self._unsent.pop()
                     self._pilot.withdraw()
                     self.timing.withdrawn += 1
-            self._send(self._pilot.tick(clock()))
-            done = clock()
+            self._send(self._pilot.tick(_clock()))
+            done = _clock()
             self.timing.lateness_s.append(begun - due)
             self.timing.work_s.append(done - begun)
             due += self._period
@@ -167,10 +167,10 @@ class Loop:
 
     def _wait(self, due: float) -> None:
         """Take what arrives until a deadline."""
-        while (left := due - clock()) > _SPIN_S:
+        while (left := due - _clock()) > _SPIN_S:
             time.sleep(min(_WAKE_S, left - _SPIN_S))
             self._take()
-        while clock() < due:
+        while _clock() < due:
             pass
 
     def _take(self) -> None:
@@ -204,7 +204,7 @@ class Loop:
                     port.close()
                 continue
             if data:
-                self._arrived.append(_Arrival(clock(), False, data))
+                self._arrived.append(_Arrival(_clock(), False, data))
         if self._port is not None:
             self._port.close()
 
@@ -212,7 +212,7 @@ class Loop:
         _prefer(_READING)
         while self._is_running:
             if data := self._datagrams.read():
-                self._arrived.append(_Arrival(clock(), True, data))
+                self._arrived.append(_Arrival(_clock(), True, data))
 
     def _write(self) -> None:
         _prefer(_WRITING)

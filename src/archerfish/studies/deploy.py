@@ -15,7 +15,7 @@ from archerfish.reports.table import Table
 from archerfish.robot import Robot
 from archerfish.runtime.configuration import DeployConfig
 from archerfish.runtime.fallback import WithFallback
-from archerfish.runtime.loop import Loop, Timing
+from archerfish.runtime.loop import RobotLoop, Timing
 from archerfish.runtime.pilot import Pilot
 from archerfish.task import Task
 from archerfish.wires import load_wire
@@ -30,8 +30,8 @@ class Deployment(Reported):
 
     robot: str  # name
     controller: str  # name
-    port: str
-    timing: Timing
+    port: str  # name
+    timing: Timing  # of its decisions
     counts: dict[str, int]  # messages and decisions by what became of them
     fault: str  # of the controller, which the fallback has replaced since; empty without
 
@@ -99,7 +99,7 @@ def deploy(
     datagrams = DatagramPort(config.detections.address)
     try:
         with _stop_flag() as is_stopped:
-            loop = Loop(pilot, partial(SerialPort, port, config.baud), datagrams, task.period_s)
+            loop = RobotLoop(pilot, partial(SerialPort, port, config.baud), datagrams, task.period_s)
             timing = loop.run(lambda: is_stopped() or watch(pilot), seconds)
     finally:
         datagrams.close()

@@ -3,7 +3,7 @@
 `check_logs` refuses before a fit; all others look at what was fitted, and may fit single logs again.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.special import fdtri
@@ -28,21 +28,18 @@ GOOD = 80.0
 _EXCHANGED, _QUICK_S = 95.0, 0.1  # fit that an exchange reaches at least [%], and delay below which it stays [s]
 _WORTH, _LEAST = 2.0, 0.01  # points that an exchange gains at least, or half of the rest if that is not too little
 _MANY = 6  # poles
+_EXACT, _COMPUTED = 99.9, 1e-8  # fit that noise does not reach [%]; share of an output's power that is rounding
 _WIDTHS, _INPUTS, _RESIDUALS = (1, 2, 4, 8), 20, 4  # samples of a mean; past means that may make an input
 _LOOP_ALARM, _PREDICTABLE = 2.5e-4, 1e-9  # of each test for a loop; share of an input's power that is rounding
 _SIGN = "sign-flip", "change the sign of one of them, as with a minus: --output=-NAME"
 _RADIANS = "log both in radians, or say which one is in degrees:"
 _OUTPUT, _INPUT = (("degrees-radians", f"{_RADIANS} --{signal}-unit deg") for signal in ("output", "input"))
-_HALF = ("half-angle", "log the angle itself, which is 2 asin of that component for a turn about its axis")
 _GAINS = (
     (50.0, 66.0, "as if the output were in degrees and the input in radians", *_OUTPUT),
     (1 / 66.0, 1 / 50.0, "as if the output were in radians and the input in degrees", *_INPUT),
-    (0.495, 0.505, "and it stays within 1, as the component of a quaternion does, the sine of half an angle", *_HALF),
     (-1.4, -0.7, "so that it moves the other way", *_SIGN),
 )
-"""Steady gains that are suspicious, those of units and of half an angle of either sign."""
-Alone = Callable[[Recording], PlantRecord | None]
-"""Fits a log alone; None where no plant of second order explains it well."""
+"""Steady gains that are suspicious, those of units of either sign."""
 
 
 def check_logs(recordings: Sequence[Recording], order: int) -> None:
@@ -66,6 +63,14 @@ def check_logs(recordings: Sequence[Recording], order: int) -> None:
             problem = f"of the inputs {', '.join(first.input_names)} one is a copy or a mixture of the others"
             raise InputError(f"{first.source}: {problem}; leave one out", "dependent-inputs")
         return
+    for log in recordings:
+        u, y = (signal[:, 0] - signal[:, 0].mean() for signal in (log.inputs, log.outputs))
+        factor = float(u @ y) / max(float(u @ u), TINY)
+        if factor and factor != 1 and np.sum((y - factor * u) ** 2) < _COMPUTED * (y @ y):
+            copied = f'"{log.output_names[0]}" is "{log.input_names[0]}" times {factor:.4g} in every row'
+            problem = f"{copied}, so that one was computed from the other"
+            remedy = "log the angle that the encoder measures, and the command or the set point of the loop"
+            raise InputError(f"{log.source}: {problem}; {remedy}", "same-signal")
     sines = [_sine_hz(log.inputs[:, 0], log.period_s) for log in recordings]
     if 0 < max(sines) < 1.05 * min(sines):
         problem = f"the input is a single sine of {sines[0]:.4g} Hz, which gives two numbers: not gain, lag and delay"
@@ -80,17 +85,16 @@ def fit_alone(log: Recording) -> PlantRecord | None:
     return plant if free_run(plant, log.inputs, log.outputs).fit_percent[0] > GOOD else None
 
 
-def silent_logs(recordings: Sequence[Recording], alone: Alone = fit_alone) -> list[Finding]:
+def silent_logs(recordings: Sequence[Recording]) -> list[Finding]:
     """Return a warning for each log whose output does not respond to its input.
 
     Args:
       recordings: of one axis.
-      alone: fits a log alone.
     """
     silent = list[Finding]()
     for log in recordings:
         # Of one step from rest few samples show that it responds, but a plant follows it.
-        if any(_responds(log, channel) for channel in range(log.inputs.shape[1])) or alone(log) is not None:
+        if any(_responds(log, channel) for channel in range(log.inputs.shape[1])) or fit_alone(log) is not None:
             continue
         message = f'"{log.output_names[0]}" does not respond to {", ".join(log.input_names)}'
         remedy = "check the columns, and that the axis was powered; command larger motions"
@@ -108,24 +112,22 @@ def plant_findings(plant: PlantRecord, log: Recording) -> list[Finding]:
     found = list[Finding]()
     for name, gain in zip(log.input_names, plant.dc_gain[0].tolist(), strict=True):
         for low, high, meaning, code, remedy in _GAINS:
-            small = code != "half-angle" or np.abs(log.outputs[:, 0]).max() <= 1
-            if small and low < (gain if low < 0 else abs(gain)) < high:
+            if low < (gain if low < 0 else abs(gain)) < high:
                 message = f'the steady gain of "{log.output_names[0]}" from "{name}" is {gain:.3g}, {meaning}'
                 found.append(Finding(code, "warning", log.source, message, remedy))
     return found
 
 
-def contradictions(logs: Sequence[tuple[Recording, float]], alone: Alone = fit_alone) -> list[Finding]:
+def contradictions(logs: Sequence[tuple[Recording, float]]) -> list[Finding]:
     """Find logs of another sign or unit than the others, where all together fit badly: each is fitted alone.
 
     Args:
       logs: recordings, and how well they are explained [%]; of one input and one output, or none is found.
-      alone: fits a log alone.
     """
     first, _ = logs[0]
     if len(first.input_names) * len(first.output_names) > 1 or min(percent for _, percent in logs) >= GOOD:
         return []
-    plants = [(log, alone(log)) for log, _ in logs]
+    plants = [(log, fit_alone(log)) for log, _ in logs]
     gains = [(log, plant.dc_gain.item()) for log, plant in plants if plant is not None]
     sign = 1 if sum(np.sign(gain) for _, gain in gains) >= 0 else -1
     found = list[Finding]()
@@ -162,6 +164,8 @@ def exchanged_columns(found: AxisFit, log: Recording, recordings: Sequence[Recor
         return []
     message = f"the output comes before the input: exchanged, the fit is {best:.1f} % instead of {percent:.1f} %"
     remedy = f'take "{log.output_names[0]}" as the input and "{log.input_names[0]}" as the output'
+    if best > _EXACT:
+        remedy += f'; if a controller makes "{log.input_names[0]}" of "{log.output_names[0]}", log its set point'
     return [Finding("swapped", "warning", log.source, message, remedy)]
 
 

@@ -28,7 +28,7 @@ from archerfish.identification.axis.spectrum import (
 )
 from archerfish.identification.axis.vector_fitting import distinct, search_delays, vector_fits
 from archerfish.identification.simulation import Array, Complex
-from archerfish.logs.recording import Recording
+from archerfish.logs.recording import Finding, Recording
 from archerfish.records.plant import PlantRecord
 
 _MOST_LINES = 12_000  # of a fit
@@ -39,6 +39,14 @@ _OTHER_GAIN, _UNLIKELY = 0.05, 1e-3  # a gain that is given contradicts the logs
 DELAY = 20  # up to which a delay is searched at first [samples]
 _LARGEST_ORDER, _ORDERS, _COARSE = 20, range(1, 9), 4  # that can be given; from which is chosen; of coarse fits
 _LEAST_NOISE = 1e-8  # of an output's standard deviation, by which outputs are weighed
+
+
+class CorrectedLogs(NamedTuple):
+    """Recordings of one axis, and what was found and corrected in them."""
+
+    fitted: list[Recording]  # to which a plant is fitted
+    held_back: list[Recording]  # by which it is judged
+    findings: list[Finding]  # of all of them
 
 
 class KnownGain(NamedTuple):

@@ -6,7 +6,7 @@ import itertools
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -20,15 +20,14 @@ from archerfish.identification.axis.checks import (
     check_logs,
     contradictions,
     exchanged_columns,
-    fit_alone,
     plant_findings,
     silent_logs,
 )
-from archerfish.identification.axis.departures import changed_delay, early_outputs, rate_output
+from archerfish.identification.axis.departures import changed_delay, early_outputs, half_angle, rate_output
 from archerfish.identification.axis.encoder import without_angle_error, without_leaps
 from archerfish.identification.axis.fit import DELAY, AxisFit, KnownGain, fit_axis
 from archerfish.identification.axis.idle import without_idle
-from archerfish.identification.axis.nonlinearity import nonlinearity
+from archerfish.identification.axis.nonlinearity import Nonlinearity, nonlinearity
 from archerfish.identification.axis.plateaus import plateau_gain
 from archerfish.identification.axis.report import axis_report
 from archerfish.identification.axis.result import (
@@ -46,6 +45,7 @@ from archerfish.logs.log import read_log
 from archerfish.logs.recording import Finding, Log, Recording
 from archerfish.logs.stamps import period_findings, resampled
 from archerfish.provenance import provenance
+from archerfish.records.plant import PlantRecord
 from archerfish.reports.report import Report
 
 Source = str | Path | Log | Recording | Mapping[str, Any]
@@ -53,7 +53,8 @@ Source = str | Path | Log | Recording | Mapping[str, Any]
 _DRAWS = 100
 _PLATEAU_WIDTH = 0.015  # of a gain by plateaus, to either side: beyond, the fit of the whole logs knows it better
 _MOST = 40  # recordings that are fitted
-_FEW_POLES, _STRONG = 4, 0.5  # share of a residual that a nonlinearity leaves
+_FEW_POLES = 4
+_MOSTLY = 0.5  # share of a residual that a nonlinearity leaves at most, so that it is no output that comes early
 _COARSER = 3.0  # sampling period over that of a log, from which much of the log is lost
 
 
@@ -134,7 +135,8 @@ def identify_axis(
         # An output that was smoothed both ways responds too little to fast inputs, which passes for an idle axis.
         for corrected in () if early else (without_leaps, without_angle_error, without_idle):
             fitted, held_back, findings = corrected(found, logs_of_axis.fitted, logs_of_axis.held_back)
-            if findings:
+            # What follows after another delay looks as if it did not follow.
+            if findings and not (corrected is without_idle and _delay_changes(found, logs_of_axis)):
                 others = AxisLogs(fitted, held_back, (*logs_of_axis.findings, *findings), logs_of_axis.hashes)
                 again = fit(others)
                 # Of exchanged columns the steps of a command pass for leaps, and no plant fits what is left.
@@ -143,21 +145,35 @@ def identify_axis(
         return _result(found, logs_of_axis, axis, seed, early)
 
 
+def _delay_changes(found: AxisFit, logs: AxisLogs) -> bool:
+    return any(changed_delay(fit, 1.0) for fit in _runs(found, found.plant, logs.fitted, logs.held_back))
+
+
+def _runs(
+    found: AxisFit, plant: PlantRecord, fitted: Sequence[Recording], held_back: Sequence[Recording] = ()
+) -> list[LogFit]:
+    """Return how a plant explains recordings, those that are held back first."""
+    roles = [(log, True) for log in held_back] + [(log, False) for log in fitted]
+    drift = found.structure.drift
+    return [LogFit(log, role, free_run(plant, log.inputs, log.outputs, drift=drift)) for log, role in roles]
+
+
 def _early(found: AxisFit, recordings: Sequence[Recording]) -> list[Finding]:
-    """Find outputs that respond before their input, also where many poles approximate that badly."""
+    """Find outputs that respond before their input, also where many poles approximate that badly.
+
+    A rate limit under a sweep answers as a filter that runs both ways, so that a nonlinearity comes first.
+    """
     fits = [found] if len(found.plant.A) <= _FEW_POLES else [found, fit_axis(recordings, _FEW_POLES)]
     for each in fits:
-        drift = each.structure.drift
-        runs = [LogFit(log, False, free_run(each.plant, log.inputs, log.outputs, drift=drift)) for log in recordings]
-        if early := early_outputs(runs):
-            return early
+        if early := early_outputs(_runs(each, each.plant, recordings)):
+            nonlinear = nonlinearity(found, recordings)
+            return [] if nonlinear and nonlinear.residual_share < _MOSTLY else early
     return []
 
 
 def _least_fit(found: AxisFit, recordings: Sequence[Recording]) -> float:
     """Return how well a plant explains the log that it explains least, by the first output [%]."""
-    runs = [free_run(found.plant, log.inputs, log.outputs, drift=found.structure.drift) for log in recordings]
-    return min(float(run.fit_percent[0]) for run in runs)
+    return min(fit.fit_percent for fit in _runs(found, found.plant, recordings))
 
 
 def _check_arguments(axis: str, order: int | None, max_delay: int | None) -> None:
@@ -185,38 +201,49 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int, early: list[Fi
             provenance=facts,
         )
     )
-    drift = found.structure.drift
-    fits = [LogFit(log, True, free_run(plant, log.inputs, log.outputs, drift=drift)) for log in logs.held_back]
-    fits += [LogFit(log, False, free_run(plant, log.inputs, log.outputs, drift=drift)) for log in logs.fitted]
-    alone = cache(fit_alone)
-    silent = silent_logs([fit.recording for fit in fits if not fit.held_back and fit.fit_percent < GOOD], alone)
+    fits = _runs(found, plant, logs.fitted, logs.held_back)
+    poorly_fitted = [fit.recording for fit in fits if not fit.held_back and fit.fit_percent < GOOD]
+    silent = silent_logs(poorly_fitted)
     if len(silent) == len(logs.fitted):
         raise InputError(f"{silent[0].place}: {silent[0].message}; {silent[0].remedy}", silent[0].code)
-    band, worst = excited_band(logs.fitted), judged(tuple(fits))
-    is_given = found.known_gain is not None and found.known_gain.source == "given"
-    # The gain of a rate is small by chance, and says nothing of units.
-    rate = [] if is_given else rate_output(plant, band, worst)
-    findings = [*logs.findings, *silent, *(rate or plant_findings(plant, first))]
-    wrong = contradictions([(fit.recording, fit.fit_percent) for fit in fits], alone)
-    # Of logs that contradict each other no plant fits all, in whichever direction.
     nonlinear = nonlinearity(found, logs.fitted)
-    share = nonlinear.residual_share if nonlinear else 1.0
-    if share < _STRONG:  # a rate limit under a sweep answers as a filter that runs both ways
-        early = []
-    wrong = wrong or exchanged_columns(found, worst.recording, logs.fitted) or early
-    findings += wrong or [each for fit in fits if plant.D.shape == (1, 1) for each in changed_delay(fit, share)]
+    band = excited_band(logs.fitted)
     return AxisResult(
         record=plant,
         fits=tuple(fits),
         dc_gain=gain_estimates(found, drawn),
         given_gain=found.known_gain,
         dead_time_samples=dead_time_estimate(found),
-        poles=pole_estimates(found, drawn, band),
+        poles=pole_estimates(found, drawn, band, judged(tuple(fits)).recording),
         candidates=found.selection.candidates,
         excited_hz=band,
         nonlinearity=nonlinear,
-        findings=tuple(findings),
+        findings=(*logs.findings, *silent, *_suspicions(found, plant, fits, band, nonlinear, early)),
     )
+
+
+def _suspicions(
+    found: AxisFit,
+    plant: PlantRecord,
+    fits: Sequence[LogFit],
+    band: tuple[float, float],
+    nonlinear: Nonlinearity | None,
+    early: list[Finding],
+) -> list[Finding]:
+    """Return what is suspicious about the gain of a plant, and about what it leaves of its logs."""
+    fitted, worst = [fit.recording for fit in fits if not fit.held_back], judged(tuple(fits))
+    given = found.known_gain if found.known_gain and found.known_gain.source == "given" else None
+    # The gain of a rate is small by chance, and says nothing of units.
+    rate = [] if given else rate_output(plant, band, worst)
+    gain = rate or half_angle(worst, plant, given is not None) or plant_findings(plant, fitted[0])
+    # Of logs that contradict each other no plant fits all, in whichever direction.
+    wrong = contradictions([(fit.recording, fit.fit_percent) for fit in fits])
+    wrong = wrong or exchanged_columns(found, worst.recording, fitted)
+    # What a wrong gain leaves may look like a changed delay.
+    if not wrong and plant.D.shape == (1, 1) and not (given and given.contradicted):
+        nonlinear_share = nonlinear.residual_share if nonlinear else 1.0
+        wrong = [finding for fit in fits for finding in changed_delay(fit, nonlinear_share)]
+    return [*gain, *(wrong or early)]
 
 
 def _known_gain(dc_gain: Sequence[float] | float | str | None, recordings: Sequence[Recording]) -> KnownGain | None:

@@ -29,16 +29,10 @@ _GAIN_SHARE = 0.85  # of the draws within that, from which it is
 _RUNS = 4  # that are drawn
 _DEPENDENT = 0.05  # share of the residual that past inputs explain, from which it is worth a word
 _RUNS_ON = 0.5  # what is left of a state after the longest recording, from which the axis may integrate
-_STRONG = 0.7  # share of the residual that a nonlinearity leaves, up to which it may make a plant useless
+_CLEARLY = 0.5  # the same beside feedback
+_NAMED = 0.7  # share of the residual that a nonlinearity leaves, up to which it may make a plant useless
 
-_USELESS = (
-    "swapped",
-    "contradiction",
-    "early-output",
-    "changed-delay",
-    "half-angle",
-    "rate-output",
-)  # codes of findings
+_USELESS = "swapped", "contradiction", "early-output", "changed-delay", "half-angle", "rate-output"  # codes of findings
 
 _LINEAR = {
     "saturation": "record with a smaller command",
@@ -67,6 +61,8 @@ def shortfalls(result: AxisEstimates) -> list[Shortfall]:
         sentence = f"The gain that was given, {gain}, contradicts the logs, which have {by_logs}"
         return [Shortfall("gain", f"{sentence}: check its unit and sign, or leave it out.")]
     low_fit = list(_low_fit(result))
+    if any(shortfall.code == "feedback" for shortfall in low_fit):  # which makes the gain of the logs that of a loop
+        return low_fit
     return [*low_fit, *_unknown_gain(result), *(() if low_fit else _nonlinear(result))]
 
 
@@ -74,19 +70,22 @@ def _low_fit(result: AxisEstimates) -> Iterator[Shortfall]:
     worst, found = result.judged, result.nonlinearity
     if worst.fit_percent >= USABLE_FIT:
         return
-    rest = worst.tests is not None and worst.tests.explained_share < _NOISE_SHARE
-    loop = rest and follows_output(worst.recording, worst.residual)
+    tests = worst.tests
+    rest = tests is not None and tests.explained_share < _NOISE_SHARE
+    loop = rest and ((tests is not None and tests.feedback) or follows_output(worst.recording, worst.residual))
     if worst.fit_percent >= _NOISY_FIT and rest and found is None and not loop:
         return
+    code = "fit"
     why = "the rest depends on the input: check the columns, and whether something else moves the axis"
     if loop:
+        code = "feedback"
         why = "the input follows the output: switch the outer loop off, or log its set point as the input"
-    elif found is not None and found.residual_share <= _STRONG:
+    elif found is not None and found.residual_share <= _NAMED:
         why = f"{_nonlinear_words(found)}: {_LINEAR[found.name]}"
     elif rest:
         why = "the rest does not depend on the input, so it is noise: command larger motions, or average repeated runs"
     share = f"{worst.fit_percent:.1f} %" if worst.fit_percent > 0 else "less than a constant would"
-    yield Shortfall("fit", f"The plant explains {share} of {worst.recording.source}, expected {USABLE_FIT:g} %; {why}.")
+    yield Shortfall(code, f"The plant explains {share} of {worst.recording.source}, expected {USABLE_FIT:g} %; {why}.")
 
 
 def _unknown_gain(result: AxisEstimates) -> Iterator[Shortfall]:
@@ -110,7 +109,9 @@ def _unknown_gain(result: AxisEstimates) -> Iterator[Shortfall]:
 def _nonlinear(result: AxisEstimates) -> Iterator[Shortfall]:
     """Yield a nonlinearity that makes the gain or the response of the linear plant wrong."""
     found = result.nonlinearity
-    if found is None or found.residual_share > _STRONG:
+    # What a loop commands after a disturbance, a hysteresis explains in part.
+    feedback = any(fit.tests is not None and fit.tests.feedback for fit in result.fits)
+    if found is None or found.residual_share > (_CLEARLY if feedback else _NAMED):
         return
     wrong, agreement = [], max(found.agreement_percent, 0)
     if abs(found.gain_ratio - 1) > _GAIN_WIDTH:
@@ -168,13 +169,22 @@ def _doubts(result: AxisEstimates) -> Iterator[str]:
         name, tests = fit.recording.source, fit.tests
         if tests is None:
             continue
-        # An output that comes before its input correlates with later inputs, too.
-        if tests.feedback and not any(finding.code == "early-output" for finding in result.findings):
-            wrong = f"In {name} the input follows the output's disturbances, which biases the plant"
-            yield f"{wrong}: log the set point of the loop as the input."
+        # What an output that comes too early leaves correlates with later inputs, too.
+        early = any(finding.code in ("early-output", "changed-delay") for finding in result.findings)
+        if tests.feedback and not early:
+            wrong = f"In {name} the input follows the output's disturbances, or the output was smoothed both ways"
+            yield f"{wrong}: log the set point of the loop as the input, and the output as measured."
         if not tests.independent and tests.explained_share > _DEPENDENT:
             share = f"{tests.explained_share:.0%} of what the plant leaves of {name}"
             yield f"Past inputs still explain {share}: look at its plot."
+
+    for finding in result.findings:
+        if finding.code == "angle-error" and finding.severity == "warning":
+            yield f"The steady gain is in doubt: {finding.message}. {finding.remedy[0].upper()}{finding.remedy[1:]}."
+    for pole in result.poles:
+        if pole.light:
+            mode = f"The mode of {pole.frequency_hz.value:.3g} Hz with a damping of {pole.damping.value:.2g}"
+            yield f"{mode} moves the output by less than 1 %, and may be a disturbance: see whether other logs have it."
 
 
 def _next_steps(result: AxisEstimates) -> Iterator[str]:

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 
 from archerfish.errors import InputError
 from archerfish.identification.axis.bootstrap import interval
@@ -24,6 +25,7 @@ from archerfish.reports.style import Figure
 from archerfish.reports.table import Estimate
 
 _NEAR_BAND, _SCATTER = 1.5, 1 / 3  # of a natural frequency: beyond the band, and of its draws' logarithm
+_HARDLY_DAMPED, _LIGHT = 0.1, 0.01  # damping of a mode, and its share of an output's deviation, below which it is light
 _MOVING = 0.3  # deviation of an output over that of the recording that moves most, from which a recording counts
 
 
@@ -57,6 +59,7 @@ class Pole(NamedTuple):
     frequency_hz: Estimate  # natural frequency [Hz]
     damping: Estimate  # 1 and more of real poles
     determined: bool  # whether the logs show where it is
+    light: bool = False  # whether it is hardly damped and moves the output by less than one per cent
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -138,13 +141,16 @@ def dead_time_estimate(found: AxisFit) -> Estimate:
     return Estimate(value, min(low, value), max(high, value), "samples")
 
 
-def pole_estimates(found: AxisFit, drawn: Sequence[PlantRecord], band: tuple[float, float]) -> tuple[Pole, ...]:
+def pole_estimates(
+    found: AxisFit, drawn: Sequence[PlantRecord], band: tuple[float, float], log: Recording
+) -> tuple[Pole, ...]:
     """Return frequency and damping of each pole or pair, the slowest first.
 
     Args:
       found: the fit.
       drawn: plants of the bootstrap.
       band: that the inputs excite [Hz].
+      log: by whose motion the share of a mode is judged.
     """
     poles, period_s, estimates = found.poles, found.plant.sample_period_s, list[Pole]()
     matched = [_matched(poles, np.linalg.eigvals(plant.A).astype(complex)) for plant in drawn]
@@ -154,9 +160,19 @@ def pole_estimates(found: AxisFit, drawn: Sequence[PlantRecord], band: tuple[flo
             rates = np.append(np.log(pole + TINY), logarithms[:, place]) / period_s
             frequency, damping = np.abs(rates) / (2 * np.pi), -rates.real / np.abs(rates)
             known = band[0] / _NEAR_BAND <= frequency[0] <= _NEAR_BAND * band[1]
-            known = known and np.std(np.log(frequency[1:])) < _SCATTER
-            estimates.append(Pole(_estimate(frequency, "Hz"), _estimate(damping, ""), bool(known)))
+            light = damping[0] < _HARDLY_DAMPED and _share(found.plant, pole, log) < _LIGHT
+            known = known and np.std(np.log(frequency[1:])) < _SCATTER and not light
+            estimates.append(Pole(_estimate(frequency, "Hz"), _estimate(damping, ""), bool(known), bool(light)))
     return tuple(sorted(estimates, key=lambda pole: pole.frequency_hz.value))
+
+
+def _share(plant: PlantRecord, pole: complex, log: Recording) -> float:
+    """Return the deviation of what a pair of poles adds to the first output of a log, over that of the output."""
+    values, vectors = np.linalg.eig(plant.A)
+    mode = int(np.argmin(np.abs(values - pole)))
+    driven = np.asarray(log.inputs) @ np.linalg.solve(vectors, plant.B.astype(complex))[mode]
+    motion = 2 * (plant.C[0] @ vectors[:, mode] * lfilter([0, 1], [1, -values[mode]], driven)).real
+    return float(motion.std() / max(log.outputs[:, 0].std(), TINY))
 
 
 def _matched(poles: Complex, others: Complex) -> Complex:

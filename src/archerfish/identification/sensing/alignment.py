@@ -52,12 +52,11 @@ class GimbalTrack(NamedTuple):
     stamps: Array  # of the log's samples [s], (M,)
     rate_hz: float  # at which the logged yaw is refreshed [Hz]
     quantum: float | None  # step of the logged yaw [rad], where it is visible
+    unbroken: Any  # whether the log has no gap before each stamp, (M + 1,); false at its ends
 
     def covers(self, moments: Array) -> Any:
         """Return at which moments, shape (K,), the log has angles: neither outside it nor in a gap; shape (K,)."""
-        longest = max(_GAP_S, _GAP * float(np.median(np.diff(self.stamps))))
-        intervals = np.diff(self.stamps, prepend=-np.inf, append=np.inf)
-        return intervals[np.searchsorted(self.stamps, moments)] <= longest
+        return self.unbroken[np.searchsorted(self.stamps, moments)]
 
 
 def gimbal_track(log: GimbalLog) -> GimbalTrack:
@@ -85,7 +84,8 @@ def gimbal_track(log: GimbalLog) -> GimbalTrack:
     if 7 <= count < nodes.size:
         even = np.linspace(nodes[0], nodes[-1], nodes.size)
         nodes, angles = even, savgol_filter(by_lines(nodes, angles, even), count, 3, axis=0)
-    return GimbalTrack(nodes, CubicSpline(nodes, angles), time, rate, quantum)
+    unbroken = np.diff(time, prepend=-np.inf, append=np.inf) <= max(_GAP_S, _GAP * period)
+    return GimbalTrack(nodes, CubicSpline(nodes, angles), time, rate, quantum, unbroken)
 
 
 def quantum_of(values: Array) -> float | None:
@@ -151,7 +151,10 @@ def rough_offset(
     other = np.where(np.abs(offsets - offsets[best]) > _APART_S, misfit, np.inf)
     if other.min() < _AMBIGUOUS * misfit[best]:
         problem = f"the sweep repeats itself, {offsets[best]:.3f} s and {offsets[np.argmin(other)]:.3f} s fit alike"
-        remedy = "sweep through several frequencies (archerfish excite yaw), or narrow max_offset_s"
+        remedy = (
+            "sweep through several frequencies (archerfish excite yaw), narrow max_offset_s, or log receive_s, which "
+        )
+        remedy += "shows frames that were dropped and a clock that was set"
         raise file_error(source, problem, remedy, "ambiguous-offset")
     return float(offsets[best])
 

@@ -23,6 +23,8 @@ from archerfish.reports.report import Report, Result
 from archerfish.reports.style import Figure, new_figure, plot_style
 from archerfish.reports.table import Entry, Estimate, Table, entry_texts, number
 
+_EXPLAINED = 0.02  # share of the bearing's residual that the gimbal's motion may explain
+_FARTHEST_M = 100.0  # that a plate is seen
 _SHOWN = {"s": ("ms", 1e3), "rad": ("mrad", 1e3), "m": ("mm", 1e3), "Hz": ("Hz", 1.0), "": ("%", 100.0)}
 """Unit and factor in which estimates are shown."""
 _ROWS = (
@@ -92,6 +94,7 @@ class SensingResult(Result):
         }
         early, uneven = 1e3 * (link.feedback_delay or 0.0), 2**0.5 * camera.stamp_jitter * camera.rate_hz
         moving, drift = self.alignment.motion_share, 1e6 * self.alignment.drift
+        unsteady = moving > _EXPLAINED
         other, missed = camera.outlier_share, camera.miss_probability
         spoiling = {
             f"Detections scatter by {across:.0f} mm: show one plate at rest, with positions in metres.": across > 50,
@@ -100,7 +103,10 @@ class SensingResult(Result):
         doubtful = {
             "The latency is unknown, and taken as 0: log receive_s by the gimbal log's clock.": camera.latency is None,
             f"The gimbal's motion explains {moving:.0%} of the bearing's residual, which intervals do not include: "
-            f"calibrate the lens, hold plate and robot still, avoid clock drift ({drift:.0f} ppm).": moving > 0.02,
+            f"calibrate the lens, hold plate and robot still, avoid clock drift ({drift:.0f} ppm).": moving
+            > _EXPLAINED,
+            "Without receive_s nothing shows whether frames were dropped, or the clock was set: log it.": unsteady
+            and camera.latency_jitter is None,
             f"Intervals of stamps scatter by {uneven:.0%}, so misses are miscounted: stamp exposures.": uneven > 0.15
             and not self.stamp_faults,
             f"{other:.0%} of the detections are not the plate: cover what looks like one.": other > 0.1,
@@ -139,8 +145,11 @@ def _those(sentences: Mapping[str, object]) -> tuple[str, ...]:
     return tuple(sentence for sentence, holds in sentences.items() if holds)
 
 
-_FARTHEST_M = 100.0  # that a plate is seen
 _FEWEST_RECEIPTS = 20  # from which a latency is estimated
+
+
+def _wider(estimate: Estimate, low: Any, high: Any) -> Estimate:
+    return estimate._replace(low=estimate.low + float(low), high=estimate.high + float(high))
 
 
 @checked_arguments
@@ -202,18 +211,23 @@ def identify_sensing(
     if (far := float(np.median(np.linalg.norm(plate.position, axis=1)))) > _FARTHEST_M:
         raise file_error(plate.source, f"the plate is {far:.4g} m away", "give positions in metres", "millimetres")
     start = log.time[0]  # far from it, numbers have no room for microseconds
-    plate, repeated = stamp_faults.written_once(plate)
+    plate, repeated, written_s = stamp_faults.written_once(plate)
     if repeated:
         message = f"detections that repeat the one before, left out: {repeated}"
         findings.append(Finding("written-again", "repaired", plate.source, message, "log each frame once", repeated))
     track, stamps = gimbal_track(log._replace(time=log.time - start)), plate.time - start
     azimuth = np.arctan2(plate.position[:, 1], plate.position[:, 0])
-    stamped, _, received = timing.with_receipts(plate)
-    step, about = stamp_faults.coarse_stamps(stamps) or (0.0, None)
+    step, about = stamp_faults.coarse_stamps(stamps, written_s) or (0.0, None)
     period, _ = timing.frame_timing(stamps, plate.source, about)
-    changes = stamp_faults.delay_changes(stamped - start, received - stamped)
-    changes = stamp_faults.attributed(changes, track, stamps, azimuth, period.value, max_offset_s)
-    stamps = stamps + changes.grown(stamps)
+    received = timing.receipts(plate) - start
+    logged = ~np.isnan(received)
+    stamped, received = stamps[logged], received[logged]
+    changes = stamp_faults.delay_changes(stamped, received, period.value)
+    if stamped.size >= _FEWEST_RECEIPTS:
+        delay = received - stamped
+        changes = stamp_faults.attributed(changes, track, stamped, azimuth[logged], delay, max_offset_s)
+    late = changes.late()
+    stamps = stamps + np.append(0.0, late)[np.cumsum(logged)]
     period, missed = timing.frame_timing(stamps, plate.source, about)
     offset = rough_offset(track, stamps, azimuth, max_offset_s, plate.source)
     alignment = align(track, stamps, np.asarray(plate.position), offset)
@@ -222,10 +236,13 @@ def identify_sensing(
         "camera.miss_probability": missed,
         "link.feedback_rate_hz": Estimate(track.rate_hz, np.nan, np.nan, "Hz"),
     }
+    if alignment.motion_share > _EXPLAINED:
+        drifted = abs(alignment.drift) * np.ptp(stamps) / 2
+        found["camera.time_offset"] = _wider(found["camera.time_offset"], -drifted, drifted)
     if track.quantum is not None:
         found["link.feedback_quantum"] = Estimate(track.quantum, np.nan, np.nan, "rad")
     counts, basis = {"detections": (int(alignment.inlier.sum()), stamps.size)}, ""
-    delay = received - stamped - changes.grown(stamped - start)
+    delay = received - stamped - late
     if delay.size >= _FEWEST_RECEIPTS:
         slow, quick = stamp_faults.slow_changes(delay, "latency" in changes.kinds)
         found["camera.latency_jitter"] = timing.latency_jitter(quick, found["camera.stamp_jitter"])
@@ -239,9 +256,9 @@ def identify_sensing(
             found["link.feedback_delay"] = statistics.difference(exposed, found["camera.latency"])
         found["camera.latency"], basis, counts["target steps"] = exposed, "exposure", (used, moments.size)
     latency, faults = found.get("camera.latency", Estimate(0.0, 0.0, 0.0)), list[str]()
-    if changes.starts.size:
-        at_first = latency.value - float(np.mean(changes.grown(stamped - start, latency=True)))
-        faults += changes.sentences(found["camera.time_offset"].value, at_first)
+    offset_s = found["camera.time_offset"]
+    faults += changes.sentences(stamped + late, offset_s.value, latency.value)
+    found["camera.time_offset"] = _wider(offset_s, changes.slew.min(initial=0.0), changes.slew.max(initial=0.0))
     if delay.size >= _FEWEST_RECEIPTS and slow.any():
         if basis:  # an engagement draws from the interval, a frame from the jitter
             low, high = latency.value + slow.min(), latency.value + slow.max()
@@ -251,8 +268,8 @@ def identify_sensing(
             faults.append(f"The latency scatters by {scatters}: record under the usual load.")
     if step:
         faults.append(f"Stamps are multiples of {1e3 * step:.4g} ms, which counts as jitter: stamp by a finer clock.")
-    delays, logged = timing.command_delays([log, *more])
-    counts["command steps"] = delays.size, logged
+    delays, steps_logged = timing.command_delays([log, *more])
+    counts["command steps"] = delays.size, steps_logged
     if delays.size >= 5:
         found["link.command_delay"] = statistics.sample_mean(delays)
         found["link.command_jitter"] = statistics.scatter_estimate(delays)

@@ -5,7 +5,6 @@ torque may jump, the angle then starts as a parabola. So an onset is fitted as a
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -78,11 +77,9 @@ def _period(stamps: Array, steps: Array) -> Estimate:
     return statistics.normal_estimate(slope, np.sqrt(spread * index.size) / np.sum((index - index.mean()) ** 2))
 
 
-def with_receipts(detections: DetectionLog) -> tuple[Array, Array, Array]:
-    """Return stamps, positions and receipts, (K,), (K, 3) and (K,), of the detections whose receipt was logged."""
-    receive: Any = np.full(detections.time.size, np.nan) if detections.receive is None else detections.receive
-    logged = ~np.isnan(receive)
-    return detections.time[logged], detections.position[logged], receive[logged]
+def receipts(detections: DetectionLog) -> Array:
+    """Return when detections were received [s], NaN where it was not logged, (K,)."""
+    return np.asarray(np.full(detections.time.size, np.nan) if detections.receive is None else detections.receive)
 
 
 def latency_jitter(delay: Array, stamp_jitter: Estimate) -> Estimate:
@@ -177,7 +174,9 @@ def step_latency(detections: DetectionLog, moments: Array, period: float) -> tup
     Raises:
       InputError: if times of receipt are missing, fewer than five steps can be used, or no latency explains the frames.
     """
-    time, position, receive = with_receipts(detections)
+    receive = receipts(detections)
+    logged = ~np.isnan(receive)
+    time, position, receive = detections.time[logged], detections.position[logged], receive[logged]
     if not time.size:
         raise file_error(detections.source, "target steps take receive_s of each detection", "log it", "no-receipts")
     # Stamps jitter less than receipts, so the edge is sought on them; the mean delay after the first is added below.
