@@ -24,7 +24,9 @@ USUAL = {"elapsed": 0.02, "feedback_age": 2e-3, "plate_age": 0.03, "base_yaw": 0
 def given(**changes):
     """A good input, with the switch on, but for some changes."""
     values = {**USUAL, "desired": [0, 0], "angle": [0, 0], "fire": True, "switch_on": True, **changes}
-    return GateInput(**{k: np.asarray(v, bool if k in ("fire", "switch_on") else F) for k, v in values.items()})
+    return GateInput(
+        **{k: np.asarray(v, bool if k in ("fire", "switch_on", "plausible") else F) for k, v in values.items()}
+    )
 
 
 OFF, ON = given(switch_on=False), given()
@@ -100,6 +102,7 @@ BAD = {
     ("desired", "NO_COMMAND"): {"HOLD": [[np.nan, 0], [0, -np.inf], [0, 1001]]},
     ("elapsed", "DECISION_EARLY"): {"HOLD": [0.0099], "FAULT": [0.0, -1.0, np.nan]},
     ("elapsed", "DECISION_LATE"): {"HOLD": [0.0501], "FAULT": [0.1, np.inf]},
+    ("plausible", "IMPLAUSIBLE"): {"HOLD": [False]},
 }
 GOOD = {
     "feedback_age": [0.0, 0.0499, -0.0099],
