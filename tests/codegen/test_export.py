@@ -253,6 +253,12 @@ def test_absurd_detections_are_unseen_and_leave_the_tracker_as_it_is(exported):
         assert {each.mode for each in verdicts} == {Mode.ARMED}
         expected = expected or str(verdicts)
         assert str(verdicts) == expected
+    library.reset()
+    unseen = {"found": np.array(False)}
+    blind = given | {"rate": np.float32([np.nan, 0.0])}  # a plate that the controller can't take
+    inputs = [off | unseen] * 30 + [given | unseen] * 2 + [blind] + [given | unseen] * 3
+    reasons = [library.decide(each)[0].reason for each in inputs]
+    assert reasons[-3:] == [Reason.PLATE_UNSEEN] * 3
 
 
 @gcc
@@ -305,9 +311,11 @@ def test_the_programs_of_the_page_run_and_two_files_go_into_one(exported, tmp_pa
         (tmp_path / f"policy{end}").write_text(text.replace("history", "policy").replace("HISTORY", "POLICY"))
     first, second = (re.search(rf"```{kind}\n(#include.*?)```", PAGE, re.DOTALL)[1] for kind in ("c", "cpp"))
     assert first.count("\n") < 18
-    assert second.count("\n") < 38
+    assert second.count("\n") < 40
     (tmp_path / "main.c").write_text(first)
-    (tmp_path / "main.cpp").write_text(second)
+    # A computer that is busy misses deadlines: here each decision comes in time.
+    second = second.replace("now = steady_clock::now();", "now = next;")
+    (tmp_path / "main.cpp").write_text(second.replace("std::this_thread::sleep_until(", "static_cast<void>("))
     printed = run(tmp_path, ["cc", "-std=c99", *WARNINGS, "main.c", "policy.c", "-lm", "-o", "main"]).split()
     assert printed[:3] == ["0", "0", "1"]
     subprocess.run(["cc", "-std=c99", "-c", "policy.c"], cwd=tmp_path, check=True)

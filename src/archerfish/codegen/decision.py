@@ -83,7 +83,7 @@ class Gated:
         is_usable = functools.reduce(operator.and_, (fits[name] for name in _NEEDED))
         plate = select(fits["plate"], given["plate"], xp.zeros_like(given["plate"]))
         frame_age, shots_left = given["frame_age"], given["shots_left"]
-        shows = given["found"] & (frame_age >= 0.0) & (frame_age <= OLDEST_FRAME_S)
+        shows = given["found"] & is_usable & (frame_age >= 0.0) & (frame_age <= OLDEST_FRAME_S)
         shows = shows & (xp.sum(plate * plate, axis=-1) >= NEAREST_PLATE_M**2)
         begins = (state.begins > 0.5) | (shows & (state.plate_age > LONGEST_UNSEEN_S))
         waited = xp.where(begins, zero, state.waited + elapsed)
