@@ -61,10 +61,12 @@ def test_it_is_armed_by_a_switch_that_goes_on_after_half_a_second_of_good_input_
     assert Reason.SWITCH_ON_AT_START.text == "switch on at start"
     assert outcome(START, *[ON] * 60) == disarmed("SWITCH_ON_AT_START")
     assert outcome(START, OFF) == outcome(START, *[OFF] * 24) == disarmed("STARTING")
-    assert outcome(START, *[OFF] * 25) == outcome(START, *[OFF] * 3000) == disarmed("SWITCH_OFF")
+    assert outcome(START, *[OFF] * 25) == disarmed("SWITCH_OFF")
     assert outcome(START, *[OFF] * 24, ON) == ARMS  # which is the 25th
     assert outcome(START, *[OFF] * 23, ON) == outcome(START, *[OFF] * 23, *[ON] * 60) == disarmed("STARTING")
     slow = given(switch_on=False, elapsed=0.04)
+    state, verdict = after(START, *[slow] * 300)
+    assert (state.good_for, state.since_shot, verdict.cause) == (10.0, 10.0, Reason.SWITCH_OFF)  # timers are bounded
     assert outcome(START, *[slow] * 12, ON) == ARMS
     assert outcome(START, *[slow] * 11, ON) == disarmed("STARTING")
     late = given(switch_on=False, feedback_age=0.055)
@@ -107,7 +109,7 @@ BAD = {
 GOOD = {
     "feedback_age": [0.0, 0.0499, -0.0099],
     "elapsed": [0.0101, 0.0499],
-    "angle": [[0, 3.0], [0, -999.0]],
+    "angle": [[0, 3.0], [0, -1000.0]],
     "base_yaw": [0.49, -0.49],
 }
 
@@ -133,6 +135,7 @@ def test_a_fault_comes_after_a_tenth_of_a_second_and_stays_until_the_switch_was_
     assert [outcome(ARMED, *[bad] * n)[0] for n in (1, 4, 5, 300)] == ["HOLD", "HOLD", "FAULT", "FAULT"]
     assert outcome(ARMED, *[bad] * 4, ON, *[bad] * 4)[0] == "HOLD"  # it counts from the last good one
     fault, _ = after(ARMED, *[bad] * 5)
+    assert after(fault, *[given(elapsed=1.0)] * 12)[0].bad_for == 10.0
     assert outcome(fault, *[ON] * 100) == ("FAULT", "FAULT", "FEEDBACK_OLD")
     assert outcome(fault, *[OFF] * 24) == ("FAULT", "FAULT", "FEEDBACK_OLD")
     assert outcome(fault, *[OFF] * 24, ON, *[ON] * 9)[0] == "FAULT"

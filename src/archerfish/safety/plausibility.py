@@ -1,7 +1,8 @@
 """Whether the gimbal does what its identified plant says: feedback against the prediction from the commands sent.
 
 It finds what no checksum, sequence number or age shows: an axis with the wrong sign or unit, axes exchanged, feedback
-that is late or stuck, a motor that is off.
+that is late or stuck, a motor that is off. The plant must be that of the robot: with the plant of a good robot, a worn
+one has residuals of up to 0.13 rad for three decisions (benchmarks/plausibility.py).
 """
 
 from typing import NamedTuple
