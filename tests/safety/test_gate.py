@@ -81,7 +81,12 @@ def test_it_is_armed_by_a_switch_that_goes_on_after_half_a_second_of_good_input_
 
 @pytest.mark.parametrize(
     ("inside", "outside"),
-    [((0.2, 0), (0.22, 0)), ((-0.47, 0), (-0.48, 0)), ((0, 1.34), (0, 1.35)), ((0, -1.34), (0, -1.35))],
+    [
+        ((RULES.limits.high[0] + F(0.035), 0), (0.22, 0)),
+        ((RULES.limits.low[0] - F(0.035), 0), (-0.48, 0)),
+        ((0, RULES.limits.high[1] + F(0.035)), (0, 1.35)),
+        ((0, RULES.limits.low[1] - F(0.035)), (0, -1.35)),
+    ],
 )
 def test_it_is_armed_within_two_degrees_of_the_range_and_begins_where_the_gimbal_is(inside, outside):
     for angle, expected in ((inside, "ARMED"), (outside, "DISARMED")):
@@ -97,7 +102,7 @@ def test_it_is_armed_within_two_degrees_of_the_range_and_begins_where_the_gimbal
 
 
 BAD = {
-    ("feedback_age", "FEEDBACK_OLD"): {"HOLD": [0.0501, 0.0999], "FAULT": [0.1001, np.nan, np.inf]},
+    ("feedback_age", "FEEDBACK_OLD"): {"HOLD": [0.0501, 0.1], "FAULT": [0.1001, np.nan, np.inf]},
     ("feedback_age", "FEEDBACK_FROM_FUTURE"): {"HOLD": [-0.0101, -0.0999], "FAULT": [-0.1001]},
     ("angle", "FEEDBACK_INVALID"): {"HOLD": [[np.nan, 0], [0, np.inf], [0, 1001]]},
     ("base_yaw", "BASE_INVALID"): {"HOLD": [np.nan, 1001, -0.51]},
@@ -107,10 +112,10 @@ BAD = {
     ("plausible", "IMPLAUSIBLE"): {"HOLD": [False]},
 }
 GOOD = {
-    "feedback_age": [0.0, 0.0499, -0.0099],
-    "elapsed": [0.0101, 0.0499],
+    "feedback_age": [0.0, 0.05, -0.01],
+    "elapsed": [0.01, 0.05],
     "angle": [[0, 3.0], [0, -1000.0]],
-    "base_yaw": [0.49, -0.49],
+    "base_yaw": [0.5, -0.5],
 }
 
 
@@ -150,7 +155,7 @@ NOT_FIRED = {
     ("desired", "LIMITED"): [[0.0411, 0], [0, -0.0251]],
     ("shots_left", "HEAT"): [0.99, np.nan],
     ("fire", "NONE"): [True],
-    ("plate_age", "NONE"): [0.2499, -0.0099],
+    ("plate_age", "NONE"): [0.25, -0.01],
     ("desired", "NONE"): [[0.0409, 0], [0, -0.0249]],
     ("shots_left", "NONE"): [1],
 }
@@ -177,7 +182,7 @@ def test_reasons_come_in_their_order_and_the_configured_ones_are_kept():
     for at, reason in enumerate(wrong):
         changes = dict(pair for each in [*wrong.values()][at:] for pair in each.items())
         assert outcome(shot, given(**changes), rules=strict)[1] == reason
-    for angle, reason in (([0.034, 0], "NONE"), ([0.036, 0], "OFF_TARGET"), ([0, -0.036], "OFF_TARGET")):
+    for angle, reason in (([strict.near, 0], "NONE"), ([0.036, 0], "OFF_TARGET"), ([0, -0.036], "OFF_TARGET")):
         assert outcome(shot, *[given(fire=False)] * 4, given(angle=angle), rules=strict)[1] == reason
     fired, state = [], shot
     for _ in range(20):
