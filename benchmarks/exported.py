@@ -21,7 +21,7 @@ import archerfish as af
 from alternating import ROOT
 from archerfish.codegen import check
 from archerfish.codegen.c99 import print_c
-from archerfish.codegen.decision import FIELDS, Gated, example_decisions, trace_decision
+from archerfish.codegen.decision import FIELDS, TRUTHS, Gated, example_decisions, trace_decision
 from archerfish.codegen.library import c_decision
 from archerfish.codegen.onnx import print_onnx
 from archerfish.controllers.registry import make_controller
@@ -69,7 +69,8 @@ def measured(gated: Gated) -> dict[str, Any]:
     examples = list(example_decisions(gated, DECISIONS, seed=1))
     rows = [np.concatenate([np.atleast_1d(given[name]) for name in FIELDS]) for given, _ in examples]
     numbers = np.array(rows, np.float32)
-    numbers[:, -2:] = np.int32(numbers[:, -2:]).view(np.float32)  # the last two of the struct are integers
+    truths = len(TRUTHS)  # which are integers in the struct
+    numbers[:, -truths:] = np.int32(numbers[:, -truths:]).view(np.float32)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for path, content in print_c(decision, facts, folder / "x.c", examples[:36]).items():

@@ -153,7 +153,11 @@ def hostile_decisions(gated, n, count):
             noise, wrong = rng.normal(0.0, 1e-3, shape), share > rng.random(shape).T
             drawn = np.where(rng.random(shape) < 0.5, rng.choice(EDGES, shape), rng.normal(0.0, 3.0, shape))
             given[name] = np.where(wrong.T, drawn, value + noise).astype(np.float32)
-        yield given | {"found": rng.random(n) < 0.8, "switch_on": rng.random(n) < 0.999}
+        yield given | {
+            "found": rng.random(n) < 0.8,
+            "switch_on": rng.random(n) < 0.999,
+            "distrusted": rng.random(n) < 0.001,
+        }
 
 
 SLOW = [pytest.param(name, 100, marks=pytest.mark.slow) for name in NAMES]
@@ -177,7 +181,8 @@ def test_with_any_input_c_decides_as_numpy_within_the_limits(exported, name, n):
             verdict, status = library.decide(given)
             memories[k] = library.memory
             turned = [0.0, state.gate.base_yaw[k]]
-            assert np.all((verdict.angle >= low + turned - 1e-5) & (verdict.angle <= high + turned + 1e-5))
+            rounding = 1e-5 + 1e-7 * abs(turned[1])
+            assert np.all((verdict.angle >= low + turned - rounding) & (verdict.angle <= high + turned + rounding))
             needed = np.concatenate([np.atleast_1d(given[each]) for each in ("elapsed", "angle", "rate", "base_yaw")])
             assert status == 1 or np.all(np.abs(needed) <= 1e3)
             assert not (verdict.fire and (status or verdict.mode != Mode.ARMED))
@@ -221,6 +226,8 @@ def test_a_library_is_armed_once_reset_and_stays_armed_with_a_new_target(exporte
     assert [(each.mode, each.reason, *each.angle) for each in verdicts] == [(1, 5, *given["angle"])] * 2
     far = given | {"plate": np.float32([3.0, 0.05, 0.0])}
     assert (library.decide(far)[0].reason, shoots()) == (Reason.NONE, 1)
+    assert library.decide(far | {"distrusted": np.array(True)})[0][2:] == (Mode.HOLD, Reason.HOLD, Reason.IMPLAUSIBLE)
+    assert library.decide(far)[0].mode == Mode.ARMED
     before = library.memory.copy()
     ahead, _ = library.decide(far | {"angle": given["angle"] + np.float32(0.3)})
     assert (ahead.fire, shoots()) == (1, 0)  # the gimbal is not there yet
@@ -253,6 +260,12 @@ def test_absurd_detections_are_unseen_and_leave_the_tracker_as_it_is(exported):
         assert {each.mode for each in verdicts} == {Mode.ARMED}
         expected = expected or str(verdicts)
         assert str(verdicts) == expected
+    library.reset()
+    unseen = {"found": np.array(False)}
+    blind = given | {"rate": np.float32([np.nan, 0.0])}  # a plate that the controller can't take
+    inputs = [off | unseen] * 30 + [given | unseen] * 2 + [blind] + [given | unseen] * 3
+    reasons = [library.decide(each)[0].reason for each in inputs]
+    assert reasons[-3:] == [Reason.PLATE_UNSEEN] * 3
 
 
 @gcc
@@ -305,9 +318,11 @@ def test_the_programs_of_the_page_run_and_two_files_go_into_one(exported, tmp_pa
         (tmp_path / f"policy{end}").write_text(text.replace("history", "policy").replace("HISTORY", "POLICY"))
     first, second = (re.search(rf"```{kind}\n(#include.*?)```", PAGE, re.DOTALL)[1] for kind in ("c", "cpp"))
     assert first.count("\n") < 18
-    assert second.count("\n") < 38
+    assert second.count("\n") < 40
     (tmp_path / "main.c").write_text(first)
-    (tmp_path / "main.cpp").write_text(second)
+    # A computer that is busy misses deadlines: here each decision comes in time.
+    second = second.replace("now = steady_clock::now();", "now = next;")
+    (tmp_path / "main.cpp").write_text(second.replace("std::this_thread::sleep_until(", "static_cast<void>("))
     printed = run(tmp_path, ["cc", "-std=c99", *WARNINGS, "main.c", "policy.c", "-lm", "-o", "main"]).split()
     assert printed[:3] == ["0", "0", "1"]
     subprocess.run(["cc", "-std=c99", "-c", "policy.c"], cwd=tmp_path, check=True)
@@ -366,7 +381,7 @@ def through_c(folder, outputs):
     library = ctypes.CDLL(folder / "f.so")
 
     def call(*values):
-        memory, seen = (ctypes.c_float * (len(outputs) + 3))(), np.zeros(15, np.float32)
+        memory, seen = (ctypes.c_float * (len(outputs) + 3))(), np.zeros(16, np.float32)
         seen[10 : 10 + len(values)] = values
         library[linked](memory, seen.tobytes(), (ctypes.c_float * 6)())
         return np.array(memory[: len(outputs)])

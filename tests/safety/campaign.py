@@ -56,6 +56,7 @@ def inputs(rng, rules, state, calm, base_yaw):
         plate_age=pick(PLATE_AGES, 0.05, 0.03),
         base_yaw=pick(ABSURD, 0.01, 0.0) + base_yaw,
         shots_left=pick(SHOTS, 0.05, 1e6),
+        plausible=rng.random(n) > np.where(calm, 0.002, 0.05),
     )
 
 

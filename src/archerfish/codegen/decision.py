@@ -18,10 +18,10 @@ from archerfish.safety.rules import Rules
 
 FIELDS = {
     "elapsed": 1, "gimbal_age": 1, "frame_age": 1, "muzzle_speed": 1, "base_yaw": 1, "shots_left": 1,
-    "angle": 2, "rate": 2, "plate": 3, "found": 1, "switch_on": 1,
+    "angle": 2, "rate": 2, "plate": 3, "found": 1, "switch_on": 1, "distrusted": 1,
 }  # fmt: skip
 """What a caller gives at each decision, and how many numbers each has."""
-TRUTHS = ("found", "switch_on")
+TRUTHS = ("found", "switch_on", "distrusted")
 """Those that are true or false; they come last."""
 
 UNSEEN_AGE = np.float32(1e6)
@@ -83,7 +83,7 @@ class Gated:
         is_usable = functools.reduce(operator.and_, (fits[name] for name in _NEEDED))
         plate = select(fits["plate"], given["plate"], xp.zeros_like(given["plate"]))
         frame_age, shots_left = given["frame_age"], given["shots_left"]
-        shows = given["found"] & (frame_age >= 0.0) & (frame_age <= OLDEST_FRAME_S)
+        shows = given["found"] & is_usable & (frame_age >= 0.0) & (frame_age <= OLDEST_FRAME_S)
         shows = shows & (xp.sum(plate * plate, axis=-1) >= NEAREST_PLATE_M**2)
         begins = (state.begins > 0.5) | (shows & (state.plate_age > LONGEST_UNSEEN_S))
         waited = xp.where(begins, zero, state.waited + elapsed)
@@ -114,6 +114,7 @@ class Gated:
             plate_age=age,
             base_yaw=given["base_yaw"],
             shots_left=shots_left,
+            plausible=~given["distrusted"],
         )
         following, verdict = gate(self.rules, state.gate, inputs)
         forgets = ~runs_on | (is_usable & ~is_finite)
@@ -206,7 +207,7 @@ def example_decisions(gated: Gated, count: int, seed: int = 0) -> Iterator[tuple
             "plate": plate * found,
         }
         given = {name: np.asarray(value, np.float32) for name, value in given.items()}
-        given |= {"found": np.asarray(found), "switch_on": np.asarray(at >= ARMING)}
+        given |= {"found": np.asarray(found), "switch_on": np.asarray(at >= ARMING), "distrusted": np.asarray(False)}
         state, verdict = gated.step(state, given)
         command = verdict.angle
         yield given, verdict

@@ -7,6 +7,8 @@ A pure function of arrays that runs in NumPy, under JAX and traced into C. With 
 from enum import IntEnum
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from archerfish.arrays import Array, lift, namespace
 from archerfish.dynamics.command_limits import limit_command
 from archerfish.safety.rules import Rules
@@ -70,6 +72,8 @@ class Reason(IntEnum):
     """The controller's command is not finite, or absurd."""
     DECISION_EARLY = 19
     DECISION_LATE = 20
+    IMPLAUSIBLE = 21
+    """The gimbal does not do what its identified plant says."""
 
     @property
     def text(self) -> str:
@@ -104,6 +108,7 @@ class GateInput(NamedTuple):
     plate_age: Array  # since the exposure that last showed a plate [s], B
     base_yaw: Array  # of the chassis [rad], B
     shots_left: Array  # that the heat limit allows, B
+    plausible: Array = np.True_  # whether the feedback is what the plant says, see `plausibility`, bool, B
 
 
 class GateVerdict(NamedTuple):
@@ -174,6 +179,7 @@ def gate(rules: Rules, state: GateState, given: GateInput) -> tuple[GateState, G
         (~xp.all(valid(given.desired), axis=-1), Reason.NO_COMMAND),
         (~(given.elapsed >= 0.5 * rules.period), Reason.DECISION_EARLY),
         (~(given.elapsed <= rules.late), Reason.DECISION_LATE),
+        (~given.plausible, Reason.IMPLAUSIBLE),
     )
     good = fault == Reason.NONE
     cause = xp.where(good, state.cause, fault)
