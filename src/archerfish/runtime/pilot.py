@@ -11,7 +11,7 @@ import numpy as np
 from archerfish.dynamics.command_limits import limit_command
 from archerfish.dynamics.muzzle import direction
 from archerfish.errors import InputError
-from archerfish.messages import CommandSent, Detections, Feedback, Numbers
+from archerfish.messages import Detections, Feedback, Numbers
 from archerfish.protocols import Barrel, Command, Controller
 from archerfish.robot import Robot
 from archerfish.runtime.detections import CameraFrame, camera_frames
@@ -21,7 +21,7 @@ from archerfish.tracking.detections import GUESS_AGE_S, GUESS_DISTANCE_M
 from archerfish.tracking.host import Host, SeenPlate, new_host, seen_by, with_messages
 from archerfish.wires import Stream, Wire
 from archerfish.wires.stream import WireFrame
-from archerfish.wires.wire import TableWire, in_range
+from archerfish.wires.wire import TableWire, WireCommand, WireReports, in_range
 
 _UNLIMITED = 1e6  # shots, without a referee
 
@@ -130,8 +130,7 @@ class Pilot:
         angle, fire = self._gated(asked, elapsed)
         # The yaw of the wire may wrap, that of the reports does not.
         on_wire = angle - [0.0, measured[0, 1] - self._raw_yaw]
-        sent = CommandSent(np.array([now]), np.array([np.nan]), on_wire, np.array([self.switch]), np.array([fire]))
-        return self._wire.encode(sent)
+        return self._wire.encode(WireCommand(on_wire[0], self.switch, fire))
 
     def _gated(self, asked: Command, elapsed: float) -> tuple[Numbers, bool]:
         """Return the command that is sent, and whether it fires: with the limits alone, and on request."""
@@ -152,10 +151,11 @@ class Pilot:
         self._last_bytes[frame.layout.name] = frame.data
         return frame.data != last
 
-    def _take_reports(self, now: float, feedback: Feedback) -> None:
+    def _take_reports(self, now: float, reports: WireReports) -> None:
         """Keep the reports that a gimbal may give, with their times on the computer's clock."""
-        if feedback.switch is not None and len(feedback.switch):
-            self.switch = bool(feedback.switch[-1])
+        if reports.switch_on is not None and len(reports.switch_on):
+            self.switch = bool(reports.switch_on[-1])
+        feedback = reports.feedback
         usable = in_range(feedback)
         self.counts["reports out of range"] += int(np.sum(~usable))
         for place in np.flatnonzero(usable):
@@ -163,10 +163,9 @@ class Pilot:
             sampled = now - self._feedback_latency if np.isnan(stamp) else self._robot_clock.own_time(stamp, now)
             self._reports.append((sampled, feedback.angle[place], feedback.rate[place]))
             self._raw_yaw = float(feedback.angle[place, 1])
-            if feedback.muzzle_speed is not None:
-                self.muzzle_speed = float(feedback.muzzle_speed[place])
-            if feedback.shots_left is not None and np.isfinite(feedback.shots_left[place]):
-                self._shots_left = float(feedback.shots_left[place])
+            self.muzzle_speed = float(reports.muzzle_speed[place])
+            if np.isfinite(reports.shots_left[place]):
+                self._shots_left = float(reports.shots_left[place])
 
     def _take_plate(self, exposed: float, frame: CameraFrame) -> None:
         """Keep the first plate of a frame: of the gimbal's frame until a report covers it, as it is in O."""
