@@ -1,7 +1,7 @@
 """What a robot and the computer that aims for it send each other: NumPy's arrays, each message with its two times.
 
 The leading axes are any batch B; N messages follow. A place that no message takes has NaN as its times. Virtual robot
-and logs have these messages, as do wires and the runtime.
+and logs have these messages, as do wires and the runtime; the black box is to have them as well.
 """
 
 from typing import NamedTuple
@@ -19,9 +19,6 @@ class Feedback(NamedTuple):
     received_s: Numbers  # on the computer's clock [s], B + (N,)
     angle: Numbers  # pitch and yaw [rad], B + (N, 2)
     rate: Numbers  # of the two [rad/s], B + (N, 2)
-    switch: NDArray[np.bool_] | None = None  # whether the operator lets the computer aim, B + (N,); None: not reported
-    muzzle_speed: Numbers | None = None  # measured [m/s], B + (N,); NaN, or None: not reported
-    shots_left: Numbers | None = None  # that heat allows, B + (N,); NaN, or None: not reported
 
 
 class Detections(NamedTuple):
@@ -39,5 +36,3 @@ class CommandSent(NamedTuple):
     sent_s: Numbers  # on the computer's clock [s], B + (N,)
     received_s: Numbers  # on the robot's clock [s], B + (N,)
     angle: Numbers  # pitch and yaw [rad], B + (N, 2)
-    control: NDArray[np.bool_] | None = None  # whether the gimbal is to follow, B + (N,); None: it is
-    fire: NDArray[np.bool_] | None = None  # whether to fire a pellet, B + (N,); None: not in this message

@@ -127,7 +127,7 @@ def test_damaged_messages_are_counted_and_change_nothing():
 
 def test_it_says_why_it_is_not_armed_and_a_command_that_was_not_sent_does_not_count():
     pilot = Pilot(Asks(0.1, 0.5), INFANTRY, TASK, WIRE)
-    assert (pilot.state_text, pilot.tick(99.0), pilot.last_frame(99.0)) == ("waiting for the first report", b"", b"")
+    assert (pilot.state_text, pilot.tick(99.0), pilot.last_frame()) == ("waiting for the first report", b"", b"")
     run(pilot, 35, on=lambda time: True, plate=ahead)
     assert pilot.state_text == "disarmed: switch on at start"
     run(pilot, 30, on=lambda time: False, plate=ahead, begin=100.7)
@@ -139,8 +139,7 @@ def test_it_says_why_it_is_not_armed_and_a_command_that_was_not_sent_does_not_co
     pilot.on_bytes(101.439, report(2.0, 0.0, on=True))
     assert sent(pilot, 101.44)[2] <= before + 1e-6  # twice the time has passed, in which the command stood still
     assert [
-        frame.layout.decode(frame.data)["mode"]
-        for frame in Stream([WIRE.layouts["command"]]).feed(pilot.last_frame(102.0))
+        frame.layout.decode(frame.data)["mode"] for frame in Stream([WIRE.layouts["command"]]).feed(pilot.last_frame())
     ] == [1, 0]
 
 

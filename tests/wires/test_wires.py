@@ -12,9 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from archerfish.messages import CommandSent
 from archerfish.wires import Layout, Stream, load_wire
-from archerfish.wires.wire import in_range
+from archerfish.wires.wire import WireCommand, in_range
 
 TENTH = "*0.0017453292519943296"
 EP = ["= 55 15 04", "crc ep8", "route u16", "sequence u16", "= 00 04 0C", f"yaw_rate i16 {TENTH}", "roll_rate i16"]
@@ -137,7 +136,7 @@ def test_noise_makes_no_message(wires):
     wire, noise = load_wire(*wires), random.Random(3).randbytes(300_000)
     stream = Stream(wire.received)
     frames = [frame for part in parts(noise, random.Random(4)) for frame in stream.feed(part)]
-    assert not in_range(wire.decode(frames)).any()
+    assert not in_range(wire.decode(frames).feedback).any()
     assert len(stream._bytes) < max(layout.length for layout in wire.received)
 
 
@@ -165,14 +164,13 @@ def test_frames_are_the_same_however_the_bytes_arrive(cuts):
 
 
 def test_a_command_is_sent_in_the_frames_of_its_state():
-    angle, control, fire = np.array([[0.05, 0.1]] * 3), np.array([False, True, True]), np.array([True, False, True])
-    sent = CommandSent(np.zeros(3), np.zeros(3), angle, control, fire)
+    sent = [WireCommand(np.array([0.05, 0.1]), *state) for state in ((False, True), (True, False), (True, True))]
     for name, kinds in {
         "sp_vision_25": [["command"]] * 3,
         "roborts": [["heartbeat"], ["command", "heartbeat"], ["command", "shoot", "heartbeat"]],
     }.items():
         wire = load_wire(name)
-        frames = Stream(wire.layouts.values()).feed(wire.encode(sent))
+        frames = Stream(wire.layouts.values()).feed(b"".join(map(wire.encode, sent)))
         assert [frame.layout.name for frame in frames] == [kind for each in kinds for kind in each]
         modes = [frame.layout.decode(frame.data).get("mode") for frame in frames]
         assert modes == ([0, 1, 2] if name == "sp_vision_25" else [None] * 6)
@@ -184,11 +182,11 @@ def test_reports_carry_the_latest_reading_of_the_referee():
     wire = load_wire("sp_vision_25", "referee")
     report = FEEDBACK.encode({"mode": 0, "yaw": -0.2, "pitch": 0.1, "pitch_rate": 0.3, "muzzle_speed": 14.0})
     data = report + wire.layouts["heat"].encode({"shots_left": 3.0}) + numbered(1)
-    feedback = wire.decode(Stream(wire.received).feed(data))
-    np.testing.assert_allclose(feedback.angle[0], [0.1, -0.2], rtol=1e-6)
-    np.testing.assert_allclose(feedback.rate[0], [0.3, 0.0], rtol=1e-6)
-    assert feedback.switch.tolist() == [False, True]
-    np.testing.assert_allclose(feedback.shots_left, [np.nan, 3.0])
+    reports = wire.decode(Stream(wire.received).feed(data))
+    np.testing.assert_allclose(reports.feedback.angle[0], [0.1, -0.2], rtol=1e-6)
+    np.testing.assert_allclose(reports.feedback.rate[0], [0.3, 0.0], rtol=1e-6)
+    assert reports.switch_on.tolist() == [False, True]
+    np.testing.assert_allclose(reports.shots_left, [np.nan, 3.0])
 
 
 def test_a_team_gives_a_wire_of_its_own(tmp_path):

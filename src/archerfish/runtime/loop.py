@@ -47,7 +47,7 @@ class Deciding(Protocol):
     def withdraw(self) -> None:
         """Forget the last decision, which was not sent."""
 
-    def last_frame(self, now: float) -> bytes:
+    def last_frame(self) -> bytes:
         """Return bytes that end the fire, without deciding."""
 
 
@@ -130,7 +130,7 @@ class RobotLoop:
             self._decide(is_stopped, seconds)
         finally:
             gc.enable()
-            self._send(self._pilot.last_frame(_clock()))
+            self._send(self._pilot.last_frame())
             ends = _clock() + _LAST_FRAME_S
             while self._unsent and _clock() < ends:
                 time.sleep(1e-3)

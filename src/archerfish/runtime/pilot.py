@@ -7,12 +7,11 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from archerfish.arrays import single_precision
 from archerfish.dynamics.muzzle import direction
 from archerfish.errors import InputError
-from archerfish.messages import CommandSent, Detections, Feedback, Numbers
+from archerfish.messages import Detections, Feedback, Numbers
 from archerfish.protocols import Barrel, Command, Controller
 from archerfish.robot import Robot
 from archerfish.runtime.detections import CameraFrame, camera_frames
@@ -24,9 +23,8 @@ from archerfish.tracking.detections import GUESS_AGE_S, GUESS_DISTANCE_M
 from archerfish.tracking.host import Host, SeenPlate, new_host, seen_by, with_messages
 from archerfish.wires import Stream, Wire
 from archerfish.wires.stream import WireFrame
-from archerfish.wires.wire import TableWire, in_range
+from archerfish.wires.wire import TableWire, WireCommand, WireReports, in_range
 
-Truths = NDArray[np.bool_]
 _UNLIMITED = 1e6  # shots, without a referee
 
 
@@ -139,23 +137,17 @@ class Pilot:
         self.counts["decisions"] += 1
         verdict = self._through_gate(now, host, state, asked)
         self._turned = float(measured[0, 1]) - self._raw_yaw
-        controls, fires = np.array([verdict.mode[0] != Mode.DISARMED]), np.asarray(verdict.fire)
-        return self._encoded(now, verdict.angle, controls, fires)
+        return self._encoded(verdict.angle, bool(verdict.mode[0] != Mode.DISARMED), bool(verdict.fire[0]))
 
     def withdraw(self) -> None:
         """Forget that the last command was sent: it was not, and limits count from what was."""
         self._gated_s, self._gate = self._gate_before
 
-    def last_frame(self, now: float) -> bytes:
-        """Return bytes that end the fire and let the gimbal go; nothing before the first report.
-
-        Args:
-          now: present time [s].
-        """
+    def last_frame(self) -> bytes:
+        """Return bytes that end the fire and let the gimbal go; nothing before the first report."""
         if self._gate is None:
             return b""
-        angle = np.repeat(self._gate.command, 2, axis=0)
-        return self._encoded(now, angle, np.array([True, False]), np.array([False, False]))
+        return self._encoded(self._gate.command, True, False) + self._encoded(self._gate.command, False, False)
 
     @property
     def state_text(self) -> str:
@@ -185,11 +177,10 @@ class Pilot:
         self.counts[f"not fired: {reason.text}" if reason else "fired"] += 1
         return self.verdict
 
-    def _encoded(self, now: float, angle: Numbers, controls: Truths, fires: Truths) -> bytes:
-        """Return the frames of commands, whose yaw is in the turn of the last report."""
-        times = np.full(len(angle), now)
-        on_wire = angle.astype(np.float64) - [0.0, self._turned]
-        return self._wire.encode(CommandSent(times, np.full(len(angle), np.nan), on_wire, controls, fires))
+    def _encoded(self, angle: Numbers, control: bool, fire: bool) -> bytes:
+        """Return the frame of a command, whose yaw is in the turn of the last report."""
+        on_wire = angle[0].astype(np.float64) - [0.0, self._turned]
+        return self._wire.encode(WireCommand(on_wire, control, fire))
 
     def _is_new(self, frame: WireFrame) -> bool:
         """Whether a frame differs from the last one of its kind: one that a line repeats is no news."""
@@ -197,10 +188,11 @@ class Pilot:
         self._last_bytes[frame.layout.name] = frame.data
         return frame.data != last
 
-    def _take_reports(self, now: float, feedback: Feedback) -> None:
+    def _take_reports(self, now: float, reports: WireReports) -> None:
         """Keep the reports that a gimbal may give, with their times on the computer's clock."""
-        if feedback.switch is not None and len(feedback.switch):
-            self.switch = bool(feedback.switch[-1])
+        if reports.switch_on is not None and len(reports.switch_on):
+            self.switch = bool(reports.switch_on[-1])
+        feedback = reports.feedback
         usable = in_range(feedback)
         self.counts["reports out of range"] += int(np.sum(~usable))
         for place in np.flatnonzero(usable):
@@ -208,10 +200,9 @@ class Pilot:
             sampled = now - self._feedback_latency if np.isnan(stamp) else self._robot_clock.own_time(stamp, now)
             self._reports.append((sampled, feedback.angle[place], feedback.rate[place]))
             self._raw_yaw = float(feedback.angle[place, 1])
-            if feedback.muzzle_speed is not None:
-                self.muzzle_speed = float(feedback.muzzle_speed[place])
-            if feedback.shots_left is not None and np.isfinite(feedback.shots_left[place]):
-                self._shots_left = float(feedback.shots_left[place])
+            self.muzzle_speed = float(reports.muzzle_speed[place])
+            if np.isfinite(reports.shots_left[place]):
+                self._shots_left = float(reports.shots_left[place])
 
     def _take_plate(self, exposed: float, frame: CameraFrame) -> None:
         """Keep the first plate of a frame: of the gimbal's frame until a report covers it, as it is in O."""

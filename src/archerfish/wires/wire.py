@@ -1,16 +1,16 @@
-"""The two directions of a wire as messages: frames ↔ `Feedback` and `CommandSent`, by tables of a TOML file."""
+"""The two directions of a wire: frames as reports of the robot, and commands as frames, by tables of a TOML file."""
 
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, Protocol, TypeAlias
+from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from msgspec import field
 from numpy.typing import NDArray
 
 from archerfish.errors import InputError, file_error, meant, one_line
-from archerfish.messages import CommandSent, Feedback
+from archerfish.messages import Feedback, Numbers
 from archerfish.plugins import find_plugin, names_code
 from archerfish.records.json_files import Number, to_struct
 from archerfish.records.record import Struct, Text
@@ -39,6 +39,23 @@ class FrameTable(Struct, frozen=True, kw_only=True):
     does not fire (control), and with one that fires; a frame without any is received."""
 
 
+class WireReports(NamedTuple):
+    """Reports of a robot, N of them."""
+
+    feedback: Feedback  # of the gimbal, (N,); times are NaN where a wire has no stamps
+    switch_on: NDArray[np.bool_] | None  # whether the operator lets the computer aim, (N,); None: no frame has it
+    muzzle_speed: Numbers  # measured last [m/s], (N,); NaN where there is none
+    shots_left: Numbers  # that heat allows, (N,); NaN where there is none
+
+
+class WireCommand(NamedTuple):
+    """A command to a robot."""
+
+    angle: Numbers  # pitch and yaw [rad], (2,)
+    control: bool  # whether the gimbal is to follow; else it idles
+    fire: bool  # whether to fire a pellet
+
+
 class Wire(Protocol):
     """What a team writes whose frames no table covers; `load_wire` takes it."""
 
@@ -46,15 +63,11 @@ class Wire(Protocol):
     def received(self) -> Sequence[Layout]:
         """Frames that the computer receives."""
 
-    def decode(self, frames: Sequence[WireFrame]) -> Feedback:
-        """Return the reports in some frames, N of them, shape (N,).
+    def decode(self, frames: Sequence[WireFrame]) -> WireReports:
+        """Return the reports in some frames: radians, pitch with the muzzle up and yaw to the left positive."""
 
-        Where a wire has no stamps, times are NaN. Angles are in frame O: radians, pitch with the muzzle up and yaw to
-        the left positive.
-        """
-
-    def encode(self, sent: CommandSent) -> bytes:
-        """Return the frames of N commands, shape (N,)."""
+    def encode(self, command: WireCommand) -> bytes:
+        """Return the frames of a command."""
 
 
 class TableWire:
@@ -101,7 +114,7 @@ class TableWire:
         if not any("control" in table.sent for table in self.tables.values()):
             raise InputError(f"wire {self.name}: no frame has sent.control, expected a command; join its file")
 
-    def decode(self, frames: Sequence[WireFrame]) -> Feedback:
+    def decode(self, frames: Sequence[WireFrame]) -> WireReports:
         """Return the reports in some frames; see `Wire.decode`."""
         angles, switches, others = list[list[float]](), list[bool](), list[list[float]]()
         for frame in frames:
@@ -118,23 +131,19 @@ class TableWire:
         speed, shots_left = np.array(others, float).reshape(-1, 2).T
         no_time = np.full(len(angles), np.nan)
         switch = np.array(switches, bool) if self._has_switch else None
-        return Feedback(no_time, no_time, angle_and_rate[:, :2], angle_and_rate[:, 2:], switch, speed, shots_left)
+        feedback = Feedback(no_time, no_time, angle_and_rate[:, :2], angle_and_rate[:, 2:])
+        return WireReports(feedback, switch, speed, shots_left)
 
-    def encode(self, sent: CommandSent) -> bytes:
-        """Return the frames of commands; see `Wire.encode`."""
-        count = len(sent.sent_s)
-        control = np.ones(count, bool) if sent.control is None else sent.control
-        fire = np.zeros(count, bool) if sent.fire is None else sent.fire
-        frames = list[bytes]()
-        for number, (pitch, yaw) in enumerate(sent.angle.tolist()):
-            state = _state(control[number], fire[number])
-            angle = {} if state == "idle" else {"pitch": pitch, "yaw": yaw}
-            for frame, table in self.tables.items():
-                if state in table.sent:
-                    values = angle | table.sent[state] | {"sequence": self._sent % 256}
-                    frames.append(self._encode(frame, values))
-            self._sent += 1
-        return b"".join(frames)
+    def encode(self, command: WireCommand) -> bytes:
+        """Return the frames of a command; see `Wire.encode`."""
+        state: Literal["idle", "control", "fire"] = "idle"
+        if command.control:
+            state = "fire" if command.fire else "control"
+        pitch, yaw = command.angle.tolist() if command.control else (0.0, 0.0)
+        usual = {"pitch": pitch, "yaw": yaw, "sequence": self._sent % 256}
+        self._sent += 1
+        sent = {frame: table.sent[state] for frame, table in self.tables.items() if state in table.sent}
+        return b"".join(self._encode(frame, usual | numbers) for frame, numbers in sent.items())
 
     def _encode(self, frame: str, values: _Numbers) -> bytes:
         """Encode numbers, of which a frame may lack the usual ones."""
@@ -170,12 +179,6 @@ def in_range(feedback: Feedback) -> NDArray[np.bool_]:
     """Return which reports have angles and rates that a gimbal may have, shape (N,)."""
     numbers = np.concatenate([feedback.angle, feedback.rate], axis=-1)
     return np.asarray(np.all(np.abs(numbers) < _LARGEST, axis=-1))  # false for NaN
-
-
-def _state(control: bool, fire: bool) -> Literal["idle", "control", "fire"]:
-    if not control:
-        return "idle"
-    return "fire" if fire else "control"
 
 
 def _own_wire(wire: str | Path | Wire, others: Sequence[object]) -> Wire:
