@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from archerfish.controllers.registry import make_controller
+from archerfish.dynamics.linear_axis import advance, gimbal_angle, rest_state
 from archerfish.protocols import aim
 from archerfish.robot import Robot
 from archerfish.runtime import Pilot
@@ -46,20 +47,26 @@ def sent(pilot, now):
     return values["mode"], values["pitch"], values["yaw"]
 
 
-def run(pilot, decisions, *, yaw=lambda time: 0.0, on=lambda time: time > 0.59, plate=None, begin=100.0):
+def run(pilot, decisions, *, yaw=lambda time: 0.0, on=lambda time: time > 0.59, plate=None, begin=100.0, follows=False):
     """Let reports come each 2 ms and a frame each decision; return what was sent.
 
-    The operator's switch goes on after half a second of good input.
+    The operator's switch goes on after half a second of good input. A gimbal that follows does as its plant says.
     """
-    commands = []
+    commands, model = [], INFANTRY.gimbal(0.02)
+    pose, plant = {"yaw": 0.0}, rest_state(model, np.array([0.1, 0.0]))
     for tick in range(1, 10 * decisions + 1):
         now = begin + 2e-3 * tick
-        pilot.on_bytes(now, report(now, yaw(now - 100.0), on=on(now - 100.0)))
+        if not follows:
+            pose = {"yaw": yaw(now - 100.0)}
+        pilot.on_bytes(now, report(now, on=on(now - 100.0), **pose))
         if tick % 10 == 0:
             if plate:
                 stamp, place, frame = plate(now - LATENCY - 100.0)
                 pilot.on_datagram(now, json.dumps({"stamp": stamp, "plates": [place], "frame": frame}).encode())
             commands.append(sent(pilot, now))
+            if follows and commands[-1][0] > 0:
+                plant = advance(model, plant, np.array(commands[-1][1:]))
+                pose = dict(zip(("pitch", "yaw"), gimbal_angle(model, plant).tolist(), strict=True))
     return np.array(commands)
 
 
@@ -88,10 +95,10 @@ def ahead(exposed):
 
 
 def test_the_gimbal_idles_until_the_switch_is_on_then_moves_within_its_limits():
-    commands = run(Pilot(Asks(-0.1, 0.5), INFANTRY, TASK, WIRE), 90, plate=ahead)
+    commands = run(Pilot(Asks(-0.1, 0.5), INFANTRY, TASK, WIRE), 90, plate=ahead, follows=True)
     modes, moved = commands[:, 0], np.diff(commands[29:, 1:], axis=0)
     assert set(modes[:29]) == {0}
-    assert (set(modes[29:45]), set(modes[-20:])) == ({1}, {2})  # limited commands are not fired
+    assert (set(modes[29:33]), set(modes[-20:])) == ({1}, {2})  # limited commands are not fired
     np.testing.assert_allclose(commands[29, 1:], [0.1, 0.0], atol=1e-7)
     np.testing.assert_allclose(commands[-1, 1:], [-0.1, 0.5], atol=1e-6)
     for axis, limits in enumerate((INFANTRY.limits.pitch, INFANTRY.limits.yaw)):
@@ -123,6 +130,12 @@ def test_damaged_messages_are_counted_and_change_nothing():
     np.testing.assert_allclose(controller.seen[-1].gimbal.angle, [[0.1, 0.0]], atol=1e-7)
     expected = {"refused datagrams": len(bad) - 1, "reports out of range": 2, "repeated frames": 1}
     assert {name: pilot.counts[name] for name in expected} == expected  # of no bytes there are no lines
+
+
+def test_a_gimbal_that_does_not_do_what_its_plant_says_is_held():
+    pilot = Pilot(Asks(0.1, 0.5), INFANTRY, TASK, WIRE)
+    run(pilot, 90, plate=ahead)  # it stands, whatever is commanded
+    assert pilot.state_text == "fault: implausible"
 
 
 def test_it_says_why_it_is_not_armed_and_a_command_that_was_not_sent_does_not_count():

@@ -152,11 +152,11 @@ def test_a_fault_comes_after_a_tenth_of_a_second_and_stays_until_the_switch_was_
 NOT_FIRED = {
     ("fire", "NOT_ASKED"): [False],
     ("plate_age", "PLATE_UNSEEN"): [0.2501, np.nan, -0.0101],
-    ("desired", "LIMITED"): [[0.0411, 0], [0, -0.0251]],
+    ("desired", "LIMITED"): [[0.0601, 0], [0, -0.0441]],
     ("shots_left", "HEAT"): [0.99, np.nan],
     ("fire", "NONE"): [True],
     ("plate_age", "NONE"): [0.25, -0.01],
-    ("desired", "NONE"): [[0.0409, 0], [0, -0.0249]],
+    ("desired", "NONE"): [[0.0599, 0], [0, -0.0439]],
     ("shots_left", "NONE"): [1],
 }
 

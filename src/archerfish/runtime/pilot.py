@@ -16,6 +16,12 @@ from archerfish.protocols import Barrel, Command, Controller
 from archerfish.robot import Robot
 from archerfish.runtime.detections import CameraFrame, camera_frames
 from archerfish.safety.gate import GateInput, GateState, GateVerdict, Mode, Reason, gate, resting_gate
+from archerfish.safety.plausibility import (
+    THRESHOLD_RAD,
+    Prediction,
+    compare_with_prediction,
+    resting_prediction,
+)
 from archerfish.safety.rules import GateConfig, gate_rules
 from archerfish.task import Task
 from archerfish.tracking.clock_offset import ClockOffset
@@ -82,6 +88,8 @@ class Pilot:
         self._decided_s, self._gated_s = -np.inf, -np.inf
         self._gate: GateState | None = None
         self._gate_before: tuple[float, GateState | None] = -np.inf, None  # the last decision
+        self._gimbal = robot.gimbal(task.period_s)
+        self._prediction: Prediction | None = None
         self._turned = 0.0  # from the yaw of the wire, which may wrap, to that of the reports
 
     def on_bytes(self, now: float, data: bytes) -> None:
@@ -159,16 +167,23 @@ class Pilot:
 
     def _through_gate(self, now: float, host: Host, state: GateState, asked: Command) -> GateVerdict:
         """Return what is sent of what a controller asks for."""
+        angle, age = single_precision((host.reports.angle[:, -1], now - host.reports.sampled_s[:, -1]))
+        is_sent = state.mode != Mode.DISARMED
+        past = self._prediction or resting_prediction(self._gimbal, angle)
+        self._prediction, plausible = compare_with_prediction(
+            self._gimbal, np.float32(THRESHOLD_RAD), past, state.command, is_sent, angle, age
+        )
         given = GateInput(
             elapsed=np.array([now - self._gated_s if np.isfinite(self._gated_s) else self._period]),
             desired=np.asarray(asked.angle),
             fire=np.asarray(asked.fire, bool),
             switch_on=np.array([self.switch]),
-            angle=host.reports.angle[:, -1],
-            feedback_age=now - host.reports.sampled_s[:, -1],
+            angle=angle,
+            feedback_age=age,
             plate_age=now - host.plate.exposed_s,
             base_yaw=np.zeros(1),
             shots_left=np.array([self._shots_left]),
+            plausible=plausible,
         )
         self._gate_before = self._gated_s, state
         self._gate, self.verdict = gate(self._rules, state, single_precision(given))

@@ -21,7 +21,7 @@ _LONGEST_S = 10.0  # timers stop there
 _TIMER_MARGIN_S = 1e-4  # in float32 five times 0.02 is less than 0.1
 _RANGE_MARGIN = 0.035  # 2°: how far a gimbal may be outside its range when it is armed [rad]
 _BASE_STEP = 0.5  # largest turn of the chassis between decisions [rad], 25 rad/s at 50 Hz
-_NOTICEABLE = 1e-3  # a command that the limits change by more is no aim [rad]
+_NOTICEABLE = 0.02  # a command that the limits change by more is no aim: half a small plate at 3 m [rad]
 
 
 class Mode(IntEnum):
