@@ -9,7 +9,7 @@ import tty
 import pytest
 
 from archerfish.errors import InputError
-from archerfish.runtime.loop import RobotLoop
+from archerfish.runtime.loop import Durations, RobotLoop
 from archerfish.wires.transports import DatagramPort, SerialPort
 
 pytest.importorskip("serial", reason="pyserial is not installed")
@@ -83,7 +83,7 @@ def test_bytes_and_datagrams_arrive_and_the_last_frame_ends_the_fire(terminal, c
     assert pilot.datagrams == [b"plate"]
     sent = os.read(terminal.robot, 1000)  # the last frame replaces one that is not yet written
     assert (sent[:8], sent[-3:]) == (b"1 2 3 4 ", b"end")
-    assert len(timing.work_s) == len(timing.lateness_s) == 5
+    assert len(timing.work) == len(timing.lateness) == 5
     assert "5 decisions" in timing.table().note
 
 
@@ -135,3 +135,14 @@ def test_a_port_has_one_user(terminal, camera):
     for wrong in ("47000", "localhost:47000", "127.0.0.1:x", "127.0.0.1:99999"):
         with pytest.raises(InputError, match="detections: "):
             DatagramPort(wrong)
+
+
+def test_durations_are_counted_in_a_fixed_amount_of_memory():
+    durations = Durations()
+    assert durations.quantile(0.5) == 0.0
+    for number in range(1, 1001):
+        durations.add(1e-5 * number)
+    assert durations.quantile(0.5) == pytest.approx(5e-3, rel=0.06)
+    assert durations.quantile(0.99) == pytest.approx(9.9e-3, rel=0.06)
+    durations.add(1e9)
+    assert durations.quantile(1.0) == 100.0

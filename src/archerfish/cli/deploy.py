@@ -1,6 +1,7 @@
 """`archerfish deploy`: a controller on the robot's computer."""
 
 import sys
+import threading
 import time
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -53,14 +54,24 @@ class Deploy(ForRobot):
 
 
 class _Watch:
-    """Prints a line whenever the state of the pilot changes, and one a second at most otherwise."""
+    """Prints a line where the state of the pilot has changed, and lets Enter be the switch of a wire without one."""
 
     def __init__(self) -> None:
-        self._shown, self._shown_s = "", 0.0
+        self._shown, self._shown_s, self._keyboard = "", 0.0, False
 
     def __call__(self, pilot: Pilot) -> bool:
         state, now = pilot.state_text, time.monotonic()
+        if pilot.verdict is not None and not pilot.has_switch and not self._keyboard:
+            self._keyboard = True
+            print("the wire has no operator's switch: Enter arms and disarms", file=sys.stderr, flush=True)  # noqa: T201
+            threading.Thread(target=_toggle, args=[pilot], daemon=True).start()
         if state != self._shown and now > self._shown_s + _EVERY_S:
             print(state, file=sys.stderr, flush=True)  # noqa: T201
             self._shown, self._shown_s = state, now
         return False
+
+
+def _toggle(pilot: Pilot) -> None:
+    """Turn the switch with each line that is typed."""
+    for _ in sys.stdin:
+        pilot.switch = not pilot.switch

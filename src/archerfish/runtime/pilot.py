@@ -66,6 +66,8 @@ class Pilot:
             wire.check_complete()
         self.counts = Counter[str]()
         """Messages and decisions by what became of them."""
+        self.has_switch = False
+        """Whether the wire reports the operator's switch; where it doesn't, `switch` is set by the program."""
         self.switch = False
         """Whether the operator lets the computer aim; a wire that reports a switch sets it."""
         self.verdict: GateVerdict | None = None
@@ -206,7 +208,7 @@ class Pilot:
     def _take_reports(self, now: float, reports: WireReports) -> None:
         """Keep the reports that a gimbal may give, with their times on the computer's clock."""
         if reports.switch_on is not None and len(reports.switch_on):
-            self.switch = bool(reports.switch_on[-1])
+            self.has_switch, self.switch = True, bool(reports.switch_on[-1])
         feedback = reports.feedback
         usable = in_range(feedback)
         self.counts["reports out of range"] += int(np.sum(~usable))

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from archerfish.codegen.export import for_robot
 from archerfish.controllers.tuning import TuningLike
 from archerfish.errors import InputError
@@ -22,6 +24,7 @@ from archerfish.wires import load_wire
 from archerfish.wires.transports import DatagramPort, SerialPort
 
 _LONGEST = 0.5  # share of a period that a decision may take
+_SPEED = 0.02  # share by which a muzzle speed may differ from that of the records
 
 
 @dataclass(frozen=True, repr=False)
@@ -34,11 +37,12 @@ class Deployment(Reported):
     timing: Timing  # of its decisions
     counts: dict[str, int]  # messages and decisions by what became of them
     fault: str  # of the controller, which the fallback has replaced since; empty without
+    muzzle_speeds: tuple[float, float]  # measured last, or NaN, and that of the records [m/s]
 
     @property
     def report(self) -> Report:
         """How it went."""
-        decisions, missed = len(self.timing.work_s), self.timing.missed
+        decisions, missed = len(self.timing.work), self.timing.missed
         doubts = []
         if not self.timing.is_realtime:
             doubts.append(
@@ -46,6 +50,11 @@ class Deployment(Reported):
             )
         if self.fault:
             doubts.append(f"{self.controller} was replaced by the fallback: {self.fault}.")
+        measured, expected = self.muzzle_speeds
+        if abs(measured / expected - 1.0) > _SPEED:
+            doubts.append(
+                f"Pellets left at {measured:.1f} m/s, the records have {expected:.1f}: identify the muzzle again."
+            )
         return Report(
             title=f"{self.controller} on {self.robot} through {self.port}",
             headline=f"{decisions} decisions, {missed} deadlines missed",
@@ -94,8 +103,16 @@ def deploy(
     fallback = made
     if config.controller.fallback != name:
         _, fallback, _ = for_robot(config.controller.fallback, robot, task, tuning)
-    both = WithFallback(made, fallback, _LONGEST * task.period_s)
-    pilot = Pilot(both, robot, task, load_wire(*config.wires), camera_m=config.detections.position_m)
+    both, latency_ms = WithFallback(made, fallback, _LONGEST * task.period_s), config.detections.latency_ms
+    pilot = Pilot(
+        both,
+        robot,
+        task,
+        load_wire(*config.wires),
+        camera_m=config.detections.position_m,
+        latency_s=None if latency_ms is None else 1e-3 * latency_ms,
+        config=config.gate,
+    )
     datagrams = DatagramPort(config.detections.address)
     try:
         with _stop_flag() as is_stopped:
@@ -103,7 +120,8 @@ def deploy(
             timing = loop.run(lambda: is_stopped() or watch(pilot), seconds)
     finally:
         datagrams.close()
-    return Deployment(robot.name, name, port, timing, dict(pilot.counts), both.fault)
+    speeds = float(pilot.muzzle_speed), float(np.asarray(robot.muzzle_model().speed))
+    return Deployment(robot.name, name, port, timing, dict(pilot.counts), both.fault, speeds)
 
 
 @contextmanager

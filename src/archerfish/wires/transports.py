@@ -47,7 +47,7 @@ class SerialPort:
         """
         serial = _pyserial()
         try:
-            self._port = serial.Serial(name, baud, timeout=_WAIT_S, exclusive=True)
+            self._port = serial.Serial(name, baud, timeout=_WAIT_S, write_timeout=_WAIT_S, exclusive=True)
         except (OSError, ValueError) as error:  # SerialException is an OSError
             reason = one_line(str(error))[:200]
             raise InputError(f"port {name}: can't be opened ({reason}); {_ports()}") from error
