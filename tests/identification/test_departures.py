@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from archerfish.errors import InputError
 from archerfish.identification.axis.checks import follows_output
 from archerfish.identification.axis.departures import changed_delay, early_outputs, half_angle
 from archerfish.identification.axis.encoder import without_angle_error, without_leaps
@@ -164,6 +165,28 @@ def test_errors_of_an_encoder_are_told_from_a_good_one_in_other_units(name):
     assert fit_axis([corrected], 2, 2).plant.dc_gain.item() == pytest.approx(1, rel=0.01)
 
 
+@pytest.mark.parametrize(("degrees", "severity"), [(170, "repaired"), (60, "warning")])
+def test_errors_once_and_twice_per_turn_are_separated_by_wide_motions_alone(degrees, severity):
+    def change(y):
+        return y + 2 * np.sin(np.radians(y) + 0.3) + np.sin(2 * np.radians(y) + 1)
+
+    log = recorded(command(0.01, 12, degrees), 3.0, 0.02, 0.01, change)
+    (corrected,), _, (finding,) = without_angle_error(fit_axis([log], 3), [log], [])
+    assert (finding.code, finding.severity) == ("angle-error", severity)
+    if severity == "repaired":
+        assert "errs by 2 once and 0.98 twice per turn of 360" in finding.message
+        assert fit_axis([corrected], 2, 2).plant.dc_gain.item() == pytest.approx(1, rel=0.002)
+    else:
+        assert "another gain explains the log as well" in finding.message
+
+
+def test_an_output_that_was_computed_from_its_input_is_refused():
+    u = command(0.01)
+    with pytest.raises(InputError, match=r'"y" is "u" times -1\.4 in every row') as caught:
+        identify_axis(Recording.from_arrays(u, -1.4 * u + 2, 0.01))
+    assert caught.value.code == "same-signal"
+
+
 def test_a_delay_that_changes_is_told_and_is_no_rate_limit(shared):
     result = identify_axis(shared(f"{FOLDER}/latency_steps.csv"), order=2)
     assert not result.report.usable
@@ -178,6 +201,15 @@ DELAYS = {
     "back again": (0.005, (0.01, 0.04, 0.01), (3, 6)),
     "same": (0.01, (0.02,), ()),
 }
+
+
+def test_delays_that_alternate_are_counted():
+    period_s, u = 0.01, command(0.01, 16)
+    parts = np.arange(len(u)) // 250 % 2
+    outputs = [recorded(u, 4.0, delay_s, period_s).outputs[:, 0] for delay_s in (0.01, 0.04)]
+    log = Recording.from_arrays(u, np.choose(parts, outputs), period_s)
+    (finding,) = changed_delay(fitted(log, 2, 3), 1.0)
+    assert "times between 10 and 40 ms" in finding.message
 
 
 @pytest.mark.parametrize("name", DELAYS)
