@@ -17,18 +17,18 @@ class Emulate(ForRobot):
     """Be a robot at the other end of a wire, in real time, for archerfish deploy or a program of your own.
 
     - prints the name of its port, a pseudo-terminal; detections go to the address in ROBOT/deploy.toml
-    - the operator's switch goes on 1.5 s after the computer's first bytes; times of faults count from there, too
+    - the operator's switch goes on 1 s after the computer's first bytes; times of faults count from there, too
     - a plate swings before it; at the end hits, pellets and violations of the robot's limits are printed
 
     Examples:
       archerfish emulate my-robot
-      archerfish emulate my-robot --fault silence 3 4 --fault blind 6 7 --seconds 20
+      archerfish emulate my-robot --fault silence 3 4 blind 6 7 --seconds 20
     """
 
     virtual: Annotated[str, shown("NAME|FILE")] = "infantry"
     """Virtual robot (infantry, worn), or its TOML file."""
-    fault: Annotated[tuple[tuple[str, float, float], ...], shown("KIND BEGIN END")] = ()
-    """What goes wrong, and when [s]: silence, flip, triple, garbage, frozen, nan, late, burst, camera clock, blind, nan
+    fault: Annotated[tuple[tuple[str, float, float], ...], shown("KIND BEGIN END …")] = ()
+    """What goes wrong, and from when to when [s]: silence, flip, triple, garbage, frozen, nan, late, burst, camera clock, blind, nan
     detections."""
     seconds: float = float("inf")
     """After the computer's first bytes, when it ends by itself."""
