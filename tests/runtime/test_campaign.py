@@ -91,9 +91,9 @@ FAULTS = {
     "all frames at the end": ((Fault("burst", BEGIN_S, 2.2),), 0.06, LATCHED),
     "frames 0.2 s late": ((Fault("late", BEGIN_S, 2.2),), 0.06, LATCHED),
     "frames three times": ((Fault("triple", BEGIN_S, 2.2),), None, NEVER_FAULT),
-    "another clock of the camera": ((Fault("camera clock", BEGIN_S, 9.0),), None, NEVER_FAULT),
+    "another clock of the camera": ((Fault("camera-clock", BEGIN_S, 9.0),), None, NEVER_FAULT),
     "no detections": ((Fault("blind", BEGIN_S, 2.2),), 0.3, NEVER_FAULT),
-    "NaN detections": ((Fault("nan detections", BEGIN_S, 2.2),), 0.3, NEVER_FAULT),
+    "NaN detections": ((Fault("nan-detections", BEGIN_S, 2.2),), 0.3, NEVER_FAULT),
 }
 
 

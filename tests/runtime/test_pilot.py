@@ -103,7 +103,7 @@ def test_the_gimbal_idles_until_the_switch_is_on_then_moves_within_its_limits():
     np.testing.assert_allclose(commands[-1, 1:], [-0.1, 0.5], atol=1e-6)
     for axis, limits in enumerate((INFANTRY.limits.pitch, INFANTRY.limits.yaw)):
         assert np.abs(np.diff(moved[:, axis])).max() <= limits.max_acceleration * 0.02**2 * 1.001
-    assert set(run(Pilot(Asks(math.nan, 0.5), INFANTRY, TASK, WIRE), 40)[:, 0]) == {0}
+    assert set(run(Pilot(Asks(math.nan, 0.5), INFANTRY, TASK, WIRE), 40, plate=ahead)[:, 0]) == {0}
 
 
 def test_yaw_is_sent_in_the_turn_of_the_last_report():
@@ -235,7 +235,7 @@ def test_through_bytes_the_virtual_robot_is_aimed_and_hits(wire):
 def test_faults_are_seeded_and_damaged_frames_are_rejected(refused):
     faults = [("flip", 1.2, 1.5), ("triple", 1.5, 1.6), ("nan", 1.6, 1.7), ("burst", 1.8, 1.9), ("garbage", 2.0, 2.3)]
     runs = [
-        shot_through_bytes("sp_vision_25", *faults, ("camera clock", 2.5, 9.0), ("blind", 2.7, 2.8)) for _ in (1, 2)
+        shot_through_bytes("sp_vision_25", *faults, ("camera-clock", 2.5, 9.0), ("blind", 2.7, 2.8)) for _ in (1, 2)
     ]
     assert runs[0][0].hits == runs[1][0].hits
     assert runs[0][1].counts == runs[1][1].counts

@@ -1,5 +1,7 @@
 """`archerfish deploy`: a controller on the robot's computer."""
 
+import contextlib
+import queue
 import sys
 import threading
 import time
@@ -11,7 +13,7 @@ from archerfish.runtime.configuration import FILE, read_config
 from archerfish.runtime.pilot import Pilot
 from archerfish.studies.deploy import deploy
 
-_EVERY_S = 1.0  # between lines
+_EVERY_S = 0.5  # between lines
 
 
 @dataclass(frozen=True)
@@ -45,33 +47,46 @@ class Deploy(ForRobot):
         del options
         robot, task = self.robot_and_task()
         config = read_config(self.folder)
-        controller = self.controller or config.controller.mode or next(iter(self.own_policy()), "")
+        controller = self.robot_controller(self.controller or config.controller.mode)
         watch = _Watch()
         deployment = deploy(
             controller, robot, task, config, port=self.port, seconds=self.seconds, tuning=self.tuning, watch=watch
         )
-        return Ending(f"{deployment}", f"settings: {self.folder / FILE if self.folder else 'defaults'}")
+        has_file = self.folder is not None and (self.folder / FILE).exists()
+        return Ending(f"{deployment}", f"settings: {self.folder / FILE if has_file and self.folder else 'defaults'}")
 
 
 class _Watch:
-    """Prints a line where the state of the pilot has changed, and lets Enter be the switch of a wire without one."""
+    """Shows the state of the pilot where it has changed, and lets Enter be the switch of a wire without one.
+
+    A thread of its own prints: a terminal that is stopped keeps the one that writes to it.
+    """
 
     def __init__(self) -> None:
-        self._shown, self._shown_s, self._keyboard = "", 0.0, False
+        self._shown, self._keyboard = "", False
+        self._lines = queue.Queue[str](maxsize=1)
+        threading.Thread(target=self._print, daemon=True).start()
 
     def __call__(self, pilot: Pilot) -> bool:
-        state, now = pilot.state_text, time.monotonic()
+        state = pilot.state_text
         if pilot.verdict is not None and not pilot.has_switch and not self._keyboard:
             self._keyboard = True
-            print("the wire has no operator's switch: Enter arms and disarms", file=sys.stderr, flush=True)  # noqa: T201
             threading.Thread(target=_toggle, args=[pilot], daemon=True).start()
-        if state != self._shown and now > self._shown_s + _EVERY_S:
-            print(state, file=sys.stderr, flush=True)  # noqa: T201
-            self._shown, self._shown_s = state, now
+            state += " (the wire has no operator's switch: Enter turns it on and off)"
+        if state != self._shown:
+            with contextlib.suppress(queue.Full):
+                self._lines.put_nowait(state)
+                self._shown = state
         return False
+
+    def _print(self) -> None:
+        while True:
+            print(self._lines.get(), file=sys.stderr, flush=True)  # noqa: T201
+            time.sleep(_EVERY_S)
 
 
 def _toggle(pilot: Pilot) -> None:
-    """Turn the switch with each line that is typed."""
+    """Turn the switch with each line that is typed, and off at the end of the input."""
     for _ in sys.stdin:
         pilot.switch = not pilot.switch
+    pilot.switch = False

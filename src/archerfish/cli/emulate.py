@@ -11,6 +11,8 @@ from archerfish.studies.rehearse import SwingingPlate, emulated_robot
 from archerfish.virtual_robot.emulator import Fault
 from archerfish.virtual_robot.emulator_port import EmulatorPort
 
+_LATE_S = 0.03  # that the computer's checks notice
+
 
 @dataclass(frozen=True)
 class Emulate(ForRobot):
@@ -28,8 +30,8 @@ class Emulate(ForRobot):
     virtual: Annotated[str, shown("NAME|FILE")] = "infantry"
     """Virtual robot (infantry, worn), or its TOML file."""
     fault: Annotated[tuple[tuple[str, float, float], ...], shown("KIND BEGIN END …")] = ()
-    """What goes wrong, and from when to when [s]: silence, flip, triple, garbage, frozen, nan, late, burst, camera clock, blind, nan
-    detections."""
+    """What goes wrong, from when to when [s]: silence, flip, triple, garbage, frozen, nan, late, burst, camera-clock,
+    blind, nan-detections."""
     seconds: float = float("inf")
     """After the computer's first bytes, when it ends by itself."""
     frequency_hz: float = SwingingPlate().frequency_hz
@@ -61,6 +63,7 @@ class Emulate(ForRobot):
                 port.run(lambda: False, self.seconds)
             except KeyboardInterrupt:
                 print("", file=sys.stderr)  # noqa: T201
+        late = f"; the robot was up to {1e3 * port.late_s:.0f} ms late, since this computer is too busy for it"
         hits = sum(hit for _, hit in emulator.hits)
         violations = dict(+emulator.monitor.violations)
         if not emulator.hits:

@@ -84,6 +84,19 @@ class ForRobot:
         print(left_out, file=sys.stderr)  # noqa: T201
         return []
 
+    def robot_controller(self, name: str) -> str:
+        """Return the controller that a robot is to have: "policy" is its own, and so is none, else kalman.
+
+        Raises:
+          InputError: if it has no policy and one is meant.
+        """
+        if name not in ("", "policy"):
+            return name
+        own = self.own_policy()
+        if name and not own:
+            raise InputError(f"{self.folder}: has no policy; train one, or name another controller")
+        return own[0] if own else "kalman"
+
     def robot_and_task(self) -> tuple[Robot, Task]:
         """Read what is named."""
         task = Task.of(self.task)

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from archerfish.cli.options import Ending, ForRobot, Writes, shown
+from archerfish.runtime.configuration import read_config
 from archerfish.studies.rehearse import SwingingPlate, rehearse
 
 
@@ -15,6 +16,7 @@ class Rehearse(Writes, ForRobot):
     - the computer has ROBOT's records alone; reports and commands are frames of the wire, detections lines of JSON
     - the operator's switch goes on after 1 s; hits count from 1.5 s on, at a plate that swings from side to side
     - --task and --command-limit give decision period and limits alone; a policy has those of its training
+    - ROBOT/deploy.toml has the wire, the controller, its fallback, the camera's place and the gate
     - prints the hit rate with its 95 % interval, what became of the messages, and violations of the robot's limits
     - writes rehearsal.json, report.html and run.json
 
@@ -31,8 +33,8 @@ class Rehearse(Writes, ForRobot):
 
     controller: Annotated[str, shown("NAME|FOLDER")] = ""
     """A policy's file or folder, or a name of archerfish evaluate; ROBOT/policy if there is one, or kalman."""
-    wire: Annotated[str, shown("NAME|FILE")] = "sp_vision_25"
-    """What travels between the computer and the robot."""
+    wire: Annotated[str, shown("NAME|FILE")] = ""
+    """What travels between the computer and the robot; that of ROBOT/deploy.toml, or sp_vision_25."""
     virtual: Annotated[str, shown("NAME|FILE")] = "infantry"
     """Virtual robot (infantry, worn), or its TOML file."""
     seconds: int = 20
@@ -54,7 +56,8 @@ class Rehearse(Writes, ForRobot):
     def run(self, options: str = "") -> Ending:
         """Rehearse, write."""
         robot, task = self.robot_and_task()
-        controller = self.controller or next(iter(self.own_policy()), "kalman")
+        config = read_config(self.folder)
+        controller = self.robot_controller(self.controller or config.controller.mode)
         out = self.out or (self.folder / "rehearsal" if self.folder else Path("runs/rehearse"))
         with self.written(out, "rehearse", options, (), ("rehearsal.json", "report.html")) as folder:
             rehearsal = rehearse(
@@ -62,7 +65,8 @@ class Rehearse(Writes, ForRobot):
                 robot,
                 task,
                 virtual=self.virtual,
-                wire=self.wire,
+                wire=[self.wire] if self.wire else config.wires,
+                config=config,
                 seconds=self.seconds,
                 seed=self.seed,
                 target=SwingingPlate(self.distance_m, self.amplitude_m, self.frequency_hz),

@@ -10,6 +10,8 @@ from archerfish.errors import one_line
 from archerfish.protocols import Command, Controller, Seen, Truth
 from archerfish.safety.gate import MEASURABLE
 
+_LATE_IN_A_ROW = 3
+
 
 class WithFallback:
     """Two controllers of which the second decides as well, so that it is ready: its tracker has seen all."""
@@ -26,11 +28,11 @@ class WithFallback:
         Args:
           first: decides until its first fault: it raises, its command is not finite, or it is late.
           fallback: decides from then on, and where it is chosen.
-          longest_s: that a decision of the first one may take [s].
+          longest_s: that a decision of the first one may take; three longer ones in a row are a fault [s].
           clock: by which that is measured [s].
         """
         self._first, self._fallback = first, fallback
-        self._longest, self._clock = longest_s, clock
+        self._longest, self._clock, self._late = longest_s, clock, 0
         self.fault = ""
         """What was wrong with the first one; empty while it decides."""
         self.is_fallback_chosen = False
@@ -44,22 +46,23 @@ class WithFallback:
     def step(self, memory: Any, seen: Seen) -> tuple[Any, Command]:
         """Decide by the one that is in charge; a fault of the first is answered in the same decision."""
         own, other = memory
+        wanted: Command | None = None
+        if not self.fault:
+            begun = self._clock()
+            own, wanted = self._checked(lambda: self._first.step(own, seen)) or (own, None)
+            self._judge(wanted, self._clock() - begun)
         other, command = self._fallback.step(other, seen)
-        if self.fault:
+        if wanted is None or self.fault or self.is_fallback_chosen:
             return (own, other), command
-        begun = self._clock()
-        decided = self._checked(lambda: self._first.step(own, seen))
-        took = self._clock() - begun
-        if decided is None:
-            return (own, other), command
-        own, wanted = decided
-        if not np.all(np.abs(np.asarray(wanted.angle)) <= MEASURABLE):  # false for NaN
+        return (own, other), wanted
+
+    def _judge(self, wanted: Command | None, took: float) -> None:
+        """Look for a fault in a decision of the first one [s]."""
+        self._late = self._late + 1 if took > self._longest else 0
+        if wanted is not None and not np.all(np.abs(np.asarray(wanted.angle)) <= MEASURABLE):  # false for NaN
             self.fault = "its command is not finite, or absurd"
-        elif took > self._longest:
-            self.fault = f"it took {1e3 * took:.1f} ms"
-        elif not self.is_fallback_chosen:
-            command = wanted
-        return (own, other), command
+        elif self._late >= _LATE_IN_A_ROW:
+            self.fault = f"it took {1e3 * took:.1f} ms, {self._late} times in a row"
 
     def _checked(self, call: Callable[[], Any]) -> Any:
         """Return what a call of the first one gives; None where it raises."""

@@ -18,7 +18,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from archerfish.errors import InputError
 from archerfish.reports.table import Table
 from archerfish.wires.transports import DatagramPort, Port
 
@@ -26,7 +25,9 @@ _WAKE_S = 0.005  # between looks at what arrived, while there is time
 _SPIN_S = 1e-4  # before a deadline, without sleeping: a sleep ends later than it was asked to
 _STALL_S = 0.05  # a loop that was late by more discards what arrived meanwhile: a full line keeps its oldest bytes
 _RETRY_S = 0.2  # between attempts to open a port that has gone
-_LAST_FRAME_S = 0.05  # for the last frame to be written
+_LAST_FRAME_S = 0.5  # at most, for the last frame to be written
+_MOST_READS, _MOST_DATAGRAMS = 256, 8  # that wait; the oldest are lost
+_LEAST_SHARE = 0.6  # of a period between decisions: the gate takes less than half of one for a fault
 _READING, _WRITING, _DECIDING = 55, 54, 50  # priorities, where the system allows them
 _LOCK_NOW_AND_LATER = 3  # MCL_CURRENT | MCL_FUTURE
 _clock = time.monotonic
@@ -48,14 +49,16 @@ class Deciding(Protocol):
         """Forget the last decision, which was not sent."""
 
     def last_frame(self) -> bytes:
-        """Return bytes that end the fire, without deciding."""
+        """Return bytes that end the fire, without deciding; it never fails."""
+
+    def restart(self) -> None:
+        """Forget what was received: the port has gone and come back."""
 
 
 class _Arrival(NamedTuple):
     """Bytes with the time of their receipt."""
 
     time_s: float
-    is_datagram: bool
     data: bytes
 
 
@@ -88,7 +91,7 @@ class Timing:
     missed: int = 0  # deadlines that passed during a decision, and were left out
     withdrawn: int = 0  # frames that were not written before the next decision
     stalls: int = 0  # times when what had arrived was discarded
-    reopened: int = 0  # times when the port came back
+    lost: int = 0  # times when the port went away
     is_realtime: bool = False  # whether the system gave priority and locked the memory
 
     def table(self) -> Table:
@@ -121,9 +124,10 @@ class RobotLoop:
         self._pilot, self._open, self._period = pilot, open_port, period_s
         self._port: Port | None = open_port()
         self._datagrams = datagrams
-        self._arrived = deque[_Arrival](maxlen=4096)
+        self._bytes = deque[_Arrival](maxlen=_MOST_READS)
+        self._plates = deque[_Arrival](maxlen=_MOST_DATAGRAMS)
         self._unsent, self._frame_is_there = deque[bytes](maxlen=1), threading.Semaphore(0)
-        self._is_running = False
+        self._is_running, self._is_new_port = False, False
         self.timing = Timing()
         """Of what ran so far."""
 
@@ -135,14 +139,11 @@ class RobotLoop:
           seconds: after which the loop ends by itself [s].
         """
         self._is_running = True
-        threads = [
-            threading.Thread(target=self._read_port, daemon=True),
-            threading.Thread(target=self._read_datagrams, daemon=True),
-            threading.Thread(target=self._write, daemon=True),
-        ]
-        for thread in threads:
+        writer = threading.Thread(target=self._write, daemon=True)
+        readers = [threading.Thread(target=read, daemon=True) for read in (self._read_port, self._read_datagrams)]
+        for thread in (writer, *readers):
             thread.start()
-        self.timing.is_realtime = _prefer(_DECIDING) and _lock_memory()
+        self.timing.is_realtime = prefer(_DECIDING) and _lock_memory()
         gc.collect()
         gc.freeze()
         gc.disable()
@@ -150,15 +151,17 @@ class RobotLoop:
             self._decide(is_stopped, seconds)
         finally:
             gc.enable()
+            gc.unfreeze()
             self._send(self._pilot.last_frame())
-            ends = _clock() + _LAST_FRAME_S
-            while self._unsent and _clock() < ends:
-                time.sleep(1e-3)
             self._is_running = False
             self._frame_is_there.release()
-            for thread in threads:
+            # The port stays open until the last frame is written.
+            writer.join(_LAST_FRAME_S)
+            for thread in readers:
                 thread.join(2.0)
-            _prefer(0)
+            if self._port is not None:
+                self._port.close()
+            prefer(0)
         return self.timing
 
     def _decide(self, is_stopped: Callable[[], bool], seconds: float) -> None:
@@ -168,8 +171,13 @@ class RobotLoop:
             self._wait(due)
             begun = _clock()
             if begun - due > _STALL_S and len(self.timing.work):
-                self._arrived.clear()
+                self._bytes.clear()
+                self._plates.clear()
                 self.timing.stalls += 1
+            if self._is_new_port:
+                self._is_new_port = False
+                self._bytes.clear()
+                self._pilot.restart()
             self._take()
             if self._unsent:
                 with contextlib.suppress(IndexError):  # the writer may take it just now
@@ -180,7 +188,8 @@ class RobotLoop:
             done = _clock()
             self.timing.lateness.add(begun - due)
             self.timing.work.add(done - begun)
-            due += self._period
+            # After a late decision the next one is not to come too early.
+            due = max(due + self._period, begun + _LEAST_SHARE * self._period)
             skipped = max(0, int(np.ceil((done - due) / self._period)))
             self.timing.missed += skipped
             due += skipped * self._period
@@ -194,10 +203,11 @@ class RobotLoop:
             pass
 
     def _take(self) -> None:
-        while self._arrived:
-            arrival = self._arrived.popleft()
-            take = self._pilot.on_datagram if arrival.is_datagram else self._pilot.on_bytes
-            take(arrival.time_s, arrival.data)
+        """Hand over what has arrived, at most what the queues hold: a flood does not keep it from deciding."""
+        for _ in range(len(self._bytes)):
+            self._pilot.on_bytes(*self._bytes.popleft())
+        for _ in range(len(self._plates)):
+            self._pilot.on_datagram(*self._plates.popleft())
 
     def _send(self, frame: bytes) -> None:
         if frame:
@@ -206,46 +216,41 @@ class RobotLoop:
 
     def _read_port(self) -> None:
         """Read, and open the port again where it has gone, for as long as the loop runs."""
-        _prefer(_READING)
+        prefer(_READING)
         while self._is_running:
             port = self._port
-            if port is None:
-                with contextlib.suppress(InputError):
-                    self._port = self._open()
-                    self.timing.reopened += 1
-                if self._port is None:
-                    time.sleep(_RETRY_S)
-                continue
             try:
-                data = port.read()
-            except OSError:
+                if port is None:
+                    self._port, self._is_new_port = self._open(), True
+                elif data := port.read():
+                    self._bytes.append(_Arrival(_clock(), data))
+            except Exception:  # noqa: BLE001: whatever a driver raises, the port has gone
                 self._port = None
-                with contextlib.suppress(OSError):
-                    port.close()
-                continue
-            if data:
-                self._arrived.append(_Arrival(_clock(), False, data))
-        if self._port is not None:
-            self._port.close()
+                if port is not None:
+                    self.timing.lost += 1
+                    with contextlib.suppress(Exception):
+                        port.close()
+                time.sleep(_RETRY_S)
 
     def _read_datagrams(self) -> None:
-        _prefer(_READING)
+        prefer(_READING)
         while self._is_running:
-            if data := self._datagrams.read():
-                self._arrived.append(_Arrival(_clock(), True, data))
+            with contextlib.suppress(OSError):
+                if data := self._datagrams.read():
+                    self._plates.append(_Arrival(_clock(), data))
 
     def _write(self) -> None:
-        _prefer(_WRITING)
+        prefer(_WRITING)
         while self._is_running or self._unsent:
             self._frame_is_there.acquire()
             port = self._port
-            with contextlib.suppress(IndexError, OSError):  # the reader sees that the port has gone
+            with contextlib.suppress(Exception):  # the reader sees that the port has gone
                 frame = self._unsent.popleft()
                 if port is not None:
                     port.write(frame)
 
 
-def _prefer(priority: int) -> bool:
+def prefer(priority: int) -> bool:
     """Run this thread before all usual ones, if the system allows it; 0 makes it a usual one."""
     try:
         policy = os.SCHED_FIFO if priority else os.SCHED_OTHER

@@ -3,7 +3,7 @@
 What runs on the robot runs the same in virtual time, where every fault can be repeated.
 """
 
-from collections import Counter
+from collections import Counter, deque
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,9 @@ from archerfish.wires.stream import WireFrame
 from archerfish.wires.wire import TableWire, WireCommand, WireReports, in_range
 
 _UNLIMITED = 1e6  # shots, without a referee
+_MOST = 512  # messages between decisions; of more, the oldest are lost
+_LONGEST_DATAGRAM = 4096  # bytes
+_NEAREST_M = 0.1  # a plate that is nearer is none
 
 
 class Pilot:
@@ -74,25 +77,31 @@ class Pilot:
         """The last one of the gate."""
         self.muzzle_speed = np.nan
         """Measured last [m/s]."""
-        self._controller, self._wire, self._stream = controller, wire, Stream(wire.received)
+        self._controller, self._wire = controller, wire
         self._rules, self._period = gate_rules(robot, task, config), task.period_s
         self._expected_speed = np.asarray(robot.muzzle_model().speed).reshape(1)
-        self._camera_clock = ClockOffset(camera_latency(robot) if latency_s is None else latency_s)
+        self._latency = camera_latency(robot) if latency_s is None else latency_s
         self._feedback_latency = (robot.sensing.link.feedback_latency if robot.sensing else None) or 0.0
-        self._robot_clock = ClockOffset(self._feedback_latency)
-        self._camera = np.array(camera_m)
+        self._camera, self._gimbal = np.array(camera_m), robot.gimbal(task.period_s)
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all that was received, as where the port has gone and come back; the gate is disarmed."""
+        self.switch, self._stream = False, Stream(self._wire.received)
+        self._camera_clock, self._robot_clock = ClockOffset(self._latency), ClockOffset(self._feedback_latency)
         self._last_bytes = dict[str, bytes]()
-        self._reports, self._raw_yaw, self._shots_left = list[tuple[float, Numbers, Numbers]](), 0.0, _UNLIMITED
-        self._frames = list[tuple[float, Numbers]]()
+        self._reports = deque[tuple[float, Numbers, Numbers]](maxlen=_MOST)
+        self._frames = deque[tuple[float, Numbers]](maxlen=_MOST)
+        self._shots_left = 0.0 if getattr(self._wire, "has_heat", False) else _UNLIMITED
+        self._reported_shots_left = np.nan
         self._plate_in_world: SeenPlate | None = None
         self._host: Host | None = None
         self._state: Any = None
         self._decided_s, self._gated_s = -np.inf, -np.inf
         self._gate: GateState | None = None
         self._gate_before: tuple[float, GateState | None] = -np.inf, None  # the last decision
-        self._gimbal = robot.gimbal(task.period_s)
         self._prediction: Prediction | None = None
-        self._turned = 0.0  # from the yaw of the wire, which may wrap, to that of the reports
+        self._raw_yaw = 0.0
 
     def on_bytes(self, now: float, data: bytes) -> None:
         """Take bytes that the microcontroller sent.
@@ -114,9 +123,9 @@ class Pilot:
 
         Args:
           now: when they were received [s].
-          data: whole lines.
+          data: whole lines, of up to 4 KB in all.
         """
-        frames = camera_frames(data)
+        frames = camera_frames(data) if len(data) <= _LONGEST_DATAGRAM else None
         self.counts["datagrams" if frames is not None else "refused datagrams"] += 1
         for frame in frames or ():
             exposed = self._camera_clock.own_time(frame.stamp, now)
@@ -134,30 +143,38 @@ class Pilot:
             return b""
         measured = single_precision(host.reports.angle[:, -1])
         state = resting_gate(measured) if self._gate is None else self._gate
+        self.counts["decisions"] += 1
+        verdict = self._through_gate(now, host, state, self._asked(now, host, state.command))
+        is_controlled = self.switch and bool(verdict.mode[0] != Mode.DISARMED)
+        return self._encoded(verdict.angle, is_controlled, bool(verdict.fire[0]))
+
+    def _asked(self, now: float, host: Host, command: Numbers) -> Command:
+        """Return what the controller asks for; without a plate of late, the command in force, and no shot."""
         if now - host.plate.exposed_s[0] > GUESS_AGE_S:
             self._state = None
+            return Command(command, np.zeros_like(command), np.zeros(1, bool), np.full(1, np.nan))
         is_first = self._state is None
         barrel = Barrel(self._expected_speed, np.array([self._shots_left]))
-        elapsed = 0.0 if is_first else now - self._decided_s
-        seen = seen_by(host, now, elapsed, state.command, barrel)
+        seen = seen_by(host, now, 0.0 if is_first else now - self._decided_s, command, barrel)
         if is_first:
             self._state = self._controller.reset(seen)
         self._state, asked = self._controller.step(self._state, seen)
         self._decided_s = now
-        self.counts["decisions"] += 1
-        verdict = self._through_gate(now, host, state, asked)
-        self._turned = float(measured[0, 1]) - self._raw_yaw
-        return self._encoded(verdict.angle, bool(verdict.mode[0] != Mode.DISARMED), bool(verdict.fire[0]))
+        if not np.all(np.isfinite(np.asarray(asked.angle))):  # its memory may hold no numbers any more
+            self._state = None
+        return asked
 
     def withdraw(self) -> None:
         """Forget that the last command was sent: it was not, and limits count from what was."""
         self._gated_s, self._gate = self._gate_before
 
     def last_frame(self) -> bytes:
-        """Return bytes that end the fire and let the gimbal go; nothing before the first report."""
-        if self._gate is None:
+        """Return bytes that end the fire and let the gimbal go; nothing before the first report. It never fails."""
+        if self._gate is None or self.verdict is None:
             return b""
-        return self._encoded(self._gate.command, True, False) + self._encoded(self._gate.command, False, False)
+        is_controlled = self.switch and bool(self.verdict.mode[0] != Mode.DISARMED)
+        held = self._encoded(self._gate.command, True, False) if is_controlled else b""
+        return held + self._encoded(self._gate.command, False, False)
 
     @property
     def state_text(self) -> str:
@@ -165,7 +182,9 @@ class Pilot:
         if self.verdict is None:
             return "waiting for the first report"
         mode, cause = Mode(int(self.verdict.mode[0])), Reason(int(self.verdict.cause[0]))
-        return f"{mode.name.lower()}: {cause.text}" if cause else mode.name.lower()
+        state = f"{mode.name.lower()}: {cause.text}" if cause else mode.name.lower()
+        fault = getattr(self._controller, "fault", "")
+        return f"{state}; the fallback decides: {fault}" if fault else state
 
     def _through_gate(self, now: float, host: Host, state: GateState, asked: Command) -> GateVerdict:
         """Return what is sent of what a controller asks for."""
@@ -190,14 +209,27 @@ class Pilot:
         self._gate_before = self._gated_s, state
         self._gate, self.verdict = gate(self._rules, state, single_precision(given))
         self._gated_s = now
+        self._shots_left -= float(self.verdict.fire[0])
         reason = Reason(int(self.verdict.reason[0]))
         self.counts[f"not fired: {reason.text}" if reason else "fired"] += 1
         return self.verdict
 
     def _encoded(self, angle: Numbers, control: bool, fire: bool) -> bytes:
-        """Return the frame of a command, whose yaw is in the turn of the last report."""
-        on_wire = angle[0].astype(np.float64) - [0.0, self._turned]
-        return self._wire.encode(WireCommand(on_wire, control, fire))
+        """Return the frame of a command, whose yaw is in the turn of the last report.
+
+        Where the wire has no room for it, the gimbal is let go.
+        """
+        yaw = float(self._host.reports.angle[0, -1, 1]) if self._host is not None else 0.0
+        turns = np.rint((yaw - self._raw_yaw) / (2.0 * np.pi))
+        on_wire = angle[0].astype(np.float64) - [0.0, 2.0 * np.pi * turns]
+        try:
+            return self._wire.encode(WireCommand(on_wire, control, fire))
+        except InputError:
+            self.counts["commands beyond the wire's range"] += 1
+        try:
+            return self._wire.encode(WireCommand(np.zeros(2), False, False))
+        except InputError:
+            return b""
 
     def _is_new(self, frame: WireFrame) -> bool:
         """Whether a frame differs from the last one of its kind: one that a line repeats is no news."""
@@ -215,16 +247,22 @@ class Pilot:
         for place in np.flatnonzero(usable):
             stamp = feedback.sampled_s[place]
             sampled = now - self._feedback_latency if np.isnan(stamp) else self._robot_clock.own_time(stamp, now)
+            if not np.isfinite(sampled):
+                continue
             self._reports.append((sampled, feedback.angle[place], feedback.rate[place]))
             self._raw_yaw = float(feedback.angle[place, 1])
             self.muzzle_speed = float(reports.muzzle_speed[place])
-            if np.isfinite(reports.shots_left[place]):
-                self._shots_left = float(reports.shots_left[place])
+            shots_left = float(reports.shots_left[place])
+            # The latest heat stands in each report: only another one is news, and shots of since count.
+            if np.isfinite(shots_left) and shots_left != self._reported_shots_left:
+                self._shots_left = self._reported_shots_left = shots_left
 
     def _take_plate(self, exposed: float, frame: CameraFrame) -> None:
         """Keep the first plate of a frame: of the gimbal's frame until a report covers it, as it is in O."""
         place = np.array(frame.plates[0])
-        if frame.frame == "world":
+        if np.linalg.norm(place) < _NEAREST_M:
+            self.counts["plates too near"] += 1
+        elif frame.frame == "world":
             self._plate_in_world = SeenPlate(place[None], np.array([exposed]), np.array([True]))
         else:
             self._frames.append((exposed, place + (self._camera if frame.frame == "camera" else 0.0)))
@@ -246,7 +284,9 @@ class Pilot:
         self._host = with_messages(self._host, Feedback(times, times, angles, rates), detections, 0.0, now)
         if self._plate_in_world is not None:
             self._host = self._host._replace(plate=self._plate_in_world)
-        self._reports, self._frames, self._plate_in_world = [], [], None
+        self._reports.clear()
+        self._frames.clear()
+        self._plate_in_world = None
         return self._host
 
 

@@ -18,7 +18,7 @@ from archerfish.robot import Robot
 from archerfish.runtime.configuration import DeployConfig
 from archerfish.runtime.fallback import WithFallback
 from archerfish.runtime.loop import RobotLoop, Timing
-from archerfish.runtime.pilot import Pilot
+from archerfish.runtime.pilot import Pilot, camera_latency
 from archerfish.task import Task
 from archerfish.wires import load_wire
 from archerfish.wires.transports import DatagramPort, SerialPort
@@ -48,6 +48,10 @@ class Deployment(Reported):
             doubts.append(
                 "The system gave no priority (SCHED_FIFO) and no locked memory: other programs delay decisions."
             )
+        if self.timing.lost:
+            doubts.append(f"{self.port} went away {self.timing.lost} times.")
+        if self.timing.stalls:
+            doubts.append(f"The computer stood still {self.timing.stalls} times for more than 50 ms.")
         if self.fault:
             doubts.append(f"{self.controller} was replaced by the fallback: {self.fault}.")
         measured, expected = self.muzzle_speeds
@@ -99,20 +103,14 @@ def deploy(
         raise InputError(
             "port: none is given, expected that of the robot, such as /dev/ttyACM0; name it in deploy.toml"
         )
+    latency_ms, wire = config.detections.latency_ms, load_wire(*config.wires)
+    latency_s = camera_latency(robot) if latency_ms is None else 1e-3 * latency_ms  # before minutes of a search
     name, made, task = for_robot(controller or config.controller.mode or "kalman", robot, task, tuning)
-    fallback = made
     if config.controller.fallback != name:
         _, fallback, _ = for_robot(config.controller.fallback, robot, task, tuning)
-    both, latency_ms = WithFallback(made, fallback, _LONGEST * task.period_s), config.detections.latency_ms
-    pilot = Pilot(
-        both,
-        robot,
-        task,
-        load_wire(*config.wires),
-        camera_m=config.detections.position_m,
-        latency_s=None if latency_ms is None else 1e-3 * latency_ms,
-        config=config.gate,
-    )
+        made = WithFallback(made, fallback, _LONGEST * task.period_s)
+    camera_m = config.detections.position_m
+    pilot = Pilot(made, robot, task, wire, camera_m=camera_m, latency_s=latency_s, config=config.gate)
     datagrams = DatagramPort(config.detections.address)
     try:
         with _stop_flag() as is_stopped:
@@ -121,18 +119,20 @@ def deploy(
     finally:
         datagrams.close()
     speeds = float(pilot.muzzle_speed), float(np.asarray(robot.muzzle_model().speed))
-    return Deployment(robot.name, name, port, timing, dict(pilot.counts), both.fault, speeds)
+    return Deployment(robot.name, name, port, timing, dict(pilot.counts), getattr(made, "fault", ""), speeds)
 
 
 @contextmanager
 def _stop_flag() -> Iterator[Callable[[], bool]]:
-    """Have Ctrl-C and SIGTERM set a flag while a block runs, so that no decision is cut in two."""
+    """Have signals to stop set a flag while a block runs, so that no decision is cut in two."""
     received = list[int]()
 
     def stop(number: int, _: Any) -> None:
         received.append(number)
 
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP")
+    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    before = {number: signal.signal(number, stop) for number in numbers}
     try:
         yield lambda: bool(received)
     finally:

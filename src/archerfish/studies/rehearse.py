@@ -20,6 +20,8 @@ from archerfish.reports.progress import bar
 from archerfish.reports.report import Report
 from archerfish.reports.table import Estimate, Table, entry_texts
 from archerfish.robot import Robot, RobotLike
+from archerfish.runtime.configuration import DeployConfig
+from archerfish.runtime.fallback import WithFallback
 from archerfish.runtime.pilot import Pilot, camera_latency
 from archerfish.task import Task, TaskLike
 from archerfish.virtual_robot.description import TICK_S
@@ -77,6 +79,8 @@ class Rehearsal(Record, frozen=True, kw_only=True):
     """What became of them at the computer."""
     violations: dict[str, _Count]
     """Of the robot's limits, by the commands that it received."""
+    fault: Text = ""
+    """Of the controller, which a fallback has replaced since; empty without."""
 
     @property
     def rate(self) -> HitRate:
@@ -94,7 +98,8 @@ class Rehearsal(Record, frozen=True, kw_only=True):
         return Report(
             title=f"Rehearsal of {self.controller} with the virtual robot {self.virtual} through {self.wire}",
             headline=f"{rate.hits} of {rate.decisions} decisions hit, {percent} % (95 %: {interval}).",
-            usable=kept,
+            usable=None if kept else False,
+            doubts=(f"{self.controller} was replaced by the fallback: {self.fault}.",) if self.fault else (),
             reasons=() if kept else (f"the robot's limits were violated: {self.violations}",),
             known=(
                 f"Plate {distance:g} m ahead that swings by {amplitude:g} m at {frequency:g} Hz; {fired} pellets.",
@@ -119,7 +124,8 @@ def rehearse(
     task: TaskLike = "any",
     *,
     virtual: VirtualRobot | str | Path = "infantry",
-    wire: str | Path = "sp_vision_25",
+    wire: str | Path | Sequence[str | Path] = "sp_vision_25",
+    config: DeployConfig | None = None,
     seconds: int = 20,
     seed: int = 0,
     target: SwingingPlate | None = None,
@@ -132,7 +138,8 @@ def rehearse(
       robot: its records, with those of its sensing: a robot or its folder.
       task: decision period and command limit; a policy has those of its own.
       virtual: the virtual robot, its name or its file.
-      wire: by name or TOML file; one without an operator's switch is armed by this.
+      wire: by name or TOML file, or several; one without an operator's switch is armed by this.
+      config: camera, fallback and gate, as of deploy.toml.
       seconds: that count, at least 2.
       seed: of the robot's noise and of the dispersion.
       target: the plate; one that swings by 0.4 m at 3 m, 0.25 Hz, if not given.
@@ -147,8 +154,12 @@ def rehearse(
     robot, target = Robot.of(robot), target or SwingingPlate()
     camera_latency(robot)  # before minutes of a search
     name, made, task = for_robot(controller, robot, Task.of(task), tuning)
-    pilot = Pilot(made, robot, task, load_wire(wire))
-    emulator = emulated_robot(virtual, robot, task, [wire], target, seed=seed)
+    wires, config = [wire] if isinstance(wire, str | Path) else [*wire], config or DeployConfig()
+    fallback = config.controller.fallback
+    if fallback and fallback != name:
+        made = WithFallback(made, for_robot(fallback, robot, task, tuning)[1], math.inf)
+    pilot = Pilot(made, robot, task, load_wire(*wires), camera_m=config.detections.position_m, config=config.gate)
+    emulator = emulated_robot(virtual, robot, task, wires, target, seed=seed)
     with bar("rehearsing", seconds, "seconds") as advance:
         while emulator.time < COUNTED_FROM_S + seconds:
             in_lockstep(pilot, emulator, task.period_s)
@@ -160,7 +171,7 @@ def rehearse(
     return Rehearsal(
         robot=robot.name,
         virtual=virtual.name,
-        wire=str(Path(wire).stem),
+        wire="+".join(Path(each).stem for each in wires),
         controller=name,
         target=(*target,),
         period_s=task.period_s,
@@ -170,6 +181,7 @@ def rehearse(
         fired=tuple(np.bincount(second[counted], minlength=seconds).tolist()),
         messages=dict(pilot.counts),
         violations=dict(+emulator.monitor.violations),
+        fault=getattr(made, "fault", ""),
     )
 
 

@@ -12,7 +12,7 @@ class ClockOffset:
     """The offset of a clock that drifts: the median of receipt less stamp in a window, less the mean latency.
 
     Messages that are more than 0.2 s off are left out as late ones; after five in a row the clock is another one, whose
-    offset is estimated from the beginning.
+    offset is estimated from the beginning. A stamp that does not advance is left out: a repeated message is no news.
     """
 
     def __init__(self, latency_s: float) -> None:
@@ -23,11 +23,14 @@ class ClockOffset:
         """
         self._latency_s = latency_s
         self._differences = deque[float](maxlen=_WINDOW)
-        self._offset, self._odd, self._count = np.nan, 0, 0
+        self._offset, self._odd, self._count, self._last_s = np.nan, 0, 0, -np.inf
 
     def own_time(self, stamp_s: float, received_s: float) -> float:
         """Return the moment of a stamp on the computer's clock [s]; NaN for a message that is left out."""
         difference = received_s - stamp_s
+        advances, self._last_s = stamp_s > self._last_s, stamp_s
+        if not advances:
+            return np.nan
         if abs(difference - self._offset) > _JUMP_S:
             self._odd += 1
             if self._odd < _JUMPS:

@@ -33,7 +33,7 @@ _DAMAGES: dict[str, Callable[[bytes, random.Random], bytes]] = {
 }
 """What happens to the bytes of a frame."""
 _MISINFORMING = ("silence", "flip", "frozen", "nan", "late", "burst")
-FAULTS = (*_DAMAGES, "frozen", "nan", "late", "burst", "camera clock", "blind", "nan detections")
+FAULTS = (*_DAMAGES, "frozen", "nan", "late", "burst", "camera-clock", "blind", "nan-detections")
 """Kinds of faults: of the frames, with late ones 0.2 s late and a burst's all at its end, then of the camera."""
 
 
@@ -90,6 +90,9 @@ class Emulator:
             if fault.kind not in FAULTS:
                 remedy = meant(fault.kind, FAULTS, "name one of these")
                 raise InputError(f"fault: expected one of {', '.join(FAULTS)}, got {fault.kind!r}; {remedy}")
+            if not 0.0 <= fault.begin_s < fault.end_s:
+                got = f"got {fault.begin_s:g} and {fault.end_s:g} s"
+                raise InputError(f"fault {fault.kind}: expected a begin before its end, {got}; exchange them")
         wire.check_complete()
         self._robots = RobotBatch(description, 1, np.array([seed]))
         self._hit_radius, self._period = description.referee.hit_radius_m, period_s
@@ -180,9 +183,9 @@ class Emulator:
         for place in np.flatnonzero(~np.isnan(detections.received_s[0])):
             time = float(detections.received_s[0, place])
             stamp = float(detections.exposed_s[0, place]) + _CAMERA_CLOCK_S
-            stamp += _OTHER_CLOCK_S * self._has("camera clock", time)
+            stamp += _OTHER_CLOCK_S * self._has("camera-clock", time)
             plates = detections.position[0, place][detections.found[0, place]].tolist()
-            plates = [[math.nan, 0.0, 0.0]] if self._has("nan detections", time) else plates
+            plates = [[math.nan, 0.0, 0.0]] if self._has("nan-detections", time) else plates
             if not self._has("blind", time):
                 yield Delivery(time, True, json.dumps({"stamp": stamp, "plates": plates}).encode())
 

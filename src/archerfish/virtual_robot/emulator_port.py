@@ -10,10 +10,12 @@ from collections.abc import Callable
 from typing import Self
 
 from archerfish.errors import InputError
+from archerfish.runtime.loop import prefer
 from archerfish.virtual_robot.description import TICK_S
 from archerfish.virtual_robot.emulator import Emulator
 
 _TICKS = 2  # between looks at what arrived
+_PRIORITY = 40  # below the computer's, where the system allows one: a robot does not slow down beside other programs
 _MOST_BYTES = 4096  # of a read
 _BEHIND_S = 0.5  # a robot that is later than that skips the time: a computer that slept is no slow robot
 
@@ -44,6 +46,8 @@ class EmulatorPort:
         self._emulator, self._detections = emulator, detections
         self._camera = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._received = deque[bytes]()
+        self.late_s = 0.0
+        """Most that the robot was behind real time [s]."""
         self._is_open = True
         threading.Thread(target=self._read, daemon=True).start()
 
@@ -67,11 +71,13 @@ class EmulatorPort:
         """
         robot, begun = self._emulator, time.monotonic() - self._emulator.time
         robot.trial_s = float("inf")
+        prefer(_PRIORITY)
         while robot.time - robot.trial_s < seconds and not is_stopped():
             left = begun + robot.time + _TICKS * TICK_S - time.monotonic()
             if left > 0.0:
                 time.sleep(left)
-            elif left < -_BEHIND_S:
+            self.late_s = max(self.late_s, -left)
+            if left < -_BEHIND_S:
                 begun -= left
             while self._received:
                 if robot.trial_s == float("inf"):

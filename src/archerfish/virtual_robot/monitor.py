@@ -42,8 +42,8 @@ class CommandMonitor:
         for axis, new, rate, earlier in zip(self._axes, angle, self._rates, before, strict=True):
             rounding = self._step / self._period
             largest_change = 1.01 * axis.max_acceleration * self._period + 1e-3 + 2.0 * rounding
-            # A command may stand still at once: the gimbal brakes by itself.
-            is_sudden = abs(rate - earlier) > largest_change and abs(rate) > rounding
+            # A command may stand still at once, and begin again from there: the gimbal brakes by itself.
+            is_sudden = abs(rate - earlier) > largest_change and abs(rate) > largest_change
             self.violations["range"] += not axis.low - 1e-5 - self._step <= new <= axis.high + 1e-5 + self._step
             self.violations["rate"] += abs(rate) > 1.001 * axis.max_rate + rounding
             self.violations["acceleration"] += is_sudden

@@ -57,7 +57,9 @@ class SerialPort:
         return bytes(self._port.read(max(1, self._port.in_waiting)))
 
     def write(self, data: bytes) -> None:
-        """Write bytes; see `Port.write`."""
+        """Write bytes; see `Port.write`. What the line has not yet taken of former ones is discarded."""
+        if self._port.out_waiting:
+            self._port.reset_output_buffer()
         self._port.write(data)
 
     def close(self) -> None:

@@ -94,6 +94,8 @@ class TableWire:
         reports = [layout.name for layout in self.received if {*_ANGLES} <= {*layout.names}]
         self.report = reports[0] if reports else ""
         """Name of the frame that makes a report; "" where there is none."""
+        self.has_heat = any("shots_left" in layout.names for layout in self.received)
+        """Whether a frame says how many shots the heat limit allows."""
         self._has_switch = any(table.switch_on for table in tables.values())
         self._switch, self._latest, self._sent = False, {"muzzle_speed": np.nan, "shots_left": np.nan}, 0
         for frame, table in tables.items():
@@ -111,8 +113,18 @@ class TableWire:
         """
         if not self.report:
             raise InputError(f"wire {self.name}: no frame has {', '.join(_ANGLES)}, expected a report; join its file")
+        if others := [name for name, table in self.tables.items() if table.switch_on and name != self.report]:
+            problem = f"switch_on is in {others[0]}, expected it in {self.report}, whose age is watched"
+            raise InputError(f"wire {self.name}: {problem}; move it")
         if not any("control" in table.sent for table in self.tables.values()):
             raise InputError(f"wire {self.name}: no frame has sent.control, expected a command; join its file")
+        sent = [table.sent for table in self.tables.values() if table.sent]
+        if not any("fire" in each and each["fire"] != each.get("control") for each in sent):
+            problem = "no frame has a sent.fire that differs from its sent.control, so no shot could be fired"
+            raise InputError(f"wire {self.name}: {problem}; write it")
+        if not any("idle" in each for each in sent):
+            problem = "no frame has sent.idle, so the gimbal could not be let go"
+            raise InputError(f"wire {self.name}: {problem}; write it")
 
     def decode(self, frames: Sequence[WireFrame]) -> WireReports:
         """Return the reports in some frames; see `Wire.decode`."""
@@ -162,6 +174,8 @@ def load_wire(*wires: str | Path | Wire) -> Wire:
     Raises:
       InputError: naming file and field, if there is no such wire or it can't be used.
     """
+    if not wires:
+        raise InputError("wires: expected one or more, got none; name one, such as sp_vision_25")
     [first, *others] = wires
     if not isinstance(first, str | Path) or names_code(str(first)):
         return _own_wire(first, others)
