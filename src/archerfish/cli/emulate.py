@@ -68,6 +68,5 @@ class Emulate(ForRobot):
         violations = dict(+emulator.monitor.violations)
         if not emulator.hits:
             raise InputError("no pellet was fired; see what archerfish deploy says of its gate")
-        return Ending(
-            f"{hits} of {len(emulator.hits)} pellets hit; violations of the limits: {violations or 'none'}", ""
-        )
+        found = f"{hits} of {len(emulator.hits)} pellets hit; violations of the limits: {violations or 'none'}"
+        return Ending(found + (late if port.late_s > _LATE_S else ""), "nothing is written")
