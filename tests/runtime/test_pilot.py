@@ -132,6 +132,32 @@ def test_damaged_messages_are_counted_and_change_nothing():
     assert {name: pilot.counts[name] for name in expected} == expected  # of no bytes there are no lines
 
 
+def test_a_repeated_or_an_older_detection_is_no_news():
+    controller = Asks(0.1, 0.0)
+    pilot = Pilot(controller, INFANTRY, TASK, WIRE)
+    run(pilot, 40, plate=lambda exposed: (exposed, [3.0, 0.0, 0.0], "world"))
+    for number in range(1, 31):
+        now = 100.8 + 0.02 * number
+        pilot.on_bytes(now, report(now, 0.0))
+        pilot.on_datagram(now, json.dumps({"stamp": 0.7, "plates": [[3.0, 1.0, 0.0]], "frame": "world"}).encode())
+        mode, _, _ = sent(pilot, now)
+    assert mode == 1  # its last plate is 0.6 s old, so that nothing is fired
+    assert not any(seen.frames.found.any() for seen in controller.seen[-20:])
+
+
+def test_a_wire_with_heat_fires_what_it_allows():
+    wire, shots = load_wire("sp_vision_25", "referee"), []
+    pilot = Pilot(Asks(0.1, 0.0), INFANTRY, TASK, wire)
+    for number in range(1, 101):
+        now = 100.0 + 0.02 * number
+        pilot.on_bytes(now, report(now, 0.0, on=number > 30))
+        if number == 60:
+            pilot.on_bytes(now, wire.layouts["heat"].encode({"shots_left": 3.0}))
+        pilot.on_datagram(now, json.dumps({"stamp": now - LATENCY, "plates": [[3.0, 0.0, 0.0]]}).encode())
+        shots.append(sent(pilot, now)[0] == 2)
+    assert (sum(shots[:59]), sum(shots)) == (0, 3)
+
+
 def test_a_gimbal_that_does_not_do_what_its_plant_says_is_held():
     pilot = Pilot(Asks(0.1, 0.5), INFANTRY, TASK, WIRE)
     run(pilot, 90, plate=ahead)  # it stands, whatever is commanded

@@ -263,6 +263,9 @@ class Pilot:
         if np.linalg.norm(place) < _NEAREST_M:
             self.counts["plates too near"] += 1
         elif frame.frame == "world":
+            latest = self._plate_in_world or (self._host.plate if self._host else None)
+            if latest is not None and exposed <= latest.exposed_s[0]:
+                return
             self._plate_in_world = SeenPlate(place[None], np.array([exposed]), np.array([True]))
         else:
             self._frames.append((exposed, place + (self._camera if frame.frame == "camera" else 0.0)))
