@@ -70,9 +70,8 @@ def _low_fit(result: AxisEstimates) -> Iterator[Shortfall]:
     worst, found = result.judged, result.nonlinearity
     if worst.fit_percent >= USABLE_FIT:
         return
-    tests = worst.tests
-    rest = tests is not None and tests.explained_share < _NOISE_SHARE
-    loop = rest and ((tests is not None and tests.feedback) or follows_output(worst.recording, worst.residual))
+    rest = worst.tests is not None and worst.tests.explained_share < _NOISE_SHARE
+    loop = rest and follows_output(worst.recording, worst.residual)
     if worst.fit_percent >= _NOISY_FIT and rest and found is None and not loop:
         return
     code = "fit"
