@@ -1,5 +1,7 @@
 """What stands between a controller and the robot on a real computer: a fallback, and the lines of deploy.toml."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,15 @@ from archerfish.errors import InputError
 from archerfish.protocols import Command
 from archerfish.runtime.configuration import DeployConfig, read_config
 from archerfish.runtime.fallback import WithFallback
+
+
+class Seen(NamedTuple):
+    """What a controller sees: the command in force is enough here."""
+
+    command: np.ndarray
+
+
+SEEN = Seen(np.zeros((1, 2)))
 
 
 class Aims:
@@ -38,9 +49,9 @@ def test_a_fault_is_answered_in_the_same_decision_and_for_good(kind):
     steps = [0.001, 0.001, *(3 * [0.03] if kind == "late" else [0.001])]
     times = iter([time for at, step in enumerate(steps) for time in (at, at + step)])
     both = WithFallback(Aims(0.1, kind), Aims(0.2), 0.01, lambda: next(times))
-    memory, angles = both.reset(None), []
+    memory, angles = both.reset(SEEN), []
     for _ in range(7):
-        memory, command = both.step(memory, None)
+        memory, command = both.step(memory, SEEN)
         angles.append(command.angle[0, 0])
     own = len(steps) - 1
     assert (angles, both.fault) == (own * [0.1] + (7 - own) * [0.2], FAULTS[kind])
@@ -48,9 +59,9 @@ def test_a_fault_is_answered_in_the_same_decision_and_for_good(kind):
 
 def test_the_operator_may_choose_the_fallback_and_go_back():
     both, angles = WithFallback(Aims(0.1), Aims(0.2), 1.0), []
-    memory = both.reset(None)
+    memory = both.reset(SEEN)
     for both.is_fallback_chosen in (False, True, False):
-        memory, command = both.step(memory, None)
+        memory, command = both.step(memory, SEEN)
         angles.append(command.angle[0, 0])
     assert (angles, both.fault) == ([0.1, 0.2, 0.1], "")
 
@@ -61,8 +72,18 @@ def test_a_controller_that_fails_at_once_is_replaced():
             raise KeyError("plate")
 
     both = WithFallback(Broken(0.1), Aims(0.2), 1.0)
-    _, command = both.step(both.reset(None), None)
+    _, command = both.step(both.reset(SEEN), SEEN)
     assert (command.angle[0, 0], both.fault) == (0.2, "KeyError: 'plate'")
+
+
+def test_where_both_fail_there_is_no_command():
+    both = WithFallback(Aims(0.1, "raises"), Aims(0.2, "raises"), 1.0)
+    memory, angles = both.reset(SEEN), []
+    for _ in range(4):
+        memory, command = both.step(memory, SEEN)
+        angles.append(command.angle[0, 0])
+    np.testing.assert_array_equal(angles, [0.1, 0.1, np.nan, np.nan])
+    assert not command.fire.any()
 
 
 def test_deploy_toml_has_defaults_and_refuses_what_it_does_not_know(tmp_path):

@@ -1,5 +1,6 @@
 """A controller with another one behind it, which replaces it for good at its first fault."""
 
+import contextlib
 import time
 from collections.abc import Callable
 from typing import Any
@@ -41,7 +42,10 @@ class WithFallback:
     def reset(self, seen: Seen, truth: Truth | None = None) -> Any:
         """Return the memory of both at the first detection; there is no truth on a robot."""
         del truth
-        return self._checked(lambda: self._first.reset(seen)), self._fallback.reset(seen)
+        other = None
+        with contextlib.suppress(Exception):
+            other = self._fallback.reset(seen)
+        return self._checked(lambda: self._first.reset(seen)), other
 
     def step(self, memory: Any, seen: Seen) -> tuple[Any, Command]:
         """Decide by the one that is in charge; a fault of the first is answered in the same decision."""
@@ -51,7 +55,9 @@ class WithFallback:
             begun = self._clock()
             own, wanted = self._checked(lambda: self._first.step(own, seen)) or (own, None)
             self._judge(wanted, self._clock() - begun)
-        other, command = self._fallback.step(other, seen)
+        command = _no_command(seen)
+        with contextlib.suppress(Exception):  # whatever a controller raises, the gate holds
+            other, command = self._fallback.step(other, seen)
         if wanted is None or self.fault or self.is_fallback_chosen:
             return (own, other), command
         return (own, other), wanted
@@ -71,3 +77,9 @@ class WithFallback:
         except Exception as error:  # noqa: BLE001: whatever a controller raises, the robot goes on
             self.fault = one_line(f"{type(error).__name__}: {error}")[:200]
             return None
+
+
+def _no_command(seen: Seen) -> Command:
+    """Return a command that the gate takes for none."""
+    nothing = np.full_like(np.asarray(seen.command), np.nan)
+    return Command(nothing, nothing, np.zeros(len(nothing), bool), nothing[..., 0])
