@@ -210,11 +210,11 @@ def test_the_monitor_finds_each_violation():
         (1, math.nan, "not finite"),
     ]:
         monitor, command = CommandMonitor(limits, 0.02), [0.0, 0.0]
-        for number in range(5):
-            monitor.command(0.02 * number, [*command])
+        for _ in range(5):
+            monitor.command([*command])
         assert not +monitor.violations
         command[place] = angle
-        monitor.command(0.1, command)
+        monitor.command(command)
         monitor.fire(0.1, 0.09, True)
         assert kind in +monitor.violations
         assert not {name for name in +monitor.violations if "fire" in name}

@@ -134,10 +134,10 @@ class Emulator:
             states = {state for state, numbers in table.sent.items() if numbers.items() <= values.items()}
             self._commanded_s, self._repeat_s = self.time, math.inf
             if states == {"idle"}:
-                self.monitor.command(self.time, None)
+                self.monitor.command(None)
             elif states and "idle" not in states and {"pitch", "yaw"} <= values.keys():
                 angle = [values["pitch"], values["yaw"]]
-                self.monitor.command(self.time, angle)
+                self.monitor.command(angle)
                 if np.all(np.isfinite(angle)):
                     self._robots.send(np.array([angle]))
             if states == {"fire"}:

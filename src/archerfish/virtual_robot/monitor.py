@@ -25,18 +25,20 @@ class CommandMonitor:
         """How often what was violated."""
         self._axes, self._period, self._step = (limits.pitch, limits.yaw), period_s, step
         self._last: list[float] | None = None
-        self._rates, self._time = [0.0, 0.0], -math.inf
+        self._rates = [0.0, 0.0]
 
-    def command(self, time: float, angle: list[float] | None) -> None:
-        """Judge a command that arrived at a time [s]: pitch and yaw [rad], or None where the gimbal is to idle."""
+    def command(self, angle: list[float] | None) -> None:
+        """Judge the next command: pitch and yaw [rad], or None where the gimbal is to idle.
+
+        Each is a period after the one before, whenever they arrive: a line delivers several at once.
+        """
         if angle is not None and not all(map(math.isfinite, angle)):
             self.violations["not finite"] += 1
             return
         if angle is None:
             self._last = None
             return
-        stood = time - self._time > 1.5 * self._period
-        before = [0.0, 0.0] if stood else self._rates
+        before = self._rates
         previous = self._last or angle
         self._rates = [(new - old) / self._period for new, old in zip(angle, previous, strict=True)]
         for axis, new, rate, earlier in zip(self._axes, angle, self._rates, before, strict=True):
@@ -47,7 +49,7 @@ class CommandMonitor:
             self.violations["range"] += not axis.low - 1e-5 - self._step <= new <= axis.high + 1e-5 + self._step
             self.violations["rate"] += abs(rate) > 1.001 * axis.max_rate + rounding
             self.violations["acceleration"] += is_sudden
-        self._last, self._time = angle, time
+        self._last = angle
 
     def fire(self, time: float, informed_s: float, switch: bool) -> None:
         """Judge a fire at a time [s], with the time of the last undamaged report, and the operator's switch."""
